@@ -5,7 +5,6 @@ does not take long (:mod:`support.tiers` enforces all three). ``ci`` marks what 
 """
 
 import math
-import subprocess
 from functools import cache
 from tempfile import TemporaryDirectory
 

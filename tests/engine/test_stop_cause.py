@@ -1,76 +1,60 @@
 """What the end of a run that fell or diverged shows follows its cause, and nothing that the data do not show."""
 
+from types import SimpleNamespace
+
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
+from support.doors import compose_config, make_scenario
 
 import cmacexp
-from cmacexp.config.compose import compose_config
 from cmacexp.experiment.stop_cause import MOST, explain_stop
 from cmacexp.loop import End
-from cmacexp.loop.samples import FORCE, TAU_FEEDBACK_2, TAU_FEEDFORWARD_2, make_samples, name_samples
-from cmacexp.loop.scenario import make_scenario
-from cmacexp.loop.trace import assemble
-from cmacexp.metrics.drift import Drift
 
-WALK = ("scenario=quadruped", "actuator.torque_limit=10")
-LEARNT = "; feedforward=none shows whether feedback only would have stopped too"
+WALK = ("scenario=quadruped", "actuator.torque_limit=10", "gait.cycle_time=1.5")
+FALLING = (*WALK, "posture.gain=0", "record=trace")
 
 
 @pytest.fixture(scope="module")
-def scenario():
-    return make_scenario(compose_config(WALK))
+def fallen(tmp_path_factory):
+    return cmacexp.run(FALLING, tmp_path_factory.mktemp("fallen"))
 
 
 @pytest.fixture
-def ended(scenario):
-    """``ended(change)``: the clause of a run that fell in the third cycle, whose last samples a function changes."""
+def ended(fallen):
+    """``ended(legs, steps, force)``: what is said where joint 2 of ``legs`` was at its limit in the last ``steps``."""
+    scenario, table = make_scenario(compose_config(WALK)), pq.read_table(fallen.folder / "trace.parquet")
 
-    def explain(change=lambda samples: None, status="fell", drift=None, steps=1400):
-        samples, _ = make_samples(40, 4, False)
-        samples[:, :, FORCE] = 100.0
-        change(samples)
-        trace = assemble(
-            scenario.setup.plan, name_samples(samples), scenario.setup.config.sampling_period, steps - 40
+    def explain(legs=(), limited=4, force=100.0, status="fell", drift=None, steps=900):
+        rows = table.slice(table.num_rows - 4 * 40).to_pandas().assign(force=force)
+        at_limit = (rows["step"] > rows["step"].max() - limited) & rows["leg"].isin(legs)
+        rows["tau_feedback_2"], rows["tau_feedforward_2"] = (
+            np.where(at_limit, -4.0, 0.0),
+            np.where(at_limit, -6.0, 0.0),
         )
-        return explain_stop(scenario, End(steps, status, "", 0.1), [trace.slice(0, 150), trace.slice(150)], drift)
+        changed = pa.Table.from_pandas(rows, schema=table.schema, preserve_index=False)
+        return explain_stop(scenario, End(steps, status, "", 0.1), [changed.slice(0, 150), changed.slice(150)], drift)
 
     return explain
 
 
-def limit(samples, rows=slice(-4, None), legs=slice(2, 3)):
-    samples[rows, legs, TAU_FEEDBACK_2], samples[rows, legs, TAU_FEEDFORWARD_2] = -4.0, -6.0
-
-
 def test_a_torque_at_its_limit_is_reported_if_it_was_so_throughout(ended):
-    assert ended(limit) == f"; throughout the last 0.02 s joint 2 of leg 3 at its torque limit{LEARNT}"
-    assert ended(lambda samples: limit(samples, slice(-3, None))) == LEARNT
-    assert ended(lambda samples: limit(samples, slice(-4, -1))) == LEARNT
-    many = ended(lambda samples: limit(samples, legs=slice(None)))
-    assert many.count("at its torque limit") == MOST
-    assert ", and 1 more" in many
+    assert "joint 2 of leg 3 at its torque limit" in ended(legs=[3])
+    assert "limit" not in ended(legs=[3], limited=3)
+    assert ended(legs=[1, 2, 3, 4]).count("at its torque limit") == MOST
 
 
-def test_a_foot_without_load_is_reported_where_it_should_support(ended, scenario):
-    (planned,) = np.flatnonzero(scenario.setup.plan.support[196:200].all(axis=0) == False)[:1] + 1  # noqa: E712
-    text = ended(lambda samples: samples.__setitem__((slice(None), slice(None), FORCE), 0.0))
-    legs = [leg for leg in range(1, 5) if f"leg {leg} without load" in text]
-    assert planned not in legs
-    assert len(legs) == 3
+def test_feet_without_load_are_reported_where_they_should_support(ended, fallen):
+    planned = fallen.trace.tail(4 * 4).groupby("leg")["phase"].agg(lambda phase: (phase == "support").all())
+    assert [f"leg {leg} without load" in ended(force=0.0) for leg in (1, 2, 3, 4)] == planned.tolist()
+    assert planned.any()
+    assert "without load" not in ended()
 
 
-def test_whether_learning_can_be_the_cause_is_said(ended):
-    assert ended() == LEARNT
-    assert ended(steps=500) == "; it had not begun to learn"
-    assert ended(drift=Drift(12, 1, 30, 1.1)) == "; learning had drifted since cycle 12"
-
-
-def test_a_run_that_completed_or_that_has_no_steps_gets_no_clause(ended, scenario):
-    assert ended(limit, status="completed") == ended(limit, status="failed") == ""
-    assert explain_stop(scenario, End(0, "fell", "", 0.1), [], None) == ""
-
-
-def test_the_message_of_a_run_ends_with_it(tmp_path):
-    run = cmacexp.run(["scenario=quadruped", "posture.gain=0", "record=metrics"], tmp_path)
-    assert run.manifest["cause"].endswith("the body has no static equilibrium; it had not begun to learn")
-    alone = cmacexp.run([*WALK[:1], "posture.gain=0", "record=metrics", "feedforward=none"], tmp_path)
-    assert alone.manifest["cause"].endswith("the body has no static equilibrium")
+def test_whether_learning_can_be_the_cause_is_said_and_nothing_of_a_run_that_completed(ended, fallen):
+    assert "feedforward=none" in ended()
+    assert "not begun to learn" in ended(steps=200)
+    assert "since cycle 12" in ended(drift=SimpleNamespace(cycle=12))
+    assert ended(legs=[3], status="completed") == ended(legs=[3], status="failed") == ended(steps=0) == ""
+    assert "not begun to learn" in fallen.manifest["cause"]

@@ -3,127 +3,107 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
+from support.doors import BadInput, compose_config, make_scenario
+from support.doors_C import is_finished
 from support.rollout import roll_out
 
-from cmacexp.data import manifest as manifests
-from cmacexp.data.files import sha256
-from cmacexp.data.integrity import is_finished
-from cmacexp.data.weights import WEIGHTS
-from cmacexp.errors import BadInput
-from cmacexp.experiment.run import run_scenario
-from cmacexp.loop.scenario import make_scenario
+import cmacexp
 
-COMMON = ("scenario=one_leg", "reference=aware", "record=trace", "learning.lead=1")
-NAMES = ["cmac", "rbf", "ilc", "perceptron"]
+COMMON = ("scenario=one_leg", "reference=aware", "learning.lead=1", "gait.cycle_time=1", "gait.lift=0.05")
+SAMPLES = 200
+KEEP = ("record=trace", "record.weights=true")
+NAMES = {
+    "cmac": "feedforward=cmac",
+    "rbf": "feedforward=rbf",
+    "ilc": "feedforward=ilc",
+    "perceptron": "feedforward._target_=pipelines.perceptron.Perceptron",
+}
 
 
-def option(name):
-    """The override that chooses a feedforward."""
-    own = "feedforward._target_=pipelines.perceptron.Perceptron"
-    return own if name == "perceptron" else f"feedforward={name}"
+def weights_of(folder):
+    return dict(np.load(folder / "weights.npz"))
 
 
 @pytest.fixture(scope="module")
-def trained(make_config, tmp_path_factory):
+def trained(tmp_path_factory):
     """Folder of a run of six cycles that kept its weights, by feedforward."""
     folders = {name: tmp_path_factory.mktemp(name) for name in NAMES}
     for name, folder in folders.items():
-        run_scenario(make_config(*COMMON, option(name), "cycles=6", "record.weights=true"), folder)
+        cmacexp.run([*COMMON, NAMES[name], "cycles=6", *KEEP], folder)
     return folders
 
 
-def started(make_config, trained, name, *more):
-    start = (f"learning.start_from={trained[name]}", "learning.start_cycle=1")
-    return make_config(*COMMON, option(name), *start, *more)
+def started(folder, *overrides):
+    """The scenario of a run of one cycle that starts from the weights in ``folder``."""
+    start = (f"learning.start_from={folder}", "learning.start_cycle=1", "cycles=1")
+    return make_scenario(compose_config([*COMMON, *start, *overrides]))
 
 
-def feedforward_of(rollout, cycle, samples=600):
-    columns = rollout.columns()
-    return np.stack([columns[f"tau_feedforward_{j}"][(cycle - 1) * samples : cycle * samples, 0] for j in (1, 2)])
+def torque_of(rollout, cycle):
+    columns, rows = rollout.columns(), slice((cycle - 1) * SAMPLES, cycle * SAMPLES)
+    return np.stack([columns[f"tau_feedforward_{j}"][rows, 0] for j in (1, 2)])
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", NAMES)
-def test_a_run_goes_on_where_another_one_ended(make_config, trained, name):
+def test_a_run_goes_on_where_another_one_ended(trained, name):
     """The first cycle with learnt weights has as much feedforward as the next one of a longer run would have."""
-    seven = roll_out(make_scenario(make_config(*COMMON, option(name), "cycles=7")))
-    start = roll_out(make_scenario(started(make_config, trained, name, "cycles=1")))
-    longer, carried = feedforward_of(seven, 7), feedforward_of(start, 1)
+    seven = roll_out(make_scenario(compose_config([*COMMON, NAMES[name], "cycles=7"])))
+    scenario = started(trained[name], NAMES[name], "seed=7")
+    kept, learnt = weights_of(trained[name]), scenario.feedforward.learnt()
+    assert learnt.keys() == kept.keys()
+    for key, value in learnt.items():
+        assert_array_equal(value, kept[key])
     # Start and learning of the first steps differ: the longer run comes from cycle 6, this one from rest.
-    assert np.corrcoef(longer[:, 100:].ravel(), carried[:, 100:].ravel())[0, 1] > 0.98
+    longer, carried = torque_of(seven, 7)[:, 40:], torque_of(roll_out(scenario), 1)[:, 40:]
+    assert np.corrcoef(longer.ravel(), carried.ravel())[0, 1] > 0.98
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_the_first_torque_is_that_of_the_weights(make_config, trained, name):
-    scenario = make_scenario(started(make_config, trained, name, "cycles=1", "seed=7"))
-    with np.load(trained[name] / WEIGHTS) as kept:
-        learnt = scenario.feedforward.learnt()
-        assert set(learnt) == set(kept)
-        for key, value in learnt.items():
-            assert_array_equal(value, kept[key])
+def test_another_path_keeps_the_ranges_and_rows_that_were_learnt(tmp_path):
+    visited = (*COMMON, "cmac.addressing=visited")
+    cmacexp.run([*visited, "cycles=2", *KEEP], tmp_path)
+    kept, other = weights_of(tmp_path), started(tmp_path, *visited, "gait.lift=0.07").feedforward.learnt()
+    fresh = make_scenario(compose_config([*visited, "gait.lift=0.07"])).feedforward.learnt()
+    assert_array_equal(other["ranges"], kept["ranges"])
+    assert (fresh["ranges"] != kept["ranges"]).any()
+    known = len(kept["visited_1"])
+    assert_array_equal(other["visited_1"][:known], kept["visited_1"])
+    assert len(other["visited_1"]) > known
+    assert not kept["weights"][0, known:].any()
 
 
-def test_another_path_is_addressed_by_the_ranges_that_were_learnt(make_config, trained):
-    other = make_scenario(started(make_config, trained, "cmac", "gait.stroke=0.25", "cycles=1"))
-    fresh = make_scenario(make_config(*COMMON, "gait.stroke=0.25"))
-    with np.load(trained["cmac"] / WEIGHTS) as kept:
-        assert_array_equal(other.feedforward.learnt()["ranges"], kept["ranges"])
-        assert not np.array_equal(fresh.feedforward.learnt()["ranges"], kept["ranges"])
+def test_weights_are_a_file_of_the_run_and_runs_that_began_with_other_ones_are_stale(tmp_path):
+    first, second, ilc = tmp_path / "first", tmp_path / "second", (*COMMON, "feedforward=ilc")
+    before = cmacexp.run([*ilc, *KEEP, "cycles=2"], first)
+    assert "weights.npz" in before.manifest["files"]
+    overrides = [*ilc, *KEEP, "cycles=1", f"learning.start_from={first}"]
+    cmacexp.run(overrides, second)
+    assert is_finished(second, compose_config(overrides))
+    cmacexp.run([*ilc, *KEEP, "cycles=3"], first)
+    assert not is_finished(second, compose_config(overrides))
+    cmacexp.run([*ilc, "record=trace", "cycles=2"], first)
+    assert not (first / "weights.npz").exists()
+    assert not is_finished(first, compose_config([*ilc, *KEEP, "cycles=2"]))
 
 
-def test_visited_cells_keep_their_rows_on_another_path(make_config, tmp_path):
-    visited = (*COMMON, "cmac.addressing=visited", "cycles=3")
-    run_scenario(make_config(*visited, "record.weights=true"), tmp_path)
-    start = (f"learning.start_from={tmp_path}", "learning.start_cycle=1")
-    same, other = (
-        make_scenario(make_config(*visited, *start, *more)).feedforward for more in ([], ["gait.lift=0.17"])
-    )
-    with np.load(tmp_path / WEIGHTS) as kept:
-        assert_array_equal(same.learnt()["visited_1"], kept["visited_1"])
-        assert_array_equal(other.learnt()["visited_1"][: len(kept["visited_1"])], kept["visited_1"])
-        assert len(other.learnt()["visited_1"]) > len(kept["visited_1"])
-        assert not kept["weights"][0, len(kept["visited_1"]) :].any()
+@pytest.mark.ci
+def test_torques_of_samples_are_resampled_for_another_period(trained):
+    scenario = started(trained["ilc"], NAMES["ilc"], "sampling_period=0.01")
+    assert_array_equal(scenario.feedforward.learnt()["weights"], weights_of(trained["ilc"])["weights"][:, ::2])
 
 
-def test_weights_are_a_file_of_the_run_and_the_same_each_time(make_config, trained, tmp_path):
-    config = make_config(*COMMON, "cycles=6", "record.weights=true")
-    run_scenario(config, tmp_path)
-    assert (tmp_path / WEIGHTS).read_bytes() == (trained["cmac"] / WEIGHTS).read_bytes()
-    assert manifests.read(tmp_path)["files"][WEIGHTS] == sha256(tmp_path / WEIGHTS)
-    run_scenario(make_config(*COMMON, "cycles=6"), tmp_path)
-    assert not (tmp_path / WEIGHTS).exists()
-    assert not is_finished(tmp_path, config)
-
-
-def test_a_run_is_stale_once_the_weights_it_began_with_have_changed(make_config, tmp_path):
-    first, second = tmp_path / "first", tmp_path / "second"
-    ilc = (*COMMON, "feedforward=ilc", "record.weights=true")
-    run_scenario(make_config(*ilc, "cycles=2"), first)
-    config = make_config(*ilc, "cycles=1", f"learning.start_from={first}")
-    run_scenario(config, second)
-    assert is_finished(second, config)
-    run_scenario(make_config(*ilc, "cycles=3"), first)
-    assert not is_finished(second, config)
-
-
-def test_torques_of_samples_are_resampled_for_another_period(make_config, trained):
-    scenario = make_scenario(started(make_config, trained, "ilc", "sampling_period=0.01", "cycles=1"))
-    with np.load(trained["ilc"] / WEIGHTS) as kept:
-        assert_array_equal(scenario.feedforward.learnt()["weights"], kept["weights"][:, ::2])
-
-
+@pytest.mark.ci
 @pytest.mark.parametrize(("name", "more"), [("cmac", "cmac.layers=8"), ("rbf", "feedforward=ilc")])
-def test_weights_of_another_network_are_refused(make_config, trained, name, more):
-    with pytest.raises(BadInput) as raised:
-        make_scenario(started(make_config, trained, name, more))
-    assert raised.value.key == "learning.start_from"
+def test_weights_of_another_network_are_refused(trained, name, more):
+    with pytest.raises(BadInput) as refused:
+        started(trained[name], NAMES[name], more)
+    assert refused.value.key == "learning.start_from"
 
 
 @pytest.mark.parametrize("name", ["none", "inverse_dynamics"])
-def test_what_learns_nothing_goes_on_from_nothing_in_its_first_cycle(make_config, tmp_path, name):
-    whole = (*COMMON, f"feedforward={name}", "learning.guard=none", "record=metrics", "record.weights=true")
-    run_scenario(make_config(*whole, "cycles=2"), tmp_path / "first")
-    with np.load(tmp_path / "first" / WEIGHTS) as kept:
-        assert not list(kept)
-    second = make_config(*whole, "cycles=1", f"learning.start_from={tmp_path / 'first'}", "learning.start_cycle=5")
-    torque = feedforward_of(roll_out(make_scenario(second)), 1)
+def test_what_learns_nothing_goes_on_from_nothing_in_its_first_cycle(tmp_path, name):
+    overrides = (f"feedforward={name}", "learning.guard=none", "record=metrics", "record.weights=true")
+    cmacexp.run([*COMMON, *overrides, "cycles=1"], tmp_path)
+    assert not weights_of(tmp_path)
+    torque = torque_of(roll_out(started(tmp_path, *overrides, "learning.start_cycle=5")), 1)
     assert torque.any() == (name == "inverse_dynamics")

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-
 from support.doors import BadInput, make_scenario
 from support.doors_C import RULES, Leg, jacobian, train_by_rule, trigonometry
 from support.rollout import roll_out
@@ -360,7 +359,9 @@ def transfer_error(make_config, cycles, *overrides):
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize(("scenario", "cycles"), [("one_leg", 20), pytest.param("quadruped", 40, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize(
+    ("scenario", "cycles"), [("one_leg", 20), pytest.param("quadruped", 40, marks=pytest.mark.nightly)]
+)
 def test_errors_fall_below_a_tenth_of_feedback_alone(make_config, scenario, cycles):
     alone, *learnt = (
         transfer_error(make_config, cycles, f"scenario={scenario}", "learning.lead=1", f"feedforward={name}")

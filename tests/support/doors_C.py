@@ -4,6 +4,7 @@ from cmacexp.cmac.memory import read as read
 from cmacexp.cmac.memory import train as train
 from cmacexp.cmac.rules import RULES as RULES
 from cmacexp.cmac.rules import train_by_rule as train_by_rule
+from cmacexp.data.integrity import is_finished as is_finished
 from cmacexp.jit.compiler import expect_steps as expect_steps
 from cmacexp.models.leg import Leg as Leg
 from cmacexp.models.leg import jacobian as jacobian
