@@ -13,7 +13,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from support.cmacs import make_cmac, random_inputs
 from support.doors import BadInput
 
-from cmacexp.cmac import network
 from cmacexp.cmac.addressing import (
     DISPLACEMENTS,
     Address,
@@ -25,7 +24,7 @@ from cmacexp.cmac.addressing import (
     quantise,
     spanning,
 )
-from cmacexp.cmac.memory import Visited, find_entered
+from cmacexp.cmac.memory import Visited
 from cmacexp.cmac.network import memory_use
 from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS
 
@@ -108,13 +107,6 @@ def test_every_input_in_range_has_one_cell_per_layer_within_the_memory(name, lay
     assert dense.clipped == hashed.clipped == 0
 
 
-def test_outside_the_range_is_clipped_and_every_such_input_counted():
-    cmac = make_cmac()
-    outside = cmac.cells([[1.5, -0.2], [-7.0, 1.1], [0.3, 0.4]])
-    assert_array_equal(outside, cmac.cells([[1.0, -0.2], [-1.0, 1.0], [0.3, 0.4]]))
-    assert cmac.clipped == 3
-
-
 def distinct_rows(seed, rows):
     """Hashed row of each distinct cell of a CMAC of 32 layers and two inputs."""
     grid = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 65)] * 2), axis=2).reshape(-1, 2)
@@ -163,15 +155,6 @@ def test_cells_that_share_a_row_are_those_of_dense_memory_that_the_hash_puts_tog
     assert found.clipped == before == (np.abs(path) > 1.0).sum()
 
 
-def test_of_more_cells_than_can_be_numbered_no_collision_is_counted(monkeypatch):
-    cmac, path = make_cmac(layers=4, cells=3, addressing="hashed", memory_bytes=16 * 50), np.zeros((1, 2))
-    for most, counted in ((4 * 3**2, True), (4 * 3**2 - 1, False)):
-        monkeypatch.setattr(network, "MOST_POSITIONS", most)
-        found = memory_use(cmac, path, cmac.cells(path))
-        assert (found.cells_visited is not None) == (found.cells_colliding is not None) == counted
-        assert (found.rows, found.rows_used) == (50, 4)
-
-
 @pytest.mark.parametrize(("addressing", "least"), [("hashed", 4), ("dense", 4 * 3**2)])
 def test_a_cmac_has_a_row_for_each_layer_or_each_cell_or_is_refused(addressing, least):
     made = make_cmac(layers=4, cells=3, addressing=addressing, memory_bytes=16 * least)
@@ -193,16 +176,6 @@ def test_the_memory_that_visited_cells_ask_for_is_exactly_enough():
     assert enough.assign_rows(more).tolist() == [[3, 2, 4], [5, 6, 3]]
     with pytest.raises(BadInput):
         too_few.assign_rows(more)
-
-
-@given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.integers(1, 5), st.integers(1, 6))
-def test_every_cell_is_entered_where_it_first_occurs(seed, samples, layers, kinds):
-    cells = np.random.default_rng(seed).integers(0, kinds, (samples, layers))
-    entered = find_entered(cells)
-    values, first = np.unique(cells, return_index=True)
-    found, place = np.unique(cells[entered], return_index=True)
-    assert_array_equal(found, values)
-    assert_array_equal(np.flatnonzero(entered)[place], first)
 
 
 # Learning

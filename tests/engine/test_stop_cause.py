@@ -23,7 +23,7 @@ def fallen(tmp_path_factory):
 
 @pytest.fixture
 def ended(fallen):
-    """``ended(legs, steps, force)``: what is said where joint 2 of ``legs`` was at its limit in the last ``steps``."""
+    """``ended(legs, limited)``: what is said with joint 2 of ``legs`` at its limit in the last ``limited`` steps."""
     scenario, table = make_scenario(compose_config(WALK)), pq.read_table(fallen.folder / "trace.parquet")
 
     def explain(legs=(), limited=4, force=100.0, status="fell", drift=None, steps=900):

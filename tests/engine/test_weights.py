@@ -87,12 +87,6 @@ def test_weights_are_a_file_of_the_run_and_runs_that_began_with_other_ones_are_s
 
 
 @pytest.mark.ci
-def test_torques_of_samples_are_resampled_for_another_period(trained):
-    scenario = started(trained["ilc"], NAMES["ilc"], "sampling_period=0.01")
-    assert_array_equal(scenario.feedforward.learnt()["weights"], weights_of(trained["ilc"])["weights"][:, ::2])
-
-
-@pytest.mark.ci
 @pytest.mark.parametrize(("name", "more"), [("cmac", "cmac.layers=8"), ("rbf", "feedforward=ilc")])
 def test_weights_of_another_network_are_refused(trained, name, more):
     with pytest.raises(BadInput) as refused:

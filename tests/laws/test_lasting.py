@@ -53,11 +53,11 @@ def test_four_legs_press_as_they_are_to(tmp_path):
         (("actuator.delay=2", "learning.lead=1"), "diverged"),
         (("actuator.lag=0.02", "learning.lead=1"), "diverged"),
     ],
-    ids=" ".join,
 )
 def test_learning_lasts_with_rules_that_hold_and_a_lead_of_the_delay(make_config, settings, ends):
-    run = roll_out(make_scenario(make_config("cycles=300", *settings)))
+    config = make_config("cycles=300", *settings)
+    run = roll_out(make_scenario(config))
     assert run.status == ends
-    if ends == "completed":
+    if config.learning.rule == "zero_phase":
         feedback = np.abs(run.columns()["tau_feedback_1"]).reshape(300, -1).mean(axis=1)
-        assert feedback[-1] < 2.0 * feedback.min() < feedback[0]
+        assert feedback[-1] < 1.5 * feedback.min() < 0.3 * feedback[0]

@@ -98,14 +98,6 @@ def test_after_each_cause_the_best_cycle_is_repeated_or_feedback_goes_on_alone(m
         assert (event.cycle, run.samples.tobytes()) == (2, other.samples.tobytes())
 
 
-@pytest.mark.ci
-def test_four_legs_that_learn_wrongly_end_no_worse_than_feedback_alone(make_config):
-    wrong = ("scenario=quadruped_lasting", "learning.lead=-2", "learning.rate=0.8", "cycles=5", "warn=false")
-    run, other = roll(make_config, *wrong), alone(make_config, *wrong)
-    assert (run.status, other.status, bool(run.events)) == ("completed", "completed", True)
-    assert errors(run)[-1] <= 1.05 * errors(other)[-1]
-
-
 def test_a_guard_that_does_not_act_changes_no_bit(make_config):
     runs = [roll(make_config, *QUICK, "cycles=12", f"learning.guard={kind}") for kind in ("none", "freeze", "refine")]
     assert not any(run.events for run in runs)
@@ -188,11 +180,3 @@ def test_the_weights_that_are_kept_are_those_at_the_end_of_the_best_cycle(tmp_pa
     # A run that ends there has not learnt from the last sample.
     assert np.abs(kept - best).max() <= 0.01 * np.abs(best).max()
     assert run.metrics["guard_state"].tolist() == [0.0] * (event["cycle"] - 1) + [1.0] * (10 - event["cycle"])
-
-
-def test_weights_to_start_from_stay_where_nothing_is_learnt(tmp_path):
-    cmacexp.run([*QUICK, "cycles=3", *KEPT], tmp_path / "start")
-    cmacexp.run([*CHATTERS, "cycles=4", *KEPT, f"learning.start_from={tmp_path / 'start'}"], tmp_path / "run")
-    before, after = (weights_of(tmp_path / name)["weights"] for name in ("start", "run"))
-    assert before.any()
-    np.testing.assert_array_equal(after, before)

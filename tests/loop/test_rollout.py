@@ -1,4 +1,4 @@
-"""Laws of the closed loop: what its rows say, what a seed changes, and that nothing that stops a run loses its trace."""
+"""Laws of the closed loop: what its rows say, external components, and what a run that stops leaves."""
 
 import dataclasses
 
@@ -9,7 +9,6 @@ from support.doors import make_scenario
 from support.rollout import roll_out
 
 from cmacexp.loop.stop import FASTEST_JOINT
-from cmacexp.loop.trace import assemble
 
 SAMPLES = 40
 SHORT = ("gait.cycle_time=0.2", "gait.lift=0.005")
@@ -51,25 +50,6 @@ def test_feedback_trains_the_cells_of_its_step_less_the_lead_before_the_next_pre
     for k in range(SAMPLES, 3 * SAMPLES):
         np.add.at(weights, cells[(k - 1 - lead) % SAMPLES], 0.3 * feedback[k - 1] / config.cmac.layers)
         assert_allclose(feedforward[k], weights[cells[k % SAMPLES]].sum(axis=0), rtol=1e-9, atol=1e-12)
-
-
-def test_the_trace_repeats_the_plan_and_holds_the_samples(run):
-    rollout = run("cycles=2")
-    plan, trace = rollout.plan, assemble(rollout.plan, rollout.columns(), 0.005).to_pydict()
-    planned = {
-        "x_desired": plan.desired[:, 0, 0],
-        "y_desired": plan.desired[:, 0, 1],
-        "progress": plan.progress[:, 0],
-        "force_desired": plan.force_desired[:, 0],
-        "phase": np.where(plan.support[:, 0], "support", "transfer"),
-    }
-    for name, values in planned.items():
-        assert trace[name] == [*values, *values]
-    for name, values in rollout.columns().items():
-        assert trace[name] == values[:, 0].tolist()
-    assert trace["step"] == list(range(2 * SAMPLES))
-    assert trace["cycle"] == [1] * SAMPLES + [2] * SAMPLES
-    assert trace["time"] == [k * 0.005 for k in range(2 * SAMPLES)]
 
 
 def test_another_seed_gives_other_samples_as_soon_as_the_cmac_acts(run):
@@ -150,3 +130,56 @@ def test_an_interrupt_between_cycles_keeps_the_cycles_done_and_an_exception_fail
     assert stopped.status == "interrupted"
     assert_array_equal(stopped.samples, run("cycles=2").samples)
     assert (failed.status, len(failed.samples)) == ("failed", 1)
+
+
+# External components
+
+
+CALLED = {"sensors": "measure", "controller": "act", "feedforward": "predict", "plant": "step"}
+
+
+class External:
+    """Does what a built-in component does, and counts its calls."""
+
+    def __init__(self, component):
+        self.component, self.calls = component, dict.fromkeys(CALLED.values(), 0)
+
+    def __getattr__(self, name):
+        inner = getattr(self.component, name)
+        if name not in CALLED.values():
+            return inner
+
+        def counted(*arguments):
+            self.calls[name] += 1
+            return inner(*arguments)
+
+        return counted
+
+
+@pytest.mark.parametrize(
+    ("scenario", "groups"),
+    [
+        *(("one_leg", (group,)) for group in CALLED),
+        ("quadruped", ("sensors", "plant")),
+        ("quadruped", ("feedforward",)),
+        ("quadruped", tuple(CALLED)),
+    ],
+    ids=str,
+)
+def test_a_run_has_the_same_bits_whichever_components_are_external(make_config, scenario, groups):
+    sensors = ("sensors=real", "sensors.position.bias=1e-3", "sensors.force.bias=0.1")
+    short = ("gait.cycle_time=0.2", "gait.lift=0.005", "cycles=3", "learning.start_cycle=2")
+    config = make_config(f"scenario={scenario}", *short, *sensors)
+    built_in, inside = roll_out(make_scenario(config)), make_scenario(config)
+    external = {group: External(getattr(inside, group)) for group in groups}
+    mixed, steps = roll_out(dataclasses.replace(inside, **external)), len(built_in.samples)
+    assert steps == (120 if scenario == "one_leg" else 42)  # four legs cannot walk so fast: they fall
+    assert mixed.status == built_in.status
+    assert_array_equal(mixed.samples, built_in.samples)
+    assert_array_equal(mixed.body_samples, built_in.body_samples)
+    assert np.abs(mixed.columns()["tau_feedforward_1"][41:]).max() > 0.0
+    for group, component in external.items():
+        asked = steps
+        if group == "feedforward":  # not before it acts; and a controller calls the one that it was given
+            asked = 0 if "controller" in groups else steps - 40
+        assert component.calls[CALLED[group]] == asked

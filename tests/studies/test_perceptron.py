@@ -69,15 +69,6 @@ def test_it_learns_at_the_end_of_each_cycle_alone_and_gives_nothing_before(setup
         assert given.any() == (cycle > 0)
 
 
-def test_torques_are_in_proportion_to_the_feedback(setup):
-    """The first cycle gives the unit, its root mean square: by a power of two, all bits are the same."""
-    errors = random_errors(3, setup)
-    one, eight = make(setup), make(setup)
-    assert_array_equal(8.0 * torques(one, errors), torques(eight, 8.0 * errors))
-    first = errors[1 : len(setup.plan.support) + 1]
-    assert_allclose(one.learnt()["scale"], np.sqrt((first**2).mean(axis=(0, 2))))
-
-
 def test_each_leg_learns_from_its_own_feedback(setup):
     errors = random_errors(2, setup)
     for leg in range(4):
@@ -85,24 +76,6 @@ def test_each_leg_learns_from_its_own_feedback(setup):
         others[:, leg] += 1.0
         changed = (torques(make(setup), errors) != torques(make(setup), others)).any(axis=(0, 2))
         assert_array_equal(changed, np.arange(4) == leg)
-
-
-def test_with_a_lead_it_learns_as_from_feedback_that_came_so_much_earlier(setup):
-    errors = random_errors(1, setup)
-    ring = np.concatenate([errors, errors])  # every cycle the same
-    early = make(setup, lead=3)
-    assert_array_equal(torques(early, ring)[-1], torques(make(setup), np.roll(ring, -3, axis=0))[-1])
-
-
-def test_feedback_that_a_torque_removes_is_learnt_away(setup):
-    """The feedback is what a smooth torque lacks; at the end little is left of it."""
-    network, samples = make(setup, passes=20), len(setup.plan.support)
-    wanted = 5.0 * np.stack([network.paths[i, :, :2] for i in range(4)], axis=1)
-    for cycle in range(10):
-        for step in range(cycle * samples, (cycle + 1) * samples):
-            last = (step - 1) % samples
-            torques(network, (wanted - network.torque)[None, last], step)
-    assert np.abs(network.torque - wanted).max() < 0.1 * np.abs(wanted).max()
 
 
 def test_it_goes_on_from_what_was_learnt(setup):
@@ -117,12 +90,6 @@ def test_it_goes_on_from_what_was_learnt(setup):
     doubled = 2.0 * (network.paths * network.spread + network.middle)
     # Standardised as the path that was learnt.
     assert_allclose(make(setup, plan=steeper, learnt=learnt).paths, (doubled - network.middle) / network.spread)
-
-
-def test_seeds_and_legs_begin_with_networks_of_their_own(setup):
-    seeds = [0, 1, 2**16, 2**31]
-    begins = [make(setup, config=replace(setup.config, seed=seed)).learnt()["hidden_weights"] for seed in seeds]
-    assert len({leg.tobytes() for network in begins for leg in network}) == 4 * len(seeds)
 
 
 def test_without_its_library_it_says_how_to_get_it_in_one_line(make_config, monkeypatch):
