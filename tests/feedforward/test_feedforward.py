@@ -175,7 +175,13 @@ def test_weights_in_use_are_weighed_and_no_others(seed, share):
 
 def test_one_update_a_cycle_moves_the_torque_by_the_kernel_over_its_norm(make_config):
     """As a guard that refines does; the norm, the largest sum of a row, bounds the eigenvalues of the kernel."""
-    learning = ("learning=lasting", "learning.rate=0.2", "learning.guard=refine", "learning.lead=3")
+    learning = (
+        "cmac.memory_bytes=16384",
+        "learning=lasting",
+        "learning.rate=0.2",
+        "learning.guard=refine",
+        "learning.lead=3",
+    )
     params = make_scenario(make_config("gait.cycle_time=0.2", "gait.lift=0.005", *learning)).feedforward.params
     active, errors, torque = (
         np.zeros((SAMPLES, params.weights.shape[1])),

@@ -62,7 +62,7 @@ def roll(make_config, *overrides):
 
 
 def alone(make_config, *overrides):
-    return roll(make_config, *overrides, "feedforward=none", "learning.guard=none", "learning.lead=auto")
+    return roll(make_config, *overrides, "feedforward=none", "learning.guard=none", "learning.lead=auto", "cycles=4")
 
 
 def errors(run):
@@ -91,11 +91,12 @@ def test_after_each_cause_the_best_cycle_is_repeated_or_feedback_goes_on_alone(m
     run, other = roll(make_config, *overrides), alone(make_config, *overrides)
     (event,), torque = run.events, by_cycle(run)
     assert (run.status, event.cause, event.restored > 0) == ("completed", CAUSES[cause], learns)
-    assert errors(run)[-1] <= 1.001 * errors(other)[-1]
+    assert errors(run)[-1] <= 1.01 * errors(other)[-1]
     for cycle in torque[event.cycle :]:
         np.testing.assert_array_equal(cycle, torque[event.restored - 1] if learns else 0.0)
     if cause == CHATTER:  # nothing is learnt
-        assert (event.cycle, run.samples.tobytes()) == (2, other.samples.tobytes())
+        assert event.cycle == 2
+        np.testing.assert_array_equal(run.samples[: len(other.samples)], other.samples)
 
 
 def test_a_guard_that_does_not_act_changes_no_bit(make_config):
@@ -171,6 +172,7 @@ def test_a_feedforward_of_a_user_is_guarded_and_its_best_weights_are_kept(tmp_pa
     assert (kept != own.torque).any()
 
 
+@pytest.mark.ci
 def test_the_weights_that_are_kept_are_those_at_the_end_of_the_best_cycle(tmp_path):
     settings = [*GETS_WORSE, *KEPT]
     run = cmacexp.run(settings, tmp_path / "guarded")
