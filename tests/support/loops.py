@@ -7,33 +7,25 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-from support.rollout import roll_out
-
-from cmacexp.loop.samples import name_samples
-from cmacexp.loop.scenario import make_scenario
+from support.doors import make_scenario
+from support.rollout import name_samples, roll_out
 
 ELSEWHERE = """
 import sys
-from pathlib import Path
 import numpy as np
-from cmacexp.config.compose import compose_config
-from cmacexp.data.parquet import write_table
-from cmacexp.loop.scenario import make_scenario
-from cmacexp.loop.trace import assemble
 sys.path.append({tests!r})
+from support.doors import compose_config, make_scenario
 from support.rollout import roll_out
 
-folder, config = Path(sys.argv[1]), compose_config(sys.argv[2:])
-run = roll_out(make_scenario(config))
-np.savez(folder / "run.npz", samples=run.samples, body_samples=run.body_samples, status=run.status, cause=run.cause)
-write_table(assemble(run.plan, run.columns(), config.sampling_period), folder / "trace.parquet")
+run = roll_out(make_scenario(compose_config(sys.argv[2:])))
+np.savez(sys.argv[1], samples=run.samples, body_samples=run.body_samples, status=run.status, cause=run.cause)
 """
 
 
 def run_elsewhere(folder, overrides, **environment):
-    """A run in another process, whose trace it leaves in ``folder``."""
-    command = [sys.executable, "-c", ELSEWHERE.format(tests=str(Path(__file__).parents[1])), str(folder), *overrides]
-    subprocess.run(command, env={**os.environ, **environment}, check=True)
+    """A run in another process."""
+    command = [sys.executable, "-c", ELSEWHERE.format(tests=str(Path(__file__).parents[1])), str(folder / "run.npz")]
+    subprocess.run([*command, *overrides], env={**os.environ, **environment}, check=True)
     with np.load(folder / "run.npz") as run:
         return SimpleNamespace(**{name: run[name] if run[name].ndim else str(run[name]) for name in run})
 

@@ -8,14 +8,13 @@ import sys
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
+from support.doors import BadInput
 
 from cmacexp.cmac import Cmac
-from cmacexp.cmac.network import WORD_BYTES
-from cmacexp.errors import BadInput
 
 RNG = np.random.default_rng(5)
 X, ERROR = RNG.uniform(-1.2, 3.2, (150, 2)), RNG.normal(size=(150, 3))
-KINDS = [{}, {"receptive_field": "cubic"}, {"memory_bytes": 2000}, {"addressing": "visited"}]
+KINDS = [{}, {"receptive_field": "cubic"}, {"memory_bytes": 2000, "seed": 2**63 - 1}, {"addressing": "visited"}]
 
 
 def make_cmac(layers=8, cells=5, **options):
@@ -23,24 +22,25 @@ def make_cmac(layers=8, cells=5, **options):
 
 
 @pytest.mark.parametrize("options", KINDS, ids=str)
-def test_single_inputs_have_the_bits_of_a_batch(options):
+def test_single_inputs_have_the_bits_of_a_batch_and_a_file_keeps_them(options, tmp_path):
     batch, single = make_cmac(**options), make_cmac(**options)
     batch.update(X, ERROR, 0.4)
     for x, error in zip(X, ERROR, strict=True):
-        assert single.update(x, error, 0.4) is None
-    assert single.weights.any()
-    assert single.clipped == batch.clipped > 0
-    one_by_one = np.stack([single.predict(list(x)) for x in X])
-    assert one_by_one.shape == (150, 3)
-    assert one_by_one.tobytes() == batch.predict(X).tobytes()
-    assert single.clipped == batch.clipped
+        single.update(x, error, 0.4)
+    batch.save(str(tmp_path / "cmac.npz"))
+    wanted, clipped = batch.predict(X).tobytes(), batch.clipped
+    for each in (single, Cmac.load(tmp_path / "cmac.npz")):
+        assert each.weights.any()
+        assert np.stack([each.predict(list(x)) for x in X]).tobytes() == wanted
+        assert each.clipped == clipped > 0
+        each.update(X[0], ERROR[0], 0.1)
+        assert (each.predict(X[0]) != batch.predict(X[0])).all()
 
 
 def test_outputs_are_new_arrays_and_follow_weights_that_are_replaced():
     cmac = make_cmac()
     first = cmac.predict([0.0, 1.0])
     cmac.weights = np.ones_like(cmac.weights)
-    assert_array_equal(first, 0.0)
     assert_array_equal(cmac.predict([0.0, 1.0]), 8.0)
     assert_array_equal(first, 0.0)
 
@@ -55,24 +55,12 @@ def test_a_copy_learns_for_itself(twin):
     assert (other.predict(X[0]) != cmac.predict(X[0])).all()
 
 
-@pytest.mark.parametrize("options", KINDS, ids=str)
-def test_a_file_keeps_every_bit(tmp_path, options):
-    cmac = make_cmac(**options)
-    cmac.update(X, ERROR, 0.7)
-    cmac.save(str(tmp_path / "cmac.npz"))
-    loaded = Cmac.load(tmp_path / "cmac.npz")
-    assert loaded.weights.tobytes() == cmac.weights.tobytes()
-    for each in (loaded, cmac):
-        each.update(X[0], ERROR[0], 0.1)
-    assert loaded.predict(X[0]).tobytes() == cmac.predict(X[0]).tobytes()
-
-
 def test_cells_are_dense_as_long_as_they_fit_and_hashed_beyond():
-    dense_bytes = 8 * 5**2 * 3 * WORD_BYTES
+    dense_bytes = 8 * 5**2 * 3 * 8
     assert not make_cmac(memory_bytes=dense_bytes).address.hashed
     hashed = make_cmac(memory_bytes=dense_bytes - 1)
     assert hashed.address.hashed
-    assert len(hashed.weights) == (dense_bytes - 1) // (3 * WORD_BYTES)
+    assert len(hashed.weights) == (dense_bytes - 1) // (3 * 8)
 
 
 @pytest.mark.parametrize(
@@ -80,10 +68,12 @@ def test_cells_are_dense_as_long_as_they_fit_and_hashed_beyond():
     [
         lambda cmac: cmac.predict([0.0]),
         lambda cmac: cmac.predict([0.0, np.nan]),
+        lambda cmac: cmac.predict([[0.0, -np.inf]]),
         lambda cmac: cmac.predict(np.zeros((2, 3))),
         lambda cmac: cmac.update([0.0, 1.0], [1.0], 0.1),
         lambda cmac: cmac.update([0.0, 1.0], [1.0, np.inf, 0.0], 0.1),
         lambda cmac: cmac.update([0.0, 1.0], np.ones(3), np.nan),
+        lambda cmac: cmac.update([[np.inf, 1.0]], np.ones((1, 3)), 0.1),
         lambda cmac: cmac.update(X, ERROR[:3], 0.1),
     ],
 )
@@ -96,20 +86,21 @@ def test_what_does_not_fit_is_refused_and_changes_nothing(call):
 
 
 @pytest.mark.parametrize(
-    ("high", "options", "error", "said"),
+    ("high", "options", "error", "named"),
     [
-        ([1.0, 3.0], {"layers": 0}, BadInput, "cmac.layers=0: must be at least 1"),
-        ([1.0, 3.0], {"cells": 1}, BadInput, "cmac.resolution_elements=1"),
-        ([1.0, 3.0], {"addressing": "sparse"}, BadInput, "cmac.addressing=sparse: choose from"),
-        ([1.0, 3.0], {"addressing": "dense", "memory_bytes": 1000}, BadInput, "cmac.memory_bytes=1000"),
-        *((high, {}, ValueError, "ranges from") for high in (1.0, [2.0], [0.0, -1.0], [1.0, np.nan])),
+        ([1.0, 3.0], {"layers": 0}, BadInput, "cmac.layers"),
+        ([1.0, 3.0], {"cells": 1}, BadInput, "cmac.resolution_elements"),
+        ([1.0, 3.0], {"addressing": "sparse"}, BadInput, "cmac.addressing"),
+        ([1.0, 3.0], {"addressing": "dense", "memory_bytes": 1000}, BadInput, "cmac.memory_bytes"),
+        *((high, {}, ValueError, "ranges") for high in (1.0, [2.0], [0.0, -1.0], [1.0, np.nan])),
     ],
 )
-def test_settings_out_of_range_are_named(high, options, error, said):
-    with pytest.raises(error, match=said):
+def test_settings_out_of_range_are_named(high, options, error, named):
+    with pytest.raises(error, match=named):
         Cmac([-1.0, 0.0], high, **options)
 
 
+@pytest.mark.ci
 def test_importing_it_needs_neither_hydra_nor_tables_nor_the_compiler():
     heavy = ["hydra", "omegaconf", "pandas", "pyarrow", "numba", "scipy"]
     code = f"import sys; from cmacexp.cmac import Cmac; Cmac([0], [1]); print({{*{heavy}}} & {{*sys.modules}})"

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from support.doors import make_scenario
 
 from cmacexp.cmac.memory import read, train
 from cmacexp.cmac.rules import PAPER_RATE, derive_rate
-from cmacexp.loop.scenario import make_scenario
 
 SAMPLES, LAYERS, WIDTH = 40, 8, 10
 CELLS = np.array([[(k + j) // WIDTH * LAYERS + j for j in range(LAYERS)] for k in range(SAMPLES)], dtype=np.uint32)
@@ -59,23 +59,28 @@ def learn(cells, lead, rate, response, weights, steps=4000, before=None, disturb
 
 
 @pytest.mark.parametrize("lead", [1, 2, 4])
-def test_no_cmac_grows_within_condition_2_and_shared_cells_do_beyond_the_critical_rate(lead):
+def test_no_cmac_grows_within_condition_2(lead):
     squares, _, errors = learn(CELLS, lead, 0.95 / (lead + 0.5), lagging(lead), start_weights(CELLS))
     assert squares.max() <= squares[0]
     assert np.abs(errors[-SAMPLES:]).max() < 0.1 * np.abs(errors[:SAMPLES]).max()
-    critical = 2.0 * math.sin(math.pi / (4 * lead + 2))
+
+
+@pytest.mark.parametrize("layers_per_row", [1, 2])
+@pytest.mark.parametrize("lead", [1, 4])
+def test_shared_cells_grow_beyond_the_critical_rate_where_a_row_of_two_layers_counts_twice(lead, layers_per_row):
+    cells = np.concatenate([SHARED[:, : LAYERS // layers_per_row]] * layers_per_row, axis=1)
+    assert kernel(cells).max() == layers_per_row
+    critical = 2.0 * math.sin(math.pi / (4 * lead + 2)) / layers_per_row
     for share, grows in ((0.95, False), (1.05, True)):
-        squares, _, _ = learn(SHARED, lead, share * critical, lagging(lead), start_weights(SHARED))
+        squares, _, _ = learn(cells, lead, share * critical, lagging(lead), start_weights(cells))
         assert (squares[-1] > squares[0]) == grows
-        assert share * critical < 2.0  # which condition 1 allows
+        assert share * critical < 2.0 / layers_per_row  # which condition 1 allows
 
 
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
 @pytest.mark.parametrize("cells", [CELLS, SHARED, OWN], ids=["overlapping", "shared", "own"])
-def test_a_first_order_lag_lowers_no_rate_if_the_lead_is_the_delay_alone(cells, share):
-    for lead in (1, 3):
-        rate = 0.95 / (lead + 0.5)
-        squares, _, errors = learn(cells, lead, rate, lagging(lead, share), start_weights(cells))
+def test_a_first_order_lag_lowers_no_rate_if_the_lead_is_the_delay_alone(cells):
+    for lead, share in ((1, 0.1), (1, 0.9), (3, 0.5)):
+        squares, _, errors = learn(cells, lead, 0.95 / (lead + 0.5), lagging(lead, share), start_weights(cells))
         assert squares.max() <= squares[0]
         assert np.abs(errors[-SAMPLES:]).max() < 0.5 * np.abs(errors[: 2 * SAMPLES]).max()
 
@@ -101,77 +106,65 @@ def test_pending_errors_can_raise_v_where_learning_from_rest_cannot():
     assert np.abs(errors[-SAMPLES:]).max() < 1e-6  # the feedback vanishes all the same
 
 
-def test_a_row_that_two_layers_share_counts_as_a_higher_rate():
-    doubled = np.concatenate([SHARED[:, : LAYERS // 2]] * 2, axis=1)
-    assert kernel(doubled).max() == 2.0
-    critical = 2.0 * math.sin(math.pi / 6)
-    for share, grows in ((0.95, False), (1.05, True)):
-        squares, _, _ = learn(doubled, 1, share * critical / 2.0, lagging(1), start_weights(doubled))
-        assert (squares[-1] > squares[0]) == grows
-
-
+@pytest.mark.ci
 def test_hashing_raises_the_diagonal_of_the_kernel_of_the_quadruped(make_config):
     """By default two layers of some samples share a row; with a row for each visited cell none do."""
     for addressing, largest, share in (("hashed", 1.0625, 0.038), ("visited", 1.0, 0.0)):
-        cells = make_scenario(
-            make_config("scenario=quadruped", f"cmac.addressing={addressing}")
-        ).feedforward.params.cells
+        config = make_config("scenario=quadruped", f"cmac.addressing={addressing}")
+        cells = make_scenario(config).feedforward.params.cells
         diagonals = np.stack([np.diag(kernel(cells[:, i])) for i in range(cells.shape[1])])
-        assert diagonals.min() == 1.0
-        assert diagonals.max() == largest
+        assert (diagonals.min(), diagonals.max()) == (1.0, largest)
         assert (diagonals > 1.0).mean(axis=1).max() == pytest.approx(share, abs=0.001)
 
 
+@pytest.mark.ci
 def test_the_kernel_of_the_paper_s_leg_is_singular_and_narrow_after_lift_off(make_config):
     cells = make_scenario(make_config("scenario=one_leg")).feedforward.params.cells[:, 0]
     matrix = kernel(cells)
-    assert matrix.shape == (600, 600)
-    assert np.linalg.matrix_rank(count_active(cells)) == 252
+    assert (np.linalg.matrix_rank(count_active(cells)), len(matrix)) == (252, 600)
     assert np.diag(matrix).max() == matrix.max() == 1.0
     shared = np.diag(matrix, 1)  # with the next sample, 5 ms later
-    assert (shared[:8].min().round(2), shared[:8].max().round(2)) == (0.09, 0.53)
-    assert np.median(shared) == 1.0
+    assert (shared[:8].min().round(2), shared[:8].max().round(2), np.median(shared)) == (0.09, 0.53, 1.0)
 
 
-@pytest.fixture(scope="module")
-def cycle_map():
-    """The map of (u^j, u^(j-1)), the functionals that it conserves, and its loop: CELLS, lead 1, behind a lag."""
-    response, rate, lead = lagging(1, 0.5)[:SAMPLES], 0.5, 1
+MAPPED = lagging(1, 0.5)[:SAMPLES], 0.5, 1
+"""Responses, rate and lead of :func:`map_cycles`."""
+DISTURBANCE = np.random.default_rng(1).standard_normal((SAMPLES, 2))
+"""Of every cycle; no weights cancel it."""
+
+
+def map_cycles():
+    """The map of (u^j, u^(j-1)) of CELLS, and the functionals that it conserves."""
+    response, rate, lead = MAPPED
     lags = np.arange(SAMPLES)[:, None] - np.arange(SAMPLES)
     within = np.where(lags >= 0, response[lags % SAMPLES], 0.0)
     before = np.where(lags < 0, response[lags % SAMPLES], 0.0)
     shifted = kernel(CELLS)[:, (np.arange(SAMPLES) - lead) % SAMPLES]
     earlier = np.tril(shifted, -1)
-    later = shifted - earlier
-    one, none = np.eye(SAMPLES), np.zeros((SAMPLES, SAMPLES))
+    one, none, later = np.eye(SAMPLES), np.zeros((SAMPLES, SAMPLES)), shifted - earlier
     own = one + rate * earlier @ within
     first = np.linalg.solve(own, one - rate * later @ within - rate * earlier @ before)
     second = np.linalg.solve(own, -rate * later @ before)
-    conserved = np.hstack([own, rate * earlier @ before])
-    return np.block([[first, second], [one, none]]), conserved, (response, rate, lead)
+    return np.block([[first, second], [one, none]]), np.hstack([own, rate * earlier @ before])
 
 
-def test_the_torque_follows_the_cycle_map(cycle_map):
-    """Of a disturbance that no weights cancel: changes from cycle to cycle, in which the constant drops out."""
-    step, _, (response, rate, lead) = cycle_map
-    steps, weights = 6 * SAMPLES, start_weights(CELLS)
-    disturbance = np.tile(np.random.default_rng(1).standard_normal((SAMPLES, 2)), (6, 1))
-    _, torques, _ = learn(CELLS, lead, rate, response, weights, steps, disturbance=disturbance)
-    cycles = torques.reshape(6, SAMPLES, 2)
-    changes = np.diff(cycles, axis=0)
+def test_the_torque_follows_the_cycle_map():
+    """Changes from cycle to cycle, in which a constant disturbance drops out."""
+    (step, _), (response, rate, lead) = map_cycles(), MAPPED
+    disturbance = np.tile(DISTURBANCE, (6, 1))
+    _, torques, _ = learn(CELLS, lead, rate, response, start_weights(CELLS), 6 * SAMPLES, disturbance=disturbance)
+    changes = np.diff(torques.reshape(6, SAMPLES, 2), axis=0)
     for j in range(2, 5):
         expected = step @ np.concatenate([changes[j - 1], changes[j - 2]])
         np.testing.assert_allclose(expected[:SAMPLES], changes[j], atol=1e-12)
 
 
-def test_eigenvalue_one_is_semisimple_and_counts_what_a_singular_kernel_does_not_learn(cycle_map):
-    step, conserved, _ = cycle_map
-    matrix = kernel(CELLS)
+def test_eigenvalue_one_is_semisimple_and_counts_what_a_singular_kernel_does_not_learn():
+    (step, conserved), matrix = map_cycles(), kernel(CELLS)
     unlearnt = SAMPLES - np.linalg.matrix_rank(matrix)
-    assert unlearnt > 0
     values = np.linalg.eigvals(step)
     ones = np.abs(values - 1.0) < 1e-6
-    assert ones.sum() == unlearnt  # so the spectral radius is 1 ...
+    assert ones.sum() == unlearnt > 0  # so the spectral radius is 1 ...
     assert np.abs(values[~ones]).max() < 1.0  # ... and learning converges all the same,
     assert np.linalg.matrix_rank(step - np.eye(len(step)), tol=1e-9) == len(step) - unlearnt  # since 1 is semisimple
     # Components outside the range of K of the torque that the weights give at the start of a cycle never change.
@@ -179,11 +172,9 @@ def test_eigenvalue_one_is_semisimple_and_counts_what_a_singular_kernel_does_not
     np.testing.assert_allclose(outside @ step, outside, atol=1e-9)
 
 
-def test_learning_converges_to_a_residual_that_no_weights_cancel(cycle_map):
-    _, _, (response, rate, lead) = cycle_map
-    cycles = 400
-    disturbance = np.tile(np.random.default_rng(1).standard_normal((SAMPLES, 2)), (cycles, 1))
-    steps = cycles * SAMPLES
+def test_learning_converges_to_a_residual_that_no_weights_cancel():
+    (response, rate, lead), cycles = MAPPED, 400
+    steps, disturbance = cycles * SAMPLES, np.tile(DISTURBANCE, (cycles, 1))
     _, _, errors = learn(CELLS, lead, rate, response, start_weights(CELLS), steps, disturbance=disturbance)
     first, last = (np.roll(errors[n : n + SAMPLES], -lead, axis=0) for n in (0, steps - SAMPLES))
     taught, left = (np.abs(count_active(CELLS).T @ each).max() for each in (first, last))
@@ -197,8 +188,7 @@ def test_learning_converges_to_a_residual_that_no_weights_cancel(cycle_map):
     ids=["own fast", "own", "overlapping"],
 )
 def test_noise_leaves_half_the_rate_of_its_variance_in_the_torque(cells, rate, excess):
-    noise = np.random.default_rng(3).standard_normal((24000, 2))
-    weights = np.zeros((int(cells.max()) + 1, 2))
+    noise, weights = np.random.default_rng(3).standard_normal((24000, 2)), np.zeros((int(cells.max()) + 1, 2))
     _, torques, _ = learn(cells, 1, rate, lagging(1), weights, len(noise), disturbance=noise)
     assert (torques[4000:] ** 2).mean() == pytest.approx(excess, rel=0.1)
 

@@ -1,0 +1,185 @@
+"""Laws of the closed loop: what its rows say, external components, and what a run that stops leaves."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from support.doors import make_scenario
+from support.rollout import roll_out
+
+from cmacexp.loop.stop import FASTEST_JOINT
+
+SAMPLES = 40
+SHORT = ("gait.cycle_time=0.2", "gait.lift=0.005")
+
+
+@pytest.fixture
+def run(make_config):
+    """``run("cycles=3")`` gives the run of one leg with so short a cycle."""
+    return lambda *overrides, **options: roll_out(make_scenario(make_config(*SHORT, *overrides)), **options)
+
+
+def torques(columns, part):
+    return np.column_stack([columns[f"tau_{part}_{j}"] for j in (1, 2)])
+
+
+# What the rows say
+
+
+@pytest.mark.parametrize("limit", ["null", 2.5])
+def test_a_row_holds_the_state_at_the_start_of_its_step_and_the_torque_held_during_it(make_config, limit):
+    config = make_config(*SHORT, "cycles=2", f"actuator.torque_limit={limit}", "plant.substeps=2")
+    columns, machine = roll_out(make_scenario(config)).columns(), make_scenario(config)
+    state, torque = machine.first, torques(columns, "feedback") + torques(columns, "feedforward")
+    assert (limit == "null") == (np.abs(torque).max() > 2.5)
+    for k in range(2 * SAMPLES):
+        assert (columns["q1"][k, 0], columns["dq2"][k, 0]) == (state.q[0, 0], state.dq[0, 1])
+        assert (columns["y"][k, 0], columns["force"][k, 0]) == (state.foot[0, 1], state.force[0])
+        state = machine.plant.step(torque[k : k + 1])
+
+
+@pytest.mark.parametrize("lead", [-1, 0, 2])
+def test_feedback_trains_the_cells_of_its_step_less_the_lead_before_the_next_prediction(make_config, lead):
+    config = make_config(*SHORT, "cycles=3", f"learning.lead={lead}", "learning.rate=0.3", "cmac.memory_bytes=16384")
+    scenario = make_scenario(config)
+    cells, weights = scenario.feedforward.params.cells[:, 0], np.zeros((1024, 2))
+    columns = roll_out(scenario).columns()
+    feedback, feedforward = torques(columns, "feedback"), torques(columns, "feedforward")
+    assert not feedforward[:SAMPLES].any()  # the first cycle is the baseline
+    for k in range(SAMPLES, 3 * SAMPLES):
+        np.add.at(weights, cells[(k - 1 - lead) % SAMPLES], 0.3 * feedback[k - 1] / config.cmac.layers)
+        assert_allclose(feedforward[k], weights[cells[k % SAMPLES]].sum(axis=0), rtol=1e-9, atol=1e-12)
+
+
+def test_another_seed_gives_other_samples_as_soon_as_the_cmac_acts(run):
+    first, again, other = (run("cycles=2", "cmac.memory_bytes=4096", f"seed={seed}").samples for seed in (0, 0, 1))
+    assert_array_equal(first, again)
+    assert_array_equal(first[:SAMPLES], other[:SAMPLES])
+    assert (first[SAMPLES:] != other[SAMPLES:]).any()
+
+
+# Runs that stop
+
+
+def test_a_diverging_run_stops_at_once_and_says_where(make_config):
+    rollout = roll_out(make_scenario(make_config("scenario=one_leg", "controller.velocity_gain=80")))
+    columns, steps = rollout.columns(), len(rollout.samples)
+    assert rollout.status == "diverged"
+    assert rollout.cause.startswith(f"at step {steps} (t = {0.005 * steps:.3f} s): joint ")
+    assert np.isfinite(rollout.samples).all()
+    speeds = np.abs(np.column_stack([columns["dq1"], columns["dq2"]]))
+    assert 0.1 * FASTEST_JOINT < speeds[-1].max() <= speeds.max() <= FASTEST_JOINT
+
+
+class Faulty:
+    """A part that does what another does, until its ``method`` is called for the given time."""
+
+    def __init__(self, part, method, calls, fault):
+        self.part, self.method, self.calls, self.fault = part, method, calls, fault
+
+    def __getattr__(self, name):
+        inner = getattr(self.part, name)
+        if name != self.method:
+            return inner
+
+        def counted(*arguments):
+            self.calls -= 1
+            return self.fault(inner, *arguments) if self.calls == 0 else inner(*arguments)
+
+        return counted
+
+
+def breaks(inner, *arguments):
+    raise RuntimeError("cable cut")
+
+
+def run_with_faulty(make_config, part, method, calls, fault):
+    scenario = make_scenario(make_config(*SHORT, "cycles=2"))
+    return roll_out(dataclasses.replace(scenario, **{part: Faulty(getattr(scenario, part), method, calls, fault)}))
+
+
+@pytest.mark.parametrize("step", [10, 50])
+@pytest.mark.parametrize(("part", "method"), [("plant", "step"), ("controller", "act"), ("sensors", "measure")])
+def test_a_part_that_raises_fails_the_run_and_keeps_the_trace_up_to_there(make_config, run, part, method, step):
+    rollout = run_with_faulty(make_config, part, method, step + 1, breaks)
+    assert rollout.status == "failed"
+    assert "RuntimeError: cable cut" in rollout.cause
+    assert isinstance(rollout.error, RuntimeError)
+    assert len(rollout.samples) in (step, step + 1)  # of the step in which a plant fails the beginning is known
+    assert_array_equal(rollout.samples[:step], run("cycles=2").samples[:step])
+
+
+@pytest.mark.parametrize("field", ["q", "dq", "foot", "force"])
+def test_a_measurement_that_is_not_finite_diverges_and_is_named_so(make_config, field):
+    def spoil(inner, *arguments):
+        measured = inner(*arguments)
+        return measured._replace(**{field: measured._asdict()[field] * np.nan})
+
+    rollout = run_with_faulty(make_config, "plant", "step", 20, spoil)
+    assert (rollout.status, len(rollout.samples)) == ("diverged", 20)
+    assert "not finite" in rollout.cause
+
+
+def test_an_interrupt_between_cycles_keeps_the_cycles_done_and_an_exception_fails_the_run(run):
+    def interrupt(cycle):
+        if cycle == 2:
+            raise KeyboardInterrupt
+
+    stopped, failed = (run("cycles=4", watch=watch, fused=False) for watch in (interrupt, lambda cycle: breaks(None)))
+    assert stopped.status == "interrupted"
+    assert_array_equal(stopped.samples, run("cycles=2").samples)
+    assert (failed.status, len(failed.samples)) == ("failed", 1)
+
+
+# External components
+
+
+CALLED = {"sensors": "measure", "controller": "act", "feedforward": "predict", "plant": "step"}
+
+
+class External:
+    """Does what a built-in component does, and counts its calls."""
+
+    def __init__(self, component):
+        self.component, self.calls = component, dict.fromkeys(CALLED.values(), 0)
+
+    def __getattr__(self, name):
+        inner = getattr(self.component, name)
+        if name not in CALLED.values():
+            return inner
+
+        def counted(*arguments):
+            self.calls[name] += 1
+            return inner(*arguments)
+
+        return counted
+
+
+@pytest.mark.parametrize(
+    ("scenario", "groups"),
+    [
+        *(("one_leg", (group,)) for group in CALLED),
+        ("quadruped", ("sensors", "plant")),
+        ("quadruped", ("feedforward",)),
+        ("quadruped", tuple(CALLED)),
+    ],
+    ids=str,
+)
+def test_a_run_has_the_same_bits_whichever_components_are_external(make_config, scenario, groups):
+    sensors = ("sensors=real", "sensors.position.bias=1e-3", "sensors.force.bias=0.1")
+    short = ("gait.cycle_time=0.2", "gait.lift=0.005", "cycles=3", "learning.start_cycle=2")
+    config = make_config(f"scenario={scenario}", *short, *sensors)
+    built_in, inside = roll_out(make_scenario(config)), make_scenario(config)
+    external = {group: External(getattr(inside, group)) for group in groups}
+    mixed, steps = roll_out(dataclasses.replace(inside, **external)), len(built_in.samples)
+    assert steps == (120 if scenario == "one_leg" else 42)  # four legs cannot walk so fast: they fall
+    assert mixed.status == built_in.status
+    assert_array_equal(mixed.samples, built_in.samples)
+    assert_array_equal(mixed.body_samples, built_in.body_samples)
+    assert np.abs(mixed.columns()["tau_feedforward_1"][41:]).max() > 0.0
+    for group, component in external.items():
+        asked = steps
+        if group == "feedforward":  # not before it acts; and a controller calls the one that it was given
+            asked = 0 if "controller" in groups else steps - 40
+        assert component.calls[CALLED[group]] == asked
