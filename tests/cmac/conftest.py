@@ -1,7 +1,7 @@
 """Short batches are not worth compiling, which a CMAC outside a run would be."""
 
 import pytest
-from support.doors_C import expect_steps
+from support.doors import expect_steps
 
 
 @pytest.fixture(autouse=True, scope="module")

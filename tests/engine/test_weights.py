@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from support.doors import BadInput, compose_config, make_scenario
-from support.doors_C import is_finished
+from support.doors import BadInput, compose_config, is_finished, make_scenario
 from support.rollout import roll_out
 
 import cmacexp

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from support.doors import BadInput, make_scenario
-from support.doors_C import RULES, Leg, jacobian, train_by_rule, trigonometry
+from support.doors import RULES, BadInput, Leg, jacobian, make_scenario, train_by_rule, trigonometry
 
 from cmacexp.feedforward import CmacFeedforward, CmacOnModel, InverseDynamics, IterativeLearning, RadialBasis
 from cmacexp.feedforward.ilc import WIDEST, gaussian_taps

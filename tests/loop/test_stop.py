@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from support.doors import make_mechanism, make_scenario
-from support.doors_C import new_measurement, new_observation, new_state
+from support.doors import make_mechanism, make_scenario, new_measurement, new_observation, new_state
 from support.rollout import roll_out
 
 from cmacexp.loop.step import check_measured, copy_matrix, is_finite, observes_finite

@@ -3,8 +3,7 @@
 from random import Random
 
 import pytest
-from support.doors import make_scenario
-from support.doors_C import RULES
+from support.doors import RULES, make_scenario
 from support.loops import require_same_bits, run_both, run_elsewhere
 from support.robot_walks import RIGID, ROBOT
 from support.robot_walks import SHORT as SHORT_ROBOT

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from support.doors import make_scenario
-from support.doors_C import read, train
+from support.doors import make_scenario, read, train
 
 from cmacexp.stability.transfer import Local, compute_spectrum, locals_along, transfer
 

@@ -5,12 +5,16 @@ A test imports inner modules of its own room alone, so that a change inside a ro
 (``cmacexp.planning``), and from here.
 """
 
+from cmacexp.cmac.memory import read as read
+from cmacexp.cmac.memory import train as train
 from cmacexp.cmac.rules import RULES as RULES
+from cmacexp.cmac.rules import train_by_rule as train_by_rule
 from cmacexp.commands.study import Options as Options
 from cmacexp.commands.study import write_studies as write_studies
 from cmacexp.config.compose import compose_config as compose_config
 from cmacexp.config.compose import compose_untyped as compose_untyped
 from cmacexp.data.integrity import faults as faults
+from cmacexp.data.integrity import is_finished as is_finished
 from cmacexp.errors import BadComponent as BadComponent
 from cmacexp.errors import BadInput as BadInput
 from cmacexp.errors import BadRun as BadRun
@@ -19,6 +23,7 @@ from cmacexp.errors import Diverged as Diverged
 from cmacexp.experiment.run import run_scenario as run_scenario
 from cmacexp.experiment.without_effect import warnings_of as warnings_of
 from cmacexp.feedforward.ilc import gaussian_taps as gaussian_taps
+from cmacexp.jit.compiler import expect_steps as expect_steps
 from cmacexp.jit.compiler import program as program
 from cmacexp.jit.sources import KERNEL_ROOMS as KERNEL_ROOMS
 from cmacexp.jit.sources import RESULT_ROOMS as RESULT_ROOMS
@@ -35,6 +40,7 @@ from cmacexp.models.leg import foot_position as foot_position
 from cmacexp.models.leg import foot_velocity as foot_velocity
 from cmacexp.models.leg import forward_dynamics as forward_dynamics
 from cmacexp.models.leg import inverse_dynamics as inverse_dynamics
+from cmacexp.models.leg import jacobian as jacobian
 from cmacexp.models.leg import joint_torque as joint_torque
 from cmacexp.models.leg import trigonometry as trigonometry
 from cmacexp.models.mechanism import Mechanism as Mechanism
@@ -50,11 +56,13 @@ from cmacexp.planning.columns import JOINT_COLUMNS as JOINT_COLUMNS
 from cmacexp.planning.machine import make_mechanism as make_mechanism
 from cmacexp.planning.robot import find_centres as find_centres
 from cmacexp.plants.environment import make_ground as make_ground
+from cmacexp.plants.kernels import new_state as new_state
 from cmacexp.plants.protocol import new_measurement as new_measurement
 from cmacexp.report.page import Report as Report
 from cmacexp.report.page import write_report as write_report
 from cmacexp.report.run_summary import RunSummary as RunSummary
 from cmacexp.report.run_summary import read_summary as read_summary
+from cmacexp.sensors.kernels import new_observation as new_observation
 from cmacexp.study.interval import UNPAIRED as UNPAIRED
 from cmacexp.study.interval import estimate as estimate
 from cmacexp.study.results import Row as Row
