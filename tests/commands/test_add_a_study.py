@@ -9,7 +9,6 @@ from hashlib import sha256
 import pandas as pd
 import pytest
 from support.command import ROOT, call, python, started
-from support.pages import blocks
 
 PAGE = (ROOT / "docs" / "add-a-study.md").read_text()
 STUDY = "from cmacexp.study import *\nSTUDY = Study(title='T', question='Q', runs=lambda quick: {runs}, {more})\n"
@@ -54,16 +53,6 @@ def test_the_study_of_the_page_leaves_a_finding_with_its_interval_and_quick_find
     assert "A leg learns" in (whole / "report.html").read_text()
 
 
-@pytest.mark.ci
-def test_the_comparison_of_the_page_prints_what_it_says(tmp_path):
-    *_, code = (block.code for block in blocks("add-a-study.md") if block.language == "python")
-    (text,) = (block.code for block in blocks("add-a-study.md") if block.language == "text")
-    (tmp_path / "script.py").write_text(code)
-    done = python("-m", "script", folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-1].split() == text.split()
-
-
 @pytest.mark.parametrize(
     ("wrong", "named"),
     [
@@ -87,13 +76,6 @@ def test_a_mistake_is_one_line_that_names_it(wrong, named, tmp_path):
     assert done.returncode == 2
     (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
     assert named in line
-
-
-def test_a_file_without_its_page_or_that_is_no_python_is_refused(tmp_path):
-    write(tmp_path, "without_page")
-    (tmp_path / "without_page.md").rename(tmp_path / "other.md")
-    for file in ("without_page.py", "other.md", "nothing.py"):
-        assert call("study", file, folder=tmp_path).returncode == 2
 
 
 RAISES = """

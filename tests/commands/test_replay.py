@@ -13,7 +13,6 @@ from support.manifests import change_manifest
 from support.recordings import entities, lines
 
 import cmacexp
-from cmacexp.commands.viewer import DISPLAYS
 
 RECORDING = "recording.rrd"
 
@@ -111,18 +110,6 @@ def test_what_cannot_be_shown_is_refused_in_one_line(words, runs):
     before = state_of(runs)
     done = replay(*words.split(), folder=runs)
     assert (done.returncode, len(done.stderr.splitlines()), state_of(runs)) == (2, 1, before)
-
-
-def test_without_a_display_nothing_is_built_and_more_than_six_runs_do_not_go_side_by_side(
-    runs, tmp_path, monkeypatch
-):
-    for name in DISPLAYS:
-        monkeypatch.delenv(name, raising=False)
-    copies = [shutil.copytree(runs / "walk", tmp_path / f"copy{number}") for number in range(7)]
-    (copies[0] / RECORDING).unlink()
-    for done in (call("replay", copies[0]), replay(tmp_path)):
-        assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
-    assert not (copies[0] / RECORDING).exists()
 
 
 @pytest.mark.ci

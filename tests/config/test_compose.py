@@ -9,10 +9,9 @@ from support.doors import BadInput, make_mechanism, make_scenario
 from support.fields import leaves
 from support.robots import OWN
 
-from cmacexp.config import config_folder, to_config, to_plain
+from cmacexp.config import config_folder, to_config
 from cmacexp.config.compose import compose_config
-from cmacexp.config.describe import describe_fields, read_defaults
-from cmacexp.config.difference import flat
+from cmacexp.config.describe import read_defaults
 
 COMMANDS = [
     [],
@@ -54,28 +53,6 @@ def test_every_gait_is_valid_with_some_machine(gait):
     assert found
 
 
-FIELDS = (
-    ("scenario=one_leg", "feedforward=rbf", "sensors=real"),
-    ("scenario=one_leg", "feedforward=ilc"),
-    ("scenario=quadruped", "plant=mujoco_quadruped", "feedforward=inverse_dynamics"),
-    ("scenario=force_step",),
-)
-
-
-@pytest.mark.parametrize("overrides", FIELDS)
-def test_every_field_says_what_it_means(overrides):
-    config = to_plain(compose_config(overrides))
-    described = describe_fields(config)
-    assert set(described) >= set(flat(config))
-    assert not [key for key, field in described.items() if not field.meaning]
-    assert described["sampling_period"].unit == "s"
-
-
-def test_a_class_that_is_not_here_leaves_its_fields_undescribed():
-    config = to_plain(compose_config([])) | {"plant": {"_target_": "nowhere.Plant", "size": 1}}
-    assert not [key for key in describe_fields(config) if key.startswith("plant")]
-
-
 def test_defaults_are_those_of_the_scenario():
     found = [read_defaults(name).get("controller.position_gain") for name in ("quadruped", "one_leg", "nowhere")]
     assert found == [50.0, compose_config(["scenario=one_leg"]).controller.position_gain, None]
@@ -88,20 +65,3 @@ def test_what_is_set_for_all_legs_goes_to_all_of_them_but_those_with_their_own(m
     assert_array_equal(mechanism.legs[1], [0.3, 0.4, 0.6, 0.4, -1.0])
     assert_array_equal(mechanism.hips[1], [0.25, -0.2])
     assert_array_equal(mechanism.legs[[0, 2, 3], 2:], [[0.6, 0.5, 1.0], [0.6, 0.5, -1.0], [0.6, 0.5, -1.0]])
-
-
-@pytest.mark.parametrize("override", ["length_1=0.4", "mass_1=0.8"])
-def test_planned_joints_and_torques_of_the_other_legs_stay_as_they_are(make_config, override):
-    plain, changed = (
-        make_scenario(make_config("scenario=quadruped", "feedforward=inverse_dynamics", *overrides))
-        for overrides in ([], [f"machine.legs.left_front.{override}"])
-    )
-    joints, torque = (
-        (one != other).any(axis=(0, 2)).tolist()
-        for one, other in (
-            (plain.setup.plan.joints, changed.setup.plan.joints),
-            (plain.feedforward.params.torque, changed.feedforward.params.torque),
-        )
-    )
-    assert (joints, torque) == ([override.startswith("length"), *[False] * 3], [True, *[False] * 3])
-    assert_array_equal(plain.setup.plan.force_desired, changed.setup.plan.force_desired)

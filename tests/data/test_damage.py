@@ -18,7 +18,6 @@ from support.manifests import accept, change_manifest
 
 import cmacexp
 from cmacexp.config import config_hash
-from cmacexp.data import hashes
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import everything_below, runs_below
 from cmacexp.data.integrity import faults
@@ -200,30 +199,6 @@ def test_weights_that_are_none_are_bad_input(shape, kind, leg):
         start_from(leg)
 
 
-def test_a_run_starts_from_no_weights_that_a_report_or_a_sweep_lists(leg):
-    listed = {"files": {WEIGHTS: hashes.current_hash(leg / WEIGHTS)}, "config": {}, "versions": {}}
-    (leg / manifests.NAME).write_text(manifests.dump({"kind": "sweep", "status": "completed", **listed}))
-    with pytest.raises(BadInput, match=r"learning\.start_from="):
-        start_from(leg)
-
-
-def test_what_is_printed_has_no_control_characters(leg, tmp_path):
-    folder = leg.rename(tmp_path / "x\033[2K\033[1A\ny")
-    done = [call(command, folder) for command in ("verify", "score")]
-    assert [each.returncode for each in done] == [0, 0]
-    flip(folder / METRICS, random.Random(0))  # a damaged run is printed too
-    assert "\n" not in repr(cmacexp.load(folder))
-    assert "\033" not in "".join(each.stdout + each.stderr for each in done) + repr(cmacexp.load(folder))
-    assert len(done[0].stdout.splitlines()) == 1
-
-
-def test_a_run_with_a_result_lists_its_tables_and_one_that_failed_may_have_nothing(walk):
-    change_manifest(walk, files={})
-    assert [fault.split(":")[0] for fault in faults(walk)] == [METRICS, BODY_METRICS, METRICS_CSV, TRACE, BODY]
-    change_manifest(walk, status="failed")
-    assert not faults(walk)
-
-
 def test_a_report_inside_a_run_is_verified_is_no_run_and_notices_a_config_changed_by_hand(leg):
     runs = {leg: manifests.read(leg)["config_hash"]}
     page = write_report(Report("T", "S", [], [leg / TRACE], runs=runs), leg / "report")
@@ -241,3 +216,13 @@ def test_links_to_folders_are_not_followed_but_the_folder_itself_may_be_one(leg,
     assert runs_below(tmp_path) == everything_below(tmp_path) == [leg]
     (tmp_path / "given").symlink_to(leg)
     assert runs_below(tmp_path / "given") == [tmp_path / "given"]
+
+
+def test_what_is_printed_has_no_control_characters(leg, tmp_path):
+    folder = leg.rename(tmp_path / "x\033[2K\033[1A\ny")
+    done = [call(command, folder) for command in ("verify", "score")]
+    assert [each.returncode for each in done] == [0, 0]
+    flip(folder / METRICS, random.Random(0))  # a damaged run is printed too
+    assert "\n" not in repr(cmacexp.load(folder))
+    assert "\033" not in "".join(each.stdout + each.stderr for each in done) + repr(cmacexp.load(folder))
+    assert len(done[0].stdout.splitlines()) == 1

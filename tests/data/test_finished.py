@@ -5,12 +5,12 @@ import shutil
 
 import pytest
 from support.command import ROOT, cmacexp, python
-from support.doors import compose_config
+from support.doors import compose_config, run_scenario
 from support.manifests import change_manifest
 from support.robot_walks import ROBOT, SHORT
 from support.robots import change
 
-from cmacexp.data.integrity import is_finished, run_scenario
+from cmacexp.data.integrity import is_finished
 
 JOB = ("scenario=force_step",)
 

@@ -75,21 +75,6 @@ def test_a_class_in_the_current_folder_gets_the_fields_it_takes(here):
     assert other.controller.gain == {"_target_": "os.abort"}
 
 
-def test_references_rest_on_gains_only_where_the_controller_takes_them(here):
-    plans = [
-        make_scenario(compose("scenario=one_leg", f"controller._target_={name}")).setup.plan.reference[0, 300, 0, 1]
-        for name in ("cmacexp.control.HybridController", f"{here}.Stiff", f"{here}.Still")
-    ]
-    assert plans[0] == plans[1]
-    assert plans[0] - plans[2] == pytest.approx(1.0 / 100.0 + 5.0 / 100.0 * compose().force_control.admittance)
-
-
-@pytest.mark.parametrize("method", ["damping", "combined", "explicit"])
-def test_every_force_control_method_plans_for_a_controller_without_gains(here, method):
-    scenario = make_scenario(compose(f"controller._target_={here}.Still", f"force_control={method}"))
-    assert not np.isinf(scenario.setup.plan.reference).any()
-
-
 def test_what_is_no_component_is_not_called(here):
     for target in ("function", "NoMethods", "NoArguments"):
         with pytest.raises(BadInput, match="controller"):

@@ -1,16 +1,12 @@
 """``sys.exit()`` in a component, or an interrupt while results are written: nothing else ends, no result is lost."""
 
-import os
-import signal
-
 import pytest
-from support.command import call, python
+from support.command import python
 from support.doors import BadInput
 from support.sweeps import sweep
 
 import cmacexp
 from cmacexp.errors import ComponentExit
-from cmacexp.experiment import run as engine
 
 PARTS = """
 import sys
@@ -131,19 +127,3 @@ print("still here")
 """)
     done = python("program.py", folder=tmp_path)
     assert (done.returncode, done.stdout) == (77, "")
-
-
-def test_an_interrupt_while_results_are_written_comes_after_them(monkeypatch, tmp_path):
-    write = engine.write_scores
-
-    def pressed(*arguments):
-        os.kill(os.getpid(), signal.SIGINT)
-        return write(*arguments)
-
-    monkeypatch.setattr(engine, "write_scores", pressed)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    with pytest.raises(KeyboardInterrupt):
-        cmacexp.run([*BASE, "record=trace"], tmp_path / "r")
-    signal.signal(signal.SIGINT, before)
-    assert cmacexp.load(tmp_path / "r").status == "completed"
-    assert call("verify", tmp_path / "r").returncode == 0

@@ -83,28 +83,3 @@ def test_a_key_without_effect_is_warned_of_a_seed_noted(capsys):
     assert str(warning.message).startswith("cmac.layers had no effect: runs 0, 2 gave equal results")
     assert warning.filename == __file__
     assert "note: seed changes nothing here" in capsys.readouterr().err
-
-
-IDLE = """
-class Idle:
-    acts = True
-
-    def __init__(self, gain):
-        assert gain != 3, "no such gain"
-
-    def reset(self, setup):
-        pass
-
-    def predict(self, reference, learning_error):
-        return 0.0 * learning_error
-"""
-
-
-@pytest.mark.ci
-def test_a_key_of_a_custom_component_that_had_no_effect_is_reported(tmp_path):
-    (tmp_path / "mine.py").write_text(IDLE)
-    swept = ["feedforward._target_=mine.Idle", "+feedforward.gain=1,2,3", "controller.velocity_gain=5,6"]
-    done = sweep(*SHORT, *swept, folder=tmp_path)
-    (effect,) = [line for line in done.stderr.splitlines() if line.startswith(("warning", "note"))]
-    assert effect.startswith("warning: feedforward.gain had no effect: jobs 0, 2 gave equal results")
-    assert done.stderr.count("failed: ") == 2, "they do not count"

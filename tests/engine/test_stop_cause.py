@@ -45,13 +45,6 @@ def test_a_torque_at_its_limit_is_reported_if_it_was_so_throughout(ended):
     assert ended(legs=[1, 2, 3, 4]).count("at its torque limit") == MOST
 
 
-def test_feet_without_load_are_reported_where_they_should_support(ended, fallen):
-    planned = fallen.trace.tail(4 * 4).groupby("leg")["phase"].agg(lambda phase: (phase == "support").all())
-    assert [f"leg {leg} without load" in ended(force=0.0) for leg in (1, 2, 3, 4)] == planned.tolist()
-    assert planned.any()
-    assert "without load" not in ended()
-
-
 def test_whether_learning_can_be_the_cause_is_said_and_nothing_of_a_run_that_completed(ended, fallen):
     assert "feedforward=none" in ended()
     assert "not begun to learn" in ended(steps=200)

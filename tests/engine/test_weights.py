@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from support.doors import BadInput, compose_config, is_finished, make_scenario
+from support.doors import compose_config, is_finished, make_scenario
 from support.rollout import roll_out
 
 import cmacexp
@@ -83,20 +83,3 @@ def test_weights_are_a_file_of_the_run_and_runs_that_began_with_other_ones_are_s
     cmacexp.run([*ilc, "record=trace", "cycles=2"], first)
     assert not (first / "weights.npz").exists()
     assert not is_finished(first, compose_config([*ilc, *KEEP, "cycles=2"]))
-
-
-@pytest.mark.ci
-@pytest.mark.parametrize(("name", "more"), [("cmac", "cmac.layers=8"), ("rbf", "feedforward=ilc")])
-def test_weights_of_another_network_are_refused(trained, name, more):
-    with pytest.raises(BadInput) as refused:
-        started(trained[name], NAMES[name], more)
-    assert refused.value.key == "learning.start_from"
-
-
-@pytest.mark.parametrize("name", ["none", "inverse_dynamics"])
-def test_what_learns_nothing_goes_on_from_nothing_in_its_first_cycle(tmp_path, name):
-    overrides = (f"feedforward={name}", "learning.guard=none", "record=metrics", "record.weights=true")
-    cmacexp.run([*COMMON, *overrides, "cycles=1"], tmp_path)
-    assert not weights_of(tmp_path)
-    torque = torque_of(roll_out(started(tmp_path, *overrides, "learning.start_cycle=5")), 1)
-    assert torque.any() == (name == "inverse_dynamics")

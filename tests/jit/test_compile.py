@@ -5,13 +5,11 @@ import os
 import shutil
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
-from types import SimpleNamespace
 
 import pytest
 from support.command import ROOT, python
 
-from cmacexp.jit.compiler import WORTH_COMPILING, expect_runs, expect_steps, kernel, program
-from cmacexp.jit.numba_private import CheckedFiles, compiled_program
+from cmacexp.jit.compiler import WORTH_COMPILING, expect_runs, expect_steps, program
 from cmacexp.jit.sources import cache_folder, is_private
 
 SCRIPT = """
@@ -95,47 +93,6 @@ def test_the_length_of_all_runs_together_decides(steps, runs, compiled):
 
 
 # Damage
-
-
-def checked(folder, stamp="source"):
-    return CheckedFiles(SimpleNamespace(_cache_path=str(folder), _index_name="loop.run-1.nbi", _source_stamp=stamp))
-
-
-def test_a_form_is_loaded_for_its_key_and_source_alone_and_only_if_it_is_whole(tmp_path):
-    checked(tmp_path).save("key", [1, 2])
-    checked(tmp_path).save("other", [3])
-    assert [checked(tmp_path).load(key) for key in ("key", "other", "third")] == [[1, 2], [3], None]
-    assert checked(tmp_path, "edited").load("key") is None
-    for path in tmp_path.iterdir():
-        whole = path.read_bytes()
-        for content in (whole[:-1], whole[:10], b"", bytes([whole[0] ^ 1]) + whole[1:], whole[:-1] + b"x"):
-            path.write_bytes(content)
-            assert [checked(tmp_path).load(key) for key in ("key", "other")].count(None) >= 1
-            assert not path.exists()
-
-
-def test_a_form_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
-    def fail(*paths):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "replace", fail)
-    checked(tmp_path).save("key", "form")
-    assert not list(tmp_path.iterdir())
-
-
-@kernel
-def twice(number: int) -> int:
-    return 2 * number
-
-
-@pytest.mark.ci
-def test_a_damaged_program_is_compiled_again(tmp_path, capsys):
-    assert compiled_program(twice, tmp_path)(7) == twice(7) == 14
-    (path,) = [path for path in files(tmp_path) if path.suffix == ".nbc"]
-    whole = path.read_bytes()
-    path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
-    assert compiled_program(twice, tmp_path)(7) == 14
-    assert str(path) in capsys.readouterr().err
 
 
 # Folders that others can write to

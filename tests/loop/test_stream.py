@@ -81,14 +81,6 @@ def test_an_interrupt_waits_for_what_is_being_written(monkeypatch):
     assert (end.status, end.steps, kept) == ("interrupted", 600, [600])
 
 
-def test_what_cannot_be_kept_ends_the_run_as_what_it_is():
-    def full(samples):
-        raise OSError(28, "No space left on device")
-
-    with pytest.raises(OSError, match="No space left"):
-        stream(make_scenario(compose_config(["gait.cycle_time=0.2", "gait.lift=0.005"])), full)
-
-
 def test_a_run_that_fails_before_its_first_step_has_the_columns_of_its_sensors(tmp_path):
     class NoContact(AnalyticPlant):
         def reset(self, setup):

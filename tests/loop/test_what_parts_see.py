@@ -7,7 +7,6 @@ import pytest
 from support.doors import make_scenario
 from support.rollout import roll_out
 
-import cmacexp
 from cmacexp.control import HybridController
 from cmacexp.plants import AnalyticPlant
 
@@ -69,21 +68,3 @@ def test_masses_and_start_of_the_plant_alone_are_others(make_config):
     np.testing.assert_array_equal(built, believed * [1.0, 1.0, 2.0, 2.0, 1.0])
     off = np.abs(scenario.plant.state.q - scenario.setup.start)
     assert 0.0 < off.min() <= off.max() <= 0.05
-
-
-def test_torques_act_later_than_assumed(make_config):
-    known, unknown = (
-        make_scenario(make_config(*SHORT, "learning=lasting", f"{who}.delay=2", "cycles=2"))
-        for who in ("actuator", "plant")
-    )
-    assert (known.setup.lead, unknown.setup.lead) == (3, 1)
-    first, second = (roll_out(scenario).samples[:40] for scenario in (known, unknown))
-    np.testing.assert_array_equal(first, second)
-
-
-@pytest.mark.ci
-def test_a_feedforward_of_a_user_that_gives_no_torque_is_warned_of(tmp_path, recwarn):
-    for cycles, warned in ((1, 1), (3, 0)):
-        recwarn.clear()
-        cmacexp.run(["scenario=one_leg", *SHORT, f"cycles={cycles}"], tmp_path, feedforward=Witness())
-        assert sum("Witness" in str(each.message) for each in recwarn) == len(recwarn) == warned

@@ -1,14 +1,10 @@
 """What learning leaves in memory is watched cycle by cycle, from the weights themselves."""
 
-import shutil
-
 import numpy as np
 import pandas as pd
 import pytest
-from support.command import call
 
 import cmacexp
-from cmacexp.metrics.memory import MEMORY
 
 SHORT = ("gait.cycle_time=0.5", "gait.lift=0.11", "learning.lead=1")
 """A gait of 100 steps a cycle."""
@@ -19,11 +15,6 @@ MANY = 70
 @pytest.fixture(scope="module")
 def leg(stored):
     return stored("scenario=one_leg", "cycles=3", "record.weights=true")
-
-
-@pytest.fixture(scope="module")
-def mass(stored):
-    return stored("scenario=force_step")
 
 
 def last_of(run):
@@ -48,12 +39,6 @@ def test_the_tables_of_a_run_tell_the_weights_that_it_ended_with(leg):
     assert leg.metrics["cells_colliding"].iloc[-1] == memory["cells_colliding"]
 
 
-def test_scoring_again_gives_the_same_metrics(leg, tmp_path):
-    again = shutil.copytree(leg.folder, tmp_path / "again")
-    assert call("score", again).returncode == 0
-    pd.testing.assert_frame_equal(cmacexp.load(again).metrics, leg.metrics)
-
-
 @pytest.mark.ci
 def test_no_cycle_is_lost_where_more_are_run_than_a_log_holds_or_a_run_ends_within_a_cycle(
     stored, tmp_path, compiled
@@ -67,13 +52,3 @@ def test_no_cycle_is_lost_where_more_are_run_than_a_log_holds_or_a_run_ends_with
     ended = stored("learning.lead=-2", "cycles=45", "record=trace", "record.weights=true")
     assert ended.status == "diverged"
     np.testing.assert_allclose(*last_of(ended), rtol=1e-13)
-
-
-def test_memory_is_used_up_where_every_row_is():
-    known = {"rows": np.array([4.0, 8.0, 8.0]), "rows_used": np.array([4.0, 8.0, 2.0])}
-    np.testing.assert_allclose(MEMORY["memory_used"].compute(known), [1.0, 1.0, 0.25])
-
-
-def test_without_weights_nothing_is_told_of_them(mass):
-    assert mass.metrics[["weight_norm", "memory_used", "cells_colliding"]].isna().all(axis=None)
-    assert not (mass.folder / "memory.parquet").exists()

@@ -2,7 +2,6 @@
 
 import math
 import statistics
-from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
@@ -14,7 +13,7 @@ from support.made_traces import make_trace
 
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.metric import LARGE, LARGEST, MEAN, NEITHER, RMS, SMALL, SMALLEST
-from cmacexp.metrics.pooling import BETWEEN, ENDS, MOST_ROWS, pool_legs, select_main, shorten, tabulate_cycles
+from cmacexp.metrics.pooling import pool_legs, select_main, tabulate_cycles
 from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, RANKED, SHOWN
 from cmacexp.metrics.score import RunScorer, score_traces
 from cmacexp.metrics.text import format_cell
@@ -49,16 +48,6 @@ def score(*of):
     return scorer.scores
 
 
-@given(st.integers(0, 400))
-def test_a_long_table_keeps_its_ends_and_rows_between_them_at_even_distances(number):
-    rows = list(range(number))
-    kept = shorten(rows)
-    assert len(kept) == (number if number <= MOST_ROWS else 2 * ENDS + BETWEEN)
-    assert (kept[:ENDS], kept[-ENDS:]) == (rows[:ENDS], rows[-ENDS:])
-    gaps = np.diff(kept[ENDS - 1 : 1 - ENDS])
-    assert not gaps.size or (gaps.min() >= 1 and np.ptp(gaps) <= 1)
-
-
 POOL = {
     "mean": statistics.fmean,
     "RMS": lambda values: math.sqrt(statistics.fmean(value**2 for value in values)),
@@ -86,12 +75,6 @@ def test_every_metric_is_pooled_as_declared_and_shown_pooled(parts):
     assert list(main) == list(select_main(pooled, 2))
     texts = [[format_cell(pooled[name][cycle] * main[name].factor) for name in main] for cycle in range(4)]
     assert rows == [[str(cycle), *row] for cycle, row in enumerate(texts, 1)]
-
-
-@pytest.mark.parametrize("cuts", [(1,), (2, 3)])
-def test_a_run_in_parts_of_whole_cycles_has_the_scores_of_the_run(cuts, parts):
-    cut = score(*(parts(*ends) for ends in pairwise([0, *cuts, 4])))
-    assert_equal_scores(cut, score(parts(0, 4)))
 
 
 @pytest.fixture(
@@ -143,11 +126,3 @@ def test_a_metric_is_pooled_judged_and_ranked_as_its_family():
         assert (name in JUDGED, name in RANKED) == tuple(
             name in shown and metric.better != NEITHER for shown in (MAIN, SHOWN)
         )
-
-
-@given(st.floats(-1e9, 1e9))
-def test_a_number_is_shown_to_three_decimals_or_three_digits(value):
-    shown = format_cell(value)
-    assert len(shown) <= 9
-    assert float(shown) == pytest.approx(value, rel=0.005, abs=5.01e-4)
-    assert format_cell(math.nan) == "-"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.doors import BadInput, compose_config, make_scenario
 from support.robot_walks import EXACT, RIGID, ROBOT, TWO
-from support.robots import JOINTS, OWN, read
+from support.robots import OWN, read
 from support.rollout import roll_out
 
 from cmacexp.models.robot_search import find_names
@@ -294,31 +294,3 @@ def test_a_urdf_walks_with_its_limits_and_losses_by_the_names_that_are_found(tmp
         f"machine.{name}={value}".replace("'", "") for name, value in zip(NAMES, (joints, feet, home), strict=True)
     ]
     require_walk([*ONE, *names, f"machine.path='{path}'", "sampling_period=0.0005"])
-
-
-@pytest.mark.parametrize("what", ["mirrored rear knees", "feet by their bodies", "names with spaces", "a site"])
-def test_legs_are_found_by_how_bodies_hang_together(tmp_path, what):
-    path = make(tmp_path, ODD[what][0])
-    joints, feet, home = find_names(path)
-    robot = read(path, joints, feet, home)
-    assert tuple(map(tuple, joints)) == JOINTS
-    assert robot.feet_at_zero == pytest.approx(read().feet_at_zero, abs=1e-9)
-    assert (np.sort([robot.home, *np.moveaxis(robot.ranges, -1, 0)], axis=0)[1] == robot.home).all()
-
-
-NO_LEGS = {
-    "no XML": "<robot >",
-    "no mass": "<robot><link name='a'/></robot>",
-    "turned": turned(np.pi / 2),
-    "leaning": LEANING,
-    "a joint without a name": TEXT.replace('name="FL_hip_joint"', "").replace(MOTORS, ""),
-    "no trunk that floats": TEXT.replace(FREE, ""),
-}
-
-
-@pytest.mark.parametrize("text", NO_LEGS.values(), ids=NO_LEGS)
-def test_a_file_without_legs_is_refused(tmp_path, text):
-    path = tmp_path / "robot.urdf"
-    path.write_text(text)
-    with pytest.raises(BadInput, match=r"^machine\.(path|feet)="):
-        find_names(path)

@@ -69,15 +69,6 @@ def test_a_model_that_is_no_quadruped_is_refused(folder, what):
     assert len(str(raised.value).splitlines()) == 1
 
 
-@pytest.mark.ci
-def test_other_files_of_gigabytes_are_refused(folder):
-    shape = '<collision><geometry><mesh filename="package://p/large.stl"/></geometry></collision>'
-    (folder / "robot.urdf").write_text(f'<robot name="r"><link name="a">{shape}</link></robot>')
-    for name in ("large.stl", "robot.urdf"):
-        with pytest.raises(BadInput, match=r"^machine\.path=.*large\.stl.* 3000 MB"):
-            read(folder / name)
-
-
 def swap(names, i, j):
     names = list(names)
     names[i], names[j] = names[j], names[i]
@@ -107,18 +98,6 @@ def test_a_path_counts_before_the_name():
     assert find.find_model("go1", str(OWN)) == OWN.resolve()
     with pytest.raises(BadInput, match=r"^machine\.path=nowhere\.xml"):
         find.find_model("go1", "nowhere.xml")
-
-
-def test_without_a_package_a_checkout_is_searched(tmp_path, monkeypatch):
-    (tmp_path / "unitree_go1").mkdir()
-    (tmp_path / "unitree_go1" / "go1.xml").write_text(OWN.read_text())
-    monkeypatch.setattr(find, "PACKAGE", "no_such_package")
-    monkeypatch.setenv(find.CHECKOUT, str(tmp_path))
-    assert find.find_model("go1", None) == tmp_path / "unitree_go1" / "go1.xml"
-    monkeypatch.delenv(find.CHECKOUT)
-    assert find.describe_origin(OWN) == str(OWN.parent)
-    with pytest.raises(BadInput, match=r"^machine\.model=go1"):
-        find.find_model("go1", None)
 
 
 def test_a_package_is_found_and_not_imported(tmp_path, monkeypatch):

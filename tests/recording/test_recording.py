@@ -4,15 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from rerun.chunk import RrdReader
 from support.doors import BadInput
-from support.recordings import entities, lines, read_rows, values
+from support.recordings import lines, read_rows, values
 from support.views import make_walk
 
-import cmacexp
-from cmacexp.recording.axes import widen_range
 from cmacexp.recording.entities import FINENESS
 from cmacexp.recording.events import find_events
 from cmacexp.recording.window import MOST_STEPS, make_window, read_cycles
@@ -29,15 +25,6 @@ def leg(stored):
 @pytest.fixture(scope="module")
 def walk(stored):
     return stored("scenario=quadruped", "cycles=1")
-
-
-@given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6))
-def test_an_axis_shows_all_values_and_has_two_marks_but_not_too_many(low, span):
-    start, end = widen_range(low, low + span)
-    assert start <= low <= low + span <= end
-    mark = 10.0 ** np.arange(-8, 9)
-    marks = np.floor(end / mark) - np.ceil(start / mark) + 1
-    assert ((marks >= 2) & (marks <= 6)).any()
 
 
 def test_moments_are_the_planned_ones_until_the_contact_follows():
@@ -97,24 +84,3 @@ def test_views_look_at_entities_of_the_run_and_facts_are_those_of_its_manifest(l
         assert (facts["status"], facts["seed"]) == ("completed", 0)
         assert facts["cmac.layers"] == run.config["cmac"]["layers"]
         assert len(RrdReader(path).recordings()) == 1
-
-
-@pytest.mark.ci
-def test_on_a_slope_the_ground_is_drawn_below_the_feet_and_the_body_above_it(tmp_path):
-    slope = ("terrain.slope=0.08", "terrain.slope_start=0.1")
-    run = cmacexp.run(["scenario=quadruped", "cycles=1", *slope], tmp_path / "up")
-    path, force = run.folder / "recording.rrd", run.trace.force.to_numpy()[::4]
-    below, pose = (
-        values(path, entity, "Transform3D:translation")[1].reshape(-1, 3)[:, 2]
-        for entity in ("world/travel", "world/travel/body")
-    )
-    assert pose == pytest.approx(run.body.height.to_numpy(), abs=1e-6)
-    assert below == pytest.approx(0.08 * np.maximum(run.body.cog_x - 0.1, 0.0).to_numpy(), abs=1e-6)
-    foot = values(path, "world/feet", "Ellipsoids3D:centers")[1][:, 0]
-    dent = values(path, "world/ground", "LineStrips3D:strips")[1][:, 0]
-    above = {
-        end: at[:, 2] - 0.08 * np.maximum(at[:, 0] - 0.1, 0.0) for end, at in enumerate((foot, *dent.swapaxes(0, 1)))
-    }
-    assert above[0][force > 1.0].max() < 4e-3  # the body's tilt moves the drawn foot along the slope
-    np.testing.assert_allclose([above[1], above[len(above) - 1]], 0.0, atol=2.0 * DRAWN)
-    assert "/world/slope" in entities(path)

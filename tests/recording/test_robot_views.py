@@ -1,39 +1,22 @@
 """Machines as recordings and reports show them: in the world, and robots as their models."""
 
 import shutil
-import sys
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 from support.command import call
-from support.doors import BadInput
 from support.recordings import read_rows
 from support.robot_walks import ROBOT, SHORT
-from support.robots import OWN, change
+from support.robots import OWN
 from support.views import FOOT_RADIUS, make_robot, make_walk
 
 from cmacexp.recording.meshes import read_shown_model
-from cmacexp.recording.scene import turn_from_up
-from cmacexp.recording.series import collect_series
 
 
 @pytest.fixture(scope="module")
 def robot():
     return make_robot()
-
-
-@given(arrays(float, (5, 3), elements=st.floats(-1.0, 1.0).map(lambda value: round(value, 3))))
-def test_a_turn_from_up_ends_in_the_direction(along):
-    along = along[np.linalg.norm(along, axis=1) > 0.0]
-    angles, axes = turn_from_up(along)
-    assert_allclose(np.linalg.norm(axes, axis=1), 1.0)
-    up = np.array([0.0, 0.0, 1.0])  # an axis is level: Rodrigues without its part along the axis
-    turned = up * np.cos(angles)[:, None] + np.cross(axes, up) * np.sin(angles)[:, None]
-    assert_allclose(turned, along / np.linalg.norm(along, axis=1)[:, None], atol=1e-12)
 
 
 def test_a_leg_in_a_plane_hangs_from_the_body_and_tilts_with_it():
@@ -54,14 +37,6 @@ def test_the_joints_of_a_robot_end_at_the_foot_of_the_trace_keep_the_lengths_of_
     assert_allclose(joints[[0, 2], :, 0] * [1.0, -1.0, 1.0], joints[[1, 3], :, 0], atol=1e-12)
     feet = robot.in_world(robot.legs[0].foot())[robot.legs[0].support]
     assert_allclose(feet[:, 2] - robot.surface(feet[:, 0]), FOOT_RADIUS, atol=1e-12)
-
-
-def test_series_have_every_axis_and_joint_and_feedback_without_what_the_plan_knows(robot):
-    lines = collect_series(robot)
-    assert [values[0] for _, values, _ in lines["leg_1/error"]] == pytest.approx([-1.0, -2.0, -3.0])
-    for joint in (1, 2, 3):
-        known, feedback, _ = (values[0] for _, values, _ in lines[f"leg_4/torque_{joint}"])
-        assert (known, feedback) == (2.0 * joint, 1.0 * joint)
 
 
 @pytest.fixture(scope="module")
@@ -89,21 +64,3 @@ def test_a_robot_is_drawn_as_its_model_shows_it(run, tmp_path):
         assert_allclose(turn[name], np.roll(data.body(name).xquat, -1), atol=1e-3)
     feet = trace[["x", "z", "y"]].to_numpy() * [1, 1, -1] + np.pad(run.manifest["robot"]["hips"], ((0, 0), (0, 1)))
     assert_allclose(at["trunk"] + data.geom_xpos[robot.legs.foot_geom], feet, atol=1e-3)
-
-
-@pytest.mark.ci
-def test_what_is_no_model_of_the_run_is_not_drawn(run, tmp_path, monkeypatch):
-    def refuse(key, folder=tmp_path, **changed):
-        machine = {**run.config["machine"], **changed}
-        with pytest.raises(BadInput) as caught:
-            read_shown_model(folder, {**run.manifest, "config": {**run.config, "machine": machine}})
-        assert caught.value.key == key
-
-    refuse("--meshes", kind="quadruped")
-    refuse("--meshes", folder=run.folder, path=str(change(tmp_path, 'mass="6"', 'mass="6.1"')))
-    refuse("machine.path", folder=OWN.parent, path=str(OWN))
-    refuse("machine.path", path=str(tmp_path / "lost.xml"))
-    refuse("machine.home", home="up")
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    shutil.copy(OWN, tmp_path / "new.xml")
-    refuse("plant", folder=run.folder, path=str(tmp_path / "new.xml"))

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from cmacexp.report import terminal
-from cmacexp.report.terminal import activity, format_progress, progress
+from cmacexp.report.terminal import activity, progress
 
 HIDE_CURSOR, SHOW_CURSOR, LAST_CLEAR = "\x1b[?25l", "\x1b[?25h", "\r\x1b[1A\x1b[2K"
 
@@ -69,24 +69,3 @@ def test_a_line_that_is_printed_meanwhile_takes_the_place_of_the_bar(use):
         printed = len(shown_in(screen))
         while "reading a[b]" not in shown_in(screen)[printed:]:
             time.sleep(0.001)
-
-
-@pytest.mark.parametrize("stream", [io.StringIO, Terminal])
-def test_a_log_and_a_terminal_that_cannot_clear_a_line_get_lines_none_twice(use, monkeypatch, stream):
-    log = use(stream())
-    monkeypatch.setenv("TERM", "dumb")
-    with progress("running", 12, "cycles") as watch:
-        wait_for(log, "0/12 cycles\n")
-        watch(5)
-        wait_for(log, "left\n")
-    assert [line.partition(" (")[0] for line in log.getvalue().splitlines()][:2] == [
-        "running: 0/12 cycles",
-        "running: 5/12 cycles",
-    ]
-    assert len(set(log.getvalue().splitlines())) == log.getvalue().count("\n")
-
-
-def test_the_time_that_is_left_is_what_the_rest_takes_at_this_rate():
-    for seconds, left in {3.0: "9 s", 60.0: "3 min", 7200.0: "6 h"}.items():
-        assert format_progress("sweep", 1.5, 6, "jobs", seconds) == f"sweep: 1/6 jobs (25.0 %), {left} left"
-    assert format_progress("sweep", 1.5, 0, "jobs", 3.0) == "sweep: 1 jobs", "of a search nobody knows the total"

@@ -11,12 +11,10 @@ import pytest
 from support.command import call
 
 import cmacexp
-from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.parts import Drawing, Folded, Table
 from cmacexp.report.run_figures import draw_metrics
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import RunSummary, make_rows, read_summary
-from cmacexp.report.style import include_zero, new_figure, spans_decades
 from cmacexp.report.sweep_report import find_swept, make_sweep_report
 
 
@@ -77,12 +75,6 @@ def test_a_run_gets_a_page_that_needs_nothing_else_and_is_verified_with_what_it_
     with (run / "trace.parquet").open("ab") as file:
         file.write(b"x")
     assert [call("verify", run / "report").returncode, call("report", run).returncode] == [4, 2]
-
-
-def test_settings_that_are_not_the_default_are_shown_with_it(content):
-    changed, folded = next(section.parts for section in content.sections if section.title == "Settings")
-    assert {("record.weights", "true", "false"), ("cycles", "3", "5")} <= {tuple(row[:3]) for row in changed.rows}
-    assert "machine.leg.length_1" in {row[0] for row in folded.parts[0].rows}
 
 
 @pytest.mark.ci
@@ -174,15 +166,3 @@ def test_keys_that_differ_between_the_same_runs_are_one_and_what_a_scenario_deci
     assert swept(a, a) == ([], {}, [])
     runs = [{"scenario": s, "knee": k, "rate": r} for s, k, r in (("a", 1, 1), ("b", 0, 1), ("c", 0, 1), ("c", 0, 2))]
     assert swept(*runs) == (["scenario", "rate"], {"scenario": ["knee"]}, [])
-
-
-def test_axes_do_not_exaggerate_differences_and_are_logarithmic_only_where_values_allow_it():
-    _, (errors, heights) = new_figure(1, 2)
-    for axes, from_zero in ((errors, True), (heights, False)):
-        axes.plot([0, 1], [1.42, 1.52])
-        include_zero(axes, [1.42, 1.52], from_zero=from_zero)
-    figure = draw([Panel("error", "cycle", "mm", [Series("a", [1, 2], [1.42, 1.52])])])
-    lowest = [axes.get_ylim()[0] for axes in (errors, figure.axes[0], heights)]
-    assert [low <= 0.0 for low in lowest] == [True, True, False]
-    spans = [[1.0, 100.0, math.nan], [0.0, 1.0, 100.0], [1.0, 15.0], [-1.0, 100.0], [math.nan]]
-    assert [spans_decades(values) for values in spans] == [True, True, False, False, False]

@@ -6,8 +6,6 @@ import sys
 
 from support.command import call
 
-from cmacexp.report.run_summary import RunSummary, print_runs
-from cmacexp.report.terminal import format_folder
 from cmacexp.report.terminal_tables import print_table
 
 
@@ -37,15 +35,3 @@ def test_columns_that_do_not_fit_follow_below_and_wide_cells_are_folded(monkeypa
     assert numbers_in(printed) == [["1", "2", "3"], ["5", "6", "7"], ["1", "[4]"], ["5", "8"]]
     print_table(["run"], [["a" * 50]])
     assert screen.getvalue().count("a") == 50
-
-
-def test_a_table_of_many_runs_says_where_all_of_them_are(capsys, tmp_path):
-    runs = [RunSummary(tmp_path / str(number), "failed", "", {"a.b": number}) for number in range(30)]
-    print_runs(runs, ["a.b"], tmp_path / "sweep.csv")
-    assert "20 of 30 runs; all are in " in capsys.readouterr().out
-
-
-def test_a_folder_is_printed_as_a_command_takes_it(monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    assert format_folder(tmp_path / "a run") == "'a run'"
-    assert format_folder(tmp_path.parent) == str(tmp_path.parent)

@@ -9,7 +9,7 @@ from support.robot_walks import ROBOT, SHORT
 from support.robots import OWN
 
 from cmacexp.stability.cycle_map import NotPredictable, list_arrays, make_restorable_loop
-from cmacexp.stability.growth import change_sizes, fitted_growth, grow, predicted_growth
+from cmacexp.stability.growth import change_sizes, fitted_growth, predicted_growth
 from cmacexp.stability.krylov import krylov
 from cmacexp.stability.verdict import GROWS, HOLDS, UNDECIDED, WINDOW, assess, compute_rise
 
@@ -149,25 +149,6 @@ def test_the_guard_hides_no_growth_and_the_scenario_stays_as_it_is(make_config):
     scenario = make_scenario(guarded)
     first, again = (assess(guarded, scenario, simulate=False) for _ in range(2))
     assert first == again == assess(plain, simulate=False)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize(("lead", "holds"), [(1, True), (2, False)])
-def test_ritz_values_of_random_starts_are_those_of_changes(make_config, lead, holds):
-    loop = make_restorable_loop(make_config("scenario=one_leg", f"learning.lead={lead}"))
-    assert all(loop.advance(loop.period) for _ in range(20))
-    modes = [abs(grow(loop, 40, seed=seed).krylov.eigenvalues()[0]) for seed in (None, 0, 1)]
-    assert (max(modes) < 0.9999) if holds else (min(modes) > 1.005)  # 1 is the mode of weights that act on nothing
-
-
-@pytest.mark.nightly
-def test_a_leg_in_mujoco_gets_the_verdict_of_the_analytic_one(make_config):
-    settings = ("scenario=one_leg", "learning.lead=1", "learning.rule=weight_smoothing", "gait.cycle_time=0.6")
-    analytic, mujoco = (
-        assess(make_config(*settings, f"plant={plant}"), simulate=False) for plant in ("analytic", "mujoco_leg")
-    )
-    assert mujoco.verdict == analytic.verdict == HOLDS
-    assert mujoco.growth == pytest.approx(analytic.growth, abs=0.003)
 
 
 def test_a_rise_is_that_over_the_lowest_level_of_the_cycles_given():

@@ -14,11 +14,11 @@ from cmacexp.study import Results
 from pipelines.benchmark import summary
 from pipelines.benchmark.benchmark import CYCLES, LEARNERS, MODELS, make_study
 from pipelines.benchmark.compare import compare_results
-from pipelines.benchmark.entrants import ALONE, CMAC, choose_methods, list_methods
-from pipelines.benchmark.results import BY_DEFAULT, GUARD, GUARDED, SETTINGS
+from pipelines.benchmark.entrants import ALONE, CMAC, choose_methods
+from pipelines.benchmark.results import BY_DEFAULT, GUARDED, SETTINGS
 from pipelines.benchmark.tasks import LEG, MACHINES, STRESS, TASKS, VERSION, change_world, hash_tasks
-from pipelines.benchmark.trial import COMPLETED, Trial, run_stage
-from pipelines.benchmark.tuning import DEFAULT, choose_setting, draw_settings
+from pipelines.benchmark.trial import COMPLETED, Trial
+from pipelines.benchmark.tuning import DEFAULT, choose_setting
 
 TASKS_OF_VERSION_1 = "fe5a5ab1812333e398fc5fcc1c12e9b39d3d9a85a11295abfa91819ff2f297ff"
 ENTRANTS = '''
@@ -80,7 +80,6 @@ class Spoilt(Base):
             self.torque += 2.0
         return self.torque[reference.sample]
 '''
-BROKEN = {"Raises": "failed", "Undefined": "failed", "Diverges": "diverged", "Refuses": "refused"}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -133,29 +132,6 @@ def test_an_entrant_that_fails_is_rows_and_an_edit_of_one_runs_its_trials_alone_
     assert {row["end_error"] for own in new for row in own} >= set(changed)
 
 
-@pytest.mark.ci
-@pytest.mark.parametrize(("name", "status"), BROKEN.items())
-def test_an_entrant_that_cannot_go_on_says_how_it_ended(entrant, name, status):
-    machine = MACHINES[LEG]
-    trial = Trial(machine, entrant(name), DEFAULT, (0,), TASKS)
-    stage = run_stage(trial.list_overrides(machine.draw(0), "cycles=3"))
-    assert (stage.status, stage.learnt) == (status, None)
-    assert stage.cause
-
-
-@pytest.mark.ci
-@pytest.mark.parametrize(("setting", "cycles"), [(GUARD, 4), (DEFAULT, 7)])
-def test_a_guarded_run_goes_on_with_the_best_cycle_of_the_run_before(entrant, setting, cycles):
-    """An entrant that learns well and then ever worse: without the guard what is worst is carried over."""
-    method, machine = entrant("Spoilt"), MACHINES[LEG]
-    assert method.learns
-    overrides = Trial(machine, method, setting, (0,), TASKS).list_overrides(machine.draw(0), "cycles=8")
-    stage = run_stage(overrides)
-    assert stage.status == COMPLETED
-    plan = make_scenario(compose_config(overrides)).setup.plan
-    assert int(stage.learnt["steps"]) == cycles * len(plan.support)
-
-
 # Tasks, worlds and entrants
 
 
@@ -187,15 +163,6 @@ def test_an_entrant_gets_the_stiffness_that_the_designer_believes(entrant):
 def test_a_method_that_does_not_exist_is_refused(entrant, methods, own):
     with pytest.raises(BadInput, match=r"^--method"):
         choose_methods(methods or "model", own)
-
-
-def test_every_method_is_tuned_over_as_many_settings_and_a_larger_number_has_those_of_a_smaller():
-    for method in list_methods():
-        few, many = (draw_settings(method, number) for number in (3, 30))
-        assert few[0] == DEFAULT
-        assert few == many[: len(few)]
-        assert len(many) == (31 if method.tuned else 1)
-    assert {method.name for method in list_methods() if method.learns} == set(LEARNERS)
 
 
 def test_the_setting_that_fails_least_and_then_has_the_least_mean_score_is_chosen():

@@ -4,19 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 from support.doors import BadInput, Leg, gaussian_taps, inverse_dynamics, make_scenario, package_models, trigonometry
 from support.rollout import roll_out
 
 from cmacexp.control import Reference
 from cmacexp.feedforward import InverseDynamics
 from pipelines.benchmark.methods.adaptive import MODEL, make_gains, make_regressor
-from pipelines.benchmark.methods.fourier import features
-from pipelines.benchmark.methods.frozen_loop import feedback_removed
 from pipelines.benchmark.methods.norm_optimal import NormOptimal
 from pipelines.benchmark.methods.repetitive import Repetitive
 from pipelines.benchmark.methods.slotine_li import motion_regressor
-from pipelines.benchmark.methods.torque_library import TorqueLibrary
 
 FOLDER = "pipelines.benchmark.methods"
 METHODS = {
@@ -28,7 +25,6 @@ METHODS = {
     "torque_library": f"feedforward._target_={FOLDER}.torque_library.TorqueLibrary",
 }
 SLOTINE_LI = (f"controller._target_={FOLDER}.slotine_li.SlotineLi", "feedforward=none")
-PER_SAMPLE = ("norm_optimal", "repetitive", "torque_library")
 LEG = ("scenario=one_leg", "reference=aware", "learning=lasting", "learning.guard=none")
 HEAVY = (*LEG, "plant.mass_factor=1.2", "cycles=6")
 """The leg is heavier than its controllers know, all along."""
@@ -75,12 +71,6 @@ def learnt(of):
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize("name", METHODS)
-def test_a_method_learns_what_an_unknown_mass_needs(learnt, alone, name):
-    assert learnt[name][0] < 0.4 * alone
-
-
-@pytest.mark.ci
 def test_slotine_and_li_adapt_to_an_unknown_mass_without_a_feedforward(of, alone):
     rollout = roll_out(of(*HEAVY, *SLOTINE_LI))
     assert transfer_error(rollout) < 0.4 * alone
@@ -101,36 +91,7 @@ def test_least_squares_find_masses_and_ground_that_are_wrong(of):
     assert_allclose(inertia, 1.2, rtol=0.2)
 
 
-def first_torques(scenario, learnt):
-    """Torque of each sample of a cycle without feedback to learn from, after what was learnt before."""
-    setup = replace(scenario.setup, learnt=learnt)
-    feedforward, plan = scenario.feedforward, setup.plan
-    feedforward.reset(setup)
-    rows = zip(plan.support, plan.reference[1], plan.desired, plan.joints, plan.force_desired, strict=True)
-    nothing = np.zeros(setup.mechanism.shape)
-    return np.stack([feedforward.predict(Reference(k, k, True, *row), nothing).copy() for k, row in enumerate(rows)])
-
-
-@pytest.mark.ci
-@pytest.mark.parametrize("name", METHODS)
-def test_a_second_run_starts_with_what_the_first_has_learnt_at_any_sampling_period(of, learnt, name):
-    own = learnt[name][1]
-    torque, halved = (first_torques(of(*LEG, METHODS[name], *more), own) for more in ((), ("sampling_period=0.01",)))
-    assert np.abs(torque).max() > 0.1
-    assert np.median(np.abs(halved - torque[::2])) < 0.02 * np.abs(torque).max()
-    if name in PER_SAMPLE:
-        (kept,) = [value for key, value in own.items() if key.startswith("torque")]
-        assert_array_equal(torque[:-50], kept[:-50])  # repetitive control filters the last samples once more
-
-
 # Equations
-
-
-def test_feedback_takes_all_of_a_steady_torque_of_a_free_foot_and_little_of_a_fast_one(leg):
-    free, pressed = (feedback_removed(leg, 0, np.array([0.8, 1.2]), support) for support in (False, True))
-    assert_allclose(free[0], np.eye(2), atol=1e-6)
-    assert 0.0 < np.linalg.det(pressed[0]).real < 1.0  # the ground bears a part
-    assert np.abs(free[-1]).max() < 0.5
 
 
 def test_norm_optimal_solves_its_normal_equations():
@@ -159,11 +120,6 @@ def test_the_nominal_parameters_of_the_regressor_give_the_inverse_dynamics(of, o
     assert eigenvalues.min() > -1e-6
 
 
-def test_the_regressor_explains_masses_that_are_wrong(leg):
-    heavy = InverseDynamics(InverseDynamics.Config(1.2, 1.0)).compute_torque(leg)
-    assert_allclose(make_regressor(leg)[..., :4] @ [1.2, 1.2, 1.0, 0.0], heavy, atol=1e-9)
-
-
 def test_the_regressor_of_the_motion_gives_the_inverse_dynamics_and_wastes_no_power():
     chance, still = np.random.default_rng(1), np.zeros(2)
     for _ in range(20):
@@ -183,16 +139,6 @@ def test_the_regressor_of_the_motion_gives_the_inverse_dynamics_and_wastes_no_po
         assert_allclose(rate, 2.0 * coriolis, atol=1e-6)
 
 
-def test_half_waves_make_up_random_fourier_features(of):
-    chance = np.random.default_rng(0)
-    points, waves = chance.uniform(size=(30, 2)), chance.normal(size=(2, 4000)) / 0.5
-    found = features(points, waves, chance.uniform(0.0, 2.0 * np.pi, 4000))
-    assert found.min() == 0.0
-    whole = found[:, :4000] - found[:, 4000:]
-    distance = ((points[:, None] - points) ** 2).sum(axis=2)
-    assert_allclose(2.0 / 4000 * whole @ whole.T, np.exp(-distance / (2.0 * 0.5**2)), atol=0.1)
-
-
 def test_repetitive_control_is_its_equation(leg):
     """u(k) = Q [u(k - N) + gain U(k - N + lead)], by sums over all samples of three cycles."""
     method, samples = Repetitive(Repetitive.Config(gain=0.3, cutoff=20.0)), len(leg.plan.support)
@@ -207,18 +153,6 @@ def test_repetitive_control_is_its_equation(leg):
         around = [(taps[abs(j)], k - samples + j) for j in range(1 - len(taps), len(taps))]
         expected = sum(tap * (played[before] + 0.3 * feedback[before + 2]) for tap, before in around)
         assert_allclose(played[k], expected, atol=1e-12)
-
-
-def test_the_library_starts_with_the_nearest_plan_and_keeps_the_others(leg):
-    samples, gait = len(leg.plan.support), leg.config.gait
-    far, near = np.full((samples // 2, 1, 2), 1.0), np.full((samples // 3, 1, 2), 2.0)
-    plans = np.array([[2.0 * gait.stroke, gait.cycle_time], [1.1 * gait.stroke, gait.cycle_time]])
-    library = TorqueLibrary(TorqueLibrary.Config())
-    library.reset(replace(leg, learnt={"plans": plans, "torque_0": far, "torque_1": near}))
-    assert_array_equal(library.torque, np.full((samples, 1, 2), 2.0))
-    learnt = library.learnt()
-    assert_allclose(learnt["plans"], [*plans, [gait.stroke, gait.cycle_time]])
-    assert_array_equal(learnt["torque_0"], far)
 
 
 @pytest.mark.parametrize(

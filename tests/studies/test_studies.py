@@ -72,10 +72,3 @@ def test_a_study_that_is_run_again_runs_nothing_again(tmp_path):
     assert (done.returncode, again.returncode) == (0, 0), done.stderr
     assert " 0 of them to be run" in again.stderr
     check_quick(tmp_path / f"{IN_CI}-quick", FILES[IN_CI].study)
-
-
-@pytest.mark.ci
-def test_a_study_that_does_not_exist_is_an_error_that_lists_those_that_do(tmp_path):
-    done = python("-m", "pipelines.nothing", folder=tmp_path, LC_ALL="C.UTF-8")  # a process of its own, not a fork
-    assert done.returncode == 2
-    assert all(f"pipelines.{name}\n" in done.stdout for name in FILES)

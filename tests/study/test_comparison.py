@@ -8,7 +8,6 @@ from support.doors import BadInput
 
 from cmacexp.study import Comparison, compare
 from cmacexp.study.comparison import (
-    estimate_ratios,
     relative_to,
     split_tasks,
 )
@@ -53,13 +52,6 @@ def test_failures_enter_no_mean_and_decide_the_order_first():
     assert found.order().methods == ("B", "A")
 
 
-def test_a_method_that_always_fails_has_no_mean_and_is_last():
-    found = failing(made({"A": 0.4, "B": 0.5}), True)
-    assert np.isnan([found.mean("A").value, found.ratio("A", "B").value]).all()
-    assert (found.mean("A").count, found.failures("A").value) == (0, 1.0)
-    assert found.order().methods == ("B", "A")
-
-
 def test_one_task_that_decides_leaves_no_single_rank_and_is_named():
     scores = made({"A": 0.55, "B": 0.53}, spread=0.03)
     scores["A"][0], scores["B"][0] = 0.02, 0.9
@@ -68,15 +60,6 @@ def test_one_task_that_decides_leaves_no_single_rank_and_is_named():
     assert found.without(TASKS[0]).beats("B", "A")
     assert found.order().methods == ()
     assert f"B without {TASKS[0]}" in found.order().sentence
-
-
-def test_an_order_goes_as_far_as_it_is_clear():
-    scores = made({"A": 0.2, "B": 0.5, "C": 0.5, "D": 0.9})
-    scores["C"] = scores["B"]
-    assert Comparison(scores, TASKS, WORLDS).order().methods == ("A",)
-    near = comparison({"A": 0.5, "B": 0.5005}, by_world=0.3)
-    assert near.leaders(["A", "B"]) == ("A", "B")
-    assert near.order().methods == ()
 
 
 def test_what_is_relative_to_a_failure_is_no_score():
@@ -128,14 +111,6 @@ def test_worlds_are_paired_and_clusters():
     assert one.high - one.low > 2.0 * (over_runs.high - over_runs.low)
 
 
-def test_the_interval_of_a_mean_without_failures_is_student_s(statistics):
-    scores = made({"A": 0.4}, by_world=0.4)["A"]
-    value, half = estimate_ratios(scores.sum(axis=0), np.full(len(WORLDS), len(TASKS)))
-    error = scores.mean(axis=0).std(ddof=1) / len(WORLDS) ** 0.5
-    expected = statistics.t.interval(0.95, len(WORLDS) - 1, scores.mean(), error)
-    assert (value - half, value + half) == pytest.approx(expected)
-
-
 @pytest.mark.nightly
 @pytest.mark.parametrize("worlds", [5, 20])
 def test_intervals_contain_the_truth_as_often_as_they_say(worlds):
@@ -156,36 +131,6 @@ def test_intervals_contain_the_truth_as_often_as_they_say(worlds):
     mean, ratio, improvement = np.mean(hits, axis=0)
     assert (0.92 if worlds == 5 else 0.93) <= improvement <= 0.97  # shares of 35 runs are coarse
     assert 0.93 <= min(mean, ratio) <= max(mean, ratio) <= 0.97
-
-
-def test_one_world_decides_nothing():
-    found = Comparison({"A": np.full((2, 1), 0.1), "B": np.full((2, 1), 0.9)}, ["step", "push"], [1])
-    assert (found.ratio("A", "B").low, found.ratio("A", "B").high) == (0.0, np.inf)
-    assert found.order().methods == ()
-
-
-def test_the_probability_of_improvement_of_two_methods_is_one_together():
-    scores = made({"A": 0.5, "B": 0.5}, spread=0.3)
-    scores["B"][:, :10] = scores["A"][:, :10]
-    scores["A"][0], scores["B"][0] = np.inf, np.nan
-    found = Comparison(scores, TASKS, WORLDS)
-    ab, ba = found.probability_of_improvement("A", "B"), found.probability_of_improvement("B", "A")
-    assert ab.value + ba.value == pytest.approx(1.0, abs=1e-15)
-    assert ab.low + ba.high == pytest.approx(1.0, abs=1e-15)
-    wins = scores["A"][1:, 10:] < scores["B"][1:, 10:]
-    assert ab.value == pytest.approx((wins.sum() + 0.5 * (RUNS - wins.size)) / RUNS)
-
-
-def test_a_profile_is_monotone_and_ends_at_one_only_without_failures():
-    found = failing(made({"A": 0.5, "B": 0.5}, spread=0.5), np.arange(RUNS).reshape(8, 20) % 10 == 0)
-    levels = [0.0, *np.geomspace(0.05, 5.0, 50), np.inf]
-    for method, end in (("A", 0.9), ("B", 1.0)):
-        value, low, high = found.profile(method, levels)
-        assert (np.diff([value, low, high]) >= 0.0).all()
-        assert (low <= value).all()
-        assert (value <= high).all()
-        assert value[-1] == pytest.approx(end)
-    assert found.profile("A", [0.5])[0] == np.mean(found.scores["A"] <= 0.5)
 
 
 @pytest.mark.parametrize(

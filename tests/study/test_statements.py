@@ -84,10 +84,6 @@ def test_each_verdict_from_where_the_intervals_lie(samples, verdict):
     assert judge(*(criterion(*sample) for sample in samples)).verdict == verdict
 
 
-def test_without_an_opposite_nothing_is_contradicted():
-    assert judge(criterion(3.0, fails=None)).verdict == "not reproduced"
-
-
 @pytest.mark.parametrize("sample", [[7.0], [math.inf]])
 def test_a_value_without_a_limit_stands_beside_others_and_decides_nothing(sample):
     beside = Criterion("height", lambda results: sample, ANY)

@@ -1,10 +1,12 @@
 """The tables of metrics and signals in the documentation, as the code declares every column.
 
-After a change of a declaration, renew them with ``python tests/support/tables_doc.py`` and read the diff.
+A page holds ``{{ declared }}`` below the heading of a table; mkdocs fills it when it builds the site, so an addition
+needs no edit of the page.
 """
 
 import re
-from pathlib import Path
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from cmacexp.data import signals
 from cmacexp.metrics.body import BODY_METRICS
@@ -12,7 +14,8 @@ from cmacexp.metrics.metric import CYCLE, LEG, Metric
 from cmacexp.metrics.registry import METRICS
 from cmacexp.metrics.tracking import SPATIAL
 
-DOCS = Path(__file__).parents[2] / "docs"
+DECLARED = re.compile(r"^## (.+)$|^\{\{ declared \}\}$", re.MULTILINE)
+"""A heading, or the place of its table."""
 COLUMNS = {
     "`metrics.parquet`": {"cycle": CYCLE, "leg": LEG, **METRICS},
     "`metrics.parquet` of a robot": SPATIAL,
@@ -27,11 +30,12 @@ SIGNALS = {
 }
 
 
-def table_of(head, rows):
+def table_of(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table of Markdown."""
     return "".join("| " + " | ".join(cells) + " |\n" for cells in [head, ["---"] * len(head), *rows])
 
 
-def shown_as(column):
+def shown_as(column: Any) -> tuple[str, str, str]:
     """Name, symbol and unit of a metric in tables and figures, its pooling, and which direction is better."""
     if not isinstance(column, Metric):
         return "-", "-", "-"
@@ -40,14 +44,16 @@ def shown_as(column):
     return name, column.pooling.name or "-", column.better or "-"
 
 
-def metrics_table(columns):
+def metrics_table(columns: Mapping[str, Any]) -> str:
+    """Every metric of a file."""
     return table_of(
         ["column", "unit", "definition", "shown as", "over legs", "better", "NaN where", "source"],
         [[f"`{name}`", c.unit or "1", c.meaning, *shown_as(c), c.undefined, c.source] for name, c in columns.items()],
     )
 
 
-def signals_table(columns):
+def signals_table(columns: Iterable[Any]) -> str:
+    """Every signal of a file."""
     return table_of(
         ["column", "unit", "meaning", "type", "owner", "altered by", "present"],
         [
@@ -57,7 +63,8 @@ def signals_table(columns):
     )
 
 
-def arrays_table():
+def arrays_table() -> str:
+    """Which columns become an array that components get."""
     spatial = {signal.name for signal in signals.SPATIAL_SIGNALS}
     rows = [
         (
@@ -80,13 +87,17 @@ TABLES = {
 """By the name of a page, and the heading in it."""
 
 
-def find_table(page, heading):
-    """The text of a page, and the first table below a heading in it."""
-    text = (DOCS / f"{page}.md").read_text()
-    return text, re.compile(r"(?:^\|.*\n)+", re.MULTILINE).search(text, text.index(f"\n## {heading}\n"))
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """Fill a page; mkdocs calls this for every page.
 
+    Raises:
+        KeyError: no table is declared for the heading above a place.
+    """
+    name, heading = page.file.src_uri.removesuffix(".md"), ""
 
-if __name__ == "__main__":
-    for (page, heading), table in TABLES.items():
-        text, old = find_table(page, heading)
-        (DOCS / f"{page}.md").write_text(text[: old.start()] + table + text[old.end() :])
+    def fill(found: re.Match[str]) -> str:
+        nonlocal heading
+        heading = found[1] or heading
+        return found[0] if found[1] else TABLES[name, heading].rstrip()
+
+    return DECLARED.sub(fill, markdown)
