@@ -3,7 +3,7 @@
 T is the transfer from a feedforward torque to -J^T U, the torque that it spares the feedback. A lead of l samples
 multiplies T by z^l. What ``docs/theory.md`` proves of several joints needs Hermitian parts, Re M = (M + M^H) / 2: an
 error of weights is measured by V = tr(W Q W^T), with one positive definite Q for each leg, and Re(Q z^l T) must be
-positive definite. Eigenvalues of T with positive real parts do not suffice (``tests/laws/test_transfer.py``).
+positive definite. Eigenvalues of T with positive real parts do not suffice (``tests/stability/test_transfer.py``).
 """
 
 from collections.abc import Sequence
