@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from support.command import ROOT
 from support.doors import BadInput
 
 from cmacexp.cmac import spread
@@ -49,11 +48,6 @@ def output(weights, activation):
     given = np.empty(2)
     read_weighted(weights, CELLS, np.asarray(activation), given)
     return given
-
-
-def test_every_rule_is_documented():
-    page = (ROOT / "docs" / "learning-rules.md").read_text()
-    assert [name for name in RULES if f"\n| `{name}` | " not in page] == []
 
 
 def test_a_rule_that_is_added_to_the_table_is_learnt_by(make_config, monkeypatch):

@@ -93,7 +93,9 @@ def test_a_run_of_a_custom_component_is_not_once_its_data_have_changed(own):
 
 
 ASK = """
-from pathlib import Path; from support.command import ROOT, cmacexp, python
+from pathlib import Path
+from support.doors import compose_config
+from cmacexp.data.integrity import is_finished
 print(is_finished(Path("run"), compose_config({job})))
 """
 

@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from support.command import call, environment
+from support.command import environment
 from support.doors import BadInput
 
 CLOSE = "import os\nfor number in {closed}: os.close(number)\nos.execv({command[0]!r}, {command!r})"
@@ -48,23 +48,6 @@ def test_a_full_output_and_one_whose_reader_has_stopped_go_nowhere(tmp_path):
     for output in (os.open("/dev/full", os.O_WRONLY), writer):
         done = printing(tmp_path, stdout=output)
         assert (done.returncode, b"Error" in done.stderr) == (0, False)
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("verify", "a\nb"),
-        ("verify",),
-        ("report", ".", "--no-such-option"),
-        ("study", "no.py", "--seeds", "²"),
-        ("main", "cycles=1", "-x"),
-        ("main", "optimize='a\nb'"),
-        ("main", "--unheard-of"),
-    ],
-)
-def test_a_refusal_is_one_line(words, tmp_path):
-    done = call(*words, folder=tmp_path)
-    assert (done.returncode, done.stderr.count("\n"), done.stdout) == (2, 1, "")
 
 
 def test_a_message_quotes_the_ends_of_a_long_value_and_no_line_break():

@@ -14,6 +14,7 @@ ELSEWHERE = """
 import sys
 import numpy as np
 sys.path.append({tests!r})
+from support.doors import compose_config, make_scenario
 from support.rollout import roll_out
 
 run = roll_out(make_scenario(compose_config(sys.argv[2:])))
