@@ -136,7 +136,7 @@ def sections() -> dict[str, list[str]]:
 
 TYPED = sections()
 SLOW = ("Robots and MuJoCo", "Commands")
-PARTS = [lines[i::10] for name, lines in TYPED.items() if name not in SLOW for i in range(10)]
+PARTS = [lines[i::10] for name, lines in TYPED.items() if name not in SLOW for i in range(min(10, len(lines)))]
 """So small that each takes a fraction of a second."""
 
 
