@@ -24,3 +24,8 @@ def __getattr__(name: str) -> Any:
     if name == "gym":
         return import_module("cmacexp.gym")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """All public names, also those that are not imported yet."""
+    return [*__all__, "gym"]

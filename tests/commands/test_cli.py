@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from support.command import call, started
+from support.command import call, cmacexp, started
 from support.doors import compose_config
 
 import cmacexp as package
@@ -98,3 +98,11 @@ def test_a_run_that_is_ended_keeps_what_there_is(tmp_path):
     assert "Traceback" not in err
     assert package.load(tmp_path / "r").status == "interrupted"
     assert call("verify", tmp_path / "r").returncode == 0
+
+
+@pytest.mark.ci
+def test_a_command_is_called_by_its_name_and_its_words_follow(tmp_path):
+    for words in (["run", "scenario=force_step", "cycles=1", "hydra.run.dir=a"], ["score", "a"], ["verify", "a"]):
+        done = cmacexp(*words, folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+    assert "did you mean report?" in cmacexp("reprot", "a", folder=tmp_path).stderr

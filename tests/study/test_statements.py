@@ -20,7 +20,7 @@ from cmacexp.study import (
     grid,
     starting_from,
 )
-from cmacexp.study.interval import NO_REFERENCE, ONE_SEED, UNPAIRED
+from cmacexp.study.interval import ONE_SEED, UNPAIRED
 from cmacexp.study.provenance import digest_source
 from cmacexp.study.results import NoSuchRuns
 from cmacexp.study.statements import UNDECIDED, Judged
@@ -97,11 +97,6 @@ def test_one_seed_decides_nothing_unless_no_seed_changes_the_run():
     (measured,) = small.judge(Results(rows)).measured
     assert (measured.spread, measured.verdict) == (ONE_SEED, "inconclusive")
     assert small.judge(ONE).outcome == "yes"
-
-
-def test_ratios_without_a_reference_say_so_instead_of_a_value():
-    (measured,) = judge(criterion(UNPAIRED, UNPAIRED)).measured
-    assert (measured.value, measured.interval.size) == (NO_REFERENCE, "0 of 2")
 
 
 @pytest.mark.parametrize(
