@@ -43,10 +43,3 @@ def test_legs_of_other_names_are_found_and_typed_as_printed(folder):
     machine = compose_config(shlex.split(command)[3:]).machine
     assert machine.joints[0] == ["left of it hip_joint", "left of it thigh_joint", "left of it null"]
     assert (machine.path, machine.feet) == (str(folder / "other robot.xml"), list(FEET))
-
-
-def test_hydra_shows_what_follows_by_rule(folder):
-    """``--cfg job --resolve`` prints numbers."""
-    words = ("--cfg", "job", "--resolve", "scenario=robot", "machine=mjcf", "machine.path=robot.xml")
-    shown = call("main", *words, folder=folder)
-    assert (shown.returncode, "${" in shown.stdout) == (0, False)
