@@ -6,6 +6,7 @@ takes long.
 """
 
 import math
+import os
 from functools import cache
 from tempfile import TemporaryDirectory
 
@@ -18,6 +19,7 @@ from support.doors import compose_config, make_mechanism, make_scenario
 from support.stored import make_stored, runs_folder
 
 from cmacexp.jit.compiler import expect_runs
+from cmacexp.jit.sources import cache_folder
 from cmacexp.planning import make_plan
 
 settings.register_profile("laws", deadline=None, derandomize=True, max_examples=40)
@@ -25,6 +27,8 @@ settings.load_profile("laws")
 
 LONG = 100
 """Cycles of one leg that repay compiling."""
+FORMS = 2
+"""Of the loop: with built-in components alone, and with others."""
 
 
 def pytest_configure(config):
@@ -33,9 +37,9 @@ def pytest_configure(config):
 
 
 def pytest_sessionstart(session):
-    """Compile both forms of the loop before several processes start: each of them would do so for itself."""
-    several = session.config.getoption("numprocesses", None) and not hasattr(session.config, "workerinput")
-    if several and not session.config.option.collectonly:
+    """Compile both forms of the loop, unless the cache has them: later each process would, during a test."""
+    only_looks = session.config.option.collectonly or hasattr(session.config, "workerinput")
+    if not (only_looks or os.environ.get("NUMBA_DISABLE_JIT")) and len([*cache_folder().glob("*/*.nbc")]) < FORMS:
         with TemporaryDirectory() as folder:
             run = (f"cycles={LONG}", "record=trace")
             forms = [

@@ -11,7 +11,6 @@ from support.robots import OWN
 
 from cmacexp.config import config_folder, to_config
 from cmacexp.config.compose import compose_config
-from cmacexp.config.describe import read_defaults
 
 COMMANDS = [
     [],
@@ -51,11 +50,6 @@ def test_every_gait_is_valid_with_some_machine(gait):
         with suppress(BadInput):
             found.append(compose_config([*scenario, f"gait={gait}"]).gait.pattern)
     assert found
-
-
-def test_defaults_are_those_of_the_scenario():
-    found = [read_defaults(name).get("controller.position_gain") for name in ("quadruped", "one_leg", "nowhere")]
-    assert found == [50.0, compose_config(["scenario=one_leg"]).controller.position_gain, None]
 
 
 def test_what_is_set_for_all_legs_goes_to_all_of_them_but_those_with_their_own(make_config):
