@@ -34,6 +34,7 @@ ENTRY = {
 }
 
 
+@pytest.mark.ci
 def test_every_quote_of_every_page_is_filled_in():
     pages = {name: fill_quotes(path.read_text(), RESULTS.statements) for name, path in PAGES.items()}
     assert not [name for name, text in pages.items() if QUOTE.search(text)]

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 import pytest
 
-LONGEST = 20.0
+LONGEST = 33.0
 """Processor time of a test of the first tier, in units of :func:`time_of_the_loop`: about a second."""
 STARTS = {"subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system"}
 """Events of Python that start a process."""
