@@ -1,4 +1,4 @@
-"""What users are told: forty answers word for word (``messages.txt``), and one rule for all (``wrong_inputs.txt``).
+"""What users see: forty answers word for word (``messages.txt``), and one rule for all (``wrong_inputs.txt``).
 
 A line of ``messages.txt`` that starts with ``$`` is a whole command, or config overrides that are run; one that
 starts with ``>>>`` is Python. Renew all answers with ``PYTHONPATH=.:tests python tests/commands/test_messages.py``,

@@ -1,6 +1,7 @@
 """The fields that a component takes: of the replaced option, or typed by a config class."""
 
 import pytest
+from support.controllers import write_module
 
 from cmacexp.config.compose import compose_config
 from cmacexp.config.targets import find_new_name
@@ -54,13 +55,7 @@ class Heir(HybridController):
 def here(tmp_path, monkeypatch):
     """The current folder, with classes in it that no other test has imported."""
     monkeypatch.chdir(tmp_path)
-    name = f"fields_{abs(hash(tmp_path))}"
-    (tmp_path / f"{name}.py").write_text(CLASSES)
-    return name
-
-
-def compose(*overrides):
-    return compose_config(overrides)
+    return write_module(tmp_path, CLASSES)
 
 
 def test_fields_of_the_replaced_option_and_of_the_scenario_are_dropped(here, tmp_path):
@@ -68,15 +63,15 @@ def test_fields_of_the_replaced_option_and_of_the_scenario_are_dropped(here, tmp
     (tmp_path / "controller" / "mine.yaml").write_text(f"_target_: {here}.Still\ngain: 2\n")
     config = compose_config(["scenario=quadruped", "controller=mine"], tmp_path)  # it sets gains of any controller
     assert config.controller == {"_target_": f"{here}.Still", "gain": 2}
-    left = compose("plant=mujoco_quadruped", "scenario=quadruped", f"plant._target_={here}.Still")
+    left = compose_config(["plant=mujoco_quadruped", "scenario=quadruped", f"plant._target_={here}.Still"])
     assert left.plant == {"_target_": f"{here}.Still"}
 
 
 def test_a_class_with_a_config_gets_typed_and_checked_fields(here):
     typed = f"controller._target_={here}.Typed"
-    config = compose(typed, "+controller.gain=3")
+    config = compose_config([typed, "+controller.gain=3"])
     assert (config.controller.gain, type(config.controller.gain)) == (3.0, float)
-    assert compose(f"controller._target_={here}.Same").controller.gain == 2.0
+    assert compose_config([f"controller._target_={here}.Same"]).controller.gain == 2.0
     for wrong, told in {
         "gain=-1": "controller.gain=-1.0: must be above 0 (N m/rad)",
         "gain=much": "controller.gain=much: must be a number",
@@ -84,15 +79,15 @@ def test_a_class_with_a_config_gets_typed_and_checked_fields(here):
         "gian=1": "takes gain, legs; did you mean gain?",
     }.items():
         with pytest.raises(BadInput) as caught:
-            compose(typed, f"+controller.{wrong}")
+            compose_config([typed, f"+controller.{wrong}"])
         assert told in str(caught.value)
     with pytest.raises(ValueError, match="no such leg"):
-        compose(typed, "+controller.legs=[2]")
+        compose_config([typed, "+controller.legs=[2]"])
 
 
 def test_a_target_that_has_moved_keeps_working_and_its_new_name_is_printed_once(capsys):
     find_new_name.cache_clear()
     for _ in range(2):
-        assert compose("feedforward._target_=cmacexp.control.CmacFeedforward") == compose()
+        assert compose_config(["feedforward._target_=cmacexp.control.CmacFeedforward"]) == compose_config([])
     (line,) = capsys.readouterr().err.splitlines()
     assert line == "cmacexp.control.CmacFeedforward is now cmacexp.feedforward.CmacFeedforward"

@@ -1,4 +1,4 @@
-"""Options of robots state the model that results were measured with; who has another one is told so, once."""
+"""Options of robots state the model that results were measured with; another one is reported once."""
 
 import re
 

@@ -1,9 +1,9 @@
-"""Custom components: how they are found and made, what they are held to, what is told when they are wrong."""
+"""Custom components: how they are found and made, what they are held to, what is reported when they are wrong."""
 
 import numpy as np
 import pytest
 from support.command import call
-from support.controllers import CONTROLLERS
+from support.controllers import CONTROLLERS, write_module
 from support.doors import BadInput, compose_config, make_scenario
 from support.manifests import change_manifest
 from support.rollout import roll_out
@@ -54,13 +54,7 @@ class NoArguments(NoMethods):
 def here(tmp_path, monkeypatch):
     """The current folder, with a file of controllers in it that no other test has imported."""
     monkeypatch.chdir(tmp_path)
-    name = f"own_{abs(hash(tmp_path))}"
-    (tmp_path / f"{name}.py").write_text(OWN)
-    return name
-
-
-def compose(*overrides):
-    return compose_config(overrides)
+    return write_module(tmp_path, OWN)
 
 
 # How they are found and made
@@ -68,17 +62,17 @@ def compose(*overrides):
 
 def test_a_class_in_the_current_folder_gets_the_fields_it_takes(here):
     """A field that names a class is data: nothing that a field holds is called."""
-    scenario = make_scenario(compose(f"controller._target_={here}.Still", "+controller.gain=3"))
+    scenario = make_scenario(compose_config([f"controller._target_={here}.Still", "+controller.gain=3"]))
     assert scenario.controller.gain == 3
     assert scenario.setup.config.controller == {"_target_": f"{here}.Still", "gain": 3}
-    other = make_scenario(compose(f"controller._target_={here}.Still", "+controller.gain._target_=os.abort"))
+    other = make_scenario(compose_config([f"controller._target_={here}.Still", "+controller.gain._target_=os.abort"]))
     assert other.controller.gain == {"_target_": "os.abort"}
 
 
 def test_what_is_no_component_is_not_called(here):
     for target in ("function", "NoMethods", "NoArguments"):
         with pytest.raises(BadInput, match="controller"):
-            make_scenario(compose(f"controller._target_={here}.{target}"))
+            make_scenario(compose_config([f"controller._target_={here}.{target}"]))
     assert __import__(here).calls == []
 
 
@@ -94,7 +88,7 @@ def test_readers_of_a_run_do_not_import_what_its_manifest_names(here, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("def f(:", "SyntaxError"),
         ("x = unknown", "NameError: name 'unknown'"),
@@ -102,10 +96,10 @@ def test_readers_of_a_run_do_not_import_what_its_manifest_names(here, tmp_path):
         (f"{CONTROLLERS}\nC = CannotBeMade", "ValueError: no licence"),
     ],
 )
-def test_what_a_file_raises_is_told_with_its_traceback(here, tmp_path, text, told):
+def test_what_a_file_raises_is_reported_with_its_traceback(here, tmp_path, text, message):
     (tmp_path / f"{here}_bad.py").write_text(text)
-    with pytest.raises(BadInput, match=told) as caught:
-        make_scenario(compose(f"controller._target_={here}_bad.C"))
+    with pytest.raises(BadInput, match=message) as caught:
+        make_scenario(compose_config([f"controller._target_={here}_bad.C"]))
     shown = format_user_traceback(caught.value.raised)
     assert f"{here}_bad.py" in shown
     assert "hydra" not in shown
@@ -189,14 +183,14 @@ def test_every_part_is_held_to_its_shapes(make_config, key, method):
 
 
 @pytest.mark.parametrize(
-    ("name", "steps", "told"),
+    ("name", "steps", "message"),
     [("Breaks", 120, "ZeroDivisionError"), ("Flat", 0, "shape (2,)"), ("BreaksAtOnce", 0, "no such leg")],
 )
-def test_a_run_that_fails_keeps_its_steps_its_cause_and_the_traceback(here, tmp_path, name, steps, told):
+def test_a_run_that_fails_keeps_its_steps_its_cause_and_the_traceback(here, tmp_path, name, steps, message):
     done = call("main", *SHORT, f"controller._target_={here}.{name}", "hydra.run.dir=r", folder=tmp_path)
     run = cmacexp.load(tmp_path / "r")
     assert (done.returncode, run.status, run.manifest["steps"]) == (1, "failed", steps)
-    assert told in done.stderr.splitlines()[-1]
+    assert message in done.stderr.splitlines()[-1]
     assert ("traceback" in run.manifest) == (name != "Flat"), "an answer of a wrong shape raises nothing"
     assert ("gain = 1 / (reference.step - 120)" in done.stderr) == (name == "Breaks")
     assert (len(run.trace) if steps else 0) == steps

@@ -56,8 +56,8 @@ def on_a_small_disk(size, *arguments, folder):
 )
 def test_a_full_disk_is_one_line_and_keeps_nothing_half_written(size, kept, tmp_path):
     done, out = on_a_small_disk(size, "cycles=5", "hydra.run.dir=out", folder=tmp_path), tmp_path / "out"
-    (told,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
-    assert "disk full" in told
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert "disk full" in line
     assert out.exists() == bool(kept)
     if kept:
         assert {path.name for path in out.glob("*")} - {".hydra"} == kept
@@ -89,8 +89,8 @@ def test_a_folder_that_cannot_be_written_is_one_line(arguments, locked, tmp_path
     given = [text.format(locked) for text in arguments]
     done = call("main", *given, "cycles=1", folder=tmp_path_factory.mktemp("here"))
     assert (done.returncode, done.stdout) == (2, "")
-    (told,) = done.stderr.splitlines()
-    assert f"{locked}/out" in told
+    (line,) = done.stderr.splitlines()
+    assert f"{locked}/out" in line
     assert not (locked / "out").exists()
 
 

@@ -144,7 +144,7 @@ def test_a_test_imports_inner_modules_of_its_own_room_only():
             for name in named_in(ast.parse(file.read_text())):
                 package, *inside = name.split(".")
                 is_inner = package == "cmacexp" and len(inside) > 1
-                foreign = is_inner and inside[0] != {"engine": "experiment"}.get(folder, folder)
-                if foreign or (package in {"pipelines", "benchmarks"} and folder not in {"studies", "commands"}):
+                wrong_room = is_inner and inside[0] != {"engine": "experiment"}.get(folder, folder)
+                if wrong_room or (package in {"pipelines", "benchmarks"} and folder not in {"studies", "commands"}):
                     wrong.append((str(file.relative_to(TESTS)), name))
     assert not wrong

@@ -14,8 +14,9 @@ HEAVY = ("machine.legs.left_front.mass_1=0.7", "machine.legs.left_rear.length_2=
 @pytest.mark.parametrize(
     "overrides",
     [
-        ("feedforward=none", "cycles=1"),
-        ("cycles=2", *HEAVY),
+        ("cycles=1", "gait.cycle_time=1.0", "gait.load_ramp=0.05", *HEAVY),
+        pytest.param(("feedforward=none", "cycles=1"), marks=pytest.mark.ci),
+        pytest.param(("cycles=2", *HEAVY), marks=pytest.mark.ci),
         pytest.param(("cycles=8",), marks=pytest.mark.ci),
         pytest.param(("cycles=4", "reference=literal"), marks=pytest.mark.nightly),
         pytest.param(("cycles=4", "posture.gain=4"), marks=pytest.mark.nightly),

@@ -18,17 +18,17 @@ LEGS = 4
 
 
 @pytest.fixture
-def tell(make_config):
-    """What the force sensors (steps, L) tell of values (steps, L), or of one leg's (steps,), under some settings."""
+def read_force(make_config):
+    """Readings of the force sensors (steps, L) for values (steps, L), or for one leg (steps,), under some settings."""
 
-    def told(values, *settings, scenario="one_leg"):
+    def readings(values, *settings, scenario="one_leg"):
         settings = [f"sensors.force.{setting}" if setting[:4] != "seed" else setting for setting in settings]
         made = make_scenario(make_config(f"scenario={scenario}", REAL, *SHORT, *settings))
         values = np.asarray(values, dtype=float).reshape(len(values), -1)
         read = np.array([made.sensors.measure(made.first._replace(force=row)).force for row in values])
         return read[:, 0] if scenario == "one_leg" else read
 
-    return told
+    return readings
 
 
 # Chance
@@ -72,8 +72,8 @@ LATER = "start=0.01"
     ],
     ids=lambda value: " ".join(map(str, value)),
 )
-def test_an_imperfection_reads_what_can_be_computed_by_hand(tell, settings, values, readings):
-    assert tell(values, *settings) == pytest.approx(readings)
+def test_an_imperfection_reads_what_can_be_computed_by_hand(read_force, settings, values, readings):
+    assert read_force(values, *settings) == pytest.approx(readings)
 
 
 @pytest.mark.parametrize(
@@ -84,26 +84,26 @@ def test_an_imperfection_reads_what_can_be_computed_by_hand(tell, settings, valu
         (["noise=4", "fault.kind=noise", "fault.value=3"], 5.0),
     ],
 )
-def test_noise_has_the_deviation_that_is_set_and_is_of_the_seed(tell, settings, deviation):
-    one, again, other = (tell(np.full(2000, 10.0), *settings, f"seed={seed}") for seed in (1, 1, 2))
+def test_noise_has_the_deviation_that_is_set_and_is_of_the_seed(read_force, settings, deviation):
+    one, again, other = (read_force(np.full(2000, 10.0), *settings, f"seed={seed}") for seed in (1, 1, 2))
     assert one.std() == pytest.approx(deviation, rel=0.05)
     assert one.mean() == pytest.approx(10.0, abs=0.05 * deviation)
     assert_array_equal(one, again)
     assert abs(np.corrcoef(one, other)[0, 1]) < 0.06
 
 
-def test_a_lost_sample_reads_the_last_good_one_or_zero(tell):
+def test_a_lost_sample_reads_the_last_good_one_or_zero(read_force):
     values = np.arange(1.0, 2001.0)
-    held, zero = tell(values, "dropout=0.3"), tell(values, "dropout=0.3", "dropout_reads=zero")
+    held, zero = read_force(values, "dropout=0.3"), read_force(values, "dropout=0.3", "dropout_reads=zero")
     lost = held != values
     assert lost.mean() == pytest.approx(0.3, abs=0.04)
     assert_array_equal(held[1:][lost[1:]], held[:-1][lost[1:]])
     assert_array_equal(zero, np.where(lost, 0.0, values))
 
 
-def test_only_the_named_legs_are_altered(tell):
+def test_only_the_named_legs_are_altered(read_force):
     settings = ("bias=1", "dropout=1e-9", "legs=[1,3]", "fault.kind=zero", "fault.legs=[4]")
-    assert tell([[10, 20, 30, 40]], *settings, scenario="quadruped").tolist() == [[11, 20, 31, 0]]
+    assert read_force([[10, 20, 30, 40]], *settings, scenario="quadruped").tolist() == [[11, 20, 31, 0]]
 
 
 # A channel for each reading

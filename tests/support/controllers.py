@@ -1,5 +1,7 @@
 """Custom controllers for the tests: one that is right, and what can be wrong with one."""
 
+from pathlib import Path
+
 CONTROLLERS = """
 from dataclasses import dataclass
 import numpy as np
@@ -33,3 +35,10 @@ class CannotBeMade(Still):
 
 number = 3
 """
+
+
+def write_module(folder: Path, text: str) -> str:
+    """Write a module that no other test has imported into a folder; its name."""
+    name = f"own_{abs(hash(folder))}"
+    (folder / f"{name}.py").write_text(text)
+    return name
