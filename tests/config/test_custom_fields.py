@@ -72,7 +72,7 @@ def test_a_class_with_a_config_gets_typed_and_checked_fields(here):
     config = compose_config([typed, "+controller.gain=3"])
     assert (config.controller.gain, type(config.controller.gain)) == (3.0, float)
     assert compose_config([f"controller._target_={here}.Same"]).controller.gain == 2.0
-    for wrong, told in {
+    for wrong, reason in {
         "gain=-1": "controller.gain=-1.0: must be above 0 (N m/rad)",
         "gain=much": "controller.gain=much: must be a number",
         "legs=[0]": "controller.legs=0: must be at least 1 (leg)",
@@ -80,7 +80,7 @@ def test_a_class_with_a_config_gets_typed_and_checked_fields(here):
     }.items():
         with pytest.raises(BadInput) as caught:
             compose_config([typed, f"+controller.{wrong}"])
-        assert told in str(caught.value)
+        assert reason in str(caught.value)
     with pytest.raises(ValueError, match="no such leg"):
         compose_config([typed, "+controller.legs=[2]"])
 

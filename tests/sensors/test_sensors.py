@@ -19,7 +19,7 @@ LEGS = 4
 
 @pytest.fixture
 def read_force(make_config):
-    """Readings of the force sensors (steps, L) for values (steps, L), or for one leg (steps,), under some settings."""
+    """Readings of the force sensors (steps, L) for values (steps, L), or of one leg (steps,), under settings."""
 
     def readings(values, *settings, scenario="one_leg"):
         settings = [f"sensors.force.{setting}" if setting[:4] != "seed" else setting for setting in settings]
