@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 from cmacexp.data.version import __version__
 
 if TYPE_CHECKING:
-    from cmacexp.experiment.api import Run, load, open_loop, run
-    from cmacexp.experiment.batch import load_sweep, run_many
+    from cmacexp.engine.api import Run, load, open_loop, run
+    from cmacexp.engine.batch import load_sweep, run_many
 
 __all__ = ["Run", "__version__", "load", "load_sweep", "open_loop", "run", "run_many"]
 __path__.append(f"{__path__[0]}/commands")  # ``python -m cmacexp.score`` runs commands/score.py
@@ -18,9 +18,9 @@ _PLACES = {
 
 
 def __getattr__(name: str) -> Any:
-    """A function of :mod:`cmacexp.experiment`, or the room ``gym``, imported when it is first asked for."""
+    """A function of :mod:`cmacexp.engine`, or the room ``gym``, imported when it is first asked for."""
     if name in _PLACES:
-        return getattr(import_module(f"cmacexp.experiment.{_PLACES[name]}"), name)
+        return getattr(import_module(f"cmacexp.engine.{_PLACES[name]}"), name)
     if name == "gym":
         return import_module("cmacexp.gym")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -26,7 +26,7 @@ def main() -> int:
         print(f"error: {name}: no such command; did you mean {close[0]}?", file=sys.stderr)
         return 2
     if {"-m", "--multirun"} & set(sys.argv):
-        from cmacexp.experiment.forking import make_context
+        from cmacexp.engine.forking import make_context
 
         make_context()  # what workers need is imported while this process imports what it needs
     from cmacexp.commands.main import main as run

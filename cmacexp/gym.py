@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from cmacexp.engine.api import open_loop
 from cmacexp.errors import BadOutput, format_install_command
-from cmacexp.experiment.api import open_loop
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
-from cmacexp.loop.stepwise import Moment, OpenLoop
+from cmacexp.loop.stepwise import LoopState, OpenLoop
 from cmacexp.models.mechanism import has_body
 from cmacexp.planning.columns import FORCE_DESIRED, REFERENCE_VZ, REFERENCE_Z, VX, VY, X, Y, Z
 from cmacexp.typing import Array
@@ -111,7 +111,7 @@ class LoopEnv(Env[Array, Array]):
         reward = -LARGEST_COST * left if fails else -self.compute_cost(moment)
         return self._observe(moment), reward, fails, moment.status == "completed", self._inform(moment)
 
-    def compute_cost(self, moment: Moment) -> float:
+    def compute_cost(self, moment: LoopState) -> float:
         """The cost of a state, see the class; 0 to 10."""
         off = (moment.state.foot - moment.desired[:, self._axes]) / PLACE_SCALE
         counted = np.where(moment.support[:, None], self._counted, True)
@@ -119,7 +119,7 @@ class LoopEnv(Env[Array, Array]):
         cost = (off * off * counted).sum(axis=1) + np.where(moment.support, force * force, 0.0)
         return float(np.fmin(cost, LARGEST_COST).mean())  # NaN after a divergence costs as much
 
-    def _observe(self, moment: Moment) -> Array:
+    def _observe(self, moment: LoopState) -> Array:
         seen, angle = moment.observed, 2.0 * math.pi * moment.sample / self.loop.period
         parts = seen.q, seen.dq, seen.foot, seen.velocity, seen.force[:, None], moment.reference[:, self._columns]
         for view, part in zip(self._views, (*parts, moment.support[:, None], moment.learning_error), strict=True):
@@ -129,7 +129,7 @@ class LoopEnv(Env[Array, Array]):
         self._values[-2], self._values[-1] = math.cos(angle), math.sin(angle)
         return self._values.copy() if moment.status == "running" else np.nan_to_num(self._values)
 
-    def _inform(self, moment: Moment) -> dict[str, Any]:
+    def _inform(self, moment: LoopState) -> dict[str, Any]:
         return {"step": moment.step, "status": moment.status, "cause": moment.cause}
 
 

@@ -11,13 +11,13 @@ from typing import Any
 from cmacexp.data import signals
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.metric import CYCLE, LEG, Metric
-from cmacexp.metrics.registry import METRICS
+from cmacexp.metrics.registry import LEG_METRICS
 from cmacexp.metrics.tracking import SPATIAL
 
 DECLARED = re.compile(r"^## (.+)$|^\{\{ declared \}\}$", re.MULTILINE)
 """A heading, or the place of its table."""
 COLUMNS = {
-    "`metrics.parquet`": {"cycle": CYCLE, "leg": LEG, **METRICS},
+    "`metrics.parquet`": {"cycle": CYCLE, "leg": LEG, **LEG_METRICS},
     "`metrics.parquet` of a robot": SPATIAL,
     "`body_metrics.parquet`": {"cycle": CYCLE, **BODY_METRICS},
 }

@@ -19,7 +19,7 @@ from cmacexp.recording.ground import depression_scale
 from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.report.figures import Panel, Series, draw_panel
 from cmacexp.report.style import DESIRED, GROUND, STYLE, colour
-from cmacexp.report.terminal import say
+from cmacexp.terminal.messages import print_line
 from cmacexp.typing import Array
 from pipelines.common_machine import DENT, MM, NEAR, NEAR_SIDE, draw_leg, in_travel, joints
 
@@ -84,7 +84,7 @@ def _draw_machine(axes: "Axes", cycle: Cycle, k: int) -> None:
     if view.walks:
         hips = places[k][:, 0, [0, 2]]
         ends = hips[[hips[:, 0].argmin(), hips[:, 0].argmax()]] + [0.0, BODY_THICKNESS / 2.0]
-        for ink, width in ((NEAR, 9.0), (colour(palette.BODY), 7.0)):
+        for ink, width in ((NEAR, 9.0), (colour(palette.BODY_COLOR), 7.0)):
             axes.plot(*ends.T, color=ink, lw=width, solid_capstyle="round", zorder=3.5)
     axes.axhline(surface, color=GROUND, lw=1.2, zorder=1)
     axes.set(aspect="equal", xticks=[], yticks=[])
@@ -226,7 +226,7 @@ def _draw(arguments: argparse.Namespace) -> int:
     if titles and len(titles) != len(views):
         raise BadInput("--titles", arguments.titles, f"write {len(views)}, separated by commas")
     write_animation(views, arguments.out, titles)
-    say(str(arguments.out))
+    print_line(str(arguments.out))
     return 0
 
 

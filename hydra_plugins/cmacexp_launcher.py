@@ -36,6 +36,6 @@ class CoresLauncher(Launcher):
 
     def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> list[JobReturn]:
         """Run the next jobs of the sweep; what they return, in their order."""
-        from cmacexp.experiment.launch import launch
+        from cmacexp.engine.launch import launch
 
         return launch(self, job_overrides, initial_job_idx)

@@ -13,7 +13,7 @@ from cmacexp.report.curves import find_log
 from cmacexp.report.figures import draw
 from cmacexp.study.curves import over_cycles
 from cmacexp.study.interval import estimate
-from cmacexp.study.results import Results, Row
+from cmacexp.study.results import Results, RunRow
 from cmacexp.study.samples import ended_in
 from cmacexp.study.statements import ANY, Criterion, Limit
 from cmacexp.study.tables import tabulate
@@ -29,7 +29,7 @@ def share_of_time(run: StoredRun) -> float:
     return float(run.manifest["steps"] / (run.steps_per_cycle * run.config["cycles"]))
 
 
-def plane_error(row: Row) -> Array:
+def plane_error(row: RunRow) -> Array:
     """(cycles,): transfer error in the plane in the whole cycles of a run, m."""
     x, y = (row.summary.metrics.get(f"transfer_rmse_{side}", np.empty(0)) for side in "xy")
     error: Array = np.hypot(x, y)

@@ -14,8 +14,8 @@ import numpy as np
 
 from cmacexp.commands.study import main
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import BODY
-from cmacexp.metrics.metric import Shown
+from cmacexp.data.tables import BODY_FILE
+from cmacexp.metrics.metric import MetricDisplay
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.models.robot import load_mujoco
 from cmacexp.study import ANY, Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
@@ -76,12 +76,12 @@ FELT = 1.1
 """Factor of the force error by which a difference counts."""
 FORCE = "force_rmse_cycle"
 QUANTITIES = {
-    FORCE: Shown("force error", "N"),
-    "slow_force": Shown(f"force error below {CUT_OFF:g} Hz", "N"),
-    "transfer_rmse_x": Shown("transfer error in x", "mm", 1e3),
-    "transfer_rmse_y": Shown("transfer error in y", "mm", 1e3),
-    "tilt_max": Shown("tilt", "mrad", 1e3),
-    "off_course": Shown("error of the distance walked", "%", 100.0),
+    FORCE: MetricDisplay("force error", "N"),
+    "slow_force": MetricDisplay(f"force error below {CUT_OFF:g} Hz", "N"),
+    "transfer_rmse_x": MetricDisplay("transfer error in x", "mm", 1e3),
+    "transfer_rmse_y": MetricDisplay("transfer error in y", "mm", 1e3),
+    "tilt_max": MetricDisplay("tilt", "mrad", 1e3),
+    "off_course": MetricDisplay("error of the distance walked", "%", 100.0),
 }
 """Metrics and measures of the last cycle."""
 
@@ -173,7 +173,7 @@ def slow_force(run: StoredRun) -> float:
 @if_completed
 def off_course(run: StoredRun) -> float:
     """Relative error of the body's way in the last cycle."""
-    gait, body = run.config["gait"], run.cycles([run.config["cycles"]], BODY)
+    gait, body = run.config["gait"], run.cycles([run.config["cycles"]], BODY_FILE)
     speed = gait["stroke"] / (gait["duty_factor"] * gait["cycle_time"])
     planned = speed * run.config["sampling_period"] * (len(body) - 1)
     return float(abs((body["cog_x"].iloc[-1] - body["cog_x"].iloc[0]) / planned - 1.0))
@@ -182,7 +182,7 @@ def off_course(run: StoredRun) -> float:
 @if_completed
 def yaw(run: StoredRun) -> float:
     """How far the body has turned from the plan at the end, rad."""
-    return float(abs(run.cycles([run.config["cycles"]], BODY)["yaw"].iloc[-1]))
+    return float(abs(run.cycles([run.config["cycles"]], BODY_FILE)["yaw"].iloc[-1]))
 
 
 def last(results: Results, name: str) -> Array:

@@ -9,7 +9,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.report.figures import Panel, Series
 from cmacexp.study import Finding, Request, Results, at_least, draw, grid
-from cmacexp.study.results import LAST_CYCLES, Row
+from cmacexp.study.results import LAST_CYCLES, RunRow
 from cmacexp.typing import Array
 from pipelines.common_results import percent
 from pipelines.guard_worlds import SCENARIOS, draw_world
@@ -81,7 +81,7 @@ def compare(results: Results, name: str, kind: str) -> Array:
     )
 
 
-def _end(row: Row, name: str) -> float:
+def _end(row: RunRow, name: str) -> float:
     """A measure of a row; a metric as its median over the last cycles."""
     if name in row.measures:
         return row.measures[name]

@@ -17,7 +17,7 @@ from cmacexp.stability.growth import (
     predicted_growth,
 )
 from cmacexp.study import Results
-from cmacexp.study.results import Row
+from cmacexp.study.results import RunRow
 from cmacexp.typing import Array
 from pipelines.common_results import plane_error, share_done
 
@@ -37,12 +37,12 @@ PAPER = {"learning.rule": "paper"}
 LEG, WALK, GRID = "one leg", "quadruped", "paper's world"
 
 
-def history(row: Row, name: str = TRANSFER) -> Array:
+def history(row: RunRow, name: str = TRANSFER) -> Array:
     """(cycles,): a metric in the whole cycles of a run, or of :data:`TRANSFER` the distance from the path, m."""
     return plane_error(row) if name == TRANSFER else row.summary.metrics.get(name, np.empty(0))
 
 
-def _lasting(row: Row) -> bool:
+def _lasting(row: RunRow) -> bool:
     return row.summary.status == "completed"
 
 
@@ -78,7 +78,7 @@ def one_too_short(results: Results) -> Array:
     return share_done(Results([row for row in fixed if row.measures["lead"] == right[_place(row)] - 1]))
 
 
-def _place(row: Row) -> tuple[int, int]:
+def _place(row: RunRow) -> tuple[int, int]:
     return int(row.settings["seed"]), int(row.settings["actuator.delay"])
 
 
@@ -147,7 +147,7 @@ def growth_over(sizes: Sequence[float] | Array, place: Stretch) -> float:
     return fitted_growth(sizes[place.first - 1 : place.last])
 
 
-def predict_and_measure(row: Row) -> tuple[float, float]:
+def predict_and_measure(row: RunRow) -> tuple[float, float]:
     """Growth per cycle, predicted and measured, of the change of the feedback up to where it is rounding."""
     change = history(row, "feedback_change")[1:]
     still = np.flatnonzero(change < 1e-9 * change.max(initial=0.0))  # below it is rounding

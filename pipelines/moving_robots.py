@@ -12,7 +12,7 @@ import numpy as np
 
 from cmacexp.commands.study import main
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import BODY
+from cmacexp.data.tables import BODY_FILE
 from cmacexp.study import ANY, Criterion, Finding, Results, Study, at_least, at_most, draw
 from cmacexp.study.curves import over_cycles
 from cmacexp.study.samples import quotients
@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 @if_completed
 def drift(run: StoredRun) -> float:
     """Largest distance of the body from its course in the last cycle, m."""
-    return float(np.abs(run.cycles([run.config["cycles"]], BODY)["cog_y"]).max())
+    return float(np.abs(run.cycles([run.config["cycles"]], BODY_FILE)["cog_y"]).max())
 
 
 def over_alone(results: Results, name: str, kind: str = CMAC) -> Array:

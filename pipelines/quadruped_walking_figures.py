@@ -24,7 +24,7 @@ PLATE = 0.03
 """Drawn thickness of the body, m."""
 OBLIQUE = 0.5 * np.array([np.cos(np.radians(38.0)), np.sin(np.radians(38.0))])
 """A metre to the left as drawn in the oblique view."""
-BODY, COG, POLYGON = colour(palette.BODY), colour(palette.COG), colour(palette.POLYGON)
+BODY, COG, POLYGON = colour(palette.BODY_COLOR), colour(palette.COG), colour(palette.POLYGON)
 
 
 def gait_diagram(walk: Walk, cycles: int = 2) -> "Figure":

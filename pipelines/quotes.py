@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from cmacexp.study import Claim, Criterion, Finding
-from cmacexp.study.evidence import count_verdicts, gather
+from cmacexp.study.evidence import build_evidence, count_verdicts
 from cmacexp.study.study import StudyFile, load_study
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
 from pipelines.benchmark.benchmark import make_study
@@ -122,7 +122,7 @@ def find_block(text: str, name: str) -> str:
 
 def _rows(criteria: Sequence[Criterion], entry: Mapping[str, Any]) -> Iterator[Sequence[str]]:
     """Cells of ``COLUMNS``: each quantity once, its cases below it."""
-    for quantity, rows in gather(criteria, {name: entry[name] for name in MEASURED if name in entry}).items():
+    for quantity, rows in build_evidence(criteria, {name: entry[name] for name in MEASURED if name in entry}).items():
         if rows[0].case:
             yield f"*{quantity}*:", *[""] * (len(COLUMNS) - 1)
         for row in rows:

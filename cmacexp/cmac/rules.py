@@ -8,7 +8,7 @@ torque U over sum a_i^2, without a goal; the others are listed in :data:`RULES`.
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from cmacexp.config.cmac import LEARNS
+from cmacexp.config.cmac import NEEDS_LEARNING
 from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import kernel, kernel_apart, program
 from cmacexp.typing import Array, Cells
@@ -72,7 +72,7 @@ def strength_needs(key: str) -> tuple[str, ...]:
         for name, rule in RULES.items()
         if field == rule.strength or (field == "window" and rule.params.teaches == NEIGHBOURS)
     )
-    return (f"learning.rule in {names}", *LEARNS) if names else ()
+    return (f"learning.rule in {names}", *NEEDS_LEARNING) if names else ()
 
 
 def find_rule(name: str) -> Rule:

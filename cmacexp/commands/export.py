@@ -9,7 +9,7 @@ from cmacexp.data.folder import OUT_KEY, require_no_link
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput
-from cmacexp.report.terminal import activity, say
+from cmacexp.terminal.messages import activity, print_line
 
 FORMATS = ("c", "wide", "mcap")
 
@@ -43,9 +43,11 @@ def _export(arguments: argparse.Namespace) -> int:
 
             written.append(write_mcap(run, out))
     if arguments.c and WEIGHTS not in run.manifest["files"]:
-        say("warning: the run stored no weights (record.weights=true): the network starts from zero", error=True)
+        print_line(
+            "warning: the run stored no weights (record.weights=true): the network starts from zero", error=True
+        )
     for path in written:
-        say(f"{path}: it replaces the one that was there" if path in earlier else str(path))
+        print_line(f"{path}: it replaces the one that was there" if path in earlier else str(path))
     return 0
 
 

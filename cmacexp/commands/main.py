@@ -20,9 +20,9 @@ from cmacexp.config.compose import make_record
 from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
 from cmacexp.config.hydra_private import report_parser_errors, skip_mode_lookup
 from cmacexp.data.version import __version__
+from cmacexp.engine.sweep import Sweep
+from cmacexp.engine.sweep_start import SweepRefused
 from cmacexp.errors import BadInput, CmacexpError
-from cmacexp.experiment.sweep import Sweep
-from cmacexp.experiment.sweep_start import SweepRefused
 from cmacexp.jit.interrupt import interrupt_held_back, is_interrupt
 
 EXIT_CODES = {"completed": COMPLETED, "failed": FAILED, "bad input": BAD_INPUT, "fell": STOPPED, "diverged": STOPPED}
@@ -86,7 +86,7 @@ def _end_sweep() -> str | None:
     if Sweep.current is None:
         return None
     from cmacexp.data.folder import full_disk_named
-    from cmacexp.experiment.sweep_results import finish_sweep
+    from cmacexp.engine.sweep_results import finish_sweep
 
     Sweep.current.progress.close()
     with full_disk_named(Sweep.current.folder):
@@ -108,7 +108,7 @@ class _Task:
         self.called = True
         hydra = HydraConfig.get()
         if hydra.mode == RunMode.MULTIRUN:
-            from cmacexp.experiment.sweep_job import run_hydra_job
+            from cmacexp.engine.sweep_job import run_hydra_job
 
             return run_hydra_job(composed)
         folder = Path(hydra.runtime.output_dir)
@@ -139,23 +139,30 @@ def _run(composed: DictConfig, hydra: Any) -> str:
     if config.sweep.resume:
         raise BadInput("sweep.resume", True, "only a sweep can be resumed: add -m and hydra.sweep.dir=DIR")
     with interrupt_held_back():  # some libraries cannot be imported partially
-        from cmacexp.experiment.objective import check_metric
-        from cmacexp.experiment.run import run_scenario
-        from cmacexp.experiment.without_effect import warnings_of
+        from cmacexp.engine.objective import check_metric
+        from cmacexp.engine.run import run_scenario
+        from cmacexp.engine.without_effect import list_idle_overrides
         from cmacexp.loop.scenario import make_scenario
         from cmacexp.metrics.drift import Drift, format_drift
-        from cmacexp.report.terminal import activity, announce_compiling, print_summary, progress, say, warn_of_models
+        from cmacexp.terminal.messages import (
+            activity,
+            announce_compiling,
+            print_line,
+            print_summary,
+            progress,
+            warn_of_models,
+        )
 
     announce_compiling()
     check_metric(config.optimize, config.machine.kind)
     with activity(f"planning {config.steps_per_cycle} steps a cycle"):
         scenario = make_scenario(config)
-    for text in warnings_of(config, hydra.overrides.task, composed):
-        say(f"warning: {text}", error=True)
+    for text in list_idle_overrides(config, hydra.overrides.task, composed):
+        print_line(f"warning: {text}", error=True)
     warn_of_models([config.machine])
 
     def warn(drift: Drift) -> None:
-        say(f"warning: {format_drift(drift)}", error=True)
+        print_line(f"warning: {format_drift(drift)}", error=True)
 
     folder, record = Path(hydra.runtime.output_dir), make_record(composed, hydra) if config.record.trace else None
     with progress(config.scenario, config.cycles, "cycles") as watch:
@@ -165,5 +172,5 @@ def _run(composed: DictConfig, hydra: Any) -> str:
         raise KeyboardInterrupt
     if result.status == "failed":
         print(result.manifest.get("traceback", ""), file=sys.stderr, end="")
-        say(f"error: {result.manifest['cause']}", error=True)
+        print_line(f"error: {result.manifest['cause']}", error=True)
     return result.status

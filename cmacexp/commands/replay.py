@@ -16,10 +16,10 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import is_run, name_of, require_place, runs_below
 from cmacexp.data.files import sha256
 from cmacexp.data.folder import updating
-from cmacexp.data.hashes import find_fault
-from cmacexp.data.tables import RECORDING, read_traces, steps_by_cycle
+from cmacexp.data.hashes import check_file
+from cmacexp.data.tables import RECORDING_FILE, read_traces, steps_by_cycle
 from cmacexp.errors import BadInput, BadRun, require_extra
-from cmacexp.report.terminal import activity, say
+from cmacexp.terminal.messages import activity, print_line
 
 COMPARISONS = Path("outputs", "comparisons")
 LONGEST_NAME = 120
@@ -56,11 +56,13 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
     cycles = read_cycles(options.cycles, max(kept)) if options.cycles is not None else None
     window = make_window(kept, cycles, options.every)
     shown: dict[str, Any] = {"label": folder.resolve().name, "window": window, "meshes": options.meshes}
-    if path == folder / RECORDING:
+    if path == folder / RECORDING_FILE:
         with updating(folder) as place:
             manifest = manifests.read(folder)  # of the run that is there now
-            name = write_recording(folder, manifest, place.new / RECORDING, **shown)
-            place.commit({**manifest, "files": manifest["files"] | {RECORDING: sha256(place.new / RECORDING)}})
+            name = write_recording(folder, manifest, place.new / RECORDING_FILE, **shown)
+            place.commit(
+                {**manifest, "files": manifest["files"] | {RECORDING_FILE: sha256(place.new / RECORDING_FILE)}}
+            )
     else:
         name = write_recording(folder, manifest, path, **shown)
     return name + window.hint
@@ -122,12 +124,12 @@ def _read_options(arguments: argparse.Namespace) -> Options:
 
 def _is_kept(folder: Path) -> bool:
     """Whether a run has its recording, as it was written."""
-    path, files = folder / RECORDING, manifests.read(folder)["files"]
-    if not path.exists() or RECORDING not in files:
+    path, files = folder / RECORDING_FILE, manifests.read(folder)["files"]
+    if not path.exists() or RECORDING_FILE not in files:
         return False
-    fault = find_fault(folder, RECORDING, files[RECORDING])
+    fault = check_file(folder, RECORDING_FILE, files[RECORDING_FILE])
     if fault:
-        say(f"{path}: {fault}; it is built anew", error=True)
+        print_line(f"{path}: {fault}; it is built anew", error=True)
     return not fault
 
 
@@ -143,12 +145,12 @@ def build_missing(folders: Sequence[Path], anew: bool) -> list[Path]:
         for folder in folders:
             try:
                 if folder not in kept:
-                    rebuild(folder, folder / RECORDING, Options())
+                    rebuild(folder, folder / RECORDING_FILE, Options())
                 ready.append(folder)
             except BadRun as error:
                 faults.append(str(error))
     for fault in faults:
-        say(f"left out: {fault}", error=True)
+        print_line(f"left out: {fault}", error=True)
     if not ready:
         raise BadRun(f"{folders[0]}: no run can be shown")
     return ready
@@ -164,8 +166,10 @@ def _show_table(folders: Sequence[Path], arguments: argparse.Namespace) -> int:
     keys = dict.fromkeys(
         key for each in differences([manifests.read(run)["config"] for run in ready]) for key in each
     )
-    with serve_catalog([folder / RECORDING for folder in ready], list(keys), HOST) as (address, _):
-        say(f"{len(ready)} of {len(folders)} runs in a table, by {', '.join(keys) or 'nothing in which they differ'}")
+    with serve_catalog([folder / RECORDING_FILE for folder in ready], list(keys), HOST) as (address, _):
+        print_line(
+            f"{len(ready)} of {len(folders)} runs in a table, by {', '.join(keys) or 'nothing in which they differ'}"
+        )
         return 0 if arguments.no_viewer else serve_web(address) if arguments.web else open_window(address)
 
 
@@ -188,7 +192,7 @@ def _replay(arguments: argparse.Namespace) -> int:
         for run in folders:
             read_shown_model(run, manifests.read(run))
     out = _out(arguments.out) if arguments.out is not None else None
-    path = out or (_comparison_path(folders) if len(folders) > 1 else folders[0] / RECORDING)
+    path = out or (_comparison_path(folders) if len(folders) > 1 else folders[0] / RECORDING_FILE)
     kept = len(folders) == 1 and out is None and options == Options() and not arguments.rebuild
     if kept and _is_kept(folders[0]):
         shown = "as it was built; --rebuild builds it anew"
@@ -198,7 +202,7 @@ def _replay(arguments: argparse.Namespace) -> int:
         with activity(f"building {path}"):
             shown = compare(folders, path, options) if len(folders) > 1 else rebuild(folders[0], path, options)
         shown += old
-    say(f"{path}: {shown}")
+    print_line(f"{path}: {shown}")
     return 0 if arguments.no_viewer else serve_web(path) if arguments.web else open_window(path)
 
 

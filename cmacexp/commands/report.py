@@ -16,8 +16,8 @@ from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import UNFINISHED, print_runs, read_summary, sort_folders
 from cmacexp.report.sweep_report import find_swept, make_sweep_report
-from cmacexp.report.terminal import activity, describe_resume, say
-from cmacexp.report.terminal_tables import print_key
+from cmacexp.terminal.messages import activity, describe_resume, print_line
+from cmacexp.terminal.tables import print_key
 
 REPORTS = Path("outputs/reports")
 """Reports over several folders are written to a folder in here."""
@@ -27,7 +27,7 @@ def _find_destination(given: Sequence[Path], out: str | None) -> Path:
     if out is not None:
         folder = require_place(OUT_KEY, Path(out))
         inside = os.listdir(folder) if folder.is_dir() else []
-        if manifests.NAME not in inside and any(not name.startswith(".cmacexp") for name in inside):
+        if manifests.MANIFEST not in inside and any(not name.startswith(".cmacexp") for name in inside):
             raise BadInput(OUT_KEY, folder, "holds files, but no report to replace; choose an empty or a new folder")
         return folder
     if len(given) == 1:
@@ -46,14 +46,16 @@ def _report_of_several(folders: Sequence[Path], given: Sequence[Path], out: Path
         raise BadRun(f"{where}: none of its {len(runs)} runs can be read ({runs[0].folder.name}: {runs[0].cause})")
     swept = find_swept(runs)
     title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
-    stopped = not (given[0] / manifests.NAME).exists() or {UNFINISHED, "interrupted"} & {run.status for run in runs}
+    stopped = not (given[0] / manifests.MANIFEST).exists() or {UNFINISHED, "interrupted"} & {
+        run.status for run in runs
+    }
     is_sweep = len(given) == 1 and (given[0] / "multirun.yaml").exists()  # Hydra writes it when a sweep begins
     resume = describe_resume(given[0]) if is_sweep and stopped else ""
     with activity("comparing the runs") as show:
         path = write_report(make_sweep_report(runs, title, resume), out, say=show)
     print_runs(runs, [*swept.keys, *swept.seeds], path)
     if resume:
-        say(f"continue:  {resume}")
+        print_line(f"continue:  {resume}")
     return path
 
 
@@ -66,7 +68,7 @@ def _report(arguments: argparse.Namespace) -> int:
             page = write_report(make_run_report(StoredRun(folders[0])), out, say=show)
     else:
         page = _report_of_several(folders, given, out)
-    say(str(page))
+    print_line(str(page))
     return 0
 
 

@@ -12,7 +12,7 @@ from cmacexp.commands.command import Parser, run_command
 from cmacexp.config import Config, config_folder, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.config.describe import describe_fields
-from cmacexp.config.difference import flat
+from cmacexp.config.difference import flatten_config
 from cmacexp.config.machine import LEG_NAMES, read_model
 from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.text import format_number
@@ -20,8 +20,8 @@ from cmacexp.models.robot import Robot, read_robot
 from cmacexp.models.robot_gains import derive_basis
 from cmacexp.models.robot_search import find_names
 from cmacexp.planning.robot import find_stance
-from cmacexp.report.terminal import say, warn_of_models
-from cmacexp.report.terminal_tables import print_table
+from cmacexp.terminal.messages import print_line, warn_of_models
+from cmacexp.terminal.tables import print_table
 from cmacexp.typing import Array
 
 SETTINGS = (
@@ -101,7 +101,7 @@ def joint_rows(robot: Robot) -> list[list[str]]:
 def setting_rows(config: Config) -> list[list[str]]:
     """Rows of a table: fields of the config, each with its unit."""
     plain = to_plain(config)
-    values, described = flat(plain), describe_fields(plain)
+    values, described = flatten_config(plain), describe_fields(plain)
     return [[key, described[key].unit, format_number(values[key])] for key in SETTINGS if key in values]
 
 
@@ -127,7 +127,7 @@ def _show(arguments: argparse.Namespace) -> int:
     robot = read_model(config.machine)
     basis = derive_basis(robot)
     length_1, length_2 = robot.links
-    say(str(robot.path))
+    print_line(str(robot.path))
     print(f"mass {format_number(basis.mass, 'kg')}, links {length_1:.3g} m and {length_2:.3g} m")
     print(f"fingerprint {robot.fingerprint}")
     warn_of_models([config.machine])

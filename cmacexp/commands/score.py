@@ -10,19 +10,19 @@ from cmacexp.data.files import sha256
 from cmacexp.data.folder import updating
 from cmacexp.data.hashes import require_intact
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import TRACE, Scores, write_scores
+from cmacexp.data.tables import TRACE_FILE, Scores, write_scores
 from cmacexp.errors import BadRun
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.score import score_traces
-from cmacexp.report.terminal import activity, say
-from cmacexp.report.terminal_tables import KEY, print_scores
+from cmacexp.terminal.messages import activity, print_line
+from cmacexp.terminal.tables import KEY, print_scores
 
 
 def score(folder: Path) -> Scores:
     """Compute and write the metrics of a run again; raises BadRun if its trace is not as it was written."""
     with updating(folder) as place:
         run = StoredRun(folder)
-        require_intact(folder / TRACE)  # a run without one has a config of any kind
+        require_intact(folder / TRACE_FILE)  # a run without one has a config of any kind
         record = run.config["record"]
         for key in ("every_nth_step", "cycles"):
             if record.get(key) not in (None, 1):
@@ -38,9 +38,9 @@ def _score(arguments: argparse.Namespace) -> int:
     for folder in [run for given in arguments.folders for run in runs_below(given)]:
         with activity(f"scoring {folder}"):
             scores = score(folder)
-        say(str(folder))
+        print_line(str(folder))
         print_scores(scores, folder)
-    say(KEY)
+    print_line(KEY)
     return 0
 
 

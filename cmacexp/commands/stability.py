@@ -8,14 +8,14 @@ from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.folder import require_no_link
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput
-from cmacexp.report.terminal import activity, say
-from cmacexp.report.terminal_tables import print_table
+from cmacexp.terminal.messages import activity, print_line
+from cmacexp.terminal.tables import print_table
 
 FOLDER = "stability"
 
 
 def _analyse(arguments: argparse.Namespace) -> int:
-    from cmacexp.report.terminal import announce_compiling
+    from cmacexp.terminal.messages import announce_compiling
 
     announce_compiling()
     folders = list(dict.fromkeys(run for given in arguments.folders for run in runs_below(given)))
@@ -45,12 +45,12 @@ def _analyse_run(run: StoredRun, out: Path) -> None:
             if f"{error}." not in verdict.reasons:
                 notes.append(f"No analysis: {error}.")
         path = write_stability_report(run, verdict, analysis, notes, out)
-    say(verdict.describe())
+    print_line(verdict.describe())
     if analysis is not None:
         print_table([title.replace(" ", "\n", 1) for title in TITLES], rows(analysis))
     for line in notes:
-        say(line)
-    say(str(path))
+        print_line(line)
+    print_line(str(path))
 
 
 def main() -> int:

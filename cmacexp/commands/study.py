@@ -15,17 +15,17 @@ from cmacexp.data.folder import HTML, replacing
 from cmacexp.data.integrity import RESULTS
 from cmacexp.data.manifest import REPORT
 from cmacexp.data.stored_run import StoredRun
+from cmacexp.engine.collect import Collected, ensure_runs
+from cmacexp.engine.equal_results import print_idle_keys
+from cmacexp.engine.pool import Each, workers
+from cmacexp.engine.sweep_results import parse_overrides
 from cmacexp.errors import BadInput
-from cmacexp.experiment.collect import Collected, collect
-from cmacexp.experiment.equal_results import print_idle_keys
-from cmacexp.experiment.sweep_results import parse_overrides
-from cmacexp.experiment.workers import Each, workers
-from cmacexp.report.terminal import say
 from cmacexp.study.evidence import count_verdicts, evidence_of, format_text
 from cmacexp.study.page import Evaluated, check_page, evaluate, write_page
 from cmacexp.study.provenance import choose_witnesses, digest_study, make_provenance
 from cmacexp.study.results import Results, read_row
 from cmacexp.study.study import Request, StudyFile, load_study
+from cmacexp.terminal.messages import print_line
 
 FOLDER = Path("outputs/studies")
 FOLDER_KEY = "--folder"
@@ -58,7 +58,7 @@ class Options:
         """Processes here, and tasks of the launcher, if there is one, for long work."""
         if self.launcher is None:
             return workers(processes=self.workers)
-        from cmacexp.experiment.tasks import start_tasks
+        from cmacexp.engine.cluster import start_tasks
 
         return workers(start_tasks(self.launcher, self.settings, self.workers or WORKERS, self.folder / "tasks"))
 
@@ -112,7 +112,7 @@ def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluate
         check_page(file)
     with options.start_workers() as each:
         requests = {file.name: options.expand(file.study.runs(options.quick)) for file in files}
-        collected = collect(each, [r for own in requests.values() for r in own], options.folder / "runs")
+        collected = ensure_runs(each, [r for own in requests.values() for r in own], options.folder / "runs")
         folders = {file.path: list({collected[r][0] for r in requests[file.name]}) for file in files}
         pairs = [(f.path, folder) for f in files if f.study.measures for folder in folders[f.path]]
         measured = dict(zip(pairs, each("measuring", _measure, pairs), strict=True))
@@ -191,7 +191,7 @@ def command(parser: Parser, work: Callable[[argparse.Namespace, Options], Path])
             raise BadInput("--setting", arguments.setting[0], "is of a launcher: add --launcher NAME")
         folder, chosen = require_place(FOLDER_KEY, arguments.folder), (arguments.launcher, arguments.workers)
         options = Options(folder, arguments.quick, arguments.seeds, *chosen, arguments.setting)
-        say(str(work(arguments, options)))
+        print_line(str(work(arguments, options)))
         return COMPLETED
 
     sys.exit(run_command(run, "; the same command runs what is missing"))

@@ -7,7 +7,7 @@ from cmacexp.commands.command import NOT_INTACT, Parser, run_command
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import everything_below
 from cmacexp.data.integrity import faults
-from cmacexp.report.terminal import activity, say
+from cmacexp.terminal.messages import activity, print_line
 
 
 def _verify(arguments: argparse.Namespace) -> int:
@@ -17,9 +17,9 @@ def _verify(arguments: argparse.Namespace) -> int:
             reasons = faults(folder)
         intact = intact and not reasons
         state = "NOT INTACT" if reasons else f"intact ({manifests.read(folder)['status']})"
-        say(f"{folder}: {state}")
+        print_line(f"{folder}: {state}")
         for fault in reasons:
-            say(f"  {fault}")
+            print_line(f"  {fault}")
     return 0 if intact else NOT_INTACT
 
 

@@ -13,9 +13,9 @@ WORD_BYTES = 8
 """Bytes of a CMAC weight, a float64."""
 CMACS = ("cmac", "cmac_on_model")
 """Feedforwards that are a CMAC."""
-ACTS = ("learning.start_cycle <= cycles or learning.start_from is not None",)
+NEEDS_ACTING = ("learning.start_cycle <= cycles or learning.start_from is not None",)
 """What a feedforward needs to act in some cycle; what has learnt before acts from the first one on."""
-LEARNS = ("option.feedforward not in ('none', 'inverse_dynamics')", *ACTS)
+NEEDS_LEARNING = ("option.feedforward not in ('none', 'inverse_dynamics')", *NEEDS_ACTING)
 """What fields of learning need, but for the first cycle itself: a late one is how to switch learning off."""
 MOST_POSITIONS = 2**63
 """Most cells of a CMAC that can be numbered with 64 bits."""
@@ -25,7 +25,7 @@ MOST_POSITIONS = 2**63
 class CmacConfig:
     """Size and shape of the CMAC (Lin & Song 1997, section 4)."""
 
-    needs: ClassVar[tuple[str, ...]] = (f"option.feedforward in {CMACS}", *ACTS)
+    needs: ClassVar[tuple[str, ...]] = (f"option.feedforward in {CMACS}", *NEEDS_ACTING)
 
     layers: int = number("", at_least=1, at_most=4096, tuned=[8, 32, 128])
     """C, the number of quantisation functions, which is the generalisation size."""

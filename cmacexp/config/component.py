@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from omegaconf import DictConfig, OmegaConf
 
-from cmacexp.config.cmac import ACTS
+from cmacexp.config.cmac import NEEDS_ACTING
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput, suggest
 
@@ -45,7 +45,7 @@ class ComponentConfig:
 class FeedforwardConfig(ComponentConfig):
     """Fields of a feedforward that acts from ``learning.start_cycle`` on."""
 
-    needs: ClassVar[tuple[str, ...]] = ACTS
+    needs: ClassVar[tuple[str, ...]] = NEEDS_ACTING
 
 
 @cache
@@ -92,7 +92,7 @@ def _fields_of_options(group: str) -> set[str]:
     return names - {"_target_", "defaults"}
 
 
-def fit_fields(group: str, node: Mapping[str, Any], component: Callable[..., object]) -> dict[str, Any]:
+def select_accepted_fields(group: str, node: Mapping[str, Any], component: Callable[..., object]) -> dict[str, Any]:
     """A config node without the fields of options that its class does not take: it may have replaced an option.
 
     Raises BadInput if a field is of no option and the class does not take it, or if one that it needs is missing.

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 from cmacexp.config.component import COMPONENTS, config_class
 from cmacexp.config.compose import compose_config
-from cmacexp.config.difference import flat
+from cmacexp.config.difference import flatten_config
 from cmacexp.config.load import to_plain
 from cmacexp.config.machine import MACHINES
 from cmacexp.config.schema import Config
@@ -28,7 +28,7 @@ class Described(NamedTuple):
 
 
 def describe_fields(config: Mapping[str, Any]) -> dict[str, Described]:
-    """Unit and meaning of the fields of a config, by the keys of :func:`cmacexp.config.difference.flat`.
+    """Unit and meaning of the fields of a config, by the keys of :func:`cmacexp.config.difference.flatten_config`.
 
     Fields of a component without a ``Config``, or whose class cannot be imported here, are missing.
     """
@@ -38,7 +38,7 @@ def describe_fields(config: Mapping[str, Any]) -> dict[str, Described]:
 def read_defaults(scenario: str) -> dict[str, Any]:
     """The flat config of a scenario of this package without any override; empty if there is no such scenario."""
     try:
-        return flat(to_plain(compose_config([f"scenario={scenario}"])))
+        return flatten_config(to_plain(compose_config([f"scenario={scenario}"])))
     except CmacexpError:
         return {}
 

@@ -10,12 +10,12 @@ MOST_KEYS = 3
 """Runs that differ in more keys are labelled by the names of their folders."""
 
 
-def flat(config: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+def flatten_config(config: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     """A config as dotted keys, which begin with ``before``; a ``_target_`` as its group with its option."""
     found: dict[str, Any] = {}
     for key, value in config.items():
         if isinstance(value, Mapping):
-            found |= flat(value, f"{before}{key}.")
+            found |= flatten_config(value, f"{before}{key}.")
         elif key == "_target_" and before[:-1] in COMPONENTS:
             found[before[:-1]] = find_option(before[:-1], value)
         else:
@@ -25,7 +25,7 @@ def flat(config: Mapping[str, Any], before: str = "") -> dict[str, Any]:
 
 def differences(configs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """For each config, the keys in which not all of them agree, with its values; without keys that it lacks."""
-    flats = [flat(select_effective(config)) for config in configs]
+    flats = [flatten_config(select_effective(config)) for config in configs]
     keys = list(dict.fromkeys(key for each in flats for key in each))
     differing = [key for key in keys if any(key not in each or each[key] != flats[0].get(key) for each in flats)]
     return [{key: each[key] for key in differing if key in each} for each in flats]

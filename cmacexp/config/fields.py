@@ -36,7 +36,7 @@ def number(
     """A dataclass field for a quantity in ``unit`` within the given range, or one of ``words``.
 
     Shipped fields have no default: their values stand in ``conf/``. What a field ``needs`` to have an effect, all of
-    it, is written as :mod:`cmacexp.experiment.without_effect` describes. Whoever tunes the component draws from
+    it, is written as :mod:`cmacexp.engine.without_effect` describes. Whoever tunes the component draws from
     ``tuned``: the ends of a range, whose logarithm is drawn evenly, or a list of choices.
     """
     bounds = {"above": above, "at least": at_least, "below": below, "at most": at_most}

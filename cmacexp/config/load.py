@@ -11,7 +11,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from cmacexp.config.check import check
-from cmacexp.config.component import COMPONENTS, config_class, config_folder, find_option, fit_fields
+from cmacexp.config.component import COMPONENTS, config_class, config_folder, find_option, select_accepted_fields
 from cmacexp.config.fields import make_config
 from cmacexp.config.machine import MACHINES
 from cmacexp.config.robot_rule import find_mistake, rule_value
@@ -34,7 +34,7 @@ def _make_component(group: str, node: Mapping[str, Any]) -> Any:
     if isinstance(target, str):
         node = {**node, "_target_": (target := find_new_name(target))}
     component = find_class(f"{group}._target_", target)
-    taken, schema = fit_fields(group, node, component), config_class(component)
+    taken, schema = select_accepted_fields(group, node, component), config_class(component)
     return taken if schema is None else make_config(schema, taken, group)
 
 

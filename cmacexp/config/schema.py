@@ -6,7 +6,7 @@ Values stand in ``conf/``, never here. *Assumed* marks what Lin & Song 1997 do n
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
-from cmacexp.config.cmac import CMACS, LEARNS, CmacConfig
+from cmacexp.config.cmac import CMACS, NEEDS_LEARNING, CmacConfig
 from cmacexp.config.fields import choice, number
 from cmacexp.config.gait import PATTERNS, GaitConfig
 from cmacexp.config.machine import HAS_BODY, BodyMachine, RobotMachine
@@ -15,7 +15,7 @@ from cmacexp.models.robot_legs import JOINTS
 NONE, FREEZE, REFINE = GUARDS = ("none", "freeze", "refine")
 AUTO, ESTIMATE = "auto", "estimate"
 ADAPTIVE = "adaptive"
-DRAWS = (
+NEEDS_DRAWS = (
     f"learning.start_cycle <= cycles and option.feedforward in {CMACS} and cmac.addressing == 'hashed' and "
     "learning.start_from is None or learning.lead == 'estimate' or sensors.draws",
 )
@@ -24,7 +24,7 @@ RATES = ("gait.pattern != 'standing' or gait.load_ramp > 0 or gait.unload_ramp >
 """What rates of the depression need: a force that changes, or ground that resists them."""
 
 
-MOVES = ("machine.kind != 'point_mass' or gait.stroke > 0 or option.sensors != 'perfect'",)
+NEEDS_MOTION = ("machine.kind != 'point_mass' or gait.stroke > 0 or option.sensors != 'perfect'",)
 """What a slope needs: a point mass that stands on its spot meets the ground at one height."""
 
 
@@ -52,9 +52,9 @@ class TerrainConfig:
         "", at_least=1, at_most=4, needs=("own.step_time is not None", "own.step_factor != 1", *HAS_BODY)
     )
     """Legs under which it steps, by their numbers; null: all."""
-    slope: float = number("", above=-1, below=1, needs=MOVES)
+    slope: float = number("", above=-1, below=1, needs=NEEDS_MOTION)
     """Rise of the ground over distance, m/m; 0: flat. Its vertical stiffness is that of flat ground."""
-    slope_start: float = number("m", needs=("own.slope != 0", *MOVES))
+    slope_start: float = number("m", needs=("own.slope != 0", *NEEDS_MOTION))
     """Where the slope begins, x in the world; flat before. The body's centre starts at 0."""
 
 
@@ -152,20 +152,22 @@ class LearningConfig:
 
     needs: ClassVar[tuple[str, ...]] = ("option.feedforward != 'none'",)
 
-    rule: str = field(kw_only=True, metadata={"needs": LEARNS})
+    rule: str = field(kw_only=True, metadata={"needs": NEEDS_LEARNING})
     """One of cmacexp/cmac/rules.py; each but the paper's has its strength in a field below."""
-    rate: float | str = number("", above=0, below=2, words=(AUTO,), needs=LEARNS, tuned=(0.05, 1.5))
+    rate: float | str = number("", above=0, below=2, words=(AUTO,), needs=NEEDS_LEARNING, tuned=(0.05, 1.5))
     """Fraction of the error that a step corrects, beta; 50/256 in the paper; auto: that over 2 x lead - 1."""
-    lead: int | float | str = number("samples", at_least=-100, at_most=100, words=(AUTO, ESTIMATE), needs=LEARNS)
+    lead: int | float | str = number(
+        "samples", at_least=-100, at_most=100, words=(AUTO, ESTIMATE), needs=NEEDS_LEARNING
+    )
     """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback, as
     actuator and sensors declare them; estimate: as a small torque shows them before learning."""
-    guard: str = choice(*GUARDS, needs=LEARNS)
+    guard: str = choice(*GUARDS, needs=NEEDS_LEARNING)
     """What happens when learning does harm: nothing; the torque of the best cycle is repeated; or it is repeated and
     improved once a cycle, by the paper's rule."""
     start_cycle: int = number("", at_least=1, at_most=10**9, needs=("own.start_from is None",))
     """First cycle in which the feedforward learns and acts; with a guard the second at least. What another run has
     learnt acts from the first cycle on. Above the cycles of the run nothing learns or acts."""
-    start_from: str | None = field(kw_only=True, metadata={"needs": LEARNS})
+    start_from: str | None = field(kw_only=True, metadata={"needs": NEEDS_LEARNING})
     """Folder of a run with record.weights, from whose weights the feedforward starts; null: none."""
     regularisation: float = number("", at_least=0, at_most=1e6)
     """normalised: added to sum a_i^2, as a fraction of its mean along the plan; 0: the paper's rule."""
@@ -242,12 +244,12 @@ class Config:
     record: RecordConfig
     sweep: SweepConfig
     optimize: str | None = field(kw_only=True, metadata={"needs": ("hydra.mode == 'MULTIRUN'",)})
-    """Metric whose final value a job returns to the sweeper (see cmacexp/experiment/objective.py); null: none."""
+    """Metric whose final value a job returns to the sweeper (see cmacexp/engine/objective.py); null: none."""
     warn: bool
-    """Warn of overrides without effect (see cmacexp/experiment/without_effect.py)."""
+    """Warn of overrides without effect (see cmacexp/engine/without_effect.py)."""
     cycles: int = number("", at_least=1, at_most=10**9)
     """Gait cycles after which the run ends."""
-    seed: int = number("", at_least=0, below=2**32, needs=DRAWS)
+    seed: int = number("", at_least=0, below=2**32, needs=NEEDS_DRAWS)
     """Seed of the hash of the CMAC's memory and of every component that draws random numbers."""
     sampling_period: float = number("s", at_least=1e-6, at_most=1e3)
     """Time between two steps of the loop, T_s."""

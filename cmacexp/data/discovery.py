@@ -13,9 +13,9 @@ HYDRA_FOLDER = ".hydra"
 
 def is_run(folder: Path) -> bool:
     """Whether ``folder`` is the folder of a run, complete or not."""
-    if os.path.lexists(folder / manifests.NAME):
+    if os.path.lexists(folder / manifests.MANIFEST):
         try:
-            return "kind" not in manifests.read_file(folder / manifests.NAME)
+            return "kind" not in manifests.read_file(folder / manifests.MANIFEST)
         except BadRun:
             return True
     names = ("trace.parquet", f"{NEW}/trace.parquet", f"{NEW}/{HYDRA_FOLDER}")
@@ -66,7 +66,7 @@ def everything_below(folder: Path) -> list[Path]:
     results = {
         place
         for place in walk(folder, unreadable.append)
-        if any(os.path.lexists(place / name) for name in (manifests.NAME, NEW)) or is_run(place)
+        if any(os.path.lexists(place / name) for name in (manifests.MANIFEST, NEW)) or is_run(place)
     }
     return _require_some(folder, results.union(Path(error.filename) for error in unreadable))
 

@@ -25,7 +25,7 @@ def open_file(path: Path) -> BufferedReader:
     return open(path, "rb", opener=lambda name, flags: os.open(name, flags | safe))
 
 
-def stamp(path: Path) -> tuple[int, ...]:
+def file_signature(path: Path) -> tuple[int, ...]:
     """What changes whenever a file changes, unless it has just been written: device, inode, size and times.
 
     Of one that has just been written it is never the same twice. Raises OSError if there is none.

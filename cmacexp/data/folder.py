@@ -21,7 +21,15 @@ from typing import Any
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.files import FAILED, NEW, is_behind_link
-from cmacexp.data.tables import BODY, BODY_METRICS, MEMORY, METRICS, METRICS_CSV, RECORDING, TRACE
+from cmacexp.data.tables import (
+    BODY_FILE,
+    BODY_METRICS_FILE,
+    MEMORY_FILE,
+    METRICS_CSV,
+    METRICS_FILE,
+    RECORDING_FILE,
+    TRACE_FILE,
+)
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput, BadRun
 
@@ -30,7 +38,17 @@ HTML, FIGURES = "report.html", "figures"
 """The page of a report, and the folder of its figures."""
 TABLE, TABLE_CSV = "sweep.parquet", "sweep.csv"
 FILES = {
-    None: (TRACE, BODY, MEMORY, METRICS, METRICS_CSV, BODY_METRICS, RECORDING, WEIGHTS, f"{HYDRA_FOLDER}/*.yaml"),
+    None: (
+        TRACE_FILE,
+        BODY_FILE,
+        MEMORY_FILE,
+        METRICS_FILE,
+        METRICS_CSV,
+        BODY_METRICS_FILE,
+        RECORDING_FILE,
+        WEIGHTS,
+        f"{HYDRA_FOLDER}/*.yaml",
+    ),
     manifests.REPORT: (HTML, "*.json", "*.parquet", f"{FIGURES}/*.svg", f"{FIGURES}/*.png"),
     manifests.SWEEP: (TABLE, TABLE_CSV),
 }
@@ -134,7 +152,7 @@ def _acquire(handle: int, folder: Path, key: str, wait: bool) -> None:
 def _is_own(kind: str | None, name: str) -> bool:
     """Whether a writer may replace and remove a file of this name."""
     patterns = (pattern for pattern in FILES[kind] if pattern.count("/") == name.count("/"))
-    return name != manifests.NAME and any(fnmatchcase(name, pattern) for pattern in patterns)
+    return name != manifests.MANIFEST and any(fnmatchcase(name, pattern) for pattern in patterns)
 
 
 @dataclass(frozen=True)
@@ -174,7 +192,7 @@ class Place:
             if sync:
                 _sync(self.new / name)
         manifests.write(self.new, manifest)
-        _sync(self.new / manifests.NAME)
+        _sync(self.new / manifests.MANIFEST)
         _replace(self, manifest)
 
 
@@ -193,7 +211,7 @@ def _replace(place: Place, manifest: dict[str, Any]) -> None:
             (new / name).replace(folder / name)
     for name in place.earlier - manifest["files"].keys():
         (folder / name).unlink(missing_ok=True)
-    (new / manifests.NAME).replace(folder / manifests.NAME)
+    (new / manifests.MANIFEST).replace(folder / manifests.MANIFEST)
     _remove(new)
 
 
@@ -208,7 +226,7 @@ def _remove(new: Path) -> None:
 def _refuse_if_taken(folder: Path, name: str, key: str) -> None:
     """Refuse to write a file where something else has its name, a broken link included."""
     if os.path.lexists(folder / name):
-        reason = f"holds {name}, which is not listed in the {manifests.NAME} of an earlier result"
+        reason = f"holds {name}, which is not listed in the {manifests.MANIFEST} of an earlier result"
         raise BadInput(key, folder, f"{reason}; move it, or choose another folder")
 
 
@@ -220,13 +238,13 @@ def _open_place(folder: Path, key: str, kind: str | None) -> Place:
     place = Place(folder, key, kind, frozenset(_list_earlier(folder, key, kind)))
     if not place.new.is_symlink():
         with suppress(BadRun):  # it is not whole, so it is discarded
-            manifest = manifests.read_file(place.new / manifests.NAME)
+            manifest = manifests.read_file(place.new / manifests.MANIFEST)
             _require_kind(manifest, folder, key, kind)
             _replace(place, manifest)
             place = Place(folder, key, kind, frozenset(_list_earlier(folder, key, kind)))
     _remove(place.new)
     fixed = [name for name in FILES[kind] if "*" not in name]
-    foreign = [] if kind or os.path.lexists(folder / manifests.NAME) else [HYDRA_FOLDER]  # of another program
+    foreign = [] if kind or os.path.lexists(folder / manifests.MANIFEST) else [HYDRA_FOLDER]  # of another program
     for name in [*fixed, *foreign]:
         if name not in place.earlier:
             _refuse_if_taken(folder, name, key)
@@ -235,12 +253,12 @@ def _open_place(folder: Path, key: str, kind: str | None) -> Place:
 
 def _list_earlier(folder: Path, key: str, kind: str | None) -> list[str]:
     """Files of the earlier result that a writer may replace; refuses a manifest of something else."""
-    if not os.path.lexists(folder / manifests.NAME):
+    if not os.path.lexists(folder / manifests.MANIFEST):
         return []
     try:
-        manifest = manifests.read_file(folder / manifests.NAME)
+        manifest = manifests.read_file(folder / manifests.MANIFEST)
     except BadRun as error:
-        reason = f"holds another {manifests.NAME} ({error}); remove that file, or choose another folder"
+        reason = f"holds another {manifests.MANIFEST} ({error}); remove that file, or choose another folder"
         raise BadInput(key, folder, reason) from None
     _require_kind(manifest, folder, key, kind)
     return [name for name in manifest["files"] if _is_own(kind, name)]
@@ -268,7 +286,7 @@ def replacing(folder: Path, key: str, kind: str | None = None, wait: bool = Fals
             try:
                 yield place
             finally:
-                if not (place.new / manifests.NAME).exists():
+                if not (place.new / manifests.MANIFEST).exists():
                     _remove(place.new)
     finally:
         if made:
@@ -278,7 +296,7 @@ def replacing(folder: Path, key: str, kind: str | None = None, wait: bool = Fals
 
 def updating(folder: Path) -> AbstractContextManager[Place]:
     """Lock the folder of a run in which only some files are written anew, see :func:`replacing`; raises BadRun."""
-    manifests.read_file(folder / manifests.NAME)
+    manifests.read_file(folder / manifests.MANIFEST)
     return replacing(folder, GIVEN_KEY)
 
 

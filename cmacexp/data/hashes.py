@@ -5,27 +5,27 @@ from functools import lru_cache
 from pathlib import Path
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.files import is_behind_link, sha256, stamp
+from cmacexp.data.files import file_signature, is_behind_link, sha256
 from cmacexp.errors import BadRun
 
 
 @lru_cache(4096)
-def _cached_hash(path: Path, stamp: tuple[int, ...]) -> str:
+def _cached_hash(path: Path, file_signature: tuple[int, ...]) -> str:
     return sha256(path)
 
 
 def current_hash(path: Path) -> str:
     """SHA-256 of a file as it is now; computed once while the file does not change."""
-    return _cached_hash(path, stamp(path))
+    return _cached_hash(path, file_signature(path))
 
 
 def _read_manifest(folder: Path) -> manifests.Manifest | None:
     """The manifest of a run; None while it is written, when it has none yet."""
-    path = folder / manifests.NAME
+    path = folder / manifests.MANIFEST
     return manifests.read_file(path) if os.path.lexists(path) else None
 
 
-def find_fault(folder: Path, name: str, expected: str) -> str | None:
+def check_file(folder: Path, name: str, expected: str) -> str | None:
     """Why the file ``name`` of a folder is not the one with the hash ``expected``; None: it is."""
     try:
         if is_behind_link(folder, name):
@@ -54,7 +54,7 @@ def require_intact(path: Path) -> Path:
     if path.name not in manifest["files"]:
         if manifest["config"].get("record", {}).get("trace") is False:
             raise BadRun(f"{path}: the run keeps metrics alone (record.trace=false); run it again with record=trace")
-        raise BadRun(f"{path}: the run did not write this file, its {manifests.NAME} does not list it")
-    if fault := find_fault(path.parent, path.name, manifest["files"][path.name]):
+        raise BadRun(f"{path}: the run did not write this file, its {manifests.MANIFEST} does not list it")
+    if fault := check_file(path.parent, path.name, manifest["files"][path.name]):
         raise BadRun(f"{path}: {fault}; run it again")
     return path

@@ -8,8 +8,8 @@ from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.config.custom_code import custom_code_hash
 from cmacexp.config.machine import MACHINES, BodyMachine, RobotMachine, read_model
 from cmacexp.data import manifest as manifests
-from cmacexp.data.hashes import current_hash, find_fault
-from cmacexp.data.tables import BODY, BODY_METRICS, METRICS, METRICS_CSV, TRACE
+from cmacexp.data.hashes import check_file, current_hash
+from cmacexp.data.tables import BODY_FILE, BODY_METRICS_FILE, METRICS_CSV, METRICS_FILE, TRACE_FILE
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadRun
 from cmacexp.jit.sources import code_hash
@@ -49,7 +49,7 @@ def is_finished(folder: Path, config: Config) -> bool:
     same = manifest.get("config_hash") == config_hash(plain)
     same = same and all(manifest.get(name) == value for name, value in compute_hashes(config).items())
     as_thin = all(kept.get(key) == plain["record"][key] for key in ("every_nth_step", "cycles"))
-    has_trace = (TRACE in manifest["files"] and as_thin) or not config.record.trace
+    has_trace = (TRACE_FILE in manifest["files"] and as_thin) or not config.record.trace
     has_weights = WEIGHTS in manifest["files"] or not config.record.weights
     return same and has_trace and has_weights and manifest["status"] in RESULTS and not faults(folder)
 
@@ -60,10 +60,10 @@ def _list_missing(manifest: manifests.Manifest) -> list[str]:
         return []
     machine = manifest["config"].get("machine")
     walks = isinstance(machine, dict) and MACHINES.get(str(machine.get("kind"))) in get_args(BodyMachine)
-    names = [METRICS, BODY_METRICS] if walks else [METRICS]
+    names = [METRICS_FILE, BODY_METRICS_FILE] if walks else [METRICS_FILE]
     if manifest["config"].get("record", {}).get("trace", True):
-        names += [METRICS_CSV, TRACE, BODY] if walks else [METRICS_CSV, TRACE]
-    return [f"{name}: not listed in {manifests.NAME}" for name in names if name not in manifest["files"]]
+        names += [METRICS_CSV, TRACE_FILE, BODY_FILE] if walks else [METRICS_CSV, TRACE_FILE]
+    return [f"{name}: not listed in {manifests.MANIFEST}" for name in names if name not in manifest["files"]]
 
 
 def faults(folder: Path) -> list[str]:
@@ -76,7 +76,7 @@ def faults(folder: Path) -> list[str]:
     reasons += [
         f"{name}: {fault}"
         for name, expected in manifest["files"].items()
-        if (fault := find_fault(folder, name, expected)) is not None
+        if (fault := check_file(folder, name, expected)) is not None
     ]
     for name, expected in manifest.get("runs", {}).items():
         with suppress(BadRun):

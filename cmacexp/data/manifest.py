@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cmacexp.config import config_hash
-from cmacexp.data.files import NEW, open_file, stamp
+from cmacexp.data.files import NEW, file_signature, open_file
 from cmacexp.data.manifest_fields import REPORT as REPORT
 from cmacexp.data.manifest_fields import SWEEP as SWEEP
 from cmacexp.data.manifest_fields import find_wrong
@@ -20,7 +20,7 @@ from cmacexp.data.version import __version__
 from cmacexp.errors import BadRun
 from cmacexp.models.robot_file import DISTRIBUTION
 
-NAME, CHECKSUM = "manifest.json", "checksum"
+MANIFEST, CHECKSUM = "manifest.json", "checksum"
 """The file, and its last entry: the SHA-256 of all others."""
 LAST = f',\n  "{CHECKSUM}": '
 """How that entry begins."""
@@ -102,7 +102,7 @@ def _end(content: str) -> str:
 
 def write(folder: Path, manifest: Manifest) -> None:
     """Write a manifest with its checksum into ``folder``, which no other process reads or writes."""
-    (folder / NAME).write_text(dump(manifest), encoding="utf-8")
+    (folder / MANIFEST).write_text(dump(manifest), encoding="utf-8")
 
 
 def read(folder: Path) -> Manifest:
@@ -111,16 +111,16 @@ def read(folder: Path) -> Manifest:
     Raises BadRun if there is none, it cannot be read, it has changed, an entry is missing or not what it must be, or
     the result was being replaced when its writer was killed.
     """
-    if os.path.lexists(folder / NEW / NAME):
+    if os.path.lexists(folder / NEW / MANIFEST):
         reason = "its replacement was interrupted; repeat the command that wrote there, which completes it"
         raise BadRun(f"{folder}: {reason}")
-    return read_file(folder / NAME)
+    return read_file(folder / MANIFEST)
 
 
 def read_file(path: Path) -> Manifest:
     """:func:`read` for a file, of a result that may be being replaced; it must be as written, byte for byte."""
     try:
-        manifest: Manifest = json.loads(_read_checked(path, stamp(path)))
+        manifest: Manifest = json.loads(_read_checked(path, file_signature(path)))
     except (FileNotFoundError, NotADirectoryError):
         reason = f"no {path.name}: not the folder of a run, or the run was killed before its end"
         raise BadRun(f"{path.parent}: {reason}") from None
@@ -132,7 +132,7 @@ def read_file(path: Path) -> Manifest:
 
 
 @lru_cache(2048)  # whoever looks for runs, or reads a table of one, reads its manifest too
-def _read_checked(path: Path, stamp: tuple[int, ...]) -> bytes:
+def _read_checked(path: Path, file_signature: tuple[int, ...]) -> bytes:
     """The text of a manifest, which has this stamp."""
     with open_file(path) as file:
         if os.fstat(file.fileno()).st_size > MAX_BYTES:

@@ -119,7 +119,7 @@ CONFIG = {
 """Of the config of a run that took steps or has files: what readers use of it."""
 
 
-def find_misfit(value: Any, shape: Shape, name: str) -> str | None:
+def validate_value(value: Any, shape: Shape, name: str) -> str | None:
     """Which value, as read from JSON, does not have its shape, and what it must be; None: all have."""
     if isinstance(shape, Kind):
         return None if shape.holds(value) else f"{name} must be {shape.words}"
@@ -137,7 +137,7 @@ def find_misfit(value: Any, shape: Shape, name: str) -> str | None:
             (key, each, shape.get(key, shape.get(f"{key}?", shape.get("*", ANY)))) for key, each in value.items()
         )
         inner = ((each, of, f"{name}.{key[:40]}") for key, each, of in entries)
-    return next(filter(None, (find_misfit(*each) for each in inner)), None)
+    return next(filter(None, (validate_value(*each) for each in inner)), None)
 
 
 def _is_deep(value: Any, depth: int = 0) -> bool:
@@ -149,7 +149,7 @@ def find_wrong(manifest: Any) -> str | None:
     """What is wrong with the content of a manifest, as read from its file without its checksum; None: nothing."""
     if _is_deep(manifest):
         return f"it nests more than {MAX_DEPTH} levels"
-    if wrong := find_misfit(manifest, FIELDS, "manifest"):
+    if wrong := validate_value(manifest, FIELDS, "manifest"):
         return wrong
     is_run = "kind" not in manifest
     for name in manifest["files"]:
@@ -158,15 +158,15 @@ def find_wrong(manifest: Any) -> str | None:
             return f"files must be names of files in its folder, not {name[:40]!r}"
     if not is_run:
         return None
-    if wrong := find_misfit(manifest, RUN_FIELDS, "manifest"):
+    if wrong := validate_value(manifest, RUN_FIELDS, "manifest"):
         return wrong
     config = manifest["config"]
     if manifest["config_hash"] != config_hash(config):
         return "its config is not the one of its config_hash"
     if not (manifest["files"] or manifest["steps"]):
         return None  # of a job that failed the config can be anything
-    if wrong := find_misfit(config, CONFIG, "config"):
+    if wrong := validate_value(config, CONFIG, "config"):
         return wrong
     if not 0.5 < config["gait"]["cycle_time"] / config["sampling_period"] < MAX_STEPS_PER_CYCLE:
         return f"config.gait.cycle_time must have from 1 to {MAX_STEPS_PER_CYCLE} steps of config.sampling_period"
-    return None if manifest["drift"] is None else find_misfit(manifest["drift"], DRIFT, "manifest.drift")
+    return None if manifest["drift"] is None else validate_value(manifest["drift"], DRIFT, "manifest.drift")

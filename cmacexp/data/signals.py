@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from cmacexp.config.machine import LEG_NAMES
 
-CLOCK, PLAN, PLANT, SENSORS, CONTROLLER, FEEDFORWARD, TRACE = (
+CLOCK, PLAN, PLANT, SENSORS, CONTROLLER, FEEDFORWARD, DERIVED = (
     "clock", "plan", "plant", "sensors", "controller", "feedforward", "trace",
 )  # fmt: skip
 """Who owns a signal; the trace owns what it computes from other signals."""
@@ -112,10 +112,10 @@ TRUE_MARGIN_SIGNALS = (
         "m",
         "from the true centre of gravity to the nearest edge of the polygon of the feet with force > 0, tilt and "
         "payload included; NaN with fewer than three",
-        TRACE,
+        DERIVED,
     ),
-    Signal("true_margin_front", "m", "likewise to its front boundary along the body's x", TRACE),
-    Signal("true_margin_rear", "m", "likewise to its rear boundary along the body's x", TRACE),
+    Signal("true_margin_front", "m", "likewise to its front boundary along the body's x", DERIVED),
+    Signal("true_margin_rear", "m", "likewise to its rear boundary along the body's x", DERIVED),
 )
 TRUE_MARGINS = tuple(signal.name for signal in TRUE_MARGIN_SIGNALS)
 """Signals that follow from the traces of body and legs: nearest edge, front, rear."""
@@ -137,7 +137,7 @@ BODY_SIGNALS = (
     Signal("stability_margin", "m", "to the nearest edge of the planned support polygon (McGhee & Frank 1968)", PLAN),
     Signal("margin_front", "m", "to the front boundary of the planned support polygon along the body's x", PLAN),
     Signal("margin_rear", "m", "to the rear boundary of the planned support polygon along the body's x", PLAN),
-    Signal("supporting_legs", "", "bit mask of feet with force > 0, leg 1 the lowest bit", TRACE, pa.int32()),
+    Signal("supporting_legs", "", "bit mask of feet with force > 0, leg 1 the lowest bit", DERIVED, pa.int32()),
     *TRUE_MARGIN_SIGNALS,
     Signal("height_rate", "m/s", "rate of the height", PLANT, altered_by=("height_rate",), present=IF_ALTERED),
     Signal("pitch_rate", "rad/s", "rate of the pitch", PLANT, altered_by=("tilt_rate",), present=IF_ALTERED),

@@ -12,7 +12,7 @@ from cmacexp.config import Config, to_config
 from cmacexp.config.schema import count_steps
 from cmacexp.data import manifest as manifests
 from cmacexp.data.parquet import read_cycles, read_table
-from cmacexp.data.tables import BODY, BODY_METRICS, METRICS, TRACE, Scores
+from cmacexp.data.tables import BODY_FILE, BODY_METRICS_FILE, METRICS_FILE, TRACE_FILE, Scores
 from cmacexp.errors import BadRun, CmacexpError
 
 if TYPE_CHECKING:
@@ -92,35 +92,35 @@ class StoredRun:
     @cached_property
     def trace(self) -> "pd.DataFrame":
         """One row per step and leg."""
-        return self._table(TRACE)
+        return self._table(TRACE_FILE)
 
     @cached_property
     def metrics(self) -> "pd.DataFrame":
         """One row per cycle and leg."""
-        return self._table(METRICS)
+        return self._table(METRICS_FILE)
 
     @property
     def walks(self) -> bool:
         """Whether there is a body on legs."""
-        return BODY_METRICS in self.manifest["files"]
+        return BODY_METRICS_FILE in self.manifest["files"]
 
     @cached_property
     def body(self) -> "pd.DataFrame":
         """One row per step; only of a run that :attr:`walks`."""
-        return self._table(BODY)
+        return self._table(BODY_FILE)
 
     @cached_property
     def body_metrics(self) -> "pd.DataFrame":
         """One row per cycle; only of a run that :attr:`walks`."""
-        return self._table(BODY_METRICS)
+        return self._table(BODY_METRICS_FILE)
 
     @property
     def scores(self) -> Scores:
         """The metrics of every cycle, as Arrow tables."""
-        body = read_table(self.folder / BODY_METRICS) if BODY_METRICS in self.manifest["files"] else None
-        return Scores(read_table(self.folder / METRICS), body)
+        body = read_table(self.folder / BODY_METRICS_FILE) if BODY_METRICS_FILE in self.manifest["files"] else None
+        return Scores(read_table(self.folder / METRICS_FILE), body)
 
-    def cycles(self, numbers: Sequence[int], name: str = TRACE) -> "pd.DataFrame":
+    def cycles(self, numbers: Sequence[int], name: str = TRACE_FILE) -> "pd.DataFrame":
         """Rows of some cycles of the trace, or of another table, without holding all of a long run in memory."""
         return self._table(name, partial(read_cycles, numbers=numbers))
 

@@ -17,9 +17,9 @@ from cmacexp.data.parquet import as_array, read_parts, select_rows, table_writer
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, Signal, make_schema, select_signals
 from cmacexp.errors import BadRun
 
-TRACE, BODY, MEMORY = "trace.parquet", "body.parquet", "memory.parquet"
-METRICS, METRICS_CSV, BODY_METRICS = "metrics.parquet", "metrics.csv", "body_metrics.parquet"
-RECORDING = "recording.rrd"
+TRACE_FILE, BODY_FILE, MEMORY_FILE = "trace.parquet", "body.parquet", "memory.parquet"
+METRICS_FILE, METRICS_CSV, BODY_METRICS_FILE = "metrics.parquet", "metrics.csv", "body_metrics.parquet"
+RECORDING_FILE = "recording.rrd"
 ALL_CYCLES = (1, 2**31 - 1)
 LAST_STEPS = 100
 """Steps before the end of a run that did not complete, which a thinned trace keeps too: they show what went wrong."""
@@ -48,7 +48,7 @@ class Scores(NamedTuple):
 def steps_by_cycle(folder: Path) -> dict[int, int]:
     """Number of steps of each cycle in the trace of a run; raises BadRun if that is not as it was written."""
     steps: dict[int, int] = {}
-    for part in read_parts(folder / TRACE, ["cycle", "leg"]):
+    for part in read_parts(folder / TRACE_FILE, ["cycle", "leg"]):
         cycles, counts = np.unique(as_array(part, "cycle")[as_array(part, "leg") == 1], return_counts=True)
         for cycle, count in zip(cycles.tolist(), counts.tolist(), strict=True):
             steps[cycle] = steps.get(cycle, 0) + count
@@ -73,21 +73,21 @@ def _read(path: Path, columns: Sequence[Signal], cycles: tuple[int, int], every:
 
 def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int = 1) -> Traces:
     """The traces of a run, of cycles from the first to the last, one step in ``every``; raises BadRun."""
-    legs = _read(folder / TRACE, select_signals(LEG_SIGNALS), cycles, every)
-    walks = was_written(folder / BODY)
-    return Traces(legs, _read(folder / BODY, select_signals(BODY_SIGNALS), cycles, every) if walks else None)
+    legs = _read(folder / TRACE_FILE, select_signals(LEG_SIGNALS), cycles, every)
+    walks = was_written(folder / BODY_FILE)
+    return Traces(legs, _read(folder / BODY_FILE, select_signals(BODY_SIGNALS), cycles, every) if walks else None)
 
 
 def write_scores(folder: Path, scores: Scores, as_csv: bool = True) -> list[str]:
     """Write the metrics of a run, as CSV too unless that is not wanted; the names of the files."""
-    write_table(scores.legs, folder / METRICS)
-    names = [METRICS]
+    write_table(scores.legs, folder / METRICS_FILE)
+    names = [METRICS_FILE]
     if as_csv:
         pa_csv.write_csv(scores.legs, folder / METRICS_CSV)
         names.append(METRICS_CSV)
     if scores.body is not None:
-        write_table(scores.body, folder / BODY_METRICS)
-        names.append(BODY_METRICS)
+        write_table(scores.body, folder / BODY_METRICS_FILE)
+        names.append(BODY_METRICS_FILE)
     return names
 
 
@@ -147,7 +147,7 @@ def trace_writer(
 
     Without ``record.trace`` nothing is written.
     """
-    columns = {TRACE: legs, BODY: body} if record.trace else {}
+    columns = {TRACE_FILE: legs, BODY_FILE: body} if record.trace else {}
     with ExitStack() as stack:
         files = [table_writer(folder / name, make_schema(own)) for name, own in columns.items() if own is not None]
         yield TraceWriter([stack.enter_context(file) for file in files], record)

@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from cmacexp.data.parquet import as_array, is_support, read_parts, select_rows
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import BODY, TRACE
+from cmacexp.data.tables import BODY_FILE, TRACE_FILE
 from cmacexp.errors import BadRun
 from cmacexp.typing import Array
 
@@ -27,7 +27,7 @@ class Field(NamedTuple):
     type: pa.DataType
 
 
-class Part(NamedTuple):
+class StepChunk(NamedTuple):
     """Some steps of a run, in order."""
 
     shared: dict[str, Array]
@@ -69,10 +69,10 @@ def _is_plain(table: pa.Table, legs: bool) -> bool:
 
 def _list_tables(run: StoredRun) -> list[tuple[str, bool]]:
     """Names of the tables of steps, and whether they have a row for each leg."""
-    return [(TRACE, True), *([(BODY, False)] if BODY in run.manifest["files"] else [])]
+    return [(TRACE_FILE, True), *([(BODY_FILE, False)] if BODY_FILE in run.manifest["files"] else [])]
 
 
-def read_steps(run: StoredRun) -> Iterator[Part]:
+def read_steps(run: StoredRun) -> Iterator[StepChunk]:
     """All steps that the trace kept, only a part of them in memory at a time; raises BadRun."""
     tables = _list_tables(run)
     names: set[str] = set()
@@ -90,7 +90,7 @@ def read_steps(run: StoredRun) -> Iterator[Part]:
         names = names or {*groups}
         if {*groups} != names or not all(groups.values()):
             raise BadRun(f"{run.folder}: {' and '.join(name for name, _ in tables)} have not the same steps for all")
-        yield Part(shared, groups)
+        yield StepChunk(shared, groups)
 
 
 def _split(table: pa.Table, legs: bool) -> Iterator[tuple[str, pa.Table]]:

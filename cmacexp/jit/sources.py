@@ -14,7 +14,7 @@ KERNEL_ROOMS = (
     "jit", "data/signals.py", "models", "cmac", "planning", "plants", "sensors", "feedforward", "control", "loop",
 )  # fmt: skip
 """Rooms and files with kernels, and with constants that kernels use."""
-RESULT_ROOMS = (*KERNEL_ROOMS, "typing.py", "config", "data", "metrics", "experiment/run.py")
+RESULT_ROOMS = (*KERNEL_ROOMS, "typing.py", "config", "data", "metrics", "engine/run.py")
 """Rooms that can change the result of a run; not those that only read it."""
 PRIVATE, OTHERS_WRITE = 0o700, stat.S_IWGRP | stat.S_IWOTH
 

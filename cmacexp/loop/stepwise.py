@@ -30,7 +30,7 @@ from cmacexp.typing import Array, Mask
 OUTSIDE = External(plant=False, sensors=False, controller=False, feedforward=True)
 
 
-class Moment(NamedTuple):
+class LoopState(NamedTuple):
     """What is known at the start of a step. The arrays are those of the loop, which the next step overwrites."""
 
     step: int
@@ -102,7 +102,7 @@ class OpenLoop:
     _steps: Iterator[tuple[int, int]]
     """Of the present cycle, which pauses before each."""
 
-    def reset(self, seed: int | None = None) -> Moment:
+    def reset(self, seed: int | None = None) -> LoopState:
         """Return to the start of the run; ``seed`` of the noise of the sensors, None: as before; raises BadInput."""
         if seed is not None and not 0 <= seed < 2**32:
             raise BadInput("seed", seed, "must be at least 0 and below 2^32")
@@ -118,7 +118,7 @@ class OpenLoop:
             self._cycle, self._steps, self._progress[STOP] = -1, iter(()), RUNNING
             return self._pause()
 
-    def step(self, torque: ArrayLike) -> Moment:
+    def step(self, torque: ArrayLike) -> LoopState:
         """Take a step with a feedforward ``torque`` (L, J), N m; raises BadOutput, or CmacexpError after the end."""
         if self.moment.status != "running":
             raise CmacexpError(f"the run has {self.moment.status}: reset() starts it again")
@@ -131,7 +131,7 @@ class OpenLoop:
         with interrupt_held_back():  # MuJoCo would drop an interrupt in a function that it calls
             return self._pause()
 
-    def _pause(self) -> Moment:
+    def _pause(self) -> LoopState:
         """Run to the start of the next step, or to the end."""
         while (pause := next(self._steps, None)) is None:
             if (stop := int(self._progress[STOP])) != RUNNING:
@@ -153,10 +153,10 @@ class OpenLoop:
         start = self._cycle * self.period
         self._steps = coroutine_loop(self._loop, self._inputs, self._progress, start, *self._samples)
 
-    def _note(self, step: int, status: str, cause: str = "") -> Moment:
+    def _note(self, step: int, status: str, cause: str = "") -> LoopState:
         sample, control = step % self.period, self._loop.control_state
         support, reference, desired, force_desired = (rows[sample] for rows in self._planned)
-        self.moment = Moment(
+        self.moment = LoopState(
             step,
             sample,
             status,

@@ -108,7 +108,7 @@ class Block:
         return np.where(began & whole, 1.0, np.nan)
 
 
-def cut(trace: pa.Table, steps_per_cycle: int, before: Block | None = None) -> Block:
+def split_cycles(trace: pa.Table, steps_per_cycle: int, before: Block | None = None) -> Block:
     """Cut the trace of a run, or of a part of it, into cycles of N steps; the last may be short.
 
     The part ``before`` has the rhythm of the run; None: this is the first part.

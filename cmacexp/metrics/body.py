@@ -8,7 +8,18 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from cmacexp.data.parquet import as_array
-from cmacexp.metrics.metric import BODY, CONTRACT, CYCLE, LARGE, MCGHEE_FRANK, NEITHER, SMALL, Metric, Shown, to_table
+from cmacexp.metrics.metric import (
+    BODY_POOLING,
+    CONTRACT,
+    CYCLE,
+    LARGE,
+    MCGHEE_FRANK,
+    NEITHER,
+    SMALL,
+    Metric,
+    MetricDisplay,
+    to_table,
+)
 from cmacexp.typing import Array
 
 
@@ -32,8 +43,8 @@ def _largest_tilt(block: BodyBlock) -> Array:
 
 
 def _height(which: str, symbol: str, compute: Callable[[BodyBlock], Array], main: bool = False) -> BodyMetric:
-    shown = Shown("height" if main else f"{which} height", "mm", 1e3, main, from_zero=False, symbol=symbol)
-    return Metric("m", f"{which} height of the body", "never", compute, BODY, NEITHER, shown)
+    shown = MetricDisplay("height" if main else f"{which} height", "mm", 1e3, main, from_zero=False, symbol=symbol)
+    return Metric("m", f"{which} height of the body", "never", compute, BODY_POOLING, NEITHER, shown)
 
 
 def _margin(column: str, title: str = "", symbol: str = "", main: bool = False) -> BodyMetric:
@@ -44,9 +55,9 @@ def _margin(column: str, title: str = "", symbol: str = "", main: bool = False) 
     if known.startswith("true"):
         of, undefined = "polygon of the feet that carry load", "never three feet carry"
     meaning = f"least margin to the {to} of the {of}; negative: the centre of gravity is outside it"
-    shown = Shown(title, "mm", 1e3, main, symbol=symbol) if title else None
+    shown = MetricDisplay(title, "mm", 1e3, main, symbol=symbol) if title else None
     source = CONTRACT if side else MCGHEE_FRANK
-    return Metric("m", meaning, undefined, lambda b: b.reduce(np.fmin, column), BODY, LARGE, shown, source)
+    return Metric("m", meaning, undefined, lambda b: b.reduce(np.fmin, column), BODY_POOLING, LARGE, shown, source)
 
 
 def _mean_height(block: BodyBlock) -> Array:
@@ -59,7 +70,7 @@ BODY_METRICS: dict[str, BodyMetric] = {
     "height_mean": _height("mean", "h", _mean_height, main=True),
     "height_min": _height("least", "h_min", lambda b: b.reduce(np.minimum, "height")),
     "height_max": _height("largest", "h_max", lambda b: b.reduce(np.maximum, "height")),
-    "tilt_max": Metric("rad", _TILT, "never", _largest_tilt, BODY, SMALL, Shown("tilt", "mrad", 1e3)),
+    "tilt_max": Metric("rad", _TILT, "never", _largest_tilt, BODY_POOLING, SMALL, MetricDisplay("tilt", "mrad", 1e3)),
     "stability_margin_min": _margin("stability_margin", "planned margin", "S_p"),
     "margin_front_min": _margin("margin_front"),
     "margin_rear_min": _margin("margin_rear", "planned rear margin", "S_pr"),

@@ -5,7 +5,18 @@ import numpy as np
 from cmacexp.metrics import measures
 from cmacexp.metrics.block import Block, three_feet
 from cmacexp.metrics.measures import divide, iae, largest, mean, rms
-from cmacexp.metrics.metric import CONTRACT, MEAN, NEAR_ZERO, NEITHER, OGATA, Metric, Shown, integral, rmse, worst
+from cmacexp.metrics.metric import (
+    CONTRACT,
+    MEAN,
+    NEAR_ZERO,
+    NEITHER,
+    OGATA,
+    Metric,
+    MetricDisplay,
+    integral,
+    rmse,
+    worst,
+)
 from cmacexp.typing import Array
 
 
@@ -49,7 +60,7 @@ FORCE: dict[str, Metric[Block]] = {
         "RMS force error in support",
         _NO_SUPPORT,
         lambda b: rms(b.force_error, b.support),
-        shown=Shown("force error", "N", symbol="e_F"),
+        shown=MetricDisplay("force error", "N", symbol="e_F"),
     ),
     "force_rmse_cycle": rmse("N", "RMS force error, all samples", "never", lambda b: rms(b.force_error, b.valid)),
     "force_rmse_three_feet": rmse(
@@ -57,7 +68,7 @@ FORCE: dict[str, Metric[Block]] = {
         "RMS force error over the middle half of each planned three-foot interval",
         "never three feet down (one leg)",
         lambda b: rms(b.force_error, three_feet(b)),
-        shown=Shown("error on three feet", "N", symbol="e_F3"),
+        shown=MetricDisplay("error on three feet", "N", symbol="e_F3"),
         source=CONTRACT,
     ),
     "force_settled": Metric(
@@ -67,7 +78,7 @@ FORCE: dict[str, Metric[Block]] = {
         force_settled,
         MEAN,
         NEITHER,
-        Shown("settled force", "N", over_legs=False, symbol="F_s"),
+        MetricDisplay("settled force", "N", over_legs=False, symbol="F_s"),
     ),
     "force_steady_state_error": Metric(
         "",
@@ -76,14 +87,14 @@ FORCE: dict[str, Metric[Block]] = {
         force_steady_state_error,
         MEAN,
         NEAR_ZERO,
-        Shown("steady error", "%", 100.0, over_legs=False, symbol="e_ss"),
+        MetricDisplay("steady error", "%", 100.0, over_legs=False, symbol="e_ss"),
     ),
     "force_overshoot": worst(
         "",
         "max force/desired - 1 over support",
         "desired force not constant over the second half of support, or 0",
         force_overshoot,
-        shown=Shown("overshoot", "%", 100.0, over_legs=False, symbol="M_p"),
+        shown=MetricDisplay("overshoot", "%", 100.0, over_legs=False, symbol="M_p"),
         source=f"{OGATA}, of the desired force",
     ),
     "force_ripple": rmse(
@@ -91,7 +102,7 @@ FORCE: dict[str, Metric[Block]] = {
         "standard deviation of force over the second half of support",
         _NO_SECOND_HALF,
         lambda b: measures.ripple(b.force, b.second_half),
-        shown=Shown("force ripple", "N", main=False, symbol="s_F"),
+        shown=MetricDisplay("force ripple", "N", main=False, symbol="s_F"),
         source=CONTRACT,
     ),
     "force_settling_time": worst(
@@ -99,7 +110,7 @@ FORCE: dict[str, Metric[Block]] = {
         "from touch-down to within 2 % of force_settled",
         f"never settles, settles at 0, or {_NOT_WHOLE}",
         force_settling_time,
-        shown=Shown("settling time", "s", over_legs=False, symbol="t_s"),
+        shown=MetricDisplay("settling time", "s", over_legs=False, symbol="t_s"),
         source=OGATA,
     ),
     "force_iae": integral(
@@ -113,6 +124,6 @@ FORCE: dict[str, Metric[Block]] = {
         "integral of time since touch-down times absolute force error over support",
         _NOT_WHOLE,
         lambda b: b.whole_support * measures.itae(b.since_touch_down, b.force_error, b.support, b.rhythm.step),
-        shown=Shown("ITAE", "N s²", over_legs=False),
+        shown=MetricDisplay("ITAE", "N s²", over_legs=False),
     ),
 }

@@ -25,7 +25,7 @@ def split_columns(memory: pa.Table | None, cycles: int, legs: int) -> dict[str, 
 _NO_WEIGHTS = "no weights that a built-in feedforward keeps"
 _of_weights = partial(Metric, undefined=_NO_WEIGHTS, better=NEITHER)
 
-MEMORY: dict[str, Metric[Mapping[str, Array]]] = {
+MEMORY_METRICS: dict[str, Metric[Mapping[str, Array]]] = {
     "weight_norm": _of_weights(
         "N m",
         "Euclidean norm of all weights at the end of the cycle",

@@ -42,14 +42,14 @@ LARGEST = Pooling("largest", measures.largest)
 """For peaks, times and growth: the machine is as good as its worst leg."""
 SMALLEST = Pooling("smallest", lambda values, mask: -measures.largest(-values, mask))
 """For the number of a cycle in which something starts: it starts with the first leg."""
-BODY = Pooling("", measures.mean)
+BODY_POOLING = Pooling("", measures.mean)
 """For metrics of the body: there is one."""
 
 SMALL, NEAR_ZERO, LARGE, NEITHER = "small", "near 0", "large", ""
 """Which values are better; NEITHER where it depends."""
 
 
-class Shown(NamedTuple):
+class MetricDisplay(NamedTuple):
     """How a metric appears wherever it is shown: in the terminal, in reports, in printed runs and in the docs."""
 
     title: str
@@ -82,7 +82,7 @@ class Metric(NamedTuple, Generic[Of]):
     pooling: Pooling
     better: str
     """:data:`SMALL`, :data:`NEAR_ZERO`, :data:`LARGE` or :data:`NEITHER`."""
-    shown: Shown | None = None
+    shown: MetricDisplay | None = None
     """None: shown only where all metrics are, under its name and in its unit."""
     source: str = CONTRACT
     """Where the definition comes from; :data:`CONTRACT` only where nothing else applies."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from cmacexp.data.parquet import as_array
 from cmacexp.data.tables import Scores
-from cmacexp.metrics.metric import Shown
+from cmacexp.metrics.metric import MetricDisplay
 from cmacexp.metrics.registry import ALL_METRICS, MAIN, SHOWN
 from cmacexp.metrics.text import format_cell
 from cmacexp.typing import Array
@@ -39,7 +39,7 @@ def is_shown(name: str, values: Container[str], legs: int) -> bool:
     return (legs == 1 or SHOWN[name].over_legs) and SHOWN[name].instead not in values
 
 
-def select_main(values: Mapping[str, Array], legs: int) -> dict[str, Shown]:
+def select_main(values: Mapping[str, Array], legs: int) -> dict[str, MetricDisplay]:
     """The main metrics that at least one cycle defines, for a run of so many legs."""
     return {
         name: shown
@@ -57,7 +57,7 @@ def shorten(rows: Sequence[Row]) -> list[Row]:
     return [*rows[:ENDS], *between, *rows[-ENDS:]]
 
 
-def tabulate_cycles(scores: Scores) -> tuple[dict[str, Shown], list[list[str]]]:
+def tabulate_cycles(scores: Scores) -> tuple[dict[str, MetricDisplay], list[list[str]]]:
     """The main metrics that at least one cycle defines, by name, and a row of text per cycle, its number first."""
     pooled = pool_legs(scores)
     main = select_main(pooled, count_legs(scores))

@@ -6,22 +6,24 @@ from cmacexp.metrics.block import Block
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.drift import LEARNING
 from cmacexp.metrics.force import FORCE
-from cmacexp.metrics.memory import MEMORY
-from cmacexp.metrics.metric import NEITHER, Metric, Shown
+from cmacexp.metrics.memory import MEMORY_METRICS
+from cmacexp.metrics.metric import NEITHER, Metric, MetricDisplay
 from cmacexp.metrics.torque import TORQUE
 from cmacexp.metrics.tracking import SPATIAL, TRACKING
 
 OF_A_CYCLE: dict[str, Metric[Block]] = {**TRACKING, **FORCE, **TORQUE}
 """Those that follow from the trace of one cycle."""
-METRICS: dict[str, Metric[Any]] = {**OF_A_CYCLE, **LEARNING, **MEMORY}
+LEG_METRICS: dict[str, Metric[Any]] = {**OF_A_CYCLE, **LEARNING, **MEMORY_METRICS}
 """Columns of ``metrics.parquet`` after ``cycle`` and ``leg``; of a robot those of SPATIAL follow."""
-ALL_METRICS: dict[str, Metric[Any]] = {**TRACKING, **SPATIAL, **METRICS, **BODY_METRICS}
+ALL_METRICS: dict[str, Metric[Any]] = {**TRACKING, **SPATIAL, **LEG_METRICS, **BODY_METRICS}
 """All of these, and those of ``body_metrics.parquet``."""
-SHOWN: dict[str, Shown] = {name: metric.shown for name, metric in ALL_METRICS.items() if metric.shown}
+SHOWN: dict[str, MetricDisplay] = {name: metric.shown for name, metric in ALL_METRICS.items() if metric.shown}
 """How metrics appear in tables and figures."""
-MAIN: dict[str, Shown] = {name: shown for name, shown in SHOWN.items() if shown.main}
+MAIN: dict[str, MetricDisplay] = {name: shown for name, shown in SHOWN.items() if shown.main}
 """The columns of tables of main metrics."""
-JUDGED: dict[str, Shown] = {name: shown for name, shown in MAIN.items() if ALL_METRICS[name].better != NEITHER}
+JUDGED: dict[str, MetricDisplay] = {
+    name: shown for name, shown in MAIN.items() if ALL_METRICS[name].better != NEITHER
+}
 """The main metrics of which one direction is better."""
 RANKED = [name for name in SHOWN if ALL_METRICS[name].better != NEITHER]
 """Metrics of which the table of a sweep has the best value."""

@@ -6,14 +6,13 @@ import pyarrow as pa
 from cmacexp.data.hashes import was_written
 from cmacexp.data.parquet import read_parts
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import BODY, MEMORY, TRACE, Scores, Traces
-from cmacexp.metrics.block import Block, cut
+from cmacexp.data.tables import BODY_FILE, MEMORY_FILE, TRACE_FILE, Scores, Traces
+from cmacexp.metrics.block import Block, split_cycles
 from cmacexp.metrics.body import compute_body
 from cmacexp.metrics.drift import LEARNING, Drift, DriftDetector
-from cmacexp.metrics.memory import MEMORY as MEMORY_METRICS
-from cmacexp.metrics.memory import split_columns
+from cmacexp.metrics.memory import MEMORY_METRICS, split_columns
 from cmacexp.metrics.metric import CYCLE, LEG, to_table
-from cmacexp.metrics.registry import METRICS, OF_A_CYCLE
+from cmacexp.metrics.registry import LEG_METRICS, OF_A_CYCLE
 from cmacexp.metrics.tracking import SPATIAL
 from cmacexp.typing import Array
 
@@ -45,7 +44,7 @@ class RunScorer:
 
     def add_legs(self, trace: pa.Table) -> None:
         """Score the legs in the next cycles (:func:`cmacexp.loop.trace.assemble`)."""
-        self._block = block = cut(trace, self.steps_per_cycle, self._block)
+        self._block = block = split_cycles(trace, self.steps_per_cycle, self._block)
         known = OF_A_CYCLE if block.joint_error is None else {**OF_A_CYCLE, **SPATIAL}
         part = {name: metric.compute(block) for name, metric in known.items()}
         feedback = part["feedback_rms"]
@@ -71,18 +70,18 @@ class RunScorer:
             "leg": (LEG, np.tile(np.arange(1, legs + 1), cycles)),
         }
         body = pa.concat_tables(self._body).combine_chunks() if self._body else None
-        columns = {**METRICS, **SPATIAL} if SPATIAL.keys() <= values.keys() else METRICS
+        columns = {**LEG_METRICS, **SPATIAL} if SPATIAL.keys() <= values.keys() else LEG_METRICS
         return Scores(to_table(index, values, columns), body)
 
 
 def score_traces(run: StoredRun) -> Scores:
     """The metrics of a run from its traces, which must hold every step; raises BadRun."""
     scorer, folder = RunScorer(run.steps_per_cycle), run.folder
-    for part in read_parts(folder / TRACE):
+    for part in read_parts(folder / TRACE_FILE):
         scorer.add_legs(part)
-    if was_written(folder / MEMORY):
-        scorer.memory.extend(read_parts(folder / MEMORY))
-    if was_written(folder / BODY):
-        for part in read_parts(folder / BODY):
+    if was_written(folder / MEMORY_FILE):
+        scorer.memory.extend(read_parts(folder / MEMORY_FILE))
+    if was_written(folder / BODY_FILE):
+        for part in read_parts(folder / BODY_FILE):
             scorer.add_body(part)
     return scorer.scores

@@ -1,9 +1,13 @@
 """Numbers and settings as text, for tables, pages and messages."""
 
 import math
+import re
+from collections.abc import Sequence
 from typing import Any
 
 DIGITS = 3
+NUMBER = re.compile(r"([-+]?(\d[\d.]*(e[-+]?\d+|-\d+)?|infinite)( .*)?|-|undefined)?")
+"""A cell that is a number or a range, with its unit or a remark, or says that there is none."""
 
 
 def format_number(value: float, unit: str = "", digits: int = DIGITS) -> str:
@@ -56,3 +60,9 @@ def format_setting(value: Any) -> str:
         return f"{value:.6g}"
     text = f"[{', '.join(map(format_setting, value))}]" if isinstance(value, list) else str(value)
     return text.rpartition(".")[2] if text.startswith("cmacexp.") else text
+
+
+def find_numeric(rows: Sequence[Sequence[str]]) -> frozenset[int]:
+    """The columns of a table that hold numbers only, which are aligned to the right."""
+    columns = zip(*rows, strict=True)
+    return frozenset(i for i, cells in enumerate(columns) if all(NUMBER.fullmatch(cell) for cell in cells))

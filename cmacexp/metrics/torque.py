@@ -6,7 +6,7 @@ import numpy as np
 
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.measures import divide, largest, mean
-from cmacexp.metrics.metric import CONTRACT, LARGE, MEAN, NEITHER, RMS, Metric, Shown, integral, rmse, worst
+from cmacexp.metrics.metric import CONTRACT, LARGE, MEAN, NEITHER, RMS, Metric, MetricDisplay, integral, rmse, worst
 from cmacexp.typing import Array, Mask
 
 
@@ -39,7 +39,7 @@ TORQUE: dict[str, Metric[Block]] = {
         "RMS feedback torque, all joints",
         "never",
         lambda b: _torque_rms(b.feedback, b.valid),
-        shown=Shown("feedback torque", "N m", main=False, symbol="T_fb"),
+        shown=MetricDisplay("feedback torque", "N m", main=False, symbol="T_fb"),
         source=CONTRACT,
     ),
     "feedback_change": rmse(
@@ -55,14 +55,14 @@ TORQUE: dict[str, Metric[Block]] = {
         lambda b: _torque_rms(b.feedforward, b.valid),
         RMS,
         NEITHER,
-        Shown("feedforward torque", "N m", main=False, symbol="T_ff"),
+        MetricDisplay("feedforward torque", "N m", main=False, symbol="T_ff"),
     ),
     "torque_peak": worst(
         "N m",
         "largest absolute joint torque",
         "never",
         lambda b: largest(_joints(np.maximum, np.abs(b.torque)), b.valid),
-        shown=Shown("peak torque", "N m", main=False, symbol="T_max"),
+        shown=MetricDisplay("peak torque", "N m", main=False, symbol="T_max"),
     ),
     "energy": integral("J", "absolute work of all joints over the cycle", "never", energy, source=CONTRACT),
     "feedforward_share": Metric(
@@ -72,6 +72,6 @@ TORQUE: dict[str, Metric[Block]] = {
         feedforward_share,
         MEAN,
         LARGE,
-        Shown("feedforward share", "%", 100.0, symbol="r_ff"),
+        MetricDisplay("feedforward share", "%", 100.0, symbol="r_ff"),
     ),
 }

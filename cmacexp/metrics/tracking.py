@@ -4,7 +4,7 @@ import numpy as np
 
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.measures import mean, rms
-from cmacexp.metrics.metric import Metric, Shown, rmse
+from cmacexp.metrics.metric import Metric, MetricDisplay, rmse
 from cmacexp.typing import Array
 
 NO_TRANSFER, NO_SUPPORT = "no sample of transfer", "no sample of support"
@@ -13,14 +13,14 @@ NO_TRANSFER, NO_SUPPORT = "no sample of transfer", "no sample of support"
 def transfer_rmse(axis: str) -> Metric[Block]:
     """The column ``transfer_rmse_*`` of an axis."""
     meaning = f"RMS of {axis} - {axis}_desired in transfer"
-    shown = Shown(f"{axis} error", "mm", 1e3, symbol=f"e_{axis}", instead="transfer_rmse")
+    shown = MetricDisplay(f"{axis} error", "mm", 1e3, symbol=f"e_{axis}", instead="transfer_rmse")
     return rmse("m", meaning, NO_TRANSFER, lambda b: rms(b.error[axis], b.transfer), shown=shown)
 
 
 def support_rmse(axis: str) -> Metric[Block]:
     """The column ``support_rmse_*`` of an axis."""
     meaning = f"RMS of {axis} - {axis}_desired in support"
-    shown = Shown(f"{axis} error in support", "mm", 1e3, main=False, symbol=f"e_{axis}s")
+    shown = MetricDisplay(f"{axis} error in support", "mm", 1e3, main=False, symbol=f"e_{axis}s")
     return rmse("m", meaning, NO_SUPPORT, lambda b: rms(b.error[axis], b.support), shown=shown)
 
 
@@ -44,7 +44,7 @@ SPATIAL: dict[str, Metric[Block]] = {
         "RMS distance of the foot from where it should be in transfer",
         NO_TRANSFER,
         lambda b: np.sqrt(mean(b.error["x"] ** 2 + b.error["y"] ** 2 + b.error["z"] ** 2, b.transfer)),
-        shown=Shown("foot error", "mm", 1e3, symbol="e_foot"),
+        shown=MetricDisplay("foot error", "mm", 1e3, symbol="e_foot"),
     ),
     "support_rmse_z": support_rmse("z"),
     "joint_rmse": rmse(
@@ -52,6 +52,6 @@ SPATIAL: dict[str, Metric[Block]] = {
         "RMS of q - q_desired, all joints",
         "never",
         joint_rmse,
-        shown=Shown("joint error", "mrad", 1e3, symbol="e_q"),
+        shown=MetricDisplay("joint error", "mrad", 1e3, symbol="e_q"),
     ),
 }

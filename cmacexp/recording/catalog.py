@@ -14,12 +14,12 @@ from cmacexp.errors import BadRun
 from cmacexp.metrics.registry import ALL_METRICS, MAIN
 
 DATASET = "runs"
-NAME = "property:RecordingInfo:name"
+NAME_COLUMN = "property:RecordingInfo:name"
 
 
 def _list_columns(present: Sequence[str], keys: Sequence[str]) -> list[rrt.Column]:
     """The columns of the table: first what distinguishes the runs, then the main metrics; the others can be shown."""
-    sources = {NAME: "run", **{f"property:config:{re.sub(r'[^A-Za-z0-9_]', '_', key)}": key for key in keys}}
+    sources = {NAME_COLUMN: "run", **{f"property:config:{re.sub(r'[^A-Za-z0-9_]', '_', key)}": key for key in keys}}
     sources["property:run:status"] = "status"
     sources |= {f"property:metrics:{name}": f"{name} {ALL_METRICS[name].unit}".rstrip() for name in MAIN}
     shown = [rrt.Column(source, name=name) for source, name in sources.items() if source in present]
@@ -28,7 +28,7 @@ def _list_columns(present: Sequence[str], keys: Sequence[str]) -> list[rrt.Colum
 
 def _set_columns(runs: DatasetEntry, keys: Sequence[str]) -> None:
     columns = _list_columns(runs.segment_table().schema().names, keys)
-    table = rrt.TableBlueprint(table_layout=rrt.TableLayout(columns=columns), sort_by=NAME)
+    table = rrt.TableBlueprint(table_layout=rrt.TableLayout(columns=columns), sort_by=NAME_COLUMN)
     with TemporaryDirectory() as folder:
         path = Path(folder, "table.rbl")
         table.save(DATASET, path)

@@ -76,7 +76,7 @@ def _log_body(entities: Entities, view: RunView) -> None:
     if not view.walks:
         return
     middle, half = find_trunk(view)
-    plate = rr.Boxes3D(centers=[middle], half_sizes=[half], colors=[palette.BODY], fill_mode="solid")
+    plate = rr.Boxes3D(centers=[middle], half_sizes=[half], colors=[palette.BODY_COLOR], fill_mode="solid")
     entities.log("world/travel/body/plate", plate)
     front = middle[0] + half[0]
     nose = [[front, -0.03, 0.0], [front + 0.06, 0.0, 0.0], [front, 0.03, 0.0]]

@@ -13,12 +13,12 @@ import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
 
-from cmacexp.config.difference import flat
+from cmacexp.config.difference import flatten_config
 from cmacexp.data.folder import write_atomically
 from cmacexp.data.hashes import was_written
 from cmacexp.data.manifest import Manifest
 from cmacexp.data.parquet import read_table
-from cmacexp.data.tables import BODY_METRICS, METRICS, Scores, read_traces
+from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores, read_traces
 from cmacexp.metrics.pooling import pool_legs
 from cmacexp.recording.blueprint import KEY, describe_key, layout
 from cmacexp.recording.entities import Entities
@@ -60,13 +60,13 @@ def _send_facts(recording: rr.RecordingStream, folder: Path, view: RunView) -> N
     A catalogue of recordings can be filtered by them. Of several runs in one recording each property begins with the
     root of its entities.
     """
-    manifest, body = view.manifest, folder / BODY_METRICS
+    manifest, body = view.manifest, folder / BODY_METRICS_FILE
     run = {name: manifest.get(name) for name in ("status", "cause", "seed", "steps", "config_hash", "git_commit")}
     run["overrides"] = " ".join(manifest.get("overrides", ())) or None
     run["version"] = manifest.get("versions", {}).get("cmacexp")
-    pooled = pool_legs(Scores(read_table(folder / METRICS), read_table(body) if was_written(body) else None))
+    pooled = pool_legs(Scores(read_table(folder / METRICS_FILE), read_table(body) if was_written(body) else None))
     last = {name: float(values[-1]) for name, values in pooled.items() if len(values) and math.isfinite(values[-1])}
-    for name, values in {"run": run, "config": flat(view.config), "metrics": last}.items():
+    for name, values in {"run": run, "config": flatten_config(view.config), "metrics": last}.items():
         known = {
             key: pa.array([value if isinstance(value, bool | int | float | str) else str(value)])
             for key, value in values.items()

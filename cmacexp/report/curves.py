@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.metrics.metric import Shown
+from cmacexp.metrics.metric import MetricDisplay
 from cmacexp.metrics.registry import ALL_METRICS, SHOWN
 from cmacexp.metrics.text import format_setting
 from cmacexp.report.figures import Panel, Series
@@ -16,9 +16,9 @@ from cmacexp.typing import Array
 Reduce = Callable[[Array], tuple[float, float, float]]
 
 
-def appearance(name: str) -> Shown:
+def appearance(name: str) -> MetricDisplay:
     """How a metric appears; one that tables do not show, under its name and in its unit."""
-    return SHOWN.get(name) or Shown(name.replace("_", " "), ALL_METRICS[name].unit)
+    return SHOWN.get(name) or MetricDisplay(name.replace("_", " "), ALL_METRICS[name].unit)
 
 
 def find_log(series: Sequence[Series], axes: str = "xy") -> str:

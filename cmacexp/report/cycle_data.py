@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.parquet import as_array, is_support, read_cycles
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import BODY, TRACE
+from cmacexp.data.tables import BODY_FILE, TRACE_FILE
 from cmacexp.metrics.block import THIRD_AXIS
 from cmacexp.typing import Array, Mask
 
@@ -87,8 +87,8 @@ class CycleData:
 
 def read_cycle_data(run: StoredRun, cycles: Sequence[int]) -> CycleData:
     """Read some cycles of a run."""
-    trace = _read_rows(run.folder / TRACE, cycles)
-    body = _read_rows(run.folder / BODY, cycles) if run.walks else None
+    trace = _read_rows(run.folder / TRACE_FILE, cycles)
+    body = _read_rows(run.folder / BODY_FILE, cycles) if run.walks else None
     has_joints = not np.isnan(trace["q1"]).all()
     times = run.config["gait"]["cycle_time"], run.config["sampling_period"]
     axes = "xyz" if THIRD_AXIS in trace else "xy"

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from cmacexp.config.fields import listed
 from cmacexp.errors import BadInput
 from cmacexp.metrics.text import format_number
-from cmacexp.report.parts import Drawing, Renderer, Section, Table
+from cmacexp.report.page_elements import Drawing, Renderer, Section, Table
 
 if TYPE_CHECKING:
     import pandas as pd

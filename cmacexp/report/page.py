@@ -11,7 +11,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import HTML, OUT_KEY, Place, replacing
 from cmacexp.data.hashes import current_hash
 from cmacexp.data.version import __version__
-from cmacexp.report.parts import Renderer, Section, ignore
+from cmacexp.report.page_elements import Renderer, Section, ignore
 
 REPORT = "report"
 """The folder of its report in that of a run."""

@@ -12,11 +12,11 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import LAST_STEPS
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.text import format_number
+from cmacexp.report.captions import describe_change, join
 from cmacexp.report.curves import over_cycles
 from cmacexp.report.cycle_data import CycleData, Rows, keep_rows
 from cmacexp.report.figures import DESIRED_LINE, Panel, Series, draw
-from cmacexp.report.parts import Drawing
-from cmacexp.report.remarks import describe_change, join
+from cmacexp.report.page_elements import Drawing
 from cmacexp.report.style import FEEDBACK, FEEDFORWARD, mark, pale
 from cmacexp.typing import Array
 
@@ -66,7 +66,7 @@ QUANTITIES = {
     "roll": Quantity("roll, right side down", "roll, mrad", from_zero=False),
 }
 """By column; of x, y and z the errors."""
-BODY = ("height", "stability_margin", "pitch", "roll")
+BODY_QUANTITIES = ("height", "stability_margin", "pitch", "roll")
 
 
 def read_quantity(rows: Rows, name: str) -> Array:
@@ -181,7 +181,7 @@ def draw_tracking(data: CycleData) -> list[Drawing]:
 def draw_body(data: CycleData) -> Drawing:
     """Height, pitch, roll and true stability margin of the body over the chosen cycles."""
     caption = "The body over the chosen cycles; its margin is among the feet that carry load, tilt included."
-    panels = [panel for name in BODY for panel in over_cycle(data, name, [0])]
+    panels = [panel for name in BODY_QUANTITIES for panel in over_cycle(data, name, [0])]
     caption += _describe_plans(panels) + describe_peaks(data, ("pitch", "roll"), [0])
     return Drawing("body", draw(panels, height=2.3, share="x"), caption)
 
@@ -240,7 +240,7 @@ def draw_end(data: CycleData, status: str) -> Drawing:
         forces.append(Series(whose or "force", rows["time"], rows["force"]))
     panels = [Panel("contact force", "time, s", "force, N", forces)]
     if data.body is not None and status == "fell":
-        panels += [_end_of_body(keep_rows(data.body, slice(-LAST_STEPS, None)), name) for name in BODY]
+        panels += [_end_of_body(keep_rows(data.body, slice(-LAST_STEPS, None)), name) for name in BODY_QUANTITIES]
     else:
         panels.append(Panel("speed", "time, s", "joint speed, rad/s" if data.has_joints else "speed, m/s", speeds))
     steps = min(LAST_STEPS, len(data.trace["leg"]) // len(data.legs))

@@ -6,7 +6,7 @@ from cmacexp.data.tables import steps_by_cycle
 from cmacexp.errors import BadRun
 from cmacexp.report.cycle_data import read_cycle_data
 from cmacexp.report.page import Report
-from cmacexp.report.parts import Section
+from cmacexp.report.page_elements import Section
 from cmacexp.report.run_figures import draw_body, draw_end, draw_metrics, draw_torques, draw_tracking
 from cmacexp.report.run_summary import TABLES
 from cmacexp.report.run_tables import list_facts, list_key_metrics, list_settings

@@ -10,25 +10,25 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.config.difference import flat
+from cmacexp.config.difference import flatten_config
 from cmacexp.data import manifest as manifests
 from cmacexp.data.integrity import RESULTS, faults
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import BODY, BODY_METRICS, MEMORY, METRICS, TRACE
+from cmacexp.data.tables import BODY_FILE, BODY_METRICS_FILE, MEMORY_FILE, METRICS_FILE, TRACE_FILE
 from cmacexp.errors import BadRun, in_one_line
-from cmacexp.metrics.metric import Shown
+from cmacexp.metrics.metric import MetricDisplay
 from cmacexp.metrics.pooling import count_legs, is_shown, pool_legs, shorten
 from cmacexp.metrics.registry import ALL_METRICS, MAIN, RANKED
 from cmacexp.metrics.text import format_cell, format_setting
 from cmacexp.metrics.tracking import SPATIAL
-from cmacexp.report.terminal_tables import KEY, head, print_table
+from cmacexp.terminal.tables import KEY, head, print_table
 from cmacexp.typing import Array
 
-TABLES = (TRACE, BODY, MEMORY, METRICS, BODY_METRICS)
+TABLES = (TRACE_FILE, BODY_FILE, MEMORY_FILE, METRICS_FILE, BODY_METRICS_FILE)
 """Files of a run that a report can be computed from."""
 BROKEN, UNFINISHED = "not intact", "unfinished"
 """Status of a run whose manifest or tables are missing or changed; of one that was killed before it had any."""
-Row = dict[str, Any]
+RunRow = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -72,17 +72,17 @@ def read_summary(folder: Path) -> RunSummary:
         manifest = run.manifest
         settings = {
             key: format_setting(value) if isinstance(value, list) else value
-            for key, value in flat(run.config).items()
+            for key, value in flatten_config(run.config).items()
         }
         wrong = [fault for fault in faults(folder) if fault.split(":")[0] in TABLES]
         if wrong:
             return RunSummary(folder, BROKEN, "; ".join(wrong), settings)
         cause = manifest.get("cause") or ""
-        if METRICS not in manifest["files"]:
+        if METRICS_FILE not in manifest["files"]:
             return RunSummary(folder, run.status, cause, settings, bad_input=bool(manifest.get("bad_input")))
         scores, cycles = run.scores, run.whole_cycles
     except (BadRun, OSError, ValueError) as error:
-        status = BROKEN if os.path.lexists(folder / manifests.NAME) else UNFINISHED
+        status = BROKEN if os.path.lexists(folder / manifests.MANIFEST) else UNFINISHED
         return RunSummary(folder, status, str(error).splitlines()[0].removeprefix(f"{folder}: "))
     metrics = {name: values[:cycles] for name, values in pool_legs(scores).items()}
     return RunSummary(folder, run.status, cause, settings, cycles, metrics, count_legs(scores))
@@ -101,7 +101,7 @@ def make_names(runs: Sequence[RunSummary]) -> list[str]:
     return [folder.relative_to(base).as_posix() for folder in folders]
 
 
-def make_rows(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[Row]:
+def make_rows(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[RunRow]:
     """One flat row per run: ``run``, the value of each key, how it ended, and its metrics.
 
     How it ended: ``status``, ``cause`` and ``cycles_done``, the whole ones. Metrics are in SI units under
@@ -109,7 +109,7 @@ def make_rows(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[Row]:
     """
     rows, (main, ranked) = [], (_omit_robots(runs, names) for names in (MAIN, RANKED))
     for name, run in zip(make_names(runs), runs, strict=True):
-        row: Row = {"run": name, **{key: run.config.get(key) for key in keys}}
+        row: RunRow = {"run": name, **{key: run.config.get(key) for key in keys}}
         row |= {"status": run.status, "cause": run.cause, "cycles_done": run.cycles}
         final = dict.fromkeys([*run.metrics, *main])
         row |= {f"final_{metric}": run.final(metric) for metric in final}
@@ -122,7 +122,9 @@ def _omit_robots(runs: Sequence[RunSummary], names: Iterable[str]) -> list[str]:
     return [name for name in names if name not in SPATIAL or any(name in run.metrics for run in runs)]
 
 
-def tabulate_runs(runs: Sequence[RunSummary], keys: Sequence[str]) -> tuple[dict[str, Shown], list[list[str]]]:
+def tabulate_runs(
+    runs: Sequence[RunSummary], keys: Sequence[str]
+) -> tuple[dict[str, MetricDisplay], list[list[str]]]:
     """The main metrics that at least one run defines, by name, and one row of text for each run.
 
     A row has the run's name, the values of ``keys``, the status, the number of whole cycles, and the metrics of the

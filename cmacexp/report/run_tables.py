@@ -5,14 +5,14 @@ from collections.abc import Sequence
 from markupsafe import Markup
 
 from cmacexp.config.describe import Described, describe_fields, read_defaults
-from cmacexp.config.difference import flat
+from cmacexp.config.difference import flatten_config
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.metrics.text import format_cell, format_setting
-from cmacexp.report.parts import Folded, Part, Section, Table
+from cmacexp.report.page_elements import Folded, PageElement, Section, Table
 
 
 def list_facts(run: StoredRun) -> Table:
@@ -51,7 +51,7 @@ def list_key_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
 
 def list_settings(run: StoredRun) -> Section:
     """The config of the run, compared with that of its scenario without any change."""
-    settings, described = flat(run.config), describe_fields(run.config)
+    settings, described = flatten_config(run.config), describe_fields(run.config)
     scenario = str(run.config["scenario"])
     defaults = read_defaults(scenario)
     changed = [key for key, value in settings.items() if value != defaults.get(key)] if defaults else []
@@ -60,7 +60,7 @@ def list_settings(run: StoredRun) -> Section:
         field = described.get(key, Described("", ""))
         return [key, format_setting(settings[key]), *more, field.unit, field.meaning]
 
-    parts: list[Part] = []
+    parts: list[PageElement] = []
     if not defaults:
         parts.append(f"There is no scenario {scenario} here to compare with: changed settings are not listed.")
     elif not changed:

@@ -10,10 +10,10 @@ from cmacexp.config.describe import describe_fields
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.registry import JUDGED, MAIN
 from cmacexp.metrics.text import format_setting
+from cmacexp.report.captions import describe_change, describe_effect
 from cmacexp.report.curves import is_numeric, over_cycles, over_setting
 from cmacexp.report.figures import draw
-from cmacexp.report.parts import Drawing
-from cmacexp.report.remarks import describe_change, describe_effect
+from cmacexp.report.page_elements import Drawing
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.report.style import DASHES, MARKERS, SERIES
 from cmacexp.typing import Array

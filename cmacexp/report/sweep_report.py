@@ -10,7 +10,7 @@ from cmacexp.config.component import COMPONENTS
 from cmacexp.config.load import WITHOUT_EFFECT
 from cmacexp.metrics.text import format_setting
 from cmacexp.report.page import HOW_TO_REPORT, Report
-from cmacexp.report.parts import Section, Table
+from cmacexp.report.page_elements import Section, Table
 from cmacexp.report.run_summary import TABLES, RunSummary, format_runs, make_names
 from cmacexp.report.sweep_figures import draw_learning_curves, draw_over_key
 

@@ -16,7 +16,7 @@ from cmacexp.metrics.text import format_cell
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.markdown import render_markdown
 from cmacexp.report.page import Report, write_report
-from cmacexp.report.parts import Renderer
+from cmacexp.report.page_elements import Renderer
 from cmacexp.stability import verdict as limits
 from cmacexp.stability.analysis import Analysis
 from cmacexp.stability.verdict import HOLDS, Verdict

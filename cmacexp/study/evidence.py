@@ -6,11 +6,11 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any, NamedTuple
 
-from cmacexp.report.terminal_tables import GAP, TEXT_WIDTH
-from cmacexp.study.statements import INFINITE, OUTCOMES, REPRODUCED, VERDICTS, Criterion, Found, Judged
+from cmacexp.study.statements import INFINITE, OUTCOMES, REPRODUCED, VERDICTS, ClaimResult, Criterion, FindingResult
+from cmacexp.terminal.tables import GAP, TEXT_WIDTH
 
 
-class Row(NamedTuple):
+class EvidenceRow(NamedTuple):
     """What was measured for one criterion, as readers see it; ``reason`` of an infinite value; empty: not known."""
 
     case: str
@@ -23,13 +23,13 @@ class Row(NamedTuple):
     verdict: str
 
 
-Evidence = Mapping[str, Sequence[Row]]
+Evidence = Mapping[str, Sequence[EvidenceRow]]
 """The cases of each quantity."""
 
 
-def gather(criteria: Sequence[Criterion], measured: Mapping[str, Sequence[Any]]) -> Evidence:
+def build_evidence(criteria: Sequence[Criterion], measured: Mapping[str, Sequence[Any]]) -> Evidence:
     """The evidence of a statement; of each criterion ``values``, and if known ``intervals, counts, verdicts``."""
-    found: dict[str, list[Row]] = {}
+    found: dict[str, list[EvidenceRow]] = {}
     for index, criterion in enumerate(criteria):
         known = {name: str(column[index]) for name, column in measured.items() if column[index] is not None}
         value, interval, size, verdict = (
@@ -37,21 +37,21 @@ def gather(criteria: Sequence[Criterion], measured: Mapping[str, Sequence[Any]])
         )
         reason = criterion.infinite if value == INFINITE else ""
         holds, fails = (criterion.format_limit(each) if each else "" for each in (criterion.holds, criterion.fails))
-        row = Row(criterion.case, value, reason, interval, size, holds, fails, verdict if holds else "")
+        row = EvidenceRow(criterion.case, value, reason, interval, size, holds, fails, verdict if holds else "")
         found.setdefault(criterion.quantity, []).append(row)
     return found
 
 
-def evidence_of(judged: Judged | Found) -> Evidence:
+def evidence_of(judged: ClaimResult | FindingResult) -> Evidence:
     """The evidence of a statement that was judged."""
-    words = OUTCOMES if isinstance(judged, Found) else {}
+    words = OUTCOMES if isinstance(judged, FindingResult) else {}
     columns: dict[str, list[Any]] = {
         "values": [each.value for each in judged.measured],
         "intervals": [each.spread for each in judged.measured],
         "counts": [each.interval.size for each in judged.measured],
         "verdicts": [words.get(each.verdict, each.verdict) for each in judged.measured],
     }
-    return gather([each.criterion for each in judged.measured], columns)
+    return build_evidence([each.criterion for each in judged.measured], columns)
 
 
 def count_verdicts(verdicts: Sequence[str]) -> str:

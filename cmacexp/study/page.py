@@ -17,12 +17,12 @@ from cmacexp.data.parquet import write_table
 from cmacexp.errors import BadInput
 from cmacexp.report.markdown import find_insertions, render_markdown
 from cmacexp.report.page import HOW_TO_REPORT, Report, find_page, relative, write_report
-from cmacexp.report.parts import Renderer, Section
+from cmacexp.report.page_elements import Renderer, Section
 from cmacexp.study.evidence import count_verdicts, evidence_of, format_html, template
 from cmacexp.study.interval import FEW
 from cmacexp.study.provenance import PROVENANCE
 from cmacexp.study.results import LAST_CYCLES, Results
-from cmacexp.study.statements import VERDICTS, Found, Judged, Measured
+from cmacexp.study.statements import VERDICTS, ClaimResult, CriterionResult, FindingResult
 from cmacexp.study.study import StudyFile
 
 QUICK_NOTICE = (
@@ -44,8 +44,8 @@ class Evaluated:
     """A study whose runs are complete: its statements judged, its values and tables computed."""
 
     name: str
-    claims: Mapping[str, Judged]
-    findings: Mapping[str, Found]
+    claims: Mapping[str, ClaimResult]
+    findings: Mapping[str, FindingResult]
     sections: Sequence[Section]
     files: Sequence[Path]
     """Figures and tables that were written for the page."""
@@ -55,7 +55,7 @@ class Evaluated:
     """What its values depend on, see :func:`cmacexp.study.provenance.make_provenance`."""
 
     @property
-    def statements(self) -> Mapping[str, Judged | Found]:
+    def statements(self) -> Mapping[str, ClaimResult | FindingResult]:
         """Claims and findings."""
         return {**self.claims, **self.findings}
 
@@ -107,15 +107,15 @@ def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Ev
     return Evaluated(file.name, claims, findings, sections, files, {run.folder: run.manifest for run in results.runs})
 
 
-def _format_finding(found: Found) -> str:
+def _format_finding(found: FindingResult) -> str:
     return f"{found.sentence}\n\n{format_html(evidence_of(found))}\n\n"
 
 
-def _format_claim(judged: Judged) -> str:
+def _format_claim(judged: ClaimResult) -> str:
     return f"“{judged.claim.words}” ({judged.claim.where}): {judged.verdict}."
 
 
-def make_claims_section(claims: Sequence[Judged], folder: Path) -> Section:
+def make_claims_section(claims: Sequence[ClaimResult], folder: Path) -> Section:
     """The section of a report in ``folder`` with all claims, and what their verdicts mean."""
     runs = [sorted({Path(run) for each in judged.measured for run in each.runs}) for judged in claims]
     pages = [[(run.name, find_page(run, folder)) for run in own] for own in runs]
@@ -129,7 +129,7 @@ def make_claims_section(claims: Sequence[Judged], folder: Path) -> Section:
     return Section("The claims", [Markup(page)])
 
 
-def _entry(measured: Measured, folder: Path) -> dict[str, Any]:
+def _entry(measured: CriterionResult, folder: Path) -> dict[str, Any]:
     criterion, interval = measured.criterion, measured.interval
     limits = {"holds": criterion.holds, "fails": criterion.fails}
     return {
@@ -141,8 +141,8 @@ def _entry(measured: Measured, folder: Path) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _statement(name: str, judged: Judged | Found, folder: Path) -> dict[str, Any]:
-    if isinstance(judged, Judged):
+def _statement(name: str, judged: ClaimResult | FindingResult, folder: Path) -> dict[str, Any]:
+    if isinstance(judged, ClaimResult):
         own = {
             "kind": "claim",
             "statement": judged.claim.words,

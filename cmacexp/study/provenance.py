@@ -20,7 +20,7 @@ from cmacexp.config.custom_code import find_sources
 from cmacexp.data.manifest import git_commit, versions
 from cmacexp.data.version import __version__
 from cmacexp.jit.sources import PACKAGE, RESULT_ROOMS
-from cmacexp.study.results import Results, Row
+from cmacexp.study.results import Results, RunRow
 from cmacexp.study.study import find_module
 
 PROVENANCE = "provenance.json"
@@ -78,7 +78,7 @@ def list_changed(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]
     return sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))
 
 
-def _hardly_costs(row: Row) -> tuple[float, str]:
+def _hardly_costs(row: RunRow) -> tuple[float, str]:
     """By cost: samples of legs; then by settings, so that the choice is always the same."""
     config = row.summary.config
     steps = row.summary.cycles * config["gait.cycle_time"] / config["sampling_period"]

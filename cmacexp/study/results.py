@@ -25,7 +25,7 @@ LAST_CYCLES = 10
 
 
 @dataclass(frozen=True)
-class Row:
+class RunRow:
     """One run: what it was asked for, and what it gave."""
 
     summary: RunSummary
@@ -49,18 +49,18 @@ def read_row(
     keys: Sequence[str],
     measured: Mapping[str, float],
     seeded: bool,
-) -> Row:
+) -> RunRow:
     """Read a run of which further measures are known, and whether it is repeated for other seeds."""
     summary = read_summary(folder)
     settings = {**summary.config, **options, **labels}
-    return Row(summary, settings, {key: settings.get(key) for key in keys} | dict(labels), measured, seeded)
+    return RunRow(summary, settings, {key: settings.get(key) for key in keys} | dict(labels), measured, seeded)
 
 
 @dataclass(frozen=True)
 class Results:
     """The runs of a study, or a selection of them."""
 
-    rows: Sequence[Row]
+    rows: Sequence[RunRow]
     computed: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)
     """Tables that the study computes besides its runs."""
 
@@ -117,7 +117,7 @@ class Results:
             NoSuchRuns: there is none.
         """
         wanted = {**(settings or {}), **more}
-        rows: Sequence[Row] = self.rows
+        rows: Sequence[RunRow] = self.rows
         for key, value in wanted.items():
             before, allowed = rows, value if isinstance(value, list | tuple) else [value]
             rows = [row for row in before if any(_same(row.settings.get(key), each) for each in allowed)]
@@ -213,7 +213,7 @@ def _same(value: Any, wanted: Any) -> bool:
     return bool(value == wanted) or format_setting(value) == format_setting(wanted)
 
 
-def _plain(row: Row) -> dict[str, Any]:
+def _plain(row: RunRow) -> dict[str, Any]:
     """What the study sets, as values of columns; null is an empty field, in a column of numbers too."""
     return {
         key: value if value is None or isinstance(value, int | float | str) else format_setting(value)

@@ -116,7 +116,7 @@ class Criterion:
 
 
 @dataclass(frozen=True)
-class Measured:
+class CriterionResult:
     """A criterion, and what the runs gave."""
 
     criterion: Criterion
@@ -154,7 +154,7 @@ class Measured:
         return _format_range(scale * self.interval.low, scale * self.interval.high, unit)
 
 
-def _measure(criterion: Criterion, results: Results) -> Measured:
+def _measure(criterion: Criterion, results: Results) -> CriterionResult:
     try:
         chosen = results.select(criterion.of) if criterion.of else results
         interval = estimate(criterion.sample(chosen), criterion.unit in ("", "%"))
@@ -166,7 +166,7 @@ def _measure(criterion: Criterion, results: Results) -> Measured:
         interval = replace(UNKNOWN, count=len(chosen))
     except NoSuchRuns as error:
         raise BadInput("quantity", criterion.quantity, str(error)) from error
-    return Measured(criterion, interval, [str(folder) for folder in chosen.folders])
+    return CriterionResult(criterion, interval, [str(folder) for folder in chosen.folders])
 
 
 @dataclass(frozen=True)
@@ -187,17 +187,17 @@ class Claim:
         if not self.criteria:
             raise BadInput("claim", self.words, "has no criteria: nothing would decide it")
 
-    def judge(self, results: Results) -> "Judged":
+    def judge(self, results: Results) -> "ClaimResult":
         """Measure every criterion."""
-        return Judged(self, [_measure(criterion, results) for criterion in self.criteria])
+        return ClaimResult(self, [_measure(criterion, results) for criterion in self.criteria])
 
 
 @dataclass(frozen=True)
-class Judged:
+class ClaimResult:
     """A claim, and what the runs say of it."""
 
     claim: Claim
-    measured: Sequence[Measured]
+    measured: Sequence[CriterionResult]
 
     @property
     def verdict(self) -> str:
@@ -244,9 +244,9 @@ class Finding:
                 message = f"has a name in braces that is none of the values: use {allowed}; {{{{ and }}}} give braces"
                 raise BadInput("finding", wording, message) from error
 
-    def judge(self, results: Results) -> "Found":
+    def judge(self, results: Results) -> "FindingResult":
         """Measure every criterion."""
-        return Found(self, [_measure(criterion, results) for criterion in self.criteria])
+        return FindingResult(self, [_measure(criterion, results) for criterion in self.criteria])
 
     def sentence(self, outcome: str, values: Sequence[str]) -> str:
         """The sentence of an outcome, with the value of each criterion; of an infinite one, why."""
@@ -256,11 +256,11 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Found:
+class FindingResult:
     """A finding, and what the runs say of it."""
 
     finding: Finding
-    measured: Sequence[Measured]
+    measured: Sequence[CriterionResult]
 
     @property
     def outcome(self) -> str:

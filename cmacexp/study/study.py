@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 Values = Mapping[str, Sequence[Any] | Mapping[str, Sequence[str]]]
-NAME = "STUDY"
+STUDY_VARIABLE = "STUDY"
 """The variable of a file that holds its study."""
 
 
@@ -156,9 +156,9 @@ def load_study(path: Path) -> StudyFile:
     module = importlib.import_module(name)
     if module.__file__ is None or Path(module.__file__).resolve() != path:
         raise BadInput("study", path, f"another module is called {path.stem}; rename this file and its page")
-    study = getattr(module, NAME, None)
+    study = getattr(module, STUDY_VARIABLE, None)
     if not isinstance(study, Study):
-        raise BadInput("study", path, f"must define {NAME} = cmacexp.study.Study(...)")
+        raise BadInput("study", path, f"must define {STUDY_VARIABLE} = cmacexp.study.Study(...)")
     found = StudyFile(path, study)
     if not found.page.is_file():
         raise BadInput("study", path, f"needs a page of Markdown beside it: {found.page.name}")

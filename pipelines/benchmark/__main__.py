@@ -24,12 +24,12 @@ from cmacexp.data.manifest import REPORT, git_commit, versions
 from cmacexp.errors import BadInput
 from cmacexp.jit.sources import code_hash
 from cmacexp.report.run_summary import read_summary
-from cmacexp.report.terminal import say, warn_of_models
-from cmacexp.report.terminal_tables import print_table
 from cmacexp.study.page import evaluate, write_page
 from cmacexp.study.provenance import digest_files, make_provenance, make_witness
 from cmacexp.study.results import Results
 from cmacexp.study.study import StudyFile
+from cmacexp.terminal.messages import print_line, warn_of_models
+from cmacexp.terminal.tables import print_table
 from pipelines.benchmark import summary
 from pipelines.benchmark.benchmark import CYCLES, NAME, QUESTION, make_study
 from pipelines.benchmark.compare import compare_results
@@ -140,10 +140,10 @@ def _write(done: dict[str, Any], machines: dict[str, Machine], methods: list[Met
         write_page(study.title, study.question, [evaluated], place, options.quick)
     for machine in machines:
         scores = summary.table_scores(frame, machine)
-        say(f"{machine}: mean score of completed runs over {len(TASKS)} tasks, and failures")
+        print_line(f"{machine}: mean score of completed runs over {len(TASKS)} tasks, and failures")
         print_table(list(scores), [[str(cell) for cell in row] for row in scores.itertuples(index=False)])
         if not options.quick:
-            say(summary.describe_order(frame, machine, summary.find_setting(machine)))
+            print_line(summary.describe_order(frame, machine, summary.find_setting(machine)))
     return options.place(NAME) / HTML
 
 
@@ -151,7 +151,7 @@ def run(arguments: argparse.Namespace, options: Options) -> Path:
     """Run the benchmark, or compare results; returns the page, or the second table of results."""
     if arguments.compare is not None:
         for line in compare_results(*arguments.compare):
-            say(line)
+            print_line(line)
         return Path(arguments.compare[1])
     names = list(MACHINES) if arguments.machine == ALL else arguments.machine.split(",")
     for name in names:

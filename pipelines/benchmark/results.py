@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.experiment.workers import Each
+from cmacexp.engine.pool import Each
 from cmacexp.study.comparison import relative_to
 from cmacexp.typing import Array
 from pipelines.benchmark.entrants import ALONE, Method

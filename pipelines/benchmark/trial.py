@@ -14,15 +14,15 @@ from cmacexp.config import config_hash, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.config.custom_code import custom_code_hash
 from cmacexp.data.folder import write_atomically
+from cmacexp.engine.failure import describe_failure
+from cmacexp.engine.run import score_scenario
 from cmacexp.errors import BadInput
-from cmacexp.experiment.failure import describe_failure
-from cmacexp.experiment.run import score_scenario
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import exits_caught
 from cmacexp.jit.sources import code_hash
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.pooling import pool_legs
-from cmacexp.report.terminal import announce_compiling
+from cmacexp.terminal.messages import announce_compiling
 from cmacexp.typing import Array, Weights
 from pipelines.benchmark.entrants import Method
 from pipelines.benchmark.tasks import PROTOCOL, VERSION, Machine, change_world

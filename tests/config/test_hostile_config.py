@@ -11,7 +11,7 @@ import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.doors import CmacexpError, make_scenario, warnings_of
+from support.doors import CmacexpError, list_idle_overrides, make_scenario
 from support.fields import leaves
 from support.robots import OWN
 
@@ -112,7 +112,7 @@ def try_line(line):
         composed, _ = compose_untyped(line)
         config = to_config(composed)
         check_values(line, to_plain(config))
-        said = warnings_of(config, line, composed)
+        said = list_idle_overrides(config, line, composed)
         small = config.cmac.memory_bytes <= 2**22 and config.cmac.layers <= 256 and config.actuator.delay < 10**4
         if small and config.steps_per_cycle * config.legs <= 4000 and "_target_" not in " ".join(line):
             make_scenario(config)

@@ -21,7 +21,16 @@ from cmacexp.config import config_hash
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import everything_below, runs_below
 from cmacexp.data.integrity import faults
-from cmacexp.data.tables import BODY, BODY_METRICS, MEMORY, METRICS, METRICS_CSV, RECORDING, TRACE, read_traces
+from cmacexp.data.tables import (
+    BODY_FILE,
+    BODY_METRICS_FILE,
+    MEMORY_FILE,
+    METRICS_CSV,
+    METRICS_FILE,
+    RECORDING_FILE,
+    TRACE_FILE,
+    read_traces,
+)
 from cmacexp.data.weights import WEIGHTS
 
 LEG = ("scenario=one_leg", "cycles=3", "record.weights=true")
@@ -69,16 +78,16 @@ def start_from(folder: Path) -> None:
 
 
 READERS = {
-    TRACE: (
+    TRACE_FILE: (
         lambda folder: cmacexp.load(folder).trace,
         lambda folder: cmacexp.load(folder).cycles([1]),
         lambda folder: use("score", folder),
         lambda folder: use("replay", folder, "--no-viewer", "--rebuild"),
     ),
-    BODY: (lambda folder: cmacexp.load(folder).body, read_traces, lambda folder: use("score", folder)),
-    MEMORY: (lambda folder: use("score", folder),),
-    METRICS: (lambda folder: cmacexp.load(folder).metrics, lambda folder: cmacexp.load(folder).scores),
-    BODY_METRICS: (lambda folder: cmacexp.load(folder).body_metrics, lambda folder: cmacexp.load(folder).scores),
+    BODY_FILE: (lambda folder: cmacexp.load(folder).body, read_traces, lambda folder: use("score", folder)),
+    MEMORY_FILE: (lambda folder: use("score", folder),),
+    METRICS_FILE: (lambda folder: cmacexp.load(folder).metrics, lambda folder: cmacexp.load(folder).scores),
+    BODY_METRICS_FILE: (lambda folder: cmacexp.load(folder).body_metrics, lambda folder: cmacexp.load(folder).scores),
     WEIGHTS: (start_from,),
     METRICS_CSV: (),
 }
@@ -95,7 +104,7 @@ def test_a_flipped_bit_of_a_file_is_found_by_all_that_read_it(name, request):
 
 
 def test_a_flipped_bit_of_a_manifest_is_found(leg):
-    path, chance = leg / manifests.NAME, random.Random("manifest")
+    path, chance = leg / manifests.MANIFEST, random.Random("manifest")
     text = path.read_bytes()
     for _ in range(100):
         flip(path, chance)
@@ -105,18 +114,18 @@ def test_a_flipped_bit_of_a_manifest_is_found(leg):
 
 
 def test_a_table_that_is_missing_or_that_the_run_did_not_write_is_not_read(leg, walk):
-    shutil.copy(walk / BODY, leg / BODY)
+    shutil.copy(walk / BODY_FILE, leg / BODY_FILE)
     assert read_traces(leg).body is None
-    with pytest.raises(CmacexpError, match=BODY):
+    with pytest.raises(CmacexpError, match=BODY_FILE):
         _ = cmacexp.load(leg).body
-    (walk / BODY).unlink()
-    for read in READERS[BODY]:
-        with pytest.raises(CmacexpError, match=BODY):
+    (walk / BODY_FILE).unlink()
+    for read in READERS[BODY_FILE]:
+        with pytest.raises(CmacexpError, match=BODY_FILE):
             read(walk)
 
 
 def test_a_damaged_recording_is_built_anew_with_a_word(walk):
-    flip(walk / RECORDING, random.Random(0))
+    flip(walk / RECORDING_FILE, random.Random(0))
     done = call("replay", walk, "--no-viewer")
     assert (done.returncode, len(done.stderr.splitlines()), faults(walk)) == (0, 1, [])
 
@@ -141,7 +150,7 @@ SHAPES = {
     "large": lambda m: changed(m, "cause", value="x" * (17 << 20)),
     "a status of two lines": lambda m: changed(m, "status", value="failed)\nrun: intact (completed"),
     "files a list": lambda m: {**m, "files": list(m["files"])},
-    "a hash is a number": lambda m: changed(m, "files", TRACE, value=3),
+    "a hash is a number": lambda m: changed(m, "files", TRACE_FILE, value=3),
     "a file outside": lambda m: changed(m, "files", "../other", value=H),
     "an absolute file": lambda m: changed(m, "files", "/etc/passwd", value=H),
     "config of nothing": lambda m: {**m, "config": {}},
@@ -170,19 +179,19 @@ def test_a_manifest_of_another_shape_is_refused_by_all_that_read_it(shape, leg):
     if isinstance(text, dict):
         other = {} if shape == OTHER_CONFIG else {"config_hash": config_hash(text["config"])}
         text = manifests.dump({**text, **other})
-    (leg / manifests.NAME).write_text(text)
+    (leg / manifests.MANIFEST).write_text(text)
     for read in USES.values():
         with pytest.raises(CmacexpError):
             read(leg)
 
 
-@pytest.mark.parametrize("name", [manifests.NAME, TRACE, WEIGHTS])
+@pytest.mark.parametrize("name", [manifests.MANIFEST, TRACE_FILE, WEIGHTS])
 @pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero"), Path.mkdir])
 def test_only_regular_files_are_opened(name, make, leg):
     (leg / name).unlink()
     make(leg / name)
     assert len(faults(leg)) == 1
-    for reader in {manifests.NAME: USES, TRACE: ["verify", "load"], WEIGHTS: ["verify", "start_from"]}[name]:
+    for reader in {manifests.MANIFEST: USES, TRACE_FILE: ["verify", "load"], WEIGHTS: ["verify", "start_from"]}[name]:
         with pytest.raises(CmacexpError):
             USES[reader](leg)
 
@@ -201,7 +210,7 @@ def test_weights_that_are_none_are_bad_input(shape, kind, leg):
 
 def test_a_report_inside_a_run_is_verified_is_no_run_and_notices_a_config_changed_by_hand(leg):
     runs = {leg: manifests.read(leg)["config_hash"]}
-    page = write_report(Report("T", "S", [], [leg / TRACE], runs=runs), leg / "report")
+    page = write_report(Report("T", "S", [], [leg / TRACE_FILE], runs=runs), leg / "report")
     assert (runs_below(leg), everything_below(leg)) == ([leg], [leg, leg / "report"])
     assert [call("verify", leg).returncode, call("score", leg / "report").returncode] == [0, 2]
     change_manifest(leg, config={**cmacexp.load(leg).config, "seed": 1})
@@ -222,7 +231,7 @@ def test_what_is_printed_has_no_control_characters(leg, tmp_path):
     folder = leg.rename(tmp_path / "x\033[2K\033[1A\ny")
     done = [call(command, folder) for command in ("verify", "score")]
     assert [each.returncode for each in done] == [0, 0]
-    flip(folder / METRICS, random.Random(0))  # a damaged run is printed too
+    flip(folder / METRICS_FILE, random.Random(0))  # a damaged run is printed too
     assert "\n" not in repr(cmacexp.load(folder))
     assert "\033" not in "".join(each.stdout + each.stderr for each in done) + repr(cmacexp.load(folder))
     assert len(done[0].stdout.splitlines()) == 1

@@ -8,8 +8,8 @@ from support.fields import leaves
 from support.rollout import roll_out
 
 import cmacexp
+from cmacexp.engine import without_effect
 from cmacexp.errors import WithoutEffect
-from cmacexp.experiment import without_effect
 
 SHORT = ("gait.cycle_time=0.6", "sampling_period=0.01")
 
@@ -17,7 +17,7 @@ SHORT = ("gait.cycle_time=0.6", "sampling_period=0.01")
 def warned(overrides):
     """The overrides that are warned of."""
     composed, _ = compose_untyped(overrides)
-    lines = without_effect.warnings_of(compose_config(overrides), overrides, composed)
+    lines = without_effect.list_idle_overrides(compose_config(overrides), overrides, composed)
     return [line.partition(" has no effect: ")[0] for line in lines]
 
 

@@ -1,6 +1,6 @@
 """Keys without effect are found by results: all runs that differ in a key alone, and only those, must be equal."""
 
-from cmacexp.experiment.equal_results import Outcome, find_idle_keys
+from cmacexp.engine.equal_results import Outcome, find_idle_keys
 
 RUNS = [{"a": a, "b": b} for a in (1, 2) for b in (1, 2)]
 SEEDS = [{"seed": seed} for seed in range(8)]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from support.doors import RunSummary
 
-from cmacexp.experiment.objective import find_direction, read_objective
+from cmacexp.engine.objective import find_direction, read_objective
 
 
 def test_a_metric_is_searched_in_the_direction_that_is_better():

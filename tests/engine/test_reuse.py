@@ -2,8 +2,8 @@
 
 import pytest
 
-from cmacexp.experiment.collect import collect
-from cmacexp.experiment.workers import workers
+from cmacexp.engine.collect import ensure_runs
+from cmacexp.engine.pool import workers
 from cmacexp.study import Request
 
 JOB = ("scenario=force_step", "gait.cycle_time=1.0", "record=trace")
@@ -14,8 +14,8 @@ def test_equal_runs_are_made_once_and_finished_ones_are_reused(tmp_path):
     one, same = (Request(JOB, {"name": name}) for name in "ab")
     other = Request((*JOB, "machine.mass=0.7"))
     with workers() as each:
-        first = collect(each, [one, same, other], tmp_path)
+        first = ensure_runs(each, [one, same, other], tmp_path)
         assert first[one] == first[same] != first[other]
         made = {folder: (folder / "trace.parquet").stat().st_mtime_ns for folder, _ in first.values()}
-        again = collect(each, [one, other], tmp_path)
+        again = ensure_runs(each, [one, other], tmp_path)
     assert {folder: (folder / "trace.parquet").stat().st_mtime_ns for folder, _ in again.values()} == made

@@ -9,7 +9,7 @@ import pytest
 from support.doors import compose_config, make_scenario
 
 import cmacexp
-from cmacexp.experiment.stop_cause import MOST, explain_stop
+from cmacexp.engine.stop_cause import MOST, explain_stop
 from cmacexp.loop import End
 
 WALK = ("scenario=quadruped", "actuator.torque_limit=10", "gait.cycle_time=1.5")

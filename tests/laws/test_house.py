@@ -18,7 +18,7 @@ from support.doors import KERNEL_ROOMS, RESULT_ROOMS
 import cmacexp
 
 ROOMS = "errors+typing jit models config data cmac planning plants sensors feedforward control loop metrics recording"
-LAYERS = f"{ROOMS} report stability study export experiment gym commands+__main__".split()
+LAYERS = f"{ROOMS} terminal report stability study export engine gym commands+__main__".split()
 """Each imports only from its own layer and those before it."""
 READERS = {"metrics", "recording", "report", "study", "export"}
 """Rooms that read what is on disk and never reach the loop."""
@@ -74,7 +74,7 @@ def read():
 def room_of(module: str) -> str:
     """The room of a module; the package itself hands on the API, and a ``__main__`` is a command."""
     _, *inside = module.split(".")
-    return (inside[0] if inside[-1] != "__main__" else "__main__") if inside else "experiment"
+    return (inside[0] if inside[-1] != "__main__" else "__main__") if inside else "engine"
 
 
 def layer_of(module: str) -> int:
@@ -102,8 +102,8 @@ def test_hashes_cover_what_compiled_code_and_results_depend_on():
     rooms = {*KERNEL_ROOMS, "typing.py", "errors.py", "config"}  # those besides have no constants of kernels
     for module in MODULES:
         assert "@kernel" not in text_of(module) or not [m for m in imports(module) if is_outside(m, rooms)], module
-    only_shown = {"recording", "errors.py", "experiment/failure.py", "experiment/stop_cause.py"}
-    assert not [m for m in reach("cmacexp.experiment.run") if is_outside(m, {*RESULT_ROOMS, *only_shown})]
+    only_shown = {"recording", "errors.py", "engine/failure.py", "engine/stop_cause.py"}
+    assert not [m for m in reach("cmacexp.engine.run") if is_outside(m, {*RESULT_ROOMS, *only_shown})]
 
 
 @pytest.mark.ci
@@ -144,7 +144,7 @@ def test_a_test_imports_inner_modules_of_its_own_room_only():
             for name in named_in(ast.parse(file.read_text())):
                 package, *inside = name.split(".")
                 is_inner = package == "cmacexp" and len(inside) > 1
-                wrong_room = is_inner and inside[0] != {"engine": "experiment"}.get(folder, folder)
+                wrong_room = is_inner and inside[0] != folder
                 if wrong_room or (package in {"pipelines", "benchmarks"} and folder not in {"studies", "commands"}):
                     wrong.append((str(file.relative_to(TESTS)), name))
     assert not wrong

@@ -23,7 +23,7 @@ RUNS = {
 @pytest.fixture(autouse=True)
 def _in_plain_python(monkeypatch):
     """Short runs are not worth compiling, which a loop that is opened would be: the pages run one compiled."""
-    for module in ("experiment.api", "loop.run"):
+    for module in ("engine.api", "loop.run"):
         monkeypatch.setattr(f"cmacexp.{module}.expect_steps", lambda steps: None)
 
 

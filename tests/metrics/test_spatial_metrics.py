@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from support.made_traces import make_trace, measure, measure_trace
 
-from cmacexp.metrics.registry import METRICS
+from cmacexp.metrics.registry import LEG_METRICS
 from cmacexp.metrics.tracking import SPATIAL
 
 CYCLE, ROWS, LEGS = "TTTSSSS", 14, 2
@@ -30,7 +30,7 @@ def of_robot(columns):
 
 def test_a_robot_has_the_metrics_of_every_machine_and_then_its_own_in_each_part_of_a_run(columns, of_robot):
     whole = of_robot()
-    assert list(whole) == ["cycle", "leg", *METRICS, *SPATIAL]
+    assert list(whole) == ["cycle", "leg", *LEG_METRICS, *SPATIAL]
     assert not SPATIAL.keys() & measure(CYCLE).keys()
     trace = make_trace(CYCLE, rows=ROWS, legs=LEGS, in_space=True, **columns)
     for name, values in measure_trace(trace.slice(0, ROWS * LEGS // 2), len(CYCLE)).items():

@@ -11,7 +11,7 @@ import pytest
 from support.command import call
 
 import cmacexp
-from cmacexp.report.parts import Drawing, Folded, Table
+from cmacexp.report.page_elements import Drawing, Folded, Table
 from cmacexp.report.run_figures import draw_metrics
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import RunSummary, make_rows, read_summary

@@ -23,7 +23,7 @@ from cmacexp.study import (
 from cmacexp.study.interval import ONE_SEED, UNPAIRED
 from cmacexp.study.provenance import digest_source
 from cmacexp.study.results import NoSuchRuns
-from cmacexp.study.statements import UNDECIDED, Judged
+from cmacexp.study.statements import UNDECIDED, ClaimResult
 
 ONE = made_errors(0.1, machine="leg")
 
@@ -35,7 +35,7 @@ def criterion(*sample: float, fails=OPPOSITE) -> Criterion:
     return Criterion("error", lambda results: list(sample), at_most(1.0), fails)
 
 
-def judge(*criteria: Criterion) -> Judged:
+def judge(*criteria: Criterion) -> ClaimResult:
     return Claim("it is small", "section 1", criteria).judge(ONE)
 
 

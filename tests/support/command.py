@@ -32,8 +32,8 @@ def call(name: str, *words: object, folder: Path | None = None) -> subprocess.Co
         contextlib.redirect_stdout(output),
         contextlib.redirect_stderr(errors),
         patch.object(sys, "argv", arguments),
-        patch("cmacexp.experiment.sweep.Sweep.current", None),
-        patch("cmacexp.report.terminal.FIRST_LINE_DELAY", threading.TIMEOUT_MAX),  # a busy machine prints no more
+        patch("cmacexp.engine.sweep.Sweep.current", None),
+        patch("cmacexp.terminal.messages.FIRST_LINE_DELAY", threading.TIMEOUT_MAX),  # a busy machine prints no more
     ):
         try:
             code = command.main()

@@ -15,13 +15,13 @@ from cmacexp.config.compose import compose_config as compose_config
 from cmacexp.config.compose import compose_untyped as compose_untyped
 from cmacexp.data.integrity import faults as faults
 from cmacexp.data.integrity import is_finished as is_finished
+from cmacexp.engine.run import run_scenario as run_scenario
+from cmacexp.engine.without_effect import list_idle_overrides as list_idle_overrides
 from cmacexp.errors import BadComponent as BadComponent
 from cmacexp.errors import BadInput as BadInput
 from cmacexp.errors import BadRun as BadRun
 from cmacexp.errors import CmacexpError as CmacexpError
 from cmacexp.errors import Diverged as Diverged
-from cmacexp.experiment.run import run_scenario as run_scenario
-from cmacexp.experiment.without_effect import warnings_of as warnings_of
 from cmacexp.feedforward.ilc import gaussian_taps as gaussian_taps
 from cmacexp.jit.compiler import expect_steps as expect_steps
 from cmacexp.jit.compiler import program as program
@@ -65,5 +65,5 @@ from cmacexp.report.run_summary import read_summary as read_summary
 from cmacexp.sensors.kernels import new_observation as new_observation
 from cmacexp.study.interval import UNPAIRED as UNPAIRED
 from cmacexp.study.interval import estimate as estimate
-from cmacexp.study.results import Row as Row
+from cmacexp.study.results import RunRow as RunRow
 from cmacexp.study.study import load_study as load_study

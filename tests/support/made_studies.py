@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from support.doors import Row, RunSummary
+from support.doors import RunRow, RunSummary
 
 from cmacexp.study import Results
 
@@ -16,13 +16,13 @@ def made_row(
     measures: Mapping[str, float] | None = None,
     seeded: bool = False,
     **settings: object,
-) -> Row:
+) -> RunRow:
     """A run with these metrics by cycle; it fell if more cycles were ``asked`` for than they have."""
     histories = {name: np.array(values, dtype=float) for name, values in metrics.items()}
     cycles = len(next(iter(histories.values()), ()))
     status = "completed" if asked in (None, cycles) else "fell"
     summary = RunSummary(Path("run"), status, "", {}, cycles, histories)
-    return Row(summary, settings, settings, measures or {}, seeded)
+    return RunRow(summary, settings, settings, measures or {}, seeded)
 
 
 def made_errors(*errors: float, cycles: int = 5, **settings: object) -> Results:

@@ -9,7 +9,7 @@ from cmacexp.data.files import sha256
 
 
 def change_manifest(folder: Path, **values) -> None:
-    manifest = {**json.loads((folder / manifests.NAME).read_text()), **values}
+    manifest = {**json.loads((folder / manifests.MANIFEST).read_text()), **values}
     if "config" in values:
         manifest["config_hash"] = config_hash(values["config"])
     manifests.write(folder, manifest)

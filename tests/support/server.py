@@ -14,8 +14,8 @@ from typing import NoReturn
 
 IMPORTED = (
     "cmacexp.commands.main",
-    "cmacexp.experiment",
-    "cmacexp.report.terminal",
+    "cmacexp.engine",
+    "cmacexp.terminal.messages",
     "cmacexp.report.page",
     "pandas",
     "rerun",
@@ -48,7 +48,7 @@ if __name__ == "__main__":
     for name in IMPORTED:
         importlib.import_module(name)
     # How busy the machine is decides which lines of progress come after seconds.
-    vars(sys.modules["cmacexp.report.terminal"])["FIRST_LINE_DELAY"] = threading.TIMEOUT_MAX
+    vars(sys.modules["cmacexp.terminal.messages"])["FIRST_LINE_DELAY"] = threading.TIMEOUT_MAX
     for line in sys.stdin:
         process = os.fork()
         if not process:

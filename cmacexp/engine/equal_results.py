@@ -1,7 +1,7 @@
 """Keys without effect, by evidence: runs that differ in one key alone, and whose results are equal.
 
 Nothing is declared for this, so it holds for custom components too. A single run is judged by declarations instead
-(:mod:`cmacexp.experiment.without_effect`), since it has nothing that it could be compared with.
+(:mod:`cmacexp.engine.without_effect`), since it has nothing that it could be compared with.
 """
 
 import hashlib
@@ -14,8 +14,8 @@ from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.data.integrity import RESULTS
 from cmacexp.data.parquet import as_array
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import BODY_METRICS, METRICS, Scores
-from cmacexp.report.terminal import say
+from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores
+from cmacexp.terminal.messages import print_line
 
 MOST_NAMES = 5
 """Runs that a line names."""
@@ -47,7 +47,7 @@ def read_outcome(folder: Path) -> Outcome | None:
     run = StoredRun(folder)
     if not run.config.get("warn", True) or run.status not in RESULTS or not run.whole_cycles:
         return None
-    hashes = [run.manifest["files"].get(name) for name in (METRICS, BODY_METRICS)]
+    hashes = [run.manifest["files"].get(name) for name in (METRICS_FILE, BODY_METRICS_FILE)]
     return Outcome(run.manifest["config_hash"], repr((run.status, run.manifest["steps"], hashes)))
 
 
@@ -86,4 +86,4 @@ def print_idle_keys(settings: Sequence[Mapping[str, Any]], folders: Sequence[Pat
     """Print :func:`find_idle_keys` of stored runs, each named as its folder."""
     outcomes, names = [read_outcome(folder) for folder in folders], [folder.name for folder in folders]
     for kind, text in find_idle_keys(settings, outcomes, names, what):
-        say(f"{kind}: {text}", error=True)
+        print_line(f"{kind}: {text}", error=True)

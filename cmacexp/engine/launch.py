@@ -11,10 +11,10 @@ from hydra.types import HydraContext
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from cmacexp.config.compose import parse_override, set_values
-from cmacexp.experiment.sweep import Kind, get_sweep
+from cmacexp.engine.sweep import Kind, get_sweep
 
 if TYPE_CHECKING:
-    from cmacexp.experiment.sweep_job import Job
+    from cmacexp.engine.sweep_job import Job
 
 
 def launch(launcher: Any, batch: Sequence[Sequence[str]], first: int) -> list[JobReturn]:
@@ -62,7 +62,7 @@ def run_packed(
 
     ``changed`` are the overrides that the first job of its kind does not have.
     """
-    from cmacexp.experiment.sweep_job import run_job as run_here
+    from cmacexp.engine.sweep_job import run_job as run_here
 
     job, callbacks = unpack(kind, overrides, changed, number)
     if callbacks is None:
@@ -75,7 +75,7 @@ def unpack(kind: bytes, overrides: list[str], changed: list[str], number: int) -
 
     A config that only OmegaConf understands has that of Hydra within it.
     """
-    from cmacexp.experiment.sweep_job import Job
+    from cmacexp.engine.sweep_job import Job
 
     config, rest, folder = pickle.loads(kind)
     hydra, callbacks = rest, None
@@ -110,7 +110,7 @@ def set_value(config: Any, key: list[str], value: Any) -> None:
 
 def _run_by_hydra(composed: Any, callbacks: Any, jobs: int) -> tuple[Any, JobStatus]:
     """Run a job whose config only Hydra and OmegaConf understand; Hydra copies it four times."""
-    from cmacexp.experiment.sweep_job import run_hydra_job
+    from cmacexp.engine.sweep_job import run_hydra_job
 
     setup_globals()
     JobRuntime.instance().set("name", composed.hydra.job.name)

@@ -50,7 +50,7 @@ def is_screen(stream: TextIO) -> bool:
     return stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
 
 
-def say(text: str, error: bool = False) -> None:
+def print_line(text: str, error: bool = False) -> None:
     """Print one line at once; control characters, which a folder's name or a file can hold, as in Python.
 
     An output that is closed does no harm to the run, in a worker process either. In a terminal the line takes the

@@ -10,12 +10,12 @@ from cmacexp.config import Config, config_hash, to_config, to_plain
 from cmacexp.config.compose import compose_untyped
 from cmacexp.data.folder import RUN_KEY, replacing
 from cmacexp.data.integrity import is_finished
+from cmacexp.engine.failure import make_failure
+from cmacexp.engine.pool import Each, share_progress
 from cmacexp.errors import BadInput, CmacexpError
-from cmacexp.experiment.failure import make_failure
-from cmacexp.experiment.workers import Each, share_progress
 from cmacexp.jit.compiler import expect_runs
-from cmacexp.report.terminal import announce_compiling, warn_of_models
 from cmacexp.study.study import Request
+from cmacexp.terminal.messages import announce_compiling, warn_of_models
 
 HASH_DIGITS, THIN_DIGITS = 12, 4
 Collected = Mapping[Request, tuple[Path, Mapping[str, str]]]
@@ -42,7 +42,7 @@ def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config | str,
 
 def _run(number: int, folder: Path, config: Config, runs: int) -> str | None:
     """Run one of so many; why it failed, if it did."""
-    from cmacexp.experiment.run import run_scenario
+    from cmacexp.engine.run import run_scenario
     from cmacexp.loop.scenario import make_scenario
 
     announce_compiling()
@@ -85,7 +85,7 @@ def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before:
     return {request: (looked_up[overrides(request)][0], looked_up[overrides(request)][2]) for request in requests}
 
 
-def collect(each: Each, requests: Sequence[Request], store: Path) -> Collected:
+def ensure_runs(each: Each, requests: Sequence[Request], store: Path) -> Collected:
     """The runs of requests, each of one seed, below ``store``; equal ones are run once, complete ones not at all.
 
     Raises CmacexpError if Hydra cannot compose overrides, or every run failed.

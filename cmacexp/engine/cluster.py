@@ -21,9 +21,9 @@ from omegaconf import DictConfig
 
 from cmacexp.config import config_folder
 from cmacexp.config.explain import explain_composition
+from cmacexp.engine.launch import make_items, make_return, run_packed
+from cmacexp.engine.pool import VARIABLE, RunAll, work_on
 from cmacexp.errors import BadInput, CmacexpError
-from cmacexp.experiment.launch import make_items, make_return, run_packed
-from cmacexp.experiment.workers import VARIABLE, RunAll, work_on
 
 FOLDER = ".cmacexp-tasks"
 """In the folder of all results, what each task has to do: launchers send each of them all that a launcher holds."""

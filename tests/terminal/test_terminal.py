@@ -6,7 +6,7 @@ import sys
 
 from support.command import call
 
-from cmacexp.report.terminal_tables import print_table
+from cmacexp.terminal.tables import print_table
 
 
 def numbers_in(text):

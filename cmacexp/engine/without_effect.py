@@ -80,7 +80,7 @@ def _reason(config: Config, key: str, composed: DictConfig) -> str:
     return "" if used else reason
 
 
-def warnings_of(config: Config, overrides: Sequence[str], composed: DictConfig) -> list[str]:
+def list_idle_overrides(config: Config, overrides: Sequence[str], composed: DictConfig) -> list[str]:
     """A line for each override of a single run that has no effect; none if the config has ``warn: false``."""
     typed = list(read_keys(overrides)) if config.warn else []
     found: dict[str, str] = {}

@@ -16,7 +16,7 @@ from cmacexp.errors import BadInput
 
 if TYPE_CHECKING:
     from cmacexp.data.folder import Place
-    from cmacexp.experiment.workers import RunAll
+    from cmacexp.engine.pool import RunAll
 
 SWEEP_KEY = "hydra.sweep.dir"
 
@@ -63,14 +63,14 @@ class Sweep:
         """Keep other sweeps out of the folder, and show how many jobs are done; raises BadInput, OSError."""
         from cmacexp.data.folder import replacing  # here, because every command imports this file
         from cmacexp.data.manifest import SWEEP
-        from cmacexp.experiment.workers import shared_progress
+        from cmacexp.engine.pool import shared_progress
 
         self.place = self.lock.enter_context(replacing(self.folder, SWEEP_KEY, SWEEP))
         self.progress.enter_context(shared_progress("sweep", self.planned.total, "jobs"))
 
     def start_workers(self) -> "RunAll":
         """Start the processes that run jobs, as many as there are cores unless so many are asked for; once."""
-        from cmacexp.experiment.workers import start_pool
+        from cmacexp.engine.pool import start_pool
 
         if self.run_all is None:
             self.run_all = self.progress.enter_context(start_pool(self.processes))
@@ -102,7 +102,7 @@ class Sweep:
             kind.runs.append(select_run_overrides(overrides))
             if len(kind.runs) == 1 and kind.composed.machine.get("kind") == "robot":
                 from cmacexp.config.robot_rule import read_machine
-                from cmacexp.report.terminal import warn_of_models
+                from cmacexp.terminal.messages import warn_of_models
 
                 with suppress(BadInput, OmegaConfBaseException):  # which the job reports
                     warn_of_models([read_machine(kind.composed)])

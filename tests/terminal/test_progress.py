@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from cmacexp.report import terminal
-from cmacexp.report.terminal import activity, progress
+from cmacexp.terminal import messages as terminal
+from cmacexp.terminal.messages import activity, progress
 
 HIDE_CURSOR, SHOW_CURSOR, LAST_CLEAR = "\x1b[?25l", "\x1b[?25h", "\r\x1b[1A\x1b[2K"
 
@@ -64,7 +64,7 @@ def test_a_line_that_is_printed_meanwhile_takes_the_place_of_the_bar(use):
     screen = use(Terminal())
     with activity("reading a[b] folder"):
         wait_for(screen, "reading a[b] folder ...")
-        terminal.say("a [bold] line", error=True)
+        terminal.print_line("a [bold] line", error=True)
         wait_for(screen, "\r\x1b[2Ka [bold] line\n")
         printed = len(shown_in(screen))
         while "reading a[b]" not in shown_in(screen)[printed:]:

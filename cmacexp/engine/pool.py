@@ -20,9 +20,9 @@ from threading import Thread
 from types import ModuleType
 from typing import Any
 
-from cmacexp.experiment.forking import make_context
+from cmacexp.engine.forking import make_context
 from cmacexp.jit.interrupt import exits_caught
-from cmacexp.report.terminal import State, format_progress, shown
+from cmacexp.terminal.messages import State, format_progress, shown
 
 Each = Callable[..., list[Any]]
 RunAll = Callable[..., list[Any]]

@@ -14,17 +14,17 @@ from cmacexp.config.component import COMPONENTS
 from cmacexp.config.compose import compose_untyped
 from cmacexp.config.machine import describe_other_model
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import METRICS
+from cmacexp.data.tables import METRICS_FILE
+from cmacexp.engine.run import run_scenario
+from cmacexp.engine.without_effect import list_idle_overrides
 from cmacexp.errors import BadInput, OtherModel, WithoutEffect, in_one_line
-from cmacexp.experiment.run import run_scenario
-from cmacexp.experiment.without_effect import warnings_of
 from cmacexp.jit.compiler import expect_steps
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.stepwise import OpenLoop
-from cmacexp.metrics.metric import Shown
+from cmacexp.metrics.metric import MetricDisplay
 from cmacexp.metrics.pooling import shorten, tabulate_cycles
-from cmacexp.report.terminal import announce_compiling, describe_idle
-from cmacexp.report.terminal_tables import format_table, head
+from cmacexp.terminal.messages import announce_compiling, describe_idle
+from cmacexp.terminal.tables import format_table, head
 
 RUN_FOLDER = "hydra.run.dir="
 
@@ -33,10 +33,10 @@ RUN_FOLDER = "hydra.run.dir="
 class Run(StoredRun):
     """A completed or stopped run, which prints its main metrics per cycle; tables are read on first use."""
 
-    def _printed(self) -> tuple[str, dict[str, Shown], list[list[str]]]:
+    def _printed(self) -> tuple[str, dict[str, MetricDisplay], list[list[str]]]:
         """How it ended, in one line, and its main metrics; of a damaged run the reason alone, without an error."""
         try:
-            main, rows = tabulate_cycles(self.scores) if METRICS in self.manifest["files"] else ({}, [])
+            main, rows = tabulate_cycles(self.scores) if METRICS_FILE in self.manifest["files"] else ({}, [])
             line = f"{self.folder}: {self.config.get('scenario')}, {self.ending}, {self.manifest['steps']} steps"
             return in_one_line(line), main, shorten(rows)
         except Exception as error:
@@ -109,7 +109,7 @@ def run(
         for key, component in components.items()
     }
     config = replace(config, **targets)
-    for text in warnings_of(config, config_overrides, composed):
+    for text in list_idle_overrides(config, config_overrides, composed):
         warnings.warn(text, WithoutEffect, stacklevel=2)
     if other := describe_other_model(config.machine):
         warnings.warn(other, OtherModel, stacklevel=2)
@@ -134,7 +134,7 @@ def open_loop(overrides: str | Sequence[str] = (), *, config_dir: str | Path | N
             raise BadInput("overrides", text, "the loop has no feedforward: whoever steps it gives the torque")
     composed, _ = compose_untyped([*own, "feedforward=none"], config_dir)
     config = to_config(composed)
-    for text in warnings_of(config, own, composed):
+    for text in list_idle_overrides(config, own, composed):
         warnings.warn(text, WithoutEffect, stacklevel=2)
     if other := describe_other_model(config.machine):
         warnings.warn(other, OtherModel, stacklevel=2)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from cmacexp.data.tables import METRICS_CSV, Scores
 from cmacexp.errors import in_one_line
-from cmacexp.metrics.metric import Shown
+from cmacexp.metrics.metric import MetricDisplay
 from cmacexp.metrics.pooling import shorten, tabulate_cycles
 from cmacexp.metrics.registry import ALL_METRICS, MAIN
-from cmacexp.report.parts import Table
+from cmacexp.metrics.text import find_numeric
 
 WIDTH = 400
 """Most characters in a line of a table if the output is not a terminal."""
@@ -28,7 +28,7 @@ def _arrange(titles: Sequence[str], rows: Sequence[Sequence[str]], width: int) -
     A column is lines of equal length: those of its title, whose last one is the unit, then a cell for each row.
     """
     rows = [list(map(in_one_line, row)) for row in rows]
-    height, numeric = 1 + max(title.count("\n") for title in titles), Table(titles, rows).numeric
+    height, numeric = 1 + max(title.count("\n") for title in titles), find_numeric(rows)
     group = list[list[str]]()
     for i, title in enumerate(titles):
         lines = [*map(in_one_line, title.split("\n")), *(row[i] for row in rows)]
@@ -67,7 +67,7 @@ def print_table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         screen.print(grid)
 
 
-def head(shown: Shown) -> str:
+def head(shown: MetricDisplay) -> str:
     """Name of a metric in short lines, and its unit."""
     from textwrap import wrap
 

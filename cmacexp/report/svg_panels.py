@@ -43,7 +43,7 @@ def _find_panels(figure: "Figure") -> list[tuple[Array, list[int]]]:
     return found
 
 
-def cut(figure: "Figure", drawn: str) -> str:
+def extract_panels(figure: "Figure", drawn: str) -> str:
     """The pieces of a drawn figure as HTML; ``drawn`` is its SVG. Names of groups, which a page repeats, go."""
     plain = re.sub(r"\s*<!--.*?-->", "", drawn, flags=re.DOTALL)  # a blank line would end HTML in Markdown
     texts: dict[str, list[str]] = {"axes": [], "legend": []}

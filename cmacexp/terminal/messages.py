@@ -12,14 +12,14 @@ from threading import Event, Thread
 from cmacexp.config.machine import describe_other_model
 from cmacexp.data.parquet import as_array
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import RECORDING
+from cmacexp.data.tables import RECORDING_FILE
 from cmacexp.errors import in_one_line
 from cmacexp.jit.compiler import call_before_compiling
 from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
-from cmacexp.report.outputs import is_screen
-from cmacexp.report.outputs import say as say
-from cmacexp.report.terminal_tables import KEY, print_scores
+from cmacexp.terminal.closed_pipes import is_screen
+from cmacexp.terminal.closed_pipes import print_line as print_line
+from cmacexp.terminal.tables import KEY, print_scores
 
 NEXT = {"report": "report", "replay": "replay"}
 """Commands that show more of a run, with their purpose."""
@@ -38,12 +38,12 @@ State = tuple[str, float | None]
 @cache
 def announce_compiling() -> None:
     """Print :data:`COMPILING`, once, if this process has to compile."""
-    call_before_compiling(lambda: say(COMPILING, error=True))
+    call_before_compiling(lambda: print_line(COMPILING, error=True))
 
 
 @cache
 def _warn(text: str) -> None:
-    say(f"warning: {text}", error=True)
+    print_line(f"warning: {text}", error=True)
 
 
 def warn_of_models(machines: Iterable[object]) -> None:
@@ -83,7 +83,7 @@ def _write_lines(look: Callable[[], State], ended: Event) -> None:
     wait, began, last = FIRST_LINE_DELAY, time.monotonic(), ""
     while not ended.wait(wait):
         if (text := look()[0]) != last:
-            say(text, error=True)
+            print_line(text, error=True)
         wait, last = max(LINE_INTERVAL, (time.monotonic() - began) / 10.0), text  # work of hours fills no pages
 
 
@@ -165,7 +165,7 @@ def format_folder(folder: Path) -> str:
 def print_next(folder: Path, commands: Mapping[str, str]) -> None:
     """Print commands over a folder to copy, each with what it is for."""
     for name, purpose in commands.items():
-        say(f"{purpose + ':':<10} python -m cmacexp.{name} {format_folder(folder)}")
+        print_line(f"{purpose + ':':<10} python -m cmacexp.{name} {format_folder(folder)}")
 
 
 def describe_resume(folder: Path) -> str:
@@ -177,26 +177,26 @@ def _print_notes(result: StoredRun) -> None:
     """Print what is special about a run."""
     manifest = result.manifest
     if drift := describe_drift(result):
-        say(drift)
+        print_line(drift)
     if idle := describe_idle(result):
-        say(f"warning: {idle}")
+        print_line(f"warning: {idle}")
     if guarded := describe_guard(manifest):
-        say(f"guard of learning: {guarded}")
+        print_line(f"guard of learning: {guarded}")
     if load := describe_load(manifest):
-        say(f"load of the feet: {load}")
+        print_line(f"load of the feet: {load}")
     for name in ("lead", "rate"):
         given, taken = manifest["config"]["learning"][name], manifest.get(f"learning_{name}")
         if taken not in (None, given):
-            say(f"learning.{name}={given} is {taken:.4g} here")
+            print_line(f"learning.{name}={given} is {taken:.4g} here")
     for dropped in manifest["dropped"]:
         time = dropped["step"] * manifest["config"]["sampling_period"]
         where = f"force sensor of leg {dropped['leg']} rejected at step {dropped['step']} (t = {time:g} s)"
         print(f"{where}: it reports a force that the ground cannot give")
-    if RECORDING in manifest["files"]:
+    if RECORDING_FILE in manifest["files"]:
         from cmacexp.recording.window import choose_every
 
         if (every := choose_every(steps := manifest["steps"])) > 1:
-            print(f"{RECORDING}: one step in {every} of {steps}; replay with --every 1 shows all")
+            print(f"{RECORDING_FILE}: one step in {every} of {steps}; replay with --every 1 shows all")
 
 
 def print_summary(result: StoredRun) -> None:
@@ -206,10 +206,10 @@ def print_summary(result: StoredRun) -> None:
         print_scores(scores, Path(format_folder(result.folder)))
         print()
     for line in format_outcome(result, "\n" if result.manifest["cause"] else ": ").split("\n"):
-        say(line)
+        print_line(line)
     _print_notes(result)
     if scores.legs.num_rows:
-        say(KEY)
+        print_line(KEY)
         drifts = {"stability": "explain"} if result.manifest["drift"] else {}
         print_next(result.folder, drifts | NEXT if result.config["record"]["trace"] else {})
-    say(str(result.folder))
+    print_line(str(result.folder))

@@ -24,10 +24,10 @@ from cmacexp.data.parquet import write_table
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, MODEL_SIGNALS, SPATIAL_SIGNALS, Signal, select_signals
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import (
-    BODY,
-    MEMORY,
-    RECORDING,
-    TRACE,
+    BODY_FILE,
+    MEMORY_FILE,
+    RECORDING_FILE,
+    TRACE_FILE,
     Scores,
     Traces,
     steps_by_cycle,
@@ -35,9 +35,9 @@ from cmacexp.data.tables import (
     write_scores,
 )
 from cmacexp.data.weights import WEIGHTS
+from cmacexp.engine.failure import describe_failure
+from cmacexp.engine.stop_cause import explain_stop
 from cmacexp.errors import BadInput, BadOutput, format_user_traceback
-from cmacexp.experiment.failure import describe_failure
-from cmacexp.experiment.stop_cause import explain_stop
 from cmacexp.feedforward import Learns
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
@@ -128,10 +128,10 @@ def _roll_out(
     end = replace(end, cause=end.cause + explain_stop(scenario, end, last, scorer.drift))
     if not record.trace:
         return end, scorer.scores, []
-    names = [TRACE, BODY] if columns[1] else [TRACE]
+    names = [TRACE_FILE, BODY_FILE] if columns[1] else [TRACE_FILE]
     if scorer.memory:
-        write_table(pa.concat_tables(scorer.memory).combine_chunks(), folder / MEMORY)
-        names.append(MEMORY)
+        write_table(pa.concat_tables(scorer.memory).combine_chunks(), folder / MEMORY_FILE)
+        names.append(MEMORY_FILE)
     return end, scorer.scores, names
 
 
@@ -149,8 +149,8 @@ def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest
         from cmacexp.recording.write import write_recording
 
         label, window = place.folder.name, make_window(kept)
-        write_recording(folder, manifest, folder / RECORDING, label=label, window=window)
-        names.append(RECORDING)
+        write_recording(folder, manifest, folder / RECORDING_FILE, label=label, window=window)
+        names.append(RECORDING_FILE)
 
 
 def _robot_entry(scenario: Scenario) -> dict[str, Any]:

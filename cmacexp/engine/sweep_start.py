@@ -12,8 +12,8 @@ from hydra.experimental.callback import Callback
 from hydra.plugins.sweeper import Sweeper
 from omegaconf import DictConfig, OmegaConf
 
+from cmacexp.engine.sweep import Sweep
 from cmacexp.errors import BadInput
-from cmacexp.experiment.sweep import Sweep
 
 DEFAULT = "record=trace"
 """Override of a sweep that does not set ``record``."""
@@ -46,7 +46,7 @@ class SweepStart(Callback):
         def check(sweeper: Sweeper, batch: Sequence[Sequence[str]]) -> None:
             sweep.check(sweeper, batch)
             if sweep.chunk:
-                from cmacexp.experiment.tasks import Chunked
+                from cmacexp.engine.cluster import Chunked
 
                 if not isinstance(sweeper.launcher, Chunked):  # else it is that of the last batch
                     sweeper.launcher = Chunked(sweeper.launcher, sweep.chunk)  # type: ignore[assignment]
@@ -72,12 +72,12 @@ def _read_options(config: DictConfig) -> tuple[int | None, int | None]:
 def _read_objective(config: DictConfig) -> tuple[str | None, str | None]:
     """The metric that ``optimize`` names, and what is done with it, which a sweeper that searches is set to.
 
-    Raises BadInput, see :func:`cmacexp.experiment.objective.find_direction`.
+    Raises BadInput, see :func:`cmacexp.engine.objective.find_direction`.
     """
     name, searches = config.optimize, "direction" in config.hydra.sweeper
     if name is None and not searches:
         return None, None
-    from cmacexp.experiment.objective import DIRECTION, check_metric, find_direction
+    from cmacexp.engine.objective import DIRECTION, check_metric, find_direction
 
     check_metric(name if name is None else str(name), "robot")  # which has all; a job knows its own machine
     given = OmegaConf.select(config, DIRECTION)

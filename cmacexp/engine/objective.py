@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from cmacexp.errors import BadInput, suggest
-from cmacexp.metrics.metric import LARGE, NEAR_ZERO, NEITHER, Shown
+from cmacexp.metrics.metric import LARGE, NEAR_ZERO, NEITHER, MetricDisplay
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.metrics.text import format_number
 from cmacexp.metrics.tracking import SPATIAL
 from cmacexp.report.run_summary import RunSummary
-from cmacexp.report.terminal import format_folder
+from cmacexp.terminal.messages import format_folder
 
 DIRECTION, MINIMIZE, MAXIMIZE = "hydra.sweeper.direction", "minimize", "maximize"
 """What a sweeper that searches does with what jobs return, as Optuna calls it."""
@@ -71,7 +71,7 @@ def describe_best(name: str, direction: str, jobs: Sequence[RunSummary], swept: 
     best = (max if direction == MAXIMIZE else min)(range(len(jobs)), key=values.__getitem__)
     if math.isinf(values[best]):
         return f"none: no job completed with a value of {name}"
-    job, shown = jobs[best], ALL_METRICS[name].shown or Shown(name, ALL_METRICS[name].unit)
+    job, shown = jobs[best], ALL_METRICS[name].shown or MetricDisplay(name, ALL_METRICS[name].unit)
     named = " ".join([f"#{job.folder.name}", *(f"{key}={job.config[key]}" for key in swept)])
     value = format_number(job.final(name) * shown.factor, shown.unit)
     return f"{named}: {name} = {value}, in {format_folder(job.folder)}"

@@ -11,14 +11,14 @@ import pyarrow as pa
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.parquet import as_array
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import METRICS as METRICS_FILE
+from cmacexp.data.tables import METRICS_FILE as METRICS_FILE
 from cmacexp.data.tables import Scores
+from cmacexp.engine.equal_results import Outcome, find_idle_keys, make_outcome
+from cmacexp.engine.pool import workers
+from cmacexp.engine.sweep_results import make_column, make_labels, parse_overrides
 from cmacexp.errors import BadInput, OtherModel, WithoutEffect
-from cmacexp.experiment.equal_results import Outcome, find_idle_keys, make_outcome
-from cmacexp.experiment.sweep_results import make_column, make_labels, parse_overrides
-from cmacexp.experiment.workers import workers
 from cmacexp.report.run_summary import sort_folders
-from cmacexp.report.terminal import say
+from cmacexp.terminal.messages import print_line
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,10 +46,10 @@ def load_sweep(folder: str | Path) -> "pd.DataFrame":
     rows = [
         {**label, **values, "status": run.status} for label, values, run in zip(labels, settings, runs, strict=True)
     ]
-    return stack(rows, tables)
+    return concat_runs(rows, tables)
 
 
-def stack(rows: Sequence[Mapping[str, Any]], tables: Sequence[pa.Table]) -> "pd.DataFrame":
+def concat_runs(rows: Sequence[Mapping[str, Any]], tables: Sequence[pa.Table]) -> "pd.DataFrame":
     """Tables of runs as one, each with the values of its run in columns of their own."""
     run = np.repeat(np.arange(len(tables)), [table.num_rows for table in tables])
     columns = {name: make_column([row[name] for row in rows]).take(run) for name in rows[0]}
@@ -105,19 +105,19 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
         if kind == "warning":
             warnings.warn(text, WithoutEffect, stacklevel=2)
         else:
-            say(f"{kind}: {text}", error=True)
+            print_line(f"{kind}: {text}", error=True)
     rows = [
         {"run": number, **values, "status": status}
         for number, (values, status) in enumerate(zip(settings, ends, strict=True))
     ]
-    return stack(rows, tables)
+    return concat_runs(rows, tables)
 
 
 def _run(overrides: list[str], keep: str, runs: int) -> tuple[str, pa.Table, Outcome | None, str]:
     """How one of so many runs ended, what is kept of it, what shows idle keys, and that its robot is another one."""
     from cmacexp.config.compose import compose_config
     from cmacexp.config.machine import describe_other_model
-    from cmacexp.experiment.run import score_scenario
+    from cmacexp.engine.run import score_scenario
     from cmacexp.jit.compiler import expect_runs
     from cmacexp.loop.scenario import make_scenario
 

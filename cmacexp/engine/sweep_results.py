@@ -16,17 +16,25 @@ from cmacexp.data.discovery import walk
 from cmacexp.data.files import FAILED, sha256
 from cmacexp.data.folder import TABLE, TABLE_CSV
 from cmacexp.data.parquet import arrow, arrow_strings, write_table
+from cmacexp.engine.equal_results import print_idle_keys
+from cmacexp.engine.objective import describe_best
+from cmacexp.engine.sweep import Sweep
 from cmacexp.errors import BadRun
-from cmacexp.experiment.equal_results import print_idle_keys
-from cmacexp.experiment.objective import describe_best
-from cmacexp.experiment.sweep import Sweep
-from cmacexp.report.run_summary import UNFINISHED, Row, RunSummary, make_rows, print_runs, read_summary, sort_folders
-from cmacexp.report.terminal import activity, describe_resume, print_next, say
+from cmacexp.report.run_summary import (
+    UNFINISHED,
+    RunRow,
+    RunSummary,
+    make_rows,
+    print_runs,
+    read_summary,
+    sort_folders,
+)
+from cmacexp.terminal.messages import activity, describe_resume, print_line, print_next
 
 MAX_LISTED_FAILURES = 20
 
 
-def read_results(sweep: Sweep) -> tuple[list[RunSummary], list[Row]]:
+def read_results(sweep: Sweep) -> tuple[list[RunSummary], list[RunRow]]:
     """The jobs of a sweep that left a manifest, and their rows; not those that an earlier sweep left in its folder.
 
     The config of a job holds the values of all keys that some job overrides, as typed, and nothing else.
@@ -62,7 +70,7 @@ def _read_jobs(folder: Path) -> Iterator[tuple[RunSummary, list[str]]]:
             yield replace(summary, config={}), manifest["overrides"]
 
 
-def make_labels(folders: Sequence[str]) -> list[Row]:
+def make_labels(folders: Sequence[str]) -> list[RunRow]:
     """The number of each run as ``run``, an integer in every table of runs, and its ``folder``.
 
     A folder whose name is a number, as those of jobs are, gives it; if any has another name, or a number comes
@@ -132,14 +140,14 @@ def finish_sweep(sweep: Sweep) -> str:
     results = [job for job in jobs if job.is_result]
     print_idle_keys([job.config for job in results], [job.folder for job in results], "jobs")
     for job in failed[:MAX_LISTED_FAILURES]:
-        say(f"  {job.folder.name} {job.status}: {job.cause}", error=True)
+        print_line(f"  {job.folder.name} {job.status}: {job.cause}", error=True)
     if len(failed) > MAX_LISTED_FAILURES:
-        say(f"  and {len(failed) - MAX_LISTED_FAILURES} more: see {TABLE_CSV}", error=True)
+        print_line(f"  and {len(failed) - MAX_LISTED_FAILURES} more: see {TABLE_CSV}", error=True)
     if sweep.optimize and sweep.direction:
-        say(f"best:      {describe_best(sweep.optimize, sweep.direction, jobs, swept)}")
+        print_line(f"best:      {describe_best(sweep.optimize, sweep.direction, jobs, swept)}")
     if len(failed) < len(jobs):
         print_next(sweep.folder, {"report": "report"})
     if missing or counts["interrupted"]:
-        say(f"continue:  {describe_resume(sweep.folder)}")
-    say(str(sweep.folder / TABLE))
+        print_line(f"continue:  {describe_resume(sweep.folder)}")
+    print_line(str(sweep.folder / TABLE))
     return ended

@@ -1,21 +1,19 @@
 """What a page consists of, as HTML: sections of text, tables and figures, which are saved beside it."""
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cmacexp.data.folder import FIGURES, write_atomically
-from cmacexp.report.tiles import cut
+from cmacexp.metrics.text import find_numeric
+from cmacexp.report.svg_panels import extract_panels
 
 if TYPE_CHECKING:
     from markupsafe import Markup
     from matplotlib.figure import Figure
 
 
-NUMBER = re.compile(r"([-+]?(\d[\d.]*(e[-+]?\d+|-\d+)?|infinite)( .*)?|-|undefined)?")
-"""A cell that is a number or a range, with its unit or a remark, or says that there is none."""
 SVG = "svg"
 
 
@@ -33,8 +31,7 @@ class Table:
     @property
     def numeric(self) -> frozenset[int]:
         """The columns that hold numbers alone, which are aligned to the right."""
-        columns = zip(*self.rows, strict=True)
-        return frozenset(i for i, cells in enumerate(columns) if all(NUMBER.fullmatch(cell) for cell in cells))
+        return find_numeric(self.rows)
 
 
 @dataclass(frozen=True)
@@ -53,10 +50,10 @@ class Folded:
     """Parts that a reader opens."""
 
     title: str
-    parts: "Sequence[Part]"
+    parts: "Sequence[PageElement]"
 
 
-Part = str | Table | Drawing | Folded
+PageElement = str | Table | Drawing | Folded
 """A string is a paragraph, or HTML if it is a ``markupsafe.Markup``."""
 
 
@@ -65,7 +62,7 @@ class Section:
     """A section of a report."""
 
     title: str
-    parts: Sequence[Part]
+    parts: Sequence[PageElement]
 
     @property
     def anchor(self) -> str:
@@ -89,7 +86,7 @@ class Renderer:
         self.environment = Environment(loader=loader, autoescape=True, trim_blocks=True)
         self.environment.globals.update(save=self._save)
 
-    def render_part(self, part: Part) -> str:
+    def render_part(self, part: PageElement) -> str:
         """A part as HTML."""
         template: Any = self.environment.get_template("parts.html").module
         return f"{template.show(part).strip()}\n"
@@ -111,4 +108,4 @@ class Renderer:
         with write_atomically(path) as temporary:
             drawing.figure.savefig(temporary, format=SVG, metadata={"Date": None})
         self.files.append(path)
-        return Markup(cut(drawing.figure, path.read_text(encoding="utf-8")))
+        return Markup(extract_panels(drawing.figure, path.read_text(encoding="utf-8")))

@@ -14,10 +14,10 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.files import FAILED
 from cmacexp.data.folder import RUN_KEY, replacing, write_atomically
+from cmacexp.engine.failure import describe_failure, make_failure
+from cmacexp.engine.pool import FAILED_SHARE, share_progress
+from cmacexp.engine.sweep import Sweep, select_run_overrides
 from cmacexp.errors import BadInput
-from cmacexp.experiment.failure import describe_failure, make_failure
-from cmacexp.experiment.sweep import Sweep, select_run_overrides
-from cmacexp.experiment.workers import FAILED_SHARE, share_progress
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import interrupt_held_back, is_interrupt
 
@@ -44,17 +44,23 @@ def run_hydra_job(composed: DictConfig, jobs: float | None = None) -> float | No
 def run_job(job: Job, jobs: float) -> float | None:
     """Run one of so many jobs of a sweep; a failure is left on disk and does not end the sweep.
 
-    Returns what ``optimize`` asks for, see :func:`cmacexp.experiment.objective.read_objective`.
+    Returns what ``optimize`` asks for, see :func:`cmacexp.engine.objective.read_objective`.
     """
     number, folder, composed, hydra = job
     metric, report = composed.get("optimize"), share_progress(number)
     with interrupt_held_back():  # some libraries cannot be imported partially
         from cmacexp.data.integrity import is_finished
-        from cmacexp.experiment.objective import check_metric, find_direction, read_objective
-        from cmacexp.experiment.run import run_scenario
+        from cmacexp.engine.objective import check_metric, find_direction, read_objective
+        from cmacexp.engine.run import run_scenario
         from cmacexp.loop.scenario import make_scenario
         from cmacexp.report.run_summary import RunSummary, read_summary
-        from cmacexp.report.terminal import announce_compiling, describe_drift, describe_idle, format_outcome, say
+        from cmacexp.terminal.messages import (
+            announce_compiling,
+            describe_drift,
+            describe_idle,
+            format_outcome,
+            print_line,
+        )
 
     announce_compiling()
     expect_runs(jobs)
@@ -79,15 +85,15 @@ def run_job(job: Job, jobs: float) -> float | None:
         cause = describe_failure(error)
         summary = RunSummary(folder, "failed", cause)
         _write_failure(job, overrides, error)
-        say(f"error: #{number}: {cause}", error=True)
+        print_line(f"error: #{number}: {cause}", error=True)
     else:
         if result is None:
-            say(f"{name}: finished before, not run again")
+            print_line(f"{name}: finished before, not run again")
         elif result.status == "failed":
-            say(f"error: {name}: {result.manifest['cause']}", error=True)
+            print_line(f"error: {name}: {result.manifest['cause']}", error=True)
         else:
             notes = (f"{name}: {format_outcome(result)}", describe_drift(result), describe_idle(result))
-            say("; ".join(filter(None, notes)))
+            print_line("; ".join(filter(None, notes)))
         if result is not None and result.status == "interrupted":
             raise KeyboardInterrupt
     report(1.0 if summary is None else FAILED_SHARE)
