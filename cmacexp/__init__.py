@@ -6,26 +6,52 @@ from typing import TYPE_CHECKING, Any
 from cmacexp.data.version import __version__
 
 if TYPE_CHECKING:
+    from cmacexp.control.protocol import Controller
     from cmacexp.engine.api import Run, load, open_loop, run
     from cmacexp.engine.batch import load_sweep, run_many
+    from cmacexp.errors import BadInput, BadRun, CmacexpError
+    from cmacexp.feedforward.protocol import Feedforward
+    from cmacexp.plants.protocol import Plant
+    from cmacexp.sensors.protocol import Sensors
 
-__all__ = ["Run", "__version__", "load", "load_sweep", "open_loop", "run", "run_many"]
-__path__.append(f"{__path__[0]}/commands")  # ``python -m cmacexp.score`` runs commands/score.py
+__all__ = [
+    "BadInput",
+    "BadRun",
+    "CmacexpError",
+    "Controller",
+    "Feedforward",
+    "Plant",
+    "Run",
+    "Sensors",
+    "__version__",
+    "load",
+    "load_sweep",
+    "open_loop",
+    "run",
+    "run_many",
+]
 _PLACES = {
-    **dict.fromkeys(("Run", "load", "open_loop", "run"), "api"),
-    **dict.fromkeys(("load_sweep", "run_many"), "batch"),
+    **dict.fromkeys(("BadInput", "BadRun", "CmacexpError"), "errors"),
+    **dict.fromkeys(("Run", "load", "open_loop", "run"), "engine.api"),
+    **dict.fromkeys(("load_sweep", "run_many"), "engine.batch"),
+    "Controller": "control.protocol",
+    "Feedforward": "feedforward.protocol",
+    "Plant": "plants.protocol",
+    "Sensors": "sensors.protocol",
 }
+"""The module of each name that is imported when it is first asked for: ``import cmacexp`` alone takes no time."""
+_ROOMS = ("cmac", "control", "feedforward", "gym", "plants", "sensors", "study")
+"""Modules that users name, imported likewise."""
 
 
 def __getattr__(name: str) -> Any:
-    """A function of :mod:`cmacexp.engine`, or the room ``gym``, imported when it is first asked for."""
     if name in _PLACES:
-        return getattr(import_module(f"cmacexp.engine.{_PLACES[name]}"), name)
-    if name == "gym":
-        return import_module("cmacexp.gym")
+        return getattr(import_module(f"cmacexp.{_PLACES[name]}"), name)
+    if name in _ROOMS:
+        return import_module(f"cmacexp.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
     """All public names, also those that are not imported yet."""
-    return [*__all__, "gym"]
+    return sorted([*__all__, *_ROOMS])

@@ -4,26 +4,55 @@ Without a name of a command the words are overrides of a run, or with ``-m`` of 
 """
 
 import sys
-from difflib import get_close_matches
 from importlib import import_module
 from typing import cast
 
-COMMANDS = ("export", "replay", "report", "robots", "score", "stability", "study", "verify")
-"""Those with a module of their own; ``python -m cmacexp.NAME`` runs them too."""
+COMMANDS = {
+    "run": "simulates a scenario: cmacexp run scenario=one_leg cycles=3",
+    "sweep": "simulates variants: cmacexp sweep cmac.layers=8,16,32",
+    "report": "writes a page of figures and tables of runs, or of a sweep",
+    "replay": "shows a run in the Rerun viewer",
+    "stability": "says whether learning holds, and with which lead",
+    "score": "computes the metrics of runs again from their traces",
+    "verify": "checks which runs are intact",
+    "export": "writes a run for other programs: C, wide tables, MCAP",
+    "robots": "shows what the model of a robot holds, and what follows from it",
+    "study": "runs a study and writes its report",
+}
+"""What each command does. All but the first two have a module of their own, which ``python -m cmacexp.NAME`` runs."""
 RUNS = {"run": [], "sweep": ["-m"]}
-"""Those that take overrides, and the option that they stand for."""
+"""Commands that take overrides, and the option that they stand for."""
+HELP = """cmacexp: learned feedforward for hybrid position/force control of legs
+
+{commands}
+
+cmacexp COMMAND --help explains a command; cmacexp run --help lists the groups and fields that overrides change.
+Without a command the words are overrides of a run: cmacexp scenario=one_leg
+"""
 
 
 def main() -> int:
-    """Run the command line; its exit code."""
+    """The console script ``cmacexp``: as :func:`run_words`, but ``--help`` alone lists the commands."""
+    if sys.argv[1:] in (["--help"], ["-h"], ["help"]):
+        lines = [f"  {name:10} {meaning}" for name, meaning in COMMANDS.items()]
+        print(HELP.format(commands="\n".join(lines)), end="")
+        return 0
+    return run_words()
+
+
+def run_words() -> int:
+    """Run the command that the words of the command line name; its exit code."""
     name = sys.argv[1] if len(sys.argv) > 1 else ""
-    if name in COMMANDS:
-        del sys.argv[1]
-        return cast(int, import_module(f"cmacexp.commands.{name}").main())
     if name in RUNS:
         sys.argv[1:2] = RUNS[name]
-    elif name.isidentifier() and (close := get_close_matches(name, (*COMMANDS, *RUNS), 1)):
-        print(f"error: {name}: no such command; did you mean {close[0]}?", file=sys.stderr)
+    elif name in COMMANDS:
+        del sys.argv[1]
+        return cast(int, import_module(f"cmacexp.commands.{name}").main())
+    elif name.isidentifier():
+        from cmacexp.errors import suggest
+
+        known = f"no such command; choose from {', '.join(COMMANDS)}"
+        print(f"error: {name}: {known}{suggest(name, COMMANDS)}", file=sys.stderr)
         return 2
     if {"-m", "--multirun"} & set(sys.argv):
         from cmacexp.engine.forking import make_context
@@ -35,4 +64,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_words())

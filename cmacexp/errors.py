@@ -103,8 +103,10 @@ class CmacexpError(Exception):
         return in_one_line(super().__str__())
 
 
-class BadInput(CmacexpError):
+class BadInput(CmacexpError, ValueError):
     """A configuration that cannot be run; raised before anything is simulated (exit code 2).
+
+    It is also a ``ValueError``, which code that uses this package as a library may catch.
 
     Args:
         key: the config key as typed on the command line, e.g. ``cmac.layers``.

@@ -14,7 +14,7 @@ from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, RECTANGULAR, activate
 from cmacexp.cmac.rules import PAPER, train_batch
 from cmacexp.cmac.single import NOT_FINITE, Single
 from cmacexp.config.cmac import MOST_POSITIONS, PHASE, WORD_BYTES, CmacConfig, check_size
-from cmacexp.config.fields import check_fields
+from cmacexp.config.fields import read_fields
 from cmacexp.models.mix import MASK
 from cmacexp.typing import Array, Cells
 
@@ -68,9 +68,8 @@ class Cmac:
             raise ValueError(f"ranges from {ranges.low} to {ranges.high}: {expected}")
         if addressing is None:
             addressing = "dense" if dense_rows * outputs * WORD_BYTES <= memory_bytes else "hashed"
-        size = CmacConfig(layers, cells, memory_bytes, addressing, displacement, [PHASE], 1.0, receptive_field)
-        check_fields(size, "cmac")
-        check_size(size, inputs, outputs)
+        given = CmacConfig(layers, cells, memory_bytes, addressing, displacement, [PHASE], 1.0, receptive_field)
+        check_size(read_fields(CmacConfig, vars(given), "cmac"), inputs, outputs)
         rows = dense_rows if addressing == "dense" else memory_bytes // (WORD_BYTES * outputs)
         # Column-major, since all layers of one input are read together.
         shifts = np.asfortranarray(find_displacement(displacement, layers, inputs))

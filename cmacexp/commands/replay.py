@@ -2,7 +2,6 @@
 
 import argparse
 import re
-import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -225,7 +224,3 @@ def main() -> int:
     text += f"{COMPARISONS}/NAMES.rrd for several"
     parser.add_argument("--out", metavar="FILE.rrd", help=text)
     return run_command(lambda: _replay(parser.parse_args()))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

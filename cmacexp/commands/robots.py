@@ -3,7 +3,6 @@
 import argparse
 import re
 import shlex
-import sys
 from pathlib import Path
 
 from omegaconf import OmegaConf
@@ -149,7 +148,3 @@ def main() -> int:
     )
     parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="overrides as of python -m cmacexp")
     return run_command(lambda: _show(parser.parse_args()))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,7 +1,6 @@
 """``python -m cmacexp.score DIR``: computes the metrics again from the trace, without simulating."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from cmacexp.commands.command import Parser, run_command
@@ -48,7 +47,3 @@ def main() -> int:
     """Run the command."""
     parser = Parser("cmacexp.score", "Compute the metrics of runs again from their traces.", folders=True)
     return run_command(lambda: _score(parser.parse_args()))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

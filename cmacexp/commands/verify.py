@@ -1,7 +1,6 @@
 """``python -m cmacexp.verify DIR...``: which runs are intact."""
 
 import argparse
-import sys
 
 from cmacexp.commands.command import NOT_INTACT, Parser, run_command
 from cmacexp.data import manifest as manifests
@@ -28,7 +27,3 @@ def main() -> int:
     description = "Check which runs, reports and tables of sweeps are intact: every file is present and unchanged."
     parser = Parser("cmacexp.verify", description, folders=True)
     return run_command(lambda: _verify(parser.parse_args()))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

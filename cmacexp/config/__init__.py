@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from cmacexp.config.component import config_folder as config_folder
     from cmacexp.config.fields import choice as choice
     from cmacexp.config.fields import number as number
+    from cmacexp.config.fields import read_fields as read_fields
     from cmacexp.config.load import config_hash as config_hash
     from cmacexp.config.load import to_config as to_config
     from cmacexp.config.load import to_plain as to_plain
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 _PLACES = {
     **dict.fromkeys(("ComponentConfig", "FeedforwardConfig", "config_folder"), "component"),
-    **dict.fromkeys(("choice", "number"), "fields"),
+    **dict.fromkeys(("choice", "number", "read_fields"), "fields"),
     **dict.fromkeys(("config_hash", "to_config", "to_plain"), "load"),
     "Config": "schema",
 }

@@ -7,7 +7,7 @@ from typing import Any
 
 from cmacexp.config.cmac import CMACS, PHASE, check_size
 from cmacexp.config.component import COMPONENTS, ComponentConfig, find_option
-from cmacexp.config.fields import check_fields, listed
+from cmacexp.config.fields import listed
 from cmacexp.config.gait import PATTERNS
 from cmacexp.config.machine import BodyMachine, RobotMachine, ask_for_robot, read_model
 from cmacexp.config.schema import Config
@@ -212,8 +212,7 @@ def check_memory(config: Config) -> None:
 
 
 def check(config: Config) -> None:
-    """Check every field, and every combination that can be judged before planning; raises BadInput."""
-    check_fields(config)
+    """Check every combination of fields that can be judged before planning; raises BadInput."""
     if isinstance(config.machine, RobotMachine):  # it must have four legs, and a model that can be found
         if config.legs == 1 and config.scenario != "robot":
             raise ask_for_robot(config.machine)

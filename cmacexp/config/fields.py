@@ -1,6 +1,9 @@
-"""Config fields with their unit and range; how a config is made of plain values, and the one check of them all."""
+"""Fields with their unit and range, and the one function that makes a dataclass of plain values and checks them.
 
-import inspect
+:func:`read_fields` serves every dataclass whose fields are declared with :func:`number` and :func:`choice`, or
+plainly: the config of a run as YAML holds it, the ``Config`` of a component, and what else is read from a file.
+"""
+
 import math
 import operator
 from collections.abc import Mapping, Sequence
@@ -8,7 +11,7 @@ from contextlib import suppress
 from dataclasses import MISSING, field, fields, is_dataclass
 from functools import cache
 from types import NoneType, UnionType
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from cmacexp.errors import BadInput
 
@@ -17,6 +20,7 @@ FLAGS = dict.fromkeys(("true", "yes", "on", "y", "1"), True) | dict.fromkeys(("f
 """What can be typed for a flag."""
 BOUNDS = {"above": operator.gt, "at least": operator.ge, "below": operator.lt, "at most": operator.le}
 """What a number must be to each of its bounds."""
+T = TypeVar("T")
 Tuned = tuple[float, float] | list[Any] | None
 """What a field is tuned over: ends of a range, or choices; None: it is not tuned."""
 
@@ -49,44 +53,63 @@ def choice(*names: str, needs: tuple[str, ...] = (), tuned: Tuned = None) -> Any
     return field(metadata={"choices": names, "needs": needs, "tuned": tuned})
 
 
-def describe_range(metadata: dict[str, Any]) -> str:
+def listed(names: Sequence[str]) -> str:
+    """Names in the order and form of an error message."""
+    return ", ".join(sorted(names))
+
+
+def describe_range(metadata: Mapping[str, Any]) -> str:
     """The allowed range in words, e.g. ``must be above 0 and at most 1``."""
     parts = [f"{name} {metadata[name]:.15g}" for name in BOUNDS if name in metadata]
     words_too = "".join(f", or {name}" for name in metadata.get("words", ()))
     return "must be " + (" and ".join(parts) if parts else "a finite number") + words_too
 
 
-def _is_allowed(item: object, metadata: dict[str, Any]) -> bool:
-    """Whether a number or word is allowed; numbers of samples are whole."""
-    if isinstance(item, str):
-        return not metadata["words"] or item in metadata["words"]
-    if not isinstance(item, int | float) or isinstance(item, bool):
-        return True
-    if not abs(item) < math.inf or (isinstance(item, float) and metadata["unit"] == "samples"):
-        return False
-    return all(holds(item, metadata[name]) for name, holds in BOUNDS.items() if name in metadata)
+def read_fields(schema: type[T], node: Mapping[str, Any], key: str = "") -> T:
+    """A dataclass of plain values, as YAML or JSON holds them: each is converted to its type, and checked.
+
+    Numbers and flags may be texts, as they are typed. A field may be a number, a flag, a text, null, another
+    dataclass, a list of these, or a dictionary of them by name. An object that already has the type of its field
+    stays as it is.
+
+    Raises:
+        BadInput: names the key, below ``key``, of the first name that is of no field, of a field that is missing and
+            has no default, or of a value that is of another type than its field or outside its range.
+    """
+    before, types = f"{key}." if key else "", _declared_types(schema)  # type: ignore[arg-type]
+    declared = {each.name: each for each in fields(schema)}  # type: ignore[arg-type]
+    for name in node:
+        if name not in declared:
+            allowed = f"no such key; {key or 'the config'} has {listed(list(declared))}"
+            raise BadInput(f"{before}{name}", node[name], allowed)
+    for name, each in declared.items():
+        if name not in node and each.default is MISSING and each.default_factory is MISSING:
+            raise BadInput(before + name, "(not set)", "must have a value")
+    values = {
+        name: _read_value(given, types[name], declared[name].metadata, before + name) for name, given in node.items()
+    }
+    return schema(**values)
 
 
-def _flatten(value: object) -> list[object]:
-    """A value, or those in a list, or in lists inside it."""
-    return [each for item in value for each in _flatten(item)] if isinstance(value, list) else [value]
+class _OtherType(Exception):
+    """A value, or one in a list, that cannot be converted to the type of its field."""
 
 
-def _check_field(key: str, value: object, metadata: dict[str, Any]) -> None:
+def _read_value(given: Any, declared: Any, metadata: Mapping[str, Any], key: str) -> Any:
+    try:
+        value = _convert(given, declared, key)
+    except _OtherType:
+        if isinstance(given, list) and all(get_origin(kind) is not list for kind in _choices_of_type(declared)):
+            sweep = f"-m {key}={','.join(map(str, given))}"
+            allowed = f"must be one value, not a list; for a sweep write {sweep}"
+        else:
+            allowed = _describe_type(declared)
+        raise BadInput(key, given, allowed) from None
     if "choices" in metadata:
-        allowed = metadata["choices"]
-        names = value if isinstance(value, list) else [value]
-        for name in names:
-            if name not in allowed:
-                raise BadInput(key, name, "choose from " + ", ".join(allowed))
-        if len(set(names)) != len(names) or not names:
-            raise BadInput(key, value, f"must name at least one of {', '.join(allowed)}, each once")
+        _check_choice(key, value, metadata["choices"])
     elif "unit" in metadata:
-        unit, words = metadata["unit"], metadata["words"]
-        for item in _flatten(value):
-            if not _is_allowed(item, metadata):
-                hint = f" ({unit}, whole)" if words and unit == "samples" else f" ({unit})" if unit else ""
-                raise BadInput(key, item, describe_range(metadata) + hint)
+        _check_range(key, value, metadata)
+    return value
 
 
 @cache
@@ -99,18 +122,25 @@ def _choices_of_type(declared: Any) -> tuple[Any, ...]:
     return get_args(declared) if get_origin(declared) in (Union, UnionType) else (declared,)
 
 
-def _has_type(value: object, declared: Any) -> bool:
-    """Whether a value is of the type of its field, which an interpolation or a list inside a list may not be."""
-    for kind in _choices_of_type(declared):
-        if get_origin(kind) is list:
-            fits = isinstance(value, list) and all(_has_type(item, *get_args(kind)) for item in value)
-        else:
-            fits = kind is Any or (
-                isinstance(value, kind) if inspect.isclass(kind) and is_dataclass(kind) else type(value) is kind
-            )
-        if fits:
-            return True
-    return False
+def _convert(value: Any, declared: Any, key: str) -> Any:
+    """A plain value as a field of type ``declared`` holds it; raises _OtherType if it cannot."""
+    kinds = _choices_of_type(declared)
+    if Any in kinds or type(value) in kinds:
+        return value
+    for kind in kinds:
+        origin, inner = get_origin(kind), get_args(kind)
+        if is_dataclass(kind) and isinstance(value, Mapping):
+            return read_fields(kind, value, key)  # type: ignore[arg-type]
+        if origin is list and isinstance(value, list):
+            return [_convert(item, inner[0], key) for item in value]
+        if origin is dict and isinstance(value, Mapping):
+            return {name: _convert(item, inner[1], f"{key}.{name}") for name, item in value.items()}
+        if kind is bool and str(value).lower() in FLAGS:
+            return FLAGS[str(value).lower()]
+        if kind in (int, float) and type(value) in (int, str):
+            with suppress(ValueError, OverflowError):
+                return kind(value)
+    raise _OtherType
 
 
 def _describe_type(declared: Any) -> str:
@@ -125,65 +155,30 @@ def _describe_type(declared: Any) -> str:
     return "must be " + ", or ".join(words) + quotes
 
 
-def _convert(value: Any, declared: Any, key: str) -> Any:
-    """A plain value as a field of type ``declared`` holds it; unchanged if it cannot, which a check then reports."""
-    if _has_type(value, declared):
-        return value
-    for kind in _choices_of_type(declared):
-        if is_dataclass(kind) and isinstance(value, Mapping):
-            return make_config(kind, value, key)
-        if get_origin(kind) is list and isinstance(value, list):
-            return [_convert(item, get_args(kind)[0], key) for item in value]
-        if kind is bool and str(value).lower() in FLAGS:
-            return FLAGS[str(value).lower()]
-        if kind in (int, float) and type(value) in (int, str):
-            with suppress(ValueError, OverflowError):
-                return kind(value)
-    return value
+def _check_choice(key: str, value: Any, allowed: Sequence[str]) -> None:
+    names = value if isinstance(value, list) else [value]
+    wrong = [name for name in names if name not in allowed]
+    if wrong:
+        raise BadInput(key, wrong[0], "choose from " + ", ".join(allowed))
+    if len(set(names)) != len(names) or not names:
+        raise BadInput(key, value, f"must name at least one of {', '.join(allowed)}, each once")
 
 
-def make_config(schema: Any, node: Mapping[str, Any], key: str = "") -> Any:
-    """A config dataclass of plain values, as YAML holds them; :func:`check_fields` checks their types and ranges.
-
-    Raises BadInput if a key below ``key`` is not that of a field, or a field without default is missing.
-    """
-    before, types = f"{key}." if key else "", _declared_types(schema)
-    declared = {each.name: each for each in fields(schema)}
-    for name in node:
-        if name not in declared:
-            allowed = f"no such key; {key or 'the config'} has {listed(list(declared))}"
-            raise BadInput(f"{before}{name}", node[name], allowed)
-    for name, each in declared.items():
-        if name not in node and each.default is MISSING and each.default_factory is MISSING:
-            raise BadInput(before + name, "(not set)", "must have a value")
-    return schema(**{name: _convert(value, types[name], before + name) for name, value in node.items()})
-
-
-def check_fields(node: object, prefix: str = "") -> None:
-    """Check every field of a config dataclass, and of those inside it, against its type and range.
-
-    Raises BadInput, which names the key below ``prefix``, for the first field outside it.
-    """
-    if not is_dataclass(node):
+def _check_range(key: str, value: Any, metadata: Mapping[str, Any]) -> None:
+    """Check a number or word, or those in a list, or in lists inside it; numbers of samples are whole."""
+    if isinstance(value, list):
+        for item in value:
+            _check_range(key, item, metadata)
         return
-    for each in fields(node):
-        value = getattr(node, each.name)
-        key = f"{prefix}.{each.name}" if prefix else each.name
-        declared = _declared_types(node.__class__)[each.name]
-        if not _has_type(value, declared):
-            if isinstance(value, list) and all(get_origin(kind) is not list for kind in _choices_of_type(declared)):
-                sweep = f"-m {key}={','.join(map(str, value))}"
-                raise BadInput(key, value, f"must be one value, not a list; for a sweep write {sweep}")
-            raise BadInput(key, value, _describe_type(declared))
-        if is_dataclass(value):
-            check_fields(value, key)
-        elif isinstance(value, dict):
-            for name, item in value.items():
-                check_fields(item, f"{key}.{name}")
-        elif each.metadata:
-            _check_field(key, value, dict(each.metadata))
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names in the order and form of an error message."""
-    return ", ".join(sorted(names))
+    unit, words = metadata["unit"], metadata["words"]
+    if isinstance(value, str):
+        is_allowed = not words or value in words
+    elif isinstance(value, bool) or not isinstance(value, int | float):
+        is_allowed = True
+    else:
+        whole = unit != "samples" or isinstance(value, int)
+        bounds = all(holds(value, metadata[name]) for name, holds in BOUNDS.items() if name in metadata)
+        is_allowed = abs(value) < math.inf and whole and bounds
+    if not is_allowed:
+        hint = f" ({unit}, whole)" if words and unit == "samples" else f" ({unit})" if unit else ""
+        raise BadInput(key, value, describe_range(metadata) + hint)

@@ -12,7 +12,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from cmacexp.config.check import check
 from cmacexp.config.component import COMPONENTS, config_class, config_folder, find_option, select_accepted_fields
-from cmacexp.config.fields import make_config
+from cmacexp.config.fields import read_fields
 from cmacexp.config.machine import MACHINES
 from cmacexp.config.robot_rule import find_mistake, rule_value
 from cmacexp.config.schema import Config
@@ -35,7 +35,7 @@ def _make_component(group: str, node: Mapping[str, Any]) -> Any:
         node = {**node, "_target_": (target := find_new_name(target))}
     component = find_class(f"{group}._target_", target)
     taken, schema = select_accepted_fields(group, node, component), config_class(component)
-    return taken if schema is None else make_config(schema, taken, group)
+    return taken if schema is None else read_fields(schema, taken, group)
 
 
 def _make_machine(node: Mapping[str, Any], target: object) -> Any:
@@ -43,17 +43,16 @@ def _make_machine(node: Mapping[str, Any], target: object) -> Any:
     kind = node.get("kind")
     if not isinstance(kind, str) or kind not in MACHINES:
         raise BadInput("machine.kind", kind, "choose from " + ", ".join(MACHINES))
-    try:
-        return make_config(MACHINES[kind], node, "machine")
-    except BadInput as error:
+    names = {other: {field.name for field in fields(schema)} for other, schema in MACHINES.items()}
+    if unknown := [name for name in node if name not in names[kind]]:
         plant = find_option("plant", str(target))
-        path, name = config_folder() / "for_plant" / f"{plant}.yaml", error.key.removeprefix("machine.")
+        path = config_folder() / "for_plant" / f"{plant}.yaml"
         settings: Any = OmegaConf.load(path) if path.exists() else {}
-        if name not in settings.get("machine", {}):
-            raise
-        fitting = [other for other, schema in MACHINES.items() if name in {field.name for field in fields(schema)}]
-        scenario = f"choose a scenario with machine.kind={' or '.join(fitting)}"
-        raise BadInput("plant", plant, f"is not for machine.kind={kind}: {scenario}") from error
+        if unknown[0] in settings.get("machine", {}):
+            fitting = " or ".join(other for other in MACHINES if unknown[0] in names[other])
+            allowed = f"is not for machine.kind={kind}: choose a scenario with machine.kind={fitting}"
+            raise BadInput("plant", plant, allowed)
+    return read_fields(MACHINES[kind], node, "machine")
 
 
 @cache
@@ -81,7 +80,7 @@ def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
     with current_folder_importable():
         components = {group: _make_component(group, plain[group]) for group in COMPONENTS}
     machine = _make_machine(plain["machine"], plain["plant"].get("_target_"))
-    config: Config = make_config(Config, {**plain, **components, "machine": machine})
+    config = read_fields(Config, {**plain, **components, "machine": machine})
     check(config)
     return config
 

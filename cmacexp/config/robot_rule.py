@@ -12,7 +12,7 @@ from typing import Any
 from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from cmacexp.config.component import find_option
-from cmacexp.config.fields import check_fields, listed, make_config
+from cmacexp.config.fields import listed, read_fields
 from cmacexp.config.gait import PATTERNS, GaitPattern
 from cmacexp.config.machine import RobotModel, ask_for_robot, read_model
 from cmacexp.errors import BadInput
@@ -147,8 +147,7 @@ def read_machine(root: DictConfig) -> RobotModel:
         raise BadInput("machine.kind", kind, "must be robot where settings follow from its model: choose machine=go1")
     names = [field.name for field in fields(RobotModel)]
     given: Any = OmegaConf.to_container(OmegaConf.masked_copy(root.machine, names), resolve=True)
-    model: RobotModel = make_config(RobotModel, given, "machine")
-    check_fields(model, "machine")
+    model = read_fields(RobotModel, given, "machine")
     if find_option("plant", str(OmegaConf.select(root, "plant._target_"))) == "analytic":
         raise ask_for_robot(model)  # before the model is looked up, which may not be installed
     return model

@@ -119,6 +119,8 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     nominal = replace(setup, config=setup.config.nominal)
     try:
         feedforward.reset(_own(nominal, feedforward))
+    except BadInput:
+        raise
     except (LookupError, TypeError, ValueError) as error:
         if setup.learnt is None:
             raise

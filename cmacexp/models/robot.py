@@ -67,6 +67,8 @@ def refusals_named(key: str, value: object) -> Iterator[Any]:
     mujoco.set_mju_user_warning(lambda message: None)
     try:
         yield mujoco
+    except BadInput:
+        raise
     except ValueError as error:
         raise BadInput(key, value, f"MuJoCo refuses the model: {' '.join(str(error).split())}") from error
     finally:

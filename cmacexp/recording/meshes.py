@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from cmacexp.config.fields import check_fields, make_config
+from cmacexp.config.fields import read_fields
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.data.manifest import Manifest
 from cmacexp.errors import BadInput
@@ -31,8 +31,7 @@ def read_shown_model(folder: Path, manifest: Manifest) -> Robot:
     plain = manifest["config"]["machine"]
     if plain["kind"] != "robot" or "robot" not in manifest:
         raise BadInput("--meshes", folder, "is no run of a robot, which alone has meshes; leave --meshes out")
-    machine: RobotMachine = make_config(RobotMachine, plain, "machine")
-    check_fields(machine, "machine")
+    machine = read_fields(RobotMachine, plain, "machine")
     path = find_model(machine.model, machine.path)
     if path.is_relative_to(folder.resolve()):
         raise BadInput("machine.path", path, "lies in the folder of the run, whose files are not trusted")

@@ -1,8 +1,10 @@
 """The command line: what a run leaves behind, exit codes, help, and how it is ended."""
 
 import json
+import re
 import shutil
 import signal
+import sys
 import time
 
 import numpy as np
@@ -13,6 +15,7 @@ from support.command import call, cmacexp, started
 from support.doors import compose_config
 
 import cmacexp as package
+from cmacexp.__main__ import COMMANDS, main
 from cmacexp.config import config_folder, config_hash, to_plain
 
 TRACE = [
@@ -106,3 +109,13 @@ def test_a_command_is_called_by_its_name_and_its_words_follow(tmp_path):
         done = cmacexp(*words, folder=tmp_path)
         assert done.returncode == 0, done.stderr
     assert "did you mean report?" in cmacexp("reprot", "a", folder=tmp_path).stderr
+
+
+def test_help_lists_the_commands_and_the_package_its_names(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["cmacexp", "--help"])
+    assert main() == 0
+    assert set(re.findall(r"^  (\w+) ", capsys.readouterr().out, re.MULTILINE)) == set(COMMANDS)
+    assert {"Run", "BadInput", "Plant", "gym", "run_many"} <= set(dir(package))
+    assert issubclass(package.BadInput, ValueError)
+    for name in package.__all__:
+        assert getattr(package, name)

@@ -22,11 +22,13 @@ LAYERS = f"{ROOMS} terminal report stability study export engine gym commands+__
 """Each imports only from its own layer and those before it."""
 READERS = {"metrics", "recording", "report", "study", "export"}
 """Rooms that read what is on disk and never reach the loop."""
+MAINS = {"replay", "robots", "score", "verify"}
+"""Modules beside the rooms that run the command of their name."""
 NUMBERED = Counter({number: 1 for number in (1, 2, *range(5, 22))}) + Counter({23: 2})
 """Equations of the paper that the code computes, and how often: M of 23 in one function, C and G in another."""
 TESTS, ROOT = Path(__file__).parents[1], Path(__file__).parents[2]
 MODULES, STUDIES = (
-    [package.__name__, *(each.name for each in pkgutil.walk_packages(package.__path__[:1], f"{package.__name__}."))]
+    [package.__name__, *(each.name for each in pkgutil.walk_packages(package.__path__, f"{package.__name__}."))]
     for package in map(importlib.import_module, ("cmacexp", "pipelines"))
 )
 ALL = frozenset({*MODULES, *STUDIES})
@@ -72,9 +74,9 @@ def read():
 
 
 def room_of(module: str) -> str:
-    """The room of a module; the package itself hands on the API, and a ``__main__`` is a command."""
+    """The room of a module; the package itself hands on the API, and what only runs a command is one of commands."""
     _, *inside = module.split(".")
-    return (inside[0] if inside[-1] != "__main__" else "__main__") if inside else "engine"
+    return ("__main__" if inside[-1] == "__main__" or inside[0] in MAINS else inside[0]) if inside else "engine"
 
 
 def layer_of(module: str) -> int:
