@@ -19,7 +19,7 @@ from cmacexp.recording.ground import depression_scale
 from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.report.figures import Panel, Series, draw_panel
 from cmacexp.report.style import DESIRED, GROUND, STYLE, colour
-from cmacexp.terminal.messages import print_line
+from cmacexp.terminal.output import print_line
 from cmacexp.typing import Array
 from pipelines.common_machine import DENT, MM, NEAR, NEAR_SIDE, draw_leg, in_travel, joints
 

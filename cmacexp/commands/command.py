@@ -11,7 +11,7 @@ from typing import NoReturn
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadComponent, CmacexpError, format_user_traceback, in_one_line
 from cmacexp.jit.interrupt import handled, interrupted_exit_code, is_interrupt
-from cmacexp.terminal.closed_pipes import keep_outputs, print_line
+from cmacexp.terminal.output import keep_outputs, print_line
 
 COMPLETED, FAILED, BAD_INPUT, STOPPED, NOT_INTACT = range(5)
 """Exit codes; that of an interrupted command is :func:`cmacexp.jit.interrupt.interrupted_exit_code`."""

@@ -9,7 +9,7 @@ from cmacexp.data.folder import OUT_KEY, require_no_link
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput
-from cmacexp.terminal.messages import activity, print_line
+from cmacexp.terminal.output import print_line, show_activity
 
 FORMATS = ("c", "wide", "mcap")
 
@@ -28,7 +28,7 @@ def _export(arguments: argparse.Namespace) -> int:
     run, out = StoredRun(arguments.folder), _find_place(arguments)
     _ = run.manifest
     earlier = set(out.glob("*"))
-    with activity(f"exporting {run.folder}"):
+    with show_activity(f"exporting {run.folder}"):
         written = []
         if arguments.c:
             from cmacexp.export.c_code import write_c

@@ -144,18 +144,12 @@ def _run(composed: DictConfig, hydra: Any) -> str:
         from cmacexp.engine.without_effect import list_idle_overrides
         from cmacexp.loop.scenario import make_scenario
         from cmacexp.metrics.drift import Drift, format_drift
-        from cmacexp.terminal.messages import (
-            activity,
-            announce_compiling,
-            print_line,
-            print_summary,
-            progress,
-            warn_of_models,
-        )
+        from cmacexp.terminal.messages import announce_compiling, print_summary, warn_of_models
+        from cmacexp.terminal.output import print_line, show_activity, show_progress
 
     announce_compiling()
     check_metric(config.optimize, config.machine.kind)
-    with activity(f"planning {config.steps_per_cycle} steps a cycle"):
+    with show_activity(f"planning {config.steps_per_cycle} steps a cycle"):
         scenario = make_scenario(config)
     for text in list_idle_overrides(config, hydra.overrides.task, composed):
         print_line(f"warning: {text}", error=True)
@@ -165,7 +159,7 @@ def _run(composed: DictConfig, hydra: Any) -> str:
         print_line(f"warning: {format_drift(drift)}", error=True)
 
     folder, record = Path(hydra.runtime.output_dir), make_record(composed, hydra) if config.record.trace else None
-    with progress(config.scenario, config.cycles, "cycles") as watch:
+    with show_progress(config.scenario, config.cycles, "cycles") as watch:
         result = run_scenario(config, folder, watch, scenario, warn, record)
     print_summary(result)
     if result.status == "interrupted":

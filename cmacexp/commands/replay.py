@@ -18,7 +18,7 @@ from cmacexp.data.folder import updating
 from cmacexp.data.hashes import check_file
 from cmacexp.data.tables import RECORDING_FILE, read_traces, steps_by_cycle
 from cmacexp.errors import BadInput, BadRun, require_extra
-from cmacexp.terminal.messages import activity, print_line
+from cmacexp.terminal.output import print_line, show_activity
 
 COMPARISONS = Path("outputs", "comparisons")
 LONGEST_NAME = 120
@@ -140,7 +140,7 @@ def build_missing(folders: Sequence[Path], anew: bool) -> list[Path]:
             if not anew and _is_kept(folder):
                 kept.add(folder)
     ready, faults = [], []
-    with activity(f"building {len(folders) - len(kept)} recordings"):
+    with show_activity(f"building {len(folders) - len(kept)} recordings"):
         for folder in folders:
             try:
                 if folder not in kept:
@@ -198,7 +198,7 @@ def _replay(arguments: argparse.Namespace) -> int:
     else:
         path.parent.mkdir(parents=True, exist_ok=True)
         old = "; it replaces the one that was there" if arguments.meshes and path.exists() else ""
-        with activity(f"building {path}"):
+        with show_activity(f"building {path}"):
             shown = compare(folders, path, options) if len(folders) > 1 else rebuild(folders[0], path, options)
         shown += old
     print_line(f"{path}: {shown}")

@@ -14,9 +14,10 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
-from cmacexp.report.run_summary import UNFINISHED, print_runs, read_summary, sort_folders
+from cmacexp.report.run_summary import UNFINISHED, RunSummary, print_runs, read_summary, sort_folders
 from cmacexp.report.sweep_report import find_swept, make_sweep_report
-from cmacexp.terminal.messages import activity, describe_resume, print_line
+from cmacexp.terminal.messages import describe_resume
+from cmacexp.terminal.output import print_line, show_activity, show_progress
 from cmacexp.terminal.tables import print_key
 
 REPORTS = Path("outputs/reports")
@@ -36,11 +37,11 @@ def _find_destination(given: Sequence[Path], out: str | None) -> Path:
 
 
 def _report_of_several(folders: Sequence[Path], given: Sequence[Path], out: Path) -> Path:
-    with activity("reading runs") as show:
-        runs = []
-        for index, folder in enumerate(folders, 1):
-            show(f"reading run {index} of {len(folders)}")
+    runs = list[RunSummary]()
+    with show_progress("reading", len(folders), "runs") as set_done:
+        for folder in folders:
             runs.append(read_summary(folder))
+            set_done(len(runs))
     if not any(run.is_result for run in runs):
         where = " and ".join(map(str, given))
         raise BadRun(f"{where}: none of its {len(runs)} runs can be read ({runs[0].folder.name}: {runs[0].cause})")
@@ -51,8 +52,8 @@ def _report_of_several(folders: Sequence[Path], given: Sequence[Path], out: Path
     }
     is_sweep = len(given) == 1 and (given[0] / "multirun.yaml").exists()  # Hydra writes it when a sweep begins
     resume = describe_resume(given[0]) if is_sweep and stopped else ""
-    with activity("comparing the runs") as show:
-        path = write_report(make_sweep_report(runs, title, resume), out, say=show)
+    with show_activity("comparing the runs"):
+        path = write_report(make_sweep_report(runs, title, resume), out)
     print_runs(runs, [*swept.keys, *swept.seeds], path)
     if resume:
         print_line(f"continue:  {resume}")
@@ -64,8 +65,8 @@ def _report(arguments: argparse.Namespace) -> int:
     folders = list(dict.fromkeys(run for folder in given for run in sort_folders(runs_below(folder))))
     out = _find_destination(given, arguments.out)
     if len(folders) == 1:
-        with activity(f"reading {folders[0]}") as show:
-            page = write_report(make_run_report(StoredRun(folders[0])), out, say=show)
+        with show_activity(f"reporting {folders[0]}"):
+            page = write_report(make_run_report(StoredRun(folders[0])), out)
     else:
         page = _report_of_several(folders, given, out)
     print_line(str(page))

@@ -19,7 +19,8 @@ from cmacexp.models.robot import Robot, read_robot
 from cmacexp.models.robot_gains import derive_basis
 from cmacexp.models.robot_search import find_names
 from cmacexp.planning.robot import find_stance
-from cmacexp.terminal.messages import print_line, warn_of_models
+from cmacexp.terminal.messages import warn_of_models
+from cmacexp.terminal.output import print_line
 from cmacexp.terminal.tables import print_table
 from cmacexp.typing import Array
 

@@ -13,7 +13,7 @@ from cmacexp.data.tables import TRACE_FILE, Scores, write_scores
 from cmacexp.errors import BadRun
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.score import score_traces
-from cmacexp.terminal.messages import activity, print_line
+from cmacexp.terminal.output import print_line, show_activity
 from cmacexp.terminal.tables import KEY, print_scores
 
 
@@ -35,7 +35,7 @@ def score(folder: Path) -> Scores:
 
 def _score(arguments: argparse.Namespace) -> int:
     for folder in [run for given in arguments.folders for run in runs_below(given)]:
-        with activity(f"scoring {folder}"):
+        with show_activity(f"scoring {folder}"):
             scores = score(folder)
         print_line(str(folder))
         print_scores(scores, folder)

@@ -8,7 +8,7 @@ from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.folder import require_no_link
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput
-from cmacexp.terminal.messages import activity, print_line
+from cmacexp.terminal.output import print_line, show_activity
 from cmacexp.terminal.tables import print_table
 
 FOLDER = "stability"
@@ -35,7 +35,7 @@ def _analyse_run(run: StoredRun, out: Path) -> None:
     from cmacexp.stability.verdict import assess
 
     notes, analysis = list[str](), None
-    with activity(f"analysing {run.folder}"):
+    with show_activity(f"analysing {run.folder}"):
         config = read_learning(run)
         verdict = assess(config)
         try:

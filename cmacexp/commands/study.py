@@ -25,7 +25,7 @@ from cmacexp.study.page import Evaluated, check_page, evaluate, write_page
 from cmacexp.study.provenance import choose_witnesses, digest_study, make_provenance
 from cmacexp.study.results import Results, read_row
 from cmacexp.study.study import Request, StudyFile, load_study
-from cmacexp.terminal.messages import print_line
+from cmacexp.terminal.output import print_line
 
 FOLDER = Path("outputs/studies")
 FOLDER_KEY = "--folder"

@@ -6,13 +6,13 @@ from cmacexp.commands.command import NOT_INTACT, Parser, run_command
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import everything_below
 from cmacexp.data.integrity import faults
-from cmacexp.terminal.messages import activity, print_line
+from cmacexp.terminal.output import print_line, show_activity
 
 
 def _verify(arguments: argparse.Namespace) -> int:
     intact = True
     for folder in [result for given in arguments.folders for result in everything_below(given)]:
-        with activity(f"checking {folder}"):
+        with show_activity(f"checking {folder}"):
             reasons = faults(folder)
         intact = intact and not reasons
         state = "NOT INTACT" if reasons else f"intact ({manifests.read(folder)['status']})"

@@ -24,7 +24,7 @@ from cmacexp.loop.stepwise import OpenLoop
 from cmacexp.metrics.metric import MetricDisplay
 from cmacexp.metrics.pooling import shorten, tabulate_cycles
 from cmacexp.terminal.messages import announce_compiling, describe_idle
-from cmacexp.terminal.tables import format_table, head
+from cmacexp.terminal.tables import format_table, format_title
 
 RUN_FOLDER = "hydra.run.dir="
 
@@ -45,7 +45,9 @@ class Run(StoredRun):
     def __repr__(self) -> str:
         """How it ended, and its main metrics per cycle."""
         line, main, rows = self._printed()
-        return "\n".join([line, *(format_table(["cycle\n", *map(head, main.values())], rows) if rows else [])])
+        return "\n".join(
+            [line, *(format_table(["cycle\n", *map(format_title, main.values())], rows) if rows else [])]
+        )
 
     def _repr_html_(self) -> str:
         """The same for a notebook."""

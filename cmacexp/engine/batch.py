@@ -18,7 +18,7 @@ from cmacexp.engine.pool import workers
 from cmacexp.engine.sweep_results import make_column, make_labels, parse_overrides
 from cmacexp.errors import BadInput, OtherModel, WithoutEffect
 from cmacexp.report.run_summary import sort_folders
-from cmacexp.terminal.messages import print_line
+from cmacexp.terminal.output import print_line
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,7 +15,7 @@ from cmacexp.data.integrity import RESULTS
 from cmacexp.data.parquet import as_array
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores
-from cmacexp.terminal.messages import print_line
+from cmacexp.terminal.output import print_line
 
 MOST_NAMES = 5
 """Runs that a line names."""

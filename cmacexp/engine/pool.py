@@ -22,7 +22,7 @@ from typing import Any
 
 from cmacexp.engine.forking import make_context
 from cmacexp.jit.interrupt import exits_caught
-from cmacexp.terminal.messages import State, format_progress, shown
+from cmacexp.terminal.output import State, format_progress, show_state
 
 Each = Callable[..., list[Any]]
 RunAll = Callable[..., list[Any]]
@@ -49,7 +49,7 @@ def shared_progress(what: str, count: Callable[[], int], unit: str = "") -> Iter
             text = format_progress(what, done, total := count(), unit, time.monotonic() - began)
             return f"{text}, {failed} failed" if failed else text, done / total if total else None
 
-        with shown(look):
+        with show_state(look):
             yield path
         del os.environ[VARIABLE]
 

@@ -54,13 +54,8 @@ def run_job(job: Job, jobs: float) -> float | None:
         from cmacexp.engine.run import run_scenario
         from cmacexp.loop.scenario import make_scenario
         from cmacexp.report.run_summary import RunSummary, read_summary
-        from cmacexp.terminal.messages import (
-            announce_compiling,
-            describe_drift,
-            describe_idle,
-            format_outcome,
-            print_line,
-        )
+        from cmacexp.terminal.messages import announce_compiling, describe_drift, describe_idle, format_outcome
+        from cmacexp.terminal.output import print_line
 
     announce_compiling()
     expect_runs(jobs)

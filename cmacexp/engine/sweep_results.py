@@ -29,7 +29,8 @@ from cmacexp.report.run_summary import (
     read_summary,
     sort_folders,
 )
-from cmacexp.terminal.messages import activity, describe_resume, print_line, print_next
+from cmacexp.terminal.messages import describe_resume, print_next
+from cmacexp.terminal.output import print_line, show_activity
 
 MAX_LISTED_FAILURES = 20
 
@@ -117,7 +118,7 @@ def finish_sweep(sweep: Sweep) -> str:
 
     Returns how it ended: ``completed`` if no job failed, ``bad input`` if no job could be run, else ``failed``.
     """
-    with activity("reading the results of the jobs"):
+    with show_activity("reading the results of the jobs"):
         jobs, rows = read_results(sweep)
     missing = max(0, sweep.planned.total() - len(jobs))
     if not jobs or sweep.place is None:

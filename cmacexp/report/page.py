@@ -1,7 +1,7 @@
 """A report: sections of text, tables and figures as one self-contained HTML file."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
@@ -11,7 +11,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import HTML, OUT_KEY, Place, replacing
 from cmacexp.data.hashes import current_hash
 from cmacexp.data.version import __version__
-from cmacexp.report.page_elements import Renderer, Section, ignore
+from cmacexp.report.page_elements import Renderer, Section
 
 REPORT = "report"
 """The folder of its report in that of a run."""
@@ -50,7 +50,7 @@ def find_page(run: Path, folder: Path) -> str:
     return relative(page, folder) if page.is_file() else ""
 
 
-def write_report(report: Report, where: Path | Place, say: Callable[[str], None] = ignore) -> Path:
+def write_report(report: Report, where: Path | Place) -> Path:
     """Write a report and its figures in place of an earlier one; the manifest has the hash of every file and input.
 
     ``where`` is a folder, or one that is locked already, whose ``new`` files inputs can be. Raises BadInput if it is
@@ -58,9 +58,9 @@ def write_report(report: Report, where: Path | Place, say: Callable[[str], None]
     """
     if isinstance(where, Path):
         with replacing(where, OUT_KEY, manifests.REPORT) as locked:
-            return write_report(report, locked, say)
+            return write_report(report, locked)
     place = where
-    renderer = Renderer(place.new, say=say)
+    renderer = Renderer(place.new)
     commit = manifests.git_commit()
     origin = f"Written on {date.today()} by cmacexp {__version__}" + (f", commit {commit[:10]}." if commit else ".")
     place.write_text(HTML, renderer.render_page(report=report, origin=origin))

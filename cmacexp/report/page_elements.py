@@ -1,6 +1,6 @@
 """What a page consists of, as HTML: sections of text, tables and figures, which are saved beside it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -70,17 +70,13 @@ class Section:
         return "".join(c if c.isalnum() else "-" for c in self.title.lower())
 
 
-def ignore(text: str) -> None:
-    """Used where nobody watches the progress."""
-
-
 class Renderer:
     """Turns parts into HTML by the templates beside this file, and saves figures in the folder of the report."""
 
-    def __init__(self, folder: Path, say: Callable[[str], None] = ignore):
+    def __init__(self, folder: Path):
         from jinja2 import Environment, FileSystemLoader
 
-        self.folder, self.say = folder, say
+        self.folder = folder
         self.files: list[Path] = []
         loader = FileSystemLoader(Path(__file__).parent)
         self.environment = Environment(loader=loader, autoescape=True, trim_blocks=True)
@@ -99,7 +95,6 @@ class Renderer:
         """Save a figure; its panels for the page."""
         from markupsafe import Markup
 
-        self.say(f"drawing {drawing.name}")
         (self.folder / FIGURES).mkdir(parents=True, exist_ok=True)
         if engine := drawing.figure.get_layout_engine():
             engine.execute(drawing.figure)  # for which savefig would draw the whole figure once more

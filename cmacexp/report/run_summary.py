@@ -21,7 +21,7 @@ from cmacexp.metrics.pooling import count_legs, is_shown, pool_legs, shorten
 from cmacexp.metrics.registry import ALL_METRICS, MAIN, RANKED
 from cmacexp.metrics.text import format_cell, format_setting
 from cmacexp.metrics.tracking import SPATIAL
-from cmacexp.terminal.tables import KEY, head, print_table
+from cmacexp.terminal.tables import KEY, format_title, print_table
 from cmacexp.typing import Array
 
 TABLES = (TRACE_FILE, BODY_FILE, MEMORY_FILE, METRICS_FILE, BODY_METRICS_FILE)
@@ -153,7 +153,7 @@ def print_runs(runs: Sequence[RunSummary], keys: Sequence[str], all_in: Path) ->
     main, rows = tabulate_runs(runs, keys)
     shown = shorten(rows)
     heads = [key.replace(".", ".\n") + "\n" for key in keys]
-    print_table(["run\n", *heads, "status\n", "cycles\ndone\n", *map(head, main.values())], shown)
+    print_table(["run\n", *heads, "status\n", "cycles\ndone\n", *map(format_title, main.values())], shown)
     if len(shown) < len(rows):
         print(in_one_line(f"{len(shown)} of {len(rows)} runs; all are in {all_in}"))
     if main:

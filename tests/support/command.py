@@ -33,7 +33,7 @@ def call(name: str, *words: object, folder: Path | None = None) -> subprocess.Co
         contextlib.redirect_stderr(errors),
         patch.object(sys, "argv", arguments),
         patch("cmacexp.engine.sweep.Sweep.current", None),
-        patch("cmacexp.terminal.messages.FIRST_LINE_DELAY", threading.TIMEOUT_MAX),  # a busy machine prints no more
+        patch("cmacexp.terminal.output.FIRST_LINE_DELAY", threading.TIMEOUT_MAX),  # a busy machine prints no more
     ):
         try:
             code = command.main()

@@ -11,7 +11,7 @@ from support.doors import BadInput
 CLOSE = "import os\nfor number in {closed}: os.close(number)\nos.execv({command[0]!r}, {command!r})"
 PRINTS = """
 import os, sys
-from cmacexp.terminal.closed_pipes import keep_outputs
+from cmacexp.terminal.output import keep_outputs
 keep_outputs()
 held = os.open({file!r}, os.O_RDWR | os.O_CREAT)
 for text in ("m² ┃ 日本", "\\udcff", "x" * 100_000):

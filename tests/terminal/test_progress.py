@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from cmacexp.terminal import messages as terminal
-from cmacexp.terminal.messages import activity, progress
+from cmacexp.terminal import output
+from cmacexp.terminal.output import show_activity, show_progress
 
 HIDE_CURSOR, SHOW_CURSOR, LAST_CLEAR = "\x1b[?25l", "\x1b[?25h", "\r\x1b[1A\x1b[2K"
 
@@ -29,7 +29,7 @@ def use(monkeypatch):
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "80")
     for name, seconds in {"SCREEN_DELAY": 0.0, "FIRST_LINE_DELAY": 0.0, "LINE_INTERVAL": 0.001}.items():
-        monkeypatch.setattr(terminal, name, seconds)
+        monkeypatch.setattr(output, name, seconds)
 
     def use_stream(stream):
         monkeypatch.setattr(sys, "stderr", stream)
@@ -50,7 +50,7 @@ def wait_for(screen: io.StringIO, text: str) -> None:
 
 def test_in_a_terminal_parts_are_counted_in_one_line_that_leaves(use):
     screen = use(Terminal())
-    with contextlib.suppress(KeyboardInterrupt), progress("running", 12, "cycles") as watch:
+    with contextlib.suppress(KeyboardInterrupt), show_progress("running", 12, "cycles") as watch:
         wait_for(screen, "\u2501 running: 0/12 cycles")
         watch(5.5)
         wait_for(screen, "\u2501 running: 5/12 cycles (45.8 %), ")
@@ -62,9 +62,9 @@ def test_in_a_terminal_parts_are_counted_in_one_line_that_leaves(use):
 
 def test_a_line_that_is_printed_meanwhile_takes_the_place_of_the_bar(use):
     screen = use(Terminal())
-    with activity("reading a[b] folder"):
+    with show_activity("reading a[b] folder"):
         wait_for(screen, "reading a[b] folder ...")
-        terminal.print_line("a [bold] line", error=True)
+        output.print_line("a [bold] line", error=True)
         wait_for(screen, "\r\x1b[2Ka [bold] line\n")
         printed = len(shown_in(screen))
         while "reading a[b]" not in shown_in(screen)[printed:]:

@@ -1,9 +1,5 @@
 """What is printed fits the terminal, and nothing is left out in silence."""
 
-import io
-import re
-import sys
-
 from support.command import call
 
 from cmacexp.terminal.tables import print_table
@@ -24,14 +20,10 @@ def test_a_run_prints_a_table_of_80_columns_that_says_where_all_of_its_cycles_ar
 WIDE = ["run", "first\nmm", "second\nmm", "third\nmm"], [["1", "2", "3", "[4]"], ["5", "6", "7", "8"]]
 
 
-def test_columns_that_do_not_fit_follow_below_and_wide_cells_are_folded(monkeypatch):
+def test_columns_that_do_not_fit_follow_below_as_text_without_control_characters(monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "20")
-    monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr(sys, "stdout", screen := io.StringIO())
-    monkeypatch.setattr(screen, "isatty", lambda: True, raising=False)
     print_table(*WIDE)
-    printed = re.sub(r"\x1b\[[\d;]*m", "", screen.getvalue())
-    assert max(len(line.rstrip()) for line in printed.splitlines()) <= 20
+    printed = capsys.readouterr().out
+    assert max(map(len, printed.splitlines())) <= 20
+    assert printed.replace("\n", "").isprintable()
     assert numbers_in(printed) == [["1", "2", "3"], ["5", "6", "7"], ["1", "[4]"], ["5", "8"]]
-    print_table(["run"], [["a" * 50]])
-    assert screen.getvalue().count("a") == 50

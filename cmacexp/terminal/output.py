@@ -1,0 +1,152 @@
+"""Lines and progress on the outputs of a command, which can be closed or full, or lack characters, without harm.
+
+A line that is printed while a terminal shows the progress of work takes its place; the progress is drawn again below.
+"""
+
+import io
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from datetime import timedelta
+from functools import cache
+from threading import Event, Thread
+from typing import Any, TextIO
+
+from cmacexp.errors import in_one_line
+
+CLEAR = "\r\x1b[2K"
+"""Clears the line of a terminal."""
+SCREEN_DELAY, SCREEN_INTERVAL = 0.3, 0.1
+"""Seconds before a terminal shows work, so that short work does not import rich; and between two states of it."""
+FIRST_LINE_DELAY, LINE_INTERVAL = 2.0, 10.0
+"""Seconds of work after which a log has its first line of it, and the next at the earliest."""
+BAR_WIDTH = 24
+"""Characters of a bar in a terminal."""
+State = tuple[str, float | None]
+"""How far some work is: as text, and the fraction that is done, from 0 to 1; None: unknown."""
+
+
+class _Output(io.FileIO):
+    """An output of this process, which discards what it cannot write, e.g. when its reader has stopped."""
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data)
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+            return memoryview(data).nbytes
+
+
+@cache
+def keep_outputs() -> None:
+    """Make the outputs of this process last to its end, whatever becomes of their readers.
+
+    Streams that a caller has replaced, as a notebook does, stay as they are.
+    """
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass  # the number of a closed output is taken, or the next file would get it and what is printed
+    os.close(number)
+    for name, number in {"stdout": 1, "stderr": 2}.items():
+        stream = getattr(sys, name)
+        if stream is None or (stream is getattr(sys, f"__{name}__") and isinstance(stream, io.TextIOWrapper)):
+            buffer = io.BufferedWriter(_Output(number, "w", closefd=False))
+            encoding, at_once = "utf-8", False
+            if stream:
+                encoding, at_once = stream.encoding, stream.line_buffering or stream.write_through
+            setattr(sys, name, io.TextIOWrapper(buffer, encoding, "backslashreplace", line_buffering=at_once))
+
+
+def is_screen(stream: TextIO) -> bool:
+    """Whether an output is a terminal whose lines can be cleared."""
+    return stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
+
+
+def print_line(text: str, error: bool = False) -> None:
+    """Print one line at once; control characters, which a folder's name or a file can hold, as in Python.
+
+    An output that is closed does no harm to the run. In a terminal the line takes the place of the progress that may
+    be shown there: both in one write, which no other process can interrupt.
+    """
+    keep_outputs()
+    stream = sys.stderr if error else sys.stdout
+    stream.write(f"{CLEAR if is_screen(stream) else ''}{in_one_line(text)}\n")
+    stream.flush()
+
+
+def _draw_bar(read_state: Callable[[], State], ended: Event) -> None:
+    """Show the state of work as a bar in the last line of the terminal, until it has ended."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    bar = Progress(
+        *(BarColumn(BAR_WIDTH), TextColumn("{task.description}", markup=False)),
+        console=Console(stderr=True),
+        auto_refresh=False,
+        transient=True,
+        redirect_stdout=False,  # print_line() clears the bar, also for output that goes elsewhere than to stderr
+        redirect_stderr=False,
+    )
+    task = bar.add_task("", total=None)
+    with bar:
+        while not ended.wait(SCREEN_INTERVAL):
+            text, done = read_state()
+            total = None if done is None else 1.0
+            bar.update(task, description=in_one_line(text), total=total, completed=done, refresh=True)
+
+
+def _write_lines(read_state: Callable[[], State], ended: Event) -> None:
+    """Write the state of work to a log until it has ended: a line now and then, none twice, of long work fewer."""
+    wait, began, last = 0.0, time.monotonic(), ""
+    while not ended.wait(wait):
+        if (text := read_state()[0]) != last:
+            print_line(text, error=True)
+        wait, last = max(LINE_INTERVAL, (time.monotonic() - began) / 10.0), text
+
+
+@contextmanager
+def show_state(read_state: Callable[[], State]) -> Iterator[None]:
+    """Show the state of work on stderr while it takes place: in a terminal a bar, in a log a line now and then."""
+    ended, on_screen = Event(), is_screen(sys.stderr)
+
+    def show() -> None:
+        if not ended.wait(SCREEN_DELAY if on_screen else FIRST_LINE_DELAY):
+            (_draw_bar if on_screen else _write_lines)(read_state, ended)
+
+    writer = Thread(target=show, daemon=True)
+    writer.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        writer.join()
+
+
+def format_progress(what: str, done: float, total: int, unit: str, seconds: float) -> str:
+    """How much is done after ``seconds``, and the time that is left at this rate; a search has a total of 0."""
+    if not total:
+        return f"{what}: {int(done)} {unit}".rstrip()
+    text = f"{what}: {int(done)}/{total} {unit}".rstrip()
+    if not done:
+        return text
+    left = timedelta(seconds=round(seconds * (total - done) / done))
+    return f"{text} ({100.0 * done / total:.1f} %), {left} left"
+
+
+@contextmanager
+def show_progress(what: str, total: int, unit: str = "") -> Iterator[Callable[[float], None]]:
+    """Show how much of some work is done while it takes place; gives what is called with the parts that are done."""
+    done, began = 0.0, time.monotonic()
+
+    def set_done(parts: float) -> None:
+        nonlocal done
+        done = parts
+
+    with show_state(lambda: (format_progress(what, done, total, unit, time.monotonic() - began), done / total)):
+        yield set_done
+
+
+def show_activity(what: str) -> AbstractContextManager[None]:
+    """Show that ``what`` is being done, of which nothing can be counted."""
+    return show_state(lambda: (f"{what} ...", None))
