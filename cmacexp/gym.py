@@ -1,20 +1,31 @@
-"""A scenario as a Gymnasium environment: the action is a feedforward torque beside the controller's feedback."""
+"""A scenario as a Gymnasium environment: the action is a feedforward torque beside the controller's feedback.
+
+Importing this module registers ``cmacexp/OneLeg-v0``, ``cmacexp/Quadruped-v0`` and ``cmacexp/Robot-v0``, whose
+actions lie in [-1, 1]; ``gymnasium.make("cmacexp.gym:cmacexp/OneLeg-v0")`` imports it too. :func:`make` gives the
+same environment with actions in N m.
+"""
 
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
 
 from cmacexp.engine.api import open_loop
 from cmacexp.errors import BadOutput, format_install_command
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
 from cmacexp.loop.stepwise import LoopState, OpenLoop
-from cmacexp.models.mechanism import has_body
-from cmacexp.planning.columns import FORCE_DESIRED, REFERENCE_VZ, REFERENCE_Z, VX, VY, X, Y, Z
+from cmacexp.loop.stop import FASTEST_JOINT, STEEPEST
+from cmacexp.models.chain import chain_points
+from cmacexp.models.ground import height_at
+from cmacexp.models.mechanism import POINT_MASS, has_body
+from cmacexp.planning.columns import BEFORE, FORCE_DESIRED, REFERENCE_VZ, REFERENCE_Z, VX, VY, X, Y, Z
 from cmacexp.typing import Array
 
 try:
+    import gymnasium
     from gymnasium import Env, spaces
 except ImportError:
     raise ImportError(f"cmacexp.gym needs gymnasium: {format_install_command('gymnasium')}") from None
@@ -24,11 +35,24 @@ PLACE_SCALE = 0.01
 LARGEST_COST = 10.0
 """Of a leg in one step, and of each step that is left when the machine falls or diverges."""
 BOUND = 2.0
-"""Largest action over the largest torque of inverse dynamics along the plan, where nothing limits a joint."""
+"""Largest action over the largest torque of inverse dynamics along the plan, where nothing limits a joint; and bounds
+of what is observed of the plan over its largest values."""
+LARGEST_RATIO = 10.0
+"""Bounds of observed forces over the largest desired one, and of learning errors over the largest torque."""
+FASTEST_BODY = 10.0
+"""Bound of the rates of a body, m/s and rad/s."""
 AXES = "xyz"
 REFERENCES = {2: (X, Y, VX, VY, FORCE_DESIRED), 3: (X, Y, VX, VY, FORCE_DESIRED, REFERENCE_Z, REFERENCE_VZ)}
 """Columns of the reference that are observed, by the number of axes."""
 REFERENCE_NAMES = ("x", "y", "vx", "vy", "force_desired", "z", "vz")
+SIZE = (640, 360)
+"""Width and height of a picture, pixels."""
+VIEW_HEIGHT, GROUND_SHARE = 1.7, 0.3
+"""Height that a picture shows over that of the hips, and the share of it that is ground."""
+MARK_DISTANCE = 0.1
+"""Distance of the marks on the ground, m."""
+SKY, EARTH, FAR, NEAR, PRESSING = (255, 255, 255), (205, 195, 180), (170, 180, 195), (40, 70, 110), (200, 60, 40)
+"""Colours; FAR of legs on the left, NEAR of legs on the right, PRESSING of feet that bear a load."""
 
 
 def _name_observations(legs: int, joints: int, body: bool) -> Iterator[str]:
@@ -56,39 +80,100 @@ def find_largest_torque(loop: OpenLoop) -> Array:
     return np.where(np.isfinite(limits), limits, needed)
 
 
-class LoopEnv(Env[Array, Array]):
-    """A closed loop of a scenario; :func:`make` makes one.
+def find_bounds(loop: OpenLoop, largest: Array) -> Array:
+    """Largest absolute value of every entry of an observation, in its unit, with the ``largest`` torques (L, J).
 
-    The action is the feedforward torque (L J,), N m, leg by leg. The observation is what the sensors show, the
-    reference, the phase of the cycle, and what a feedforward would learn from; ``names`` says what stands where.
+    Joints turn by at most pi, and as fast as a run allows before it counts as diverged; feet come twice as far from
+    their hips as planned. Beyond its bounds an observation is clipped.
+    """
+    (legs, joints), plan, mechanism = loop.shape, loop.setup.plan, loop.setup.mechanism
+    reach = BOUND * float(np.abs(plan.desired[..., [X, Y, Z][:joints]]).max())
+    reference = np.abs(plan.reference[BEFORE][..., list(REFERENCES[joints])]).max(axis=(0, 1))
+    in_leg = [
+        *[math.pi] * joints,
+        *[FASTEST_JOINT] * joints,
+        *[reach] * joints,
+        *[FASTEST_JOINT * reach] * joints,
+        LARGEST_RATIO * (float(plan.force_desired.max()) or 1.0),
+        *np.maximum(BOUND * reference, 1.0),
+        1.0,
+    ]
+    parts = [np.append(in_leg, LARGEST_RATIO * largest[leg]) for leg in range(legs)]
+    if has_body(mechanism):
+        parts.append(np.array([BOUND * mechanism.hip_height, STEEPEST, STEEPEST, *[FASTEST_BODY] * 3]))
+    return np.concatenate([*parts, [1.0, 1.0]])
+
+
+class LoopEnv(Env[Array, Array]):
+    """A closed loop of a scenario, with overrides such as ``["cycles=3"]``.
+
+    The action is the feedforward torque (L J,), leg by leg, in units of ``action_scale``: with ``normalised`` that is
+    the largest torque of each joint, so that actions lie in [-1, 1]; without it is 1 N m. The observation is what the
+    sensors show, the reference, the phase of the cycle, and what a feedforward would learn from; ``names`` says what
+    stands where, and what lies outside ``observation_space`` is clipped to it.
 
     The reward is minus the mean over the legs of a cost, at most 10, of the true state that the step has led to: the
     squared distance of the foot from its desired place, over 0.01 m, in support without the vertical axis; and in
     support the square of the error of the contact force over the largest desired force. A machine that falls or
     diverges pays 10 for each step that is left. An episode is ``truncated`` after the last cycle.
 
+    With ``render_mode="rgb_array"`` :meth:`render` draws the machine from its right side. A copy, or what pickle
+    makes, continues at the same step with the same bits: it takes the steps of the episode so far again.
+
     Attributes:
         loop: see :class:`cmacexp.loop.stepwise.OpenLoop`.
         names: of the entries of an observation.
+        action_scale: (L J,): torque of an action of 1, N m; also in ``metadata``.
+
+    Raises:
+        CmacexpError: the scenario cannot be run; a ``BadInput`` names the key, the value and what is allowed.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 200}  # noqa: RUF012
 
-    def __init__(self, loop: OpenLoop):
-        self.loop, (legs, joints), mechanism = loop, loop.shape, loop.setup.mechanism
-        self.has_body = bool(has_body(mechanism))
+    def __init__(
+        self,
+        scenario: str = "one_leg",
+        overrides: Sequence[str] = (),
+        normalised: bool = True,
+        render_mode: str | None = None,
+    ):
+        self._made = (scenario, list(overrides), normalised, render_mode)
+        self.loop, self.render_mode = open_loop([f"scenario={scenario}", *overrides]), render_mode
+        loop = self.loop
+        (legs, joints), self.has_body = loop.shape, bool(has_body(loop.setup.mechanism))
         self.names = tuple(_name_observations(legs, joints, self.has_body))
-        largest = find_largest_torque(loop).ravel()
-        self.action_space = spaces.Box(-largest, largest, dtype=np.float64)
-        self.observation_space = spaces.Box(-np.inf, np.inf, (len(self.names),), dtype=np.float64)
+        largest = find_largest_torque(loop)
+        self.action_scale = largest.ravel() if normalised else np.ones(largest.size)
+        self.metadata = self.metadata | {
+            "render_fps": round(1.0 / loop.sampling_period),
+            "action_scale": self.action_scale.tolist(),
+        }
+        limit, bounds = largest.ravel() / self.action_scale, find_bounds(loop, largest)
+        self.action_space = spaces.Box(-limit, limit, dtype=np.float64)
+        self.observation_space = spaces.Box(-bounds, bounds, dtype=np.float64)
         plan, (vertical, axes) = loop.setup.plan, (Y, [X, Y, Z][:joints])
         self._axes, self._columns = axes, list(REFERENCES[joints])
         self._counted = np.array([axis != vertical for axis in axes])
-        self._values = np.zeros(len(self.names))
+        self._bounds, self._values = bounds, np.zeros(len(self.names))
         of_legs = self._values[: len(self.names) - (8 if self.has_body else 2)].reshape(legs, -1)
         widths = (joints, joints, joints, joints, 1, len(self._columns), 1, joints)
         self._views = np.split(of_legs, np.cumsum(widths)[:-1], axis=1)
         self._force_scale = float(plan.force_desired.max()) or 1.0
+        self._start_seed: int | None = None
+        self._torques: list[Array] = []
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What an equal environment is made of, and the torques of the episode so far."""
+        kept = ("_made", "_start_seed", "_torques", "_np_random", "_np_random_seed", "action_space", "spec")
+        return {name: getattr(self, name) for name in kept}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(*state["_made"])  # type: ignore[misc]
+        self.__dict__.update(state)
+        self.loop.reset(self._start_seed)
+        for torque in self._torques:
+            self.loop.step(torque)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -96,16 +181,19 @@ class LoopEnv(Env[Array, Array]):
         """Start an episode; ``seed`` is that of the noise of the sensors, without it the next one is drawn."""
         super().reset(seed=seed)
         drawn = int(self.np_random.integers(2**32))
-        moment = self.loop.reset(drawn if seed is None else seed % 2**32)
+        self._start_seed, self._torques = drawn if seed is None else seed % 2**32, []
+        moment = self.loop.reset(self._start_seed)
         return self._observe(moment), self._inform(moment)
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Take a step with a torque (L J,), N m, which is clipped to the action space."""
+        """Take a step with an action (L J,), which is clipped to the action space."""
         space = self.action_space
         if np.shape(action) != space.shape:
             raise BadOutput(f"action of shape {np.shape(action)}: must have the shape {space.shape}")
-        torque = np.minimum(np.maximum(action, space.low), space.high)  # type: ignore[attr-defined]
-        moment = self.loop.step(torque.reshape(self.loop.shape))
+        clipped = np.minimum(np.maximum(action, space.low), space.high)  # type: ignore[attr-defined]
+        torque = (clipped * self.action_scale).reshape(self.loop.shape)
+        moment = self.loop.step(torque)
+        self._torques.append(torque)
         fails = moment.status not in ("running", "completed")
         left = self.loop.steps - moment.step + 1
         reward = -LARGEST_COST * left if fails else -self.compute_cost(moment)
@@ -127,12 +215,88 @@ class LoopEnv(Env[Array, Array]):
         if self.has_body:
             self._values[-8:-5], self._values[-5:-2] = seen.body, seen.body_rate
         self._values[-2], self._values[-1] = math.cos(angle), math.sin(angle)
-        return self._values.copy() if moment.status == "running" else np.nan_to_num(self._values)
+        values = self._values if moment.status == "running" else np.nan_to_num(self._values)
+        clipped: Array = np.minimum(np.maximum(values, -self._bounds), self._bounds)
+        return clipped
 
     def _inform(self, moment: LoopState) -> dict[str, Any]:
         return {"step": moment.step, "status": moment.status, "cause": moment.cause}
 
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """A picture (height, width, 3) of the machine as it is; None without ``render_mode``."""
+        return draw_machine(self.loop) if self.render_mode == "rgb_array" else None
 
-def make(scenario: str = "one_leg", overrides: Sequence[str] = ()) -> LoopEnv:
-    """The environment of a scenario, with overrides such as ``["cycles=3"]``; raises CmacexpError."""
-    return LoopEnv(open_loop([f"scenario={scenario}", *overrides]))
+
+def _find_points(loop: OpenLoop) -> list[Array]:
+    """Of each leg the joints and the foot (points, 2), x forward of the body and z above the ground below it, m."""
+    mechanism, state, found = loop.setup.mechanism, loop.moment.state, []
+    height, pitch, _ = state.body if has_body(mechanism) else (mechanism.hip_height, 0.0, 0.0)
+    for leg in range(loop.shape[0]):
+        foot, angle, thigh = state.foot[leg, :2], state.q[leg, 0], mechanism.legs[leg, 0]
+        if mechanism.chains is not None:
+            points = chain_points(mechanism.chains[leg], state.q[leg])[:, :2]
+        elif mechanism.kind == POINT_MASS:
+            points = np.array([foot])
+        else:
+            points = np.array([[0.0, 0.0], [thigh * math.cos(angle), thigh * math.sin(angle)], foot])
+        x, z = points[:, 0] + mechanism.hips[leg, 0], -points[:, 1]
+        turned = [x * math.cos(pitch) + z * math.sin(pitch), z * math.cos(pitch) - x * math.sin(pitch) + height]
+        found.append(np.nan_to_num(np.stack(turned, axis=1)))
+    return found
+
+
+def draw_machine(loop: OpenLoop) -> NDArray[np.uint8]:
+    """A picture (height, width, 3) of a machine from its right side: legs, feet that press, body, and the ground.
+
+    The picture moves with the body; marks on the ground are 0.1 m apart.
+    """
+    (width, height), mechanism, config = SIZE, loop.setup.mechanism, loop.setup.config
+    pixels = height / (VIEW_HEIGHT * mechanism.hip_height)
+    travel, time = loop.moment.state.travel, loop.moment.step * loop.sampling_period
+    at = config.body_speed * time if travel is None else float(travel[0])
+
+    def place(points: Array) -> list[tuple[float, float]]:
+        level = (1.0 - GROUND_SHARE) * height
+        return [(width / 2.0 + pixels * float(x), level - pixels * float(z)) for x, z in points]
+
+    def find_ground(x: NDArray[Any]) -> Array:
+        heights = height_at(config.terrain.slope, config.terrain.slope_start, np.append(x + at, at))
+        return np.stack([x, heights[:-1] - heights[-1]], axis=1)
+
+    image = Image.new("RGB", SIZE, SKY)
+    drawing, half = ImageDraw.Draw(image), width / pixels / 2.0
+    ground = place(find_ground(np.linspace(-half, half, 65)))
+    drawing.polygon([*ground, (width, height), (0, height)], fill=EARTH)
+    first = math.ceil((at - half) / MARK_DISTANCE)
+    marks = MARK_DISTANCE * np.arange(float(first), first + 2.0 * half / MARK_DISTANCE) - at
+    for x, y in place(find_ground(marks)):
+        drawing.line([(x, y), (x, y + 6)], fill=NEAR)
+    legs, forces = _find_points(loop), loop.moment.state.force
+    if len(legs) > 1:
+        drawing.line(place(np.array([points[0] for points in legs])), fill=NEAR, width=10)
+    for leg in np.argsort(-mechanism.hips[:, 1], kind="stable"):  # those on the left are behind
+        colour, points = NEAR if mechanism.hips[leg, 1] <= 0.0 else FAR, place(legs[leg])
+        drawing.line(points, fill=colour, width=6, joint="curve")
+        for x, y in points[:-1]:
+            drawing.ellipse([x - 4, y - 4, x + 4, y + 4], fill=colour)
+        x, y = points[-1]
+        drawing.ellipse([x - 7, y - 7, x + 7, y + 7], fill=PRESSING if forces[leg] > 0.0 else colour)
+    return np.array(image)
+
+
+def make(
+    scenario: str = "one_leg",
+    overrides: Sequence[str] = (),
+    *,
+    normalised: bool = False,
+    render_mode: str | None = None,
+) -> LoopEnv:
+    """The environment of a scenario with actions in N m, or ``normalised`` ones as of the registered ids.
+
+    Raises CmacexpError if the scenario cannot be run.
+    """
+    return LoopEnv(scenario, overrides, normalised, render_mode)
+
+
+for _name, _scenario in {"OneLeg": "one_leg", "Quadruped": "quadruped", "Robot": "robot"}.items():
+    gymnasium.register(f"cmacexp/{_name}-v0", "cmacexp.gym:LoopEnv", kwargs={"scenario": _scenario})

@@ -1,5 +1,8 @@
 """A loop stepped from outside: the bits of a run, a start to return to, and the Gymnasium environment."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -107,12 +110,29 @@ def make_env(*overrides):
 
 
 @pytest.mark.parametrize("overrides", [(), NOISY], ids=str)
-def test_gymnasium_finds_nothing_wrong(overrides):
-    env = make_env(*overrides)
+def test_gymnasium_finds_nothing_wrong(overrides, recwarn):
+    gymnasium = pytest.importorskip("gymnasium")
+    env = gymnasium.make("cmacexp.gym:cmacexp/OneLeg-v0", overrides=[*LEG[1:], *overrides]).unwrapped
     from gymnasium.utils.env_checker import check_env
 
-    check_env(env, skip_render_check=True)
+    check_env(env)  # draws, too
+    assert not recwarn.list
     assert len(env.names) == len(set(env.names)) == len(env.reset(seed=0)[0])
+    assert env.action_space.high.tolist() == [1.0, 1.0]
+    in_newtons = make_env(*overrides)
+    in_newtons.reset(seed=0)
+    assert_array_equal(env.step(np.array([0.5, -2.0]))[0], in_newtons.step(env.action_scale * [0.5, -1.0])[0])
+
+
+def test_a_copy_of_an_environment_goes_on_with_the_same_bits():
+    env, torque, found = make_env(*NOISY), np.full(2, 0.05), []
+    env.reset(seed=3)
+    for _ in range(50):  # more than a cycle
+        env.step(torque)
+    for each in (copy.deepcopy(env), pickle.loads(pickle.dumps(env)), env):
+        steps = [each.step(torque)[0].tobytes() for _ in range(20)]
+        found.append([*steps, each.reset()[0].tobytes()])
+    assert found[0] == found[1] == found[2]
 
 
 def play_env(env, action, **start):
@@ -125,7 +145,7 @@ def play_env(env, action, **start):
     return np.array(observations), np.array(rewards[1:]), tuple(ends)
 
 
-def test_an_episode_without_action_is_a_run_of_feedback_alone_with_its_seed():
+def test_an_episode_without_action_is_a_run_of_feedback_only_with_its_seed():
     env = make_env(*NOISY)
     observations, rewards, ends = play_env(env, np.zeros(2), seed=3)
     run, _ = reference_run([*LEG, *NOISY, "seed=3"])
