@@ -11,8 +11,8 @@ import numpy as np
 
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.folder import write_atomically
-from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import read_traces, steps_by_cycle
+from cmacexp.data.run import Run
+from cmacexp.data.trace import count_steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.recording import palette
 from cmacexp.recording.ground import depression_scale
@@ -157,7 +157,7 @@ def draw_frame(cycles: Sequence[Cycle], part: float) -> "Image":
     return Image.open(memory).convert("RGB")
 
 
-def view_cycles(run: StoredRun, asked: Sequence[int]) -> list[RunView]:
+def view_cycles(run: Run, asked: Sequence[int]) -> list[RunView]:
     """A view of each cycle that is asked for; of the first and the last whole one if none is.
 
     Raises:
@@ -171,15 +171,15 @@ def view_cycles(run: StoredRun, asked: Sequence[int]) -> list[RunView]:
     return [_view(run, cycle) for cycle in cycles]
 
 
-def _whole_cycles(run: StoredRun) -> list[int]:
-    whole = run.select_whole(sorted(steps_by_cycle(run.folder)))
+def _whole_cycles(run: Run) -> list[int]:
+    whole = run.select_whole(sorted(count_steps_by_cycle(run.folder)))
     if not whole:
         raise BadRun(f"{run.folder}: its trace has no whole cycle, there is nothing to show")
     return whole
 
 
-def _view(run: StoredRun, cycle: int) -> RunView:
-    return make_view(read_traces(run.folder, (cycle, cycle)), run.manifest)
+def _view(run: Run, cycle: int) -> RunView:
+    return make_view(run.read_trace([cycle]), run.manifest)
 
 
 def write_animation(views: Sequence[RunView], path: Path, titles: Sequence[str] = ()) -> int:
@@ -216,7 +216,7 @@ def write_animation(views: Sequence[RunView], path: Path, titles: Sequence[str] 
 
 
 def _draw(arguments: argparse.Namespace) -> int:
-    runs = [StoredRun(folder) for folder in arguments.folders]
+    runs = [Run(folder) for folder in arguments.folders]
     titles = arguments.titles.split(",") if arguments.titles else []
     if len(runs) == 1:
         asked = [int(number) for number in arguments.cycles.split(",")] if arguments.cycles else []

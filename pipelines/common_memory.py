@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.study.results import Results
 from cmacexp.study.samples import per_seed, quotients, relative
 from cmacexp.typing import Array
@@ -14,17 +14,17 @@ from cmacexp.typing import Array
 SIDES = ("transfer_rmse_x", "transfer_rmse_y")
 
 
-def rows_per_cell(run: StoredRun) -> float:
+def rows_per_cell(run: Run) -> float:
     """Rows of memory for each visited cell of all legs."""
     return _sum(run, "rows") / _sum(run, "cells_visited")
 
 
-def colliding(run: StoredRun) -> float:
+def colliding(run: Run) -> float:
     """Share of the visited cells of all legs that share a row with another one."""
     return _sum(run, "cells_colliding") / _sum(run, "cells_visited")
 
 
-def _sum(run: StoredRun, key: str) -> int:
+def _sum(run: Run, key: str) -> int:
     return sum(int(leg[key]) for leg in run.manifest["memory"])
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.metrics.text import format_number
 from cmacexp.report.curves import find_log
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def share_of_time(run: StoredRun) -> float:
+def share_of_time(run: Run) -> float:
     """Share of the planned time that a run lasted: a measure for studies of machines that may fall."""
     return float(run.manifest["steps"] / (run.steps_per_cycle * run.config["cycles"]))
 
 
 def plane_error(row: RunRow) -> Array:
     """(cycles,): transfer error in the plane in the whole cycles of a run, m."""
-    x, y = (row.summary.metrics.get(f"transfer_rmse_{side}", np.empty(0)) for side in "xy")
+    x, y = (row.run.pooled.get(f"transfer_rmse_{side}", np.empty(0)) for side in "xy")
     error: Array = np.hypot(x, y)
     return error
 
@@ -43,7 +43,7 @@ def growth(late: Array, early: Array) -> Array:
 
 def share_done(results: Results) -> Array:
     """(runs,): whole cycles over those asked for."""
-    return np.array([row.summary.cycles / row.settings["cycles"] for row in results.rows])
+    return np.array([row.run.cycles_done / row.settings["cycles"] for row in results.rows])
 
 
 def cross_tabulate(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cmacexp.commands.study import main
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.data.tables import BODY_FILE
 from cmacexp.metrics.metric import MetricDisplay
 from cmacexp.metrics.registry import ALL_METRICS
@@ -157,13 +157,13 @@ def low_passed(error: Array, period: float) -> Array:
     return sosfiltfilt(butter(2, CUT_OFF, fs=1.0 / period, output="sos"), error, axis=0)
 
 
-def if_completed(measure: Callable[[StoredRun], float]) -> Callable[[StoredRun], float]:
+def if_completed(measure: Callable[[Run], float]) -> Callable[[Run], float]:
     """The measure of a run; inf if it ended before."""
     return lambda run: measure(run) if run.status == "completed" else np.inf
 
 
 @if_completed
-def slow_force(run: StoredRun) -> float:
+def slow_force(run: Run) -> float:
     """RMS force error below CUT_OFF, all legs, in the last cycle, N."""
     rows = run.cycles([run.config["cycles"]])
     error = (rows["force"] - rows["force_desired"]).to_numpy().reshape(-1, rows["leg"].max())
@@ -171,7 +171,7 @@ def slow_force(run: StoredRun) -> float:
 
 
 @if_completed
-def off_course(run: StoredRun) -> float:
+def off_course(run: Run) -> float:
     """Relative error of the body's way in the last cycle."""
     gait, body = run.config["gait"], run.cycles([run.config["cycles"]], BODY_FILE)
     speed = gait["stroke"] / (gait["duty_factor"] * gait["cycle_time"])
@@ -180,7 +180,7 @@ def off_course(run: StoredRun) -> float:
 
 
 @if_completed
-def yaw(run: StoredRun) -> float:
+def yaw(run: Run) -> float:
     """How far the body has turned from the plan at the end, rad."""
     return float(abs(run.cycles([run.config["cycles"]], BODY_FILE)["yaw"].iloc[-1]))
 
@@ -323,7 +323,7 @@ def table_published(results: Results) -> "pd.DataFrame":
         {"reference": "reference", "variant": "walk"},
         {
             "planned time walked, %": lambda r: 100.0 * r.measure("walked").mean(),
-            "first ends": lambda r: r.rows[0].summary.cause or r.rows[0].summary.status,
+            "first ends": lambda r: r.rows[0].run.outcome.cause or r.rows[0].run.outcome.status,
         },
     )
 

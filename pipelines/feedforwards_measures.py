@@ -7,7 +7,7 @@ import numpy as np
 
 from cmacexp.config.cmac import WORD_BYTES
 from cmacexp.config.compose import compose_config
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.loop import stream
 from cmacexp.loop.scenario import make_scenario
@@ -42,7 +42,7 @@ def errors(results: Results) -> Array:
     """(runs, cycles): transfer error in the plane, mm; infinite from where a run ended early."""
     found = np.full((len(results), results.value("cycles")), np.inf)
     for cycles, row in zip(found, results.rows, strict=True):
-        cycles[: row.summary.cycles] = 1e3 * plane_error(row)
+        cycles[: row.run.cycles_done] = 1e3 * plane_error(row)
     return found
 
 
@@ -65,7 +65,7 @@ def cycles_to(errors: Array, level: float) -> Array:
     return np.where(first > above.shape[1], np.inf, first)
 
 
-def bytes_held(run: StoredRun) -> float:
+def bytes_held(run: Run) -> float:
     """Bytes of one leg that the feedforward of a run of one leg keeps; NaN if the run keeps no weights."""
     if WEIGHTS not in run.manifest["files"]:
         return float("nan")
@@ -73,7 +73,7 @@ def bytes_held(run: StoredRun) -> float:
         return float(sum(array.nbytes for array in arrays.values()))
 
 
-def bytes_used(run: StoredRun) -> float:
+def bytes_used(run: Run) -> float:
     """Of :func:`bytes_held`, those that the path reads; what is read on the way to the weights counts as used."""
     idle = sum(use["rows"] - use["rows_used"] for use in run.manifest.get("memory") or ())
     return bytes_held(run) - float(idle * len(PLANE) * WORD_BYTES)

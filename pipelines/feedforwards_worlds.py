@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.study import Criterion, Finding, Request, Results, at_least, at_most
 from cmacexp.study.samples import Sample, relative
@@ -92,7 +92,7 @@ def runs(quick: bool) -> list[Request]:
     return found
 
 
-def ended_by_guard(run: StoredRun) -> float:
+def ended_by_guard(run: Run) -> float:
     """Whether the guard ended learning: 1 or 0."""
     return float(bool(run.manifest["guard"]))
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from cmacexp.commands.study import main
 from cmacexp.control.hybrid_kernels import METHODS as FORCE_METHODS
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.planning.reference import Gains, compute_support_reference
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, grid
@@ -66,14 +66,14 @@ def runs(quick: bool) -> list[Request]:
     ]
 
 
-def settled_force(run: StoredRun) -> float:
+def settled_force(run: Run) -> float:
     """Mean force over the second half of the run over the desired one; inf if the run ended before."""
     if run.status != "completed":
         return math.inf
     return round(float(run.metrics["force_settled"].iloc[0]) / run.config["force_control"]["desired_force"], DIGITS)
 
 
-def rest_error(run: StoredRun) -> float:
+def rest_error(run: Run) -> float:
     """RMS force error over the second half of the run, of the desired force; inf if the run ended before."""
     if run.status != "completed":
         return math.inf
@@ -81,7 +81,7 @@ def rest_error(run: StoredRun) -> float:
     return round(math.hypot(settled_force(run) - 1.0, ripple), DIGITS)
 
 
-def end_speed(run: StoredRun) -> float:
+def end_speed(run: Run) -> float:
     """Speed in the last step, m/s; inf if the run ended before."""
     return round(abs(float(run.trace["vy"].iloc[-1])), DIGITS) if run.status == "completed" else math.inf
 
@@ -300,7 +300,7 @@ def table(results: Results) -> "pd.DataFrame":
         "overshoot, %": shown("force_overshoot", 100.0),
         "2 % settling, s": shown("force_settling_time"),
         "ITAE, N s²": shown("force_itae"),
-        "ends": lambda own: own.rows[0].summary.status,
+        "ends": lambda own: own.rows[0].run.outcome.status,
     }
     return tabulate(results, {"ground": "ground", "method": "method", "machine.mass": "mass, kg"}, columns)
 

@@ -67,7 +67,7 @@ def runs(quick: bool) -> list[Request]:
 def find_long(results: Results) -> Results:
     """The long runs with settings with which feedback only walks."""
     alone, guarded = (results.select(part=LASTING, kind=kind).rows for kind in (ALONE, GUARDED))
-    walks = {row.settings["world"] for row in alone if row.summary.status == "completed"}
+    walks = {row.settings["world"] for row in alone if row.run.completed}
     return Results([row for row in guarded if row.settings["world"] in walks], results.computed)
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.report.figures import Panel, Series
 from cmacexp.study import Finding, Request, Results, at_least, draw, grid
 from cmacexp.study.results import LAST_CYCLES, RunRow
@@ -43,20 +43,20 @@ def request_worlds(machine: str, number: int, cycles: int) -> list[Request]:
     ]
 
 
-def _root_mean_square(run: StoredRun, *names: str) -> Array:
+def _root_mean_square(run: Run, *names: str) -> Array:
     """(cycles,): the root of the sum of squares of metrics, mean over the legs."""
     squares = (run.metrics[list(names)] ** 2).sum(axis=1, min_count=len(names))
     return np.asarray(squares.groupby(run.metrics["cycle"]).mean() ** 0.5)
 
 
-def measure_error(run: StoredRun) -> float:
+def measure_error(run: Run) -> float:
     """Transfer error, m: median over the last cycles; of a run that ended before, infinite."""
     if run.status != "completed":
         return np.inf
     return float(np.median(_root_mean_square(run, "transfer_rmse_x", "transfer_rmse_y")[-LAST_CYCLES:]))
 
 
-def measure_level(run: StoredRun) -> float:
+def measure_level(run: Run) -> float:
     """Feedback torque at the end over that of the cycle whose torque acts; without one, over its least."""
     if run.status != "completed":
         return np.inf
@@ -69,9 +69,7 @@ def measure_level(run: StoredRun) -> float:
 
 def compare(results: Results, name: str, kind: str) -> Array:
     """(worlds,): a measure over that with feedback only in the same world, where that completes."""
-    alone = {
-        row.settings["world"]: row for row in results.select(kind=ALONE).rows if row.summary.status == "completed"
-    }
+    alone = {row.settings["world"]: row for row in results.select(kind=ALONE).rows if row.run.completed}
     return np.array(
         [
             _end(row, name) / _end(alone[row.settings["world"]], name)
@@ -85,8 +83,8 @@ def _end(row: RunRow, name: str) -> float:
     """A measure of a row; a metric as its median over the last cycles."""
     if name in row.measures:
         return row.measures[name]
-    done = row.summary.status == "completed"
-    return float(np.median(row.summary.metrics[name][-LAST_CYCLES:])) if done else np.inf
+    done = row.run.completed
+    return float(np.median(row.run.pooled[name][-LAST_CYCLES:])) if done else np.inf
 
 
 def no_worse(results: Results, kind: str) -> Array:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from cmacexp.data.stored_run import StoredRun, read_config
+from cmacexp.data.run import Run, read_config
 from cmacexp.stability.cycle_map import NotPredictable
 from cmacexp.stability.growth import (
     GROWTH_CYCLES,
@@ -39,11 +39,11 @@ LEG, WALK, GRID = "one leg", "quadruped", "paper's world"
 
 def history(row: RunRow, name: str = TRANSFER) -> Array:
     """(cycles,): a metric in the whole cycles of a run, or of :data:`TRANSFER` the distance from the path, m."""
-    return plane_error(row) if name == TRANSFER else row.summary.metrics.get(name, np.empty(0))
+    return plane_error(row) if name == TRANSFER else row.run.pooled.get(name, np.empty(0))
 
 
 def _lasting(row: RunRow) -> bool:
-    return row.summary.status == "completed"
+    return row.run.completed
 
 
 def final(results: Results, name: str = TRANSFER) -> Array:
@@ -56,7 +56,7 @@ def variation(results: Results, name: str = TRANSFER) -> Array:
 
     Of medians over :data:`SMOOTHED` cycles, since noise alone varies the error of single cycles.
     """
-    halves = [history(row, name)[row.summary.cycles // 2 :] if _lasting(row) else None for row in results.rows]
+    halves = [history(row, name)[row.run.cycles_done // 2 :] if _lasting(row) else None for row in results.rows]
     return np.array([np.inf if half is None else _spread(half) for half in halves])
 
 
@@ -65,7 +65,7 @@ def _spread(errors: Array) -> float:
     return float(medians.max() / medians.min())
 
 
-def learning_lead(run: StoredRun) -> float:
+def learning_lead(run: Run) -> float:
     """The lead that a run learnt with, also where the config says ``auto``; NaN if nothing learnt."""
     lead = run.manifest.get("learning_lead")
     return np.nan if lead is None else float(lead)
@@ -82,7 +82,7 @@ def _place(row: RunRow) -> tuple[int, int]:
     return int(row.settings["seed"]), int(row.settings["actuator.delay"])
 
 
-def detected(run: StoredRun) -> float:
+def detected(run: Run) -> float:
     """Cycle in which drift was detected; infinite if it was not."""
     drift = run.manifest["drift"]
     return float(drift["named"]) if drift else np.inf
@@ -157,7 +157,7 @@ def predict_and_measure(row: RunRow) -> tuple[float, float]:
         return np.nan, np.nan
     place = stretch(change, first, _lasting(row))
     try:
-        prediction = predicted_growth(read_config(StoredRun(row.summary.folder)), place.calm)
+        prediction = predicted_growth(read_config(row.run), place.calm)
     except NotPredictable:
         return np.nan, growth_over(change, place)
     return prediction.over(place.first, place.last), growth_over(change, place)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cmacexp.commands.study import main
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.data.tables import BODY_FILE
 from cmacexp.study import ANY, Criterion, Finding, Results, Study, at_least, at_most, draw
 from cmacexp.study.curves import over_cycles
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 
 @if_completed
-def drift(run: StoredRun) -> float:
+def drift(run: Run) -> float:
     """Largest distance of the body from its course in the last cycle, m."""
     return float(np.abs(run.cycles([run.config["cycles"]], BODY_FILE)["cog_y"]).max())
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cmacexp.commands.study import main
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, between, draw, grid
 from cmacexp.study.curves import over_cycles
@@ -341,7 +341,7 @@ def values(results: Results) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _of_first_seed(drawing: "Callable[[StoredRun], Figure]") -> "Callable[[Results], Figure]":
+def _of_first_seed(drawing: "Callable[[Run], Figure]") -> "Callable[[Results], Figure]":
     return lambda results: drawing(results.select(PAPER).run)
 
 

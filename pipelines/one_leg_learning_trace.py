@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.models.leg import Leg, bias_torque, jacobian, trigonometry
 from cmacexp.planning.reference import Gains, compute_support_reference
 from cmacexp.report.figures import Panel, Series, draw
@@ -33,18 +33,18 @@ BAND = 0.05
 POINT, FORWARD, HEIGHT = "data point", "x forward, mm", "height, mm"
 
 
-def rows_of(run: StoredRun, cycle: int) -> pd.DataFrame:
+def rows_of(run: Run, cycle: int) -> pd.DataFrame:
     """Rows of a cycle; none if the run did not reach it."""
     return run.trace[run.trace["cycle"] == cycle]
 
 
-def in_cycle(number: int, measure: Measure) -> Callable[[StoredRun], float]:
+def in_cycle(number: int, measure: Measure) -> Callable[[Run], float]:
     """The measure of a cycle's rows as one of a run; NaN for a run that recorded no such cycle."""
 
     return lambda run: measure(rows, run.config) if len(rows := rows_of(run, number)) else float("nan")
 
 
-def in_last_recorded(measure: Measure) -> Callable[[StoredRun], float]:
+def in_last_recorded(measure: Measure) -> Callable[[Run], float]:
     """The measure of the last whole cycle in the trace as one of a run."""
     return lambda run: in_cycle(run.select_whole(run.trace["cycle"].unique().tolist())[-1], measure)(run)
 
@@ -175,16 +175,16 @@ def _points(rows: pd.DataFrame, cycle: int) -> NDArray[np.integer]:
     return CYCLES.index(cycle) * len(rows) + np.arange(len(rows))
 
 
-def _height(run: StoredRun, values: Any) -> Array:
+def _height(run: Run, values: Any) -> Array:
     return 1e3 * (float(run.config["machine"]["hip_height"]) - np.asarray(values))
 
 
-def _path(run: StoredRun, cycle: int, end: str = "") -> tuple[Array, Array]:
+def _path(run: Run, cycle: int, end: str = "") -> tuple[Array, Array]:
     rows = rows_of(run, cycle)
     return 1e3 * rows[f"x{end}"].to_numpy(), _height(run, rows[f"y{end}"])
 
 
-def glance(run: StoredRun) -> Figure:
+def glance(run: Run) -> Figure:
     """Foot path and force in the paper's cycles, and torques in the last."""
     first, last = rows_of(run, FIRST), rows_of(run, FIFTH)
     since = first["time"].to_numpy() - first["time"].iloc[0]
@@ -202,7 +202,7 @@ def glance(run: StoredRun) -> Figure:
     return draw(panels, columns=3, height=2.7)
 
 
-def trajectory(run: StoredRun) -> Figure:
+def trajectory(run: Run) -> Figure:
     """Fig. 7: desired path in transfer and reference positions in support, in the plane and over a cycle."""
     rows, links = rows_of(run, FIRST), run.config["machine"]["leg"]
     swing, stance = phases(rows)
@@ -225,7 +225,7 @@ def trajectory(run: StoredRun) -> Figure:
     return draw(panels, height=3.0)
 
 
-def motion(run: StoredRun, order: int, name: str, unit: str) -> Figure:
+def motion(run: Run, order: int, name: str, unit: str) -> Figure:
     """Fig. 8, 9: a derivative of the desired path within each phase, from shortly before lift-off on."""
     rows = rows_of(run, FIRST)
     point = np.arange(-BEFORE, len(rows))
@@ -239,7 +239,7 @@ def motion(run: StoredRun, order: int, name: str, unit: str) -> Figure:
     return draw(panels)
 
 
-def tracking(run: StoredRun, cycle: int) -> Figure:
+def tracking(run: Run, cycle: int) -> Figure:
     """Fig. 10, 11: desired and actual foot position over the paper's data points, and as a path."""
     rows = rows_of(run, cycle)
     point, landing = _points(rows, cycle), touch_down(rows)
@@ -254,7 +254,7 @@ def tracking(run: StoredRun, cycle: int) -> Figure:
     return draw(panels, columns=3)
 
 
-def forces(run: StoredRun) -> Figure:
+def forces(run: Run) -> Figure:
     """Fig. 12: desired and actual force in the paper's cycles, one after the other."""
     rows = pd.concat([rows_of(run, cycle) for cycle in CYCLES])
     desired, actual = rows["force_desired"].to_numpy(), rows["force"].to_numpy()
@@ -267,7 +267,7 @@ def forces(run: StoredRun) -> Figure:
     return draw([Panel(title, POINT, "force, N", series, x_limits=[count, 2 * count])])
 
 
-def torques(run: StoredRun) -> Figure:
+def torques(run: Run) -> Figure:
     """Fig. 13: torque of joint 1 by who gives it, over the last of the paper's cycles and around touch-down."""
     rows = rows_of(run, FIFTH)
     point, landing = _points(rows, FIFTH), touch_down(rows)

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cmacexp.data.run import Run
 from cmacexp.data.signals import TRUE_MARGINS
-from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import read_traces
 from cmacexp.planning.stability import FRONT, REAR, STABILITY
 from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.study import Results
@@ -94,7 +93,7 @@ class Walk:
 @cache
 def walk_in(folder: Path) -> Walk:
     """The walk of the stored run in a folder; read once in a process."""
-    return Walk(make_view(read_traces(folder), StoredRun(folder).manifest))
+    return Walk(make_view((run := Run(folder)).read_trace(), run.manifest))
 
 
 def contacts(walk: Walk, cycle: int) -> dict[str, float]:
@@ -169,7 +168,7 @@ def four_feet(walk: Walk, cycle: int) -> dict[str, float]:
     return {"four_feet": there / float((error**2).sum()), "diagonal": float((diagonal**2).sum()) / there}
 
 
-def events_in(run: StoredRun) -> "pd.DataFrame":
+def events_in(run: Run) -> "pd.DataFrame":
     """One row per whole cycle of a run; some events are only measured in the last :data:`LATE` ones, else NaN."""
     import pandas as pd
 

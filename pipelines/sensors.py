@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cmacexp.commands.study import main
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.study import Criterion, Finding, Panel, Request, Results, Series, Study, at_least, at_most, draw, grid
 from cmacexp.study.interval import estimate
 from cmacexp.study.samples import relative
@@ -134,12 +134,12 @@ def runs(quick: bool) -> list[Request]:
     ]
 
 
-def _broken_legs(run: StoredRun) -> Sequence[int]:
+def _broken_legs(run: Run) -> Sequence[int]:
     fault = run.config["sensors"].get("force", {}).get("fault", {})
     return fault["legs"] if fault.get("kind", "none") != "none" else ()
 
 
-def rejected_after(run: StoredRun) -> float:
+def rejected_after(run: Run) -> float:
     """Samples from the failure of a force sensor until it is rejected; infinite if it is not, or none fails."""
     own = [dropped["step"] for dropped in run.manifest["dropped"] if dropped["leg"] in _broken_legs(run)]
     if not own:
@@ -147,7 +147,7 @@ def rejected_after(run: StoredRun) -> float:
     return float(min(own) - round(run.config["sensors"]["force"]["fault"]["start"] / run.config["sampling_period"]))
 
 
-def rejected_sound(run: StoredRun) -> float:
+def rejected_sound(run: Run) -> float:
     """Number of sound force sensors that are rejected."""
     return float(sum(dropped["leg"] not in _broken_legs(run) for dropped in run.manifest["dropped"]))
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.config import Config
-from cmacexp.data.stored_run import StoredRun, read_config
+from cmacexp.data.run import Run, read_config
 from cmacexp.loop.scenario import make_scenario, resolve_lead
 from cmacexp.metrics.drift import DRIFT_RATIO
 from cmacexp.stability.cycle_map import NotPredictable
@@ -59,7 +59,7 @@ REALS = [f"real_{place}" for place in range(PLACES)]
 """Names of the least eigenvalue of Re(z^l T) over frequency at each place of the cycle."""
 
 
-def _over_legs(run: StoredRun, name: str) -> Array:
+def _over_legs(run: Run, name: str) -> Array:
     """(cycles,): root mean square of a metric over the legs."""
     return np.asarray(np.sqrt((run.metrics[name] ** 2).groupby(run.metrics["cycle"]).mean()))
 
@@ -96,7 +96,7 @@ def _say_if_met(spectra: Sequence[Spectrum], lead: int, share: float) -> float:
 @lru_cache(maxsize=2)
 def _measure(folder: Path) -> Mapping[str, float]:
     """Of a run: its Outcome and REALS; without what cannot be computed."""
-    run = StoredRun(folder)
+    run = Run(folder)
     config = read_config(run)
     first = config.learning.start_cycle
     levels = _over_legs(run, "feedback_rms") if run.whole_cycles else np.empty(0)
@@ -124,7 +124,7 @@ def _measure(folder: Path) -> Mapping[str, float]:
     return {**outcome._asdict(), **dict(zip(REALS, reals, strict=False))}
 
 
-def _read(run: StoredRun, name: str) -> float:
+def _read(run: Run, name: str) -> float:
     return _measure(run.folder).get(name, float("nan"))
 
 

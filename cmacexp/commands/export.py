@@ -6,7 +6,7 @@ from pathlib import Path
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.discovery import is_run, name_of, require_place
 from cmacexp.data.folder import OUT_KEY, require_no_link
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput
 from cmacexp.terminal.output import print_line, show_activity
@@ -25,7 +25,7 @@ def _find_place(arguments: argparse.Namespace) -> Path:
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    run, out = StoredRun(arguments.folder), _find_place(arguments)
+    run, out = Run(arguments.folder), _find_place(arguments)
     _ = run.manifest
     earlier = set(out.glob("*"))
     with show_activity(f"exporting {run.folder}"):

@@ -16,7 +16,8 @@ from cmacexp.data.discovery import is_run, name_of, require_place, runs_below
 from cmacexp.data.files import sha256
 from cmacexp.data.folder import updating
 from cmacexp.data.hashes import check_file
-from cmacexp.data.tables import RECORDING_FILE, read_traces, steps_by_cycle
+from cmacexp.data.tables import RECORDING_FILE
+from cmacexp.data.trace import count_steps_by_cycle, read_trace
 from cmacexp.errors import BadInput, BadRun, require_extra
 from cmacexp.terminal.output import print_line, show_activity
 
@@ -38,7 +39,7 @@ class Options(NamedTuple):
 
 def _kept(folder: Path) -> dict[int, int]:
     """Steps of each cycle in the trace of a run."""
-    kept = steps_by_cycle(folder)
+    kept = count_steps_by_cycle(folder)
     if not kept:
         taken = manifests.read(folder).get("steps", 0)
         why = f"its trace kept none of its {taken} steps" if taken else "the run took no step"
@@ -86,7 +87,7 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
     views = {}
     for number, (folder, manifest, label) in enumerate(zip(folders, found, names, strict=True), start=1):
         window = make_window(_kept(folder), cycles, options.every, sharing=len(folders))
-        traces = read_traces(folder, window.cycles, window.every)
+        traces = read_trace(folder, range(window.first, window.last + 1), window.every)
         root = f"{number}_{re.sub('[^A-Za-z0-9.-]+', '_', label)}/"
         views[folder] = replace(make_view(traces, manifest, window, label, root), meshes=options.meshes)
     if max(view.time[0] for view in views.values()) > min(view.time[-1] for view in views.values()):

@@ -10,15 +10,14 @@ from cmacexp.commands.command import Parser, run_command
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.folder import OUT_KEY, require_no_link
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import UNFINISHED, Run, sort_folders
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
-from cmacexp.report.run_summary import UNFINISHED, RunSummary, print_runs, read_summary, sort_folders
 from cmacexp.report.sweep_report import find_swept, make_sweep_report
 from cmacexp.terminal.messages import describe_resume
 from cmacexp.terminal.output import print_line, show_activity, show_progress
-from cmacexp.terminal.tables import print_key
+from cmacexp.terminal.tables import print_key, print_runs
 
 REPORTS = Path("outputs/reports")
 """Reports over several folders are written to a folder in here."""
@@ -37,18 +36,21 @@ def _find_destination(given: Sequence[Path], out: str | None) -> Path:
 
 
 def _report_of_several(folders: Sequence[Path], given: Sequence[Path], out: Path) -> Path:
-    runs = list[RunSummary]()
+    runs = list[Run]()
     with show_progress("reading", len(folders), "runs") as set_done:
         for folder in folders:
-            runs.append(read_summary(folder))
+            runs.append(Run(folder))
+            _ = runs[-1].outcome
             set_done(len(runs))
-    if not any(run.is_result for run in runs):
+    if not any(run.outcome.is_result for run in runs):
         where = " and ".join(map(str, given))
-        raise BadRun(f"{where}: none of its {len(runs)} runs can be read ({runs[0].folder.name}: {runs[0].cause})")
+        raise BadRun(
+            f"{where}: none of its {len(runs)} runs can be read ({runs[0].folder.name}: {runs[0].outcome.cause})"
+        )
     swept = find_swept(runs)
     title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
     stopped = not (given[0] / manifests.MANIFEST).exists() or {UNFINISHED, "interrupted"} & {
-        run.status for run in runs
+        run.outcome.status for run in runs
     }
     is_sweep = len(given) == 1 and (given[0] / "multirun.yaml").exists()  # Hydra writes it when a sweep begins
     resume = describe_resume(given[0]) if is_sweep and stopped else ""
@@ -66,7 +68,7 @@ def _report(arguments: argparse.Namespace) -> int:
     out = _find_destination(given, arguments.out)
     if len(folders) == 1:
         with show_activity(f"reporting {folders[0]}"):
-            page = write_report(make_run_report(StoredRun(folders[0])), out)
+            page = write_report(make_run_report(Run(folders[0])), out)
     else:
         page = _report_of_several(folders, given, out)
     print_line(str(page))

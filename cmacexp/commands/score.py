@@ -8,7 +8,7 @@ from cmacexp.data.discovery import runs_below
 from cmacexp.data.files import sha256
 from cmacexp.data.folder import updating
 from cmacexp.data.hashes import require_intact
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.data.tables import TRACE_FILE, Scores, write_scores
 from cmacexp.errors import BadRun
 from cmacexp.metrics.drift import make_drift_entry
@@ -20,7 +20,7 @@ from cmacexp.terminal.tables import KEY, print_scores
 def score(folder: Path) -> Scores:
     """Compute and write the metrics of a run again; raises BadRun if its trace is not as it was written."""
     with updating(folder) as place:
-        run = StoredRun(folder)
+        run = Run(folder)
         require_intact(folder / TRACE_FILE)  # a run without one has a config of any kind
         record = run.config["record"]
         for key in ("every_nth_step", "cycles"):

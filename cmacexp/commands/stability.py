@@ -6,7 +6,7 @@ from pathlib import Path
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.folder import require_no_link
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.errors import BadInput
 from cmacexp.terminal.output import print_line, show_activity
 from cmacexp.terminal.tables import print_table
@@ -23,11 +23,11 @@ def _analyse(arguments: argparse.Namespace) -> int:
         raise BadInput("--out", arguments.out, f"is for one run, but {len(folders)} were given")
     out = None if arguments.out is None else require_place("--out", Path(arguments.out))
     for folder in folders:
-        _analyse_run(StoredRun(folder), out or require_no_link(folder / FOLDER))
+        _analyse_run(Run(folder), out or require_no_link(folder / FOLDER))
     return 0
 
 
-def _analyse_run(run: StoredRun, out: Path) -> None:
+def _analyse_run(run: Run, out: Path) -> None:
     """Write the verdict on a run, and the analysis or why there is none."""
     from cmacexp.stability.analysis import analyse, read_learning
     from cmacexp.stability.cycle_map import NotPredictable

@@ -14,7 +14,7 @@ from cmacexp.data.discovery import require_place
 from cmacexp.data.folder import HTML, replacing
 from cmacexp.data.integrity import RESULTS
 from cmacexp.data.manifest import REPORT
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.engine.collect import Collected, ensure_runs
 from cmacexp.engine.equal_results import print_idle_keys
 from cmacexp.engine.pool import Each, workers
@@ -70,7 +70,7 @@ class Options:
 
 def _measure(path: Path, folder: Path) -> dict[str, float]:
     """Measures of one run of a study, by name; NaN of a run that failed."""
-    run, measures = StoredRun(folder), load_study(path).study.measures
+    run, measures = Run(folder), load_study(path).study.measures
     failed = run.status not in RESULTS
     return {name: math.nan if failed else float(measure(run)) for name, measure in measures.items()}
 

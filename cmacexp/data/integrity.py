@@ -9,8 +9,7 @@ from cmacexp.config.custom_code import custom_code_hash
 from cmacexp.config.machine import MACHINES, BodyMachine, RobotMachine, read_model
 from cmacexp.data import manifest as manifests
 from cmacexp.data.hashes import check_file, current_hash
-from cmacexp.data.tables import BODY_FILE, BODY_METRICS_FILE, METRICS_CSV, METRICS_FILE, TRACE_FILE
-from cmacexp.data.weights import WEIGHTS
+from cmacexp.data.tables import BODY_FILE, BODY_METRICS_FILE, METRICS_CSV, METRICS_FILE, TRACE_FILE, WEIGHTS
 from cmacexp.errors import BadRun
 from cmacexp.jit.sources import code_hash
 

@@ -1,10 +1,10 @@
 """Tables on disk, and their columns as arrays."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
@@ -15,6 +15,9 @@ from cmacexp.data.files import open_file
 from cmacexp.data.hashes import require_intact
 from cmacexp.errors import BadRun
 from cmacexp.typing import Array, Mask
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def arrow(values: NDArray[Any], kind: pa.DataType) -> pa.Array:
@@ -59,11 +62,22 @@ def _open_table(path: Path) -> Iterator[BufferedReader]:
         raise BadRun(f"{path}: cannot be read ({str(error).splitlines()[0]})") from None
 
 
-def read_parts(path: Path, columns: list[str] | None = None) -> Iterator[pa.Table]:
-    """The table that :func:`table_writer` wrote, or some columns of it, part by part."""
+def read_parts(
+    path: Path, columns: list[str] | None = None, cycles: Collection[int] | None = None
+) -> Iterator[pa.Table]:
+    """The table that :func:`table_writer` wrote, or some columns of it, part by part.
+
+    Parts without a row of the ``cycles`` are left out, if these are given.
+    """
     with _open_table(path) as file, pq.ParquetFile(file) as table:
         for group in range(table.num_row_groups):
-            yield table.read_row_group(group, columns)
+            if cycles is None or _is_in(table.read_row_group(group, ["cycle"]), cycles).any():
+                yield table.read_row_group(group, columns)
+
+
+def _is_in(table: pa.Table, cycles: Collection[int]) -> Mask:
+    """Whether each row is one of these cycles."""
+    return np.isin(as_array(table, "cycle"), list(cycles))
 
 
 def select_rows(table: pa.Table, rows: NDArray[Any]) -> pa.Table:
@@ -78,15 +92,30 @@ def read_table(path: Path) -> pa.Table:
         return table.read()
 
 
-def read_cycles(path: Path, numbers: Sequence[int]) -> pa.Table:
+def read_cycles(path: Path, cycles: Collection[int]) -> pa.Table:
     """Rows of some cycles of a table; the others are never all in memory."""
     with _open_table(path) as file, pq.ParquetFile(file) as table:
         kept = [table.read_row_groups([])]
-        for group in range(table.num_row_groups):
-            rows = np.isin(as_array(table.read_row_group(group, ["cycle"]), "cycle"), numbers)
-            if rows.any():
-                kept.append(select_rows(table.read_row_group(group), rows))
-        return pa.concat_tables(kept)
+    kept += [select_rows(part, _is_in(part, cycles)) for part in read_parts(path, cycles=cycles)]
+    return pa.concat_tables(kept)
+
+
+def list_units(schema: pa.Schema) -> dict[str, str]:
+    """The unit of each column, as its field says; empty where it has none."""
+    return {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in schema}
+
+
+def to_frame(table: pa.Table) -> "pd.DataFrame":
+    """A table as a DataFrame, whose ``attrs["units"]`` has the unit of each column."""
+    frame: pd.DataFrame = table.to_pandas()
+    frame.attrs["units"] = list_units(table.schema)
+    return frame
+
+
+def read_schema(path: Path) -> pa.Schema:
+    """The columns of a table, with their units and meanings."""
+    with _open_table(path) as file:
+        return pq.read_schema(file)
 
 
 def _contiguous(table: pa.Table, name: str) -> pa.Array:

@@ -8,11 +8,11 @@ from cmacexp.config import Config, to_plain
 from cmacexp.config.difference import differences
 from cmacexp.data.files import open_file
 from cmacexp.data.hashes import require_intact
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
+from cmacexp.data.tables import WEIGHTS as WEIGHTS
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.typing import Weights
 
-WEIGHTS = "weights.npz"
 MAX_COMPRESSION = 1100
 """Deflate makes nothing smaller than by a factor of 1032."""
 
@@ -27,7 +27,7 @@ def read_weights(config: Config) -> Weights | None:
         return BadInput("learning.start_from", folder, reason)
 
     try:
-        manifest = StoredRun(folder).manifest
+        manifest = Run(folder).manifest
     except BadRun as error:
         raise refusal(f"must be the folder of a run with record.weights=true ({error})") from None
     if WEIGHTS not in manifest["files"]:

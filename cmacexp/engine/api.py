@@ -3,9 +3,8 @@
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -13,49 +12,16 @@ from cmacexp.config import to_config
 from cmacexp.config.component import COMPONENTS
 from cmacexp.config.compose import compose_untyped
 from cmacexp.config.machine import describe_other_model
-from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import METRICS_FILE
+from cmacexp.data.run import Run as Run
 from cmacexp.engine.run import run_scenario
 from cmacexp.engine.without_effect import list_idle_overrides
-from cmacexp.errors import BadInput, OtherModel, WithoutEffect, in_one_line
+from cmacexp.errors import BadInput, OtherModel, WithoutEffect
 from cmacexp.jit.compiler import expect_steps
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.stepwise import OpenLoop
-from cmacexp.metrics.metric import MetricDisplay
-from cmacexp.metrics.pooling import shorten, tabulate_cycles
 from cmacexp.terminal.messages import announce_compiling, describe_idle
-from cmacexp.terminal.tables import format_table, format_title
 
 RUN_FOLDER = "hydra.run.dir="
-
-
-@dataclass(frozen=True, repr=False)
-class Run(StoredRun):
-    """A completed or stopped run, which prints its main metrics per cycle; tables are read on first use."""
-
-    def _printed(self) -> tuple[str, dict[str, MetricDisplay], list[list[str]]]:
-        """How it ended, in one line, and its main metrics; of a damaged run the reason alone, without an error."""
-        try:
-            main, rows = tabulate_cycles(self.scores) if METRICS_FILE in self.manifest["files"] else ({}, [])
-            line = f"{self.folder}: {self.config.get('scenario')}, {self.ending}, {self.manifest['steps']} steps"
-            return in_one_line(line), main, shorten(rows)
-        except Exception as error:
-            return f"{type(self).__name__}({str(self.folder)!r}: {' '.join(str(error).split())})", {}, []
-
-    def __repr__(self) -> str:
-        """How it ended, and its main metrics per cycle."""
-        line, main, rows = self._printed()
-        return "\n".join(
-            [line, *(format_table(["cycle\n", *map(format_title, main.values())], rows) if rows else [])]
-        )
-
-    def _repr_html_(self) -> str:
-        """The same for a notebook."""
-        import pandas as pd
-
-        line, main, rows = self._printed()
-        titles = ["cycle", *(f"{shown.title} {shown.unit}" for shown in main.values())]
-        return f"<p>{escape(line)}</p>" + (pd.DataFrame(rows, columns=titles).to_html(index=False) if rows else "")
 
 
 def _split(overrides: str | Sequence[str]) -> tuple[list[str], Path | None]:
@@ -121,7 +87,7 @@ def run(
     result = run_scenario(config, place, prepared=make_scenario(config, None, **components))
     if config.warn and (idle := describe_idle(result)):
         warnings.warn(idle, WithoutEffect, stacklevel=2)
-    return Run(result.folder)
+    return result
 
 
 def open_loop(overrides: str | Sequence[str] = (), *, config_dir: str | Path | None = None) -> OpenLoop:

@@ -10,14 +10,13 @@ import pyarrow as pa
 
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.parquet import as_array
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run, sort_folders
 from cmacexp.data.tables import METRICS_FILE as METRICS_FILE
 from cmacexp.data.tables import Scores
 from cmacexp.engine.equal_results import Outcome, find_idle_keys, make_outcome
 from cmacexp.engine.pool import workers
 from cmacexp.engine.sweep_results import make_column, make_labels, parse_overrides
 from cmacexp.errors import BadInput, OtherModel, WithoutEffect
-from cmacexp.report.run_summary import sort_folders
 from cmacexp.terminal.output import print_line
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ def load_sweep(folder: str | Path) -> "pd.DataFrame":
         BadRun: there is no run, or one is not intact.
     """
     root = Path(folder).resolve()
-    runs = [StoredRun(path) for path in sort_folders(runs_below(root))]
+    runs = [Run(path) for path in sort_folders(runs_below(root))]
     tables = [join_scores(run.scores if METRICS_FILE in run.manifest["files"] else None) for run in runs]
     settings = parse_overrides([run.manifest.get("overrides", []) for run in runs])
     labels = make_labels([run.folder.relative_to(root).as_posix() for run in runs])
@@ -125,7 +124,7 @@ def _run(overrides: list[str], keep: str, runs: int) -> tuple[str, pa.Table, Out
     traces = list[pa.Table]()
     config = compose_config(overrides)
     scenario = make_scenario(config)
-    end, scorer = score_scenario(scenario, lambda new: traces.append(new.legs) if keep == TRACE else None)
+    end, scorer = score_scenario(scenario, lambda new: traces.append(new.table) if keep == TRACE else None)
     outcome = make_outcome(config, end.status, end.steps, scorer.scores)
     table = pa.concat_tables(traces) if traces else join_scores(scorer.scores)
     return end.status, table, outcome, describe_other_model(config.machine)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.data.integrity import RESULTS
 from cmacexp.data.parquet import as_array
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores
 from cmacexp.terminal.output import print_line
 
@@ -44,7 +44,7 @@ def make_outcome(config: Config, status: str, steps: int, scores: Scores) -> Out
 
 def read_outcome(folder: Path) -> Outcome | None:
     """The same of a stored run, whose manifest has the hashes of its files; raises BadRun."""
-    run = StoredRun(folder)
+    run = Run(folder)
     if not run.config.get("warn", True) or run.status not in RESULTS or not run.whole_cycles:
         return None
     hashes = [run.manifest["files"].get(name) for name in (METRICS_FILE, BODY_METRICS_FILE)]

@@ -5,7 +5,7 @@ import signal
 from multiprocessing import forkserver
 from typing import Any
 
-PRELOADED = ["cmacexp.engine.sweep_job", "cmacexp.engine.run", "cmacexp.report.run_summary"]
+PRELOADED = ["cmacexp.engine.sweep_job", "cmacexp.engine.run", "cmacexp.terminal.tables"]
 PRELOADED += ["cmacexp.jit.numba_private", "cmacexp.config.compose", "hydra.core.override_parser.overrides_parser"]
 """Modules that workers need."""
 

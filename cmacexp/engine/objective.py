@@ -4,12 +4,12 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.metric import LARGE, NEAR_ZERO, NEITHER, MetricDisplay
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.metrics.text import format_number
 from cmacexp.metrics.tracking import SPATIAL
-from cmacexp.report.run_summary import RunSummary
 from cmacexp.terminal.messages import format_folder
 
 DIRECTION, MINIMIZE, MAXIMIZE = "hydra.sweeper.direction", "minimize", "maximize"
@@ -53,25 +53,25 @@ def find_direction(name: str | None, given: Any, searches: bool) -> str | None:
     return str(given)
 
 
-def read_objective(name: str, run: RunSummary, direction: str | None) -> float:
+def read_objective(name: str, run: Run, direction: str | None) -> float:
     """The value of a metric in the last whole cycle, pooled over the legs, in SI units.
 
     A metric that is best near zero counts without its sign. A run that fell, diverged or failed, or that does not
     define the metric, has the worst value: -inf to ``maximize``, else inf.
     """
-    value = run.final(name) if run.status == "completed" else math.nan
+    value = run.final(name) if run.completed else math.nan
     if math.isnan(value):
         return -math.inf if direction == MAXIMIZE else math.inf
     return abs(value) if ALL_METRICS[name].better == NEAR_ZERO else value
 
 
-def describe_best(name: str, direction: str, jobs: Sequence[RunSummary], swept: Sequence[str]) -> str:
+def describe_best(name: str, direction: str, jobs: Sequence[Run], swept: Sequence[str]) -> str:
     """The best job of a search, its values of the ``swept`` keys and of the metric, and its folder, in one line."""
     values = [read_objective(name, job, direction) for job in jobs]
     best = (max if direction == MAXIMIZE else min)(range(len(jobs)), key=values.__getitem__)
     if math.isinf(values[best]):
         return f"none: no job completed with a value of {name}"
     job, shown = jobs[best], ALL_METRICS[name].shown or MetricDisplay(name, ALL_METRICS[name].unit)
-    named = " ".join([f"#{job.folder.name}", *(f"{key}={job.config[key]}" for key in swept)])
+    named = " ".join([f"#{job.folder.name}", *(f"{key}={job.settings[key]}" for key in swept)])
     value = format_number(job.final(name) * shown.factor, shown.unit)
     return f"{named}: {name} = {value}, in {format_folder(job.folder)}"

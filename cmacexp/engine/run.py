@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 
 from cmacexp.config import Config, to_plain
 from cmacexp.config.component import COMPONENTS
@@ -21,19 +20,17 @@ from cmacexp.data.files import sha256
 from cmacexp.data.folder import RUN_KEY, Place, replacing
 from cmacexp.data.integrity import compute_hashes
 from cmacexp.data.parquet import write_table
+from cmacexp.data.run import Run
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, MODEL_SIGNALS, SPATIAL_SIGNALS, Signal, select_signals
-from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import (
     BODY_FILE,
     MEMORY_FILE,
     RECORDING_FILE,
     TRACE_FILE,
     Scores,
-    Traces,
-    steps_by_cycle,
-    trace_writer,
     write_scores,
 )
+from cmacexp.data.trace import Trace, concat_traces, count_steps_by_cycle, trace_writer
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.engine.failure import describe_failure
 from cmacexp.engine.stop_cause import explain_stop
@@ -71,40 +68,40 @@ def _known_torque(scenario: Scenario) -> Array | None:
     return feedforward.known if isinstance(feedforward, BuiltInFeedforward) else None
 
 
-def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Traces:
-    """The traces of the steps that were sampled."""
+def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Trace:
+    """The trace of the steps that were sampled."""
     plan, config, legs = scenario.setup.plan, scenario.setup.config, samples.columns()
     period, start = config.sampling_period, samples.start
     body = memory = None
     if columns[1] is not None:
         moves = scenario.first.travel is not None
-        body = assemble_body(scenario.setup, samples.body_columns(), legs, moves, start, columns[1])
+        body = Trace(assemble_body(scenario.setup, samples.body_columns(), legs, moves, start, columns[1]))
     if samples.memory is not None:
-        memory = assemble_memory(samples.memory, start // config.steps_per_cycle + 1)
+        memory = Trace(assemble_memory(samples.memory, start // config.steps_per_cycle + 1))
     controller, steered = scenario.controller, False
     if isinstance(controller, HybridController) and scenario.fault is None:
         steered = controller.params.steering is not None
-    trace = assemble(plan, legs, period, start, columns[0], _known_torque(scenario), steered)
-    return Traces(trace, body, memory)
+    table = assemble(plan, legs, period, start, columns[0], _known_torque(scenario), steered)
+    return Trace(table, body, memory)
 
 
 @exits_caught()
 def score_scenario(
     scenario: Scenario,
-    keep: Callable[[Traces], None] = lambda traces: None,
+    keep: Callable[[Trace], None] = lambda trace: None,
     watch: Callable[[float], None] = lambda cycles: None,
     warn: Callable[[Drift], None] = lambda drift: None,
 ) -> tuple[End, RunScorer]:
     """Run a new scenario and write nothing; how it ended, and what has its metrics.
 
-    ``keep`` is called with the traces of some cycles at a time; ``watch`` and ``warn`` as by :func:`run_scenario`.
+    ``keep`` is called with the trace of some cycles at a time; ``watch`` and ``warn`` as by :func:`run_scenario`.
     """
     columns, scorer = _columns(scenario), RunScorer(scenario.setup.config.steps_per_cycle)
 
     def take(samples: Samples) -> None:
-        known, traces = scorer.drift, _assemble(scenario, columns, samples)
-        keep(traces)
-        scorer.add(traces)
+        known, trace = scorer.drift, _assemble(scenario, columns, samples)
+        keep(trace)
+        scorer.add(trace)
         if known is None and scorer.drift is not None:
             warn(scorer.drift)
 
@@ -116,12 +113,12 @@ def _roll_out(
 ) -> tuple[End, Scores, list[str]]:
     """Run, and write traces and memory; how the run ended, its metrics, and the names of the files."""
     columns, record = _columns(scenario), scenario.setup.config.record
-    last = deque[pa.Table](maxlen=2)  # the last one may be short
+    last = deque[Trace](maxlen=2)  # the last one may be short
     with trace_writer(folder, record, *columns) as writer:
 
-        def keep(traces: Traces) -> None:
-            writer.write(traces)
-            last.append(traces.legs)
+        def keep(trace: Trace) -> None:
+            writer.write(trace)
+            last.append(trace)
 
         end, scorer = score_scenario(scenario, keep, watch, warn)
         writer.finish(end.status == "completed")
@@ -130,7 +127,7 @@ def _roll_out(
         return end, scorer.scores, []
     names = [TRACE_FILE, BODY_FILE] if columns[1] else [TRACE_FILE]
     if scorer.memory:
-        write_table(pa.concat_tables(scorer.memory).combine_chunks(), folder / MEMORY_FILE)
+        write_table(concat_traces(scorer.memory).table, folder / MEMORY_FILE)
         names.append(MEMORY_FILE)
     return end, scorer.scores, names
 
@@ -144,7 +141,7 @@ def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest
         best = scenario.kept.get(restored[-1]) if restored else None
         np.savez_compressed(folder / WEIGHTS, allow_pickle=False, **(best or scenario.feedforward.learnt()))
         names.append(WEIGHTS)
-    if record.recording and (kept := steps_by_cycle(folder)):
+    if record.recording and (kept := count_steps_by_cycle(folder)):
         from cmacexp.recording.window import make_window
         from cmacexp.recording.write import write_recording
 
@@ -176,7 +173,7 @@ def run_scenario(
     warn: Callable[[Drift], None] = lambda drift: None,
     record: Mapping[str, str] | None = None,
     overrides: Sequence[str] | None = None,
-) -> StoredRun:
+) -> Run:
     """Run a scenario of a checked config and write its results to ``folder``, which may be locked already.
 
     An earlier run in it is replaced at the end; a run that diverged, failed or was interrupted keeps its results up
@@ -200,9 +197,7 @@ def run_scenario(
         manifest |= {} if overrides is None else {"overrides": list(overrides)}
         manifest["wall_seconds"] = time.perf_counter() - began
         place.commit(manifest, sync=overrides is None)
-    run = StoredRun(place.folder)
-    vars(run)["manifest"] = manifest  # what has just been written needs not be read
-    return run
+    return Run(place.folder, manifest)
 
 
 def _write(

@@ -3,13 +3,11 @@
 from collections.abc import Sequence
 
 import numpy as np
-import pyarrow as pa
 
-from cmacexp.data.parquet import as_array, is_support
+from cmacexp.data.trace import Trace, concat_traces
 from cmacexp.loop import End
 from cmacexp.loop.scenario import Scenario
 from cmacexp.metrics.drift import Drift
-from cmacexp.typing import Array
 
 WINDOW = 0.02
 """What counts as just before the end, s; one step at least."""
@@ -19,31 +17,23 @@ MOST = 3
 """Of what happened to several legs or joints, so many are named."""
 
 
-def _sum_torques(table: pa.Table, legs: int, joints: int) -> Array:
-    """(steps, L, J): torque that acted, N m."""
-    names = [[f"{part}_{joint + 1}" for part in ("tau_feedback", "tau_feedforward")] for joint in range(joints)]
-    return np.stack([sum(as_array(table, name).reshape(-1, legs) for name in pair) for pair in names], axis=2)
-
-
-def explain_stop(scenario: Scenario, end: End, traces: Sequence[pa.Table], drift: Drift | None) -> str:
+def explain_stop(scenario: Scenario, end: End, traces: Sequence[Trace], drift: Drift | None) -> str:
     """What the end of a run that fell or diverged shows, to follow its cause; empty if that is nothing.
 
-    ``traces`` are those of the legs in the last steps at least, ``drift`` is that of learning. It reports what was
+    ``traces`` are those of the last steps at least, ``drift`` is that of learning. It reports what was
     seen, which need not be why: torques at their limit, a foot that carries nothing where it should, a drift of
     learning; and whether learning can be the cause at all.
     """
     if end.status not in ("fell", "diverged") or not end.steps:
         return ""
-    setup, (legs, joints) = scenario.setup, scenario.setup.mechanism.shape
-    rows = legs * max(1, round(WINDOW / setup.config.sampling_period))
-    table = pa.concat_tables(traces)
-    table = table.slice(max(0, table.num_rows - rows))
+    setup, trace = scenario.setup, concat_traces(traces)
+    trace = trace.select(slice(-max(1, round(WINDOW / setup.config.sampling_period)), None))
+    torque = trace.stack_joints("tau_feedback_{}") + trace.stack_joints("tau_feedforward_{}")
     limits = np.minimum(setup.mechanism.torque_limits, setup.config.actuator.limit)
-    limited = (np.abs(_sum_torques(table, legs, joints)) >= AT_LIMIT * limits).all(axis=0)
+    limited = (np.abs(torque) >= AT_LIMIT * limits).all(axis=0)
     found = [f"joint {joint + 1} of leg {leg + 1} at its torque limit" for leg, joint in np.argwhere(limited)]
-    if legs > 1:
-        unborne = is_support(table) & (as_array(table, "force") <= 0.0)
-        unloaded = np.flatnonzero(unborne.reshape(-1, legs).all(axis=0))
+    if trace.legs > 1:
+        unloaded = np.flatnonzero((trace.support & (trace["force"] <= 0.0)).all(axis=0))
         found += [f"leg {leg + 1} without load in its planned support" for leg in unloaded]
     more = [f"and {len(found) - MOST} more"] if len(found) > MOST else []
     clauses = [f"throughout the last {WINDOW:g} s {', '.join([*found[:MOST], *more])}"] if found else []

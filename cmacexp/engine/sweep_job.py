@@ -50,10 +50,10 @@ def run_job(job: Job, jobs: float) -> float | None:
     metric, report = composed.get("optimize"), share_progress(number)
     with interrupt_held_back():  # some libraries cannot be imported partially
         from cmacexp.data.integrity import is_finished
+        from cmacexp.data.run import Run
         from cmacexp.engine.objective import check_metric, find_direction, read_objective
         from cmacexp.engine.run import run_scenario
         from cmacexp.loop.scenario import make_scenario
-        from cmacexp.report.run_summary import RunSummary, read_summary
         from cmacexp.terminal.messages import announce_compiling, describe_drift, describe_idle, format_outcome
         from cmacexp.terminal.output import print_line
 
@@ -78,7 +78,7 @@ def run_job(job: Job, jobs: float) -> float | None:
         if is_interrupt(error):
             raise KeyboardInterrupt from error
         cause = describe_failure(error)
-        summary = RunSummary(folder, "failed", cause)
+        summary = Run(folder, {"status": "failed", "cause": cause, "files": {}})
         _write_failure(job, overrides, error)
         print_line(f"error: #{number}: {cause}", error=True)
     else:
@@ -95,7 +95,7 @@ def run_job(job: Job, jobs: float) -> float | None:
     if metric is None:
         return None
     direction = find_direction(metric, hydra["sweeper"].get("direction"), searches=False)
-    return read_objective(metric, summary or read_summary(folder), direction)
+    return read_objective(metric, summary or Run(folder), direction)
 
 
 def _write_failure(job: Job, overrides: list[str], error: Exception) -> None:

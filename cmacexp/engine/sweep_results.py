@@ -3,7 +3,6 @@
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,29 +15,24 @@ from cmacexp.data.discovery import walk
 from cmacexp.data.files import FAILED, sha256
 from cmacexp.data.folder import TABLE, TABLE_CSV
 from cmacexp.data.parquet import arrow, arrow_strings, write_table
+from cmacexp.data.run import UNFINISHED, Run, sort_folders
 from cmacexp.engine.equal_results import print_idle_keys
 from cmacexp.engine.objective import describe_best
 from cmacexp.engine.sweep import Sweep
 from cmacexp.errors import BadRun
-from cmacexp.report.run_summary import (
-    UNFINISHED,
-    RunRow,
-    RunSummary,
-    make_rows,
-    print_runs,
-    read_summary,
-    sort_folders,
-)
+from cmacexp.metrics.run_table import make_names, make_rows
 from cmacexp.terminal.messages import describe_resume, print_next
 from cmacexp.terminal.output import print_line, show_activity
+from cmacexp.terminal.tables import print_runs
 
 MAX_LISTED_FAILURES = 20
+RunRow = dict[str, Any]
 
 
-def read_results(sweep: Sweep) -> tuple[list[RunSummary], list[RunRow]]:
+def read_results(sweep: Sweep) -> tuple[list[Run], list[RunRow]]:
     """The jobs of a sweep that left a manifest, and their rows; not those that an earlier sweep left in its folder.
 
-    The config of a job holds the values of all keys that some job overrides, as typed, and nothing else.
+    The settings of a job are the values of all keys that some job overrides, as typed, and nothing else.
     """
     missing: Counter[tuple[str, ...]] = Counter(sweep.planned)
     jobs, typed = [], []
@@ -50,14 +44,13 @@ def read_results(sweep: Sweep) -> tuple[list[RunSummary], list[RunRow]]:
     if not jobs:
         return [], []
     configs = parse_overrides(typed)
-    jobs = [replace(job, config=config) for job, config in zip(jobs, configs, strict=True)]
-    rows = make_rows(jobs, list(configs[0]))
-    labels = make_labels([row.pop("run") for row in rows])
-    labelled = zip(labels, typed, rows, strict=True)
+    for job, config in zip(jobs, configs, strict=True):
+        job.settings = config
+    labelled = zip(make_labels(make_names(jobs)), typed, make_rows(jobs, list(configs[0])), strict=True)
     return jobs, [{**label, "overrides": " ".join(overrides), **row} for label, overrides, row in labelled]
 
 
-def _read_jobs(folder: Path) -> Iterator[tuple[RunSummary, list[str]]]:
+def _read_jobs(folder: Path) -> Iterator[tuple[Run, list[str]]]:
     """Each job below ``folder`` as its last attempt ended, and its overrides; a job without a manifest was killed."""
     for job in sort_folders(walk(folder)):
         failed = (job / FAILED).exists()
@@ -66,9 +59,7 @@ def _read_jobs(folder: Path) -> Iterator[tuple[RunSummary, list[str]]]:
         except BadRun:
             continue
         if "overrides" in manifest:
-            cause, bad_input = manifest["cause"], manifest.get("bad_input", False)
-            summary = RunSummary(job, "failed", cause, bad_input=bad_input) if failed else read_summary(job)
-            yield replace(summary, config={}), manifest["overrides"]
+            yield Run(job, manifest), manifest["overrides"]
 
 
 def make_labels(folders: Sequence[str]) -> list[RunRow]:
@@ -123,9 +114,9 @@ def finish_sweep(sweep: Sweep) -> str:
     missing = max(0, sweep.planned.total() - len(jobs))
     if not jobs or sweep.place is None:
         return "failed"
-    failed = [job for job in jobs if not job.is_result]
+    failed = [job for job in jobs if not job.outcome.is_result]
     ended = "failed" if missing or failed else "completed"
-    ended = "bad input" if all(job.bad_input for job in jobs) else ended
+    ended = "bad input" if all(job.manifest.get("bad_input") for job in jobs) else ended
     names = dict.fromkeys(name for row in rows for name in row)
     table = pa.table({name: make_column([row.get(name, math.nan) for row in rows]) for name in names})
     write_table(table, sweep.place.new / TABLE)
@@ -133,15 +124,15 @@ def finish_sweep(sweep: Sweep) -> str:
     files = {name: sha256(sweep.place.new / name) for name in (TABLE, TABLE_CSV)}
     entries = {"config": {}, "versions": manifests.versions(), "files": files}
     sweep.place.commit({"kind": manifests.SWEEP, "status": ended, **entries})
-    swept = [key for key in jobs[0].config if len({str(job.config[key]) for job in jobs}) > 1]
+    swept = [key for key in jobs[0].settings if len({str(job.settings[key]) for job in jobs}) > 1]
     print_runs(jobs, swept, sweep.folder / TABLE_CSV)
-    counts = Counter(job.status for job in jobs) + Counter({UNFINISHED: missing})
+    counts = Counter(job.outcome.status for job in jobs) + Counter({UNFINISHED: missing})
     ends = ", ".join(f"{count} {status}" for status, count in counts.items())
     print(f"{counts.total()} job{'s' * (counts.total() > 1)}: {ends}")
-    results = [job for job in jobs if job.is_result]
-    print_idle_keys([job.config for job in results], [job.folder for job in results], "jobs")
+    results = [job for job in jobs if job.outcome.is_result]
+    print_idle_keys([job.settings for job in results], [job.folder for job in results], "jobs")
     for job in failed[:MAX_LISTED_FAILURES]:
-        print_line(f"  {job.folder.name} {job.status}: {job.cause}", error=True)
+        print_line(f"  {job.folder.name} {job.outcome.status}: {job.outcome.cause}", error=True)
     if len(failed) > MAX_LISTED_FAILURES:
         print_line(f"  and {len(failed) - MAX_LISTED_FAILURES} more: see {TABLE_CSV}", error=True)
     if sweep.optimize and sweep.direction:

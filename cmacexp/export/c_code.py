@@ -21,7 +21,7 @@ from cmacexp.cmac.rules import (
 )
 from cmacexp.config.cmac import PHASE
 from cmacexp.data.folder import write_atomically
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput
 from cmacexp.export.network import Network, read_network
@@ -44,7 +44,7 @@ QUANTITIES = {"angle": ("rad", "m"), "velocity": ("rad/s", "m/s"), "acceleration
 """Units of planned inputs: of joints, and of a point mass, whose joints are its axes."""
 
 
-def write_c(run: StoredRun, folder: Path, single: bool = False, one_path: bool = False) -> Path:
+def write_c(run: Run, folder: Path, single: bool = False, one_path: bool = False) -> Path:
     """Write the C code of a run's network, in single precision or double; its header. Raises BadInput or BadRun.
 
     ``one_path`` gives the cells of the planned path as a table, without addressing.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.data.folder import write_atomically
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.errors import require_extra
 from cmacexp.export.steps import Field, describe_fields, read_steps
 from cmacexp.typing import Array
@@ -45,7 +45,7 @@ def _write_messages(columns: dict[str, Array]) -> Iterator[bytes]:
     return ((template % row).encode() for row in zip(*map(_write_values, columns.values()), strict=True))
 
 
-def write_mcap(run: StoredRun, folder: Path) -> Path:
+def write_mcap(run: Run, folder: Path) -> Path:
     """Write ``run.mcap``, with the extra ``mcap``: topics ``/leg1`` and so on, ``/body``; raises BadRun.
 
     Log times are in ns, from the start of the run; the manifest of the run is a record of metadata.

@@ -11,7 +11,7 @@ from cmacexp.cmac.receptive_field import RECTANGULAR
 from cmacexp.cmac.rules import NEIGHBOURS
 from cmacexp.config import Config
 from cmacexp.config.machine import RobotMachine, read_model
-from cmacexp.data.stored_run import StoredRun, read_config
+from cmacexp.data.run import Run, read_config
 from cmacexp.data.weights import WEIGHTS, load_weights
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.feedforward import CmacFeedforward, CmacOnModel, RadialBasis
@@ -61,7 +61,7 @@ class Network:
         return self.field != RECTANGULAR
 
 
-def read_network(run: StoredRun, one_path: bool) -> Network:
+def read_network(run: Run, one_path: bool) -> Network:
     """The network of a run whose classes are all those of the package; raises BadInput or BadRun.
 
     ``one_path`` keeps the cells of the planned path alone, by sample, instead of the addressing.
@@ -80,7 +80,7 @@ def read_network(run: StoredRun, one_path: bool) -> Network:
     return _make_network(run, kind, feedforward, setup, one_path, learnt is not None)
 
 
-def _require_exportable(run: StoredRun) -> str:
+def _require_exportable(run: Run) -> str:
     """The kind of its network, before anything that a run names is imported; raises BadInput."""
     plain = run.config
     for group in ("plant", "sensors", "controller"):
@@ -93,7 +93,7 @@ def _require_exportable(run: StoredRun) -> str:
     raise BadInput("feedforward._target_", target, f"cannot be exported as C; what can is {', '.join(EXPORTED)}")
 
 
-def _read_config(run: StoredRun) -> Config:
+def _read_config(run: Run) -> Config:
     """The config, with lead and rate as they were at the end of the run; raises BadInput or BadRun."""
     config = read_config(run)
     if isinstance(config.machine, RobotMachine):
@@ -109,7 +109,7 @@ def _read_config(run: StoredRun) -> Config:
     return replace(config, learning=learning)
 
 
-def _read_weights(run: StoredRun) -> Weights | None:
+def _read_weights(run: Run) -> Weights | None:
     if WEIGHTS not in run.manifest["files"]:
         if run.config["learning"].get("start_from") is not None:
             raise BadRun(f"{run.folder}: started from weights, but stored none; run it with record.weights=true")
@@ -122,7 +122,7 @@ def _read_weights(run: StoredRun) -> Weights | None:
         raise BadRun(f"{run.folder / WEIGHTS}: cannot be read ({error}); run it again") from None
 
 
-def _reset(run: StoredRun, kind: str, config: Config, learnt: Weights | None) -> tuple[NetworkFeedforward, Setup]:
+def _reset(run: Run, kind: str, config: Config, learnt: Weights | None) -> tuple[NetworkFeedforward, Setup]:
     """The feedforward along the plan of the run, and what it was made of."""
     mechanism = make_mechanism(config.machine)
     plan = make_plan(config.nominal, mechanism, True)
@@ -159,7 +159,7 @@ def _require_fitting(feedforward: NetworkFeedforward) -> None:
 
 
 def _make_network(
-    run: StoredRun, kind: str, feedforward: NetworkFeedforward, setup: Setup, one_path: bool, is_learnt: bool
+    run: Run, kind: str, feedforward: NetworkFeedforward, setup: Setup, one_path: bool, is_learnt: bool
 ) -> Network:
     params, config = feedforward.params, setup.config
     legs, rows = params.weights.shape[:2]

@@ -8,13 +8,13 @@ import pyarrow.parquet as pq
 
 from cmacexp.data.folder import write_atomically
 from cmacexp.data.parquet import arrow
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.export.steps import describe_fields, read_steps
 
 WIDE = "wide.parquet"
 
 
-def write_wide(run: StoredRun, folder: Path) -> Path:
+def write_wide(run: Run, folder: Path) -> Path:
     """Write ``wide.parquet``: ``time``, ``step``, ``cycle``, ``leg1.force``, ``body.height``, ...; raises BadRun.
 
     Numbers are float64 or int32; ``support`` is 1 in planned support and 0 in transfer. Compressed by Snappy, which

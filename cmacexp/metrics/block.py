@@ -6,14 +6,10 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import pyarrow as pa
 
-from cmacexp.data.parquet import as_array, is_support
+from cmacexp.data.trace import THIRD_AXIS, Trace
 from cmacexp.metrics.measures import largest
 from cmacexp.typing import Array, Mask
-
-THIRD_AXIS = "z"
-"""The column that a trace has if its legs move in space: those of a robot."""
 
 
 class Rhythm(NamedTuple):
@@ -108,46 +104,41 @@ class Block:
         return np.where(began & whole, 1.0, np.nan)
 
 
-def split_cycles(trace: pa.Table, steps_per_cycle: int, before: Block | None = None) -> Block:
+def split_cycles(trace: Trace, steps_per_cycle: int, before: Block | None = None) -> Block:
     """Cut the trace of a run, or of a part of it, into cycles of N steps; the last may be short.
 
     The part ``before`` has the rhythm of the run; None: this is the first part.
     """
-    legs = int(as_array(trace, "leg").max(initial=1))
-    rows = trace.num_rows
-    cycles = -(-rows // (steps_per_cycle * legs))
 
-    def block(values: Array) -> Array:
-        padded = np.full(cycles * steps_per_cycle * legs, np.nan)
-        padded[:rows] = values
-        return np.ascontiguousarray(padded.reshape(cycles, steps_per_cycle, legs).swapaxes(1, 2))
-
-    def columns(name: str) -> Array:
-        return block(as_array(trace, name))
+    def split(values: Array) -> Array:
+        """(steps, L, ...) as (cycles, L, N, ...)."""
+        missing = -len(values) % steps_per_cycle
+        padded = np.concatenate([values, np.full((missing, *values.shape[1:]), np.nan)])
+        return np.ascontiguousarray(padded.reshape(-1, steps_per_cycle, *values.shape[1:]).swapaxes(1, 2))
 
     def joints(name: str) -> Array:
-        """Columns of the joints side by side; ``name`` has {} where their numbers are."""
-        return np.stack([columns(name.format(joint)) for joint in range(1, 3 + in_space)], axis=3)
+        return split(trace.stack_joints(name))
 
-    in_space = THIRD_AXIS in trace.column_names
-    time, progress = columns("time"), columns("progress")
-    valid, support = ~np.isnan(time), block(is_support(trace).astype(float)) == 1.0
-    feedback, force_torque = joints("tau_feedback_{}"), joints("tau_force_{}") if in_space else None
+    in_space = THIRD_AXIS in trace.axes
+    time, progress = split(trace["time"]), split(trace["progress"])
+    valid, support = ~np.isnan(time), split(trace.support.astype(float)) == 1.0
+    force_torque = joints("tau_force_{}") if in_space else None
+    feedback = joints("tau_feedback_{}")
     return Block(
-        before.rhythm if before else read_rhythm(time, progress, valid, support),
-        valid,
-        support,
-        progress,
-        time,
-        {axis: columns(axis) - columns(f"{axis}_desired") for axis in ("xyz" if in_space else "xy")},
-        columns("force"),
-        columns("force_desired"),
-        feedback if force_torque is None else feedback - force_torque,
-        joints("tau_feedforward_{}"),
-        joints("dq{}"),
-        before.feedback[-1] if before else None,
-        force_torque,
-        joints("q{}") - joints("q{}_desired") if in_space else None,
+        rhythm=before.rhythm if before else read_rhythm(time, progress, valid, support),
+        valid=valid,
+        support=support,
+        progress=progress,
+        time=time,
+        error={axis: split(trace[axis] - trace[f"{axis}_desired"]) for axis in trace.axes},
+        force=split(trace["force"]),
+        force_desired=split(trace["force_desired"]),
+        feedback=feedback if force_torque is None else feedback - force_torque,
+        feedforward=joints("tau_feedforward_{}"),
+        rate=joints("dq{}"),
+        before=before.feedback[-1] if before else None,
+        force_torque=force_torque,
+        joint_error=joints("q{}") - joints("q{}_desired") if in_space else None,
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from cmacexp.data.parquet import as_array
+from cmacexp.data.trace import Trace
 from cmacexp.metrics.metric import (
     BODY_POOLING,
     CONTRACT,
@@ -24,14 +24,14 @@ from cmacexp.typing import Array
 
 
 class BodyBlock(NamedTuple):
-    """The trace of a body and the rows at which its cycles start."""
+    """The trace of a body and the steps at which its cycles start."""
 
-    table: pa.Table
+    body: Trace
     starts: NDArray[np.intp]
 
     def reduce(self, by: np.ufunc, column: str) -> Array:
         """One value per cycle."""
-        return np.asarray(by.reduceat(as_array(self.table, column), self.starts))
+        return np.asarray(by.reduceat(self.body[column], self.starts))
 
 
 BodyMetric = Metric[BodyBlock]
@@ -61,7 +61,7 @@ def _margin(column: str, title: str = "", symbol: str = "", main: bool = False) 
 
 
 def _mean_height(block: BodyBlock) -> Array:
-    return block.reduce(np.add, "height") / np.diff([*block.starts, block.table.num_rows])
+    return block.reduce(np.add, "height") / np.diff([*block.starts, block.body.steps])
 
 
 _TILT = "largest of abs(pitch) and abs(roll)"
@@ -81,9 +81,9 @@ BODY_METRICS: dict[str, BodyMetric] = {
 """All columns of ``body_metrics.parquet`` but ``cycle``, in their order."""
 
 
-def compute_body(body: pa.Table, steps_per_cycle: int, first_cycle: int = 1) -> pa.Table:
+def compute_body(body: Trace, steps_per_cycle: int, first_cycle: int = 1) -> pa.Table:
     """One row per cycle, the columns of :data:`BODY_METRICS`; the last cycle may be short."""
-    block = BodyBlock(body, np.arange(0, body.num_rows, steps_per_cycle))
+    block = BodyBlock(body, np.arange(0, body.steps, steps_per_cycle))
     values = {name: metric.compute(block) for name, metric in BODY_METRICS.items()}
     cycles = np.arange(first_cycle, first_cycle + len(block.starts))
     return to_table({"cycle": (CYCLE, cycles)}, values, BODY_METRICS)

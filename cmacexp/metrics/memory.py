@@ -1,13 +1,12 @@
 """Metrics of the weights at the end of each cycle, from ``memory.parquet``."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
-import pyarrow as pa
 
-from cmacexp.data.parquet import as_array
 from cmacexp.data.signals import CLOCK, GUARD_STATES, MEMORY_SIGNALS
+from cmacexp.data.trace import Trace
 from cmacexp.metrics.metric import ALBUS, LARGEST, MEAN, NEITHER, RMS, Metric
 from cmacexp.typing import Array
 
@@ -15,11 +14,11 @@ COLUMNS = [signal.name for signal in MEMORY_SIGNALS if signal.owner != CLOCK]
 """Columns of ``memory.parquet`` that the metrics are computed from."""
 
 
-def split_columns(memory: pa.Table | None, cycles: int, legs: int) -> dict[str, Array]:
-    """The columns of ``memory.parquet``, (cycles, legs) by name; NaN throughout without memory."""
-    if memory is None:
+def join_memory(parts: Sequence[Trace], cycles: int, legs: int) -> dict[str, Array]:
+    """The signals of the memory in all parts of a run, (cycles, legs) by name; NaN throughout without memory."""
+    if not parts:
         return {name: np.full((cycles, legs), np.nan) for name in COLUMNS}
-    return {name: as_array(memory, name).reshape(cycles, legs) for name in COLUMNS}
+    return {name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}
 
 
 _NO_WEIGHTS = "no weights that a built-in feedforward keeps"

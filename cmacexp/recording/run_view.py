@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.manifest import Manifest
 from cmacexp.data.parquet import as_array, is_support
-from cmacexp.data.stored_run import select_whole
-from cmacexp.data.tables import Traces
+from cmacexp.data.run import select_whole
+from cmacexp.data.trace import Trace
 from cmacexp.models.chain import chain_points
 from cmacexp.models.ground import height_at
 from cmacexp.recording.window import Window
@@ -176,17 +176,17 @@ def _leg(trace: pa.Table, rows: NDArray[np.intp], number: int, built: dict[str, 
 
 
 def make_view(
-    traces: Traces, manifest: Manifest, window: Window | None = None, label: str = "", root: str = ""
+    traces: Trace, manifest: Manifest, window: Window | None = None, label: str = "", root: str = ""
 ) -> RunView:
     """The view of a run from the traces of the steps that are drawn; without a window they are all of its steps."""
-    trace, config, robot = traces.legs, manifest["config"], manifest.get("robot")
+    trace, config, robot = traces.table, manifest["config"], manifest.get("robot")
     number, built = as_array(trace, "leg"), _leg_configs(config, robot)
     rows = {i: np.flatnonzero(number == i) for i in range(1, len(built) + 1)}
     legs = [_leg(trace, rows[i], i, leg) for i, leg in enumerate(built, start=1)]
     time, step, cycle = (as_array(trace, name)[rows[1]] for name in ("time", "step", "cycle"))
     if traces.body is not None:
         body = {"yaw": np.zeros_like(time)}
-        body |= {name: as_array(traces.body, name) for name in traces.body.column_names}
+        body |= {name: traces.body[name] for name in traces.body.names}
     else:
         still = np.zeros_like(time)
         body = dict.fromkeys(("cog_x", "cog_y", "yaw", "pitch", "roll"), still)

@@ -18,7 +18,8 @@ from cmacexp.data.folder import write_atomically
 from cmacexp.data.hashes import was_written
 from cmacexp.data.manifest import Manifest
 from cmacexp.data.parquet import read_table
-from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores, read_traces
+from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores
+from cmacexp.data.trace import read_trace
 from cmacexp.metrics.pooling import pool_legs
 from cmacexp.recording.blueprint import KEY, describe_key, layout
 from cmacexp.recording.entities import Entities
@@ -115,7 +116,7 @@ def write_recording(
 ) -> str:
     """Write the Rerun view of a run whose trace has a step, whole or not at all; returns a description of it."""
     with _pandas_left_out():
-        traces = read_traces(folder, window.cycles, window.every)
+        traces = read_trace(folder, range(window.first, window.last + 1), window.every)
         view = replace(make_view(traces, manifest, window, label), meshes=meshes)
         name = f"{manifest['config']['scenario']} {view.label}, {window}{', with meshes' if meshes else ''}"
         write_views({folder: view}, layout(view), name, path)

@@ -2,21 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cmacexp.config.machine import LEG_NAMES
-from cmacexp.data.parquet import as_array, is_support, read_cycles
-from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import BODY_FILE, TRACE_FILE
-from cmacexp.metrics.block import THIRD_AXIS
+from cmacexp.data.run import Run
+from cmacexp.data.trace import THIRD_AXIS, Trace
 from cmacexp.typing import Array, Mask
 
-Rows = dict[str, NDArray[Any]]
-"""Columns of a trace by name, ``phase`` as whether it is support; pandas takes longer to import than a figure."""
+Rows = dict[str, Array]
+"""Signals of one leg or of the body by name, (steps,) each."""
 
 
 def keep_rows(rows: Rows, kept: Mask | slice) -> Rows:
@@ -24,30 +19,30 @@ def keep_rows(rows: Rows, kept: Mask | slice) -> Rows:
     return {name: column[kept] for name, column in rows.items()}
 
 
-def _read_rows(path: Path, cycles: Sequence[int]) -> Rows:
-    table = read_cycles(path, cycles)
-    return {name: is_support(table) if name == "phase" else as_array(table, name) for name in table.column_names}
-
-
 @dataclass(frozen=True)
 class CycleData:
     """Some cycles of a run, for figures."""
 
     cycles: Sequence[int]
-    trace: Rows
-    body: Rows | None
+    trace: Trace
     cycle_time: float
     period: float
     """Between two samples, s."""
-    legs: Sequence[int]
-    has_joints: bool
-    axes: str
-    """Those in which a foot moves: x and y and, of a robot, z; there are as many joints."""
+
+    @property
+    def legs(self) -> Sequence[int]:
+        """Numbers of the legs."""
+        return range(1, self.trace.legs + 1)
+
+    @property
+    def has_joints(self) -> bool:
+        """Whether the legs have joints; a point mass has none."""
+        return not np.isnan(self.trace["q1"]).all()
 
     @property
     def is_robot(self) -> bool:
         """Whether the legs move in space."""
-        return THIRD_AXIS in self.axes
+        return THIRD_AXIS in self.trace.axes
 
     @property
     def moves_along_x(self) -> bool:
@@ -57,14 +52,18 @@ class CycleData:
     @property
     def duration(self) -> float:
         """Duration of the longest of the cycles, s; less than a cycle if the run stopped in its first."""
-        return float(self.time_in_cycle(self.trace).max()) + self.period
+        return float(self.time_in_cycle(self.rows(1)).max()) + self.period
+
+    def rows(self, leg: int) -> Rows:
+        """All signals of one leg; of the body if ``leg`` is 0."""
+        if not leg:
+            assert self.trace.body is not None
+            return {name: self.trace.body[name] for name in self.trace.body.names}
+        return {name: self.trace[name][:, leg - 1] for name in self.trace.names if name != "phase"}
 
     def select(self, cycle: int, leg: int) -> Rows:
         """The trace of one leg in one cycle; of the body if ``leg`` is 0."""
-        if not leg:
-            assert self.body is not None
-            return keep_rows(self.body, self.body["cycle"] == cycle)
-        return keep_rows(self.trace, (self.trace["cycle"] == cycle) & (self.trace["leg"] == leg))
+        return keep_rows(self.rows(leg), self.trace.shared("cycle") == cycle)
 
     def time_in_cycle(self, rows: Rows) -> Array:
         """Time since the cycle began, s."""
@@ -74,10 +73,9 @@ class CycleData:
         """Begin and end of each planned support in the first cycle, s; none if all is support, or of the body."""
         if not leg:
             return []
-        rows = self.select(self.cycles[0], leg)
-        support = rows["phase"]
+        support = self.trace.support[self.trace.shared("cycle") == self.cycles[0], leg - 1]
         edges = np.flatnonzero(np.diff(support.astype(int), prepend=0, append=0))
-        clock = np.append(self.time_in_cycle(rows), self.cycle_time)
+        clock = np.append(self.time_in_cycle(self.select(self.cycles[0], leg)), self.cycle_time)
         return [] if support.all() else list(zip(clock[edges[::2]], clock[edges[1::2]], strict=True))
 
     def leg_name(self, leg: int) -> str:
@@ -85,11 +83,6 @@ class CycleData:
         return f"leg {leg}, {LEG_NAMES[leg - 1]}" if leg and len(self.legs) > 1 else ""
 
 
-def read_cycle_data(run: StoredRun, cycles: Sequence[int]) -> CycleData:
+def read_cycle_data(run: Run, cycles: Sequence[int]) -> CycleData:
     """Read some cycles of a run."""
-    trace = _read_rows(run.folder / TRACE_FILE, cycles)
-    body = _read_rows(run.folder / BODY_FILE, cycles) if run.walks else None
-    has_joints = not np.isnan(trace["q1"]).all()
-    times = run.config["gait"]["cycle_time"], run.config["sampling_period"]
-    axes = "xyz" if THIRD_AXIS in trace else "xy"
-    return CycleData(cycles, trace, body, *times, range(1, int(trace["leg"].max()) + 1), has_joints, axes)
+    return CycleData(cycles, run.read_trace(cycles), run.config["gait"]["cycle_time"], run.config["sampling_period"])

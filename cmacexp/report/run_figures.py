@@ -8,8 +8,8 @@ import numpy as np
 
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.parquet import as_array
-from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import LAST_STEPS
+from cmacexp.data.run import Run
+from cmacexp.data.trace import LAST_STEPS
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.text import format_number
 from cmacexp.report.captions import describe_change, join
@@ -27,7 +27,7 @@ VISIBLE = 0.005
 """Least difference of two lines that is visible, as part of their range: about half the width of what is desired."""
 
 
-def draw_metrics(run: StoredRun) -> Drawing:
+def draw_metrics(run: Run) -> Drawing:
     """The main metrics per cycle, pooled over the legs and, of several, of each."""
     pooled, count, table = pool_legs(run.scores), count_legs(run.scores), run.scores.legs
     main, panels = select_main(pooled, count), []
@@ -161,7 +161,7 @@ def describe_peaks(data: CycleData, names: Iterable[str], legs: Sequence[int]) -
 
 def draw_tracking(data: CycleData) -> list[Drawing]:
     """Foot path, force and errors over the chosen cycles: one figure for one leg, else one for each."""
-    names = ["foot", "force", *data.axes] if data.moves_along_x else ["force", "y"]
+    names = ["foot", "force", *data.trace.axes] if data.moves_along_x else ["force", "y"]
     panels = {name: over_cycle(data, name, data.legs) for name in names}
     if len(data.legs) == 1:
         every = [panel for (panel,) in panels.values()]
@@ -173,7 +173,7 @@ def draw_tracking(data: CycleData) -> list[Drawing]:
     for name in names:
         seen = "" if name == "foot" else describe_peaks(data, [name], data.legs) + _describe_shade(data)
         figure = draw(panels[name], height=2.0 if name == "foot" else 2.4, share="xy")
-        file = f"error_{name}" if name in data.axes else name
+        file = f"error_{name}" if name in data.trace.axes else name
         drawings.append(Drawing(file, figure, QUANTITIES[name].caption + _describe_plans(panels[name]) + seen))
     return drawings
 
@@ -192,7 +192,7 @@ def _describe_shade(data: CycleData) -> str:
 
 def draw_torques(data: CycleData) -> Drawing:
     """Feedback and feedforward of all joints in the last chosen cycle; of a robot J^T F_d apart, as in metrics."""
-    cycle, count = data.cycles[-1], len(data.axes)
+    cycle, count = data.cycles[-1], len(data.trace.axes)
     names = JOINTS[count] if data.has_joints else ("along x", "along y")
     unit = "torque, N m" if data.has_joints else "force, N"
     learns = any(data.trace[f"tau_feedforward_{joint + 1}"].any() for joint in range(count))
@@ -229,19 +229,19 @@ def _end_of_body(rows: Rows, name: str) -> Panel:
 
 def draw_end(data: CycleData, status: str) -> Drawing:
     """The last steps of a run that fell or diverged."""
-    columns = {f"dq{joint}": f"joint {joint}" for joint in range(1, len(data.axes) + 1)}
+    columns = {f"dq{joint}": f"joint {joint}" for joint in range(1, len(data.trace.axes) + 1)}
     if not data.has_joints:
         columns = {"vx": "along x", "vy": "along y"}
     speeds, forces = [], []
     for leg in data.legs:
-        rows = keep_rows(keep_rows(data.trace, data.trace["leg"] == leg), slice(-LAST_STEPS, None))
+        rows = keep_rows(data.rows(leg), slice(-LAST_STEPS, None))
         whose = f"leg {leg} " if len(data.legs) > 1 else ""
         speeds += [Series(whose + name, rows["time"], rows[column]) for column, name in columns.items()]
         forces.append(Series(whose or "force", rows["time"], rows["force"]))
     panels = [Panel("contact force", "time, s", "force, N", forces)]
-    if data.body is not None and status == "fell":
-        panels += [_end_of_body(keep_rows(data.body, slice(-LAST_STEPS, None)), name) for name in BODY_QUANTITIES]
+    if data.trace.body is not None and status == "fell":
+        panels += [_end_of_body(keep_rows(data.rows(0), slice(-LAST_STEPS, None)), name) for name in BODY_QUANTITIES]
     else:
         panels.append(Panel("speed", "time, s", "joint speed, rad/s" if data.has_joints else "speed, m/s", speeds))
-    steps = min(LAST_STEPS, len(data.trace["leg"]) // len(data.legs))
+    steps = min(LAST_STEPS, data.trace.steps)
     return Drawing("end", draw(panels), f"The last {steps} recorded steps before the run stopped.")

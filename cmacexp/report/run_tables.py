@@ -6,7 +6,7 @@ from markupsafe import Markup
 
 from cmacexp.config.describe import Described, describe_fields, read_defaults
 from cmacexp.config.difference import flatten_config
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
@@ -15,7 +15,7 @@ from cmacexp.metrics.text import format_cell, format_setting
 from cmacexp.report.page_elements import Folded, PageElement, Section, Table
 
 
-def list_facts(run: StoredRun) -> Table:
+def list_facts(run: Run) -> Table:
     """How the run ended, its size, components, cost and versions."""
     manifest, config, drift = run.manifest, run.config, read_drift_entry(run.manifest["drift"])
     per_step = 1e6 * manifest["rollout_seconds"] / manifest["steps"]
@@ -35,7 +35,7 @@ def list_facts(run: StoredRun) -> Table:
     return Table(["property", "value"], [[key, value] for key, value in facts.items()])
 
 
-def list_key_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
+def list_key_metrics(run: Run, cycles: Sequence[int]) -> Table:
     """The main metrics in the cycles that are shown."""
     pooled = pool_legs(run.scores)
     rows = []
@@ -49,7 +49,7 @@ def list_key_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
     return Table(titles, rows, caption, cards=True)
 
 
-def list_settings(run: StoredRun) -> Section:
+def list_settings(run: Run) -> Section:
     """The config of the run, compared with that of its scenario without any change."""
     settings, described = flatten_config(run.config), describe_fields(run.config)
     scenario = str(run.config["scenario"])

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from cmacexp.config.describe import describe_fields
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.metrics.registry import JUDGED, MAIN
+from cmacexp.metrics.run_table import shows
 from cmacexp.metrics.text import format_setting
 from cmacexp.report.captions import describe_change, describe_effect
 from cmacexp.report.curves import is_numeric, over_cycles, over_setting
 from cmacexp.report.figures import draw
 from cmacexp.report.page_elements import Drawing
-from cmacexp.report.run_summary import RunSummary
 from cmacexp.report.style import DASHES, MARKERS, SERIES
 from cmacexp.typing import Array
 
@@ -27,29 +27,30 @@ def make_file_name(key: str) -> str:
     return key.replace(".", "-").replace("_", "-").strip("-")
 
 
-def group_by(runs: Sequence[RunSummary], key: str) -> dict[Any, list[RunSummary]]:
+def group_by(runs: Sequence[Run], key: str) -> dict[Any, list[Run]]:
     """Runs by the value of a config key; numbers in their order."""
-    groups: dict[Any, list[RunSummary]] = {}
+    groups: dict[Any, list[Run]] = {}
     for run in runs:
-        groups.setdefault(run.config.get(key), []).append(run)
+        value = run.settings.get(key)
+        groups.setdefault(format_setting(value) if isinstance(value, list) else value, []).append(run)
     return {value: groups[value] for value in sorted(groups)} if is_numeric(list(groups)) else groups
 
 
-def read_names(run: RunSummary, keys: Sequence[str]) -> dict[str, str]:
+def read_names(run: Run, keys: Sequence[str]) -> dict[str, str]:
     """Config keys as names of axes, with their units."""
-    fields = describe_fields(StoredRun(run.folder).config)
+    fields = describe_fields(run.config)
     return {key: f"{key}, {fields[key].unit}".rstrip(", ") if key in fields else key for key in keys}
 
 
-def draw_learning_curves(runs: Sequence[RunSummary], names: Sequence[str], keys: Sequence[str]) -> list[Drawing]:
+def draw_learning_curves(runs: Sequence[Run], names: Sequence[str], keys: Sequence[str]) -> list[Drawing]:
     """The main metrics per cycle, a line for each run that has a whole one; none if no run has two.
 
     Of many runs each of the first two swept keys has a figure with a line for each of its values.
     """
-    ends = ["" if run.status == "completed" else f", {run.status}" for run in runs]
-    begun = {name + end: [run] for name, end, run in zip(names, ends, runs, strict=True) if run.cycles}
+    ends = ["" if run.completed else f", {run.outcome.status}" for run in runs]
+    begun = {name + end: [run] for name, end, run in zip(names, ends, runs, strict=True) if run.cycles_done}
     shown = [run for (run,) in begun.values()]
-    if max((run.cycles for run in shown), default=0) < 2:
+    if max((run.cycles_done for run in shown), default=0) < 2:
         return []
     if len(shown) > MOST_LINES:
         return [_draw_grouped(shown, key) for key in keys[:2]]
@@ -57,17 +58,17 @@ def draw_learning_curves(runs: Sequence[RunSummary], names: Sequence[str], keys:
     return [_draw_learning("learning", "one line for each run", begun, "", styles)]
 
 
-def _style_lines(named: Mapping[str, Sequence[RunSummary]], keys: Sequence[str]) -> dict[Any, dict[str, Any]]:
+def _style_lines(named: Mapping[str, Sequence[Run]], keys: Sequence[str]) -> dict[Any, dict[str, Any]]:
     """Of two swept keys the first has a colour for each value, the second a dash and a mark."""
     places = [list(group_by([run for (run,) in named.values()], key)) for key in keys]
     styles = {}
     for name, (run,) in named.items():
-        colour, dash = (values.index(run.config.get(key)) % 7 for values, key in zip(places, keys, strict=True))
+        colour, dash = (values.index(run.settings.get(key)) % 7 for values, key in zip(places, keys, strict=True))
         styles[name] = {"color": SERIES[colour], "linestyle": DASHES[dash], "marker": MARKERS[dash]}
     return styles
 
 
-def _draw_grouped(runs: Sequence[RunSummary], key: str) -> Drawing:
+def _draw_grouped(runs: Sequence[Run], key: str) -> Drawing:
     groups = group_by(runs, key)
     values = list(groups)
     chosen = sorted({round(place) for place in np.linspace(0, len(values) - 1, MOST_LINES)})
@@ -78,12 +79,12 @@ def _draw_grouped(runs: Sequence[RunSummary], key: str) -> Drawing:
 
 
 def _draw_learning(
-    file: str, what: str, groups: Mapping[Any, Sequence[RunSummary]], title: str, styles: Mapping[Any, dict[str, Any]]
+    file: str, what: str, groups: Mapping[Any, Sequence[Run]], title: str, styles: Mapping[Any, dict[str, Any]]
 ) -> Drawing:
     runs = [run for group in groups.values() for run in group]
     panels, ends = [], {}
     for name in JUDGED:
-        if not any(run.shows(name) and np.isfinite(run.final(name)) for run in runs):
+        if not any(shows(run, name) and np.isfinite(run.final(name)) for run in runs):
             continue
         histories = {value: [_history(run, name) for run in group] for value, group in groups.items()}
         panel = over_cycles(name, histories)
@@ -95,23 +96,27 @@ def _draw_learning(
     return Drawing(file, draw(panels, legend_title=title), f"{caption} Numbers are medians of the runs.")
 
 
-def _history(run: RunSummary, name: str) -> Array:
-    undefined = np.full(run.cycles, np.nan)
-    return run.metrics.get(name, undefined) if run.shows(name) else undefined
+def _history(run: Run, name: str) -> Array:
+    undefined = np.full(run.cycles_done, np.nan)
+    return run.pooled.get(name, undefined) if shows(run, name) else undefined
 
 
-def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> list[Drawing]:
+def draw_over_key(runs: Sequence[Run], key: str, keys: Sequence[str]) -> list[Drawing]:
     """The main metrics of the last cycle over a swept key; with a second key a line for each of its values."""
-    ended = [run for run in runs if run.status == "completed"]
+    ended = [run for run in runs if run.completed]
     values = list(group_by(runs, key))
     others = [other for other in keys if other != key]
     second = others[0] if len(others) == 1 and len(group_by(ended, others[0])) <= 7 else ""
     lines = group_by(ended, second) if second else {"last cycle": ended}
-    stopped: list[Any] = [run.config.get(key) for run in runs if run.status != "completed"]
+    stopped: list[Any] = [run.settings.get(key) for run in runs if not run.completed]
     panels, changed, names = [], {}, read_names(runs[0], keys)
     for name in JUDGED:
         known = np.array([value for run in ended if np.isfinite(value := run.final(name))])
-        if not all(run.shows(name) for run in ended) or not known.size or np.ptp(known) <= 1e-9 * np.abs(known).max():
+        if (
+            not all(shows(run, name) for run in ended)
+            or not known.size
+            or np.ptp(known) <= 1e-9 * np.abs(known).max()
+        ):
             continue
         groups = {line: _over(group, key, name) for line, group in lines.items()}
         shown, numeric = MAIN[name], is_numeric(values)
@@ -134,7 +139,7 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
     return [Drawing(f"over-{make_file_name(key)}", figure, f"{caption}{also}.{describe_effect(changed)}")]
 
 
-def _over(runs: Sequence[RunSummary], key: str, name: str) -> dict[Any, Array]:
+def _over(runs: Sequence[Run], key: str, name: str) -> dict[Any, Array]:
     """Defined values of a metric in the unit that is shown, by the value of a key."""
     samples = {
         value: np.array([MAIN[name].factor * run.final(name) for run in group])

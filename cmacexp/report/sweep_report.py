@@ -8,10 +8,12 @@ from typing import Any, NamedTuple
 
 from cmacexp.config.component import COMPONENTS
 from cmacexp.config.load import WITHOUT_EFFECT
+from cmacexp.data.run import Run
+from cmacexp.data.tables import TABLES
+from cmacexp.metrics.run_table import format_runs, make_names
 from cmacexp.metrics.text import format_setting
 from cmacexp.report.page import HOW_TO_REPORT, Report
 from cmacexp.report.page_elements import Section, Table
-from cmacexp.report.run_summary import TABLES, RunSummary, format_runs, make_names
 from cmacexp.report.sweep_figures import draw_learning_curves, draw_over_key
 
 Partition = tuple[int, ...]
@@ -56,9 +58,9 @@ def _rank(key: str) -> tuple[int, int, str]:
     return (order.index(True) if True in order else len(order), len(key), key)
 
 
-def find_swept(runs: Iterable[RunSummary]) -> Swept:
+def find_swept(runs: Iterable[Run]) -> Swept:
     """The config keys in which runs differ; of keys that differ between the same runs, one stands for all."""
-    groups = _group_keys([run.config for run in runs if run.config])
+    groups = _group_keys([run.settings for run in runs if run.settings])
     linked = {first: others for first, *others in (sorted(keys, key=_rank) for keys in groups.values())}
     seeds = [key for key in linked if key.endswith("seed")]
     keys = [key for key in linked if key not in seeds]
@@ -67,39 +69,39 @@ def find_swept(runs: Iterable[RunSummary]) -> Swept:
     return Swept(keys, {key: linked[key] for key in keys if linked[key]}, seeds)
 
 
-def _list_stopped(runs: Sequence[RunSummary]) -> list[Any]:
+def _list_stopped(runs: Sequence[Run]) -> list[Any]:
     """Runs that stopped or are broken, each with its reason."""
     named = zip(make_names(runs), runs, strict=True)
-    rows = [[name, run.status, run.cause] for name, run in named if run.status != "completed"]
+    rows = [[name, *run.outcome] for name, run in named if not run.completed]
     caption = "Runs that did not complete; figures show only those that fell or diverged"
     return [Table(["run", "status", "reason"], rows, caption)] if rows else []
 
 
-def _list_differences(runs: Sequence[RunSummary], swept: Swept) -> list[Any]:
+def _list_differences(runs: Sequence[Run], swept: Swept) -> list[Any]:
     rows = []
     for key in [*swept.keys, *swept.seeds]:
-        values = list(dict.fromkeys(format_setting(run.config.get(key)) for run in runs if run.config))
+        values = list(dict.fromkeys(format_setting(run.settings.get(key)) for run in runs if run.settings))
         listed = ", ".join(values[:12]) + (f", ... ({len(values)} values)" if len(values) > 12 else "")
         rows.append([key, listed, *([", ".join(swept.linked.get(key, []))] if swept.linked else [])])
     if not rows:
         same = "These runs have the same config, apart from settings that do not change the results."
-        return [same] if all(run.config for run in runs) else []
+        return [same] if all(run.settings for run in runs) else []
     titles = ["key", "values", *(["keys that vary with it"] if swept.linked else [])]
     return [Table(titles, rows, "What differs between the runs")]
 
 
-def _make_line_names(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[str]:
+def _make_line_names(runs: Sequence[Run], keys: Sequence[str]) -> list[str]:
     """Names of the runs in legends: the values of the swept keys, or else their folders."""
     named = [
-        ", ".join(f"{key.rpartition('.')[2]} {format_setting(run.config.get(key))}" for key in keys) for run in runs
+        ", ".join(f"{key.rpartition('.')[2]} {format_setting(run.settings.get(key))}" for key in keys) for run in runs
     ]
     return named if keys and len(keys) <= 3 and len(set(named)) == len(runs) else make_names(runs)
 
 
-def make_sweep_report(runs: Sequence[RunSummary], title: str, resume: str = "") -> Report:
+def make_sweep_report(runs: Sequence[Run], title: str, resume: str = "") -> Report:
     """The report of two or more runs; ``resume`` says how an unfinished sweep is continued."""
     swept = find_swept(runs)
-    results = [run for run in runs if run.is_result]
+    results = [run for run in runs if run.outcome.is_result]
     keys = [*swept.keys, *swept.seeds]
     names = _make_line_names(results, keys)
     curves = draw_learning_curves(results, names, keys or ["scenario"])
@@ -110,9 +112,9 @@ def make_sweep_report(runs: Sequence[RunSummary], title: str, resume: str = "") 
     sections = [Section("The runs", [*_list_differences(runs, swept), final, pages, *_list_stopped(runs)])]
     sections += [Section("Metrics over the swept keys", over)] if over else []
     sections += [Section("Learning curves", curves)] if curves else []
-    ends = ", ".join(f"{count} {status}" for status, count in Counter(run.status for run in runs).items())
+    ends = ", ".join(f"{count} {status}" for status, count in Counter(run.outcome.status for run in runs).items())
     summary = f"{len(runs)} runs: {ends}."
-    if keys or all(run.config for run in runs):
+    if keys or all(run.settings for run in runs):
         summary += f" What differs between them: {', '.join(keys) or 'nothing'}."
     summary += f" To continue: {resume}." if resume else ""
     inputs = [run.folder / name for run in results for name in TABLES if (run.folder / name).exists()]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cmacexp.config import Config
-from cmacexp.data.stored_run import StoredRun, read_config
+from cmacexp.data.run import Run, read_config
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants import AnalyticPlant
 from cmacexp.stability.growth import GROWTH_CYCLES, Growth, change_sizes, predicted_growth, with_lead
@@ -37,7 +37,7 @@ class Analysis:
         return np.min([spectrum.least_real(lead) for spectrum in self.spectra], axis=0)
 
 
-def read_learning(run: StoredRun) -> Config:
+def read_learning(run: Run) -> Config:
     """The config of a run; of a lead that it estimated, with the last estimate."""
     config = read_config(run)
     return with_lead(config, int(run.manifest["learning_lead"])) if config.learning.lead == "estimate" else config

@@ -11,7 +11,7 @@ import numpy as np
 
 from cmacexp.data.folder import OUT_KEY, replacing
 from cmacexp.data.manifest import REPORT
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.metrics.text import format_cell
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.markdown import render_markdown
@@ -70,7 +70,7 @@ def _draw_real_parts(analysis: Analysis) -> "Figure":
 
 
 def write_stability_report(
-    run: StoredRun, verdict: Verdict, analysis: Analysis | None, notes: Sequence[str], folder: Path
+    run: Run, verdict: Verdict, analysis: Analysis | None, notes: Sequence[str], folder: Path
 ) -> Path:
     """Write verdict and page of a run into ``folder``, with sentences ``notes``; returns the HTML file."""
     from pandas import DataFrame

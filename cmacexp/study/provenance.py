@@ -18,6 +18,7 @@ import yaml
 from cmacexp.config.component import config_folder
 from cmacexp.config.custom_code import find_sources
 from cmacexp.data.manifest import git_commit, versions
+from cmacexp.data.run import Run
 from cmacexp.data.version import __version__
 from cmacexp.jit.sources import PACKAGE, RESULT_ROOMS
 from cmacexp.study.results import Results, RunRow
@@ -80,9 +81,9 @@ def list_changed(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]
 
 def _hardly_costs(row: RunRow) -> tuple[float, str]:
     """By cost: samples of legs; then by settings, so that the choice is always the same."""
-    config = row.summary.config
-    steps = row.summary.cycles * config["gait.cycle_time"] / config["sampling_period"]
-    return steps * row.summary.legs, repr(sorted(config.items(), key=str))
+    config = row.run.settings
+    steps = row.run.cycles_done * config["gait.cycle_time"] / config["sampling_period"]
+    return steps * row.run.legs, repr(sorted(config.items(), key=str))
 
 
 def choose_witnesses(results: Results, overrides: Mapping[Path, Sequence[str]]) -> list[dict[str, Any]]:
@@ -90,17 +91,17 @@ def choose_witnesses(results: Results, overrides: Mapping[Path, Sequence[str]]) 
 
     ``overrides`` are those of runs that start from nothing, by folder.
     """
-    rows = [row for row in results.rows if row.summary.folder in overrides and row.summary.status == "completed"]
+    rows = [row for row in results.rows if row.run.folder in overrides and row.run.completed]
     rows.sort(key=_hardly_costs)
     kinds = [row.settings.get("feedforward") for row in rows]
     others = [index for index, kind in enumerate(kinds) if kind != kinds[0]] or [1]
     chosen = rows[:1] + rows[others[0] : others[0] + 1]
-    return [make_witness(overrides[row.summary.folder], row.summary) for row in chosen]
+    return [make_witness(overrides[row.run.folder], row.run) for row in chosen]
 
 
-def make_witness(overrides: Sequence[str], summary: Any) -> dict[str, Any]:
+def make_witness(overrides: Sequence[str], run: Run) -> dict[str, Any]:
     """An entry: overrides, and every metric of the last whole cycle, null where it is undefined."""
-    final = {name: summary.final(name) for name in summary.metrics}
+    final = {name: run.final(name) for name in run.pooled}
     metrics = {name: value if math.isfinite(value) else None for name, value in final.items()}
     return {"overrides": list(overrides), "metrics": metrics}
 

@@ -8,18 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.metric import LARGE, NEITHER
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.metrics.text import format_setting
-from cmacexp.report.run_summary import RunSummary, read_summary
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Measures = Mapping[str, Callable[[StoredRun], float]]
+Measures = Mapping[str, Callable[[Run], float]]
 LAST_CYCLES = 10
 """Cycles at the end of a run whose median is its final value."""
 
@@ -28,7 +27,7 @@ LAST_CYCLES = 10
 class RunRow:
     """One run: what it was asked for, and what it gave."""
 
-    summary: RunSummary
+    run: Run
     settings: Mapping[str, Any]
     """Labels, chosen options and config fields, by key."""
     shown: Mapping[str, Any]
@@ -51,9 +50,10 @@ def read_row(
     seeded: bool,
 ) -> RunRow:
     """Read a run of which further measures are known, and whether it is repeated for other seeds."""
-    summary = read_summary(folder)
-    settings = {**summary.config, **options, **labels}
-    return RunRow(summary, settings, {key: settings.get(key) for key in keys} | dict(labels), measured, seeded)
+    run = Run(folder)
+    _ = run.outcome  # read once
+    settings = {**run.settings, **options, **labels}
+    return RunRow(run, settings, {key: settings.get(key) for key in keys} | dict(labels), measured, seeded)
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Results:
     @property
     def folders(self) -> list[Path]:
         """Of the runs."""
-        return [row.summary.folder for row in self.rows]
+        return [row.run.folder for row in self.rows]
 
     @property
     def has_one_seed(self) -> bool:
@@ -78,12 +78,12 @@ class Results:
         return len({row.settings.get("seed") for row in self.rows if row.seeded}) == 1
 
     @property
-    def runs(self) -> list[StoredRun]:
+    def runs(self) -> list[Run]:
         """The runs, with their traces."""
-        return [StoredRun(folder) for folder in self.folders]
+        return [row.run for row in self.rows]
 
     @property
-    def run(self) -> StoredRun:
+    def run(self) -> Run:
         """The only run, or the one of the first seed."""
         return self.runs[0]
 
@@ -137,7 +137,7 @@ class Results:
             BadInput: there is neither.
         """
         if name in ALL_METRICS:
-            return np.array([row.summary.final(name) for row in self.rows])
+            return np.array([row.run.final(name) for row in self.rows])
         for row in self.rows:
             _require("measure", name, row.measures)
         return np.array([row.measures[name] for row in self.rows])
@@ -149,38 +149,35 @@ class Results:
             BadInput: a run was to end before, or no such metric.
         """
         worst = worst_value(name)
-        asked = min((row.summary.cycles for row in self.rows if row.summary.status == "completed"), default=cycle)
+        asked = min((row.run.cycles_done for row in self.rows if row.run.completed), default=cycle)
         if cycle > asked:
             raise BadInput("cycle", cycle, f"a run that completed has {asked} cycles")
-        histories = [row.summary.metrics.get(name, np.empty(0)) for row in self.rows]
+        histories = [row.run.pooled.get(name, np.empty(0)) for row in self.rows]
         return np.array([float(h[cycle - 1]) if cycle <= len(h) else worst for h in histories])
 
     def end(self, name: str, cycles: int = LAST_CYCLES) -> Array:
         """(runs,): median of a metric over the last cycles; of a run that did not complete, the worst value."""
         worst = worst_value(name)
-        done = [row.summary for row in self.rows if row.summary.status == "completed"]
-        if any(name not in summary.metrics for summary in done):
+        done = [row.run for row in self.rows if row.run.completed]
+        if any(name not in run.pooled for run in done):
             raise BadInput("metric", name, "these machines do not have it; a robot has all")
         return np.array(
-            [
-                float(np.median(row.summary.metrics[name][-cycles:])) if row.summary.status == "completed" else worst
-                for row in self.rows
-            ]
+            [float(np.median(row.run.pooled[name][-cycles:])) if row.run.completed else worst for row in self.rows]
         )
 
     def history(self, name: str) -> list[Array]:
         """A metric in all whole cycles of each run."""
-        return [row.summary.metrics[name] for row in self.rows if name in row.summary.metrics]
+        return [row.run.pooled[name] for row in self.rows if name in row.run.pooled]
 
     @property
     def completed(self) -> list[bool]:
         """Whether each run reached its end."""
-        return [row.summary.status == "completed" for row in self.rows]
+        return [row.run.completed for row in self.rows]
 
     @property
     def cycles(self) -> list[int]:
         """Whole cycles of each run."""
-        return [row.summary.cycles for row in self.rows]
+        return [row.run.cycles_done for row in self.rows]
 
     @cached_property
     def table(self) -> "pd.DataFrame":
@@ -188,9 +185,9 @@ class Results:
         import pandas as pd
 
         frame = pd.DataFrame(
-            {**_plain(row), "cycles": row.summary.cycles, "status": row.summary.status, "cause": row.summary.cause}
+            {**_plain(row), "cycles": row.run.cycles_done, **row.run.outcome._asdict()}
             | dict(row.measures)
-            | {name: row.summary.final(name) for name in row.summary.metrics}
+            | {name: row.run.final(name) for name in row.run.pooled}
             for row in self.rows
         )
         mixed = [name for name in frame if len({isinstance(value, str) for value in frame[name].dropna()}) > 1]

@@ -161,7 +161,7 @@ def _measure(criterion: Criterion, results: Results) -> CriterionResult:
         if chosen.has_one_seed:
             interval = replace(interval, method=ONE_SEED)
     except BadSample as error:
-        if "failed" not in {row.summary.status for row in chosen.rows}:
+        if "failed" not in {row.run.outcome.status for row in chosen.rows}:
             raise BadInput("quantity", criterion.quantity, str(error)) from error
         interval = replace(UNKNOWN, count=len(chosen))
     except NoSuchRuns as error:

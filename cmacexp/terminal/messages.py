@@ -7,7 +7,7 @@ from shlex import quote
 
 from cmacexp.config.machine import describe_other_model
 from cmacexp.data.parquet import as_array
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.run import Run
 from cmacexp.data.tables import RECORDING_FILE
 from cmacexp.jit.compiler import call_before_compiling
 from cmacexp.metrics.body import describe_load
@@ -39,7 +39,7 @@ def warn_of_models(machines: Iterable[object]) -> None:
             _warn(other)
 
 
-def format_outcome(result: StoredRun, separator: str = ": ") -> str:
+def format_outcome(result: Run, separator: str = ": ") -> str:
     """How a run ended, and after ``separator`` its steps and time."""
     manifest = result.manifest
     steps, seconds = manifest["steps"], manifest["rollout_seconds"]
@@ -47,13 +47,13 @@ def format_outcome(result: StoredRun, separator: str = ": ") -> str:
     return f"{result.ending}{separator}{steps} steps in {manifest['wall_seconds']:.2f} s{per_step}"
 
 
-def describe_drift(result: StoredRun) -> str:
+def describe_drift(result: Run) -> str:
     """The drift of the learning of a run, in one line; empty if there is none."""
     drift = read_drift_entry(result.manifest["drift"])
     return format_drift(drift, at_end=True) if drift else ""
 
 
-def describe_idle(result: StoredRun) -> str:
+def describe_idle(result: Run) -> str:
     """Whether a custom feedforward gave no torque in a whole run, in one line; empty if it gave some."""
     target, learning = result.config["feedforward"]["_target_"], result.config["learning"]
     legs = result.scores.legs
@@ -80,7 +80,7 @@ def describe_resume(folder: Path) -> str:
     return f"the same command with sweep.resume=true hydra.sweep.dir={format_folder(folder)}"
 
 
-def _list_notes(result: StoredRun) -> Iterator[str]:
+def _list_notes(result: Run) -> Iterator[str]:
     """What is special about a run, a line for each."""
     manifest, config = result.manifest, result.config
     described = {
@@ -105,7 +105,7 @@ def _list_notes(result: StoredRun) -> Iterator[str]:
             yield f"{RECORDING_FILE}: one step in {every} of {steps}; replay with --every 1 shows all"
 
 
-def print_summary(result: StoredRun) -> None:
+def print_summary(result: Run) -> None:
     """Print the metrics of a run, how it ended, the commands that show more, and its folder."""
     scores, lines = result.scores, format_outcome(result, "\n" if result.manifest["cause"] else ": ").split("\n")
     if scores.legs.num_rows:

@@ -9,11 +9,13 @@ from pathlib import Path
 from shutil import get_terminal_size
 from textwrap import wrap
 
+from cmacexp.data.run import Run
 from cmacexp.data.tables import METRICS_CSV, Scores
 from cmacexp.errors import in_one_line
 from cmacexp.metrics.metric import MetricDisplay
 from cmacexp.metrics.pooling import shorten, tabulate_cycles
 from cmacexp.metrics.registry import ALL_METRICS, MAIN
+from cmacexp.metrics.run_table import tabulate_runs
 from cmacexp.metrics.text import find_numeric
 from cmacexp.terminal.output import print_line
 
@@ -78,6 +80,22 @@ def print_key() -> None:
         text = f"{shown.title:<21}{shown.symbol:<8}{metric.meaning} ({name}{over_legs})"
         print("\n".join(wrap(text, TEXT_WIDTH, subsequent_indent=" " * 29)))
     print(f"{'-':<29}undefined, e.g. where the force never settles")
+
+
+def print_runs(runs: Sequence[Run], keys: Sequence[str], all_in: Path) -> None:
+    """Print a table of runs; of many runs some, and where all are."""
+    main, rows = tabulate_runs(runs, keys)
+    titles = ["run\n", *(key.replace(".", ".\n") + "\n" for key in keys), "status\n", "cycles\ndone\n"]
+    print_table([*titles, *map(format_title, main.values())], rows, "runs", all_in)
+    if main:
+        print("metrics are those of the last whole cycle")
+        print(KEY)
+
+
+def format_scores(scores: Scores) -> list[str]:
+    """The main metrics of a run per cycle, pooled over the legs, as lines; of a long run some cycles."""
+    main, rows = tabulate_cycles(scores)
+    return list(format_table(["cycle\n", *map(format_title, main.values())], shorten(rows)))
 
 
 def print_scores(scores: Scores, folder: Path) -> None:

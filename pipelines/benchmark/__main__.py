@@ -23,7 +23,6 @@ from cmacexp.data.folder import HTML, replacing
 from cmacexp.data.manifest import REPORT, git_commit, versions
 from cmacexp.errors import BadInput
 from cmacexp.jit.sources import code_hash
-from cmacexp.report.run_summary import read_summary
 from cmacexp.study.page import evaluate, write_page
 from cmacexp.study.provenance import digest_files, make_provenance, make_witness
 from cmacexp.study.results import Results
@@ -119,7 +118,7 @@ def _make_witnesses(machine: Machine, methods: list[Method]) -> list[dict[str, A
         overrides = trial.list_overrides(machine.draw(0, False), f"cycles={machine.before}")
         with TemporaryDirectory() as folder:
             run = cmacexp.run([*overrides, "record=metrics", "warn=false"], Path(folder) / "run")
-            found.append(make_witness(overrides, read_summary(run.folder)))
+            found.append(make_witness(overrides, run))
     return found
 
 

@@ -29,8 +29,8 @@ from cmacexp.data.tables import (
     METRICS_FILE,
     RECORDING_FILE,
     TRACE_FILE,
-    read_traces,
 )
+from cmacexp.data.trace import read_trace
 from cmacexp.data.weights import WEIGHTS
 
 LEG = ("scenario=one_leg", "cycles=3", "record.weights=true")
@@ -84,7 +84,7 @@ READERS = {
         lambda folder: use("score", folder),
         lambda folder: use("replay", folder, "--no-viewer", "--rebuild"),
     ),
-    BODY_FILE: (lambda folder: cmacexp.load(folder).body, read_traces, lambda folder: use("score", folder)),
+    BODY_FILE: (lambda folder: cmacexp.load(folder).body, read_trace, lambda folder: use("score", folder)),
     MEMORY_FILE: (lambda folder: use("score", folder),),
     METRICS_FILE: (lambda folder: cmacexp.load(folder).metrics, lambda folder: cmacexp.load(folder).scores),
     BODY_METRICS_FILE: (lambda folder: cmacexp.load(folder).body_metrics, lambda folder: cmacexp.load(folder).scores),
@@ -115,7 +115,7 @@ def test_a_flipped_bit_of_a_manifest_is_found(leg):
 
 def test_a_table_that_is_missing_or_that_the_run_did_not_write_is_not_read(leg, walk):
     shutil.copy(walk / BODY_FILE, leg / BODY_FILE)
-    assert read_traces(leg).body is None
+    assert read_trace(leg).body is None
     with pytest.raises(CmacexpError, match=BODY_FILE):
         _ = cmacexp.load(leg).body
     (walk / BODY_FILE).unlink()

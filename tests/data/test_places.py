@@ -118,7 +118,7 @@ def fill_the_disk(monkeypatch, folder):
     def full(*arguments):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("cmacexp.data.tables.TraceWriter.write", full)
+    monkeypatch.setattr("cmacexp.data.trace.TraceWriter.write", full)
     run_other(folder)
 
 

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from support.doors import RunSummary
+from support.made_studies import made_run
 
 from cmacexp.engine.objective import find_direction, read_objective
 
@@ -22,7 +22,7 @@ def test_a_metric_is_searched_in_the_direction_that_is_better():
 def test_the_objective_is_the_last_value_and_counts_a_fall_as_the_worst(tmp_path):
     for name, value in {"force_rmse": 0.5, "force_steady_state_error": -0.2, "height_mean": 0.5}.items():
         metrics = {name: np.array([9.0, value])}
-        done, fell = (RunSummary(tmp_path, status, "", cycles=2, metrics=metrics) for status in ("completed", "fell"))
+        done, fell = (made_run(tmp_path, status, metrics) for status in ("completed", "fell"))
         assert read_objective(name, done, None) == abs(value)
         assert read_objective(name, fell, "minimize") == read_objective(name, fell, None) == math.inf
         assert read_objective(name, fell, "maximize") == -math.inf

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from support.doors import compose_config, make_scenario
+from support.doors import Trace, compose_config, make_scenario
 
 import cmacexp
 from cmacexp.engine.stop_cause import MOST, explain_stop
@@ -33,8 +33,10 @@ def ended(fallen):
             np.where(at_limit, -4.0, 0.0),
             np.where(at_limit, -6.0, 0.0),
         )
-        changed = pa.Table.from_pandas(rows, schema=table.schema, preserve_index=False)
-        return explain_stop(scenario, End(steps, status, "", 0.1), [changed.slice(0, 150), changed.slice(150)], drift)
+        changed = Trace(pa.Table.from_pandas(rows, schema=table.schema, preserve_index=False))
+        return explain_stop(
+            scenario, End(steps, status, "", 0.1), [changed.select(slice(38)), changed.select(slice(38, None))], drift
+        )
 
     return explain
 

@@ -5,6 +5,7 @@ import pyarrow as pa
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.doors import Trace
 
 from cmacexp.metrics.body import compute_body
 
@@ -18,7 +19,7 @@ def test_metrics_of_a_body_are_those_of_each_cycle_alone(seed, rows):
     """Of a last cycle that is short too."""
     rng = np.random.default_rng(seed)
     body = {name: rng.normal(size=rows) for name in ("height", "pitch", "roll", *MARGINS)}
-    found = compute_body(pa.table(body), ROWS, first_cycle=3).to_pydict()
+    found = compute_body(Trace(pa.table(body)), ROWS, first_cycle=3).to_pydict()
     assert found.pop("cycle") == list(range(3, 3 + -(-rows // ROWS)))
     for cycle, start in enumerate(range(0, rows, ROWS)):
         alone = {name: values[start : start + ROWS] for name, values in body.items()}
@@ -35,6 +36,6 @@ def test_cycles_count_from_1_and_a_margin_that_is_unknown_at_times_is_the_least_
         "roll": [0.0] * 3,
         **{name: [np.nan, 2.0, 1.0] for name in MARGINS},
     }
-    found = compute_body(pa.table(body), 2)
+    found = compute_body(Trace(pa.table(body)), 2)
     assert found["cycle"].to_pylist() == [1, 2]
     assert found["true_margin_front_min"].to_pylist() == [2.0, 1.0]

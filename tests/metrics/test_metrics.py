@@ -162,6 +162,6 @@ def test_metrics_are_those_of_the_samples_that_are_there_and_else_undefined(phas
 
 
 def test_of_no_sample_there_is_an_empty_table_whose_columns_have_units():
-    table = compute(make_trace("TSSS", x=0.0, y=0.0).slice(0, 0), 4)
+    table = compute(make_trace("TSSS", x=0.0, y=0.0).select(slice(0)), 4)
     assert (table.num_rows, {*table.column_names}) == (0, {*BY_HAND})
     assert table.schema.field("force_iae").metadata[b"unit"] == b"N s"

@@ -2,6 +2,7 @@
 
 import math
 import statistics
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
@@ -9,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from support.doors import Trace
 from support.made_traces import make_trace
 
 from cmacexp.metrics.body import BODY_METRICS
@@ -36,15 +38,15 @@ def parts():
     columns = {name: rng.normal(size=(24, 2)) for name in names}
     legs = make_trace("TTSSSS", 24, 2, force=rng.uniform(0.5, 1.5, (24, 2)), force_desired=1.0, **columns)
     body = pa.table({name: rng.normal(size=24) for name in BODY_COLUMNS})
-    return lambda begin, end: (legs.slice(12 * begin, 12 * (end - begin)), body.slice(6 * begin, 6 * (end - begin)))
+    trace = replace(legs, body=Trace(body))
+    return lambda begin, end: trace.select(slice(6 * begin, 6 * end))
 
 
 def score(*of):
     """The scores of parts of a run."""
     scorer = RunScorer(6)
-    for legs, body in of:
-        scorer.add_legs(legs)
-        scorer.add_body(body)
+    for part in of:
+        scorer.add(part)
     return scorer.scores
 
 

@@ -4,17 +4,17 @@ import json
 import math
 import re
 import shutil
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from support.command import call
+from support.doors import make_rows
+from support.made_studies import made_run
 
 import cmacexp
 from cmacexp.report.page_elements import Drawing, Folded, Table
 from cmacexp.report.run_figures import draw_metrics
 from cmacexp.report.run_report import make_run_report
-from cmacexp.report.run_summary import RunSummary, make_rows, read_summary
 from cmacexp.report.sweep_report import find_swept, make_sweep_report
 
 
@@ -88,7 +88,7 @@ def test_a_machine_without_joints_or_that_fell_has_the_figures_of_what_it_has(ma
 def test_figures_and_tables_show_the_legs_pooled_as_their_metrics_say(leg, walk):
     """The root mean square of errors, the largest of peaks, the mean of shares; the body's as they are."""
     assert len(draw_metrics(walk).figure.axes[0].lines) == 5, "four legs and what is pooled"
-    (row,) = make_rows([read_summary(walk.folder)], ["cycles"])
+    (row,) = make_rows([walk], ["cycles"])
     of_legs = walk.metrics
     expected = {
         "final_force_rmse": np.sqrt((of_legs["force_rmse"] ** 2).mean()),
@@ -97,26 +97,24 @@ def test_figures_and_tables_show_the_legs_pooled_as_their_metrics_say(leg, walk)
         "final_height_mean": walk.body_metrics["height_mean"][0],
     }
     assert {name: row[name] for name in expected} == pytest.approx(expected, rel=1e-12)
-    (row,), errors = make_rows([read_summary(leg.folder)], []), leg.metrics["force_rmse"]
+    (row,), errors = make_rows([leg], []), leg.metrics["force_rmse"]
     assert (row["final_force_rmse"], row["best_force_rmse"]) == (errors.iloc[-1], errors.min())
     assert row["best_feedforward_share"] == leg.metrics["feedforward_share"].max()
     assert math.isnan(row["final_tilt_max"])
 
 
 def test_a_cycle_that_the_run_did_not_end_is_no_final_one(fallen):
-    summary = read_summary(fallen.folder)
-    assert (summary.status, summary.cycles) == ("fell", 0)
-    assert math.isnan(summary.final("force_rmse"))
+    assert (fallen.outcome.status, fallen.cycles_done) == ("fell", 0)
+    assert math.isnan(fallen.final("force_rmse"))
 
 
 def test_two_swept_keys_have_a_figure_each_with_a_line_for_each_value_of_the_other(leg):
-    one = read_summary(leg.folder)
     runs = [
-        replace(
-            one,
-            config=one.config | {"cmac.layers": layers, "learning.rate": rate},
-            status=status,
-            metrics={name: rate * layers * values for name, values in one.metrics.items()},
+        made_run(
+            leg.folder,
+            status,
+            {name: rate * layers * values for name, values in leg.pooled.items()},
+            **leg.settings | {"cmac.layers": layers, "learning.rate": rate},
         )
         for layers in (2, 10)
         for rate, status in ((0.1, "completed"), (0.2, "completed"), (1.8, "diverged"))
@@ -131,7 +129,7 @@ def test_a_run_that_was_killed_or_damaged_is_listed_and_in_no_figure(leg, tmp_pa
     folders = [shutil.copytree(leg.folder, tmp_path / name) for name in ("whole", "killed", "damaged")]
     (folders[1] / "manifest.json").unlink()
     (folders[2] / "trace.parquet").write_bytes(b"")
-    content = make_sweep_report([read_summary(folder) for folder in folders], "sweep")
+    content = make_sweep_report([cmacexp.Run(folder) for folder in folders], "sweep")
     assert {"killed", "damaged", "unfinished", "not intact"} <= {*cells_of(content)}
     assert {path.parent for path in content.inputs} == {folders[0]}
 
@@ -153,7 +151,7 @@ def test_the_page_of_several_runs_is_no_run_and_goes_where_no_file_stands(mass, 
 
 
 def swept(*configs):
-    runs = [RunSummary(folder, "completed", "", config) for folder, config in enumerate(configs)]
+    runs = [made_run(str(folder), "completed", **config) for folder, config in enumerate(configs)]
     found = find_swept(runs)
     return found.keys, found.linked, found.seeds
 

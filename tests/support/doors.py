@@ -15,6 +15,7 @@ from cmacexp.config.compose import compose_config as compose_config
 from cmacexp.config.compose import compose_untyped as compose_untyped
 from cmacexp.data.integrity import faults as faults
 from cmacexp.data.integrity import is_finished as is_finished
+from cmacexp.data.trace import Trace as Trace
 from cmacexp.engine.run import run_scenario as run_scenario
 from cmacexp.engine.without_effect import list_idle_overrides as list_idle_overrides
 from cmacexp.errors import BadComponent as BadComponent
@@ -28,6 +29,7 @@ from cmacexp.jit.compiler import program as program
 from cmacexp.jit.sources import KERNEL_ROOMS as KERNEL_ROOMS
 from cmacexp.jit.sources import RESULT_ROOMS as RESULT_ROOMS
 from cmacexp.loop.scenario import make_scenario as make_scenario
+from cmacexp.metrics.run_table import make_rows as make_rows
 from cmacexp.models.body import Load as Load
 from cmacexp.models.body import depth as depth
 from cmacexp.models.body import make_pose as make_pose
@@ -60,8 +62,6 @@ from cmacexp.plants.kernels import new_state as new_state
 from cmacexp.plants.protocol import new_measurement as new_measurement
 from cmacexp.report.page import Report as Report
 from cmacexp.report.page import write_report as write_report
-from cmacexp.report.run_summary import RunSummary as RunSummary
-from cmacexp.report.run_summary import read_summary as read_summary
 from cmacexp.sensors.kernels import new_observation as new_observation
 from cmacexp.study.interval import UNPAIRED as UNPAIRED
 from cmacexp.study.interval import estimate as estimate

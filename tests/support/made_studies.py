@@ -5,9 +5,21 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from support.doors import RunRow, RunSummary
+from support.doors import RunRow
 
+import cmacexp
+from cmacexp.data.run import Outcome
 from cmacexp.study import Results
+from cmacexp.typing import Array
+
+
+def made_run(
+    folder: str | Path, status: str, metrics: Mapping[str, Array] | None = None, **settings: object
+) -> cmacexp.Run:
+    """A run that ended so, with these metrics by cycle, of a config of these settings; it has no files."""
+    run = cmacexp.Run(folder, {"status": status, "config": settings, "steps": 0, "files": {}})
+    run.__dict__["_summary"] = (Outcome(status, ""), dict(metrics or {}), 1)
+    return run
 
 
 def made_row(
@@ -21,8 +33,7 @@ def made_row(
     histories = {name: np.array(values, dtype=float) for name, values in metrics.items()}
     cycles = len(next(iter(histories.values()), ()))
     status = "completed" if asked in (None, cycles) else "fell"
-    summary = RunSummary(Path("run"), status, "", {}, cycles, histories)
-    return RunRow(summary, settings, settings, measures or {}, seeded)
+    return RunRow(made_run("run", status, histories), settings, settings, measures or {}, seeded)
 
 
 def made_errors(*errors: float, cycles: int = 5, **settings: object) -> Results:

@@ -4,6 +4,7 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.data.signals import LEG_SIGNALS, SPATIAL_SIGNALS, make_schema, select_signals
+from cmacexp.data.trace import Trace
 from cmacexp.metrics.score import RunScorer
 
 PERIOD = 0.1
@@ -37,13 +38,13 @@ def make_trace(text, rows=None, legs=1, in_space=False, **columns):
         whole = np.broadcast_to(value if value.ndim == 2 else value.reshape(-1, 1), (rows, legs)).ravel()
         arrays.append(pa.array(whole.tolist(), pa.string()).dictionary_encode().cast(field.type)
                       if field.name == "phase" else pa.array(whole, field.type))  # fmt: skip
-    return pa.Table.from_arrays(arrays, schema=schema)
+    return Trace(pa.Table.from_arrays(arrays, schema=schema))
 
 
 def compute(trace, steps_per_cycle):
     """Metrics of a trace, one row per cycle and leg."""
     scorer = RunScorer(steps_per_cycle)
-    scorer.add_legs(trace)
+    scorer.add(trace)
     return scorer.scores.legs
 
 

@@ -1,10 +1,12 @@
 """Runs as they are drawn, made up."""
 
+from dataclasses import replace
+
 import numpy as np
 import pyarrow as pa
 from support.made_traces import make_trace
 
-from cmacexp.data.tables import Traces
+from cmacexp.data.trace import Trace
 from cmacexp.models.chain import chain_points
 from cmacexp.recording.run_view import LegView, RunView, make_view
 from cmacexp.recording.window import Window
@@ -66,7 +68,7 @@ def make_robot_traces():
     config = {"machine": {"kind": "robot"}, "terrain": {"stiffness": 1e4}, "sampling_period": 0.1}
     config |= {"gait": {"cycle_time": 0.1 * STEPS}}
     robot = {"chains": chains, "hips": [list(hip) for hip in ROBOT_HIPS], "foot_radius": FOOT_RADIUS}
-    return Traces(legs, pa.table(body)), {"config": config, "robot": robot}
+    return replace(legs, body=Trace(pa.table(body))), {"config": config, "robot": robot}
 
 
 def make_robot() -> RunView:

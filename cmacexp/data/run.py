@@ -1,0 +1,292 @@
+"""A run on disk: how it ended, of what config, its tables, and its views."""
+
+import math
+import os
+import re
+from collections.abc import Callable, Collection, Iterable
+from functools import cached_property
+from html import escape
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from cmacexp.config import Config, to_config
+from cmacexp.config.difference import flatten_config
+from cmacexp.config.schema import count_steps
+from cmacexp.data import manifest as manifests
+from cmacexp.data.integrity import RESULTS, faults
+from cmacexp.data.parquet import as_array, list_units, read_cycles, read_schema, read_table, to_frame
+from cmacexp.data.tables import BODY_FILE, BODY_METRICS_FILE, METRICS_FILE, TABLES, TRACE_FILE, Scores
+from cmacexp.data.trace import Trace, read_trace
+from cmacexp.errors import BadRun, CmacexpError, in_one_line
+from cmacexp.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+VIEWS = {
+    "pool": "cmacexp.metrics.pooling:pool_legs",
+    "tabulate": "cmacexp.metrics.pooling:tabulate_cycles",
+    "format": "cmacexp.terminal.tables:format_scores",
+    "report": "cmacexp.report.run_report:write_run_report",
+}
+"""What a run shows of itself, as ``module:function``; these rooms read runs, so they are imported on first use."""
+BROKEN, UNFINISHED = "not intact", "unfinished"
+"""Status of a run whose manifest or tables are missing or changed; of one that was killed before it had any."""
+
+
+class Outcome(NamedTuple):
+    """How a run ended, for a table of runs."""
+
+    status: str
+    """As the manifest says, :data:`BROKEN` or :data:`UNFINISHED`."""
+    cause: str
+
+    @property
+    def is_result(self) -> bool:
+        """Whether the run can be compared with others."""
+        return self.status in RESULTS
+
+
+def _find_view(name: str) -> Callable[..., Any]:
+    module, _, function = VIEWS[name].partition(":")
+    found: Callable[..., Any] = getattr(import_module(module), function)
+    return found
+
+
+def _count_steps(manifest: manifests.Manifest) -> int:
+    return count_steps(manifest["config"]["gait"]["cycle_time"], manifest["config"]["sampling_period"])
+
+
+def select_whole(manifest: manifests.Manifest, kept: Iterable[int]) -> list[int]:
+    """Those of the cycles in a trace that are whole there, but for the thinning of their steps.
+
+    ``kept`` are those of which the trace has a step: a run that did not complete keeps its last steps.
+    """
+    asked = manifest["config"].get("record", {}).get("cycles")
+    whole = manifest["steps"] // _count_steps(manifest)
+    return [cycle for cycle in kept if cycle <= whole and (asked is None or cycle in asked)]
+
+
+class Run:
+    """A run that has ended, by its folder; what :func:`cmacexp.run` and :func:`cmacexp.load` return.
+
+    Nothing is read before it is asked for. ``repr`` gives one line; ``str`` and a notebook also show the main metrics
+    of each cycle.
+
+    Args:
+        folder: of the run.
+        manifest: as it has just been written; None: it is read.
+
+    Raises:
+        BadRun: on first use of a file that is missing, has changed or cannot be read.
+    """
+
+    def __init__(self, folder: str | Path, manifest: manifests.Manifest | None = None):
+        self.folder = Path(folder)
+        if manifest is not None:
+            self.manifest = manifest
+
+    @cached_property
+    def manifest(self) -> manifests.Manifest:
+        """How it ended, of what config, versions, and the hashes of its files: ``manifest.json``."""
+        manifest = manifests.read(self.folder)
+        if "kind" in manifest:
+            raise BadRun(f"{self.folder}: holds a {manifest['kind']}, not a run; give the folder of a run")
+        return manifest
+
+    @property
+    def config(self) -> dict[str, Any]:
+        """As plain dictionaries; ``cmacexp.run(run.config)`` runs it again."""
+        return dict(self.manifest["config"])
+
+    @cached_property
+    def settings(self) -> dict[str, Any]:
+        """The config by dotted keys; empty if it cannot be read."""
+        try:
+            return flatten_config(self.config)
+        except BadRun:
+            return {}
+
+    @property
+    def status(self) -> str:
+        """``completed``, ``fell``, ``diverged``, ``failed`` or ``interrupted``."""
+        return str(self.manifest["status"])
+
+    @property
+    def ending(self) -> str:
+        """Status and cause in one line."""
+        return f"{self.status} {self.manifest.get('cause') or ''}".rstrip()
+
+    @property
+    def steps_per_cycle(self) -> int:
+        """Samples of one cycle."""
+        return _count_steps(self.manifest)
+
+    @property
+    def whole_cycles(self) -> int:
+        """Number of cycles that the run completed."""
+        steps = int(self.manifest["steps"])
+        return steps // self.steps_per_cycle if steps else 0  # else its config may be of any kind
+
+    @property
+    def last_cycle(self) -> int:
+        """Number of the cycle in which the run ended."""
+        return -(-int(self.manifest["steps"]) // self.steps_per_cycle)
+
+    def select_whole(self, kept: Iterable[int]) -> list[int]:
+        """Those of the cycles ``kept`` in the trace that are whole, see :func:`select_whole`."""
+        return select_whole(self.manifest, kept)
+
+    def wrote(self, name: str) -> bool:
+        """Whether a file is one of the run."""
+        return name in self.manifest["files"]
+
+    @property
+    def walks(self) -> bool:
+        """Whether there is a body on legs."""
+        return self.wrote(BODY_METRICS_FILE)
+
+    def _table(self, name: str) -> "pd.DataFrame":
+        _ = self.manifest  # without one there is nothing that the table could be compared with
+        return to_frame(read_table(self.folder / name))
+
+    @cached_property
+    def trace(self) -> "pd.DataFrame":
+        """One row per step and leg."""
+        return self._table(TRACE_FILE)
+
+    @cached_property
+    def metrics(self) -> "pd.DataFrame":
+        """One row per cycle and leg."""
+        return self._table(METRICS_FILE)
+
+    @cached_property
+    def body(self) -> "pd.DataFrame":
+        """One row per step; only of a run that :attr:`walks`."""
+        return self._table(BODY_FILE)
+
+    @cached_property
+    def body_metrics(self) -> "pd.DataFrame":
+        """One row per cycle; only of a run that :attr:`walks`."""
+        return self._table(BODY_METRICS_FILE)
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """Units of all columns of these tables, by name; empty where a column has none."""
+        names = [name for name in TABLES if self.wrote(name)]
+        return {key: unit for name in names for key, unit in list_units(read_schema(self.folder / name)).items()}
+
+    def cycles(self, numbers: Collection[int], name: str = TRACE_FILE) -> "pd.DataFrame":
+        """Rows of some cycles of the trace, or of another table, without holding all of a long run in memory."""
+        _ = self.manifest
+        return to_frame(read_cycles(self.folder / name, numbers))
+
+    def read_trace(self, cycles: Collection[int] | None = None, every: int = 1) -> Trace:
+        """The trace as arrays (steps, legs) by name: of all cycles or of some, one step in ``every``."""
+        _ = self.manifest
+        return read_trace(self.folder, cycles, every)
+
+    @property
+    def scores(self) -> Scores:
+        """The metrics of every cycle, as Arrow tables."""
+        body = read_table(self.folder / BODY_METRICS_FILE) if self.walks else None
+        return Scores(read_table(self.folder / METRICS_FILE), body)
+
+    @cached_property
+    def _summary(self) -> tuple[Outcome, dict[str, Array], int]:
+        """How it ended, its metrics in whole cycles, pooled over the legs, and the number of legs."""
+        try:
+            manifest, pooled, legs = self.manifest, {}, 1
+            checked = manifest["files"] or self.status in RESULTS
+            wrong = [fault for fault in faults(self.folder) if fault.split(":")[0] in TABLES] if checked else []
+            if wrong:
+                return Outcome(BROKEN, "; ".join(wrong)), {}, 1
+            if self.wrote(METRICS_FILE):
+                scores, cycles = self.scores, self.whole_cycles
+                pooled = {name: values[:cycles] for name, values in _find_view("pool")(scores).items()}
+                legs = int(as_array(scores.legs, "leg").max(initial=1))
+        except (BadRun, OSError, ValueError) as error:
+            status = BROKEN if os.path.lexists(self.folder / manifests.MANIFEST) else UNFINISHED
+            return Outcome(status, str(error).splitlines()[0].removeprefix(f"{self.folder}: ")), {}, 1
+        return Outcome(self.status, manifest.get("cause") or ""), pooled, legs
+
+    @property
+    def outcome(self) -> Outcome:
+        """How it ended; of a run that is not intact the reason. It never raises: a table of runs lists all."""
+        return self._summary[0]
+
+    @property
+    def completed(self) -> bool:
+        """Whether it is intact and reached its end."""
+        return self.outcome.status == "completed"
+
+    @property
+    def pooled(self) -> dict[str, Array]:
+        """All metrics by name, (whole cycles,) each, in SI units, pooled over the legs.
+
+        Empty of a run that has none, or that is not intact.
+        """
+        return self._summary[1]
+
+    @property
+    def legs(self) -> int:
+        """Number of legs that have metrics."""
+        return self._summary[2]
+
+    @property
+    def cycles_done(self) -> int:
+        """Number of whole cycles that have metrics."""
+        return len(next(iter(self.pooled.values()), ()))
+
+    def final(self, name: str) -> float:
+        """A metric of the last whole cycle, pooled over the legs; NaN if there is none."""
+        return float(self.pooled[name][-1]) if self.cycles_done and name in self.pooled else math.nan
+
+    def report(self) -> Path:
+        """Write the report of the run, as ``python -m cmacexp.report`` with its folder; returns the page."""
+        page: Path = _find_view("report")(self)
+        return page
+
+    def __repr__(self) -> str:
+        """Folder, scenario, and how it ended, in one line; of a damaged run the reason, without an error."""
+        try:
+            text = f"{self.config.get('scenario')}, {self.ending}, {self.manifest['steps']} steps"
+        except Exception as error:
+            text = str(error)
+        return in_one_line(f"Run({str(self.folder)!r}: {' '.join(text.split())})")
+
+    def __str__(self) -> str:
+        """The same, and below it the main metrics per cycle."""
+        try:
+            lines = _find_view("format")(self.scores)
+        except Exception:
+            lines = []
+        return "\n".join([repr(self), *lines])
+
+    def _repr_html_(self) -> str:
+        """The same for a notebook."""
+        import pandas as pd
+
+        try:
+            main, rows = _find_view("tabulate")(self.scores)
+        except Exception:
+            main, rows = {}, []
+        titles = ["cycle", *(f"{shown.title} {shown.unit}" for shown in main.values())]
+        table = pd.DataFrame(rows, columns=titles).to_html(index=False) if rows else ""
+        return f"<p>{escape(repr(self))}</p>{table}"
+
+
+def sort_folders(folders: Iterable[Path]) -> list[Path]:
+    """Folders without repeats, in the order of the numbers in their names: job 2 before job 10."""
+    unique = {folder.resolve() for folder in folders}
+    return sorted(unique, key=lambda path: [(p.isdigit() and int(p), p) for p in re.split(r"(\d+)", str(path))])
+
+
+def read_config(run: Run) -> Config:
+    """The typed config of a stored run; raises BadRun if another version with other fields wrote it."""
+    plain = run.config
+    try:
+        return to_config(plain)
+    except CmacexpError as error:
+        raise BadRun(f"{run.folder}: its config is not one of this version ({error}); run it again") from None
