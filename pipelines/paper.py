@@ -7,7 +7,7 @@ was measured, then the sections of each study.
 from pathlib import Path
 
 from cmacexp.commands.study import FOLDER_KEY, Options, command, print_statements, study_parser, write_studies
-from cmacexp.data.folder import replacing
+from cmacexp.data.folder import new_result
 from cmacexp.data.manifest import REPORT
 from cmacexp.study.page import write_page
 from cmacexp.study.study import load_study
@@ -25,7 +25,7 @@ def write(options: Options) -> Path:
     folder = Path(__file__).parent
     studies = write_studies([load_study(folder / f"{name}.py") for name in STUDIES], options)
     print_statements(studies)
-    with replacing(options.place("paper"), FOLDER_KEY, REPORT) as place:
+    with new_result(options.place("paper"), FOLDER_KEY, REPORT) as place:
         return write_page(TITLE, QUESTION, studies, place, options.quick)
 
 

@@ -85,7 +85,7 @@ def _end_sweep() -> str | None:
     """Write and print the table of the sweep of this process; how it ended, None without a sweep."""
     if Sweep.current is None:
         return None
-    from cmacexp.data.folder import full_disk_named
+    from cmacexp.data.files import full_disk_named
     from cmacexp.engine.sweep_results import finish_sweep
 
     Sweep.current.progress.close()

@@ -13,9 +13,7 @@ from cmacexp.commands.command import Parser, run_command
 from cmacexp.commands.viewer import HOST, open_window, require_display, serve_web
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import is_run, name_of, require_place, runs_below
-from cmacexp.data.files import sha256
-from cmacexp.data.folder import updating
-from cmacexp.data.hashes import check_file
+from cmacexp.data.files import is_regular
 from cmacexp.data.tables import RECORDING_FILE
 from cmacexp.data.trace import count_steps_by_cycle, read_trace
 from cmacexp.errors import BadInput, BadRun, require_extra
@@ -56,16 +54,7 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
     cycles = read_cycles(options.cycles, max(kept)) if options.cycles is not None else None
     window = make_window(kept, cycles, options.every)
     shown: dict[str, Any] = {"label": folder.resolve().name, "window": window, "meshes": options.meshes}
-    if path == folder / RECORDING_FILE:
-        with updating(folder) as place:
-            manifest = manifests.read(folder)  # of the run that is there now
-            name = write_recording(folder, manifest, place.new / RECORDING_FILE, **shown)
-            place.commit(
-                {**manifest, "files": manifest["files"] | {RECORDING_FILE: sha256(place.new / RECORDING_FILE)}}
-            )
-    else:
-        name = write_recording(folder, manifest, path, **shown)
-    return name + window.hint
+    return write_recording(folder, manifest, path, **shown) + window.hint
 
 
 def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
@@ -123,14 +112,9 @@ def _read_options(arguments: argparse.Namespace) -> Options:
 
 
 def _is_kept(folder: Path) -> bool:
-    """Whether a run has its recording, as it was written."""
-    path, files = folder / RECORDING_FILE, manifests.read(folder)["files"]
-    if not path.exists() or RECORDING_FILE not in files:
-        return False
-    fault = check_file(folder, RECORDING_FILE, files[RECORDING_FILE])
-    if fault:
-        print_line(f"{path}: {fault}; it is built anew", error=True)
-    return not fault
+    """Whether a run, which must be readable, has its recording; raises BadRun."""
+    manifests.read(folder)
+    return is_regular(folder / RECORDING_FILE)
 
 
 def build_missing(folders: Sequence[Path], anew: bool) -> list[Path]:

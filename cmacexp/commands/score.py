@@ -5,8 +5,7 @@ from pathlib import Path
 
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.discovery import runs_below
-from cmacexp.data.files import sha256
-from cmacexp.data.folder import updating
+from cmacexp.data.folder import update_run
 from cmacexp.data.hashes import require_intact
 from cmacexp.data.run import Run
 from cmacexp.data.tables import TRACE_FILE, Scores, write_scores
@@ -19,17 +18,14 @@ from cmacexp.terminal.tables import KEY, print_scores
 
 def score(folder: Path) -> Scores:
     """Compute and write the metrics of a run again; raises BadRun if its trace is not as it was written."""
-    with updating(folder) as place:
-        run = Run(folder)
-        require_intact(folder / TRACE_FILE)  # a run without one has a config of any kind
-        record = run.config["record"]
-        for key in ("every_nth_step", "cycles"):
-            if record.get(key) not in (None, 1):
-                raise BadRun(f"{folder}: its trace lacks steps (record.{key}={record[key]}): metrics need all steps")
-        scores = score_traces(run)
-        names = write_scores(place.new, scores)
-        files = run.manifest["files"] | {name: sha256(place.new / name) for name in names}
-        place.commit({**run.manifest, "drift": make_drift_entry(scores.legs), "files": files})
+    run = Run(folder)
+    require_intact(folder / TRACE_FILE)  # a run without one has a config of any kind
+    record = run.config["record"]
+    for key in ("every_nth_step", "cycles"):
+        if record.get(key) not in (None, 1):
+            raise BadRun(f"{folder}: its trace lacks steps (record.{key}={record[key]}): metrics need all steps")
+    scores = score_traces(run)
+    update_run(folder, lambda part: write_scores(part, scores), drift=make_drift_entry(scores.legs))
     return scores
 
 

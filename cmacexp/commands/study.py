@@ -11,7 +11,7 @@ from typing import NoReturn
 
 from cmacexp.commands.command import COMPLETED, Parser, run_command
 from cmacexp.data.discovery import require_place
-from cmacexp.data.folder import HTML, replacing
+from cmacexp.data.folder import HTML, new_result
 from cmacexp.data.integrity import RESULTS
 from cmacexp.data.manifest import REPORT
 from cmacexp.data.run import Run
@@ -100,10 +100,10 @@ def _write(
     overrides = {collected[r][0]: r.overrides for r in requests if r.starts_from is None}
     witnesses = choose_witnesses(results, overrides)
     provenance = make_provenance(digest_study(path), results, witnesses, options.seeds)
-    with replacing(folder, FOLDER_KEY, REPORT) as place:
-        evaluated = replace(evaluate(file, results, place.new, options.quick), provenance=provenance)
+    with new_result(folder, FOLDER_KEY, REPORT) as place:
+        evaluated = replace(evaluate(file, results, place.part, options.quick), provenance=provenance)
         write_page(study.title, study.question, [evaluated], place, options.quick)
-    return replace(evaluated, files=[folder / path.relative_to(place.new) for path in evaluated.files])
+    return replace(evaluated, files=[folder / path.relative_to(place.part) for path in evaluated.files])
 
 
 def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluated]:

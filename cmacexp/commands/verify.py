@@ -24,6 +24,6 @@ def _verify(arguments: argparse.Namespace) -> int:
 
 def main() -> int:
     """Run the command; returns its exit code: 0 if all is intact, 4 if something is not, 2 if there is nothing."""
-    description = "Check which runs, reports and tables of sweeps are intact: every file is present and unchanged."
+    description = "Check which runs are intact: every file that their manifests list is present and unchanged."
     parser = Parser("cmacexp.verify", description, folders=True)
     return run_command(lambda: _verify(parser.parse_args()))

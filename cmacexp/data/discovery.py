@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.files import NEW
 from cmacexp.errors import BadInput, BadRun
 
 HYDRA_FOLDER = ".hydra"
@@ -18,8 +17,7 @@ def is_run(folder: Path) -> bool:
             return "kind" not in manifests.read_file(folder / manifests.MANIFEST)
         except BadRun:
             return True
-    names = ("trace.parquet", f"{NEW}/trace.parquet", f"{NEW}/{HYDRA_FOLDER}")
-    return any(os.path.lexists(folder / name) for name in names)
+    return os.path.lexists(folder / "trace.parquet")
 
 
 def walk(folder: Path, skipped: Callable[[OSError], None] | None = None) -> Iterator[Path]:
@@ -58,17 +56,13 @@ def runs_below(folder: Path) -> list[Path]:
 
 
 def everything_below(folder: Path) -> list[Path]:
-    """All that can be verified: runs, reports and tables of sweeps from ``folder`` on, inside of runs too, in order.
+    """All that can be verified: runs from ``folder`` on, inside of runs too, in order.
 
     A folder that cannot be read is one of them. Raises BadRun if there is nothing.
     """
     unreadable: list[OSError] = []
-    results = {
-        place
-        for place in walk(folder, unreadable.append)
-        if any(os.path.lexists(place / name) for name in (manifests.MANIFEST, NEW)) or is_run(place)
-    }
-    return _require_some(folder, results.union(Path(error.filename) for error in unreadable))
+    runs = set(filter(is_run, walk(folder, unreadable.append)))
+    return _require_some(folder, runs.union(Path(error.filename) for error in unreadable))
 
 
 def require_place(key: str, folder: Path) -> Path:

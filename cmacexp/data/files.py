@@ -5,13 +5,23 @@ import hashlib
 import os
 import stat
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path, PurePosixPath
+from secrets import token_hex
 
-NEW, FAILED = ".cmacexp-new", ".cmacexp-failed.json"
-"""In the folder of a result: the next one while it is written, and the record of an attempt that failed."""
+FAILED = ".cmacexp-failed.json"
+"""In the folder of a job of a sweep: why its last attempt failed, beside the result of an earlier one."""
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+"""Errors of a disk without room, of a quota, and of a limit on the size of files."""
 TIME_RESOLUTION = 20_000_000
 """Two changes of a file within so many nanoseconds may leave it the same times."""
+
+
+def is_regular(path: Path) -> bool:
+    """Whether there is a regular file, itself and not behind a link."""
+    return path.is_file() and not path.is_symlink()
 
 
 def open_file(path: Path) -> BufferedReader:
@@ -46,3 +56,40 @@ def sha256(path: Path) -> str:
     """SHA-256 of a file; raises OSError as :func:`open_file`."""
     with open_file(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@contextmanager
+def full_disk_named(path: Path) -> Iterator[None]:
+    """Name what is written in the error of a full disk, and say what helps; raises OSError."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        reason = f"cannot be written: {os.strerror(error.errno).lower()}; make room, or choose another folder"
+        raise OSError(f"disk full: {path}: {reason}") from error
+
+
+def name_part(path: Path) -> Path:
+    """A new hidden name beside ``path``, with the number of this process, for what is going to take its place."""
+    return path.with_name(f".{path.name[:40]}.{os.getpid()}.{token_hex(4)}.part")
+
+
+def sync(path: Path) -> None:
+    """Wait until a file is on the disk."""
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())
+
+
+@contextmanager
+def write_atomically(path: Path) -> Iterator[Path]:
+    """Yield a temporary path beside ``path``; rename it to ``path`` when the block succeeds, else remove it."""
+    temporary = name_part(path)
+    with full_disk_named(path):
+        temporary.touch(exist_ok=False)  # never through a link
+        try:
+            yield temporary
+            sync(temporary)
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)

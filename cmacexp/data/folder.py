@@ -1,26 +1,25 @@
-"""Writing a result into its folder: locked against other writers, and replaced as a whole.
+"""Results that appear whole: written to a hidden folder beside their place, and put there by one rename.
 
-Files are written to a hidden folder in that of the result, the new manifest last. From then on they take the place of
-the earlier ones, again the manifest last: until then the hashes in the earlier one no longer fit. If a kill
-interrupts this, the next writer of the same folder completes it; readers only name it.
+Onto an earlier result the two folders are exchanged, so that its place holds a whole result at every moment, whatever
+is killed. Nothing is locked: of two writers the last one wins. What a killed writer leaves is its hidden folder,
+``.NAME.PROCESS.XXXXXXXX.part``, which no reader looks into.
 """
 
+import ctypes
 import errno
-import fcntl
 import os
 import shutil
-import stat
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import HYDRA_FOLDER
-from cmacexp.data.files import FAILED, NEW, is_behind_link
+from cmacexp.data.discovery import HYDRA_FOLDER, require_place
+from cmacexp.data.files import full_disk_named, name_part, sha256, sync
+from cmacexp.data.files import write_atomically as write_atomically
 from cmacexp.data.tables import (
     BODY_FILE,
     BODY_METRICS_FILE,
@@ -29,275 +28,225 @@ from cmacexp.data.tables import (
     METRICS_FILE,
     RECORDING_FILE,
     TRACE_FILE,
+    WEIGHTS,
 )
-from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput, BadRun
+from cmacexp.jit.interrupt import interrupt_held_back
 
-LOCK = ".cmacexp-lock"
 HTML, FIGURES = "report.html", "figures"
 """The page of a report, and the folder of its figures."""
 TABLE, TABLE_CSV = "sweep.parquet", "sweep.csv"
-FILES = {
+RUN_KEY, GIVEN_KEY, OUT_KEY = "hydra.run.dir", "DIR", "--out"
+"""What names a folder on the command line: of a run, of commands over runs, of a report."""
+PARTS = (".*.????????.part", ".cmacexp-*")
+"""What killed writers leave, those of earlier versions too."""
+OWN = {
     None: (
+        manifests.MANIFEST,
         TRACE_FILE,
         BODY_FILE,
         MEMORY_FILE,
         METRICS_FILE,
         METRICS_CSV,
         BODY_METRICS_FILE,
-        RECORDING_FILE,
         WEIGHTS,
-        f"{HYDRA_FOLDER}/*.yaml",
+        HYDRA_FOLDER,
+        RECORDING_FILE,
+        "report",
+        "stability",
     ),
-    manifests.REPORT: (HTML, "*.json", "*.parquet", f"{FIGURES}/*.svg", f"{FIGURES}/*.png"),
-    manifests.SWEEP: (TABLE, TABLE_CSV),
+    manifests.REPORT: (manifests.MANIFEST, HTML, FIGURES, "*.json", "*.parquet"),
 }
-"""Files that a writer replaces and removes, besides the manifest, by the kind of the result; a run has no kind."""
-RUN_KEY, GIVEN_KEY, OUT_KEY = "hydra.run.dir", "DIR", "--out"
-"""What names a folder on the command line: of a run, of commands over runs, of a report."""
-FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-"""Errors of a disk without room, of a quota, and of a limit on the size of files."""
-MAX_ATTEMPTS = 1000
-"""Attempts to lock a folder whose lock other processes remove when they end."""
-LOCKLESS = {errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS}
-"""Errors of a file system without locks."""
+"""What a result consists of, its views included, by its kind; a run has no kind. A new result replaces all of it."""
+LOGS = "*.log"
+"""What Hydra writes into the folder of a run, before and while it runs, if it is asked to."""
+RENAME_EXCHANGE, AT_FDCWD = 2, -100
+"""Of ``renameat2`` (Linux)."""
+CANNOT_EXCHANGE = {errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP}
+"""Errors of a system or a file system that cannot exchange two folders."""
+OCCUPIED = {errno.ENOTEMPTY, errno.EEXIST}
 
 
-@contextmanager
-def full_disk_named(path: Path) -> Iterator[None]:
-    """Name what is written in the error of a full disk, and say what helps; raises OSError."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno not in FULL:
-            raise
-        reason = f"cannot be written: {os.strerror(error.errno).lower()}; make room, or choose another folder"
-        raise OSError(f"disk full: {path}: {reason}") from error
-
-
-@contextmanager
-def write_atomically(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside ``path``; rename it to ``path`` when the block succeeds, else remove it."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    with full_disk_named(path):
-        temporary.unlink(missing_ok=True)
-        temporary.touch(exist_ok=False)  # never through a link
-        try:
-            yield temporary
-            _sync(temporary)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-
-
-def _sync(path: Path) -> None:
-    with path.open("rb+") as file:
-        os.fsync(file.fileno())
-
-
-@contextmanager
-def locked(folder: Path, key: str, wait: bool = False) -> Iterator[None]:
-    """Lock ``folder``, which is made if missing, against other processes; the lock ends with the process.
-
-    On a file system without locks nothing is locked. Raises BadInput if it cannot be written, or another process has
-    locked it, and this one is not to ``wait``.
-    """
-    path = folder / LOCK
-    try:
-        handle = _take_lock(path, folder, key, wait)
-    except OSError as error:
-        reason = str(error.strerror or error).lower()
-        raise BadInput(key, folder, f"cannot be written ({reason}); choose another folder") from error
-    try:
-        if os.fstat(handle).st_nlink == 1:  # not one that is also a file elsewhere
-            os.ftruncate(handle, 0)
-            os.write(handle, str(os.getpid()).encode())
-        yield
-    finally:
-        with suppress(OSError):
-            path.unlink(missing_ok=True)
-        os.close(handle)
-
-
-def _take_lock(path: Path, folder: Path, key: str, wait: bool) -> int:
-    for _ in range(MAX_ATTEMPTS):
-        folder.mkdir(parents=True, exist_ok=True)
-        try:
-            handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
-        except FileNotFoundError:  # the process before removed an empty folder
-            continue
-        try:
-            _acquire(handle, folder, key, wait)
-            if path.exists() and os.path.samestat(path.stat(), os.fstat(handle)):
-                return handle  # else the process before has removed its lock
-        except BaseException:
-            os.close(handle)
-            raise
-        os.close(handle)
-    raise OSError(errno.ENOLCK, "no file can be made in it")
-
-
-def _acquire(handle: int, folder: Path, key: str, wait: bool) -> None:
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-    except BlockingIOError:
-        holder = os.pread(handle, 16, 0)
-        process = f"process {holder.decode()}" if holder.isdigit() else "another process"
-        raise BadInput(key, folder, f"{process} writes here; wait until it has ended, or choose another") from None
-    except OSError as error:
-        if error.errno not in LOCKLESS:
-            raise
-
-
-def _is_own(kind: str | None, name: str) -> bool:
-    """Whether a writer may replace and remove a file of this name."""
-    patterns = (pattern for pattern in FILES[kind] if pattern.count("/") == name.count("/"))
-    return name != manifests.MANIFEST and any(fnmatchcase(name, pattern) for pattern in patterns)
-
-
-@dataclass(frozen=True)
-class Place:
-    """A locked folder whose result this process replaces."""
+@dataclass
+class ResultWriter:
+    """A result while it is written."""
 
     folder: Path
-    key: str
-    """What names the folder on the command line."""
-    kind: str | None
-    """Of the result; a run has none."""
-    earlier: frozenset[str]
-    """Names of the files in the folder that belong to the earlier result."""
-
-    @property
-    def new(self) -> Path:
-        """Where files are written: below the folder itself, so that they are renamed within one file system."""
-        return self.folder / NEW
+    """Where it appears."""
+    part: Path
+    """The hidden folder that its files are written to."""
+    overtook: bool = False
+    """Whether it replaced a result that was not there when it began."""
 
     def write_text(self, name: str, text: str) -> None:
         """Write a file of text."""
-        path = self.new / name
-        if not path.parent.exists():
-            path.parent.mkdir()
+        path = self.part / name
+        path.parent.mkdir(exist_ok=True)
         path.write_text(text, encoding="utf-8")
 
-    def commit(self, manifest: dict[str, Any], sync: bool = True) -> None:
-        """Replace the earlier result; files of it that the manifest lists stay.
 
-        Without ``sync`` only the manifest is sure to be on the disk then: a file that a power failure cuts short no
-        longer has the hash that the manifest lists. Raises BadInput, and replaces nothing, if the folder holds a file
-        of the same name that is not of the earlier result; OSError if the disk refuses a file.
-        """
-        for name in _list_files(self.new):
-            if name in manifest["files"] and name not in self.earlier:
-                _refuse_if_taken(self.folder, name, self.key)
-            if sync:
-                _sync(self.new / name)
-        manifests.write(self.new, manifest)
-        _sync(self.new / manifests.MANIFEST)
-        _replace(self, manifest)
+def _is_own(name: str, kind: str | None) -> bool:
+    return any(fnmatchcase(name, pattern) for pattern in (*OWN[kind], *PARTS))
 
 
-def _list_files(new: Path) -> list[str]:
-    files = (path for path in new.rglob("*") if stat.S_ISREG(path.lstat().st_mode))
-    return sorted(path.relative_to(new).as_posix() for path in files)
-
-
-def _replace(place: Place, manifest: dict[str, Any]) -> None:
-    """Move what has been written to its place; begun anew after a kill, it comes to the same end."""
-    folder, new = place.folder, place.new
-    for name in filter(partial(_is_own, place.kind), _list_files(new)):
-        if name in manifest["files"] or name.startswith(f"{HYDRA_FOLDER}/"):  # else it did not become whole
-            if not (folder / name).parent.exists():
-                (folder / name).parent.mkdir()
-            (new / name).replace(folder / name)
-    for name in place.earlier - manifest["files"].keys():
-        (folder / name).unlink(missing_ok=True)
-    (new / manifests.MANIFEST).replace(folder / manifests.MANIFEST)
-    _remove(new)
-
-
-def _remove(new: Path) -> None:
-    """Remove a folder with all that it holds, or what has its name."""
-    if new.is_dir() and not new.is_symlink():
-        shutil.rmtree(new, ignore_errors=True)
-    else:
-        new.unlink(missing_ok=True)
-
-
-def _refuse_if_taken(folder: Path, name: str, key: str) -> None:
-    """Refuse to write a file where something else has its name, a broken link included."""
-    if os.path.lexists(folder / name):
-        reason = f"holds {name}, which is not listed in the {manifests.MANIFEST} of an earlier result"
-        raise BadInput(key, folder, f"{reason}; move it, or choose another folder")
-
-
-def _open_place(folder: Path, key: str, kind: str | None) -> Place:
-    """The place of a result in a locked folder; completes or discards what an interrupted writer of it left."""
-    for pattern in FILES[kind]:
-        if is_behind_link(folder, pattern):
-            raise BadInput(key, folder, f"holds a link in place of a folder with {pattern}; remove it")
-    place = Place(folder, key, kind, frozenset(_list_earlier(folder, key, kind)))
-    if not place.new.is_symlink():
-        with suppress(BadRun):  # it is not whole, so it is discarded
-            manifest = manifests.read_file(place.new / manifests.MANIFEST)
-            _require_kind(manifest, folder, key, kind)
-            _replace(place, manifest)
-            place = Place(folder, key, kind, frozenset(_list_earlier(folder, key, kind)))
-    _remove(place.new)
-    fixed = [name for name in FILES[kind] if "*" not in name]
-    foreign = [] if kind or os.path.lexists(folder / manifests.MANIFEST) else [HYDRA_FOLDER]  # of another program
-    for name in [*fixed, *foreign]:
-        if name not in place.earlier:
-            _refuse_if_taken(folder, name, key)
-    return place
-
-
-def _list_earlier(folder: Path, key: str, kind: str | None) -> list[str]:
-    """Files of the earlier result that a writer may replace; refuses a manifest of something else."""
+def _check_kind(folder: Path, key: str, kind: str | None) -> bool:
+    """Whether a folder holds a result of a kind; raises BadInput if it holds one of another or a damaged one."""
     if not os.path.lexists(folder / manifests.MANIFEST):
-        return []
+        return False
     try:
-        manifest = manifests.read_file(folder / manifests.MANIFEST)
+        found = manifests.read_file(folder / manifests.MANIFEST).get("kind")
     except BadRun as error:
         reason = f"holds another {manifests.MANIFEST} ({error}); remove that file, or choose another folder"
         raise BadInput(key, folder, reason) from None
-    _require_kind(manifest, folder, key, kind)
-    return [name for name in manifest["files"] if _is_own(kind, name)]
+    if found != kind:
+        raise BadInput(key, folder, f"holds a {found or 'run'}; choose another folder")
+    return True
 
 
-def _require_kind(manifest: dict[str, Any], folder: Path, key: str, kind: str | None) -> None:
-    if manifest.get("kind") != kind:
-        raise BadInput(key, folder, f"holds a {manifest.get('kind', 'run')}; choose another folder")
+def _refuse(folder: Path, key: str, name: str) -> NoReturn:
+    raise BadInput(key, folder, f"holds {name}, which is of no earlier result; move it, or choose another folder")
+
+
+def check_place(folder: Path, key: str, kind: str | None = None) -> None:
+    """Raise BadInput if a result cannot take the place of ``folder``, which ``key`` names on the command line.
+
+    It may be missing, empty, or an earlier result of the same kind. Hidden files of others and logs stay in it.
+    """
+    require_place(key, folder)
+    if os.path.ismount(folder):
+        raise BadInput(key, folder, "is a mount point, which cannot be replaced as a whole; name a folder in it")
+    holds_result = _check_kind(folder, key, kind)
+    for name in sorted(os.listdir(folder)) if folder.exists() else ():
+        is_harmless = name[0] == "." or fnmatchcase(name, LOGS)
+        if not is_harmless and not (holds_result and _is_own(name, kind)):
+            _refuse(folder, key, name)
+
+
+def _identify(folder: Path) -> tuple[int, int] | None:
+    """What distinguishes a result from any other in its place; None: there is none."""
+    try:
+        status = (folder / manifests.MANIFEST).lstat()
+    except OSError:
+        return None
+    return status.st_ino, status.st_mtime_ns
+
+
+def _exchange(first: Path, second: Path) -> bool:
+    """Exchange two folders in one step; whether the system can. Raises OSError."""
+    rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    if rename is None:
+        return False
+    if not rename(AT_FDCWD, os.fsencode(first), AT_FDCWD, os.fsencode(second), RENAME_EXCHANGE):
+        return True
+    if (number := ctypes.get_errno()) in CANNOT_EXCHANGE:
+        return False
+    raise OSError(number, os.strerror(number), str(second))
+
+
+def _put(part: Path, folder: Path) -> Path:
+    """Put a whole result in its place; where what was there before is now, if there was anything."""
+    old = part
+    while True:
+        try:
+            part.rename(folder)
+            return old
+        except OSError as error:
+            if error.errno not in OCCUPIED:
+                raise
+        with suppress(FileNotFoundError):  # another writer has just moved it
+            if _exchange(part, folder):
+                return part
+            old = folder.rename(name_part(folder))
+
+
+def _finish(result: ResultWriter, place: Path, kind: str | None, before: tuple[int, int] | None) -> None:
+    """Put a result in its place, with the files of others that were there, and remove the earlier one."""
+    is_current = place.exists() and os.path.samefile(place, os.curdir)
+    old = _put(result.part, place)
+    if is_current:
+        os.chdir(place)
+    if old.exists():
+        result.overtook = _identify(old) not in (None, before)
+        for name in os.listdir(old):
+            if not _is_own(name, kind):
+                (old / name).rename(place / name)
+        shutil.rmtree(old, ignore_errors=True)
+
+
+def _make(folder: Path, given: Path, key: str) -> None:
+    """Make a folder, with those that it lies in; raises BadInput for the one ``given`` if that is not allowed."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = str(error.strerror or error).lower()
+        raise BadInput(key, given, f"cannot be written ({reason}); choose another folder") from error
 
 
 @contextmanager
-def replacing(folder: Path, key: str, kind: str | None = None, wait: bool = False) -> Iterator[Place]:
-    """Lock a folder to replace its result; what is not committed in the block is removed at its end.
+def new_result(folder: Path, key: str, kind: str | None = None, durable: bool = True) -> Iterator[ResultWriter]:
+    """Write a result, which takes the place of ``folder`` when the block has succeeded; else nothing changes.
 
-    The folder is made if missing, and removed if it stays empty. It may hold an earlier result of the same kind, and
-    files of other names. ``key`` is what names it on the command line. With ``wait`` another writer ends first.
-    Raises BadInput if another process writes there, or something would be replaced that is not of an earlier result.
+    The files are written to ``part``, the manifest too. ``key`` names the folder on the command line. A power
+    failure can cut short what is not ``durable``, but for the manifest, whose hashes then do not fit. Raises BadInput
+    before the block as :func:`check_place`, or if nothing can be written beside the folder; OSError if the
+    disk refuses a file.
+    """
+    check_place(folder, key, kind)
+    place = folder.resolve()
+    before, result = _identify(place), ResultWriter(folder, name_part(place))
+    _make(result.part, folder, key)
+    try:
+        with full_disk_named(folder):
+            yield result
+            for path in result.part.rglob("*") if durable else ():
+                if path.is_file():
+                    sync(path)
+            with interrupt_held_back():
+                _finish(result, place, kind, before)
+    finally:
+        shutil.rmtree(result.part, ignore_errors=True)
+
+
+@contextmanager
+def collection(folder: Path, key: str) -> Iterator[Path]:
+    """A folder for the results of a sweep, made if missing, and removed if it stays empty.
+
+    Raises BadInput if it cannot be written, or if it holds another result, or tables that no sweep wrote.
     """
     made = not folder.exists()
+    _make(folder, folder, key)
+    if not _check_kind(folder, key, manifests.SWEEP):
+        for name in (TABLE, TABLE_CSV):
+            if os.path.lexists(folder / name):
+                _refuse(folder, key, name)
     try:
-        with locked(folder, key, wait), full_disk_named(folder):
-            place = _open_place(folder, key, kind)
-            (folder / FAILED).unlink(missing_ok=True)
-            place.new.mkdir()
-            try:
-                yield place
-            finally:
-                if not (place.new / manifests.MANIFEST).exists():
-                    _remove(place.new)
+        yield folder
     finally:
         if made:
             with suppress(OSError):  # it is not empty
                 folder.rmdir()
 
 
-def updating(folder: Path) -> AbstractContextManager[Place]:
-    """Lock the folder of a run in which only some files are written anew, see :func:`replacing`; raises BadRun."""
-    manifests.read_file(folder / manifests.MANIFEST)
-    return replacing(folder, GIVEN_KEY)
+def update_run(folder: Path, write: Callable[[Path], list[str]], **entries: Any) -> None:
+    """Write some files of a run anew, and other entries of its manifest, which follows them.
+
+    ``write`` is called with the folder that they are written to, and returns the names of those with a hash in the
+    manifest. Each file is replaced in one step: a kill between two of them leaves hashes that do not fit, until the
+    same command has run again. Raises BadRun if there is no run, BadInput if its folder cannot be written.
+    """
+    manifest = manifests.read(folder)
+    part = name_part(folder / "update")
+    _make(part, folder, GIVEN_KEY)
+    try:
+        with full_disk_named(folder):
+            names = write(part)
+            hashes = {name: sha256(part / name) for name in names}
+            for path in part.iterdir():
+                sync(path)
+                path.replace(folder / path.name)
+            manifests.write(folder, {**manifest, **entries, "files": {**manifest["files"], **hashes}})
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
 
 
 def require_no_link(folder: Path) -> Path:

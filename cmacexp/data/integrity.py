@@ -1,6 +1,5 @@
 """Whether a run on disk is complete, unchanged, and the result of a given config."""
 
-from contextlib import suppress
 from pathlib import Path
 from typing import get_args
 
@@ -9,12 +8,22 @@ from cmacexp.config.custom_code import custom_code_hash
 from cmacexp.config.machine import MACHINES, BodyMachine, RobotMachine, read_model
 from cmacexp.data import manifest as manifests
 from cmacexp.data.hashes import check_file, current_hash
-from cmacexp.data.tables import BODY_FILE, BODY_METRICS_FILE, METRICS_CSV, METRICS_FILE, TRACE_FILE, WEIGHTS
+from cmacexp.data.tables import (
+    BODY_FILE,
+    BODY_METRICS_FILE,
+    METRICS_CSV,
+    METRICS_FILE,
+    RECORDING_FILE,
+    TRACE_FILE,
+    WEIGHTS,
+)
 from cmacexp.errors import BadRun
 from cmacexp.jit.sources import code_hash
 
 RESULTS = ("completed", "fell", "diverged")
 """Status values of a run that has a result."""
+VIEWS = (METRICS_CSV, RECORDING_FILE)
+"""Files that can be made from the others: manifests of earlier versions list them."""
 
 
 def compute_hashes(config: Config, *components: object) -> dict[str, str | None]:
@@ -61,12 +70,12 @@ def _list_missing(manifest: manifests.Manifest) -> list[str]:
     walks = isinstance(machine, dict) and MACHINES.get(str(machine.get("kind"))) in get_args(BodyMachine)
     names = [METRICS_FILE, BODY_METRICS_FILE] if walks else [METRICS_FILE]
     if manifest["config"].get("record", {}).get("trace", True):
-        names += [METRICS_CSV, TRACE_FILE, BODY_FILE] if walks else [METRICS_CSV, TRACE_FILE]
+        names += [TRACE_FILE, BODY_FILE] if walks else [TRACE_FILE]
     return [f"{name}: not listed in {manifests.MANIFEST}" for name in names if name not in manifest["files"]]
 
 
 def faults(folder: Path) -> list[str]:
-    """Reasons why a run, a report or the table of a sweep is not intact; empty if it is."""
+    """Reasons why a run is not intact; empty if it is."""
     try:
         manifest = manifests.read(folder)
     except BadRun as error:
@@ -75,11 +84,6 @@ def faults(folder: Path) -> list[str]:
     reasons += [
         f"{name}: {fault}"
         for name, expected in manifest["files"].items()
-        if (fault := check_file(folder, name, expected)) is not None
+        if name not in VIEWS and (fault := check_file(folder, name, expected)) is not None
     ]
-    for name, expected in manifest.get("runs", {}).items():
-        with suppress(BadRun):
-            if manifests.read(folder / name).get("config_hash") == expected:
-                continue
-        reasons.append(f"{name}: its config is not the one of the report")
     return reasons

@@ -1,6 +1,5 @@
-"""The manifest of a run: config, versions, how it ended, and hashes of its files and of itself; written last."""
+"""The manifest of a run: config, versions, how it ended, and hashes of its files; written last."""
 
-import hashlib
 import json
 import os
 import platform
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cmacexp.config import config_hash
-from cmacexp.data.files import NEW, file_signature, open_file
+from cmacexp.data.files import file_signature, open_file, write_atomically
 from cmacexp.data.manifest_fields import REPORT as REPORT
 from cmacexp.data.manifest_fields import SWEEP as SWEEP
 from cmacexp.data.manifest_fields import find_wrong
@@ -20,10 +19,7 @@ from cmacexp.data.version import __version__
 from cmacexp.errors import BadRun
 from cmacexp.models.robot_file import DISTRIBUTION
 
-MANIFEST, CHECKSUM = "manifest.json", "checksum"
-"""The file, and its last entry: the SHA-256 of all others."""
-LAST = f',\n  "{CHECKSUM}": '
-"""How that entry begins."""
+MANIFEST = "manifest.json"
 MAX_BYTES = 16 << 20
 PACKAGES = ("numpy", "numba", "scipy", "pyarrow", "pandas", "hydra-core", "rerun-sdk")
 
@@ -89,36 +85,22 @@ def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: An
     }
 
 
-def dump(manifest: Manifest) -> str:
-    """The text of a manifest, which ends with the checksum of what is before it."""
-    return _end(json.dumps(manifest, indent=2).removesuffix("\n}"))
-
-
-def _end(content: str) -> str:
-    """The text of a manifest that begins with ``content``, all of its entries but the checksum."""
-    checksum = hashlib.sha256((content + "\n}").encode()).hexdigest()
-    return f'{content}{LAST}"{checksum}"\n}}\n'
-
-
 def write(folder: Path, manifest: Manifest) -> None:
-    """Write a manifest with its checksum into ``folder``, which no other process reads or writes."""
-    (folder / MANIFEST).write_text(dump(manifest), encoding="utf-8")
+    """Write the manifest of a result, in one step."""
+    with write_atomically(folder / MANIFEST) as temporary:
+        temporary.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
 
 
 def read(folder: Path) -> Manifest:
-    """The manifest of a run, a report or a sweep, checked; without its checksum.
+    """The manifest of a run, a report or a sweep, checked.
 
-    Raises BadRun if there is none, it cannot be read, it has changed, an entry is missing or not what it must be, or
-    the result was being replaced when its writer was killed.
+    Raises BadRun if there is none, it cannot be read, or an entry is missing or not what it must be.
     """
-    if os.path.lexists(folder / NEW / MANIFEST):
-        reason = "its replacement was interrupted; repeat the command that wrote there, which completes it"
-        raise BadRun(f"{folder}: {reason}")
     return read_file(folder / MANIFEST)
 
 
 def read_file(path: Path) -> Manifest:
-    """:func:`read` for a file, of a result that may be being replaced; it must be as written, byte for byte."""
+    """:func:`read` for a file of another name."""
     try:
         manifest: Manifest = json.loads(_read_checked(path, file_signature(path)))
     except (FileNotFoundError, NotADirectoryError):
@@ -127,7 +109,7 @@ def read_file(path: Path) -> Manifest:
     except (ValueError, OSError, RecursionError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error) or type(error).__name__
         raise BadRun(f"{path}: cannot be read ({reason.splitlines()[0]})") from None
-    del manifest[CHECKSUM]
+    manifest.pop("checksum", None)  # of earlier versions
     return manifest
 
 
@@ -138,10 +120,6 @@ def _read_checked(path: Path, file_signature: tuple[int, ...]) -> bytes:
         if os.fstat(file.fileno()).st_size > MAX_BYTES:
             raise BadRun(f"{path}: larger than {MAX_BYTES >> 20} MB, not the manifest of a run")
         text = file.read()
-    found = json.loads(text)
-    if isinstance(found, dict) and CHECKSUM in found and _end(text.decode().rpartition(LAST)[0]) != text.decode():
-        raise BadRun(f"{path}: changed since it was written; run it again")
-    wrong = find_wrong(found)
-    if wrong or CHECKSUM not in found:
-        raise BadRun(f"{path}: not the manifest of a run: {wrong or f'it has no {CHECKSUM}'}; run it again")
+    if wrong := find_wrong(json.loads(text)):
+        raise BadRun(f"{path}: not the manifest of a run: {wrong}; run it again")
     return text

@@ -25,12 +25,11 @@ class Scores(NamedTuple):
 
 
 def write_scores(folder: Path, scores: Scores, as_csv: bool = True) -> list[str]:
-    """Write the metrics of a run, as CSV too unless that is not wanted; the names of the files."""
+    """Write the metrics of a run, as CSV too unless that is not wanted; the names of the files but for the CSV."""
     write_table(scores.legs, folder / METRICS_FILE)
     names = [METRICS_FILE]
     if as_csv:
         pa_csv.write_csv(scores.legs, folder / METRICS_CSV)
-        names.append(METRICS_CSV)
     if scores.body is not None:
         write_table(scores.body, folder / BODY_METRICS_FILE)
         names.append(BODY_METRICS_FILE)

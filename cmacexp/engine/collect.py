@@ -8,7 +8,8 @@ from pathlib import Path
 
 from cmacexp.config import Config, config_hash, to_config, to_plain
 from cmacexp.config.compose import compose_untyped
-from cmacexp.data.folder import RUN_KEY, replacing
+from cmacexp.data import manifest as manifests
+from cmacexp.data.folder import RUN_KEY, new_result
 from cmacexp.data.integrity import is_finished
 from cmacexp.engine.failure import make_failure
 from cmacexp.engine.pool import Each, share_progress
@@ -29,8 +30,8 @@ def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config | str,
         config = to_config(composed)
     except BadInput as error:
         folder = store / f"refused-{hashlib.sha256(repr(overrides).encode()).hexdigest()[:HASH_DIGITS]}"
-        with replacing(folder, RUN_KEY, wait=True) as place:
-            place.commit(make_failure(composed, error))
+        with new_result(folder, RUN_KEY) as writer:
+            manifests.write(writer.part, make_failure(composed, error))
         return folder, str(error), choices, False
     name, record = f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}", config.record
     if record.thins:  # the hash leaves out what a run stores: studies that differ in it share no folder
@@ -47,17 +48,17 @@ def _run(number: int, folder: Path, config: Config, runs: int) -> str | None:
 
     announce_compiling()
     expect_runs(runs)
-    with replacing(folder, RUN_KEY, wait=True) as place:
-        if is_finished(folder, config):  # another study has run it while this one waited
-            return None
-        report = share_progress(number)
-        try:
-            scenario = make_scenario(config)
-        except BadInput as error:
-            place.commit(make_failure(to_plain(config), error))
-            return str(error)
-        run = run_scenario(config, place, lambda cycles: report(cycles / config.cycles), scenario)
-        return run.manifest["cause"] if run.status == "failed" else None
+    if is_finished(folder, config):  # another study has run it meanwhile
+        return None
+    report = share_progress(number)
+    try:
+        scenario = make_scenario(config)
+    except BadInput as error:
+        with new_result(folder, RUN_KEY) as writer:
+            manifests.write(writer.part, make_failure(to_plain(config), error))
+        return str(error)
+    run = run_scenario(config, folder, lambda cycles: report(cycles / config.cycles), scenario)
+    return run.manifest["cause"] if run.status == "failed" else None
 
 
 def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before: Collected) -> Collected:

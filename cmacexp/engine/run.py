@@ -1,9 +1,9 @@
 """One run from its config to its folder: closed loop, traces, metrics, recording, manifest."""
 
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,8 @@ from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.control import HybridController
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
-from cmacexp.data.files import sha256
-from cmacexp.data.folder import RUN_KEY, Place, replacing
+from cmacexp.data.files import sha256, write_atomically
+from cmacexp.data.folder import RUN_KEY, ResultWriter, new_result
 from cmacexp.data.integrity import compute_hashes
 from cmacexp.data.parquet import write_table
 from cmacexp.data.run import Run
@@ -34,7 +34,7 @@ from cmacexp.data.trace import Trace, concat_traces, count_steps_by_cycle, trace
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.engine.failure import describe_failure
 from cmacexp.engine.stop_cause import explain_stop
-from cmacexp.errors import BadInput, BadOutput, format_user_traceback
+from cmacexp.errors import BadInput, BadOutput, format_user_traceback, in_one_line
 from cmacexp.feedforward import Learns
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
@@ -133,21 +133,21 @@ def _roll_out(
 
 
 @exits_caught()
-def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest, names: list[str]) -> None:
-    """Write the weights and the recording if the config asks for them, and add them to the names of whole files."""
-    record, folder = scenario.setup.config.record, place.new
+def _write_extras(scenario: Scenario, writer: ResultWriter, manifest: manifests.Manifest, names: list[str]) -> None:
+    """Write weights and recording if the config asks for them; weights are added to the names of the files."""
+    record, folder = scenario.setup.config.record, writer.part
     if record.weights and isinstance(scenario.feedforward, Learns):
         restored = [event["restored"] for event in manifest["guard"]]
         best = scenario.kept.get(restored[-1]) if restored else None
-        np.savez_compressed(folder / WEIGHTS, allow_pickle=False, **(best or scenario.feedforward.learnt()))
+        with write_atomically(folder / WEIGHTS) as temporary, temporary.open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, **(best or scenario.feedforward.learnt()))
         names.append(WEIGHTS)
     if record.recording and (kept := count_steps_by_cycle(folder)):
         from cmacexp.recording.window import make_window
         from cmacexp.recording.write import write_recording
 
-        label, window = place.folder.name, make_window(kept)
+        label, window = writer.folder.name, make_window(kept)
         write_recording(folder, manifest, folder / RECORDING_FILE, label=label, window=window)
-        names.append(RECORDING_FILE)
 
 
 def _robot_entry(scenario: Scenario) -> dict[str, Any]:
@@ -167,51 +167,54 @@ def _robot_entry(scenario: Scenario) -> dict[str, Any]:
 @interrupt_held_back()  # the loop itself raises it: what is done is written
 def run_scenario(
     config: Config,
-    folder: Path | Place,
+    folder: Path,
     watch: Callable[[float], None] = lambda cycles: None,
     prepared: Scenario | None = None,
     warn: Callable[[Drift], None] = lambda drift: None,
     record: Mapping[str, str] | None = None,
     overrides: Sequence[str] | None = None,
 ) -> Run:
-    """Run a scenario of a checked config and write its results to ``folder``, which may be locked already.
+    """Run a scenario of a checked config and write its results to ``folder``.
 
-    An earlier run in it is replaced at the end; a run that diverged, failed or was interrupted keeps its results up
-    to there. ``prepared`` is the scenario if it is already made. ``watch`` is called with the number of cycles done
-    so far, see :func:`cmacexp.loop.stream`, ``warn`` once a drift is detected. ``record`` is Hydra's own, texts by
-    file name. ``overrides`` are those of a job of a sweep: a power failure may cost it its result, and the sweep that
-    is resumed runs it again.
+    They take the place of an earlier run at the end; a run that diverged, failed or was interrupted keeps its results
+    up to there. ``prepared`` is the scenario if it is already made. ``watch`` is called with the number of cycles
+    done so far, see :func:`cmacexp.loop.stream`, ``warn`` once a drift is detected. ``record`` is Hydra's own, texts
+    by file name. ``overrides`` are those of a job of a sweep: a power failure may cost it its result, and the sweep
+    that is resumed runs it again.
 
-    Raises BadInput, with nothing simulated or written, if the machine cannot follow the plan, or the folder is in use
-    or holds something else; OSError if the folder cannot be written: an earlier run in it stays as it was.
+    Raises BadInput, with nothing simulated or written, if the machine cannot follow the plan, or the folder
+    holds something else; OSError if the folder cannot be written: an earlier run in it stays as it was.
     """
     began = time.perf_counter()
     scenario = prepared or make_scenario(config)
-    with nullcontext(folder) if isinstance(folder, Place) else replacing(folder, RUN_KEY) as place:
-        start = config.learning.start_from
-        if start is not None and Path(start).resolve() == place.folder.resolve():
-            raise BadInput("learning.start_from", start, f"is the folder of this run; choose another {RUN_KEY}")
+    start = config.learning.start_from
+    if start is not None and Path(start).resolve() == folder.resolve():
+        raise BadInput("learning.start_from", start, f"is the folder of this run; choose another {RUN_KEY}")
+    with new_result(folder, RUN_KEY, durable=overrides is None) as writer:
         for name, text in (record or {}).items():
-            place.write_text(f"{HYDRA_FOLDER}/{name}", text)
-        manifest = _write(scenario, place, watch, warn)
+            writer.write_text(f"{HYDRA_FOLDER}/{name}", text)
+        manifest = _write(scenario, writer, watch, warn)
         manifest |= {} if overrides is None else {"overrides": list(overrides)}
         manifest["wall_seconds"] = time.perf_counter() - began
-        place.commit(manifest, sync=overrides is None)
-    return Run(place.folder, manifest)
+        manifests.write(writer.part, manifest)
+    if writer.overtook:
+        text = f"warning: {folder}: another run was written there meanwhile, which this one has replaced"
+        print(in_one_line(text), file=sys.stderr)
+    return Run(folder, manifest)
 
 
 def _write(
-    scenario: Scenario, place: Place, watch: Callable[[float], None], warn: Callable[[Drift], None]
+    scenario: Scenario, writer: ResultWriter, watch: Callable[[float], None], warn: Callable[[Drift], None]
 ) -> manifests.Manifest:
     """Run, and write everything but the manifest, which is returned."""
-    config, folder = scenario.setup.config, place.new
+    config, folder = scenario.setup.config, writer.part
     end, scores, names = _roll_out(scenario, folder, watch, warn)
     names += write_scores(folder, scores, config.record.trace)
     shown = {"guard": [event._asdict() for event in end.events], **_robot_entry(scenario)}  # in the recording
     manifest = manifests.make_manifest(to_plain(config), end.status, end.cause, steps=end.steps, **shown)
     failure = end.error
     try:
-        _write_extras(scenario, place, manifest, names)
+        _write_extras(scenario, writer, manifest, names)
     except Exception as error:  # of a disk that is full, or of a component: what is listed is whole
         failure = None if isinstance(error, OSError) else error
         manifest |= {"status": "failed", "cause": f"after step {end.steps}: {describe_failure(error)}"}

@@ -15,7 +15,6 @@ from omegaconf.errors import OmegaConfBaseException
 from cmacexp.errors import BadInput
 
 if TYPE_CHECKING:
-    from cmacexp.data.folder import Place
     from cmacexp.engine.pool import RunAll
 
 SWEEP_KEY = "hydra.sweep.dir"
@@ -35,7 +34,7 @@ class Kind(NamedTuple):
 class Sweep:
     """The sweep of this process.
 
-    ``place`` is its folder once that is locked, for the table; ``planned`` counts jobs by their overrides, see
+    ``place`` is its folder once that is made; ``planned`` counts jobs by their overrides, see
     :func:`select_run_overrides`; ``kinds`` are those of :meth:`get_kind`. ``optimize`` is the metric that jobs
     return, ``direction`` whether to ``minimize`` or to ``maximize`` it; None: nobody said.
     """
@@ -52,7 +51,7 @@ class Sweep:
     ):
         self.folder, self.chunk, self.processes = folder, chunk, processes
         self.optimize, self.direction = objective
-        self.place: Place | None = None
+        self.place: Path | None = None
         self.planned: Counter[tuple[str, ...]] = Counter()
         self.kinds: dict[tuple[str, ...], Kind] = {}
         self.run_all: RunAll | None = None
@@ -60,12 +59,11 @@ class Sweep:
         """Left when the sweep is over, and when its jobs are."""
 
     def begin(self) -> None:
-        """Keep other sweeps out of the folder, and show how many jobs are done; raises BadInput, OSError."""
-        from cmacexp.data.folder import replacing  # here, because every command imports this file
-        from cmacexp.data.manifest import SWEEP
+        """Make the folder, and show how many jobs are done; raises BadInput, OSError."""
+        from cmacexp.data.folder import collection  # here, because every command imports this file
         from cmacexp.engine.pool import shared_progress
 
-        self.place = self.lock.enter_context(replacing(self.folder, SWEEP_KEY, SWEEP))
+        self.place = self.lock.enter_context(collection(self.folder, SWEEP_KEY))
         self.progress.enter_context(shared_progress("sweep", self.planned.total, "jobs"))
 
     def start_workers(self) -> "RunAll":

@@ -1,5 +1,6 @@
 """One job of a sweep, in whatever process: it prints a line, and leaves on disk how it ended."""
 
+import json
 import math
 from contextlib import suppress
 from pathlib import Path
@@ -13,7 +14,8 @@ from cmacexp.config.compose import make_record
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.files import FAILED
-from cmacexp.data.folder import RUN_KEY, replacing, write_atomically
+from cmacexp.data.folder import RUN_KEY, check_place, new_result, write_atomically
+from cmacexp.data.tables import TRACE_FILE
 from cmacexp.engine.failure import describe_failure, make_failure
 from cmacexp.engine.pool import FAILED_SHARE, share_progress
 from cmacexp.engine.sweep import Sweep, select_run_overrides
@@ -64,16 +66,16 @@ def run_job(job: Job, jobs: float) -> float | None:
     try:
         config = to_config(composed)
         check_metric(config.optimize, config.machine.kind)
-        with replacing(folder, RUN_KEY) as place:
-            if not (config.sweep.resume and is_finished(folder, config)):
-                scenario, cycles = make_scenario(config), config.cycles
-                result = run_scenario(
-                    *(config, place, lambda done: report(done / cycles), scenario),
-                    record=make_record(composed, hydra) if config.record.trace else None,
-                    overrides=overrides,
-                )
-            elif (manifest := manifests.read(folder)).get("overrides") != overrides:  # the same config by other words
-                place.commit({**manifest, "overrides": overrides})
+        check_place(folder, RUN_KEY)
+        if not (config.sweep.resume and is_finished(folder, config)):
+            scenario, cycles = make_scenario(config), config.cycles
+            result = run_scenario(
+                *(config, folder, lambda done: report(done / cycles), scenario),
+                record=make_record(composed, hydra) if config.record.trace else None,
+                overrides=overrides,
+            )
+        elif (manifest := manifests.read(folder)).get("overrides") != overrides:  # the same config by other words
+            manifests.write(folder, {**manifest, "overrides": overrides})
     except Exception as error:
         if is_interrupt(error):
             raise KeyboardInterrupt from error
@@ -101,12 +103,12 @@ def run_job(job: Job, jobs: float) -> float | None:
 def _write_failure(job: Job, overrides: list[str], error: Exception) -> None:
     """Leave a manifest that names why there is no result; an earlier run in the folder stays, with it beside."""
     manifest = make_failure(job.config, error, overrides=overrides)
-    with suppress(OSError, BadInput), replacing(job.folder, RUN_KEY) as place:
-        # where this fails, the job counts as unfinished, and the terminal shows its cause
-        for name, text in make_record(job.config, job.hydra).items():
-            place.write_text(f"{HYDRA_FOLDER}/{name}", text)
-        if place.earlier:
+    with suppress(OSError, BadInput):  # then the job counts as unfinished, and the terminal shows its cause
+        if (job.folder / TRACE_FILE).exists():
             with write_atomically(job.folder / FAILED) as temporary:
-                temporary.write_text(manifests.dump(manifest), encoding="utf-8")
-        else:
-            place.commit(manifest)
+                temporary.write_text(json.dumps(manifest), encoding="utf-8")
+            return
+        with new_result(job.folder, RUN_KEY) as writer:
+            for name, text in make_record(job.config, job.hydra).items():
+                writer.write_text(f"{HYDRA_FOLDER}/{name}", text)
+            manifests.write(writer.part, manifest)

@@ -12,8 +12,8 @@ import pyarrow.csv as pa_csv
 
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import walk
-from cmacexp.data.files import FAILED, sha256
-from cmacexp.data.folder import TABLE, TABLE_CSV
+from cmacexp.data.files import FAILED
+from cmacexp.data.folder import TABLE, TABLE_CSV, write_atomically
 from cmacexp.data.parquet import arrow, arrow_strings, write_table
 from cmacexp.data.run import UNFINISHED, Run, sort_folders
 from cmacexp.engine.equal_results import print_idle_keys
@@ -119,11 +119,12 @@ def finish_sweep(sweep: Sweep) -> str:
     ended = "bad input" if all(job.manifest.get("bad_input") for job in jobs) else ended
     names = dict.fromkeys(name for row in rows for name in row)
     table = pa.table({name: make_column([row.get(name, math.nan) for row in rows]) for name in names})
-    write_table(table, sweep.place.new / TABLE)
-    pa_csv.write_csv(table, sweep.place.new / TABLE_CSV)
-    files = {name: sha256(sweep.place.new / name) for name in (TABLE, TABLE_CSV)}
-    entries = {"config": {}, "versions": manifests.versions(), "files": files}
-    sweep.place.commit({"kind": manifests.SWEEP, "status": ended, **entries})
+    entries = {"config": {}, "versions": manifests.versions(), "files": {}}
+    manifests.write(sweep.place, {"kind": manifests.SWEEP, "status": ended, **entries})
+    with write_atomically(sweep.place / TABLE) as temporary:
+        write_table(table, temporary)
+    with write_atomically(sweep.place / TABLE_CSV) as temporary:
+        pa_csv.write_csv(table, temporary)
     swept = [key for key in jobs[0].settings if len({str(job.settings[key]) for job in jobs}) > 1]
     print_runs(jobs, swept, sweep.folder / TABLE_CSV)
     counts = Counter(job.outcome.status for job in jobs) + Counter({UNFINISHED: missing})

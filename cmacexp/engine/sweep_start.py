@@ -1,4 +1,4 @@
-"""The start of a sweep: lock its folder, check its options, note its jobs, set ``record=trace`` by default."""
+"""The start of a sweep: make its folder, check its options, note its jobs, set ``record=trace`` by default."""
 
 from collections.abc import Sequence
 from enum import Enum

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.folder import HTML, OUT_KEY, Place, replacing
-from cmacexp.data.hashes import current_hash
+from cmacexp.data.folder import HTML, OUT_KEY, ResultWriter, new_result
 from cmacexp.data.version import __version__
 from cmacexp.report.page_elements import Renderer, Section
 
@@ -38,41 +37,34 @@ def relative(path: Path, folder: Path) -> str:
     return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
 
-def _name_in(place: Place, path: Path) -> str:
-    """The name of a file in the manifest of a report: of a new one where it will be, relative to the report."""
-    full, new = path.resolve(), place.new.resolve()
-    return full.relative_to(new).as_posix() if full.is_relative_to(new) else relative(path, place.folder)
-
-
 def find_page(run: Path, folder: Path) -> str:
     """The page of a run relative to the folder of another report; empty if there is none yet."""
     page = run / REPORT / HTML
     return relative(page, folder) if page.is_file() else ""
 
 
-def write_report(report: Report, where: Path | Place) -> Path:
-    """Write a report and its figures in place of an earlier one; the manifest has the hash of every file and input.
+def write_report(report: Report, where: Path | ResultWriter) -> Path:
+    """Write a report and its figures in place of an earlier one; returns its page.
 
-    ``where`` is a folder, or one that is locked already, whose ``new`` files inputs can be. Raises BadInput if it is
-    in use, or holds something else, and OSError if it cannot be written, with an earlier report as it was.
+    ``where`` is a folder, or one that is being written. Raises BadInput if it holds something else, and OSError if it
+    cannot be written, with an earlier report as it was.
     """
     if isinstance(where, Path):
-        with replacing(where, OUT_KEY, manifests.REPORT) as locked:
-            return write_report(report, locked)
-    place = where
-    renderer = Renderer(place.new)
+        with new_result(where, OUT_KEY, manifests.REPORT) as writer:
+            return write_report(report, writer)
+    renderer = Renderer(where.part)
     commit = manifests.git_commit()
     origin = f"Written on {date.today()} by cmacexp {__version__}" + (f", commit {commit[:10]}." if commit else ".")
-    place.write_text(HTML, renderer.render_page(report=report, origin=origin))
-    written = [*renderer.files, place.new / HTML]
-    place.commit(
+    where.write_text(HTML, renderer.render_page(report=report, origin=origin))
+    manifests.write(
+        where.part,
         {
             "kind": manifests.REPORT,
             "status": "completed",
             "config": report.config,
             "versions": manifests.versions(),
-            "runs": {relative(path, place.folder): of_config for path, of_config in report.runs.items()},
-            "files": {_name_in(place, path): current_hash(path) for path in [*written, *report.inputs]},
-        }
+            "runs": {relative(path, where.folder): of_config for path, of_config in report.runs.items()},
+            "files": {},
+        },
     )
-    return place.folder / HTML
+    return where.folder / HTML

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.data.folder import OUT_KEY, replacing
+from cmacexp.data.folder import OUT_KEY, new_result
 from cmacexp.data.manifest import REPORT
 from cmacexp.data.run import Run
 from cmacexp.metrics.text import format_cell
@@ -85,10 +85,10 @@ def write_stability_report(
         tables = {"leads": partial(DataFrame, rows(analysis), columns=list(TITLES))}
         asked["cycle"] = analysis.growth.cycle
         values["holding"] = [f"lead {lead}" for lead in analysis.verdicts if (analysis.least_real(lead) > 0.0).all()]
-    with replacing(folder, OUT_KEY, REPORT) as place:
+    with new_result(folder, OUT_KEY, REPORT) as place:
         growth = verdict.growth if math.isfinite(verdict.growth) else None
         place.write_text(VERDICT, json.dumps({**verdict._asdict(), "growth": growth}, indent=1) + "\n")
-        renderer, text = Renderer(place.new), Path(__file__).with_name("page.md")
+        renderer, text = Renderer(place.part), Path(__file__).with_name("page.md")
         sections = render_markdown(text, "Does learning hold", renderer, drawn, tables, values)
         summary = " ".join((verdict.describe(), *notes))
-        return write_report(Report(title, summary, sections, [place.new / VERDICT, *renderer.files], asked), place)
+        return write_report(Report(title, summary, sections, [place.part / VERDICT, *renderer.files], asked), place)

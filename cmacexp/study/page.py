@@ -11,7 +11,7 @@ import pyarrow as pa
 from markupsafe import Markup
 
 from cmacexp.config.fields import listed
-from cmacexp.data.folder import Place
+from cmacexp.data.folder import ResultWriter
 from cmacexp.data.manifest import Manifest
 from cmacexp.data.parquet import write_table
 from cmacexp.errors import BadInput
@@ -154,7 +154,7 @@ def _statement(name: str, judged: ClaimResult | FindingResult, folder: Path) -> 
     return {"name": name, **own, "criteria": [_entry(each, folder) for each in judged.measured]}
 
 
-def write_page(title: str, question: str, studies: Sequence[Evaluated], place: Place, quick: bool) -> Path:
+def write_page(title: str, question: str, studies: Sequence[Evaluated], place: ResultWriter, quick: bool) -> Path:
     """Write the report of one study or of several together, and their statements; a quick one concludes nothing."""
     folder = place.folder
     claims = [judged for study in studies for judged in study.claims.values()]
@@ -171,7 +171,7 @@ def write_page(title: str, question: str, studies: Sequence[Evaluated], place: P
         statements = {s.name: [_statement(*each, folder) for each in s.statements.items()] for s in studies}
         for name, entries in ((CLAIMS, statements), (PROVENANCE, {s.name: s.provenance for s in studies})):
             place.write_text(name, json.dumps(entries, indent=1, ensure_ascii=False) + "\n")
-            files.append(place.new / name)
+            files.append(place.part / name)
     config = {"studies": [study.name for study in studies], "quick": quick}
     hashes = {path: str(manifest["config_hash"]) for path, manifest in runs.items()}
     report = Report(title, question, sections, sorted({*files}), config, hashes)

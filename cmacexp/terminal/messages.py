@@ -98,7 +98,7 @@ def _list_notes(result: Run) -> Iterator[str]:
         time = each["step"] * config["sampling_period"]
         where = f"force sensor of leg {each['leg']} rejected at step {each['step']} (t = {time:g} s)"
         yield f"{where}: it reports a force that the ground cannot give"
-    if RECORDING_FILE in manifest["files"]:
+    if (result.folder / RECORDING_FILE).exists():
         from cmacexp.recording.window import choose_every
 
         if (every := choose_every(steps := manifest["steps"])) > 1:

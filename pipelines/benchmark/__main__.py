@@ -19,7 +19,7 @@ from cmacexp.config import to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.config.custom_code import custom_code_hash, find_sources
 from cmacexp.config.machine import RobotMachine, read_model
-from cmacexp.data.folder import HTML, replacing
+from cmacexp.data.folder import HTML, new_result
 from cmacexp.data.manifest import REPORT, git_commit, versions
 from cmacexp.errors import BadInput
 from cmacexp.jit.sources import code_hash
@@ -128,14 +128,14 @@ def _write(done: dict[str, Any], machines: dict[str, Machine], methods: list[Met
     study = make_study(machines, [method.name for method in methods])
     file = StudyFile(Path(__file__).with_name(f"{NAME}.py"), study)
     results = Results([], {NAME: frame, "costs": done["costs"], "settings": done["settings"]})
-    with replacing(options.place(NAME), FOLDER_KEY, REPORT) as place:
-        evaluated = evaluate(file, results, place.new, options.quick)
+    with new_result(options.place(NAME), FOLDER_KEY, REPORT) as place:
+        evaluated = evaluate(file, results, place.part, options.quick)
         place.write_text(f"{NAME}.json", _describe(done, machines, methods, options.quick))
         own = digest_files(sorted(_list_sources()), Path(__file__).parents[2])
         witnesses = [] if options.quick else _make_witnesses(next(iter(machines.values())), methods)
         provenance = make_provenance(own, results, witnesses, seeds=max(each.worlds for each in machines.values()))
         provenance |= {"runs": len(frame), "models": _hash_models(machines)}
-        files = [*evaluated.files, place.new / f"{NAME}.json"]
+        files = [*evaluated.files, place.part / f"{NAME}.json"]
         evaluated = replace(evaluated, files=files, provenance=provenance)
         write_page(study.title, study.question, [evaluated], place, options.quick)
     for machine in machines:

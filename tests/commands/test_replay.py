@@ -9,7 +9,6 @@ from urllib.request import urlopen
 import numpy as np
 import pytest
 from support.command import call, started
-from support.manifests import change_manifest
 from support.recordings import entities, lines
 
 import cmacexp
@@ -67,15 +66,6 @@ def test_a_recording_that_is_there_is_kept_until_another_is_asked_for(leg, tmp_p
     assert lines(leg / RECORDING, "leg_1/force")[0][0] == 1200
     replay(leg, "--rebuild")
     assert lines(leg / RECORDING, "leg_1/force")[0][0] == 0
-
-
-def test_a_recording_of_the_user_is_not_replaced(leg):
-    (leg / RECORDING).write_text("mine")
-    files = cmacexp.load(leg).manifest["files"]
-    change_manifest(leg, files={name: digest for name, digest in files.items() if name != RECORDING})
-    before = state_of(leg)
-    refused = replay(leg)
-    assert (refused.returncode, len(refused.stderr.splitlines()), state_of(leg)) == (2, 1, before)
 
 
 def test_runs_side_by_side_show_the_cycles_that_all_took_and_stay_as_they_are(runs, tmp_path):

@@ -1,8 +1,7 @@
-"""Folders of results: one writer at a time, nothing of others replaced, an earlier result whole until the next is."""
+"""Folders of results: nothing of others replaced, an earlier result whole until the next one takes its place."""
 
-import os
 import shutil
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -10,7 +9,7 @@ from support.command import ROOT, call, python
 from support.doors import BadInput, CmacexpError, Report, compose_config, run_scenario, write_report
 
 import cmacexp
-from cmacexp.data.folder import write_atomically
+from cmacexp.data.files import write_atomically
 from cmacexp.data.integrity import faults
 
 JOB = ("scenario=force_step", "gait.cycle_time=1.0", "record=trace")
@@ -51,19 +50,20 @@ def first(made, tmp_path):
     return shutil.copytree(made, tmp_path / "first")
 
 
-def test_of_two_runs_in_one_folder_one_is_refused(tmp_path):
-    refused = []
+def test_of_two_runs_in_one_folder_the_last_one_stays_and_says_so(tmp_path, capsys):
+    masses = []
 
     def meanwhile(cycle):
-        with pytest.raises(BadInput) as caught:
+        if not masses:
             run_other(tmp_path / "run")
-        refused.append(caught.value.key)
+            masses.append(mass_of(tmp_path / "run"))
 
     run(tmp_path / "run", watch=meanwhile)
-    assert {*refused} == {"hydra.run.dir"}
-    assert not faults(tmp_path / "run")
+    assert masses == [OTHER_MASS]
     assert mass_of(tmp_path / "run") != OTHER_MASS
-    assert not hidden_in(tmp_path)
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    run(tmp_path / "run")
+    assert (faults(tmp_path / "run"), hidden_in(tmp_path), capsys.readouterr().err) == ([], [], "")
 
 
 FOREIGN = {
@@ -73,7 +73,7 @@ FOREIGN = {
     "a page": {"report.html": b"mine"},
     "a broken manifest": {"manifest.json": b"{"},
     "a manifest of another program": {"manifest.json": b'{"name": "app"}'},
-    "Hydra's record of another program": {".hydra/config.yaml": b"theirs", "model.pt": b"theirs"},
+    "files of another program": {".hydra/config.yaml": b"theirs", "model.pt": b"theirs"},
 }
 
 
@@ -88,21 +88,43 @@ def test_files_of_others_are_not_replaced(files, tmp_path):
     assert state_of(tmp_path) == files
 
 
-def test_a_run_and_a_report_replace_only_their_own_kind_and_leave_other_files(first, tmp_path):
-    page = Report("T", "S", [], [first / "trace.parquet"])
-    write_report(page, tmp_path / "page")
-    for folder, refused in ((first, lambda folder: write_report(PAGE, folder)), (tmp_path / "page", run)):
-        (folder / "notes.txt").write_text("mine")
-        (folder / ".notes.part").write_text("mine")
+def write_page(folder):
+    write_report(PAGE, folder)
+
+
+def test_a_run_and_a_report_replace_only_their_own_kind_and_no_files_of_others(first, tmp_path):
+    write_page(tmp_path / "page")
+    for folder, again, others in ((first, run_other, write_page), (tmp_path / "page", write_page, run)):
+        for name in ("job.log", ".notes.part", "notes.txt"):
+            (folder / name).write_text("mine")
         before = state_of(folder)
-        with pytest.raises(BadInput):
-            refused(folder)
+        for refused in (again, others):
+            with pytest.raises(BadInput):
+                refused(folder)
         assert state_of(folder) == before
-    write_report(PAGE, tmp_path / "page")
-    run_other(first)
-    for folder in (first, tmp_path / "page"):
-        assert not faults(folder)
-        assert {(folder / name).read_text() for name in ("notes.txt", ".notes.part")} == {"mine"}
+        (folder / "notes.txt").unlink()
+        again(folder)
+        assert state_of(folder).items() >= {"job.log": b"mine", ".notes.part": b"mine"}.items()
+
+
+def test_a_new_run_takes_the_views_of_the_earlier_one_with_it_and_stays_the_current_folder(first, monkeypatch):
+    write_page(first / "report")
+    (first / ".hydra").mkdir()
+    monkeypatch.chdir(first)
+
+    def log(cycle):
+        Path("debug.csv").write_text("of a component")
+
+    run(first, f"machine.mass={OTHER_MASS}", watch=log)
+    assert {path.name for path in Path.cwd().iterdir()} == {path.name for path in first.iterdir()}
+    assert {path.name for path in first.iterdir()} & {"report", ".hydra", "debug.csv"} == {"debug.csv"}
+
+
+def test_a_link_to_the_folder_of_a_run_stays_one(first, tmp_path):
+    (tmp_path / "link").symlink_to(first)
+    run_other(tmp_path / "link")
+    assert (tmp_path / "link").is_symlink()
+    assert mass_of(first) == OTHER_MASS
 
 
 @pytest.mark.ci
@@ -137,29 +159,22 @@ def test_what_fails_leaves_the_earlier_run_as_it_was(fail, first, monkeypatch):
     assert state_of(first) == before
 
 
-@pytest.mark.parametrize("number", range(4))
-def test_a_replacement_interrupted_at_any_moment_leaves_one_result_or_says_so_and_the_next_completes(
-    number, first, monkeypatch
-):
-    """Before the rename of file ``number``; what a reader then takes for a run is a whole one."""
-    with monkeypatch.context() as patch:
-        for module, name in ((Path, "replace"), (Path, "rename"), (os, "replace"), (os, "rename")):
-            rename, left = getattr(module, name), iter(range(number))
+@pytest.mark.parametrize("exchanged", [True, False])
+def test_a_result_is_whole_at_every_moment_or_absent_where_folders_cannot_be_exchanged(exchanged, first, monkeypatch):
+    """Looked at before and after every rename, where a kill can leave it."""
+    seen, before, rename = [], mass_of(first), Path.rename
 
-            def interrupted(*paths, rename=rename, left=left):
-                if next(left, None) is None:
-                    raise KeyboardInterrupt
-                return rename(*paths)
+    def look(*paths):
+        seen.append(first.exists() and (mass_of(first), faults(first)))
+        return rename(*paths)
 
-            patch.setattr(module, name, interrupted)
-        with pytest.raises(KeyboardInterrupt) if number == 0 else suppress(KeyboardInterrupt):
-            run_other(first)
-    before = state_of(first)
-    with pytest.raises(CmacexpError) if faults(first) else nullcontext():
-        mass_of(first)
-    assert state_of(first) == before, "readers change nothing"
+    monkeypatch.setattr(Path, "rename", look)
+    if not exchanged:
+        monkeypatch.setattr("cmacexp.data.folder._exchange", lambda *paths: False)
     run_other(first)
-    assert (mass_of(first), faults(first), hidden_in(first)) == (OTHER_MASS, [], [])
+    assert (mass_of(first), faults(first), hidden_in(first.parent)) == (OTHER_MASS, [], [])
+    assert all(found == (before, []) for found in seen if found)
+    assert (False in seen) != exchanged
 
 
 @pytest.mark.ci
@@ -187,7 +202,7 @@ def test_commands_follow_no_link_out_of_a_folder(link, first, tmp_path):
 
 
 def test_a_file_is_written_as_a_whole_and_never_through_a_link(tmp_path):
-    (tmp_path / f".new.{os.getpid()}.part").symlink_to(tmp_path / "mine")
+    (tmp_path / "new").symlink_to(tmp_path / "mine")
     with write_atomically(tmp_path / "new") as temporary:
         temporary.write_text("whole")
     assert state_of(tmp_path) == {"new": b"whole"}

@@ -15,8 +15,7 @@ def walk(stored):
 
 def test_a_walk_has_a_row_per_step_and_leg_and_a_row_of_the_body_per_step(walk):
     assert set(walk.manifest["files"]) == {
-        "trace.parquet", "body.parquet", "memory.parquet", "metrics.parquet", "metrics.csv", "body_metrics.parquet",
-        "recording.rrd",
+        "trace.parquet", "body.parquet", "memory.parquet", "metrics.parquet", "body_metrics.parquet",
     }  # fmt: skip
     assert_array_equal(walk.trace["step"], np.repeat(np.arange(STEPS), 4))
     assert_array_equal(walk.trace["leg"], np.tile([1, 2, 3, 4], STEPS))
