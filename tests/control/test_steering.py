@@ -1,10 +1,24 @@
 """Steering: a body off its course is moved back by its supporting feet, and caught by those in transfer."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from support.doors import RobotMachine
 
-from cmacexp.control.steering import AHEAD, ASIDE, MOST, TURN, Steering, scale_ahead, scale_aside, steer
+from cmacexp.control.steering import (
+    AHEAD,
+    ASIDE,
+    MOST,
+    MOST_STATIC,
+    TURN,
+    Steering,
+    new_steering,
+    scale_ahead,
+    scale_aside,
+    steer,
+)  # fmt: skip
 
 SUPPORT = np.array([True, False, False, True])
 
@@ -43,3 +57,20 @@ def test_a_turning_body_moves_its_feet_round_its_centre():
         assert vx * scale_ahead(steering, hips, i) == pytest.approx(vx + rate * y)
         assert vx * scale_aside(steering, hips, i) == pytest.approx(-rate * x)
     assert (scale_ahead(None, hips, 0), scale_aside(None, hips, 0)) == (1.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "capture", "most"), [("trot", 0.15 + (0.3 / 9.81) ** 0.5, MOST), ("wave", 0.0, MOST_STATIC)]
+)
+def test_a_robot_is_caught_half_a_support_and_the_time_of_its_pendulum_ahead(pattern, capture, most):
+    """Raibert 1986, Pratt 2006: feet that catch it lie aside by its speed times this time; a slow gait needs none."""
+    gait = SimpleNamespace(pattern=pattern, duty_factor=0.6, cycle_time=0.5)
+    posture, hips = SimpleNamespace(course_gain=1.0, heading_gain=2.0), np.array([[0.3, 0.4], [-0.3, 0.0]])
+    config = SimpleNamespace(gait=gait, posture=posture, body_speed=0.2, sampling_period=0.001)
+    config.machine = object.__new__(RobotMachine)
+    sway = SimpleNamespace(place=np.array([[0.01, 0.02], [0.03, 0.02]]))
+    mechanism, plan = SimpleNamespace(hips=hips, hip_height=0.3), SimpleNamespace(sway=sway)
+    steering = new_steering(SimpleNamespace(config=config, mechanism=mechanism, plan=plan))
+    assert (steering.capture, steering.radius, steering.most) == pytest.approx((capture, 0.5, most))
+    assert not np.any([*steering.offset, *steering.command])
+    assert_allclose(steering.sway, [[0.0, 0.0], [0.02, 0.0]])

@@ -1,6 +1,7 @@
 """Laws of feedforwards: which torque is given when, what feedback teaches, and from which step on."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,8 +12,8 @@ from support.doors import RULES, BadInput, Leg, jacobian, make_scenario, train_b
 
 from cmacexp.feedforward import CmacFeedforward, CmacOnModel, InverseDynamics, IterativeLearning, RadialBasis
 from cmacexp.feedforward.ilc import WIDEST, gaussian_taps
-from cmacexp.feedforward.kernels import Smoothing, correct, feedforward_step, smooth
-from cmacexp.feedforward.network import kernel_norm, known_torque, network, resample
+from cmacexp.feedforward.kernels import Smoothing, correct, exchange, feedforward_step, smooth
+from cmacexp.feedforward.network import kernel_norm, known_torque, network, planned_inputs, resample
 from cmacexp.feedforward.rbf import activations, spacing, spread_out
 from cmacexp.feedforward.weight_log import log_weights, new_log
 
@@ -200,7 +201,23 @@ def test_a_cmac_on_a_model_knows_the_torque_of_the_model(setup):
     wrong = InverseDynamics.Config(1.1, 0.9)
     feedforward = CmacOnModel(wrong)
     feedforward.reset(setup)
-    assert_array_equal(feedforward.known, InverseDynamics(wrong).compute_torque(setup))
+    known = InverseDynamics(wrong).compute_torque(setup)
+    assert_array_equal(feedforward.known, known)
+    assert_array_equal(feedforward.predict(SimpleNamespace(step=7, sample=7), np.zeros((LEGS, 2))), known[7])
+
+
+def test_an_input_of_the_phase_turns_once_a_cycle_at_equal_steps(setup):
+    cosine, sine = planned_inputs(setup, 1, ("angle", "phase"))[:, 2:].T
+    turned = np.unwrap(np.arctan2(sine, cosine))
+    assert_allclose(turned, 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES, atol=1e-12)
+    assert_allclose(np.hypot(cosine, sine), 1.0)
+
+
+def test_nothing_is_kept_of_weights_without_a_place_for_them(setup):
+    params = make_network(setup)
+    before = params.weights.copy()
+    exchange(params, np.zeros((LEGS, 0, 2)), False)
+    assert_array_equal(params.weights, before)
 
 
 # Iterative learning

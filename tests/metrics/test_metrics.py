@@ -13,8 +13,9 @@ ONE_CYCLE = {
     "x": [3e-3, 4e-3, 1e-3, -1e-3, 1e-3, -1e-3], "x_desired": 0.0,
     "y": [0.502, 0.498, 0.509, 0.5, 0.5, 0.5], "y_desired": 0.5,
     "force": [0.0, 0.4, 1.5, 1.2, 1.1, 0.9], "force_desired": [0.0, 0.0, 1.0, 1.0, 1.0, 1.0],
-    "tau_feedback_1": [1.0, -1.0] * 3, "tau_feedback_2": 0.0,
-    "tau_feedforward_1": [3.0, -3.0] * 3, "tau_feedforward_2": -1.0, "dq1": 2.0, "dq2": -0.5,
+    "tau_feedback_1": [2.0, -2.0, 1.0, -1.0, 1.0, -1.0], "tau_feedback_2": 0.0,
+    "tau_feedforward_1": [5.0, -5.0, 3.0, -3.0, 3.0, -3.0], "tau_feedforward_2": -1.0,
+    "dq1": [3.0, 3.0, 2.0, 2.0, 2.0, 2.0], "dq2": -0.5,
 }  # fmt: skip
 UNDEFINED_HERE = (
     "force_rmse_three_feet", "feedback_change", "feedback_growth", "drift_cycle",
@@ -35,11 +36,11 @@ BY_HAND = {
     "force_settling_time": NOTHING,  # 0.9 is the last sample, and 10 % off
     "force_iae": (0.5 + 0.2 + 0.1 + 0.1) * PERIOD,
     "force_itae": (0.0 * 0.5 + 0.1 * 0.2 + 0.2 * 0.1 + 0.3 * 0.1) * PERIOD,
-    "feedback_rms": math.sqrt(0.5),
-    "feedforward_rms": math.sqrt((9.0 + 1.0) / 2.0),
-    "torque_peak": 4.0,
-    "energy": (4.0 * 2.0 + 1.0 * 0.5) * 6 * PERIOD,
-    "feedforward_share": 4.0 / 5.0,
+    "feedback_rms": 1.0,
+    "feedforward_rms": math.sqrt((86.0 / 6.0 + 1.0) / 2.0),
+    "torque_peak": 7.0,
+    "energy": (2 * 7.0 * 3.0 + 4 * 4.0 * 2.0 + 6 * 1.0 * 0.5) * PERIOD,
+    "feedforward_share": 28.0 / 36.0,
     **dict.fromkeys(UNDEFINED_HERE, NOTHING),
 }
 

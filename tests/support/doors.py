@@ -13,6 +13,7 @@ from cmacexp.commands.study import Options as Options
 from cmacexp.commands.study import write_studies as write_studies
 from cmacexp.config.compose import compose_config as compose_config
 from cmacexp.config.compose import compose_untyped as compose_untyped
+from cmacexp.config.machine import RobotMachine as RobotMachine
 from cmacexp.data.integrity import faults as faults
 from cmacexp.data.integrity import is_finished as is_finished
 from cmacexp.data.trace import Trace as Trace
