@@ -17,7 +17,7 @@ from benchmarks.mutants.calls import LONGEST, Calls, limit, refuse, take_few_exa
 ROOT = Path(__file__).parents[2]
 TIERS = {"first": "not ci and not nightly", "ci": "not nightly"}
 """Which tests find faults, as markers of pytest: the first tier alone, or all that CI runs."""
-OPTIONS = ("-n0", "-q", "-s", "--tb=no", "-p", "no:cacheprovider")
+OPTIONS = ("-n0", "-q", "-s", "--tb=no", "-p", "no:cacheprovider", "-p", "no:tiers")
 SLOWEST = 5 * LONGEST
 """A test that computes for longer, s, fails."""
 HANGING = 1800.0
