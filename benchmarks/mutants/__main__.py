@@ -108,7 +108,8 @@ def try_mutants(todo: list[Mutant], tier: str, folder: Path, log: Path, workers:
     warm_up()
     record = read_calls(folder / f"calls-{tier}.json", tier, workers)
     tests = {mutant: choose_tests(mutant, record) for mutant in todo}
-    early = [mutant for mutant in todo if is_early(mutant, record) or "super()" in mutant.old]  # which needs its class
+    # What calls super() cannot be replaced: it needs the class around it.
+    early = [mutant for mutant in todo if is_early(mutant, record) or "super()" in mutant.old]
 
     def import_it(mutant: Mutant) -> dict[str, Any]:
         failed = call_apart(run_imported, mutant, tests[mutant], most=MOST_TIME)
