@@ -12,7 +12,7 @@ from pipelines.benchmark.benchmark import QUESTION, TITLE
 from pipelines.benchmark.summary import write_scores
 from pipelines.quotes import PAGES, README, all_claims, all_studies, count_claims, fill, find_outdated
 from pipelines.readme import renew_readme
-from pipelines.results import RESULTS_FILE, list_states, read_results
+from pipelines.results import CHANGED, RESULTS_FILE, list_states, read_results
 
 STATUS = "status"
 SHOWN_FILES = 3
@@ -45,10 +45,21 @@ def write_docs() -> None:
 
 def print_status() -> None:
     """Print whether what each study gave is what its code gives today."""
-    for study, state, date, reasons in list_states(read_results()):
+    for study, state, date, reasons, confirmed in list_states(read_results()):
         more = f" and {len(reasons) - SHOWN_FILES} more" if len(reasons) > SHOWN_FILES else ""
         changed = f": {', '.join(reasons[:SHOWN_FILES])}{more}" if reasons else ""
-        print(f"{study:24} {date:10} {state}{changed}")
+        witnesses = f" (its witnesses gave the same values on {confirmed}); changed" if confirmed else ""
+        print(f"{study:24} {date:10} {state}{witnesses}{changed}")
+
+
+def repeat_witnesses() -> None:
+    """Run the witnesses of every changed study again, and note in results.json whose values are the same."""
+    results = read_results()
+    for state in list_states(results):
+        if state.state == CHANGED:
+            for line in results.confirm(state.study):
+                print(f"{state.study}: {line}", file=sys.stderr)
+    RESULTS_FILE.write_text(results.format(), encoding="utf-8")
 
 
 def _run() -> int:
@@ -57,11 +68,16 @@ def _run() -> int:
     parser.add_argument(
         "what", nargs="?", metavar=STATUS, help="whether every study is current, changed or never run"
     )
+    parser.add_argument(
+        "--witnesses", action="store_true", help=f"{STATUS}: run two runs of each changed study again"
+    )
     arguments = parser.parse_args()
     if arguments.write_docs:
         write_docs()
         return COMPLETED
     if arguments.what == STATUS:
+        if arguments.witnesses:
+            repeat_witnesses()
         print_status()
         return COMPLETED
     files = all_studies()

@@ -7,11 +7,15 @@ pages that were written for one verdict.
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+import cmacexp
 from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.errors import BadInput
@@ -24,7 +28,10 @@ from pipelines.quotes import DOCS, PIPELINES, Quotable
 
 RESULTS_FILE = DOCS / "results.json"
 CODE_DIGITS = 12
-CURRENT, CHANGED, NEVER = "current", "changed", "never run"
+CURRENT, EQUAL, CHANGED, NEVER = "current", "equal", "changed", "never run"
+"""EQUAL: its files changed, and its witnesses gave the same values on the files of today."""
+CLOSE = 1e-9
+"""Relative difference of equal values; the last digits differ between processors."""
 
 
 class State(NamedTuple):
@@ -32,11 +39,13 @@ class State(NamedTuple):
 
     study: str
     state: str
-    """One of CURRENT, CHANGED and NEVER."""
+    """One of CURRENT, EQUAL, CHANGED and NEVER."""
     date: str
     """Of the last full run."""
     reasons: Sequence[str]
     """Files and models that have changed since."""
+    confirmed: str = ""
+    """Date on which the witnesses of an EQUAL study ran on the files of today."""
 
 
 class PublishedResults:
@@ -62,16 +71,33 @@ class PublishedResults:
             if statements is None or not beside.is_file():
                 continue
             provenance = _read(beside)[name]
-            code = provenance.pop("code")
-            key = hashlib.sha256(json.dumps(code, sort_keys=True).encode()).hexdigest()[:CODE_DIGITS]
-            self.code[key] = code
+            key = self._add_code(provenance.pop("code"))
             own = {each["name"]: _quotable(each) for each in statements}
             self.studies[name] = {**provenance, "code": key, "statements": own}
         vars(self).pop("statements", None)
 
+    def _add_code(self, files: dict[str, str]) -> str:
+        """Keep digests of files; their key."""
+        key = hashlib.sha256(json.dumps(files, sort_keys=True).encode()).hexdigest()[:CODE_DIGITS]
+        self.code[key] = files
+        return key
+
+    def confirm(self, name: str) -> list[str]:
+        """Run the witnesses of a study again, and note it if they give what they gave; else what differs.
+
+        Witnesses are two runs of a study: they confirm neither its other runs nor its statements.
+        """
+        study = self.studies[name]
+        differing = [line for witness in study["witnesses"] for line in repeat_witness(witness)]
+        if not differing:
+            now = {file: _digest(PIPELINES.parent / file) for file in study["own"]}
+            date = datetime.now(UTC).date().isoformat()
+            study["confirmed"] = {"date": date, "code": self._add_code(digest_package()), "own": now}
+        return differing
+
     def format(self) -> str:
         """The text of the file, without digests that no study needs any more."""
-        used = {study["code"] for study in self.studies.values()}
+        used = {known["code"] for study in self.studies.values() for known in (study, study.get("confirmed", study))}
         code = {key: files for key, files in self.code.items() if key in used}
         entries = {"code": code, "studies": dict(sorted(self.studies.items())), "sentences": self.sentences}
         return json.dumps(entries, indent=1, ensure_ascii=False) + "\n"
@@ -80,10 +106,31 @@ class PublishedResults:
         """Whether a study is current."""
         if (study := self.studies.get(name)) is None:
             return State(name, NEVER, "", [])
-        now = {file: _digest(PIPELINES.parent / file) for file in study["own"]}
-        changed = [*list_changed(self.code[study["code"]], digest_package()), *list_changed(study["own"], now)]
-        changed += [f"model of {model}" for model, known in study["models"].items() if _has_changed(model, known)]
-        return State(name, CHANGED if changed else CURRENT, study["date"], changed)
+        changed = self._list_changed(study)
+        models = [f"model of {model}" for model, known in study["models"].items() if _has_changed(model, known)]
+        again = study.get("confirmed")
+        if changed and again and not models and not self._list_changed(again):
+            return State(name, EQUAL, study["date"], changed, again["date"])
+        return State(name, CHANGED if changed or models else CURRENT, study["date"], [*changed, *models])
+
+    def _list_changed(self, known: Mapping[str, Any]) -> list[str]:
+        """Files of the package and of a study that are not those of digests that are ``known``."""
+        now = {file: _digest(PIPELINES.parent / file) for file in known["own"]}
+        return [*list_changed(self.code[known["code"]], digest_package()), *list_changed(known["own"], now)]
+
+
+def repeat_witness(witness: Mapping[str, Any]) -> list[str]:
+    """Run one of a study's runs again; the metrics of its last whole cycle that differ, with both values."""
+    with TemporaryDirectory() as folder:
+        run = cmacexp.run([*witness["overrides"], "record=metrics", "warn=false"], Path(folder, "run"))
+        found = {name: run.final(name) for name in run.pooled}
+    expected = {name: math.nan if value is None else value for name, value in witness["metrics"].items()}
+    pairs = {name: (expected.get(name, math.nan), found.get(name, math.nan)) for name in {*expected, *found}}
+    return [
+        f"{' '.join(witness['overrides'])}: {name} was {old!r}, is {new!r}"
+        for name, (old, new) in sorted(pairs.items())
+        if not (math.isclose(old, new, rel_tol=CLOSE) or (math.isnan(old) and math.isnan(new)))
+    ]
 
 
 def _digest(path: Path) -> str:
