@@ -15,6 +15,7 @@ EXTRAS = {
     "gymnasium": "gym",
     "datafusion": "catalog",
     "mcap": "mcap",
+    "xarray": "xarray",
     "hydra/sweeper/optuna": "optuna",
     "hydra/launcher/joblib": "cores",
     "hydra/launcher/submitit_local": "cluster",

@@ -10,6 +10,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from cmacexp.config import Config, to_config
 from cmacexp.config.difference import flatten_config
 from cmacexp.config.schema import count_steps
@@ -18,11 +20,12 @@ from cmacexp.data.integrity import RESULTS, faults
 from cmacexp.data.parquet import as_array, list_units, read_cycles, read_schema, read_table, to_frame
 from cmacexp.data.tables import BODY_FILE, BODY_METRICS_FILE, METRICS_FILE, TABLES, TRACE_FILE, Scores
 from cmacexp.data.trace import Trace, read_trace
-from cmacexp.errors import BadRun, CmacexpError, in_one_line
+from cmacexp.errors import BadRun, CmacexpError, in_one_line, require_extra
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray
 
 VIEWS = {
     "pool": "cmacexp.metrics.pooling:pool_legs",
@@ -31,6 +34,8 @@ VIEWS = {
     "report": "cmacexp.report.run_report:write_run_report",
 }
 """What a run shows of itself, as ``module:function``; these rooms read runs, so they are imported on first use."""
+NO_VALUES = ("step", "time", "cycle", "leg", "phase")
+"""Signals that say where a value belongs."""
 BROKEN, UNFINISHED = "not intact", "unfinished"
 """Status of a run whose manifest or tables are missing or changed; of one that was killed before it had any."""
 
@@ -247,6 +252,24 @@ class Run:
         """Write the report of the run, as ``python -m cmacexp.report`` with its folder; returns the page."""
         page: Path = _find_view("report")(self)
         return page
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The trace as a Dataset with units: signals of the legs over (step, leg), of the body over (step).
+
+        ``support`` takes the place of ``phase``. Needs the extra ``xarray``; raises CmacexpError without it.
+        """
+        require_extra("xarray")
+        import xarray
+
+        trace, signals = self.read_trace(), dict[str, Any]()
+        for own in filter(None, (trace, trace.body)):
+            dimensions = ("step", "leg") if own.legs else ("step",)
+            for name in [name for name in own.names if name not in NO_VALUES]:
+                signals[name] = (dimensions, own[name], {"units": trace.units[name]})
+        signals["support"] = (("step", "leg"), trace.support)
+        coordinates: dict[str, Any] = {name: ("step", trace.shared(name)) for name in ("step", "time", "cycle")}
+        coordinates["leg"] = ("leg", np.arange(1, trace.legs + 1))
+        return xarray.Dataset(signals, coordinates, {"folder": str(self.folder), "status": self.status})
 
     def __repr__(self) -> str:
         """Folder, scenario, and how it ended, in one line; of a damaged run the reason, without an error."""

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 
 from cmacexp.config.schema import RecordConfig
 from cmacexp.data.hashes import was_written
-from cmacexp.data.parquet import as_array, is_support, read_parts, read_table, select_rows, table_writer
+from cmacexp.data.parquet import as_array, is_support, list_units, read_parts, read_table, select_rows, table_writer
 from cmacexp.data.signals import Signal, make_schema
 from cmacexp.data.tables import BODY_FILE, MEMORY_FILE, TRACE_FILE
 from cmacexp.errors import BadRun
@@ -56,6 +56,11 @@ class Trace:
     def names(self) -> list[str]:
         """Names of the signals, in the order of their columns."""
         return list(self.table.column_names)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of each signal, of the body too; empty where it has none."""
+        return list_units(self.table.schema) | ({} if self.body is None else self.body.units)
 
     @property
     def axes(self) -> str:

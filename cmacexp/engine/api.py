@@ -2,23 +2,26 @@
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Never
 
-from cmacexp.config import to_config
-from cmacexp.config.component import COMPONENTS
+from cmacexp.config import Config, to_config
 from cmacexp.config.compose import compose_untyped
 from cmacexp.config.machine import describe_other_model
+from cmacexp.control.protocol import Controller
 from cmacexp.data.run import Run as Run
 from cmacexp.engine.run import run_scenario
 from cmacexp.engine.without_effect import list_idle_overrides
 from cmacexp.errors import BadInput, OtherModel, WithoutEffect
+from cmacexp.feedforward.protocol import Feedforward
 from cmacexp.jit.compiler import expect_steps
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.stepwise import OpenLoop
+from cmacexp.plants.protocol import Plant
+from cmacexp.sensors.protocol import Sensors
 from cmacexp.terminal.messages import announce_compiling, describe_idle
 
 RUN_FOLDER = "hydra.run.dir="
@@ -39,20 +42,44 @@ def _split(overrides: str | Sequence[str]) -> tuple[list[str], Path | None]:
     return [text for text in overrides if not text.startswith("hydra.")], folder
 
 
+def _compose(
+    overrides: Sequence[str], config_dir: str | Path | None = None, **targets: Any
+) -> tuple[Config, list[str]]:
+    """The config of overrides, whose components have these ``targets``, and warnings of overrides without effect."""
+    composed, _ = compose_untyped(overrides, config_dir)
+    config = replace(to_config(composed), **targets)
+    return config, list_idle_overrides(config, overrides, composed)
+
+
+def _warn(config: Config, idle: Sequence[str]) -> None:
+    """Warn, in the name of the caller's caller, of idle overrides and of another model of a robot."""
+    for text in idle:
+        warnings.warn(text, WithoutEffect, stacklevel=3)
+    if other := describe_other_model(config.machine):
+        warnings.warn(other, OtherModel, stacklevel=3)
+
+
 def run(
-    overrides: str | Sequence[str] = (),
+    overrides: str | Sequence[str] | Mapping[str, Any] = (),
     folder: str | Path | None = None,
     *,
     config_dir: str | Path | None = None,
-    **components: object,
+    plant: Plant | None = None,
+    sensors: Sensors | None = None,
+    controller: Controller | None = None,
+    feedforward: Feedforward | None = None,
+    **other: Never,
 ) -> Run:
     """The same run as ``python -m cmacexp`` with these overrides.
 
     Args:
         overrides: as typed on the command line, e.g. ``["scenario=one_leg", "cycles=3"]``; a string is one of them.
+            Or a whole config, such as that of another run: ``cmacexp.run(cmacexp.load(DIR).config)``.
         folder: of the run; None: ``outputs/<scenario>/<date and time>``, as on the command line.
         config_dir: a folder of custom configs, as ``--config-dir``.
-        components: objects to use as ``plant``, ``sensors``, ``controller`` or ``feedforward``.
+        plant: an object to use instead of the plant that the config names; likewise ``sensors``, ``controller`` and
+            ``feedforward``.
+        other: not taken; what is given by such a name is an override.
 
     Returns:
         The run; its ``status`` says how it ended.
@@ -66,27 +93,30 @@ def run(
             ``warn=false`` is one of them.
         OtherModel: of a robot whose model is not the one that results were measured with.
     """
-    config_overrides, named = _split(overrides)
-    unknown = set(components) - set(COMPONENTS)
-    if unknown:
-        raise BadInput("run", ", ".join(sorted(unknown)), f"no such component; choose from {', '.join(COMPONENTS)}")
-    composed, _ = compose_untyped(config_overrides, config_dir)
-    config = to_config(composed)
+    for key in other:
+        raise BadInput("run", key, f'no such argument; overrides are texts: cmacexp.run(["{key}=..."])')
+    given = {"plant": plant, "sensors": sensors, "controller": controller, "feedforward": feedforward}
+    components = {key: component for key, component in given.items() if component is not None}
     targets: dict[str, Any] = {
         key: {"_target_": f"{type(component).__module__}.{type(component).__qualname__}"}
         for key, component in components.items()
     }
-    config = replace(config, **targets)
-    for text in list_idle_overrides(config, config_overrides, composed):
-        warnings.warn(text, WithoutEffect, stacklevel=2)
-    if other := describe_other_model(config.machine):
-        warnings.warn(other, OtherModel, stacklevel=2)
+    named, idle = None, list[str]()
+    if not isinstance(overrides, Mapping):
+        texts, named = _split(overrides)
+        config, idle = _compose(texts, config_dir, **targets)
+    elif missing := [key for key in given if key not in overrides]:
+        reason = f'is no whole config, without {missing[0]}; overrides are texts: cmacexp.run(["cycles=3"])'
+        raise BadInput("overrides", dict(overrides), reason)
+    else:
+        config = replace(to_config(overrides), **targets)
+    _warn(config, idle)
     place = Path(folder) if folder is not None else named
     if place is None:
         place = Path("outputs", config.scenario, datetime.now().strftime("%Y-%m-%d_%H-%M-%S-%f"))
     result = run_scenario(config, place, prepared=make_scenario(config, None, **components))
-    if config.warn and (idle := describe_idle(result)):
-        warnings.warn(idle, WithoutEffect, stacklevel=2)
+    if config.warn and (without_torque := describe_idle(result)):
+        warnings.warn(without_torque, WithoutEffect, stacklevel=2)
     return result
 
 
@@ -100,12 +130,8 @@ def open_loop(overrides: str | Sequence[str] = (), *, config_dir: str | Path | N
     for text in own:
         if text.partition("=")[0].partition(".")[0].lstrip("+~") == "feedforward":
             raise BadInput("overrides", text, "the loop has no feedforward: whoever steps it gives the torque")
-    composed, _ = compose_untyped([*own, "feedforward=none"], config_dir)
-    config = to_config(composed)
-    for text in list_idle_overrides(config, own, composed):
-        warnings.warn(text, WithoutEffect, stacklevel=2)
-    if other := describe_other_model(config.machine):
-        warnings.warn(other, OtherModel, stacklevel=2)
+    config, idle = _compose([*own, "feedforward=none"], config_dir)
+    _warn(config, idle)
     announce_compiling()
     scenario = make_scenario(config)
     expect_steps(math.inf)

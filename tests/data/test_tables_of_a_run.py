@@ -1,8 +1,11 @@
 """What a run leaves behind: its tables, row by row, and the columns that sensors add."""
 
+import sys
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from support.doors import CmacexpError
 from support.walks import PERIOD, STEPS
 
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, MEMORY_SIGNALS, SPATIAL_SIGNALS, select_signals
@@ -40,3 +43,15 @@ def test_a_name_stands_once_in_a_table_and_what_sensors_alter_has_a_measured_col
     assert [signal.unit for signal in added] == ["m/s", "m/s", "rad/s", "rad/s", ""]
     rates = names(select_signals(BODY_SIGNALS, {"height_rate"}))[-2:]
     assert rates == ["height_rate", "height_rate_measured"]
+
+
+def test_a_run_is_a_dataset_with_units_where_xarray_is_installed(walk, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(CmacexpError, match=r'install .*\[xarray\]"$'):
+        walk.to_xarray()
+    monkeypatch.undo()
+    pytest.importorskip("xarray")
+    found = walk.to_xarray()
+    for name, table in (("force", walk.trace), ("height", walk.body)):
+        assert_array_equal(np.ravel(found[name]), table[name])
+        assert found[name].attrs["units"] == walk.units[name] == table.attrs["units"][name]

@@ -203,7 +203,11 @@ def test_a_run_goes_below_outputs_and_is_loaded_again(here):
     run = cmacexp.run(SHORT)
     assert run.folder.parent.as_posix() == "outputs/one_leg"
     assert (run.status, len(run.trace), len(run.metrics)) == ("completed", 2 * STEPS, 2)
-    again = cmacexp.load(run.folder)
+    loaded = cmacexp.load(run.folder)
+    again = cmacexp.run(loaded.config, "again")
+    assert loaded.trace.equals(run.trace)
     assert again.trace.equals(run.trace)
-    assert repr(again) == repr(run)
+    assert run.trace.attrs["units"]["force"] == run.units["force"] == "N"
+    assert repr(loaded) == repr(run)
+    assert str(run).startswith(f"{run!r}\n")
     assert run._repr_html_().count("<tr") == 3
