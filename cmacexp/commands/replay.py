@@ -59,7 +59,7 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
 
 def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
     """Write one recording of several runs side by side; returns a description of its content."""
-    from cmacexp.config.difference import labels
+    from cmacexp.config.describe import labels
     from cmacexp.recording.compare import MOST_RUNS, write_comparison
     from cmacexp.recording.run_view import make_view
     from cmacexp.recording.window import make_window, read_cycles
@@ -143,7 +143,7 @@ def build_missing(folders: Sequence[Path], anew: bool) -> list[Path]:
 def _show_table(folders: Sequence[Path], arguments: argparse.Namespace) -> int:
     """Show runs as a table whose rows open their recordings."""
     require_extra("datafusion")
-    from cmacexp.config.difference import differences
+    from cmacexp.config.describe import differences
     from cmacexp.recording.catalog import serve_catalog
 
     ready = build_missing(folders, arguments.rebuild)

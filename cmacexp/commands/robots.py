@@ -10,8 +10,7 @@ from omegaconf import OmegaConf
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.config import Config, config_folder, to_plain
 from cmacexp.config.compose import compose_config
-from cmacexp.config.describe import describe_fields
-from cmacexp.config.difference import flatten_config
+from cmacexp.config.describe import describe_fields, flatten_config
 from cmacexp.config.machine import LEG_NAMES, read_model
 from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.text import format_number

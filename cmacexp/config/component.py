@@ -1,17 +1,40 @@
-"""Plant, sensors, controller and feedforward in a config: the fields that the class of each takes."""
+"""Plant, sensors, controller and feedforward in a config: their classes, the fields that these take, and their code.
 
+A ``_target_`` names a shipped component, or a class in a file of the user's own.
+"""
+
+import hashlib
+import importlib
 import inspect
-from collections.abc import Callable, Mapping
+import os
+import sys
+import sysconfig
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
+from modulefinder import ModuleFinder
 from pathlib import Path
+from types import ModuleType
 from typing import Any, ClassVar
 
 from omegaconf import DictConfig, OmegaConf
 
 from cmacexp.config.cmac import NEEDS_ACTING
-from cmacexp.config.schema import Config
-from cmacexp.errors import BadInput, suggest
+from cmacexp.config.fields import listed
+from cmacexp.config.schema import Config, read_component
+from cmacexp.errors import BadComponent, BadInput, format_install_command, suggest
+
+PACKAGE = __name__.partition(".")[0]
+COMPONENTS = ("plant", "sensors", "controller", "feedforward")
+"""Groups that name a class by ``_target_``."""
+NEW_NAMES = {
+    f"cmacexp.control.{name}": f"cmacexp.feedforward.{name}"
+    for name in (
+        "CmacFeedforward", "InverseDynamics", "IterativeLearning", "NoFeedforward", "RadialBasis"
+    )
+}  # fmt: skip
+"""Targets that have moved, by their old names, which keep working."""
 
 
 @cache
@@ -20,10 +43,6 @@ def config_folder() -> Path:
     package = Path(__file__).resolve().parents[1]
     inside = package / "conf"
     return inside if inside.is_dir() else package.parent / "conf"
-
-
-COMPONENTS = ("plant", "sensors", "controller", "feedforward")
-"""Groups that name a class by ``_target_``."""
 
 
 @dataclass
@@ -109,3 +128,112 @@ def select_accepted_fields(group: str, node: Mapping[str, Any], component: Calla
         if required and name not in node:
             raise BadInput(f"{group}.{name}", "(not set)", f"{takes}: give it one with +{group}.{name}=VALUE")
     return {name: value for name, value in node.items() if name not in unknown}
+
+
+@cache
+def find_new_name(target: str) -> str:
+    """The present name of a target; one that has moved is named on stderr, once."""
+    if target in NEW_NAMES:
+        print(f"{target} is now {NEW_NAMES[target]}", file=sys.stderr)
+    return NEW_NAMES.get(target, target)
+
+
+@contextmanager
+def current_folder_importable() -> Iterator[None]:
+    """Make modules of the current folder importable, as ``python -m`` does but console scripts and workers do not."""
+    here = str(Path.cwd())
+    if any(entry in ("", here) for entry in sys.path):
+        yield
+        return
+    sys.path.insert(0, here)
+    try:
+        yield
+    finally:
+        sys.path.remove(here)
+
+
+def find_class(key: str, target: object) -> type[Any]:
+    """Import the class that ``target`` names as ``module.Class``; nothing but the import of its module runs code.
+
+    Raises BadInput; as :class:`BadComponent` with the traceback of what its module raised.
+    """
+    if not isinstance(target, str) or not all(target.split(".")) or "." not in target:
+        raise BadInput(key, target, "must name a class as module.Class, e.g. my_file.MyController")
+    module_name, _, name = target.rpartition(".")
+    module = _import(key, target, module_name)
+    if not hasattr(module, name):
+        classes = [
+            each for each, value in inspect.getmembers(module, inspect.isclass) if value.__module__ == module_name
+        ]
+        has = f"; it has {listed(classes)}" if classes else ""
+        where = getattr(module, "__file__", "built in")
+        raise BadInput(key, target, f"{module_name} ({where}) has no {name}{has}{suggest(name, classes)}")
+    found = getattr(module, name)
+    if not inspect.isclass(found):
+        raise BadInput(key, target, f"must be a class, but is of type {type(found).__name__}")
+    return found
+
+
+def _import(key: str, target: str, name: str) -> ModuleType:
+    """Import a module by its full name; raises BadInput or, with what the module raised, BadComponent."""
+    if name not in sys.modules:
+        importlib.invalidate_caches()  # a file may have been written a moment ago
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        missing = error.name or ""
+        if name == missing or name.startswith(f"{missing}."):
+            near = suggest(name, [path.stem for path in Path.cwd().glob("*.py")])
+            reason = f"there is no module {missing}, neither in {Path.cwd()} nor where Python finds packages{near}"
+            raise BadInput(key, target, reason) from error
+        if command := format_install_command(missing):
+            raise BadInput(key, target, f"needs {missing}, which is not installed: {command}") from error
+        raise BadComponent(key, target, f"importing {name} failed: no module named {missing}", error) from error
+    except (Exception, SystemExit) as error:
+        raise BadComponent(key, target, f"importing {name} failed: {type(error).__name__}: {error}", error) from error
+
+
+def custom_code_hash(config: Config, *components: object) -> str | None:
+    """SHA-256 of the code of the custom components of a run, as it was imported; None: all are built in.
+
+    The code is that of their files, and of the files beside them that they import. Files of data count too: those
+    that a field of the component names, and those that its class lists as ``reads``, absolute or relative to the
+    current folder. Without ``components`` that were made or given, it is that of those that the config names; raises
+    BadInput.
+    """
+    hashes = list[str]()
+    for index, group in enumerate(COMPONENTS):
+        node = read_component(getattr(config, group))
+        with current_folder_importable():
+            own = type(components[index]) if components else find_class(f"{group}._target_", node["_target_"])
+        if own.__module__.partition(".")[0] != PACKAGE:
+            named = [name for name in (*getattr(own, "reads", ()), *node.values()) if isinstance(name, str | Path)]
+            data = [Path(name).read_bytes() for name in named if os.path.isfile(name)]
+            hashes += [_hash_code(own.__module__), *(hashlib.sha256(content).hexdigest() for content in data)]
+    return hashlib.sha256("".join(hashes).encode()).hexdigest() if hashes else None
+
+
+@cache
+def _hash_code(module: str) -> str:
+    return hashlib.sha256(b"".join(path.read_bytes() for path in find_sources(module))).hexdigest()
+
+
+def find_sources(name: str) -> list[Path]:
+    """Files of an imported module and of those beside its top package that it imports, directly or not.
+
+    Not those of this package, and of installed packages not those of others.
+    """
+    file = Path(getattr(sys.modules.get(name), "__file__", None) or ".")
+    if not file.is_file():  # written in a console
+        return []
+    root = file.parents[name.count(".") + (file.name == "__init__.py")]
+    others = [PACKAGE]
+    if str(root) in (sysconfig.get_path("purelib"), sysconfig.get_path("platlib")):
+        others += [path.name.partition(".")[0] for path in root.iterdir()]
+    finder = ModuleFinder([str(root)], excludes=[each for each in others if each != name.partition(".")[0]])
+    if name == "__main__":
+        finder.run_script(str(file))
+    else:
+        finder.import_hook(name)
+    files = [getattr(module, "__file__", None) for module in finder.modules.values()]
+    return sorted(Path(file) for file in files if file)

@@ -1,23 +1,63 @@
-"""Unit and meaning of every field of a config, as declared beside the field; and which values are not the default."""
+"""What a config says: its fields as flat keys, with unit and meaning, and in which keys several configs differ."""
 
 import ast
 import inspect
 import sys
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
 from itertools import pairwise
 from typing import Any, NamedTuple, get_type_hints
 
-from cmacexp.config.component import COMPONENTS, config_class
+from cmacexp.config.component import COMPONENTS, config_class, find_class, find_option
 from cmacexp.config.compose import compose_config
-from cmacexp.config.difference import flatten_config
-from cmacexp.config.load import to_plain
+from cmacexp.config.load import select_effective, to_plain
 from cmacexp.config.machine import MACHINES
 from cmacexp.config.schema import Config
-from cmacexp.config.targets import find_class
 from cmacexp.errors import BadInput, CmacexpError
+
+MOST_KEYS = 3
+"""Runs that differ in more keys are labelled by the names of their folders."""
+
+
+def flatten_config(config: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    """A config as dotted keys, which begin with ``before``; a ``_target_`` as its group with its option."""
+    found: dict[str, Any] = {}
+    for key, value in config.items():
+        if isinstance(value, Mapping):
+            found |= flatten_config(value, f"{before}{key}.")
+        elif key == "_target_" and before[:-1] in COMPONENTS:
+            found[before[:-1]] = find_option(before[:-1], value)
+        else:
+            found[before + key] = value
+    return found
+
+
+def differences(configs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """For each config, the keys in which not all of them agree, with its values; without keys that it lacks."""
+    flats = [flatten_config(select_effective(config)) for config in configs]
+    keys = list(dict.fromkeys(key for each in flats for key in each))
+    differing = [key for key in keys if any(key not in each or each[key] != flats[0].get(key) for each in flats)]
+    return [{key: each[key] for key in differing if key in each} for each in flats]
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, list):
+        return f"[{','.join(map(_text, value))}]"
+    return "null" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def labels(configs: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[str]:
+    """A name for each of several runs: the values in which they differ, else the name of its folder."""
+    differing = differences(configs)
+    scenarios = [str(config["scenario"]) for config in configs]
+    if len(set(scenarios)) == len(configs):
+        return scenarios
+    found = [" ".join(f"{key}={_text(value)}" for key, value in each.items()) for each in differing]
+    if max(map(len, differing)) > MOST_KEYS or len(set(found)) < len(found):
+        return list(names)
+    return found
 
 
 class Described(NamedTuple):
@@ -28,7 +68,7 @@ class Described(NamedTuple):
 
 
 def describe_fields(config: Mapping[str, Any]) -> dict[str, Described]:
-    """Unit and meaning of the fields of a config, by the keys of :func:`cmacexp.config.difference.flatten_config`.
+    """Unit and meaning of the fields of a config, by the keys of :func:`cmacexp.config.describe.flatten_config`.
 
     Fields of a component without a ``Config``, or whose class cannot be imported here, are missing.
     """

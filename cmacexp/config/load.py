@@ -11,12 +11,20 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from cmacexp.config.check import check
-from cmacexp.config.component import COMPONENTS, config_class, config_folder, find_option, select_accepted_fields
+from cmacexp.config.component import (
+    COMPONENTS,
+    config_class,
+    config_folder,
+    current_folder_importable,
+    find_class,
+    find_new_name,
+    find_option,
+    select_accepted_fields,
+)
 from cmacexp.config.fields import read_fields
 from cmacexp.config.machine import MACHINES
 from cmacexp.config.robot_rule import find_mistake, rule_value
 from cmacexp.config.schema import Config
-from cmacexp.config.targets import current_folder_importable, find_class, find_new_name
 from cmacexp.errors import BadInput
 from cmacexp.jit.interrupt import exits_caught
 

@@ -216,6 +216,11 @@ class SweepConfig:
     """Jobs in each task of a launcher such as ``submitit_slurm``; null: one."""
 
 
+def read_component(component: Any) -> dict[str, Any]:
+    """The fields of a component of a config: it is a ``Config`` of its class, or a dictionary where that has none."""
+    return component if isinstance(component, dict) else vars(component)
+
+
 def count_steps(cycle_time: float, sampling_period: float) -> int:
     """Samples of one cycle, N = T / T_s."""
     return round(cycle_time / sampling_period)
@@ -290,7 +295,7 @@ class Config:
     @property
     def gains(self) -> tuple[float, float] | None:
         """K_ap (N/m) and K_av (N s/m) of the controller; None if it has no such fields, or no such numbers."""
-        fields = self.controller if isinstance(self.controller, dict) else vars(self.controller)
+        fields = read_component(self.controller)
         position, velocity = fields.get("position_gain"), fields.get("velocity_gain")
         if not (isinstance(position, int | float) and isinstance(velocity, int | float)):
             return None
@@ -301,8 +306,8 @@ class Config:
         """What the designer believes: the config for everything but the plant, which alone knows the truth."""
         ground = replace(self.terrain, stiffness=self.assumed_stiffness, patch_spread=0.0, slope=0.0)
         ground = replace(ground, step_time=None, step_factor=1.0)
-        target = self.plant["_target_"] if isinstance(self.plant, dict) else self.plant._target_
-        return replace(self, terrain=ground, payload=replace(self.payload, weight=0.0), plant={"_target_": target})
+        plant = {"_target_": read_component(self.plant)["_target_"]}
+        return replace(self, terrain=ground, payload=replace(self.payload, weight=0.0), plant=plant)
 
     @property
     def assumed_stiffness(self) -> float:

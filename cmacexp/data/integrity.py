@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import get_args
 
 from cmacexp.config import Config, config_hash, to_plain
-from cmacexp.config.custom_code import custom_code_hash
+from cmacexp.config.component import custom_code_hash
 from cmacexp.config.machine import MACHINES, BodyMachine, RobotMachine, read_model
 from cmacexp.data import manifest as manifests
 from cmacexp.data.hashes import check_file, current_hash

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cmacexp.config import Config, to_config
-from cmacexp.config.difference import flatten_config
+from cmacexp.config.describe import flatten_config
 from cmacexp.config.schema import count_steps
 from cmacexp.data import manifest as manifests
 from cmacexp.data.integrity import RESULTS, faults

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from cmacexp.config import Config, to_plain
-from cmacexp.config.difference import differences
+from cmacexp.config.describe import differences
 from cmacexp.data.files import open_file
 from cmacexp.data.hashes import require_intact
 from cmacexp.data.run import Run

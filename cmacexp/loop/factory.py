@@ -5,7 +5,7 @@ from functools import lru_cache
 from typing import Any
 
 from cmacexp.config import ComponentConfig
-from cmacexp.config.targets import current_folder_importable, find_class
+from cmacexp.config.component import current_folder_importable, find_class
 from cmacexp.control.protocol import Controller
 from cmacexp.errors import BadComponent, BadInput, format_install_command
 from cmacexp.feedforward.protocol import Feedforward

@@ -13,7 +13,7 @@ import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
 
-from cmacexp.config.difference import flatten_config
+from cmacexp.config.describe import flatten_config
 from cmacexp.data.folder import write_atomically
 from cmacexp.data.hashes import was_written
 from cmacexp.data.manifest import Manifest

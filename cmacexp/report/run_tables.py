@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 from markupsafe import Markup
 
-from cmacexp.config.describe import Described, describe_fields, read_defaults
-from cmacexp.config.difference import flatten_config
+from cmacexp.config.describe import Described, describe_fields, flatten_config, read_defaults
 from cmacexp.data.run import Run
 from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry

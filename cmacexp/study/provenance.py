@@ -15,8 +15,7 @@ from typing import Any
 
 import yaml
 
-from cmacexp.config.component import config_folder
-from cmacexp.config.custom_code import find_sources
+from cmacexp.config.component import config_folder, find_sources
 from cmacexp.data.manifest import git_commit, versions
 from cmacexp.data.run import Run
 from cmacexp.data.version import __version__

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import cmacexp
 from cmacexp.commands.study import FOLDER_KEY, Options, command, study_parser
 from cmacexp.config import to_plain
+from cmacexp.config.component import custom_code_hash, find_sources
 from cmacexp.config.compose import compose_config
-from cmacexp.config.custom_code import custom_code_hash, find_sources
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.data.folder import HTML, new_result
 from cmacexp.data.manifest import REPORT, git_commit, versions

@@ -5,9 +5,8 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from cmacexp.config.cmac import CmacConfig
-from cmacexp.config.component import config_class
+from cmacexp.config.component import config_class, current_folder_importable, find_class
 from cmacexp.config.schema import LearningConfig
-from cmacexp.config.targets import current_folder_importable, find_class
 from cmacexp.errors import BadInput
 from cmacexp.feedforward import IterativeLearning, RadialBasis
 from cmacexp.feedforward.network import BuiltInFeedforward

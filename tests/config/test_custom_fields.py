@@ -3,8 +3,8 @@
 import pytest
 from support.controllers import write_module
 
+from cmacexp.config.component import find_new_name
 from cmacexp.config.compose import compose_config
-from cmacexp.config.targets import find_new_name
 from cmacexp.errors import BadInput
 
 CLASSES = """

@@ -4,7 +4,7 @@ import pytest
 from support.doors import compose_config
 
 from cmacexp.config import to_plain
-from cmacexp.config.difference import labels
+from cmacexp.config.describe import labels
 
 
 @pytest.mark.parametrize(

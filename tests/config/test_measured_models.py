@@ -11,7 +11,7 @@ from support.robots import OWN
 import cmacexp
 from cmacexp.config import config_folder, config_hash, to_plain
 from cmacexp.config.compose import compose_config
-from cmacexp.config.difference import differences
+from cmacexp.config.describe import differences
 from cmacexp.errors import OtherModel
 
 pytestmark = pytest.mark.ci
