@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from cmacexp.study import Claim, Criterion, Finding
-from cmacexp.study.evidence import build_evidence, count_verdicts
+from cmacexp.study.page import build_evidence, count_verdicts
 from cmacexp.study.study import StudyFile, load_study
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
 from pipelines.benchmark.benchmark import make_study

@@ -21,7 +21,6 @@ from cmacexp.planning.robot import find_stance
 from cmacexp.terminal.messages import warn_of_models
 from cmacexp.terminal.output import print_line
 from cmacexp.terminal.tables import print_table
-from cmacexp.typing import Array
 
 SETTINGS = (
     "sampling_period",
@@ -81,23 +80,20 @@ def _find_legs(path: Path) -> list[str]:
     return [f"machine.{key}={_quote(value)}" for key, value in names._asdict().items()]
 
 
-def joint_rows(robot: Robot) -> list[list[str]]:
+def list_joints(robot: Robot) -> list[list[str]]:
     """Rows of a table: what the model says of hip, thigh and calf, each with its unit."""
-
-    def row(name: str, unit: str, values: Array) -> list[str]:
-        return [name, unit, *(format_number(float(value)) for value in values)]
-
-    return [
-        row("largest torque", "N m", robot.torque_limits),
-        row("dry friction", "N m", robot.friction),
-        row("damping", "N m s/rad", robot.damping),
-        row("inertia of the rotor", "kg m^2", robot.armature),
-        row("least angle, all legs", "rad", robot.ranges[..., 0].max(axis=0)),
-        row("largest angle, all legs", "rad", robot.ranges[..., 1].min(axis=0)),
+    quantities = [
+        ("largest torque", "N m", robot.torque_limits),
+        ("dry friction", "N m", robot.friction),
+        ("damping", "N m s/rad", robot.damping),
+        ("inertia of the rotor", "kg m^2", robot.armature),
+        ("least angle, all legs", "rad", robot.ranges[..., 0].max(axis=0)),
+        ("largest angle, all legs", "rad", robot.ranges[..., 1].min(axis=0)),
     ]
+    return [[name, unit, *map(format_number, values.tolist())] for name, unit, values in quantities]
 
 
-def setting_rows(config: Config) -> list[list[str]]:
+def list_settings(config: Config) -> list[list[str]]:
     """Rows of a table: fields of the config, each with its unit."""
     plain = to_plain(config)
     values, described = flatten_config(plain), describe_fields(plain)
@@ -134,8 +130,8 @@ def _show(arguments: argparse.Namespace) -> int:
     if (margin := _count_margin(config)) is not None:
         time = format_number(1e3 * margin * config.sampling_period, "ms")
         print(f"margin of delay: {margin} samples, {time}")
-    print_table(["", "unit", "hip", "thigh", "calf"], joint_rows(robot))
-    print_table(["", "unit", "value"], setting_rows(config))
+    print_table(["", "unit", "hip", "thigh", "calf"], list_joints(robot))
+    print_table(["", "unit", "value"], list_settings(config))
     return 0
 
 

@@ -20,8 +20,7 @@ from cmacexp.engine.equal_results import print_idle_keys
 from cmacexp.engine.pool import Each, workers
 from cmacexp.engine.sweep_results import parse_overrides
 from cmacexp.errors import BadInput
-from cmacexp.study.evidence import count_verdicts, evidence_of, format_text
-from cmacexp.study.page import Evaluated, check_page, evaluate, write_page
+from cmacexp.study.page import Evaluated, check_page, count_verdicts, evaluate, evidence_of, format_text, write_page
 from cmacexp.study.provenance import choose_witnesses, digest_study, make_provenance
 from cmacexp.study.results import Results, read_row
 from cmacexp.study.study import Request, StudyFile, load_study

@@ -31,11 +31,11 @@ TOLERANCE = 1e-9
 MOST_ROWS = 2**24
 """Steps times legs of the longest cycle, which is held in memory as a whole."""
 SAMPLE_BYTES = 1000
-"""Of the plan, the samples and the traces of each leg at each sample of a cycle, about."""
+"""Memory that the plan, the samples and the traces of each leg take at each sample of a cycle, about."""
 CELL_BYTES, ACTIVATION_BYTES = 12, 10
-"""Of an active cell of a sample: its row and what finding it takes; its activation, unless it is 1."""
+"""Memory of an active cell of a sample: its row and what finding it takes; its activation, unless it is 1."""
 DISTANCE_BYTES = 16
-"""Of the distance of a sample from a centre along one input: its difference and that squared."""
+"""Memory of the distance of a sample from a centre along one input: its difference and that squared."""
 MOST_STEPS = 2**31 - 1
 """Steps of the longest run: the trace counts them in 32 bits."""
 

@@ -76,7 +76,7 @@ class GaitConfig:
     duty_factor: float = number("", above=0, at_most=1)
     """Fraction of the cycle in which a foot supports."""
     speed: float | None = number("m/s", at_least=0)
-    """Of a robot, from which its stroke and cycle follow; null: they say it."""
+    """Speed of a robot, from which its stroke and cycle follow; null: they determine it."""
     stroke: float = number("m", at_least=0)
     """Travel of the foot on the ground during support (assumed)."""
     lift: float = number("m", at_least=0, needs=LIFTS)

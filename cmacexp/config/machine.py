@@ -72,7 +72,7 @@ class FourLegs:
 LEG_KEYS = tuple(field.name for field in fields(FourLegs))
 """Keys of legs 1 to 4 under a body."""
 LEG_NAMES = tuple(key.replace("_", " ") for key in LEG_KEYS)
-"""The same as words."""
+"""Names of legs 1 to 4 in words."""
 
 
 MASS_COUNTS = ("option.plant == 'mujoco_quadruped' or force_control.load_sharing != 'static' or own.weight is None",)
@@ -132,7 +132,7 @@ class RobotModel:
     measured_with: str | None = field(default=None, kw_only=True)
     """Package, with its version, whose model the results of this project were measured with; null: there are none."""
     fingerprint: str | None = field(default=None, kw_only=True)
-    """Of that model, see :attr:`cmacexp.models.robot.Robot.fingerprint`."""
+    """Fingerprint of that model, see :attr:`cmacexp.models.robot.Robot.fingerprint`."""
 
 
 def ask_for_robot(machine: RobotModel) -> BadInput:

@@ -33,13 +33,13 @@ PERIODS = {PERIOD: math.inf, "rigid_sampling_period": 0.001}
 LONGEST_STROKE = 0.6
 """Stroke that a cycle is shortened for, over the length of a leg."""
 LIFT, HIGHEST_LIFT = 0.117, 0.05
-"""Of a foot in the longest cycle of a gait, over the length of a leg, and at most, m; in a shorter one it is less."""
+"""Lift of a foot in the longest cycle of a gait, over the length of a leg, and at most, m; less in a shorter one."""
 CYCLE_STEP, SHORTEST_CYCLE = 0.04, 0.12
 """Cycles are multiples of this, so that feet touch down at samples, and at least so long, s."""
 RAMP_SHARE = 0.05
 """Duration of the ramps of the load over that of the cycle."""
 SHORTEST_RAMP = 0.012
-"""s"""
+"""Duration of the shortest ramp of the load, s."""
 DIGITS = 6
 """Significant digits of a number by rule: the config, and its hash, are the same with another MuJoCo."""
 
@@ -131,7 +131,7 @@ def _read_number(root: DictConfig, key: str, least: float = 1e-9) -> float:
 
 
 def _read_lateness(root: DictConfig) -> Lateness:
-    """Of the velocity feedback, by actuator and sensors; custom sensors may lack these fields."""
+    """The delay and lag of the velocity feedback, by actuator and sensors; custom sensors may lack these fields."""
 
     def read(key: str) -> float:
         return 0.0 if OmegaConf.select(root, key) is None else _read_number(root, key, least=0.0)

@@ -63,7 +63,7 @@ class PayloadConfig:
     """A weight that is put on the body during a run; planner and controller do not know of it."""
 
     weight: float = number("N", at_least=0)
-    """Of the payload; 0: none."""
+    """Weight of the payload; 0: none."""
     x: float = number("m", needs=("own.weight > 0",))
     """Where it lies on the body, forward of its centre, in the plane of the hips."""
     y: float = number("m", needs=("own.weight > 0",))
@@ -108,7 +108,7 @@ class PostureConfig:
     course_gain: float = number("1/s", at_least=0, at_most=100, needs=STEERED)
     """Speed of a robot towards its planned place, over the distance from it; 0 switches it off."""
     heading_gain: float = number("1/s", at_least=0, at_most=100, needs=STEERED)
-    """Likewise of its heading."""
+    """Rate of turning of a robot towards its planned heading, over the deviation from it; 0 switches it off."""
 
 
 @dataclass
@@ -141,7 +141,7 @@ class PlausibilityConfig:
     tolerance: float = number("N", above=0, at_most=1e9, needs=("own.enabled",))
     """Largest plausible difference from the force expected at the measured depth."""
     relative_tolerance: float = number("", at_least=0, below=1, needs=("own.enabled",))
-    """Likewise over the expected force; at 1 a sensor stuck at zero would pass."""
+    """The same over the expected force; at 1 a sensor stuck at zero would pass."""
     patience: int = number("samples", at_least=1, at_most=10**6, needs=("own.enabled",))
     """A sensor is ignored for good after so many readings that are wrong by twice the tolerance."""
 
@@ -180,7 +180,7 @@ class LearningConfig:
     smoothing: float = number("", at_least=0, at_most=1)
     """weight_smoothing: fraction of its way to the mean of the active ones, over beta; kappa of Macnab 2017."""
     window: int = number("samples", at_least=0, at_most=10**4)
-    """zero_phase: samples to each side that an error trains, with binomial weights; 0: leakage alone."""
+    """zero_phase: samples to each side that an error trains, with binomial weights; 0: only leakage."""
     decay: float = number("cycles", above=0, at_most=1e9)
     """decaying_rate: cycles of learning after which the rate is half of beta; after twice as many a third."""
 
@@ -190,7 +190,7 @@ class RecordConfig:
     """What a run keeps besides its metrics."""
 
     trace: bool
-    """Write the traces, the metrics as CSV too, and Hydra's own record; false: metrics and manifest alone."""
+    """Write the traces, the metrics as CSV too, and Hydra's own record; false: only metrics and manifest."""
     recording: bool
     """Write recording.rrd, the Rerun view."""
     weights: bool

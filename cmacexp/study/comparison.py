@@ -68,7 +68,7 @@ def estimate_ratios(parts: Array, wholes: Array) -> tuple[Array, Array]:
         value = parts.sum(axis=-1) / wholes.sum(axis=-1)
         without = (parts.sum(axis=-1, keepdims=True) - parts) / (wholes.sum(axis=-1, keepdims=True) - wholes)
         away = np.where(wholes > 0, without - value[..., None], 0.0)
-        # Shares that differ by rounding alone are the same.
+        # Shares that differ only by rounding are the same.
         away = np.where(np.abs(away) <= 1e-12 * np.abs(value[..., None]), 0.0, away)
         spread = np.sqrt((count - 1) / count * ((away**2).sum(axis=-1) - away.sum(axis=-1) ** 2 / count))
         half = stdtrit(count - 1.0, 0.5 + CONFIDENCE / 2.0) * spread
@@ -84,7 +84,7 @@ def _bounded(parts: Array, wholes: Array, low: float = -math.inf, high: float = 
 
 
 def _positive(parts: Array, wholes: Array, count: int) -> Interval:
-    """Likewise of what is above 0, such as scores: the t interval is that of its logarithm."""
+    """The ratio of two sums of what is above 0, such as scores: the t interval is that of its logarithm."""
     value, half = (float(each) for each in estimate_ratios(parts, wholes))
     if math.isnan(value) or value <= 0.0:
         return replace(UNKNOWN, count=count) if math.isnan(value) else Interval(value, 0.0, 0.0, count, JACKKNIFE)
@@ -97,7 +97,7 @@ class Order:
     """An order of methods, as far as all metrics agree on it, with all tasks and without any one of them."""
 
     methods: tuple[str, ...]
-    """From the best on, up to the first place that is disputed."""
+    """The methods from the best on, up to the first place that is disputed."""
     sentence: str
     """Who is clearly better; which task or metric disputes the next place; failures of those named."""
 
@@ -190,7 +190,7 @@ class Comparison:
         return self.ratio(a, b).high < 1.0
 
     def leaders(self, methods: Sequence[str]) -> tuple[str, ...]:
-        """Those of the methods that may be the best: no method that none beats beats them; sorted by name."""
+        """The methods that may be the best: no method that none beats beats them; sorted by name."""
         beaten = {name: [other for other in methods if other != name and self.beats(other, name)] for name in methods}
         best = {name for name in methods if not beaten[name]}
         return tuple(sorted(name for name in methods if not best & set(beaten[name])))

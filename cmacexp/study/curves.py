@@ -1,16 +1,12 @@
 """Panels of results: a metric over cycles or over a setting, a series for each value of another setting."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from cmacexp.report import curves
 from cmacexp.report.figures import Panel
 from cmacexp.study.interval import estimate
 from cmacexp.study.results import Results
 from cmacexp.typing import Array
-
-if TYPE_CHECKING:
-    pass
 
 
 def over_cycles(results: Results, name: str, by: str, log: str = "", title: str = "") -> Panel:

@@ -1,7 +1,7 @@
 """Intervals: what a sample of runs says of a value, and how surely."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,7 +54,7 @@ class Interval:
 
 WILSON = "Wilson"
 UNKNOWN = Interval(math.nan, math.nan, math.nan, 0, UNDEFINED)
-"""Of what runs that failed do not define."""
+"""The interval of a value that runs which failed do not define."""
 
 
 class BadSample(ValueError):
@@ -102,7 +102,7 @@ def _estimate_finite(values: Array, dimensionless: bool) -> Interval:
         value = float(values[0])
         return Interval(value, value, value, len(values), EXACT)
     if len(values) >= FEW:
-        return bootstrap(values)
+        return _bootstrap(values)
     if dimensionless and values.min() > 0.0:
         logarithmic = student(np.log(values))
         value, low, high = np.exp([logarithmic.value, logarithmic.low, logarithmic.high]).tolist()
@@ -127,7 +127,7 @@ def _wilson(successes: int, count: int) -> Interval:
     return Interval(successes / count, float(found.low), float(found.high), count, WILSON)
 
 
-def compute_centre(values: Array) -> Array:
+def _compute_centre(values: Array) -> Array:
     """The mean along the last axis; from four values on without their outer quarters."""
     count = values.shape[-1]
     cut = count // 4 if count >= TRIMMED_FROM else 0
@@ -135,24 +135,12 @@ def compute_centre(values: Array) -> Array:
     return centre
 
 
-def resample(values: Array) -> Array:
-    """Draws with replacement along the last axis, (RESAMPLES, ...); the same ones for all arrays of that length."""
-    chosen = np.random.default_rng(0).integers(values.shape[-1], size=(RESAMPLES, values.shape[-1]))
-    return np.moveaxis(values[..., chosen], -2, 0)
+def _bootstrap(values: Array) -> Interval:
+    """The centre of values (count,), with the percentiles of the centres of draws with replacement from them.
 
-
-def find_ends(resampled: Array) -> tuple[Array, Array]:
-    """Lower and upper end of the interval of a statistic, (RESAMPLES, ...)."""
-    ordered = np.sort(resampled, axis=0)
-    outside = round(RESAMPLES * (1.0 - CONFIDENCE) / 2.0)
-    return ordered[outside], ordered[-1 - outside]
-
-
-def bootstrap(values: Array, statistic: Callable[[Array], Array] = compute_centre) -> Interval:
-    """Percentiles of a statistic, over the last axis of ``values`` (..., count).
-
-    Not scipy's, which cannot rank the infinite value of a run that diverged. ``statistic`` takes (..., count), with
-    any number of axes before the last.
+    The draws are the same for all samples of a size.
     """
-    low, high = find_ends(statistic(resample(values)))
-    return Interval(float(statistic(values)), float(low), float(high), values.shape[-1], "bootstrap")
+    count, outside = len(values), round(RESAMPLES * (1.0 - CONFIDENCE) / 2.0)
+    drawn = values[np.random.default_rng(0).integers(count, size=(RESAMPLES, count))]
+    low, high = np.sort(_compute_centre(drawn))[[outside, -1 - outside]].tolist()
+    return Interval(float(_compute_centre(values)), low, high, count, "bootstrap")

@@ -31,7 +31,7 @@ class RunRow:
     settings: Mapping[str, Any]
     """Labels, chosen options and config fields, by key."""
     shown: Mapping[str, Any]
-    """Those that the study sets."""
+    """The settings that the study sets."""
     measures: Mapping[str, float]
     seeded: bool = False
     """Whether the study repeats it for other seeds."""
@@ -69,7 +69,7 @@ class Results:
 
     @property
     def folders(self) -> list[Path]:
-        """Of the runs."""
+        """The folders of the runs."""
         return [row.run.folder for row in self.rows]
 
     @property

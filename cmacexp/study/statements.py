@@ -66,7 +66,7 @@ class Limit:
 
 
 ANY = Limit()
-"""Of a criterion whose value only stands beside others: it decides nothing."""
+"""The limit of a criterion whose value only stands beside others: it decides nothing."""
 
 
 def at_most(value: float) -> Limit:
@@ -89,7 +89,7 @@ class Criterion:
     """A measured quantity and the limits that decide what it says."""
 
     quantity: str
-    """What is measured, as readers see it; criteria that differ in their case alone share it."""
+    """What is measured, as readers see it; criteria that differ only in their case share it."""
     sample: Callable[[Results], Sequence[float] | Sequence[bool] | Array | Mask]
     """A value for each run, pair or case; truth values for a proportion. What a failed run counts as is said here."""
     holds: Limit
@@ -98,7 +98,7 @@ class Criterion:
     """Where its opposite holds; None: nowhere, the statement can only not be reproduced."""
     unit: str = ""
     scale: float = 1.0
-    """From the sample's unit to ``unit``; limits are in the sample's."""
+    """Factor from the sample's unit to ``unit``; limits are in the sample's."""
     of: Mapping[str, Any] = field(default_factory=dict)
     """The settings of the runs that the sample is taken from; all runs if empty."""
     case: str = ""
@@ -181,7 +181,7 @@ class Claim:
     where: str
     """Section, figure or equation of the paper."""
     criteria: Sequence[Criterion]
-    """At least one."""
+    """The criteria that decide it, at least one."""
 
     def __post_init__(self) -> None:
         if not self.criteria:
@@ -201,7 +201,7 @@ class ClaimResult:
 
     @property
     def verdict(self) -> str:
-        """That of all criteria together, one of ``VERDICTS``."""
+        """The verdict of all criteria together, one of ``VERDICTS``."""
         found = {each.verdict for each in self.measured if each.criterion.holds != ANY}
         if len(found) == 1:
             return found.pop()
@@ -225,13 +225,13 @@ class Finding:
     """
 
     criteria: Sequence[Criterion]
-    """At least one."""
+    """The criteria that decide it, at least one."""
     yes: str
-    """If every interval lies within its limit."""
+    """The sentence if every interval lies within its limit."""
     no: str
-    """If some interval lies outside."""
+    """The sentence if some interval lies outside."""
     unclear: str = ""
-    """Otherwise; if empty, that ``yes`` is undecided."""
+    """The sentence otherwise; if empty, it says that ``yes`` is undecided."""
 
     def __post_init__(self) -> None:
         for wording in (self.yes, self.no, self.unclear):  # also those of outcomes that rarely occur

@@ -124,7 +124,7 @@ class StudyFile:
 
     @property
     def name(self) -> str:
-        """Of its file, without the suffix."""
+        """The name of the study: that of its file, without the suffix."""
         return self.path.stem
 
     @property
