@@ -55,7 +55,7 @@ def run_words() -> int:
         print(f"error: {name}: {known}{suggest(name, COMMANDS)}", file=sys.stderr)
         return 2
     if {"-m", "--multirun"} & set(sys.argv):
-        from cmacexp.engine.forking import make_context
+        from cmacexp.engine.pool import make_context
 
         make_context()  # what workers need is imported while this process imports what it needs
     from cmacexp.commands.main import main as run

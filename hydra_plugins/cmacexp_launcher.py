@@ -1,13 +1,12 @@
-"""The launcher that ``python -m cmacexp -m`` uses by default, as a plugin of Hydra: all cores, see its launch."""
+"""The launcher that ``python -m cmacexp -m`` uses by default, as a plugin of Hydra: the processes of the sweep."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from hydra.core.config_store import ConfigStore
 from hydra.core.utils import JobReturn
 from hydra.plugins.launcher import Launcher
-from hydra.types import HydraContext, TaskFunction
-from omegaconf import DictConfig
 
 NAME = "cores"
 
@@ -25,17 +24,18 @@ ConfigStore.instance().store(group="hydra/launcher", name=NAME, node=CoresConfig
 
 
 class CoresLauncher(Launcher):
-    """Runs jobs in processes that import once and compose each kind of job once."""
+    """Hands the jobs of a sweeper to :class:`cmacexp.engine.sweep.Sweep`, which has started the sweeper."""
 
     def __init__(self, processes: int | None = None):
         """The sweep itself reads how many processes it may start."""
 
-    def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
-        """Note what the jobs of the sweep have in common."""
-        self.hydra_context, self.config = hydra_context, config
+    def setup(self, *, task_function: Any, **kwargs: Any) -> None:
+        """Note the sweep."""
+        self.sweep = task_function
 
     def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> list[JobReturn]:
         """Run the next jobs of the sweep; what they return, in their order."""
-        from cmacexp.engine.launch import launch
-
-        return launch(self, job_overrides, initial_job_idx)
+        if not hasattr(self.sweep, "launch"):
+            raise RuntimeError("hydra/launcher=cores is for python -m cmacexp -m; choose hydra/launcher=basic")
+        ended: list[JobReturn] = self.sweep.launch(job_overrides, initial_job_idx)
+        return ended

@@ -10,20 +10,18 @@ from typing import Any, NoReturn
 
 from hydra import main as hydra_main
 from hydra.core.hydra_config import HydraConfig
-from hydra.types import RunMode
+from hydra.types import HydraContext
 from omegaconf import DictConfig
 
-from cmacexp.commands.command import BAD_INPUT, COMPLETED, FAILED, STOPPED, describe_error, report_usage, run_command
+from cmacexp.commands.command import BAD_INPUT, COMPLETED, FAILED, STOPPED, report_usage, run_command
 from cmacexp.commands.group_help import find_group, format_help
 from cmacexp.config import config_folder, to_config
 from cmacexp.config.compose import make_record
 from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
-from cmacexp.config.hydra_private import report_parser_errors, skip_mode_lookup
+from cmacexp.config.hydra_private import report_parser_errors, skip_mode_lookup, take_over_sweeps
 from cmacexp.data.version import __version__
-from cmacexp.engine.sweep import Sweep
-from cmacexp.engine.sweep_start import SweepRefused
 from cmacexp.errors import BadInput, CmacexpError
-from cmacexp.jit.interrupt import interrupt_held_back, is_interrupt
+from cmacexp.jit.interrupt import interrupt_held_back
 
 EXIT_CODES = {"completed": COMPLETED, "failed": FAILED, "bad input": BAD_INPUT, "fell": STOPPED, "diverged": STOPPED}
 """By the status of a run, or how a sweep ended."""
@@ -49,85 +47,57 @@ def _run_or_sweep() -> int:
         print(format_help(group, sys.argv[1:]))
         return COMPLETED
     sys.argv[1:] = sorted(sys.argv[1:], key=lambda text: text not in MULTIRUN)  # which Hydra reads before overrides
-    report_parser_errors(_report_usage)
     os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions reach the lines below, instead of Hydra's own printing
-    skip_mode_lookup(sys.argv[1:])
     task = _Task()
-    try:
-        return _call_hydra(task)
-    finally:
-        if Sweep.current is not None:
-            Sweep.current.progress.close()
-            Sweep.current.lock.close()
-
-
-def _call_hydra(task: "_Task") -> int:
+    report_parser_errors(_report_usage)
+    skip_mode_lookup(sys.argv[1:])
+    take_over_sweeps(task.sweep)
     try:
         hydra_main(config_path=str(config_folder()), config_name="config", version_base="1.3")(task)()
-    except SweepRefused as refused:
-        task.error = refused.args[0]
-    except (KeyboardInterrupt, Exception) as error:
-        if is_interrupt(error) or not isinstance(error, Exception):
-            _end_sweep()
-            raise KeyboardInterrupt from error
-        task.error = task.explain(error)
-    if task.error is None:
-        return EXIT_CODES[_end_sweep() or task.status]
-    if Sweep.current is None or isinstance(task.error, CmacexpError):
-        raise task.error
-    print(f"error: the sweep ended early: {describe_error(task.error)}", file=sys.stderr)
-    with contextlib.suppress(OSError):
-        _end_sweep()
-    return FAILED
-
-
-def _end_sweep() -> str | None:
-    """Write and print the table of the sweep of this process; how it ended, None without a sweep."""
-    if Sweep.current is None:
-        return None
-    from cmacexp.data.files import full_disk_named
-    from cmacexp.engine.sweep_results import finish_sweep
-
-    Sweep.current.progress.close()
-    with full_disk_named(Sweep.current.folder):
-        return finish_sweep(Sweep.current)
+    except Exception as error:
+        task.error = error
+    if task.error is not None:
+        raise task.explain(task.error)
+    return EXIT_CODES[task.status]
 
 
 class _Task:
-    """What Hydra calls with the composed config of a run, or of each job of a sweep.
+    """What Hydra calls with the composed config of a run, or of a sweep.
 
-    ``called`` says whether Hydra has composed a config; ``status`` is that of the run, ``completed`` where Hydra
-    calls nothing, as for ``--help``; ``error`` is what the run or Hydra raised.
+    ``called`` says whether all that can be composed is; ``status`` is that of the run, or how the sweep ended:
+    ``completed`` where Hydra calls nothing, as for ``--help``; ``error`` is what the run raised.
     """
 
     def __init__(self) -> None:
         self.called, self.status = False, "completed"
         self.error: Exception | None = None
 
-    def __call__(self, composed: DictConfig) -> float | None:
-        self.called = True
-        hydra = HydraConfig.get()
-        if hydra.mode == RunMode.MULTIRUN:
-            from cmacexp.engine.sweep_job import run_hydra_job
-
-            return run_hydra_job(composed)
+    def __call__(self, composed: DictConfig) -> None:
+        self.called, hydra = True, HydraConfig.get()
         folder = Path(hydra.runtime.output_dir)
         try:
             self.status = _run(composed, hydra)
         except Exception as error:  # of which Hydra would print more than a line
-            self.error = self.explain(error)
+            self.error = error
         finally:
             if folder.resolve() != Path.cwd():
                 with contextlib.suppress(OSError):
                     folder.rmdir()  # that Hydra made, if the run left nothing in it
-        return None
+
+    def sweep(self, config: DictConfig, context: HydraContext) -> None:
+        """Run a sweep."""
+        with interrupt_held_back():  # some libraries cannot be imported partially
+            from cmacexp.engine.sweep import Sweep
+        sweep = Sweep(config, context)
+        self.called = True
+        self.status = sweep.run()
 
     def explain(self, error: Exception) -> Exception:
         """The error that says what is wrong with the command line, if that is the cause of ``error``."""
-        composing = not self.called and Sweep.current is None
-        if isinstance(error, COMPOSITION_ERRORS) or (composing and not isinstance(error, CmacexpError | OSError)):
+        is_known = isinstance(error, CmacexpError | OSError)
+        if isinstance(error, COMPOSITION_ERRORS) or not (self.called or is_known):
             return CmacexpError(explain_composition(error, sys.argv[1:]))
-        if composing and isinstance(error, OSError) and not str(error.filename).endswith(".yaml"):
+        if isinstance(error, OSError) and not self.called and not str(error.filename).endswith(".yaml"):
             reason = f"cannot be made: {error.strerror}; choose another folder"
             return BadInput("hydra.run.dir", error.filename, reason)
         return error

@@ -3,8 +3,8 @@
 import argparse
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
@@ -17,8 +17,8 @@ from cmacexp.data.manifest import REPORT
 from cmacexp.data.run import Run
 from cmacexp.engine.collect import Collected, ensure_runs
 from cmacexp.engine.equal_results import print_idle_keys
-from cmacexp.engine.pool import Each, workers
-from cmacexp.engine.sweep_results import parse_overrides
+from cmacexp.engine.pool import ParallelMap, start_workers
+from cmacexp.engine.sweep_tables import parse_overrides
 from cmacexp.errors import BadInput
 from cmacexp.study.page import Evaluated, check_page, count_verdicts, evaluate, evidence_of, format_text, write_page
 from cmacexp.study.provenance import choose_witnesses, digest_study, make_provenance
@@ -53,13 +53,16 @@ class Options:
         """Folder of a report: one that concludes nothing does not replace one that does."""
         return self.folder / f"{name}{'-quick' if self.quick else '-one-seed' if self.seeds == 1 else ''}"
 
-    def start_workers(self) -> AbstractContextManager[Each]:
-        """Processes here, and tasks of the launcher, if there is one, for long work."""
-        if self.launcher is None:
-            return workers(processes=self.workers)
-        from cmacexp.engine.cluster import start_tasks
+    @contextmanager
+    def start_workers(self) -> Iterator[ParallelMap]:
+        """Processes here, and tasks of the launcher, if there is one, for what is called with ``long=True``."""
+        tasks = None
+        if self.launcher is not None:
+            from cmacexp.engine.cluster import start_tasks
 
-        return workers(start_tasks(self.launcher, self.settings, self.workers or WORKERS, self.folder / "tasks"))
+            tasks = start_tasks(self.launcher, self.settings, self.workers or WORKERS, self.folder / "tasks")
+        with start_workers(None if tasks else self.workers) as here:
+            yield lambda *call, long=False: (tasks if long and tasks else here)(*call)
 
     def expand(self, requests: Sequence[Request]) -> list[Request]:
         """A request for each seed."""
@@ -109,12 +112,12 @@ def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluate
     """Run studies and write a report of each; complete runs are not run again."""
     for file in files:
         check_page(file)
-    with options.start_workers() as each:
+    with options.start_workers() as parallel_map:
         requests = {file.name: options.expand(file.study.runs(options.quick)) for file in files}
-        collected = ensure_runs(each, [r for own in requests.values() for r in own], options.folder / "runs")
+        collected = ensure_runs(parallel_map, [r for own in requests.values() for r in own], options.folder / "runs")
         folders = {file.path: list({collected[r][0] for r in requests[file.name]}) for file in files}
         pairs = [(f.path, folder) for f in files if f.study.measures for folder in folders[f.path]]
-        measured = dict(zip(pairs, each("measuring", _measure, pairs), strict=True))
+        measured = dict(zip(pairs, parallel_map("measuring", _measure, pairs), strict=True))
         items = [
             (
                 file.path,
@@ -125,7 +128,7 @@ def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluate
             )
             for file in files
         ]
-        evaluated = each("evaluating", _write, items)
+        evaluated = parallel_map("evaluating", _write, items)
     for own in requests.values():
         _print_idle_keys(own, collected)
     return evaluated
@@ -137,7 +140,7 @@ def _print_idle_keys(requests: Sequence[Request], collected: Collected) -> None:
     for request in requests:
         starts = [] if request.starts_from is None else [f"{START}={collected[request.starts_from][0]}"]
         typed.append([*request.overrides, *starts])
-    print_idle_keys(parse_overrides(typed), [collected[request][0] for request in requests], "runs")
+    print_idle_keys(parse_overrides(typed), [Run(collected[request][0]) for request in requests], "runs")
 
 
 def write_study(file: StudyFile, options: Options) -> Path:

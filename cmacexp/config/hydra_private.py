@@ -4,6 +4,15 @@ import sys
 from argparse import ArgumentParser
 from collections.abc import Callable, Sequence
 from types import MethodType
+from typing import Any
+
+from hydra.core.override_parser.types import Override
+from hydra.types import HydraContext, RunMode
+from omegaconf import DictConfig
+
+CORE_PLUGINS = "hydra._internal.core_plugins"
+GRID, BASIC = f"{CORE_PLUGINS}.basic_sweeper.BasicSweeper", f"{CORE_PLUGINS}.basic_launcher.BasicLauncher"
+"""Hydra's own sweeper, whose jobs are known before the first one runs, and its own launcher."""
 
 
 def skip_mode_lookup(arguments: Sequence[str]) -> None:
@@ -28,3 +37,28 @@ def report_parser_errors(report: Callable[[ArgumentParser, str], None]) -> None:
         return parser
 
     vars(sys.modules["hydra.main"])["get_args_parser"] = make_parser  # ``hydra.main`` itself is the function
+
+
+def take_over_sweeps(run_sweep: Callable[[DictConfig, HydraContext], None]) -> None:
+    """Have Hydra call ``run_sweep`` with the config of a sweep, where it would compose each of its jobs twice.
+
+    Measured by ``benchmarks/sweep.py``, row "cores".
+    """
+    from hydra._internal.callbacks import Callbacks
+    from hydra._internal.hydra import Hydra
+
+    def multirun(hydra: Hydra, config_name: str, task_function: object, overrides: list[str]) -> None:
+        config = hydra.compose_config(config_name, overrides, RunMode.MULTIRUN, with_log_configuration=True)
+        callbacks = Callbacks(config)
+        callbacks.on_multirun_start(config=config, config_name=config_name)
+        run_sweep(config, HydraContext(hydra.config_loader, callbacks))
+        callbacks.on_multirun_end(config=config, config_name=config_name)
+
+    Hydra.multirun = multirun  # type: ignore[method-assign, assignment]
+
+
+def expand_grid(overrides: list[Override], most: int | None) -> Any:
+    """The overrides of the jobs of Hydra's own sweeper, in batches of ``most`` jobs; None: in one."""
+    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+
+    return BasicSweeper.split_arguments(overrides, most)

@@ -11,8 +11,6 @@ from io import BufferedReader
 from pathlib import Path, PurePosixPath
 from secrets import token_hex
 
-FAILED = ".cmacexp-failed.json"
-"""In the folder of a job of a sweep: why its last attempt failed, beside the result of an earlier one."""
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 """Errors of a disk without room, of a quota, and of a limit on the size of files."""
 TIME_RESOLUTION = 20_000_000

@@ -1,21 +1,27 @@
 """Many runs as one table: those of a sweep, from disk, or run in memory on all cores."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
 
 from cmacexp.data.discovery import runs_below
-from cmacexp.data.parquet import as_array
 from cmacexp.data.run import Run, sort_folders
-from cmacexp.data.tables import METRICS_FILE as METRICS_FILE
-from cmacexp.data.tables import Scores
 from cmacexp.engine.equal_results import Outcome, find_idle_keys, make_outcome
-from cmacexp.engine.pool import workers
-from cmacexp.engine.sweep_results import make_column, make_labels, parse_overrides
+from cmacexp.engine.pool import start_workers
+from cmacexp.engine.sweep_tables import (
+    concat_metrics,
+    join_runs,
+    join_scores,
+    make_labels,
+    make_table,
+    parse_overrides,
+    read_metrics,
+    read_runs,
+)
 from cmacexp.errors import BadInput, OtherModel, WithoutEffect
 from cmacexp.terminal.output import print_line
 
@@ -38,35 +44,16 @@ def load_sweep(folder: str | Path) -> "pd.DataFrame":
         BadRun: there is no run, or one is not intact.
     """
     root = Path(folder).resolve()
-    runs = [Run(path) for path in sort_folders(runs_below(root))]
-    tables = [join_scores(run.scores if METRICS_FILE in run.manifest["files"] else None) for run in runs]
-    settings = parse_overrides([run.manifest.get("overrides", []) for run in runs])
-    labels = make_labels([run.folder.relative_to(root).as_posix() for run in runs])
-    rows = [
-        {**label, **values, "status": run.status} for label, values, run in zip(labels, settings, runs, strict=True)
-    ]
-    return concat_runs(rows, tables)
-
-
-def concat_runs(rows: Sequence[Mapping[str, Any]], tables: Sequence[pa.Table]) -> "pd.DataFrame":
-    """Tables of runs as one, each with the values of its run in columns of their own."""
-    run = np.repeat(np.arange(len(tables)), [table.num_rows for table in tables])
-    columns = {name: make_column([row[name] for row in rows]).take(run) for name in rows[0]}
-    values = pa.concat_tables(tables, promote_options="default")
-    return pa.table(columns | dict(zip(values.column_names, values.columns, strict=True))).to_pandas()
-
-
-def join_scores(scores: Scores | None) -> pa.Table:
-    """Metrics of a run, with those of its body for each leg; a row of nothing if it has none."""
-    if scores is None:
-        return pa.table({"cycle": pa.nulls(1)})
-    table, body = scores
-    if body is not None and table.num_rows:
-        rows = np.searchsorted(as_array(body, "cycle"), as_array(table, "cycle"))
-        for name in body.column_names:
-            if name not in table.column_names:
-                table = table.append_column(name, body[name].take(rows))
-    return table
+    if known := read_runs(root):
+        runs, metrics = known
+        index = np.searchsorted(runs["run"], metrics["run"])
+        return join_runs(runs, metrics.drop_columns("run"), index).to_pandas()
+    stored = [Run(path) for path in sort_folders(runs_below(root))]
+    metrics, index = concat_metrics([read_metrics(run) for run in stored])
+    settings = parse_overrides([run.manifest.get("overrides", []) for run in stored])
+    labels = make_labels([run.folder.relative_to(root).as_posix() for run in stored])
+    rows = [a | b | {"status": run.status} for a, b, run in zip(labels, settings, stored, strict=True)]
+    return join_runs(make_table(rows), metrics, index).to_pandas()
 
 
 def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int | None = None) -> "pd.DataFrame":
@@ -95,8 +82,8 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
             raise BadInput("runs", overrides, f"must be a list of lists of overrides: [[{overrides!r}]]")
     if not runs:
         raise BadInput("runs", list(runs), "must have at least one run")
-    with workers(processes=processes) as each:
-        done = each("running", _run, [(list(overrides), keep, len(runs)) for overrides in runs])
+    with start_workers(processes) as parallel_map:
+        done = parallel_map("running", _run, [(list(overrides), keep, len(runs)) for overrides in runs])
     settings, (ends, tables, outcomes, others) = parse_overrides(runs), zip(*done, strict=True)
     for other in dict.fromkeys(filter(None, others)):
         warnings.warn(other, OtherModel, stacklevel=2)
@@ -105,11 +92,8 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
             warnings.warn(text, WithoutEffect, stacklevel=2)
         else:
             print_line(f"{kind}: {text}", error=True)
-    rows = [
-        {"run": number, **values, "status": status}
-        for number, (values, status) in enumerate(zip(settings, ends, strict=True))
-    ]
-    return concat_runs(rows, tables)
+    rows = [{"run": i, **values, "status": end} for i, (values, end) in enumerate(zip(settings, ends, strict=True))]
+    return join_runs(make_table(rows), *concat_metrics(tables)).to_pandas()
 
 
 def _run(overrides: list[str], keep: str, runs: int) -> tuple[str, pa.Table, Outcome | None, str]:

@@ -1,9 +1,5 @@
-"""Work in the tasks of a launcher of Hydra, as on a cluster: each task starts a process and does many items."""
+"""Work in tasks of a launcher of Hydra, as on a cluster: a task is a job of it, and does many items."""
 
-import os
-import pickle
-import shutil
-from collections import defaultdict
 from collections.abc import Callable, Sequence
 from itertools import chain
 from pathlib import Path
@@ -13,7 +9,6 @@ from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.plugins import Plugins
-from hydra.core.utils import JobReturn
 from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from hydra.types import HydraContext
@@ -21,75 +16,53 @@ from omegaconf import DictConfig
 
 from cmacexp.config import config_folder
 from cmacexp.config.explain import explain_composition
-from cmacexp.engine.launch import make_items, make_return, run_packed
-from cmacexp.engine.pool import VARIABLE, RunAll, work_on
+from cmacexp.engine.pool import ParallelMap
 from cmacexp.errors import BadInput, CmacexpError
-
-FOLDER = ".cmacexp-tasks"
-"""In the folder of all results, what each task has to do: launchers send each of them all that a launcher holds."""
+from cmacexp.terminal.output import show_activity
 
 
 class _Task:
-    """What a launcher calls in a process of its own."""
+    """What a launcher calls in a process of its own: the share of the items that has the number of its job."""
 
-    def __init__(self, folder: Path):
-        self.folder = folder
+    def __init__(self, work: Callable[..., Any], shares: Sequence[Sequence[Sequence[Any]]]):
+        self.work, self.shares = work, shares
 
     def __call__(self, composed: DictConfig) -> list[Any]:
-        work, items = pickle.loads((self.folder / str(HydraConfig.get().job.num)).read_bytes())
-        return [work(*item) for item in items]
+        return [self.work(*item) for item in self.shares[HydraConfig.get().job.num]]
 
 
-def run_tasks(
-    launcher: Any, context: HydraContext, config: DictConfig, parts: Sequence[tuple[Sequence[str], Any]], first: int
-) -> list[Any]:
-    """Do parts of some work in a task of a launcher each; for each part what its calls returned.
+def make_map(config: DictConfig, context: HydraContext, count: Callable[[int], int]) -> ParallelMap:
+    """A :data:`cmacexp.engine.pool.ParallelMap` by the launcher of a config of Hydra.
 
-    A part is overrides that Hydra can compose, whose config is not used, a function, and the arguments of each of its
-    calls. The first task has the number ``first``.
+    ``count`` gives the number of tasks for so many items. What Hydra composes for a task is not used.
     """
-    folder = Path(config.hydra.sweep.dir).absolute() / FOLDER
-    folder.mkdir(parents=True, exist_ok=True)
-    try:
-        for number, (_, work) in enumerate(parts, first):
-            (folder / str(number)).write_bytes(pickle.dumps(work))
-        launcher.setup(hydra_context=context, task_function=_Task(folder), config=config)
-        return [each.return_value for each in launcher.launch([list(overrides) for overrides, _ in parts], first)]
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+    config.hydra.overrides.hydra.append("hydra.sweep.subdir=.")  # the folder that it makes for a task
+
+    def map_in_tasks(
+        what: str, work: Callable[..., Any], items: Sequence[Sequence[Any]], see: Callable[[Any], object] = id
+    ) -> list[Any]:
+        tasks = min(count(len(items)), len(items))
+        shares = [items[first::tasks] for first in range(tasks)]
+        launcher = Plugins.instance().instantiate_launcher(
+            hydra_context=context, task_function=_Task(work, shares), config=config
+        )
+        with show_activity(f"{what}: {len(items)} in {tasks} tasks of the launcher"):
+            ended = [each.return_value for each in launcher.launch([[] for _ in shares], 0)]
+        for result in chain.from_iterable(ended):
+            see(result)
+        return [ended[i % tasks][i // tasks] for i in range(len(items))]
+
+    return map_in_tasks
 
 
-class Chunked:
-    """A launcher of the jobs of a sweep by another one, ``size`` of a kind in each of its tasks."""
+def start_tasks(name: str, settings: Sequence[str], tasks: int, folder: Path) -> ParallelMap:
+    """So many tasks of a launcher of Hydra, for work that is no sweep; ``folder`` holds its own files.
 
-    def __init__(self, launcher: Any, size: int):
-        self.launcher, self.size = launcher, size
-
-    def launch(self, batch: Sequence[Sequence[str]], initial_job_idx: int) -> list[JobReturn]:
-        """Run the next jobs of the sweep; what they return, in their order."""
-        first = initial_job_idx
-        items = make_items(self.launcher, batch, first)
-        kinds = defaultdict(list)
-        for number, item in enumerate(items, first):
-            kinds[item[0]].append((number, item))
-        chunks = [own[i : i + self.size] for own in kinds.values() for i in range(0, len(own), self.size)]
-        parts = [(batch[chunk[0][0] - first], (run_packed, [item for _, item in chunk])) for chunk in chunks]
-        inner = self.launcher
-        ended = run_tasks(inner, inner.hydra_context, inner.config, parts, first)
-        numbers = [number for chunk in chunks for number, _ in chunk]
-        by_number = dict(zip(numbers, chain.from_iterable(ended), strict=True))
-        return [make_return(*by_number[number]) for number in sorted(numbers)]
-
-
-def start_tasks(name: str, settings: Sequence[str], count: int, folder: Path) -> RunAll:
-    """So many tasks of a launcher of Hydra, for work that is no sweep; gives ``run_all(work, items)``.
-
-    Settings are as ``timeout_min=600``; ``folder`` holds files of both. Raises CmacexpError if there is no such
-    launcher.
+    Settings are as ``timeout_min=600``. Raises CmacexpError if there is no such launcher.
     """
     if name == "cores":
         raise BadInput("--launcher", name, "is for sweeps; without --launcher a study uses all cores")
-    chosen = [f"hydra/launcher={name}", f"hydra.sweep.dir={folder}", "hydra.sweep.subdir=."]
+    chosen = [f"hydra/launcher={name}", f"hydra.sweep.dir={folder}"]
     chosen += [f"hydra.launcher.{setting}" for setting in settings]
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
         try:
@@ -97,18 +70,4 @@ def start_tasks(name: str, settings: Sequence[str], count: int, folder: Path) ->
         except HydraException as error:
             raise CmacexpError(explain_composition(error, chosen)) from error
         context = HydraContext(GlobalHydra.instance().config_loader(), Callback())  # type: ignore[arg-type]
-        launcher = Plugins.instance().instantiate_launcher(
-            hydra_context=context, task_function=_Task(folder), config=config
-        )
-
-    def run_all(work: Callable[..., Any], items: Sequence[tuple[Any, ...]], first: int = 0) -> list[Any]:
-        shares = [range(i, len(items), count) for i in range(min(count, len(items)))]
-        shared = os.environ[VARIABLE]
-        parts: list[tuple[list[str], Any]] = [
-            ([], (work_on, [(shared, first + i, work, items[i]) for i in share])) for share in shares
-        ]
-        ended = run_tasks(launcher, context, config, parts, 0)
-        by_number = dict(zip(chain.from_iterable(shares), chain.from_iterable(ended), strict=True))
-        return [by_number[i] for i in range(len(items))]
-
-    return run_all
+    return make_map(config, context, lambda items: tasks)

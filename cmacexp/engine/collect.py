@@ -8,15 +8,12 @@ from pathlib import Path
 
 from cmacexp.config import Config, config_hash, to_config, to_plain
 from cmacexp.config.compose import compose_untyped
-from cmacexp.data import manifest as manifests
-from cmacexp.data.folder import RUN_KEY, new_result
 from cmacexp.data.integrity import is_finished
-from cmacexp.engine.failure import make_failure
-from cmacexp.engine.pool import Each, share_progress
+from cmacexp.engine.job import ensure_run, write_failure
+from cmacexp.engine.pool import ParallelMap
 from cmacexp.errors import BadInput, CmacexpError
-from cmacexp.jit.compiler import expect_runs
 from cmacexp.study.study import Request
-from cmacexp.terminal.messages import announce_compiling, warn_of_models
+from cmacexp.terminal.messages import warn_of_models
 
 HASH_DIGITS, THIN_DIGITS = 12, 4
 Collected = Mapping[Request, tuple[Path, Mapping[str, str]]]
@@ -30,8 +27,7 @@ def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config | str,
         config = to_config(composed)
     except BadInput as error:
         folder = store / f"refused-{hashlib.sha256(repr(overrides).encode()).hexdigest()[:HASH_DIGITS]}"
-        with new_result(folder, RUN_KEY) as writer:
-            manifests.write(writer.part, make_failure(composed, error))
+        write_failure(folder, composed, error)
         return folder, str(error), choices, False
     name, record = f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}", config.record
     if record.thins:  # the hash leaves out what a run stores: studies that differ in it share no folder
@@ -41,27 +37,18 @@ def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config | str,
     return folder, config, choices, is_finished(folder, config)
 
 
-def _run(number: int, folder: Path, config: Config, runs: int) -> str | None:
-    """Run one of so many; why it failed, if it did."""
-    from cmacexp.engine.run import run_scenario
-    from cmacexp.loop.scenario import make_scenario
-
-    announce_compiling()
-    expect_runs(runs)
-    if is_finished(folder, config):  # another study has run it meanwhile
-        return None
-    report = share_progress(number)
+def _run(folder: Path, config: Config, runs: int) -> str | None:
+    """Run one of so many, unless another study has meanwhile; why it failed, if it did."""
     try:
-        scenario = make_scenario(config)
+        run, _ = ensure_run(config, folder, runs)
     except BadInput as error:
-        with new_result(folder, RUN_KEY) as writer:
-            manifests.write(writer.part, make_failure(to_plain(config), error))
-        return str(error)
-    run = run_scenario(config, folder, lambda cycles: report(cycles / config.cycles), scenario)
+        run = write_failure(folder, to_plain(config), error)
     return run.manifest["cause"] if run.status == "failed" else None
 
 
-def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before: Collected) -> Collected:
+def _collect_ready(
+    parallel_map: ParallelMap, requests: Sequence[Request], store: Path, before: Collected
+) -> Collected:
     """Collect requests whose start weights, if any, are those of runs in ``before``."""
 
     def overrides(request: Request) -> tuple[str, ...]:
@@ -70,14 +57,16 @@ def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before:
         return (*request.overrides, f"learning.start_from='{before[request.starts_from][0]}'")
 
     wanted = sorted({overrides(request) for request in requests})
-    looked_up = dict(zip(wanted, each("looking for runs", _look_up, [(o, store) for o in wanted]), strict=True))
+    looked_up = dict(
+        zip(wanted, parallel_map("looking for runs", _look_up, [(o, store) for o in wanted]), strict=True)
+    )
     missing = {folder: config for folder, config, _, finished in looked_up.values() if not finished}
     failed = [reason for reason in missing.values() if isinstance(reason, str)]
     missing = {folder: config for folder, config in missing.items() if not isinstance(config, str)}
     print(f"{len(looked_up)} runs, {len(missing)} of them to be run", file=sys.stderr)
     warn_of_models(config.machine for _, config, _, _ in looked_up.values() if isinstance(config, Config))
     if missing:
-        ran = each("running", _run, [(i, *item, len(missing)) for i, item in enumerate(missing.items())], long=True)
+        ran = parallel_map("running", _run, [(*item, len(missing)) for item in missing.items()], long=True)
         failed += [cause for cause in ran if cause is not None]
     if failed and len(failed) == len(looked_up):
         raise CmacexpError(failed[0])
@@ -86,7 +75,7 @@ def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before:
     return {request: (looked_up[overrides(request)][0], looked_up[overrides(request)][2]) for request in requests}
 
 
-def ensure_runs(each: Each, requests: Sequence[Request], store: Path) -> Collected:
+def ensure_runs(parallel_map: ParallelMap, requests: Sequence[Request], store: Path) -> Collected:
     """The runs of requests, each of one seed, below ``store``; equal ones are run once, complete ones not at all.
 
     Raises CmacexpError if Hydra cannot compose overrides, or every run failed.
@@ -94,7 +83,7 @@ def ensure_runs(each: Each, requests: Sequence[Request], store: Path) -> Collect
     first = [request for request in requests if request.starts_from is None]
     later = [request for request in requests if request.starts_from is not None]
     first = list(dict.fromkeys([*first, *(request.starts_from for request in later if request.starts_from)]))
-    collected = dict(_collect_ready(each, first, store, {}))
+    collected = dict(_collect_ready(parallel_map, first, store, {}))
     if later:
-        collected |= _collect_ready(each, later, store, collected)
+        collected |= _collect_ready(parallel_map, later, store, collected)
     return collected

@@ -7,7 +7,6 @@ Nothing is declared for this, so it holds for custom components too. A single ru
 import hashlib
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from cmacexp.config import Config, config_hash, to_plain
@@ -42,9 +41,8 @@ def make_outcome(config: Config, status: str, steps: int, scores: Scores) -> Out
     return Outcome(config_hash(to_plain(config)), repr((status, steps, hashes)))
 
 
-def read_outcome(folder: Path) -> Outcome | None:
+def read_outcome(run: Run) -> Outcome | None:
     """The same of a stored run, whose manifest has the hashes of its files; raises BadRun."""
-    run = Run(folder)
     if not run.config.get("warn", True) or run.status not in RESULTS or not run.whole_cycles:
         return None
     hashes = [run.manifest["files"].get(name) for name in (METRICS_FILE, BODY_METRICS_FILE)]
@@ -82,8 +80,8 @@ def find_idle_keys(
             yield "warning", f"{key} had no effect: {equal}"
 
 
-def print_idle_keys(settings: Sequence[Mapping[str, Any]], folders: Sequence[Path], what: str) -> None:
-    """Print :func:`find_idle_keys` of stored runs, each named as its folder."""
-    outcomes, names = [read_outcome(folder) for folder in folders], [folder.name for folder in folders]
+def print_idle_keys(settings: Sequence[Mapping[str, Any]], runs: Sequence[Run], what: str) -> None:
+    """Print :func:`find_idle_keys` of stored runs, each named as its folder; raises BadRun."""
+    outcomes, names = [read_outcome(run) for run in runs], [run.folder.name for run in runs]
     for kind, text in find_idle_keys(settings, outcomes, names, what):
         print_line(f"{kind}: {text}", error=True)

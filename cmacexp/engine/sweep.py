@@ -1,123 +1,231 @@
-"""A sweep: its folder, the kinds of its jobs, and the processes that run them."""
+"""A sweep: its options are checked, its jobs are composed before anything runs, and then run as its launcher says."""
 
-import re
-from collections import Counter
+import pickle
 from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
+from enum import Enum
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
-from hydra.errors import HydraException
-from omegaconf import DictConfig
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.plugins import Plugins
+from hydra.core.utils import JobReturn, JobStatus
+from hydra.types import HydraContext
+from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from cmacexp.errors import BadInput
+from cmacexp.config.explain import COMPOSITION_ERRORS
+from cmacexp.config.hydra_private import BASIC, GRID, expand_grid
+from cmacexp.config.robot_rule import read_machine
+from cmacexp.data.folder import collection
+from cmacexp.engine.objective import DIRECTION, check_metric, find_direction, read_objective
+from cmacexp.engine.pool import ParallelMap, map_here, start_workers
+from cmacexp.engine.sweep_results import finish_sweep
+from cmacexp.engine.sweep_tables import select_run_overrides
+from cmacexp.errors import BadInput, CmacexpError, in_one_line
+from cmacexp.jit.interrupt import is_interrupt
+from cmacexp.terminal.messages import warn_of_models
+from cmacexp.terminal.output import print_line
 
-if TYPE_CHECKING:
-    from cmacexp.engine.pool import RunAll
-
-SWEEP_KEY = "hydra.sweep.dir"
-
-
-class Kind(NamedTuple):
-    """Jobs that differ in values alone."""
-
-    composed: DictConfig
-    """What Hydra composes for the first of them."""
-    first: Sequence[str]
-    """Overrides of that job."""
-    runs: list[list[str]]
-    """Overrides of the run of each job."""
+SWEEP_KEY, SUBDIR = "hydra.sweep.dir", "${hydra.job.num}"
+CORES = "hydra_plugins.cmacexp_launcher.CoresLauncher"
+COUNTS = ("sweep.chunk", "hydra.launcher.processes", "hydra.sweeper.max_batch_size")
+"""Options of a sweep that are numbers, at least 1, or null."""
+DEFAULT = "record=trace"
+"""Override of a sweep that does not set ``record``."""
 
 
 class Sweep:
-    """The sweep of this process.
+    """The jobs of a sweep, and how they end.
 
-    ``place`` is its folder once that is made; ``planned`` counts jobs by their overrides, see
-    :func:`select_run_overrides`; ``kinds`` are those of :meth:`get_kind`. ``optimize`` is the metric that jobs
-    return, ``direction`` whether to ``minimize`` or to ``maximize`` it; None: nobody said.
+    Args:
+        config: what Hydra composes for the sweep.
+        context: of Hydra, which composes the jobs.
+
+    Raises:
+        BadInput: an option of the sweep is wrong.
+        HydraException: a job cannot be composed; Hydra and OmegaConf raise other errors too.
     """
 
-    current: "Sweep | None" = None
-    """The sweep that this process started."""
+    def __init__(self, config: DictConfig, context: HydraContext):
+        self.config, self.context, self.folder = config, context, Path(config.hydra.sweep.dir)
+        self.planned: list[tuple[str, ...]] = []
+        """Overrides of the run of each job, see :func:`select_run_overrides`."""
+        self.ended: list[Any] = []
+        """Of :class:`cmacexp.engine.job.JobEnd`."""
+        self.templates: dict[tuple[str, ...], bytes] = {}
+        """Arguments ``packed`` of :func:`cmacexp.engine.job.run_packed`, by what jobs have in common."""
+        self.list_options = cache(context.config_loader.get_group_options)
+        """Of a key; a field has none. Hydra takes longer to list them than to run a job."""
+        self.parallel_map: ParallelMap = map_here
+        self.optimize, self.direction = _read_objective(config)
+        _check_options(config)
+        self.batches: list[list[list[str]]] = self._expand()
+        """Overrides of the jobs, if they are known before the first of them runs."""
+        for batch in self.batches:
+            self._plan(batch)
 
-    def __init__(
-        self,
-        folder: Path,
-        chunk: int | None = None,
-        processes: int | None = None,
-        objective: tuple[str | None, str | None] = (None, None),
-    ):
-        self.folder, self.chunk, self.processes = folder, chunk, processes
-        self.optimize, self.direction = objective
-        self.place: Path | None = None
-        self.planned: Counter[tuple[str, ...]] = Counter()
-        self.kinds: dict[tuple[str, ...], Kind] = {}
-        self.run_all: RunAll | None = None
-        self.lock, self.progress = ExitStack(), ExitStack()
-        """Left when the sweep is over, and when its jobs are."""
+    def _expand(self) -> Any:
+        """The batches of the grid of Hydra's own sweeper; raises BadInput if a key is swept over no value."""
+        sweeper, typed = self.config.hydra.sweeper, self.config.hydra.overrides.task
+        searched = [f"{key}={value}" for key, value in (sweeper.get("params") or {}).items()]
+        if "record" not in _list_keys([*searched, *typed]):
+            typed.append(DEFAULT)
+        parser = OverridesParser.create(config_loader=self.context.config_loader)
+        overrides = parser.parse_overrides([*searched, *typed])
+        for override in overrides:
+            if override.is_discrete_sweep() and next(iter(override.sweep_iterator()), None) is None:
+                key, _, value = str(override.input_line).partition("=")
+                raise BadInput(key, value, "matches no option; glob is for groups, a field takes values: 8,16")
+        return expand_grid(overrides, sweeper.max_batch_size) if sweeper._target_ == GRID else []
 
-    def begin(self) -> None:
-        """Make the folder, and show how many jobs are done; raises BadInput, OSError."""
-        from cmacexp.data.folder import collection  # here, because every command imports this file
-        from cmacexp.engine.pool import shared_progress
-
-        self.place = self.lock.enter_context(collection(self.folder, SWEEP_KEY))
-        self.progress.enter_context(shared_progress("sweep", self.planned.total, "jobs"))
-
-    def start_workers(self) -> "RunAll":
-        """Start the processes that run jobs, as many as there are cores unless so many are asked for; once."""
-        from cmacexp.engine.pool import start_pool
-
-        if self.run_all is None:
-            self.run_all = self.progress.enter_context(start_pool(self.processes))
-        return self.run_all
-
-    def get_kind(self, caller: Any, overrides: Sequence[str]) -> Kind:
-        """The kind of a job: whether it can be composed depends on its keys and on the options that it chooses.
-
-        Jobs that differ in values alone, which can be thousands, are of one kind, composed once. See
-        ``benchmarks/sweep.py``. Raises HydraException if it cannot be composed.
-        """
-        loader = caller.hydra_context.config_loader
-        keys = [text.split("=")[0] for text in overrides]
-        changes = [key[0] in "+~" or "@" in key or _is_group(loader, key) for key in keys]
-        kind = tuple(text if change else key for text, key, change in zip(overrides, keys, changes, strict=True))
-        if kind not in self.kinds:
-            try:
-                composed = loader.load_sweep_config(caller.config, list(overrides))
-            except (TypeError, ValueError) as error:  # of overrides whose shape Hydra does not foresee
-                raise HydraException(str(error)) from error
-            self.kinds[kind] = Kind(composed, overrides, [])
-        return self.kinds[kind]
-
-    def check(self, sweeper: Any, batch: Sequence[Sequence[str]]) -> None:
-        """Note the next jobs, before they start, and compose one of each kind; raises HydraException."""
+    def _plan(self, batch: Sequence[Sequence[str]]) -> None:
+        """Note jobs, and compose one of each kind."""
         for overrides in batch:
-            self.planned[tuple(select_run_overrides(overrides))] += 1
-            kind = self.get_kind(sweeper, overrides)
-            kind.runs.append(select_run_overrides(overrides))
-            if len(kind.runs) == 1 and kind.composed.machine.get("kind") == "robot":
-                from cmacexp.config.robot_rule import read_machine
-                from cmacexp.terminal.messages import warn_of_models
+            self.planned.append(tuple(select_run_overrides(overrides)))
+            self._pack(overrides)
 
+    def _pack(self, overrides: Sequence[str]) -> tuple[bytes, list[str]]:
+        """What Hydra composes for a job, and the overrides that set values in it.
+
+        Jobs that differ in such values alone, which can be thousands, are composed once: whether that is possible
+        depends on their keys and on the options that they choose. See ``benchmarks/sweep.py``.
+        """
+        keys = [text.partition("=")[0] for text in overrides]
+        values = [
+            text
+            for text, key in zip(overrides, keys, strict=True)
+            if not (key[0] in "+~" or "@" in key or "{" in text or self.list_options(key))
+        ]
+        kind = tuple(key if text in values else text for text, key in zip(overrides, keys, strict=True))
+        if kind not in self.templates:
+            composed = self.context.config_loader.load_sweep_config(self.config, list(overrides))
+            if composed.machine.get("kind") == "robot":
                 with suppress(BadInput, OmegaConfBaseException):  # which the job reports
-                    warn_of_models([read_machine(kind.composed)])
+                    warn_of_models([read_machine(composed)])
+            self.templates[kind] = pickle.dumps(
+                (composed, self.context.callbacks, self.folder.absolute(), _needs_hydra(composed))
+            )
+        return self.templates[kind], values
+
+    def run(self) -> str:
+        """Run all jobs, and print and write their table.
+
+        Returns how the sweep ended, see :func:`cmacexp.engine.sweep_results.finish_sweep`; ``failed`` if it could not
+        go on. Raises BadInput if the folder cannot be used, and KeyboardInterrupt after an interrupt.
+        """
+        with collection(self.folder, SWEEP_KEY):
+            try:
+                with self._start() as self.parallel_map:
+                    self._run_jobs()
+            except (KeyboardInterrupt, Exception) as error:
+                is_wrong = isinstance(error, (CmacexpError, *COMPOSITION_ERRORS))
+                if is_interrupt(error):
+                    self._finish()
+                if is_wrong or is_interrupt(error):
+                    raise
+                reason = in_one_line(str(error).strip() or type(error).__name__)
+                print_line(f"error: the sweep ended early: {reason}", error=True)
+                self._finish()
+                return "failed"
+            return self._finish()
+
+    def _finish(self) -> str:
+        return finish_sweep(self.folder, self.planned, self.ended, self.optimize, self.direction)
+
+    def _start(self) -> AbstractContextManager[ParallelMap]:
+        """Start what the launcher stands for."""
+        launcher, size = self.config.hydra.launcher, self.config.sweep.chunk or 1
+        if launcher._target_ == CORES:
+            return start_workers(launcher.processes)
+        if launcher._target_ == BASIC:
+            return nullcontext(map_here)
+        from cmacexp.engine.cluster import make_map
+
+        return nullcontext(make_map(self.config.copy(), self.context, lambda jobs: -(-jobs // size)))
+
+    def _run_jobs(self) -> None:
+        if self.batches:
+            OmegaConf.save(self.config, self.folder / "multirun.yaml")
+            for batch in self.batches:
+                self.launch(batch, len(self.ended))
+            return
+        self.config.hydra.launcher = {"_target_": CORES}
+        sweeper = Plugins.instance().instantiate_sweeper(
+            config=self.config,
+            hydra_context=self.context,
+            task_function=self,  # type: ignore[arg-type]  # for its launcher
+        )
+        sweeper.sweep(list(self.config.hydra.overrides.task))
+
+    def launch(self, batch: Sequence[Sequence[str]], first: int) -> list[JobReturn]:
+        """Run the jobs of a batch, whose first has the number ``first``; what they return, in their order."""
+        if not self.batches:
+            self._plan(batch)
+        jobs = len(self.planned)
+        items = []
+        for number, overrides in enumerate(batch, first):
+            packed, values = self._pack(overrides)
+            items.append((packed, list(overrides), values, number, jobs))
+        return [self._make_return(end) for end in self.parallel_map("sweep", _run_packed, items, self._see)]
+
+    def _see(self, end: Any) -> None:
+        self.ended.append(end)
+        print_line(end.text, error=end.is_error)
+
+    def _make_return(self, end: Any) -> JobReturn:
+        """What a launcher gives Hydra for a job: the value of the metric that ``optimize`` names."""
+        returned = JobReturn(status=JobStatus.COMPLETED)
+        if self.optimize:
+            returned.return_value = read_objective(self.optimize, end.run, self.direction)
+        return returned
 
 
-@cache
-def _is_group(loader: Any, key: str) -> bool:
-    return bool(loader.get_group_options(key))
+def _run_packed(*item: Any) -> Any:
+    from cmacexp.engine.job import run_packed  # here, because the process of the sweep needs nothing of that
+
+    return run_packed(*item)
 
 
-def get_sweep() -> Sweep:
-    """The sweep that this process started."""
-    if Sweep.current is None:
-        raise RuntimeError("hydra/launcher=cores is for python -m cmacexp -m; choose hydra/launcher=basic")
-    return Sweep.current
+def _needs_hydra(composed: DictConfig) -> bool:
+    """Whether only Hydra's own run of a job gives what a config asks for; it copies the config four times."""
+    plain: Any = OmegaConf.to_container(composed, enum_to_str=True)
+    hydra = plain.pop("hydra")
+    job, text = hydra["job"], str(plain)
+    asked = hydra["callbacks"], job["chdir"], job["env_set"], hydra["output_subdir"], hydra["job_logging"]["root"]
+    return hydra["sweep"]["subdir"] != SUBDIR or any(asked) or "${" in text or "???" in text
 
 
-def select_run_overrides(overrides: Sequence[str]) -> list[str]:
-    """The overrides of the run, without those of the sweep."""
-    return [text for text in overrides if re.split(r"[=./]", text)[0] not in ("sweep", "optimize", "hydra")]
+def _check_options(config: DictConfig) -> None:
+    for key in COUNTS:
+        value = OmegaConf.select(config, key)
+        if value is not None and (type(value) is not int or value < 1):
+            raise BadInput(key, value, "must be at least 1, or null")
+    if config.sweep.resume is True and SWEEP_KEY not in _list_keys(config.hydra.overrides.hydra):
+        raise BadInput("sweep.resume", True, "needs the folder of the sweep to resume: add hydra.sweep.dir=DIR")
+    if config.sweep.chunk and config.hydra.launcher._target_ == CORES:
+        allowed = "is for a launcher that starts a process for each job; use hydra/launcher=submitit_slurm, or null"
+        raise BadInput("sweep.chunk", config.sweep.chunk, allowed)
+
+
+def _read_objective(config: DictConfig) -> tuple[str | None, str | None]:
+    """The metric that ``optimize`` names, and what is done with it, which a sweeper that searches is set to.
+
+    Raises BadInput, see :func:`cmacexp.engine.objective.find_direction`.
+    """
+    name, searches = config.optimize, "direction" in config.hydra.sweeper
+    if name is None and not searches:
+        return None, None
+    check_metric(name if name is None else str(name), "robot")  # which has all; a job knows its own machine
+    given = OmegaConf.select(config, DIRECTION)
+    typed = None if isinstance(given, Enum) else given  # the default of the sweeper is a member of its own Enum
+    direction = find_direction(name, typed, searches)
+    if searches and typed is None:
+        config.hydra.sweeper.direction = direction
+        config.hydra.overrides.hydra.append(f"{DIRECTION}={direction}")  # the record of jobs has it there
+    return name, direction
+
+
+def _list_keys(overrides: Sequence[str]) -> set[str]:
+    return {text.partition("=")[0].lstrip("+") for text in overrides}

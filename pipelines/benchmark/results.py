@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.engine.pool import Each
+from cmacexp.engine.pool import ParallelMap
 from cmacexp.study.comparison import relative_to
 from cmacexp.typing import Array
 from pipelines.benchmark.entrants import ALONE, Method
@@ -48,7 +48,7 @@ class Bench:
         folder: of outcomes, which are used again.
     """
 
-    def __init__(self, machines: Mapping[str, Machine], methods: Sequence[Method], each: Each, folder: Path):
+    def __init__(self, machines: Mapping[str, Machine], methods: Sequence[Method], each: ParallelMap, folder: Path):
         self.machines, self.methods = machines, {method.name: method for method in methods}
         self.each, self.folder = each, folder
         self.rows: dict[tuple[Key, str], Rows] = {}

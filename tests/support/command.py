@@ -32,7 +32,6 @@ def call(name: str, *words: object, folder: Path | None = None) -> subprocess.Co
         contextlib.redirect_stdout(output),
         contextlib.redirect_stderr(errors),
         patch.object(sys, "argv", arguments),
-        patch("cmacexp.engine.sweep.Sweep.current", None),
         patch("cmacexp.terminal.output.FIRST_LINE_DELAY", threading.TIMEOUT_MAX),  # a busy machine prints no more
     ):
         try:

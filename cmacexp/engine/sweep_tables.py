@@ -1,0 +1,151 @@
+"""Tables of many runs: their settings as typed columns, their metrics, and both as a sweep leaves them on disk.
+
+A sweep writes ``runs.parquet``, a row for each job: number, folder, overrides, how it ended, a hash of what it left;
+and ``metrics.parquet``, the metrics of all of them, each row with the number of its job in ``run``. One file is read
+much faster than a thousand. The folders of the jobs stay the truth: the tables count while the hashes fit.
+"""
+
+import hashlib
+import math
+import re
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from cmacexp.data.discovery import is_run, walk
+from cmacexp.data.files import open_file, sha256, write_atomically
+from cmacexp.data.manifest import MANIFEST
+from cmacexp.data.parquet import arrow, arrow_strings, as_array, write_table
+from cmacexp.data.run import Run
+from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores
+from cmacexp.typing import Array
+
+RUNS_FILE, FINGERPRINT = "runs.parquet", "fingerprint"
+"""The table of jobs, and its column of hashes."""
+Row = dict[str, Any]
+
+
+def make_labels(folders: Sequence[str]) -> list[Row]:
+    """The number of each run as ``run``, an integer in every table of runs, and its ``folder``.
+
+    A folder whose name is a number, as those of jobs are, gives it; if any has another name, or a number comes
+    again, runs are counted from 0 in the order of their folders.
+    """
+    numbers = [int(folder) for folder in folders if folder.isdecimal()]
+    numbers = numbers if len(set(numbers)) == len(folders) else list(range(len(folders)))
+    return [{"run": number, "folder": folder} for number, folder in zip(numbers, folders, strict=True)]
+
+
+def select_run_overrides(overrides: Sequence[str]) -> list[str]:
+    """The overrides of the run of a job, without those of the sweep."""
+    return [text for text in overrides if re.split(r"[=./]", text)[0] not in ("sweep", "optimize", "hydra")]
+
+
+def parse_overrides(typed: Sequence[Sequence[str]]) -> list[dict[str, Any]]:
+    """The value of each key that some job overrides, for each job; None where it overrides others."""
+    settings = [dict(text.lstrip("+").partition("=")[::2] for text in overrides) for overrides in typed]
+    keys = list(dict.fromkeys(key for values in settings for key in values))
+    return [{key: parse_value(values[key]) if key in values else None for key in keys} for values in settings]
+
+
+def parse_value(text: str) -> Any:
+    """A value as typed on the command line: a number, true, false, null, else text."""
+    if text in ("true", "false"):
+        return text == "true"
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return None if text == "null" else text.strip("'\"")
+
+
+def make_column(values: Sequence[Any]) -> pa.Array:
+    """Values as an Arrow column: of integers, floats or booleans if all are, else of text."""
+    kinds = {type(value) for value in values}
+    if kinds == {bool}:
+        return arrow(np.array(values), pa.int8()).cast(pa.bool_())
+    if kinds == {int} and max(map(abs, values)) < 2**63:
+        return arrow(np.array(values), pa.int64())
+    if kinds <= {int, float}:
+        return arrow(np.array(values, dtype=float), pa.float64())
+    return arrow_strings(["null" if value is None else str(value) for value in values])
+
+
+def make_table(rows: Sequence[Row]) -> pa.Table:
+    """Rows as a table; a number that some of them lack is NaN there."""
+    names = dict.fromkeys(name for row in rows for name in row)
+    return pa.table({name: make_column([row.get(name, math.nan) for row in rows]) for name in names})
+
+
+def join_scores(scores: Scores) -> pa.Table:
+    """Metrics of a run, with those of its body for each leg."""
+    table, body = scores
+    if body is not None and table.num_rows:
+        rows = np.searchsorted(as_array(body, "cycle"), as_array(table, "cycle"))
+        for name in body.column_names:
+            if name not in table.column_names:
+                table = table.append_column(name, body[name].take(rows))
+    return table
+
+
+def read_metrics(run: Run) -> pa.Table | None:
+    """:func:`join_scores` of a stored run; None if it has no metrics. Raises BadRun."""
+    return join_scores(run.scores) if run.wrote(METRICS_FILE) else None
+
+
+def concat_metrics(tables: Sequence[pa.Table | None]) -> tuple[pa.Table, Any]:
+    """The metrics of runs as one table, and the index of the run of each row; a run without has a row of nothing."""
+    filled = [pa.table({"cycle": pa.nulls(1)}) if table is None else table for table in tables]
+    index = np.repeat(np.arange(len(filled)), [table.num_rows for table in filled])
+    return pa.concat_tables(filled, promote_options="default"), index
+
+
+def find_fingerprint(folder: Path) -> str:
+    """SHA-256 over the manifest and the metrics of a run, so far as it has them; raises OSError."""
+    digest = hashlib.sha256()
+    for name in (MANIFEST, METRICS_FILE, BODY_METRICS_FILE):
+        with suppress(FileNotFoundError), open_file(folder / name) as file:
+            digest.update(file.read())
+    return digest.hexdigest()
+
+
+def write_runs(root: Path, rows: Sequence[Row], metrics: Sequence[pa.Table | None]) -> None:
+    """Write the tables of a sweep; a row has the number of the run, its folder, its overrides, and how it ended."""
+    table, index = concat_metrics(metrics)
+    numbers = make_column([row["run"] for row in rows]).take(index)
+    with write_atomically(root / METRICS_FILE) as path:
+        write_table(table.add_column(0, "run", numbers), path)
+    known = make_table([{**row, FINGERPRINT: find_fingerprint(root / row["folder"])} for row in rows])
+    with write_atomically(root / RUNS_FILE) as path:
+        write_table(known.replace_schema_metadata({METRICS_FILE: sha256(root / METRICS_FILE)}), path)
+
+
+def read_runs(root: Path) -> tuple[pa.Table, pa.Table] | None:
+    """The tables of a sweep, without hashes; None unless the runs below ``root`` are as it left them."""
+    try:
+        runs = _read(root / RUNS_FILE)
+        folders, hashes = runs["folder"].to_pylist(), runs[FINGERPRINT].to_pylist()
+        added = {place for place in walk(root) if (place / MANIFEST).exists()} - {root / folder for folder in folders}
+        is_changed = [find_fingerprint(root / folder) for folder in folders] != hashes or any(map(is_run, added))
+        if is_changed or runs.schema.metadata[METRICS_FILE.encode()].decode() != sha256(root / METRICS_FILE):
+            return None
+        return runs.drop_columns(FINGERPRINT), _read(root / METRICS_FILE)
+    except (OSError, KeyError, TypeError, pa.ArrowException):
+        return None
+
+
+def _read(path: Path) -> pa.Table:
+    with open_file(path) as file:
+        return pq.read_table(file)
+
+
+def join_runs(runs: pa.Table, metrics: pa.Table, index: Array) -> pa.Table:
+    """Metrics of runs, each row with the values of its run, whose ``index`` in ``runs`` is given, before it."""
+    joined = runs.take(index)
+    for name in metrics.column_names:
+        joined = joined.append_column(name, metrics[name])
+    return joined
