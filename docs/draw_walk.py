@@ -15,8 +15,7 @@ from cmacexp.data.run import Run
 from cmacexp.data.trace import count_steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.recording import palette
-from cmacexp.recording.ground import depression_scale
-from cmacexp.recording.run_view import RunView, make_view
+from cmacexp.recording.run_view import RunView
 from cmacexp.report.figures import Panel, Series, draw_panel
 from cmacexp.report.style import DESIRED, GROUND, STYLE, colour
 from cmacexp.terminal.output import print_line
@@ -65,19 +64,18 @@ class Cycle(NamedTuple):
 
 
 def _make_cycle(view: RunView, ink: str, title: str) -> Cycle:
-    desired = np.stack([in_travel(view, leg.foot("_desired")) for leg in view.legs], axis=1)
-    return Cycle(view, joints(view), desired, ink, title)
+    return Cycle(view, joints(view), in_travel(view, view.feet("_desired")), ink, title)
 
 
 def _draw_machine(axes: "Axes", cycle: Cycle, k: int) -> None:
     """The machine from its right side in step ``k``; each foot's desired path, and its own up to now."""
     view, places = cycle.view, cycle.places
     surface = -MM * view.foot_radius
-    depression = MM * depression_scale(view) / float(view.config["terrain"]["stiffness"])
-    for i, leg in enumerate(view.legs):
-        is_near = leg.number in NEAR_SIDE or leg.hip[1] == 0.0
-        draw_leg(axes, places[k, i][:, [0, 2]], is_near, not leg.support[k])
-        x, deep = places[k, i, -1, 0], surface - depression * leg["force"][k]
+    depression = MM * view.depression_scale / float(view.run.config["terrain"]["stiffness"])
+    for i in range(view.trace.legs):
+        is_near = i + 1 in NEAR_SIDE or view.hips[i, 1] == 0.0
+        draw_leg(axes, places[k, i][:, [0, 2]], is_near, not view.trace.support[k, i])
+        x, deep = places[k, i, -1, 0], surface - depression * view.trace["force"][k, i]
         axes.fill([x - DENT, x, x + DENT], [surface, deep, surface], color=GROUND, lw=0.0, zorder=3)
         axes.plot(*cycle.desired[:, i, [0, 2]].T, color=DESIRED, lw=1.0, zorder=5)
         axes.plot(*places[: k + 1, i, -1][:, [0, 2]].T, color=cycle.ink, lw=1.6, zorder=6)
@@ -95,12 +93,12 @@ def _draw_machine(axes: "Axes", cycle: Cycle, k: int) -> None:
 
 def _panels(cycle: Cycle, k: int) -> list[Panel]:
     """The paper's foot force display, actual beside desired; the path error of a walk in this cycle, up to now."""
-    view, places = cycle.view, np.arange(len(cycle.view.legs))
+    view, places = cycle.view, np.arange(cycle.view.trace.legs)
     forces = [
-        Series("actual", places, [leg["force"][k] for leg in view.legs], style={"color": cycle.ink}),
-        Series("desired", places, [leg["force_desired"][k] for leg in view.legs], style=HATCHED),
+        Series("actual", places, view.trace["force"][k], style={"color": cycle.ink}),
+        Series("desired", places, view.trace["force_desired"][k], style=HATCHED),
     ]
-    names = ["".join(word[0].upper() for word in leg.name.split()) if view.walks else leg.name for leg in view.legs]
+    names = ["".join(word[0].upper() for word in name.split()) if view.walks else name for name in view.names]
     panels = [Panel("", "", "force, N", forces, "bars", ticks=names)]
     if view.walks:
         time = view.time - view.time[0]
@@ -114,7 +112,7 @@ def _set_limits(axes: "NDArray[Any]", cycles: Sequence[Cycle]) -> None:
     """Give the axes of all cycles, a row each of machines, forces and path errors, ranges that hold every frame."""
     drawn = np.concatenate([points.reshape(-1, 3) for c in cycles for points in (c.places, c.desired)])
     low, high = drawn.min(axis=0) - BORDER, drawn.max(axis=0) + BORDER
-    force = max(float(np.max([leg["force"], leg["force_desired"]])) for c in cycles for leg in c.view.legs)
+    force = max(float(c.view.trace[name].max()) for c in cycles for name in ("force", "force_desired"))
     error = max(float(cycle.error.max()) for cycle in cycles)
     y = ((min(low[2], -40.0 - BORDER), high[2]), (0.0, 1.5 * force), (0.0, 1.1 * error or 1.0))
     for row, y_range in zip(axes, y, strict=False):
@@ -179,7 +177,7 @@ def _whole_cycles(run: Run) -> list[int]:
 
 
 def _view(run: Run, cycle: int) -> RunView:
-    return make_view(run.read_trace([cycle]), run.manifest)
+    return RunView(run, run.read_trace([cycle]))
 
 
 def write_animation(views: Sequence[RunView], path: Path, titles: Sequence[str] = ()) -> int:

@@ -2,8 +2,6 @@
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from cmacexp.recording import palette
 from cmacexp.recording.run_view import RunView
 from cmacexp.report.style import colour
@@ -21,15 +19,15 @@ NEAR_SIDE = (2, 4)
 
 
 def in_travel(view: RunView, points: Array) -> Array:
-    """Points (steps, 3) of the body frame in the frame that moves with the machine but does not tilt, mm."""
-    moved: Array = MM * (view.in_world(points) - view.way() * [1.0, 1.0, 0.0])
+    """Points (steps, ..., 3) of the body frame in the frame that moves with the machine but does not tilt, mm."""
+    travel = (view.way() * [1.0, 1.0, 0.0]).reshape(-1, *[1] * (points.ndim - 2), 3)
+    moved: Array = MM * (view.in_world(points) - travel)
     return moved
 
 
 def joints(view: RunView) -> Array:
     """Joints and foot of each leg (steps, legs, joints + 1, 3) in the frame that moves with the machine, mm."""
-    legs = [np.stack([in_travel(view, joint) for joint in leg.joints()], axis=1) for leg in view.legs]
-    return np.stack(legs, axis=1)
+    return in_travel(view, view.joints)
 
 
 def draw_leg(axes: "Axes", points: Array, near: bool, aloft: bool) -> None:

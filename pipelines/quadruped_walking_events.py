@@ -15,7 +15,7 @@ import numpy as np
 from cmacexp.data.run import Run
 from cmacexp.data.signals import TRUE_MARGINS
 from cmacexp.planning.stability import FRONT, REAR, STABILITY
-from cmacexp.recording.run_view import RunView, make_view
+from cmacexp.recording.run_view import RunView
 from cmacexp.study import Results
 from cmacexp.study.samples import Sample
 from cmacexp.typing import Array, Mask
@@ -39,24 +39,20 @@ class Walk:
 
     view: RunView
 
-    def _legs(self, name: str) -> Array:
-        columns: Array = np.stack([leg[name] for leg in self.view.legs], axis=1)
-        return columns
-
     @cached_property
     def force(self) -> Array:
         """Contact force, N."""
-        return self._legs("force")
+        return self.view.trace["force"]
 
     @cached_property
     def desired(self) -> Array:
         """Desired force, N."""
-        return self._legs("force_desired")
+        return self.view.trace["force_desired"]
 
     @cached_property
     def support(self) -> Mask:
         """Whether a foot is planned to support."""
-        return np.stack([leg.support for leg in self.view.legs], axis=1)
+        return self.view.trace.support
 
     @cached_property
     def carried(self) -> Array:
@@ -82,7 +78,7 @@ class Walk:
     @property
     def length(self) -> float:
         """Of the body, from the rear to the front hips, m."""
-        return float(np.ptp([leg.hip[0] for leg in self.view.legs]))
+        return float(np.ptp(self.view.hips[:, 0]))
 
     @property
     def period(self) -> float:
@@ -93,7 +89,8 @@ class Walk:
 @cache
 def walk_in(folder: Path) -> Walk:
     """The walk of the stored run in a folder; read once in a process."""
-    return Walk(make_view((run := Run(folder)).read_trace(), run.manifest))
+    run = Run(folder)
+    return Walk(RunView(run, run.read_trace()))
 
 
 def contacts(walk: Walk, cycle: int) -> dict[str, float]:

@@ -52,8 +52,8 @@ def gait_diagram(walk: Walk, cycles: int = 2) -> "Figure":
 
 def _place(walk: Walk, k: int, points: Array) -> Array:
     """Points (n, 3) of the body frame in step ``k``: forward and left of its centre of gravity, and up, m."""
-    now = replace(walk.view, body={name: column[k : k + 1] for name, column in walk.view.body.items()})
-    return now.in_world(points) - now.way() * [1.0, 1.0, 0.0]
+    now = replace(walk.view, trace=walk.view.trace.select(slice(k, k + 1)))
+    return now.in_world(points[None])[0] - now.way() * [1.0, 1.0, 0.0]
 
 
 def _links(walk: Walk, k: int) -> Array:
@@ -64,7 +64,7 @@ def _links(walk: Walk, k: int) -> Array:
 
 def _plate(walk: Walk, k: int) -> Array:
     """(8, 3): corners of the body in step ``k``, m."""
-    low, high = (reduce([leg.hip for leg in walk.view.legs], axis=0) for reduce in (np.min, np.max))
+    low, high = walk.view.hips.min(axis=0), walk.view.hips.max(axis=0)
     corners = [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (0.0, PLATE)]
     return _place(walk, k, np.array(corners))
 
@@ -88,7 +88,7 @@ def _hull(points: Array) -> Array:
 def _draw_elevation(axes: "Axes", walk: Walk, k: int, across: int, near: tuple[int, ...]) -> None:
     """A view along the ground; far legs are pale, their numbers stand in the upper row below the ground."""
     links, flat = MM * _links(walk, k), [across, Z]
-    dents = MM * DEPRESSION_SCALE * walk.force[k] / walk.view.config["terrain"]["stiffness"]
+    dents = MM * DEPRESSION_SCALE * walk.force[k] / walk.view.run.config["terrain"]["stiffness"]
     for i in range(4):
         is_near, aloft, foot = i + 1 in near, not walk.support[k, i], float(links[i, 2, across])
         draw_leg(axes, links[i][:, flat], is_near, aloft)

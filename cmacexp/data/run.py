@@ -32,6 +32,7 @@ VIEWS = {
     "tabulate": "cmacexp.metrics.pooling:tabulate_cycles",
     "format": "cmacexp.terminal.tables:format_scores",
     "report": "cmacexp.report.run_report:write_run_report",
+    "view": "cmacexp.recording.viewer:view_run",
 }
 """What a run shows of itself, as ``module:function``; these rooms read runs, so they are imported on first use."""
 NO_VALUES = ("step", "time", "cycle", "leg", "phase")
@@ -270,6 +271,10 @@ class Run:
         coordinates: dict[str, Any] = {name: ("step", trace.shared(name)) for name in ("step", "time", "cycle")}
         coordinates["leg"] = ("leg", np.arange(1, trace.legs + 1))
         return xarray.Dataset(signals, coordinates, {"folder": str(self.folder), "status": self.status})
+
+    def view(self) -> None:
+        """Show the run in Rerun's viewer: in a notebook below the cell, else in a window, until that is closed."""
+        _find_view("view")(self)
 
     def __repr__(self) -> str:
         """Folder, scenario, and how it ended, in one line; of a damaged run the reason, without an error."""

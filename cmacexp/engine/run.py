@@ -142,12 +142,11 @@ def _write_extras(scenario: Scenario, writer: ResultWriter, manifest: manifests.
         with write_atomically(folder / WEIGHTS) as temporary, temporary.open("wb") as file:
             np.savez_compressed(file, allow_pickle=False, **(best or scenario.feedforward.learnt()))
         names.append(WEIGHTS)
-    if record.recording and (kept := count_steps_by_cycle(folder)):
-        from cmacexp.recording.window import make_window
-        from cmacexp.recording.write import write_recording
+    if record.recording and count_steps_by_cycle(folder):
+        from cmacexp.recording.write import Options, write_recording
 
-        label, window = writer.folder.name, make_window(kept)
-        write_recording(folder, manifest, folder / RECORDING_FILE, label=label, window=window)
+        run = Run(folder, {**manifest, "files": dict.fromkeys(names)})
+        write_recording([run], folder / RECORDING_FILE, Options(label=writer.folder.name))
 
 
 def _robot_entry(scenario: Scenario) -> dict[str, Any]:

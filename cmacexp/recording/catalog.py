@@ -10,41 +10,61 @@ import rerun.blueprint.table as rrt
 from rerun.catalog import DatasetEntry
 from rerun.server import Server
 
+from cmacexp.data.run import Run
+from cmacexp.data.tables import RECORDING_FILE
 from cmacexp.errors import BadRun
 from cmacexp.metrics.registry import ALL_METRICS, MAIN
+from cmacexp.recording.viewer import HOST
+from cmacexp.recording.write import is_current, write_recording
 
 DATASET = "runs"
 NAME_COLUMN = "property:RecordingInfo:name"
 
 
-def _list_columns(present: Sequence[str], keys: Sequence[str]) -> list[rrt.Column]:
+def build_recordings(runs: Sequence[Run], anew: bool) -> tuple[list[Run], list[str]]:
+    """Build the recordings that runs lack, or all ``anew``; the runs that can be shown, and why the others cannot.
+
+    Raises:
+        BadRun: none can be shown.
+    """
+    ready, faults = [], []
+    for run in runs:
+        try:
+            if anew or not is_current(run):
+                write_recording([run], run.folder / RECORDING_FILE)
+            ready.append(run)
+        except BadRun as error:
+            faults.append(str(error))
+    if not ready:
+        raise BadRun("; ".join(faults))
+    return ready, faults
+
+
+def _set_columns(entry: DatasetEntry, keys: Sequence[str]) -> None:
     """The columns of the table: first what distinguishes the runs, then the main metrics; the others can be shown."""
+    present = entry.segment_table().schema().names
     sources = {NAME_COLUMN: "run", **{f"property:config:{re.sub(r'[^A-Za-z0-9_]', '_', key)}": key for key in keys}}
     sources["property:run:status"] = "status"
     sources |= {f"property:metrics:{name}": f"{name} {ALL_METRICS[name].unit}".rstrip() for name in MAIN}
-    shown = [rrt.Column(source, name=name) for source, name in sources.items() if source in present]
-    return [*shown, *(rrt.Column(source, visible=False) for source in present if source not in sources)]
-
-
-def _set_columns(runs: DatasetEntry, keys: Sequence[str]) -> None:
-    columns = _list_columns(runs.segment_table().schema().names, keys)
+    columns = [rrt.Column(source, name=name) for source, name in sources.items() if source in present]
+    columns += [rrt.Column(source, visible=False) for source in present if source not in sources]
     table = rrt.TableBlueprint(table_layout=rrt.TableLayout(columns=columns), sort_by=NAME_COLUMN)
     with TemporaryDirectory() as folder:
         path = Path(folder, "table.rbl")
         table.save(DATASET, path)
-        runs.register_blueprint(path.as_uri(), segment_table=True)
+        entry.register_blueprint(path.as_uri(), segment_table=True)
 
 
 @contextmanager
-def serve_catalog(recordings: Sequence[Path], keys: Sequence[str], host: str) -> Iterator[tuple[str, DatasetEntry]]:
-    """Serve recordings as one data set, with ``keys`` of the config as first columns; raises BadRun.
+def serve_catalog(runs: Sequence[Run], keys: Sequence[str]) -> Iterator[tuple[str, DatasetEntry]]:
+    """Serve the recordings of runs as one data set to this machine, with ``keys`` of the config as first columns.
 
-    Gives the address of its table, and the data set; ``host`` is the address of this machine that it listens to.
+    Gives the address of its table, and the data set. Raises BadRun if two recordings have the same id.
     """
-    with Server(host=host, datasets={DATASET: recordings}) as server:
-        runs = server.client().get_dataset(DATASET)
-        if (taken := len(runs.segment_ids())) < len(recordings):
-            reason = f"of {len(recordings)} recordings the server takes {taken}, since copies share an id"
-            raise BadRun(f"{recordings[0]}: {reason}; --rebuild builds them anew")
-        _set_columns(runs, keys)
-        yield f"{server.url()}/entry/{runs.id}", runs
+    with Server(host=HOST, datasets={DATASET: [run.folder / RECORDING_FILE for run in runs]}) as server:
+        entry = server.client().get_dataset(DATASET)
+        if (taken := len(entry.segment_ids())) < len(runs):
+            reason = f"of {len(runs)} recordings the server takes {taken}, since copies share an id"
+            raise BadRun(f"{runs[0].folder}: {reason}; --rebuild builds them anew")
+        _set_columns(entry, keys)
+        yield f"{server.url()}/entry/{entry.id}", entry

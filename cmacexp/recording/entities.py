@@ -1,4 +1,4 @@
-"""The entities of a run in a recording."""
+"""The entities of a run in a recording, and how finely what they show is stored."""
 
 from collections.abc import Iterable
 
@@ -11,16 +11,23 @@ from cmacexp.typing import Array
 
 FINENESS = 5e-4
 """Drawn lengths are multiples of this, m: less than a pixel, and a foot that stands takes no room in the file."""
-
-
-def points(*groups: Array) -> NDArray[np.float32]:
-    """Groups of points (steps, n, 3) side by side, flat (steps sum(n), 3), as they are drawn."""
-    return round_points(np.concatenate(groups, axis=1).reshape(-1, 3))
+FINE_ANGLE = 2e-3
+"""Drawn angles of links are multiples of this, rad: their ends move less than a pixel, and a recording is smaller."""
 
 
 def round_points(exact: Array) -> NDArray[np.float32]:
     """Points (..., 3) to :data:`FINENESS`."""
     return (np.round(exact / FINENESS) * FINENESS).astype(np.float32)
+
+
+def round_angles(exact: Array) -> NDArray[np.float32]:
+    """Angles (...), rad, or parts of unit vectors to :data:`FINE_ANGLE`."""
+    return (np.round(exact / FINE_ANGLE) * FINE_ANGLE).astype(np.float32)
+
+
+def flatten_points(*groups: Array) -> NDArray[np.float32]:
+    """Groups of points (steps, n, 3) side by side, flat (steps sum(n), 3), as they are drawn."""
+    return round_points(np.concatenate(groups, axis=1).reshape(-1, 3))
 
 
 class Entities:
@@ -31,8 +38,7 @@ class Entities:
 
     def __init__(self, recording: rr.RecordingStream, view: RunView):
         self._recording = recording
-        self._root = view.root
-        self._time, self._step = view.time, view.step
+        self._root, self._time, self._step = view.root, view.time, view.step
 
     def log(self, path: str, entity: rr.AsComponents) -> None:
         """Log a constant entity."""

@@ -1,6 +1,5 @@
 """A robot as its own model shows it: what is seen of each body once, and where the body is at every step."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,13 +7,13 @@ import rerun as rr
 
 from cmacexp.config.fields import read_fields
 from cmacexp.config.machine import RobotMachine, read_model
-from cmacexp.data.manifest import Manifest
+from cmacexp.data.run import Run
 from cmacexp.errors import BadInput
 from cmacexp.models.robot import Robot, load_mujoco, place
 from cmacexp.models.robot_file import find_model
-from cmacexp.recording.entities import FINENESS, Entities, round_points
+from cmacexp.recording.entities import FINENESS, Entities, round_angles, round_points
 from cmacexp.recording.run_view import RunView
-from cmacexp.recording.scene import MESHES, round_angles
+from cmacexp.recording.scene import MESHES
 from cmacexp.typing import Array, Counts, Mask
 
 DARKEST = 0.3
@@ -23,21 +22,21 @@ UNSET = (0.5, 0.5, 0.5, 1.0)
 """Colour of a geom that has none of its own: that of its material counts."""
 
 
-def read_shown_model(folder: Path, manifest: Manifest) -> Robot:
+def read_shown_model(run: Run) -> Robot:
     """The model with which a robot ran, as its config names it; no file of the run's folder is read for it.
 
     Raises BadInput if it is no run of a robot, MuJoCo or the model is missing, or the model is not that of the run.
     """
-    plain = manifest["config"]["machine"]
-    if plain["kind"] != "robot" or "robot" not in manifest:
-        raise BadInput("--meshes", folder, "is no run of a robot, which alone has meshes; leave --meshes out")
+    plain = run.config["machine"]
+    if plain["kind"] != "robot" or "robot" not in run.manifest:
+        raise BadInput("--meshes", run.folder, "is no run of a robot, which alone has meshes; leave --meshes out")
     machine = read_fields(RobotMachine, plain, "machine")
     path = find_model(machine.model, machine.path)
-    if path.is_relative_to(folder.resolve()):
+    if path.is_relative_to(run.folder.resolve()):
         raise BadInput("machine.path", path, "lies in the folder of the run, whose files are not trusted")
     robot = read_model(machine)
-    if manifest.get("model_hash") != robot.model_hash:
-        raise BadInput("--meshes", folder, f"ran with another model than {path} is to this MuJoCo; run it again")
+    if run.manifest.get("model_hash") != robot.model_hash:
+        raise BadInput("--meshes", run.folder, f"ran with another model than {path} is to this MuJoCo; run it again")
     return robot
 
 
@@ -96,12 +95,12 @@ def log_meshes(entities: Entities, view: RunView, robot: Robot) -> None:
     """What is seen of each body, below an entity of the body's name that moves in the frame of the robot's body."""
     model, data, colours = robot.model, robot.at(np.zeros(3)), _find_colours(robot.model)
     shown = _list_shown(robot, data.geom_xpos, colours[:, 3] > 0.0)
-    q = np.stack([[leg[f"q{n}"] for n in (1, 2, 3)] for leg in view.legs]).transpose(2, 0, 1)
+    q = view.trace.stack_joints("q{}")
     poses = np.empty((len(q), model.nbody, 7))
     for pose, angles in zip(poses, q, strict=True):
         place(model, data, robot.legs, angles)
         pose[:, :3], pose[:, 3:] = data.xpos, np.roll(data.xquat, -1, axis=1)
-    poses[..., :3] += view.legs[0].joints()[0][0] - robot.hinges[0, 0, :3]  # from the trunk's frame to the body's
+    poses[..., :3] += view.joints[0, 0, 0] - robot.hinges[0, 0, :3]  # from the trunk's frame to the body's
     for body, geoms in shown.items():
         path = f"world/{MESHES}/{rr.escape_entity_path_part(model.body(body).name or f'body {body}')}"
         for geom in geoms:

@@ -1,17 +1,14 @@
-"""The machine: its body, links and foot paths, and the eyes that see it from the sides."""
+"""What a recording shows in space: the machine, the eyes that see it from the sides, and its feet on the ground."""
 
 import numpy as np
-import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
 from cmacexp.recording import palette
-from cmacexp.recording.entities import Entities, points
+from cmacexp.recording.entities import Entities, flatten_points, round_angles, round_points
 from cmacexp.recording.run_view import RunView
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Mask
 
-FINE_ANGLE = 2e-3
-"""Drawn angles of links are multiples of this, rad: their ends move less than a pixel, and a recording is smaller."""
 EYES = {
     "front": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0)),
     "right side": ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
@@ -30,111 +27,72 @@ FIGURE = ("travel/body/plate", "travel/body/nose", "travel/body/links")
 """The figure of box and links, which would stick out of them."""
 MM = 1e3
 """Pixels of these eyes per metre, so that what they see is measured in mm."""
+PATH_POINTS = 150
+"""The path of a foot in a cycle has at least so many points, if it has so many steps, and less than twice as many."""
+FORCE_LENGTH = 0.15
+"""Length of an arrow for the largest desired force, m."""
+ABOVE_GROUND = 0.002
+"""Height at which marks on the ground are drawn, m, so that they are visible."""
+DENT = 0.06
+"""Half the length of the dent that a foot presses, m."""
+ASIDE = 0.025
+"""Distance of the arrow of the desired force from that of the actual one, m."""
+GROUND_LENGTH = 0.35
+"""Half the length of the ground that is drawn under one leg, m."""
 
 
-def make_balls(centres: Array, radius: float, colour: tuple[int, ...]) -> rr.Ellipsoids3D:
-    """Balls of one size at points (n, 3)."""
-    return rr.Ellipsoids3D(
-        centers=centres, half_sizes=[[radius] * 3] * len(centres), colors=[colour] * len(centres), fill_mode="solid"
-    )
-
-
-def eye_path(name: str) -> str:
+def name_eye(name: str) -> str:
     """The entity of an eye."""
     return f"world/travel/eyes/{name.replace(' ', '_')}"
 
 
 def _log_eyes(entities: Entities) -> None:
+    pinhole = rr.Pinhole(focal_length=AWAY * MM, principal_point=(0.0, 0.0), resolution=(1000.0, 1000.0))
     for name, axes in EYES.items():
-        ahead = np.array(axes[2])
-        entities.log(eye_path(name), rr.Transform3D(translation=-AWAY * ahead, mat3x3=np.array(axes).T))
-        entities.log(
-            eye_path(name),
-            rr.Pinhole(focal_length=AWAY * MM, principal_point=(0.0, 0.0), resolution=(1000.0, 1000.0)),
-        )
-
-
-def find_trunk(view: RunView) -> tuple[Array, Array]:
-    """Middle and half the size of the box that joins the hips, (3,) each, in the body frame, m."""
-    hips = np.array([leg.joints()[0][0] for leg in view.legs]) + 0.0  # no negative zero
-    half = (hips.max(axis=0) - hips.min(axis=0)) / 2.0
-    half[2] = half[1] if view.is_robot else 0.008  # trunks of robots are about as high as they are wide
-    return (hips.max(axis=0) + hips.min(axis=0)) / 2.0, half
+        place = rr.Transform3D(translation=-AWAY * np.array(axes[2]), mat3x3=np.array(axes).T)
+        entities.log(name_eye(name), place)
+        entities.log(name_eye(name), pinhole)
 
 
 def _log_body(entities: Entities, view: RunView) -> None:
     """The frames ``world/travel``, which moves on with the machine, and ``world/travel/body``, which tilts too."""
-    way = view.way()
-    ground = way[:, 2] - view.body["height"] - view.foot_radius
-    entities.send_columns(
-        "world/travel", rr.Transform3D.columns(translation=np.stack([way[:, 0], way[:, 1], ground], axis=1))
-    )
-    up = np.stack([np.zeros_like(ground), np.zeros_like(ground), view.body["height"] + view.foot_radius], axis=1)
-    entities.send_columns(
-        "world/travel/body", rr.Transform3D.columns(translation=up, quaternion=view.turn().astype(np.float32))
-    )
-    if not view.walks:
-        return
-    middle, half = find_trunk(view)
-    plate = rr.Boxes3D(centers=[middle], half_sizes=[half], colors=[palette.BODY_COLOR], fill_mode="solid")
-    entities.log("world/travel/body/plate", plate)
-    front = middle[0] + half[0]
-    nose = [[front, -0.03, 0.0], [front + 0.06, 0.0, 0.0], [front, 0.03, 0.0]]
-    entities.log("world/travel/body/nose", rr.LineStrips3D([nose], radii=0.006, colors=palette.THIGH))
+    travel, up = view.way(), np.zeros((len(view.time), 3))
+    travel[:, 2] -= view.body["height"]
+    travel[:, 2] -= view.foot_radius
+    up[:, 2] = view.body["height"] + view.foot_radius
+    entities.send_columns("world/travel", rr.Transform3D.columns(translation=travel))
+    turn = view.turn().astype(np.float32)
+    entities.send_columns("world/travel/body", rr.Transform3D.columns(translation=up, quaternion=turn))
+    if view.walks:
+        middle, half = view.trunk
+        plate = rr.Boxes3D(centers=[middle], half_sizes=[half], colors=[palette.BODY_COLOR], fill_mode="solid")
+        entities.log("world/travel/body/plate", plate)
+        front = middle[0] + half[0]
+        nose = [[front, -0.03, 0.0], [front + 0.06, 0.0, 0.0], [front, 0.03, 0.0]]
+        entities.log("world/travel/body/nose", rr.LineStrips3D([nose], radii=0.006, colors=palette.THIGH))
 
 
-def round_angles(values: Array) -> NDArray[np.float32]:
-    """Angles (...), rad, or parts of unit vectors to :data:`FINE_ANGLE`."""
-    return (np.round(values / FINE_ANGLE) * FINE_ANGLE).astype(np.float32)
-
-
-def _make_turns(angles: Array, axes: Array) -> pa.Array:
-    """Turns by angles (n,) about axes (n, 3) in the frame of the body.
-
-    The viewer takes them as axis and angle, where the axis is constant a third of a quaternion.
-    """
-    kind = rr.components.RotationAxisAngleBatch(rr.RotationAxisAngle(axis=(0, 1, 0), radians=0)).as_arrow_array().type
-    columns = [
-        pa.FixedSizeListArray.from_arrays(pa.array(round_angles(axes).ravel()), type=kind.field("axis").type),
-        pa.array(round_angles(angles)),
-    ]
-    return pa.StructArray.from_arrays(columns, fields=list(kind))
-
-
-def turn_from_up(along: Array) -> tuple[Array, Array]:
-    """Angles (n,), rad, and axes (n, 3) of length 1 of the turns straight from +z to directions (n, 3)."""
-    x, y, z = along.T
-    beside = np.hypot(x, y)
-    turned = beside > 0.0  # else any axis will do
-    level = np.where(turned, beside, 1.0)
-    return np.arctan2(beside, z), np.stack([-y / level, np.where(turned, x, 1.0) / level, np.zeros_like(z)], axis=1)
+def _turn_from_up(along: Array) -> Array:
+    """Turns straight from +z to directions (n, 3), as quaternions (n, 4), x y z w; any of those to -z is NaN."""
+    x, y, z = (along / np.linalg.norm(along, axis=1, keepdims=True)).T
+    turn = np.stack([-y, x, np.zeros_like(z), 1.0 + z], axis=1)
+    return turn / np.linalg.norm(turn, axis=1, keepdims=True)
 
 
 def _log_links(entities: Entities, view: RunView) -> None:
-    """Links between the joints of each leg: capsules along +z, turned to point to the next joint."""
-    if not view.legs[0].has_joints:
-        return
-    joints = np.stack([np.stack(leg.joints(), axis=1) for leg in view.legs], axis=1)  # (steps, legs, joints, 3)
-    along = np.diff(joints, axis=2)
+    """Links between the joints of each leg: capsules from the lower one, turned from +z to the upper."""
+    along = -np.diff(view.joints, axis=2)  # (steps, legs, links, 3)
     lengths = np.linalg.norm(along[0], axis=2)
     links = rr.Capsules3D.from_fields(
         lengths=lengths.ravel(),
         radii=[0.8 * (view.foot_radius or FOOT)] * lengths.size,  # thinner than the foot, which is to be seen
-        colors=([palette.THIGH] * (lengths.shape[1] - 1) + [palette.SHANK]) * len(view.legs),
+        colors=([palette.THIGH] * (lengths.shape[1] - 1) + [palette.SHANK]) * len(lengths),
         fill_mode="solid",
     )
     entities.log("world/travel/body/links", links)
-    turns = _make_turns(*turn_from_up(along.reshape(-1, 3)))
-    starts = points(joints[:, :, :-1].reshape(len(joints), -1, 3))
-    moving = rr.Capsules3D.columns(translations=starts, rotation_axis_angles=turns)
-    entities.send_columns("world/travel/body/links", moving)
-
-
-def _collect_paths(view: RunView, cycle: int, of: str) -> list[NDArray[np.float32]]:
-    """The path of each foot in a cycle, in the frame of the body, of so many points that it is smooth."""
-    rows = np.flatnonzero(view.cycle == cycle)
-    rows = rows[:: max(1, len(rows) // 150)]
-    return [leg.foot(of, rows).astype(np.float32) for leg in view.legs]
+    turns = round_angles(_turn_from_up(along.reshape(-1, 3)))
+    ends = flatten_points(view.joints[:, :, 1:].reshape(len(along), -1, 3))
+    entities.send_columns("world/travel/body/links", rr.Capsules3D.columns(translations=ends, quaternions=turns))
 
 
 def _log_paths(entities: Entities, view: RunView) -> None:
@@ -143,26 +101,30 @@ def _log_paths(entities: Entities, view: RunView) -> None:
     They are in the frame of the body. The plan of a robot follows its load and its course from cycle to cycle.
     """
     path, (first, last) = "world/travel/body/path", view.whole_cycles()
+
+    def collect_strips(cycle: int, feet: Array) -> list[NDArray[np.float32]]:
+        rows = np.flatnonzero(view.cycle == cycle)
+        return list(feet[rows[:: max(1, len(rows) // PATH_POINTS)]].astype(np.float32).swapaxes(0, 1))
+
+    actual, desired = view.feet(), view.feet("_desired")
     shown = {first: ("first_cycle", palette.FIRST_CYCLE)} | {last: ("last_cycle", palette.LAST_CYCLE)}
     for cycle, (name, colour) in shown.items():
-        strips = _collect_paths(view, cycle, "")
-        entities.log(f"{path}/{name}", rr.LineStrips3D(strips, radii=[0.003], colors=[colour]))
+        strips = rr.LineStrips3D(collect_strips(cycle, actual), radii=[0.003], colors=[colour])
+        entities.log(f"{path}/{name}", strips)
     cycles, begins = np.unique(view.cycle, return_index=True)
-    desired = [strip for cycle in cycles for strip in _collect_paths(view, cycle, "_desired")]
+    moving = [strip for cycle in cycles for strip in collect_strips(cycle, desired)]
     entities.log(f"{path}/desired", rr.LineStrips3D.from_fields(radii=[0.003], colors=[palette.DESIRED]))
-    entities.send_columns(f"{path}/desired", rr.LineStrips3D.columns(strips=desired), rows=begins)
+    entities.send_columns(f"{path}/desired", rr.LineStrips3D.columns(strips=moving), rows=begins)
 
 
 def _log_numbers(entities: Entities, view: RunView) -> None:
     """The number of each foot below the middle of its desired path, at two heights so that none hides another."""
-    places = []
-    for leg in view.legs:
-        low = HIGHEST_NUMBER if leg.number in (1, 4) else LOWEST_NUMBER
-        middle = (leg["x_desired"].min() + leg["x_desired"].max()) / 2.0
-        places.append([leg.hip[0] + middle, leg.foot("_desired")[:, 1].mean(), low])
-    numbers = rr.Points3D(
-        places, radii=0.001, colors=(0, 0, 0), labels=[str(leg.number) for leg in view.legs], show_labels=True
-    )
+    x = view.trace["x_desired"]
+    places = view.feet("_desired").mean(axis=0)
+    places[:, 0] = view.hips[:, 0] + (x.min(axis=0) + x.max(axis=0)) / 2.0
+    places[:, 2] = [HIGHEST_NUMBER, LOWEST_NUMBER, LOWEST_NUMBER, HIGHEST_NUMBER]
+    labels = [str(number) for number in range(1, len(places) + 1)]
+    numbers = rr.Points3D(places, radii=0.001, colors=(0, 0, 0), labels=labels, show_labels=True)
     entities.log("world/travel/foot_numbers", numbers)
 
 
@@ -171,7 +133,98 @@ def log_machine(entities: Entities, view: RunView) -> None:
     entities.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     _log_eyes(entities)
     _log_body(entities, view)
-    _log_links(entities, view)
+    if view.has_joints:
+        _log_links(entities, view)
     _log_paths(entities, view)
     if view.walks:
         _log_numbers(entities, view)
+
+
+def _log_dents(entities: Entities, view: RunView, feet: Array) -> None:
+    """The surface of the ground in the plane of each leg, pressed down by its foot."""
+    x, y, z = np.moveaxis(feet, 2, 0)[..., None]
+    # The plant takes the height of a slope where the foot of a level body would be: some mm off on a steep one.
+    at = view.body["cog_x"][:, None] + view.hips[:, 0] + view.trace["x"]
+    depth = np.maximum(view.ground_height(at)[..., None] - z, 0.0) * view.depression_scale
+    along, deep = x + np.array([-DENT, 0.0, DENT]), depth * [0.0, 1.0, 0.0]
+    if not view.walks:
+        end = np.full_like(x, GROUND_LENGTH)
+        along, deep = np.concatenate([-end, along, end], axis=2), np.pad(deep, ((0, 0), (0, 0), (1, 1)))
+    surface = np.stack([along, np.broadcast_to(y, along.shape), view.surface(along) - deep], axis=3)
+    strips = round_points(surface.reshape(-1, *surface.shape[2:]))
+    entities.log("world/ground", rr.LineStrips3D.from_fields(radii=[0.005], colors=[palette.GROUND]))
+    entities.send_columns("world/ground", rr.LineStrips3D.columns(strips=strips))
+
+
+def _log_feet(entities: Entities, view: RunView, feet: Array) -> None:
+    """The feet, coloured by planned phase, with actual and desired contact forces as arrows side by side."""
+    support, legs = view.trace.support, view.trace.legs
+    changes = np.flatnonzero(np.any(np.diff(support, axis=0, prepend=~support[:1]), axis=1))
+    colours = np.where(support[changes, :, None], palette.SUPPORT, palette.TRANSFER).astype(np.uint8)
+    radius = (view.foot_radius or FOOT) * (1.1 if view.meshes else 1.0)  # else its mesh would hide its colour
+    entities.log("world/feet", rr.Ellipsoids3D.from_fields(half_sizes=[[radius] * 3] * legs, fill_mode="solid"))
+    entities.send_columns("world/feet", rr.Ellipsoids3D.columns(centers=flatten_points(feet)))
+    entities.send_columns("world/feet", rr.Ellipsoids3D.columns(colors=colours.reshape(-1, 3)), rows=changes)
+    force, desired = view.trace["force"], view.trace["force_desired"]
+    scale = FORCE_LENGTH / max(1e-9, float(desired.max()))
+    # Arrows stand on the foot and point the way the ground pushes it.
+    up = np.clip(np.concatenate([force, desired], axis=1) * scale, 0.0, 4.0 * FORCE_LENGTH)
+    both = [palette.ACTUAL] * legs + [palette.DESIRED] * legs
+    entities.log("world/forces", rr.Arrows3D.from_fields(radii=[0.006], colors=both))
+    beside = feet + np.array([ASIDE, 0.0, 0.0])
+    vectors = flatten_points(up[..., None] * [0.0, 0.0, 1.0])
+    arrows = rr.Arrows3D.columns(vectors=vectors, origins=flatten_points(feet, beside))
+    entities.send_columns("world/forces", arrows)
+
+
+def _find_corners(feet: Array, support: Mask) -> Array:
+    """Corners (steps, 5, 3) of the closed polygons of the supporting feet (steps, 4, 3).
+
+    Legs go round the body as 1, 2, 4, 3; a leg in transfer gives way to the one before it.
+    """
+    order = np.array([0, 1, 3, 2])
+    feet, support = feet[:, order], support[:, order]
+    corners = np.empty((len(feet), 5, 3))
+    current = feet[np.arange(len(feet)), np.argmax(support, axis=1)]
+    for n in (3, 2, 1, 0, 3):  # from the last supporting foot backwards, so that a leg in transfer repeats it
+        current = np.where(support[:, n, None], feet[:, n], current)
+        corners[:, n] = current
+    corners[:, 4] = corners[:, 0]
+    return corners
+
+
+def _log_stability(entities: Entities, view: RunView, feet: Array) -> None:
+    """Polygon of the feet planned to support, and the centre of gravity above its projection on the ground."""
+    way = view.way()[:, None]
+    corners = _find_corners(feet, view.trace.support)
+    corners[..., 2] = view.surface(corners[..., 0]) + ABOVE_GROUND
+    plumb = np.repeat(way, corners.shape[1], axis=1)
+    plumb[:, 0, 2] = view.surface(way[:, 0, 0]) + ABOVE_GROUND
+    strips = round_points(np.stack([corners, plumb], axis=1).reshape(-1, *corners.shape[1:]))
+    lines = rr.LineStrips3D.from_fields(radii=[0.004, 0.0015], colors=[palette.POLYGON, palette.COG])
+    entities.log("world/support", lines)
+    entities.send_columns("world/support", rr.LineStrips3D.columns(strips=strips))
+    place, size = [[0.0, 0.0, ABOVE_GROUND]], [[0.012] * 3]
+    ball = rr.Ellipsoids3D(centers=place, half_sizes=size, colors=[palette.COG], fill_mode="solid")
+    entities.log("world/travel/centre_of_gravity", ball)
+
+
+def _log_slope(entities: Entities, view: RunView, feet: Array) -> None:
+    """The surface of sloping ground to the left and right of the way."""
+    first, last = float(feet[..., 0].min()), float(feet[..., 0].max())
+    bends = [first - DENT, *(b for b in [view.run.config["terrain"]["slope_start"]] if first < b < last), last]
+    along = np.array(bends)
+    sides = np.abs(view.hips[:, 1]).max() + 2.0 * DENT
+    strips = [np.stack([along, np.full_like(along, y), view.surface(along)], axis=1) for y in (-sides, sides)]
+    entities.log("world/slope", rr.LineStrips3D(strips, radii=0.004, colors=palette.GROUND))
+
+
+def log_ground(entities: Entities, view: RunView) -> None:
+    """Everything between feet and ground."""
+    feet = view.in_world(view.feet())
+    _log_dents(entities, view, feet)
+    _log_feet(entities, view, feet)
+    if view.run.config["terrain"].get("slope"):
+        _log_slope(entities, view, feet)
+    if view.walks:
+        _log_stability(entities, view, feet)

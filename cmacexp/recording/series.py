@@ -1,126 +1,146 @@
-"""Time series of a run: gait, forces, tracking errors, torques, posture, stability."""
+"""What a run shows over time: forces, tracking errors, torques, posture, stability, gait, and the moments of it."""
+
+from collections.abc import Iterator
 
 import numpy as np
 import pyarrow as pa
 import rerun as rr
-from numpy.typing import NDArray
 
+from cmacexp.metrics.drift import format_event
 from cmacexp.recording import palette
 from cmacexp.recording.entities import Entities
-from cmacexp.recording.run_view import LegView, RunView
+from cmacexp.recording.run_view import RunView
 from cmacexp.typing import Array
 
 Line = tuple[str, Array, tuple[int, ...]]
 """Name, values (steps,), colour."""
-SERIES = "series"
-"""The entity of all plots: as one it has the times of the steps once."""
+SERIES, EVENTS = "series", "events"
+"""The entity of all plots, which as one has the times of the steps once; that of the moments."""
+Event = tuple[int, str]
+"""A moment that is worth a look: its step of the view, and what happens."""
 AXES = {
     "x": ("x forward", palette.ACTUAL),
     "y": ("y down", palette.FIRST_CYCLE),
     "z": ("z left", palette.LAST_CYCLE),
 }
+"""Names and colours of the axes in which a foot moves."""
+BODY_PLOTS = {
+    "tilt": {
+        "pitch": ("pitch, nose down", palette.ACTUAL),
+        "roll": ("roll, right side down", palette.FIRST_CYCLE),
+    },
+    "height": {"height": ("height", palette.LAST_CYCLE)},
+    "margins": {
+        "stability_margin": ("planned, nearest edge", palette.DESIRED),
+        "true_stability_margin": ("true, nearest edge", palette.LAST_CYCLE),
+        "true_margin_front": ("true, front", palette.ACTUAL),
+        "true_margin_rear": ("true, rear", palette.FIRST_CYCLE),
+    },
+}
+"""Plots of the body: the name and the colour of each signal; in mm or mrad."""
 
 
-def _force_lines(leg: LegView) -> list[Line]:
-    lines: list[Line] = [
-        ("desired", leg["force_desired"], palette.DESIRED),
-        ("actual", leg["force"], palette.ACTUAL),
+def _list_leg_lines(view: RunView, leg: int) -> dict[str, list[Line]]:
+    """The plots of a leg, by its index; of a robot J^T F_d, which the plan knows, stands apart from the feedback."""
+
+    def signal(name: str) -> Array:
+        return view.trace[name][:, leg]
+
+    axes = view.trace.axes
+    force: list[Line] = [
+        ("desired", signal("force_desired"), palette.DESIRED),
+        ("actual", signal("force"), palette.ACTUAL),
     ]
-    if not np.array_equal(leg["force"], leg["force_measured"]):
-        lines.insert(1, ("measured", leg["force_measured"], palette.MEASURED))
+    if not np.array_equal(signal("force"), signal("force_measured")):
+        force.insert(1, ("measured", signal("force_measured"), palette.MEASURED))
+    error: list[Line] = [
+        (AXES[axis][0], 1e3 * (signal(axis) - signal(f"{axis}_desired")), AXES[axis][1]) for axis in axes
+    ]
+    lines = {"force": force, "error": error}
+    for joint in range(1, len(axes) + 1):
+        feedback = signal(f"tau_feedback_{joint}")
+        torque: list[Line] = []
+        if view.robot:
+            known = signal(f"tau_force_{joint}")
+            torque, feedback = [("for desired force", known, palette.DESIRED)], feedback - known
+        torque.append(("feedback", feedback, palette.FEEDBACK))
+        torque.append(("feedforward", signal(f"tau_feedforward_{joint}"), palette.FEEDFORWARD))
+        lines[f"torque_{joint}"] = torque
     return lines
-
-
-def _leg_lines(leg: LegView) -> dict[str, list[Line]]:
-    error = {name: 1e3 * (leg[name] - leg[f"{name}_desired"]) for name in leg.axes}
-    lines: dict[str, list[Line]] = {
-        "force": _force_lines(leg),
-        "error": [(AXES[axis][0], values, AXES[axis][1]) for axis, values in error.items()],
-    }
-    for joint in range(1, len(leg.axes) + 1):
-        lines[f"torque_{joint}"] = _torque_lines(leg, joint)
-    return lines
-
-
-def _torque_lines(leg: LegView, joint: int) -> list[Line]:
-    """Feedback and feedforward; of a robot J^T F_d, which the plan knows, apart from the feedback."""
-    feedback, feedforward = leg[f"tau_feedback_{joint}"], leg[f"tau_feedforward_{joint}"]
-    lines: list[Line] = []
-    if leg.chain is not None:
-        known = leg[f"tau_force_{joint}"]
-        lines, feedback = [("for desired force", known, palette.DESIRED)], feedback - known
-    return [
-        *lines,
-        ("feedback", feedback, palette.FEEDBACK),
-        ("feedforward", feedforward, palette.FEEDFORWARD),
-    ]
-
-
-def _margin_lines(body: dict[str, Array]) -> list[Line]:
-    planned = ("planned, nearest edge", 1e3 * body["stability_margin"], palette.DESIRED)
-    if "true_stability_margin" not in body:  # of an earlier version
-        return [planned]
-    return [
-        planned,
-        ("true, nearest edge", 1e3 * body["true_stability_margin"], palette.LAST_CYCLE),
-        ("true, front", 1e3 * body["true_margin_front"], palette.ACTUAL),
-        ("true, rear", 1e3 * body["true_margin_rear"], palette.FIRST_CYCLE),
-    ]
-
-
-def _body_lines(body: dict[str, Array]) -> dict[str, list[Line]]:
-    return {
-        "tilt": [
-            ("pitch, nose down", 1e3 * body["pitch"], palette.ACTUAL),
-            ("roll, right side down", 1e3 * body["roll"], palette.FIRST_CYCLE),
-        ],
-        "height": [("height", 1e3 * body["height"], palette.LAST_CYCLE)],
-        "margins": _margin_lines(body),
-    }
 
 
 def collect_series(view: RunView) -> dict[str, list[Line]]:
-    """All time series by the name of their plot, ``leg_1/force`` or ``body/tilt``; N, mm, N m, mrad."""
-    found = {f"leg_{leg.number}/{name}": lines for leg in view.legs for name, lines in _leg_lines(leg).items()}
-    if view.walks:
-        found |= {f"body/{name}": lines for name, lines in _body_lines(view.body).items()}
+    """All time series by the name of their plot, ``leg_1/force`` or ``body/tilt``; N, mm, N m, mrad.
+
+    A signal of the body that an earlier version did not write has no line.
+    """
+    found = {
+        f"leg_{leg + 1}/{name}": lines
+        for leg in range(view.trace.legs)
+        for name, lines in _list_leg_lines(view, leg).items()
+    }
+    for plot, signals in BODY_PLOTS.items() if view.walks else ():
+        shown = {name: style for name, style in signals.items() if name in view.body}
+        found[f"body/{plot}"] = [(title, 1e3 * view.body[name], colour) for name, (title, colour) in shown.items()]
     return found
 
 
-def component(path: str) -> str:
+def name_component(path: str) -> str:
     """The component of :data:`SERIES` that holds the lines of the plot ``leg_1/force``."""
     return path.replace("/", ":")
 
 
-def _column(name: str, values: NDArray[np.float32]) -> rr.ComponentColumn:
-    """A column of plain numbers; ``rr.AnyValues.columns`` makes the same, but looks at each number."""
-    owner = name.partition(":")[0]
-    numbers = pa.array(values)
-    return rr.ComponentColumn(rr.ComponentDescriptor(name, archetype=owner), rr.AnyBatchValue(name, numbers))
-
-
-def gait_path(leg: LegView) -> str:
-    """The entity of a leg in the gait diagram."""
-    return f"gait/{leg.number}_{leg.name.replace(' ', '_')}"
-
-
-def _log_gait(entities: Entities, view: RunView, leg: LegView) -> None:
-    """A bar at the height of the leg's number while it is planned to support (Fig. 14); only changes are written."""
-    bar = np.where(leg.support, float(leg.number), np.nan)
-    rows = np.union1d(np.flatnonzero(np.diff(leg.support, prepend=~leg.support[:1])), [len(bar) - 1])
-    style = rr.SeriesLines(
-        names=f"{leg.number} {leg.name}", colors=palette.SUPPORT, widths=9.0, interpolation_mode="StepAfter"
-    )
-    entities.log(gait_path(leg), style)
-    entities.send_columns(gait_path(leg), rr.Scalars.columns(scalars=bar[rows]), rows=rows)
+def _log_gait(entities: Entities, view: RunView) -> None:
+    """Bars at the height of each leg's number while it is planned to support (Fig. 14); only changes are written."""
+    for number, (name, support) in enumerate(zip(view.names, view.trace.support.T, strict=True), start=1):
+        path, bar = f"gait/{number}_{name.replace(' ', '_')}", np.where(support, float(number), np.nan)
+        rows = np.union1d(np.flatnonzero(np.diff(support, prepend=~support[:1])), [len(bar) - 1])
+        style = rr.SeriesLines(
+            names=f"{number} {name}", colors=palette.SUPPORT, widths=9.0, interpolation_mode="StepAfter"
+        )
+        entities.log(path, style)
+        entities.send_columns(path, rr.Scalars.columns(scalars=bar[rows]), rows=rows)
 
 
 def log_series(entities: Entities, view: RunView) -> None:
     """All time series, in single precision, and the gait diagram."""
     columns = []
     for path, lines in collect_series(view).items():
-        values = np.stack([line[1] for line in lines], axis=1).astype(np.float32)
-        columns.append(_column(component(path), values.ravel()))
+        values = pa.array(np.stack([line[1] for line in lines], axis=1).astype(np.float32).ravel())
+        name, owner = name_component(path), path.partition("/")[0]
+        # rr.AnyValues.columns makes the same, but looks at each number.
+        columns.append(
+            rr.ComponentColumn(rr.ComponentDescriptor(name, archetype=owner), rr.AnyBatchValue(name, values))
+        )
     entities.send_columns(SERIES, columns)
-    for leg in view.legs:
-        _log_gait(entities, view, leg)
+    _log_gait(entities, view)
+
+
+def _find_contacts(view: RunView) -> Iterator[Event]:
+    """From each planned lift-off on the first step without force; from each planned touch-down on the first with."""
+    for leg, (support, force) in enumerate(zip(view.trace.support.T, view.trace["force"].T, strict=True), start=1):
+        who = f"foot {leg}" if view.walks else "the foot"
+        for start in np.flatnonzero(np.diff(support)) + 1:
+            does, reached = ("touches down", force > 0.0) if support[start] else ("lifts", force == 0.0)
+            row = int(start + np.argmax(reached[start:]))  # ``start`` if none is
+            yield row, f"{who} {does}"
+
+
+def find_events(view: RunView) -> list[Event]:
+    """The moments of a run in their order; of a machine that never lifts a foot, none but its cycles."""
+    starts = np.flatnonzero(np.diff(view.cycle, prepend=view.cycle[0] - 1))
+    found = [(int(row), f"cycle {view.cycle[row]} begins") for row in starts]
+    found += _find_contacts(view)
+    found += [
+        (int(np.searchsorted(view.step, event["step"])), f"guard of learning: {format_event(event)}")
+        for event in view.run.manifest.get("guard", ())
+        if view.step[0] <= event["step"] <= view.step[-1]
+    ]
+    return sorted(found)
+
+
+def log_events(entities: Entities, view: RunView) -> None:
+    """The moments as a log, each with its time, which the viewer goes to when it is clicked."""
+    found = find_events(view)
+    texts = [f"{view.time[row]:.3f} s  {text}" for row, text in found]
+    entities.send_columns(EVENTS, rr.TextLog.columns(text=texts), rows=np.array([row for row, _ in found]))

@@ -1,35 +1,54 @@
-"""Write ``recording.rrd`` from a trace."""
+"""Write the recording of a run, or of several side by side, from their traces: ``recording.rrd``."""
 
 import hashlib
 import math
+import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from importlib.abc import MetaPathFinder
 from pathlib import Path
+from typing import NamedTuple
 
 import pyarrow as pa
 import rerun as rr
-import rerun.blueprint as rrb
+from rerun.chunk import RrdReader
 
-from cmacexp.config.describe import flatten_config
-from cmacexp.data.folder import write_atomically
-from cmacexp.data.hashes import was_written
-from cmacexp.data.manifest import Manifest
-from cmacexp.data.parquet import read_table
-from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores
-from cmacexp.data.trace import read_trace
-from cmacexp.metrics.pooling import pool_legs
-from cmacexp.recording.blueprint import KEY, describe_key, layout
+from cmacexp.config.describe import labels
+from cmacexp.data.files import is_regular, write_atomically
+from cmacexp.data.run import Run
+from cmacexp.data.tables import RECORDING_FILE
+from cmacexp.data.trace import count_steps_by_cycle
+from cmacexp.data.version import __version__
+from cmacexp.data.window import Window, make_window, read_cycles
+from cmacexp.errors import BadInput, BadRun
 from cmacexp.recording.entities import Entities
-from cmacexp.recording.events import log_events
-from cmacexp.recording.ground import log_ground
+from cmacexp.recording.layout import KEY, describe_key, make_layout
 from cmacexp.recording.meshes import log_meshes, read_shown_model
-from cmacexp.recording.run_view import RunView, make_view
-from cmacexp.recording.scene import log_machine
-from cmacexp.recording.series import log_series
-from cmacexp.recording.window import Window
+from cmacexp.recording.run_view import RunView
+from cmacexp.recording.scene import log_ground, log_machine
+from cmacexp.recording.series import log_events, log_series
+
+MOST_RUNS = 6
+"""More side by side have too narrow columns."""
+FACTS = "run"
+"""The property of a recording that says of which run it is."""
+
+
+class Options(NamedTuple):
+    """What a recording shows."""
+
+    cycles: str | None = None
+    """Those that are shown, as typed, such as ``last3``, of cycles that all runs took; None: all."""
+    every: int | None = None
+    """One step in so many is shown; None: all of a short run, fewer of a long one."""
+    meshes: bool = False
+    """Whether robots are drawn as their models show them."""
+    label: str | None = None
+    """Of a single run; None: the name of its folder."""
+
+
+DEFAULT = Options()
 
 
 class _NoPandas(MetaPathFinder):
@@ -55,69 +74,123 @@ def _pandas_left_out() -> Iterator[None]:
         sys.meta_path.remove(finder)
 
 
-def _send_facts(recording: rr.RecordingStream, folder: Path, view: RunView) -> None:
+def _list_facts(run: Run) -> dict[str, object]:
+    """How a run ended, and what wrote it and its recording."""
+    facts = {
+        name: run.manifest.get(name) for name in ("status", "cause", "seed", "steps", "config_hash", "git_commit")
+    }
+    facts["overrides"] = " ".join(run.manifest.get("overrides", ())) or None
+    facts["version"] = run.manifest.get("versions", {}).get("cmacexp")
+    return facts | {"recorded_by": __version__}
+
+
+def _send_facts(recording: rr.RecordingStream, run: Run, root: str) -> None:
     """How a run ended, its config by dotted keys, and the metrics of its last whole cycle, legs pooled, in SI units.
 
     A catalogue of recordings can be filtered by them. Of several runs in one recording each property begins with the
     root of its entities.
     """
-    manifest, body = view.manifest, folder / BODY_METRICS_FILE
-    run = {name: manifest.get(name) for name in ("status", "cause", "seed", "steps", "config_hash", "git_commit")}
-    run["overrides"] = " ".join(manifest.get("overrides", ())) or None
-    run["version"] = manifest.get("versions", {}).get("cmacexp")
-    pooled = pool_legs(Scores(read_table(folder / METRICS_FILE), read_table(body) if was_written(body) else None))
-    last = {name: float(values[-1]) for name, values in pooled.items() if len(values) and math.isfinite(values[-1])}
-    for name, values in {"run": run, "config": flatten_config(view.config), "metrics": last}.items():
+    last = {name: run.final(name) for name in run.pooled}
+    metrics = {name: value for name, value in last.items() if math.isfinite(value)}
+    for name, values in {FACTS: _list_facts(run), "config": run.settings, "metrics": metrics}.items():
         known = {
             key: pa.array([value if isinstance(value, bool | int | float | str) else str(value)])
             for key, value in values.items()
             if value is not None
         }
         if known:
-            recording.send_property(view.root.replace("/", "_") + name, rr.AnyValues(**known))
+            recording.send_property(root.replace("/", "_") + name, rr.AnyValues(**known))
 
 
-def _make_id(name: str, runs: Mapping[Path, RunView]) -> str:
+def is_current(run: Run) -> bool:
+    """Whether a run has its recording, whatever it shows: made from this run, by this version, and readable."""
+    path, facts = run.folder / RECORDING_FILE, _list_facts(run)
+    if not is_regular(path):
+        return False
+    try:
+        chunks = RrdReader(path).stream().filter(content=f"/__properties/{FACTS}").to_chunks()
+        rows = [row for chunk in chunks for row in chunk.to_record_batch().to_pylist()]
+    except RuntimeError:  # of a file that is damaged, or is none of rerun's
+        return False
+    names = ("config_hash", "steps", "recorded_by")
+    return any(all(row.get(name) == [facts[name]] for name in names) for row in rows)
+
+
+def _count_kept(run: Run) -> dict[int, int]:
+    """Steps of each cycle in the trace of a run; raises BadRun if there is none."""
+    kept = count_steps_by_cycle(run.folder)
+    if not kept:
+        taken = run.manifest.get("steps", 0)
+        why = f"its trace kept none of its {taken} steps" if taken else "the run took no step"
+        raise BadRun(f"{run.folder}: {why}, there is nothing to show")
+    return kept
+
+
+def _make_views(runs: Sequence[Run], windows: Sequence[Window], options: Options) -> list[RunView]:
+    """The views of runs; of several each has a root of its own, and a label that tells it from the others."""
+    folders = [run.folder.resolve().name for run in runs]
+    if len(runs) == 1:
+        names, roots = [options.label or folders[0]], [""]
+    else:
+        names = labels([run.config for run in runs], folders)
+        roots = [f"{n}_{re.sub('[^A-Za-z0-9.-]+', '_', name)}/" for n, name in enumerate(names, start=1)]
+    views = [
+        RunView(run, run.read_trace(window.cycles, window.every), name, root, options.meshes)
+        for run, window, name, root in zip(runs, windows, names, roots, strict=True)
+    ]
+    if max(view.time[0] for view in views) > min(view.time[-1] for view in views):
+        raise BadInput("--cycles", windows[0].first, "no time is in these cycles of all runs; choose earlier ones")
+    return views
+
+
+def _make_id(name: str, runs: Sequence[Run]) -> str:
     """An id that other runs and other views of these do not have: a catalogue drops what has the id of another."""
-    identity = (name, *(f"{view.manifest['config_hash']} {folder.resolve()}" for folder, view in runs.items()))
+    identity = (name, *(f"{run.manifest['config_hash']} {run.folder.resolve()}" for run in runs))
     return hashlib.sha256("\n".join(identity).encode()).hexdigest()[:32]
 
 
-def write_views(runs: Mapping[Path, RunView], blueprint: rrb.Blueprint, name: str, path: Path) -> None:
-    """Write runs, by their folders and each below its own root, into one recording, whole or not at all."""
+def make_recording(runs: Sequence[Run], options: Options) -> tuple[rr.RecordingStream, str]:
+    """A recording of a run, or of several side by side, that goes nowhere yet, and a description of it.
+
+    Raises:
+        BadInput: an option does not fit the runs.
+        BadRun: a run has nothing to show, or they are too many.
+    """
+    if len(runs) > MOST_RUNS:
+        raise BadRun(f"{len(runs)} runs: at most {MOST_RUNS} go side by side; name the folders of those to compare")
+    models = [read_shown_model(run) for run in runs] if options.meshes else []
+    kept = [_count_kept(run) for run in runs]
+    cycles = None if options.cycles is None else read_cycles(options.cycles, min(map(max, kept)))
+    windows = [make_window(steps, cycles, options.every, sharing=len(runs)) for steps in kept]
+    views = _make_views(runs, windows, options)
+    before = f"{runs[0].config['scenario']} " if len(runs) == 1 else ""
+    name = before + " | ".join(f"{view.label}, {window}" for view, window in zip(views, windows, strict=True))
+    name += ", with meshes" if options.meshes else ""
     recording = rr.RecordingStream("cmacexp", recording_id=_make_id(name, runs))
-    # In memory first: on a full disk rerun's own writer stops without an error, and flushing waits for ever.
-    memory = recording.memory_recording()
-    recording.send_blueprint(blueprint)
+    recording.send_blueprint(make_layout(views))
     recording.send_recording_name(name)
-    key = rr.TextDocument(describe_key(list(runs.values())), media_type="text/markdown")
-    recording.log(KEY, key, static=True)
-    for folder, view in runs.items():
-        _send_facts(recording, folder, view)
+    recording.log(KEY, rr.TextDocument(describe_key(views), media_type="text/markdown"), static=True)
+    for number, (run, view) in enumerate(zip(runs, views, strict=True)):
+        _send_facts(recording, run, view.root)
         entities = Entities(recording, view)
         log_machine(entities, view)
-        if view.meshes:
-            log_meshes(entities, view, read_shown_model(folder, view.manifest))
         log_ground(entities, view)
         log_series(entities, view)
         log_events(entities, view)
-    with write_atomically(path) as temporary:
-        temporary.write_bytes(memory.drain_as_bytes())
+        if options.meshes:
+            log_meshes(entities, view, models[number])
+    return recording, name + ("; --every 1 shows all" if max(window.every for window in windows) > 1 else "")
 
 
-def write_recording(
-    folder: Path,
-    manifest: Manifest,
-    path: Path,
-    *,
-    label: str,
-    window: Window,
-    meshes: bool = False,
-) -> str:
-    """Write the Rerun view of a run whose trace has a step, whole or not at all; returns a description of it."""
+def write_recording(runs: Sequence[Run], path: Path, options: Options = DEFAULT) -> str:
+    """Write a recording to a file, whose folder exists, whole or not at all; returns a description of it.
+
+    Raises as :func:`make_recording`, and OSError.
+    """
     with _pandas_left_out():
-        traces = read_trace(folder, range(window.first, window.last + 1), window.every)
-        view = replace(make_view(traces, manifest, window, label), meshes=meshes)
-        name = f"{manifest['config']['scenario']} {view.label}, {window}{', with meshes' if meshes else ''}"
-        write_views({folder: view}, layout(view), name, path)
-    return name
+        recording, description = make_recording(runs, options)
+        # From memory: on a full disk rerun's own writer stops without an error, and flushing waits for ever.
+        content = recording.memory_recording().drain_as_bytes()
+    with write_atomically(path) as temporary:
+        temporary.write_bytes(content)
+    return description

@@ -9,6 +9,7 @@ from cmacexp.config.machine import describe_other_model
 from cmacexp.data.parquet import as_array
 from cmacexp.data.run import Run
 from cmacexp.data.tables import RECORDING_FILE
+from cmacexp.data.window import choose_every
 from cmacexp.jit.compiler import call_before_compiling
 from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
@@ -98,11 +99,9 @@ def _list_notes(result: Run) -> Iterator[str]:
         time = each["step"] * config["sampling_period"]
         where = f"force sensor of leg {each['leg']} rejected at step {each['step']} (t = {time:g} s)"
         yield f"{where}: it reports a force that the ground cannot give"
-    if (result.folder / RECORDING_FILE).exists():
-        from cmacexp.recording.window import choose_every
-
-        if (every := choose_every(steps := manifest["steps"])) > 1:
-            yield f"{RECORDING_FILE}: one step in {every} of {steps}; replay with --every 1 shows all"
+    every = choose_every(manifest["steps"])
+    if every > 1 and (result.folder / RECORDING_FILE).exists():
+        yield f"{RECORDING_FILE}: one step in {every} of {manifest['steps']}; replay with --every 1 shows all"
 
 
 def print_summary(result: Run) -> None:

@@ -68,6 +68,17 @@ def test_a_recording_that_is_there_is_kept_until_another_is_asked_for(leg, tmp_p
     assert lines(leg / RECORDING, "leg_1/force")[0][0] == 0
 
 
+def test_a_recording_that_is_missing_damaged_a_link_or_of_another_run_is_built_anew(leg, runs, tmp_path):
+    path, other = leg / RECORDING, tmp_path / "other.rrd"
+    shutil.copy(runs / "none" / RECORDING, other)
+    for spoil in (lambda: path.write_text("mine"), lambda: shutil.copy(other, path), lambda: path.symlink_to(other)):
+        path.unlink()
+        spoil()
+        assert (replay(leg).returncode, path.is_symlink()) == (0, False)
+        assert len(lines(path, "leg_1/force")[0]) == 1800
+    assert other.read_bytes() == (runs / "none" / RECORDING).read_bytes()
+
+
 def test_runs_side_by_side_show_the_cycles_that_all_took_and_stay_as_they_are(runs, tmp_path):
     before = state_of(runs)
     done = replay(runs / "leg", runs / "walk", "--cycles", "last", folder=tmp_path)

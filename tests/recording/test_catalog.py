@@ -10,7 +10,6 @@ import cmacexp
 from cmacexp.recording.catalog import serve_catalog
 
 pytestmark = pytest.mark.ci
-HOST = "127.0.0.1"
 RECORDING = "recording.rrd"
 
 
@@ -32,18 +31,15 @@ def copy(sweep, tmp_path):
     return shutil.copytree(sweep, tmp_path / "deep" / "b")
 
 
-def recordings(*folders):
-    return sorted(path for folder in folders for path in folder.rglob(RECORDING))
-
-
-def rows(paths, keys=()):
-    with serve_catalog(paths, keys, HOST) as (address, runs):
-        assert address.startswith(f"rerun+http://{HOST}:")
-        return runs.segment_table().to_arrow_table()
+def rows(*folders, keys=()):
+    runs = [cmacexp.load(path.parent) for folder in folders for path in sorted(folder.rglob(RECORDING))]
+    with serve_catalog(runs, keys) as (address, entry):
+        assert address.startswith("rerun+http://127.0.0.1:")
+        return entry.segment_table().to_arrow_table()
 
 
 def test_a_sweep_becomes_a_table_of_its_jobs(sweep):
-    table = rows(recordings(sweep), ["cmac.layers"])
+    table = rows(sweep, keys=["cmac.layers"])
     assert sorted(table["property:config:cmac_layers"].to_pylist()) == [[4], [8]]
     assert table["property:run:status"].to_pylist() == [["completed"]] * 2
     assert len({cell[0] for cell in table["property:metrics:force_rmse"].to_pylist()}) == 2
@@ -51,10 +47,10 @@ def test_a_sweep_becomes_a_table_of_its_jobs(sweep):
 
 def test_copies_of_runs_are_different_runs_once_their_recordings_are_built_anew(sweep, copy):
     with pytest.raises(CmacexpError, match="--rebuild"):
-        rows(recordings(sweep, copy))
+        rows(sweep, copy)
     for folder in copy.iterdir():
         assert call("replay", folder, "--rebuild", "--no-viewer").returncode == 0
-    assert rows(recordings(sweep, copy)).num_rows == 4
+    assert rows(sweep, copy).num_rows == 4
 
 
 def test_what_cannot_be_shown_is_named_and_left_out(copy):

@@ -1,17 +1,13 @@
 """What a recording shows: axes, moments, views, and the values of the trace."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
-from support.doors import BadInput
 from support.recordings import lines, read_rows, values
 from support.views import make_walk
 
 from cmacexp.recording.entities import FINENESS
-from cmacexp.recording.events import find_events
-from cmacexp.recording.window import MOST_STEPS, make_window, read_cycles
+from cmacexp.recording.series import find_events
 
 DRAWN = 0.51 * FINENESS
 """Rounding of what is drawn, m, and a little for single precision."""
@@ -28,25 +24,12 @@ def walk(stored):
 
 
 def test_moments_are_the_planned_ones_until_the_contact_follows():
-    view = make_walk()
-    foot_3 = view.legs[2]["force"].copy()
-    foot_3[6:8], foot_3[10:13] = 1.0, 0.0  # leaves the ground and comes back late
-    legs = [replace(leg, columns={**leg.columns, "force": foot_3}) if leg.number == 3 else leg for leg in view.legs]
-    events = {event.text: event.row for event in find_events(replace(view, legs=legs))}
+    force = make_walk().trace["force"].copy()
+    force[6:8, 2], force[10:13, 2] = 1.0, 0.0  # leaves the ground and comes back late
+    events = {text: row for row, text in find_events(make_walk(force=force))}
     expected = {"cycle 1 begins": 0, "foot 1 lifts": 6, "foot 1 touches down": 10, "foot 2 touches down": 10}
     expected |= {"foot 3 lifts": 8, "foot 3 touches down": 13}
     assert events | expected == events
-
-
-def test_windows_of_cycles_and_the_thinning_of_long_runs():
-    asked = {"3-5": (3, 5), "7": (7, 7), "last": (9, 9), "last9": (1, 9)}
-    assert {text: read_cycles(text, 9) for text in asked} == asked
-    for text in ("5-3", "0", "10", "last10", "x"):
-        with pytest.raises(BadInput, match="--cycles"):
-            read_cycles(text, 9)
-    kept, sharing = {1: 600, 2: 600}, 3 * MOST_STEPS // 1200
-    every = [make_window(kept, sharing=number).every for number in (1, sharing, sharing + 1)]
-    assert every == [1, 3, 4]
 
 
 def test_a_recording_has_the_values_of_the_trace(leg):

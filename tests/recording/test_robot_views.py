@@ -21,21 +21,22 @@ def robot():
 
 def test_a_leg_in_a_plane_hangs_from_the_body_and_tilts_with_it():
     view = make_walk()
-    at = [view.in_world(joint)[0] for joint in view.legs[1].joints()]
-    assert_allclose(at, [[0.2, -0.1, 0.5], [0.2, -0.1, 0.25], [0.2, -0.1, 0.0]], atol=1e-12)
-    assert_allclose(view.in_world(view.legs[1].foot())[7], [0.2, -0.1, 0.1], atol=1e-12)
+    assert_allclose(
+        view.in_world(view.joints)[0, 1], [[0.2, -0.1, 0.5], [0.2, -0.1, 0.25], [0.2, -0.1, 0.0]], atol=1e-12
+    )
+    assert_allclose(view.in_world(view.feet())[7, 1], [0.2, -0.1, 0.1], atol=1e-12)
     view.body["pitch"] = np.full(len(view.time), 0.1)
-    front, rear = (view.in_world(view.legs[leg].joints()[0])[0, 2] for leg in (0, 2))
+    front, rear = view.in_world(view.joints)[0, [0, 2], 0, 2]
     assert front - rear == pytest.approx(-0.4 * np.sin(0.1))
 
 
 def test_the_joints_of_a_robot_end_at_the_foot_of_the_trace_keep_the_lengths_of_links_and_mirror_each_other(robot):
-    joints = np.array([leg.joints() for leg in robot.legs])  # (legs, joints, steps, 3)
-    assert_allclose(joints[:, 3], [leg.foot() for leg in robot.legs], atol=1e-12)
-    lengths = np.linalg.norm(np.diff(joints, axis=1), axis=3)
-    assert_allclose(lengths - np.array([0.08, 0.2, 0.2])[:, None], 0.0, atol=1e-12)
-    assert_allclose(joints[[0, 2], :, 0] * [1.0, -1.0, 1.0], joints[[1, 3], :, 0], atol=1e-12)
-    feet = robot.in_world(robot.legs[0].foot())[robot.legs[0].support]
+    joints = robot.joints  # (steps, legs, joints, 3)
+    assert_allclose(joints[:, :, 3], robot.feet(), atol=1e-12)
+    lengths = np.linalg.norm(np.diff(joints, axis=2), axis=3)
+    assert_allclose(lengths - np.array([0.08, 0.2, 0.2]), 0.0, atol=1e-12)
+    assert_allclose(joints[0, [0, 2]] * [1.0, -1.0, 1.0], joints[0, [1, 3]], atol=1e-12)
+    feet = robot.in_world(robot.feet())[robot.trace.support]
     assert_allclose(feet[:, 2] - robot.surface(feet[:, 0]), FOOT_RADIUS, atol=1e-12)
 
 
@@ -57,7 +58,7 @@ def test_a_robot_is_drawn_as_its_model_shows_it(run, tmp_path):
     links = [f"{leg}_{part}" for leg in ("FL", "FR", "RL", "RR") for part in ("hip", "thigh", "calf")]
     assert {path for path in found if "/" not in path} == {"trunk", *links}
     at, turn = ({p: np.array(found[p][f"Transform3D:{n}"][0]) for p in found} for n in ("translation", "quaternion"))
-    trace, robot = run.trace[run.trace.step == step], read_shown_model(run.folder, run.manifest)
+    trace, robot = run.trace[run.trace.step == step], read_shown_model(run)
     data = robot.at(trace[["q1", "q2", "q3"]].to_numpy())
     for name in links:
         assert_allclose(at[name] - at["trunk"], data.body(name).xpos, atol=1e-3)

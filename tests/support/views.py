@@ -6,10 +6,10 @@ import numpy as np
 import pyarrow as pa
 from support.made_traces import make_trace
 
+from cmacexp.data.run import Run
 from cmacexp.data.trace import Trace
 from cmacexp.models.chain import chain_points
-from cmacexp.recording.run_view import LegView, RunView, make_view
-from cmacexp.recording.window import Window
+from cmacexp.recording.run_view import RunView
 
 ROBOT_HIPS = ((0.19, 0.12), (0.19, -0.12), (-0.19, 0.12), (-0.19, -0.12))
 FOOT_RADIUS = 0.02
@@ -17,25 +17,19 @@ HIPS = ((0.2, 0.1), (0.2, -0.1), (-0.2, 0.1), (-0.2, -0.1))
 STEPS = 20
 
 
-def make_walk(number=1, error=0.0, force=10.0) -> RunView:
+def make_walk(number=1, error=0.0, **columns) -> RunView:
     """One cycle of a level machine whose legs stand straight down, 0.5 m, and lift by 0.1 m in steps 6 to 9."""
-    step = np.arange(STEPS)
-    zero, lift = np.zeros(STEPS), np.where((step >= 6) & (step < 10), 0.1, 0.0)
-    columns = {"x": zero + error, "y": 0.5 - lift, "x_desired": zero, "y_desired": 0.5 - lift}
-    columns |= {"q1": zero + np.pi / 2.0, "q2": zero, "force": np.where(lift > 0.0, 0.0, force)}
-    columns |= dict.fromkeys(("force_desired", "force_measured"), columns["force"])
-    columns |= {f"tau_{source}_{joint}": zero for source in ("feedback", "feedforward") for joint in (1, 2)}
-    legs = [
-        LegView(index, f"leg {index}", dict(columns), lift == 0.0, 0.25, hip)
-        for index, hip in enumerate(HIPS, start=1)
-    ]
-    body = {"height": zero + 0.5, "margin_front": np.linspace(0.2, 0.1, STEPS)}
+    zero, lift = np.zeros(STEPS), np.where((np.arange(STEPS) >= 6) & (np.arange(STEPS) < 10), 0.1, 0.0)
+    force = np.where(lift > 0.0, 0.0, 10.0)
+    values = {"x": zero + error, "y": 0.5 - lift, "y_desired": 0.5 - lift, "q1": zero + np.pi / 2.0, "q2": zero}
+    values |= {"force": force, "force_desired": force, "force_measured": force, "cycle": np.full(STEPS, number)}
+    legs = make_trace("S" * 6 + "T" * 4 + "S" * 10, legs=4, **values | columns)
+    body = {"cycle": values["cycle"], "height": zero + 0.5, "margin_front": np.linspace(0.2, 0.1, STEPS)}
     body |= dict.fromkeys(("cog_x", "cog_y", "yaw", "pitch", "roll", "stability_margin", "margin_rear"), zero)
-    config = {"terrain": {"stiffness": 1e4}, "gait": {"cycle_time": 0.1 * STEPS}, "sampling_period": 0.1}
-    manifest = {"config": config, "steps": number * STEPS}
-    return RunView(
-        legs, 0.1 * step, step, np.full(STEPS, number), body, manifest, Window(number, number, 1, STEPS), "made", ""
-    )
+    machine = {"legs": {str(n): {"hip_x": x, "hip_y": y, "length_1": 0.25} for n, (x, y) in enumerate(HIPS)}}
+    config = {"machine": machine, "terrain": {"stiffness": 1e4}, "sampling_period": 0.1}
+    manifest = {"config": {**config, "gait": {"cycle_time": 0.1 * STEPS}}, "steps": number * STEPS}
+    return RunView(Run("made", manifest), replace(legs, body=Trace(pa.table(body))), "made")
 
 
 def make_chain(side):
@@ -45,7 +39,7 @@ def make_chain(side):
 
 
 def make_robot_traces():
-    """The traces of one cycle of a robot that stands on bent legs and swings each, and what its manifest holds."""
+    """The trace of one cycle of a robot that stands on bent legs and swings each, and what its manifest holds."""
     chains = [make_chain(side) for _, side in np.sign(ROBOT_HIPS)]
     step, lifted = np.arange(STEPS), np.zeros((STEPS, 4), bool)
     for leg in range(4):
@@ -73,4 +67,5 @@ def make_robot_traces():
 
 def make_robot() -> RunView:
     """The view of :func:`make_robot_traces`."""
-    return make_view(*make_robot_traces())
+    trace, manifest = make_robot_traces()
+    return RunView(Run("made", manifest), trace)

@@ -1,4 +1,4 @@
-"""Which steps of a run a recording shows: a window of its cycles, thinned if it is long."""
+"""Which steps of a run its recording shows: a window of its cycles, thinned if it is long."""
 
 import re
 from collections.abc import Mapping
@@ -27,14 +27,9 @@ class Window(NamedTuple):
         return f"{cycles}, " + ("every step" if self.every == 1 else f"one step in {self.every} of {self.steps}")
 
     @property
-    def cycles(self) -> tuple[int, int]:
-        """First and last cycle."""
-        return self.first, self.last
-
-    @property
-    def hint(self) -> str:
-        """How to see all, where not all is shown."""
-        return "; --every 1 shows all" if self.every > 1 else ""
+    def cycles(self) -> range:
+        """The cycles shown."""
+        return range(self.first, self.last + 1)
 
 
 def choose_every(steps: int, sharing: int = 1) -> int:
@@ -42,8 +37,8 @@ def choose_every(steps: int, sharing: int = 1) -> int:
     return -(-steps * sharing // MOST_STEPS)
 
 
-def read_cycles(text: str, cycles: int, who: str = "the run") -> tuple[int, int]:
-    """First and last cycle that ``3-5``, ``7``, ``last`` or ``last5`` mean, of so many that ``who`` completed.
+def read_cycles(text: str, cycles: int) -> tuple[int, int]:
+    """First and last cycle that ``3-5``, ``7``, ``last`` or ``last5`` mean, of so many that a run, or all, completed.
 
     Raises BadInput if the text cannot be read, or the run does not have these cycles.
     """
@@ -55,7 +50,8 @@ def read_cycles(text: str, cycles: int, who: str = "the run") -> tuple[int, int]
     else:
         first, last = int(found["first"]), int(found["last"] or found["first"])
     if not 1 <= first <= last <= cycles:
-        raise BadInput("--cycles", text, f"must lie within the {cycles} cycles that {who} took, lower number first")
+        reason = f"must lie within the {cycles} cycles that the run, or each of the runs, took, lower number first"
+        raise BadInput("--cycles", text, reason)
     return first, last
 
 
@@ -69,8 +65,8 @@ def make_window(
     first, last = cycles or (min(kept), max(kept))
     steps = sum(count for cycle, count in kept.items() if first <= cycle <= last)
     if not steps:
-        asked = f"{first}-{last}" if last > first else str(first)
-        raise BadInput("--cycles", asked, "not in the trace, of which record.cycles kept others")
-    if every is not None and every > steps:
-        raise BadInput("--every", every, f"must be at most the {steps} steps of these cycles")
+        reason = "not in the trace, of which record.cycles kept others"
+        raise BadInput("--cycles", f"{first}-{last}", reason)
+    if every is not None and not 1 <= every <= steps:
+        raise BadInput("--every", every, f"must be from 1, every step, to {steps}, the steps of these cycles")
     return Window(first, last, every or choose_every(steps, sharing), steps)

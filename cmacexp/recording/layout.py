@@ -1,0 +1,303 @@
+"""The layout of the viewer: views of machines, plots with room for numbers and legends, what colours mean."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
+
+from cmacexp.recording.run_view import RunView
+from cmacexp.recording.scene import EYES, FIGURE, FORCE_LENGTH, LOWEST_NUMBER, MESHES, MM, name_eye
+from cmacexp.recording.series import EVENTS, SERIES, collect_series, name_component
+from cmacexp.typing import Array
+
+Panel = rrb.Container | rrb.View
+Range = tuple[float, float]
+SHARES = {
+    **{"scene": 3.0, "sides": 1.6, "gait": 1.2, "force": 2.1},
+    **{"posture": 2.2, "margins": 1.0, "error": 2.1, "torque": 4.2, "events": 1.7},
+}
+"""Heights of panels above each other, by the names of the methods that make them."""
+KEY = "key"
+"""The entity of the text that explains the colours."""
+KEY_SHARE = 0.1
+"""Height of the key as part of that of the scenes."""
+BACKGROUND = [245, 245, 245]
+BORDER = 60.0
+"""Seen around the machine from its sides, mm."""
+MARK_ROOM = 0.15
+"""Room for a number beyond its mark, as part of the distance of marks."""
+REFERENCE_SIZE = 0.95
+"""Length and height of the paper's quadruped, for which the eye is placed, m."""
+
+
+def widen_range(low: float, high: float) -> Range:
+    """A range with a margin in which the viewer puts a number on at least two marks, which are at powers of ten."""
+    span = high - low or abs(high) or 1.0
+    low, high = low - 0.05 * span, high + 0.05 * span
+    mark = 10.0 ** np.ceil(np.log10((high - low) / 5.0))  # even a low plot has numbers at five marks
+    first, last = np.ceil(low / mark) * mark, np.floor(high / mark) * mark
+    while last - first < 0.5 * mark:  # the nearest mark outside is taken in, with room for its number
+        if low - first < last - high:
+            first -= mark
+            low = first - MARK_ROOM * mark
+        else:
+            last += mark
+            high = last + MARK_ROOM * mark
+    return low, high
+
+
+def _measure_ranges(view: RunView) -> dict[str, Range]:
+    """Least and largest value of each plot that has a finite one."""
+    ranges = {}
+    for path, lines in collect_series(view).items():
+        values = np.concatenate([line[1] for line in lines])
+        values = values[np.isfinite(values)]
+        if values.size:
+            ranges[path] = (float(values.min()), float(values.max()))
+    return ranges
+
+
+def _share_range(ranges: Iterable[Range]) -> Range | None:
+    """The range that covers all, unless one dwarfs another."""
+    ranges = list(ranges)
+    spans = [high - low for low, high in ranges if high > low]
+    if spans and max(spans) > 10.0 * min(spans):
+        return None
+    return min(low for low, _ in ranges), max(high for _, high in ranges)
+
+
+def find_ranges(views: Sequence[RunView]) -> list[dict[str, Range]]:
+    """The vertical axis of each plot of each run, by its name; where several runs have it, one that they share."""
+    own = [_measure_ranges(view) for view in views]
+    shared = {path: _share_range([ranges[path] for ranges in own if path in ranges]) for path in set().union(*own)}
+    return [{path: widen_range(*(shared[path] or span)) for path, span in ranges.items()} for ranges in own]
+
+
+class Panels:
+    """Makes the panels of one run; ``ranges`` are those of vertical axes by plot, ``times`` first and last, s.
+
+    Of one ``cycle`` the plots are of its times, and so named.
+    """
+
+    def __init__(self, view: RunView, ranges: Mapping[str, Range], times: Range, cycle: int | None = None):
+        self.view, self.ranges = view, ranges
+        self.times: Range = times if cycle is None else tuple(view.time[view.cycle == cycle][[0, -1]])
+        self._lines = collect_series(view)
+        self._cycle = "" if cycle is None else f", cycle {cycle}"
+        self._now = float(view.run.config["gait"]["cycle_time"]) if view.walks and cycle is None else None
+
+    def stack(self, names: Sequence[str], title: str | None = None) -> Panel:
+        """Panels above each other, by the names of the methods that make them."""
+        panels = [getattr(self, name)() for name in names]
+        return rrb.Vertical(*panels, row_shares=[SHARES[name] for name in names], name=title)
+
+    def _from_side(self, eye: str, name: str, without: tuple[str, ...] = ()) -> rrb.Spatial2DView:
+        """The machine as one of :data:`EYES` sees it, of everything but the entities ``without``; mm."""
+        world, meshes = f"/{self.view.root}world", (MESHES,) if self.view.meshes else ()
+        seen = self._find_extent() @ np.array(EYES[eye][:2]).T * MM
+        low, high = seen.min(axis=0) - BORDER, seen.max(axis=0) + BORDER
+        return rrb.Spatial2DView(
+            origin=f"/{self.view.root}{name_eye(eye)}",
+            contents=[f"+ {world}/**", *(f"- {world}/{path}/**" for path in ("travel/eyes", *without, *meshes))],
+            name=name,
+            background=BACKGROUND,
+            visual_bounds=rrb.VisualBounds2D(x_range=(low[0], high[0]), y_range=(low[1], high[1])),
+        )
+
+    def _find_extent(self) -> Array:
+        """Two corners of what the machine takes up, in the frame that moves with it, m."""
+        view = self.view
+        middle, half = view.trunk
+        points = np.concatenate([view.joints.reshape(-1, 3), [middle + half] if view.robot else np.empty((0, 3))])
+        points[:, 2] += float(view.body["height"].mean()) + view.foot_radius
+        lowest = points.min(axis=0) - [0.0, 0.0, -LOWEST_NUMBER if view.walks else 0.0]
+        return np.array([lowest, np.maximum(points.max(axis=0), [0.0, 0.0, FORCE_LENGTH])])
+
+    def plot(self, path: str, name: str, around: float | None = None) -> rrb.TimeSeriesView:
+        """A plot of all times, or of those from 1.6 to 0.2 times ``around`` seconds about now."""
+        entity = f"/{self.view.root}{SERIES}"
+        names, _, colours = zip(*self._lines[path], strict=True)
+        style = rr.SeriesLines(names=list(names), colors=list(colours), widths=[1.5] * len(names))
+        drawn = VisualizerComponentMapping(
+            "Scalars:scalars", ComponentSourceKind.SourceComponent, source_component=name_component(path)
+        )
+        shown, drawn_times = self._make_time_axis(around)
+        return rrb.TimeSeriesView(
+            origin=entity,
+            contents=[f"+ {entity}"],
+            name=name + self._cycle,
+            overrides={entity: style.visualizer(mappings=[drawn])},
+            axis_y=rrb.ScalarAxis(range=self.ranges.get(path)),
+            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=path.startswith(("leg_1/", "body/"))),
+            axis_x=shown,
+            time_ranges=drawn_times,
+        )
+
+    def _make_time_axis(self, around: float | None) -> tuple[rrb.TimeAxis, list[rrb.VisibleTimeRange]]:
+        """The time axis of a plot, and which times it draws: lines end before the right edge, where the legend is."""
+        if around:
+            start, until, end = (rrb.TimeRangeBoundary.cursor_relative(seconds=n * around) for n in (-1.6, 0.2, 1.0))
+        else:
+            first, last = self.times
+            times = first, last, last + 0.3 * (last - first)
+            start, until, end = (rrb.TimeRangeBoundary.absolute(seconds=time) for time in times)
+        drawn = rrb.VisibleTimeRange("time", start=start, end=until)
+        return rrb.TimeAxis(view_range=rrb.TimeRange(start, end)), [drawn]
+
+    def scene(self) -> Panel:
+        """A walk in space, where the eye goes along with it; one leg, which moves in a plane, from its right side."""
+        view = self.view
+        if not view.walks:
+            return self._from_side("right side", view.label)
+        size = float(2.0 * view.trunk[1][0] + view.body["height"].mean()) / REFERENCE_SIZE
+        world, figure = f"/{view.root}world", FIGURE if view.meshes else ()
+        eye, target = (0.85 * size, -1.0 * size, 0.65 * size), (0.0, 0.0, 0.22 * size)
+        return rrb.Spatial3DView(
+            origin=f"{world}/travel",
+            contents=[f"+ {world}/**", *(f"- {world}/{path}/**" for path in ("travel/eyes", *figure))],
+            name=view.label,
+            background=BACKGROUND,
+            line_grid=rrb.LineGrid3D(spacing=0.1, color=[190, 190, 190]),
+            eye_controls=rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)),
+        )
+
+    def sides(self) -> Panel:
+        """A walk from front, side and top."""
+        paths = "travel/body/path"
+        return rrb.Horizontal(
+            self._from_side("front", "from the front", (paths,)),
+            self._from_side("right side", "from the right", (paths,)),
+            self._from_side("top", "from above", (paths, "travel/body/plate")),
+        )
+
+    def gait(self) -> Panel:
+        """Which foot supports when (Lin & Song 1997, Fig. 14)."""
+        names = [f"{number} {name}" for number, name in enumerate(self.view.names, start=1)]
+        return rrb.TimeSeriesView(
+            origin=f"/{self.view.root}gait",
+            name=f"support of {', '.join(names)}",
+            axis_y=rrb.ScalarAxis(range=(0.4, len(names) + 0.6)),
+            plot_legend=rrb.PlotLegend(visible=False),
+            axis_x=self._make_time_axis(self._now)[0],
+        )
+
+    def force(self) -> Panel:
+        """Contact forces."""
+        if not self.view.walks:
+            return self.plot("leg_1/force", "contact force, N")
+        plots = [
+            self.plot(f"leg_{number}/force", f"{number} {name}: force, N", self._now)
+            for number, name in enumerate(self.view.names, start=1)
+        ]
+        return rrb.Grid(*plots, grid_columns=1 if self._cycle else 2)
+
+    def posture(self) -> Panel:
+        """Tilt and height of the body."""
+        tilt = self.plot("body/tilt", "tilt of the body, mrad")
+        return rrb.Vertical(tilt, self.plot("body/height", "height of the body, mm"))
+
+    def margins(self) -> Panel:
+        """Stability margins: the planned one, and those of the feet that carry load."""
+        return self.plot("body/margins", "stability margins, planned and true, mm", self._now)
+
+    def error(self) -> Panel:
+        """Tracking error of the only foot."""
+        return self.plot("leg_1/error", "foot, actual minus desired, mm")
+
+    def torque(self) -> Panel:
+        """Feedback and feedforward torques of the only leg."""
+        return rrb.Vertical(*self._torques(1))
+
+    def tracking(self, number: int) -> Panel:
+        """Tracking error and torques of one leg of several, side by side."""
+        name = f"{number} {self.view.names[number - 1]}: actual minus desired, mm"
+        return rrb.Horizontal(self.plot(f"leg_{number}/error", name), *self._torques(number, f"{number}: "))
+
+    def _torques(self, number: int, before: str = "") -> list[rrb.TimeSeriesView]:
+        """Feedback and feedforward of all joints of one leg; of a point mass the forces that drive it."""
+        joints = range(1, len(self.view.trace.axes) + 1)
+        names = [f"torque of joint {joint}, N m" for joint in joints]
+        if not self.view.has_joints:
+            names = ["Cartesian force along x, N", "Cartesian force along y, N"]
+        return [self.plot(f"leg_{number}/torque_{i}", before + name) for i, name in zip(joints, names, strict=True)]
+
+    def events(self) -> Panel:
+        """Lift-offs, touch-downs and critical moments; a click on the time of one goes there."""
+        return rrb.TextLogView(
+            origin=f"/{self.view.root}{EVENTS}",
+            name="events: click a time to jump to it",
+            columns=rrb.TextLogColumns(timeline_columns=["time"], text_log_columns=["body"]),
+        )
+
+
+def describe_key(views: Sequence[RunView]) -> str:
+    """The meaning of the colours of the scenes of several runs, as Markdown."""
+    parts = [
+        "**foot path** desired in the current cycle grey, in the first cycle orange, in the last whole one green",
+        "**force** desired grey, actual blue",
+        "**foot** supporting yellow, in transfer light blue",
+    ]
+    if any(view.walks for view in views):
+        parts += [
+            "**feet that support** joined by a green line; **centre of gravity** and its plumb line pink",
+            "**stability margin** of the centre of gravity to the edges of the polygon of the feet planned to be "
+            "down (planned) or that carry load (true): below 0 the machine tips",
+        ]
+    scales = sorted({view.depression_scale for view in views})
+    if scales != [1]:
+        parts.append(f"ground pressed down {' or '.join(map(str, scales))} times deeper")
+    parts.append("**moments** a foot lifts or touches down, a cycle begins: a click on a time goes there")
+    return " · ".join(parts)
+
+
+def _add_key(scenes: Panel) -> Panel:
+    """Scenes above the text that explains their colours."""
+    key = rrb.TextDocumentView(origin=KEY, titlebar=False)
+    return rrb.Vertical(scenes, key, row_shares=[1.0 - KEY_SHARE, KEY_SHARE])
+
+
+def _lay_out_run(panels: Panels) -> Panel:
+    """The machine on the left; on the right plots of its first cycle beside those of the last whole one, of all."""
+    view, (first, last) = panels.view, panels.view.whole_cycles()
+    names = ("force",) if view.walks else ("force", "error", "torque")
+    tabs: list[Panel] = []
+    if first < last:
+        both = [Panels(view, panels.ranges, panels.times, cycle).stack(names) for cycle in (first, last)]
+        tabs.append(rrb.Horizontal(*both, name=f"cycles {first} and {last}"))
+    if view.walks:
+        legs = [panels.tracking(number) for number in range(1, view.trace.legs + 1)]
+        tabs += [panels.stack(("gait", "posture", "margins"), "walk"), rrb.Vertical(*legs, name="whole run")]
+    else:
+        tabs.append(panels.stack(names, "whole run"))
+    tabs.append(panels.stack(("events",), "moments"))
+    scenes = _add_key(panels.stack(("scene", "sides") if view.walks else ("scene",)))
+    return rrb.Horizontal(scenes, rrb.Tabs(*tabs), column_shares=[1.15 if view.walks else 0.77, 1.0])
+
+
+def _select_panels(view: RunView, runs: int) -> tuple[str, ...]:
+    """The panels of a run beside others; of many walks each column is too narrow for a plot for each leg."""
+    if not view.walks:
+        return ("scene", "force", "error")
+    return ("scene", "force", "posture") if runs <= 3 else ("scene", "posture", "margins")
+
+
+def make_layout(views: Sequence[RunView]) -> rrb.Blueprint:
+    """A blueprint with the side panels out of the way, which plays a recording again and again.
+
+    Of one run it shows everything; several have a column each, under the name of the scene, and share axes.
+    """
+    times = min(float(view.time[0]) for view in views), max(float(view.time[-1]) for view in views)
+    panels = [Panels(view, ranges, times) for view, ranges in zip(views, find_ranges(views), strict=True)]
+    if len(panels) == 1:
+        content = _lay_out_run(panels[0])
+    else:
+        columns = [each.stack(_select_panels(each.view, len(panels))) for each in panels]
+        content = _add_key(rrb.Horizontal(*columns))
+    return rrb.Blueprint(
+        content,
+        rrb.TimePanel(timeline="time", state="collapsed", play_state="playing", loop_mode="all"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+    )
