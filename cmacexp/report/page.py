@@ -24,8 +24,6 @@ class Report:
     title: str
     summary: str
     sections: Sequence[Section]
-    inputs: Sequence[Path]
-    """Every file that its numbers are computed from."""
     config: dict[str, Any] = field(default_factory=dict)
     """The request; stored in the manifest."""
     runs: Mapping[Path, str] = field(default_factory=dict)

@@ -1,20 +1,32 @@
-"""What a page consists of, as HTML: sections of text, tables and figures, which are saved beside it."""
+"""What a page consists of, as HTML: sections of text, tables and figures, which are saved beside it.
 
+A figure stands on the page in pieces, cut from its file: its legends and each of its panels. A narrow screen then
+shows one panel in a row, and print can break a figure between two rows.
+"""
+
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cmacexp.data.folder import FIGURES, write_atomically
+import numpy as np
+
+from cmacexp.data.folder import FIGURES
 from cmacexp.metrics.text import find_numeric
-from cmacexp.report.svg_panels import extract_panels
+from cmacexp.typing import Array
 
 if TYPE_CHECKING:
     from markupsafe import Markup
     from matplotlib.figure import Figure
 
-
 SVG = "svg"
+GROUPS = re.compile(r'^  <g id="(?P<kind>axes|legend)_\d+">\n.*?^  </g>\n', re.DOTALL | re.MULTILINE)
+DEFINITIONS = re.compile(r"^ <defs>.*?^ </defs>\n", re.DOTALL | re.MULTILINE)
+POINTS = 72.0
+"""In an inch; the unit of an SVG."""
+PAD = 3.0
+"""Around a piece of a figure, points."""
 
 
 @dataclass(frozen=True)
@@ -30,13 +42,13 @@ class Table:
 
     @property
     def numeric(self) -> frozenset[int]:
-        """The columns that hold numbers alone, which are aligned to the right."""
+        """The columns that hold only numbers, which are aligned to the right."""
         return find_numeric(self.rows)
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure, the name of its files, and its caption."""
+    """A figure, the name of its file, and its caption."""
 
     name: str
     figure: "Figure"
@@ -46,20 +58,20 @@ class Drawing:
 
 
 @dataclass(frozen=True)
-class Folded:
-    """Parts that a reader opens."""
+class Details:
+    """Elements that are hidden until a reader opens them."""
 
     title: str
     parts: "Sequence[PageElement]"
 
 
-PageElement = str | Table | Drawing | Folded
+PageElement = str | Table | Drawing | Details
 """A string is a paragraph, or HTML if it is a ``markupsafe.Markup``."""
 
 
 @dataclass(frozen=True)
 class Section:
-    """A section of a report."""
+    """A section of a page."""
 
     title: str
     parts: Sequence[PageElement]
@@ -71,7 +83,7 @@ class Section:
 
 
 class Renderer:
-    """Turns parts into HTML by the templates beside this file, and saves figures in the folder of the report."""
+    """Renders elements as HTML by the templates beside this file, and saves figures in the folder of a page."""
 
     def __init__(self, folder: Path):
         from jinja2 import Environment, FileSystemLoader
@@ -83,7 +95,7 @@ class Renderer:
         self.environment.globals.update(save=self._save)
 
     def render_part(self, part: PageElement) -> str:
-        """A part as HTML."""
+        """An element as HTML."""
         template: Any = self.environment.get_template("parts.html").module
         return f"{template.show(part).strip()}\n"
 
@@ -92,7 +104,7 @@ class Renderer:
         return self.environment.get_template("page.html").render(values)
 
     def _save(self, drawing: Drawing) -> "Markup":
-        """Save a figure; its panels for the page."""
+        """Save a figure; returns its pieces for the page."""
         from markupsafe import Markup
 
         (self.folder / FIGURES).mkdir(parents=True, exist_ok=True)
@@ -100,7 +112,51 @@ class Renderer:
             engine.execute(drawing.figure)  # for which savefig would draw the whole figure once more
             drawing.figure.set_layout_engine(None)
         path = self.folder / FIGURES / f"{drawing.name}.{SVG}"
-        with write_atomically(path) as temporary:
-            drawing.figure.savefig(temporary, format=SVG, metadata={"Date": None})
+        drawing.figure.savefig(path, format=SVG, metadata={"Date": None})
         self.files.append(path)
-        return Markup(extract_panels(drawing.figure, path.read_text(encoding="utf-8")))
+        return Markup(cut_figure(drawing.figure, path.read_text(encoding="utf-8")))
+
+
+def _find_panels(figure: "Figure") -> list[tuple[Array, list[int]]]:
+    """Extent (2, 2) of each panel, display units, as wide as its column and as high as its row; and its axes."""
+    boxes = [np.asarray(axes.get_tightbbox()) for axes in figure.axes]
+    specs = {n: spec for n, axes in enumerate(figure.axes) if (spec := axes.get_subplotspec()) is not None}
+    if not specs:
+        return [(np.array([[0.0, 0.0], figure.bbox.max]), list(range(len(boxes))))]
+    own = {n: [n] for n in specs}
+    for n in set(range(len(boxes))) - set(specs):  # a bar of colours, beside its map
+        own[min(specs, key=lambda main: abs(boxes[main] - boxes[n])[1].sum())].append(n)
+    found = []
+    for main, spec in specs.items():
+        columns = [n for other in specs if specs[other].colspan.start == spec.colspan.start for n in own[other]]
+        rows = [n for other in specs if specs[other].rowspan.start == spec.rowspan.start for n in own[other]]
+        left, right = min(boxes[n][0, 0] for n in columns), max(boxes[n][1, 0] for n in columns)
+        bottom, top = min(boxes[n][0, 1] for n in rows), max(boxes[n][1, 1] for n in rows)
+        ratios = np.asarray(spec.get_gridspec().get_width_ratios(), dtype=float)
+        least = 0.96 * figure.bbox.width * ratios[spec.colspan.start] / ratios.sum()
+        found.append((np.array([[left, bottom], [max(right, left + least), top]]), own[main]))
+    return found
+
+
+def cut_figure(figure: "Figure", drawn: str) -> str:
+    """The pieces of a drawn figure as HTML; ``drawn`` is its SVG. Names of groups, which a page repeats, go."""
+    plain = re.sub(r"\s*<!--.*?-->", "", drawn, flags=re.DOTALL)  # a blank line would end HTML in Markdown
+    texts: dict[str, list[str]] = {"axes": [], "legend": []}
+    for found in GROUPS.finditer(plain):
+        texts[found["kind"]].append(re.sub(r'<g id="[^"]*"', "<g", found[0]))
+    boxes = [legend.get_window_extent().get_points() for legend in figure.legends]
+    pieces = [(box, "legend", text) for box, text in zip(boxes, texts["legend"], strict=True)]
+    panels = _find_panels(figure)
+    pieces += [(box, "panel", "".join(texts["axes"][n] for n in own)) for box, own in panels]
+    definitions = "".join(DEFINITIONS.findall(plain))
+    width, height = figure.get_size_inches() * POINTS
+    columns = {round(box[0, 0]): np.ptp(box[:, 0]) * POINTS / figure.dpi + 2.0 * PAD for box, _ in panels}
+    percent = 100.0 / max(width, 1.01 * sum(columns.values()))  # all columns fit into a row
+    drawings = []
+    for box, kind, text in pieces:
+        (left, bottom), (right, top) = box * POINTS / figure.dpi + [[-PAD], [PAD]]
+        view = f"{left:.1f} {height - top:.1f} {right - left:.1f} {top - bottom:.1f}"
+        share = min(percent * (right - left), 100.0)
+        drawings.append(f'<svg class="{kind}" style="--width:{share:.1f}" viewBox="{view}">{definitions}{text}</svg>')
+        definitions = ""
+    return "\n".join(drawings)

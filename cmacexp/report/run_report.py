@@ -1,78 +1,131 @@
-"""The report of one run."""
+"""The report of one run: its properties, metrics and settings as tables, and its figures."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from markupsafe import Markup
+
+from cmacexp.config.describe import Described, describe_fields, flatten_config, read_defaults
 from cmacexp.data.folder import require_no_link
-from cmacexp.data.integrity import faults
 from cmacexp.data.run import Run
-from cmacexp.data.tables import TABLES
 from cmacexp.data.trace import count_steps_by_cycle
 from cmacexp.errors import BadRun
+from cmacexp.metrics.body import describe_load
+from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
+from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
+from cmacexp.metrics.registry import ALL_METRICS
+from cmacexp.metrics.text import format_cell, format_setting
 from cmacexp.report.cycle_data import read_cycle_data
 from cmacexp.report.page import REPORT, Report, write_report
-from cmacexp.report.page_elements import Section
+from cmacexp.report.page_elements import Details, PageElement, Section, Table
 from cmacexp.report.run_figures import draw_body, draw_end, draw_metrics, draw_torques, draw_tracking
-from cmacexp.report.run_tables import list_facts, list_key_metrics, list_settings
 
 
-def require_whole(run: Run) -> None:
-    """Refuse a run whose tables are missing or changed, or that took no step; raises BadRun."""
-    for fault in faults(run.folder):
-        name, _, problem = fault.partition(": ")
-        if name in TABLES:
-            raise BadRun(f"{run.folder / name}: {problem}; run it again to report it")
-    if not run.manifest["steps"]:
-        raise BadRun(f"{run.folder}: the run took no step")
+def list_facts(run: Run) -> Table:
+    """How the run ended, its size, components, cost and versions."""
+    manifest, config, drift = run.manifest, run.config, read_drift_entry(run.manifest["drift"])
+    per_step = 1e6 * manifest["rollout_seconds"] / manifest["steps"]
+    facts = {
+        "folder": str(run.folder),
+        "ended": run.ending,
+        "drift": format_drift(drift, at_end=True) if drift else "not detected",
+        "guard of learning": describe_guard(manifest) or f"{config['learning'].get('guard', 'none')}, did not act",
+        "load of the feet": describe_load(manifest) or "as planned",
+        "cycles": f"{run.whole_cycles} of {config['cycles']} requested, {config['gait']['cycle_time']:g} s each",
+        "steps": f"{manifest['steps']} of {1e3 * config['sampling_period']:g} ms",
+        "closed loop": f"{per_step:.2f} us a step, the whole run {manifest['wall_seconds']:.2f} s",
+        "seed": str(manifest["seed"]),
+        "commit": str(manifest["git_commit"] or "unknown")[:16],
+        "versions": ", ".join(f"{name} {version}" for name, version in manifest["versions"].items()),
+    }
+    return Table(["property", "value"], [[key, value] for key, value in facts.items()])
 
 
-def _read_cycles(run: Run) -> list[int]:
-    kept = sorted(count_steps_by_cycle(run.folder))
+def list_key_metrics(run: Run, cycles: Sequence[int]) -> Table:
+    """The main metrics in the cycles that are shown."""
+    pooled = pool_legs(run.scores)
+    rows = []
+    for name, shown in select_main(pooled, count_legs(run.scores)).items():
+        numbers = [format_cell(shown.factor * pooled[name][cycle - 1]) for cycle in cycles]
+        symbol, _, below = shown.symbol.partition("_")
+        title = Markup("{} <i>{}</i><sub>{}</sub>").format(shown.title, symbol, below)
+        rows.append([title, ALL_METRICS[name].meaning, shown.unit, *numbers])
+    caption = "Key metrics" + (", pooled over the legs" if run.walks else "")
+    titles = ["metric", "meaning", "unit", *(f"cycle {cycle}" for cycle in cycles)]
+    return Table(titles, rows, caption, cards=True)
+
+
+def list_settings(run: Run) -> list[PageElement]:
+    """The config of the run, compared with that of its scenario without any change."""
+    settings, described = flatten_config(run.config), describe_fields(run.config)
+    scenario = str(run.config["scenario"])
+    defaults = read_defaults(scenario)
+    changed = [key for key, value in settings.items() if value != defaults.get(key)] if defaults else []
+
+    def make_row(key: str, *more: str) -> list[str]:
+        field = described.get(key, Described("", ""))
+        return [key, format_setting(settings[key]), *more, field.unit, field.meaning]
+
+    difference: PageElement
+    if not defaults:
+        difference = f"There is no scenario {scenario} here to compare with: changed settings are not listed."
+    elif not changed:
+        difference = f"All {len(settings)} settings are the defaults of scenario={scenario}."
+    else:
+        titles = ["setting", "value", f"default of {scenario}", "unit", "meaning"]
+        rows = [make_row(key, format_setting(defaults[key]) if key in defaults else "not set") for key in changed]
+        caption = f"{len(changed)} of {len(settings)} settings differ from the defaults of scenario={scenario}"
+        difference = Table(titles, rows, caption, cards=True)
+    table = Table(["setting", "value", "unit", "meaning"], list(map(make_row, settings)), cards=True)
+    return [difference, Details(f"All {len(settings)} settings", [table])]
+
+
+def list_cycles(run: Run) -> list[int]:
+    """The cycles of which the trace has a step; raises BadRun if there is none."""
+    kept = sorted(count_steps_by_cycle(run.folder)) if run.manifest["steps"] else []
     if not kept:
-        raise BadRun(f"{run.folder}: its trace holds no step; run it again without record.cycles")
+        reason = "its trace holds no step; run it again without record.cycles"
+        raise BadRun(f"{run.folder}: {reason if run.manifest['steps'] else 'the run took no step'}")
     return kept
 
 
 def choose_cycles(run: Run) -> list[int]:
     """The cycles to show: the first, the first that learned, the middle and the last whole one; raises BadRun."""
-    kept = _read_cycles(run)
+    kept = list_cycles(run)
     whole = run.select_whole(kept) or kept[:1]
     learned = run.config["learning"]["start_cycle"] if run.manifest["memory"] else 1
     candidates = {whole[0], whole[(len(whole) - 1) // 2], whole[-1], *[c for c in whole if c >= learned][:1]}
     return sorted(candidates)
 
 
-def _end(run: Run) -> list[Section]:
+def show_ending(run: Run) -> list[PageElement]:
+    """Why a run fell or diverged, and its last steps if they are in the trace; of other runs nothing."""
     if run.status not in ("fell", "diverged"):
         return []
-    last = run.last_cycle
-    ending = f"The run {run.ending}."
-    if last not in _read_cycles(run):
-        return [Section("How it ended", [ending])]
-    data = read_cycle_data(run, [max(last - 1, 1), last])
-    return [Section("How it ended", [ending, draw_end(data, run.status)])]
+    ending, last = f"The run {run.ending}.", run.last_cycle
+    if last not in list_cycles(run):
+        return [ending]
+    return [ending, draw_end(read_cycle_data(run, [max(last - 1, 1), last]), run.status)]
 
 
 def make_run_report(run: Run) -> Report:
     """The report of a run that ended, with any status; raises BadRun."""
-    require_whole(run)
     cycles = choose_cycles(run)
     data = read_cycle_data(run, cycles)
-    body = [Section("The body", [draw_body(data)])] if run.walks else []
-    sections = [
-        Section("In short", [list_key_metrics(run, cycles)]),
-        *_end(run),
-        *([Section("Over the cycles", [draw_metrics(run)])] if run.last_cycle > 1 else []),
-        Section("Over a cycle", draw_tracking(data)),
-        *body,
-        Section("Feedback and feedforward", [draw_torques(data)]),
-        list_settings(run),
-        Section("The run", [list_facts(run)]),
-    ]
-    shown = ", ".join(map(str, cycles))
-    summary = f"The run {run.ending}. Cycles shown: {shown}."
-    inputs = [run.folder / name for name in TABLES if name in run.manifest["files"]]
+    sections: dict[str, Sequence[PageElement]] = {
+        "In short": [list_key_metrics(run, cycles)],
+        "How it ended": show_ending(run),
+        "Over the cycles": [draw_metrics(run)] if run.last_cycle > 1 else [],
+        "Over a cycle": draw_tracking(data),
+        "The body": [draw_body(data)] if run.walks else [],
+        "Feedback and feedforward": [draw_torques(data)],
+        "Settings": list_settings(run),
+        "The run": [list_facts(run)],
+    }
+    summary = f"The run {run.ending}. Cycles shown: {', '.join(map(str, cycles))}."
     asked_for = {"runs": {str(run.folder.resolve()): run.manifest["config_hash"]}, "cycles": cycles}
-    return Report(f"{run.config['scenario']}: {run.folder.resolve().name}", summary, sections, inputs, asked_for)
+    title = f"{run.config['scenario']}: {run.folder.resolve().name}"
+    return Report(title, summary, [Section(*each) for each in sections.items() if each[1]], asked_for)
 
 
 def write_run_report(run: Run) -> Path:

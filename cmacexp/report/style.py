@@ -93,13 +93,18 @@ def label(axes: "Axes", title: str, x: str, y: str) -> None:
     axes.set_ylabel(y)
 
 
+def _select_finite(values: Sequence[float] | Array) -> Array:
+    """Those of the values that are neither NaN nor infinite."""
+    known = np.asarray(values, dtype=float)
+    return known[np.isfinite(known)]
+
+
 def include_zero(axes: "Axes", values: Sequence[float] | Array, from_zero: bool = True) -> None:
     """Extend a linear y axis with these values so that it does not exaggerate differences.
 
     It includes zero or, if not ``from_zero``, spans at least :data:`LEAST_SPAN` of the values.
     """
-    known = np.asarray(values, dtype=float)
-    known = known[np.isfinite(known)]
+    known = _select_finite(values)
     if not known.size or axes.get_yscale() != "linear":
         return
     middle, half = (known.min() + known.max()) / 2.0, LEAST_SPAN * np.abs(known).max() / 2.0
@@ -110,8 +115,7 @@ def include_zero(axes: "Axes", values: Sequence[float] | Array, from_zero: bool 
 
 def spans_decades(values: Sequence[float] | Array) -> bool:
     """Whether values need a logarithmic axis: none is negative, and those above 0 span more than :data:`DECADES`."""
-    known = np.asarray(values, dtype=float)
-    known = known[np.isfinite(known)]
+    known = _select_finite(values)
     above = known[known > 0]
     return bool(above.size and known.min() >= 0 and above.max() > DECADES * above.min())
 
@@ -120,14 +124,13 @@ def logarithmic(axes: "Axes", which: str, values: Sequence[float] | Array) -> No
     """Make the ``x`` or ``y`` axis logarithmic, with plain numbers at its ticks; values not above 0 are not drawn."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-    known = np.asarray(values, dtype=float)
-    known = known[np.isfinite(known) & (known > 0)]
+    known = _select_finite(values)
+    ratio = known.max() / known[known > 0].min()
     (axes.set_xscale if which == "x" else axes.set_yscale)("log", nonpositive="mask")
     axis = axes.xaxis if which == "x" else axes.yaxis
-    ratio = known.max() / known.min()
-    few = LogLocator(subs=(1.0, 2.0, 5.0) if ratio < 1e2 else (1.0,))
-    axis.set_major_locator(MaxNLocator("auto", steps=[1, 2, 5, 10]) if ratio < LEAST_RATIO else few)
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if ratio < 1e2 else (1.0,)))
     if ratio < LEAST_RATIO:
+        axis.set_major_locator(MaxNLocator("auto", steps=[1, 2, 5, 10]))
         axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())

@@ -1,20 +1,31 @@
-"""The report of several runs: in which settings they differ, how each ended, and their metrics."""
+"""The report of several runs: in which settings they differ, how each ended, their metrics as a table and figures."""
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from pathlib import Path
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from cmacexp.config.component import COMPONENTS
+from cmacexp.config.describe import describe_fields
 from cmacexp.config.load import WITHOUT_EFFECT
 from cmacexp.data.run import Run
-from cmacexp.data.tables import TABLES
-from cmacexp.metrics.run_table import format_runs, make_names
+from cmacexp.metrics.registry import JUDGED, MAIN
+from cmacexp.metrics.run_table import format_runs, make_names, shows
 from cmacexp.metrics.text import format_setting
+from cmacexp.report.curves import describe_change, describe_effect, is_numeric, over_cycles, over_setting
+from cmacexp.report.figures import draw
 from cmacexp.report.page import HOW_TO_REPORT, Report
-from cmacexp.report.page_elements import Section, Table
-from cmacexp.report.sweep_figures import draw_learning_curves, draw_over_key
+from cmacexp.report.page_elements import Drawing, PageElement, Section, Table
+from cmacexp.report.style import DASHES, MARKERS, SERIES
+from cmacexp.typing import Array
+
+MOST_LINES = 12
+"""Lines of learning curves: more runs are grouped by a swept value, of which as many are shown, evenly spaced."""
+MOST_VALUES = 12
+"""Values of a swept key that the table of differences lists."""
 
 Partition = tuple[int, ...]
 """For each run the first run that has the same value: values a, b, a give (0, 1, 0)."""
@@ -69,7 +80,22 @@ def find_swept(runs: Iterable[Run]) -> Swept:
     return Swept(keys, {key: linked[key] for key in keys if linked[key]}, seeds)
 
 
-def _list_stopped(runs: Sequence[Run]) -> list[Any]:
+def _list_differences(runs: Sequence[Run], swept: Swept) -> list[PageElement]:
+    """The values of each key in which runs differ, and the keys that vary with it."""
+    rows = []
+    for key in [*swept.keys, *swept.seeds]:
+        values = list(dict.fromkeys(format_setting(run.settings.get(key)) for run in runs if run.settings))
+        more = f", ... ({len(values)} values)" if len(values) > MOST_VALUES else ""
+        rows.append([key, ", ".join(values[:MOST_VALUES]) + more, ", ".join(swept.linked.get(key, []))])
+    if rows:
+        count = 3 if swept.linked else 2
+        titles = ["key", "values", "keys that vary with it"][:count]
+        return [Table(titles, [row[:count] for row in rows], "What differs between the runs")]
+    same = "These runs have the same config, apart from settings that do not change the results."
+    return [same] if all(run.settings for run in runs) else []
+
+
+def _list_stopped(runs: Sequence[Run]) -> list[PageElement]:
     """Runs that stopped or are broken, each with its reason."""
     named = zip(make_names(runs), runs, strict=True)
     rows = [[name, *run.outcome] for name, run in named if not run.completed]
@@ -77,45 +103,150 @@ def _list_stopped(runs: Sequence[Run]) -> list[Any]:
     return [Table(["run", "status", "reason"], rows, caption)] if rows else []
 
 
-def _list_differences(runs: Sequence[Run], swept: Swept) -> list[Any]:
-    rows = []
-    for key in [*swept.keys, *swept.seeds]:
-        values = list(dict.fromkeys(format_setting(run.settings.get(key)) for run in runs if run.settings))
-        listed = ", ".join(values[:12]) + (f", ... ({len(values)} values)" if len(values) > 12 else "")
-        rows.append([key, listed, *([", ".join(swept.linked.get(key, []))] if swept.linked else [])])
-    if not rows:
-        same = "These runs have the same config, apart from settings that do not change the results."
-        return [same] if all(run.settings for run in runs) else []
-    titles = ["key", "values", *(["keys that vary with it"] if swept.linked else [])]
-    return [Table(titles, rows, "What differs between the runs")]
+def _group_by(runs: Sequence[Run], key: str) -> dict[Any, list[Run]]:
+    """Runs by the value of a config key; numbers in their order."""
+    groups: dict[Any, list[Run]] = {}
+    for run in runs:
+        value = run.settings.get(key)
+        groups.setdefault(format_setting(value) if isinstance(value, list) else value, []).append(run)
+    return {value: groups[value] for value in sorted(groups)} if is_numeric(list(groups)) else groups
 
 
-def _make_line_names(runs: Sequence[Run], keys: Sequence[str]) -> list[str]:
-    """Names of the runs in legends: the values of the swept keys, or else their folders."""
-    named = [
-        ", ".join(f"{key.rpartition('.')[2]} {format_setting(run.settings.get(key))}" for key in keys) for run in runs
-    ]
-    return named if keys and len(keys) <= 3 and len(set(named)) == len(runs) else make_names(runs)
+def _make_file_name(prefix: str, key: str) -> str:
+    """The name of a figure about a config key."""
+    return f"{prefix}-{key.replace('.', '-').replace('_', '-').strip('-')}"
+
+
+def _read_names(run: Run, keys: Sequence[str]) -> dict[str, str]:
+    """Config keys as names of axes, with their units."""
+    fields = describe_fields(run.config)
+    return {key: f"{key}, {fields[key].unit}".rstrip(", ") if key in fields else key for key in keys}
+
+
+def _name_lines(runs: Sequence[Run], keys: Sequence[str]) -> dict[str, list[Run]]:
+    """Runs with a whole cycle by their names in legends: the values of the swept keys, or else their folders."""
+    values = [[format_setting(run.settings.get(key)) for key in keys] for run in runs]
+    short = [key.rpartition(".")[2] for key in keys]
+    names = [", ".join(map(" ".join, zip(short, own, strict=True))) for own in values]
+    if not 0 < len(keys) <= 3 or len(set(names)) < len(runs):
+        names = make_names(runs)
+    ends = ["" if run.completed else f", {run.outcome.status}" for run in runs]
+    return {name + end: [run] for name, end, run in zip(names, ends, runs, strict=True) if run.cycles_done}
+
+
+def _style_lines(lines: Mapping[str, Sequence[Run]], keys: Sequence[str]) -> dict[Any, dict[str, Any]]:
+    """Of two swept keys the first has a colour for each value, the second a dash and a mark."""
+    places = [list(_group_by([run for (run,) in lines.values()], key)) for key in keys]
+    styles = {}
+    for name, (run,) in lines.items():
+        colour, dash = (values.index(run.settings.get(key)) % 7 for values, key in zip(places, keys, strict=True))
+        styles[name] = {"color": SERIES[colour], "linestyle": DASHES[dash], "marker": MARKERS[dash]}
+    return styles
+
+
+def draw_learning_curves(runs: Sequence[Run], keys: Sequence[str]) -> list[Drawing]:
+    """The main metrics per cycle, a line for each run that has a whole one; none if no run has two.
+
+    Of many runs each of the first two swept keys has a figure with a line for each of its values.
+    """
+    lines = _name_lines(runs, keys)
+    begun = [run for (run,) in lines.values()]
+    if max((run.cycles_done for run in begun), default=0) < 2:
+        return []
+    if len(begun) <= MOST_LINES:
+        styles = _style_lines(lines, keys) if len(keys) == 2 else {}
+        return [_draw_learning("learning", "one line for each run", lines, "", styles)]
+    drawings = []
+    for key, title in _read_names(begun[0], keys[:2]).items():
+        groups = list(_group_by(begun, key).items())
+        chosen = dict(groups[round(place)] for place in np.linspace(0, len(groups) - 1, MOST_LINES))
+        some = f"; {len(chosen)} of {len(groups)} values are shown" if len(chosen) < len(groups) else ""
+        what = f"median and range of the runs with the same {key}{some}"
+        drawings.append(_draw_learning(_make_file_name("learning", key), what, chosen, title, {}))
+    return drawings
+
+
+def _draw_learning(
+    file: str, what: str, groups: Mapping[Any, Sequence[Run]], title: str, styles: Mapping[Any, dict[str, Any]]
+) -> Drawing:
+    """The main metrics per cycle, a line for each group; its name is that of the legend's entry."""
+    panels, ends = [], {}
+    for name in JUDGED:
+        histories = {
+            value: [
+                run.pooled[name] if name in run.pooled and shows(run, name) else np.full(run.cycles_done, np.nan)
+                for run in group
+            ]
+            for value, group in groups.items()
+        }
+        first, last = np.array([own[[0, -1]] for group in histories.values() for own in group]).T
+        if np.isfinite(last).any():
+            panel = over_cycles(name, histories)
+            series = [replace(line, style={**line.style, **styles.get(line.name, {})}) for line in panel.series]
+            panels.append(replace(panel, series=series, title=f"{MAIN[name].title} ({name})"))
+            ends[name] = np.array([np.nanmedian(own) for own in (first, last) if np.isfinite(own).any()])
+    caption = f"Metrics of each whole cycle: {what}.{describe_change(ends)}"
+    return Drawing(file, draw(panels, legend_title=title), f"{caption} Numbers are medians of the runs.")
+
+
+def _read_finals(runs: Sequence[Run], key: str, name: str) -> dict[Any, Array]:
+    """Defined values of a metric in the last cycle, in the unit that is shown, by the value of a key."""
+    finals = {value: np.array([run.final(name) for run in group]) for value, group in _group_by(runs, key).items()}
+    known = {value: MAIN[name].factor * sample[np.isfinite(sample)] for value, sample in finals.items()}
+    return {value: sample for value, sample in known.items() if sample.size}
+
+
+def draw_over_key(runs: Sequence[Run], key: str, keys: Sequence[str]) -> list[Drawing]:
+    """The main metrics of the last cycle over a swept key; with a second key a line for each of its values."""
+    ended = [run for run in runs if run.completed]
+    values = list(_group_by(runs, key))
+    others = [other for other in keys if other != key]
+    second = others[0] if len(others) == 1 and len(_group_by(ended, others[0])) <= 7 else ""
+    lines = _group_by(ended, second) if second else {"last cycle": ended}
+    stopped: list[Any] = [run.settings.get(key) for run in runs if not run.completed]
+    panels, samples, names, numeric = [], {}, _read_names(runs[0], keys), is_numeric(values)
+    for name in JUDGED:
+        known = np.array([value for run in ended if np.isfinite(value := run.final(name))])
+        varies = known.size and np.ptp(known) > 1e-9 * np.abs(known).max()
+        if not varies or not all(shows(run, name) for run in ended):
+            continue
+        samples[name] = list(_read_finals(ended, key, name).values())
+        groups = {line: _read_finals(group, key, name) for line, group in lines.items()}
+        shown, kind = MAIN[name], "lines" if numeric else "scatter"
+        axes, title = (names[key], f"{shown.title}, {shown.unit}"), f"{shown.title} ({name})"
+        panel = over_setting(groups, *axes, kind=kind, log=None, title=title, order=values)
+        if numeric and "x" not in panel.log:  # the same for all, also where few values have a metric
+            margin = 0.05 * (values[-1] - values[0] or 1.0)
+            panel = replace(panel, x_range=(values[0] - margin, values[-1] + margin))
+        crosses = stopped if numeric else [panel.ticks.index(format_setting(value)) for value in stopped]
+        panels.append(replace(panel, from_zero=shown.from_zero, crosses=crosses))
+    if not panels:
+        return []
+    caption = f"Metrics of the last cycle over {key}" + (f", a line for each {second}" if second else "")
+    rest = [other for other in others if other != second]
+    also = f"; {', '.join(rest)} also varies: values are means, bands are the range" if rest else ""
+    figure = draw(panels, legend_title=names.get(second, ""))
+    return [Drawing(_make_file_name("over", key), figure, f"{caption}{also}.{describe_effect(samples)}")]
 
 
 def make_sweep_report(runs: Sequence[Run], title: str, resume: str = "") -> Report:
     """The report of two or more runs; ``resume`` says how an unfinished sweep is continued."""
-    swept = find_swept(runs)
-    results = [run for run in runs if run.outcome.is_result]
+    swept, results = find_swept(runs), [run for run in runs if run.outcome.is_result]
     keys = [*swept.keys, *swept.seeds]
-    names = _make_line_names(results, keys)
-    curves = draw_learning_curves(results, names, keys or ["scenario"])
-    over = [drawing for key in swept.keys[:4] for drawing in draw_over_key(results, key, swept.keys)]
     final = Table(*format_runs(runs, keys), "Metrics of the last whole cycle, pooled over the legs")
     place = os.path.commonpath([run.folder.resolve().parent for run in runs])
     pages = f"Runs are folders below {place}. {HOW_TO_REPORT}"
-    sections = [Section("The runs", [*_list_differences(runs, swept), final, pages, *_list_stopped(runs)])]
-    sections += [Section("Metrics over the swept keys", over)] if over else []
-    sections += [Section("Learning curves", curves)] if curves else []
+    sections: dict[str, Sequence[PageElement]] = {
+        "The runs": [*_list_differences(runs, swept), final, pages, *_list_stopped(runs)],
+        "Metrics over the swept keys": [
+            drawing for key in swept.keys[:4] for drawing in draw_over_key(results, key, swept.keys)
+        ],
+        "Learning curves": draw_learning_curves(results, keys),
+    }
     ends = ", ".join(f"{count} {status}" for status, count in Counter(run.outcome.status for run in runs).items())
     summary = f"{len(runs)} runs: {ends}."
     if keys or all(run.settings for run in runs):
         summary += f" What differs between them: {', '.join(keys) or 'nothing'}."
     summary += f" To continue: {resume}." if resume else ""
-    inputs = [run.folder / name for run in results for name in TABLES if (run.folder / name).exists()]
-    return Report(title, summary, sections, inputs, {"runs": [str(Path(run.folder).resolve()) for run in runs]})
+    asked_for = {"runs": [str(run.folder.resolve()) for run in runs]}
+    return Report(title, summary, [Section(*each) for each in sections.items() if each[1]], asked_for)

@@ -91,4 +91,4 @@ def write_stability_report(
         renderer, text = Renderer(place.part), Path(__file__).with_name("page.md")
         sections = render_markdown(text, "Does learning hold", renderer, drawn, tables, values)
         summary = " ".join((verdict.describe(), *notes))
-        return write_report(Report(title, summary, sections, [place.part / VERDICT, *renderer.files], asked), place)
+        return write_report(Report(title, summary, sections, asked), place)

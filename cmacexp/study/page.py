@@ -249,9 +249,7 @@ def write_page(title: str, question: str, studies: Sequence[Evaluated], place: R
     sections = [make_claims_section(claims, folder)] if claims else []
     sections += [Section("Quick run", [Markup(f'<p class="banner">{QUICK_NOTICE}</p>')])] if quick else []
     sections += [section for study in studies for section in study.sections]
-    files = [file for study in studies for file in study.files]
     runs = {path: manifest for study in studies for path, manifest in study.runs.items()}
-    files += [path / name for path, manifest in runs.items() for name in manifest["files"]]
     if not quick:
         if any(study.claims or study.findings for study in studies):
             reading = Markup(READING.format(few=FEW))
@@ -259,8 +257,7 @@ def write_page(title: str, question: str, studies: Sequence[Evaluated], place: R
         statements = {s.name: [_statement(*each, folder) for each in s.statements.items()] for s in studies}
         for name, entries in ((CLAIMS, statements), (PROVENANCE, {s.name: s.provenance for s in studies})):
             place.write_text(name, json.dumps(entries, indent=1, ensure_ascii=False) + "\n")
-            files.append(place.part / name)
     config = {"studies": [study.name for study in studies], "quick": quick}
     hashes = {path: str(manifest["config_hash"]) for path, manifest in runs.items()}
-    report = Report(title, question, sections, sorted({*files}), config, hashes)
+    report = Report(title, question, sections, config, hashes)
     return write_report(report, place)

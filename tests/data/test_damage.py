@@ -208,7 +208,7 @@ def test_weights_that_are_none_are_bad_input(shape, kind, leg):
 
 
 def test_a_report_inside_a_run_is_no_run(leg):
-    write_report(Report("T", "S", [], []), leg / "report")
+    write_report(Report("T", "S", []), leg / "report")
     assert runs_below(leg) == everything_below(leg) == [leg]
     assert [call("verify", leg).returncode, call("score", leg / "report").returncode] == [0, 2]
 

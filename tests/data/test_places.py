@@ -15,7 +15,7 @@ from cmacexp.data.integrity import faults
 JOB = ("scenario=force_step", "gait.cycle_time=1.0", "record=trace")
 OTHER_MASS = 0.6
 KILLING = ROOT / "tests" / "support" / "killing.py"
-PAGE = Report("T", "S", [], [])
+PAGE = Report("T", "S", [])
 
 
 def run(folder, *overrides, watch=lambda cycles: None):
