@@ -1,17 +1,16 @@
 """``python -m cmacexp.report DIR...``: figures and tables of a run, or a comparison of several."""
 
 import argparse
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import require_place, runs_below
-from cmacexp.data.folder import OUT_KEY, require_no_link
+from cmacexp.data.discovery import runs_below
+from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
 from cmacexp.data.run import UNFINISHED, Run, sort_folders
-from cmacexp.errors import BadInput, BadRun
+from cmacexp.errors import BadRun
 from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.sweep_report import find_swept, make_sweep_report
@@ -24,45 +23,52 @@ REPORTS = Path("outputs/reports")
 
 
 def _find_destination(given: Sequence[Path], out: str | None) -> Path:
+    """The folder of the page; raises BadInput if a report cannot take its place."""
     if out is not None:
-        folder = require_place(OUT_KEY, Path(out))
-        inside = os.listdir(folder) if folder.is_dir() else []
-        if manifests.MANIFEST not in inside and any(not name.startswith(".cmacexp") for name in inside):
-            raise BadInput(OUT_KEY, folder, "holds files, but no report to replace; choose an empty or a new folder")
-        return folder
-    if len(given) == 1:
-        return require_no_link(given[0] / REPORT)
-    return REPORTS / "-".join(path.resolve().name for path in given[:4])
+        folder = Path(out)
+    elif len(given) == 1:
+        folder = require_no_link(given[0] / REPORT)
+    else:
+        folder = REPORTS / "-".join(path.resolve().name for path in given[:4])
+    check_place(folder, OUT_KEY, manifests.REPORT)
+    return folder
+
+
+def _read_runs(folders: Sequence[Path]) -> list[Run]:
+    """Runs of which at least one can be read, with their metrics; else raises BadRun."""
+    runs = list(map(Run, folders))
+    with show_progress("reading", len(runs), "runs") as set_done:
+        for number, run in enumerate(runs, 1):
+            _ = run.outcome  # read once, then kept
+            set_done(number)
+    if not any(run.outcome.is_result for run in runs):
+        first = f"{runs[0].folder.name}: {runs[0].outcome.cause}"
+        raise BadRun(f"{runs[0].folder.parent}: none of {len(runs)} runs can be read ({first})")
+    return runs
+
+
+def _describe_resume(given: Path, runs: Sequence[Run]) -> str:
+    """How a sweep goes on that was killed or interrupted; empty of others."""
+    is_sweep = (given / "multirun.yaml").exists()  # Hydra writes it when a sweep begins
+    stopped = {UNFINISHED, "interrupted"} & {run.outcome.status for run in runs}
+    return describe_resume(given) if is_sweep and (stopped or not (given / manifests.MANIFEST).exists()) else ""
 
 
 def _report_of_several(folders: Sequence[Path], given: Sequence[Path], out: Path) -> Path:
-    runs = list[Run]()
-    with show_progress("reading", len(folders), "runs") as set_done:
-        for folder in folders:
-            runs.append(Run(folder))
-            _ = runs[-1].outcome
-            set_done(len(runs))
-    if not any(run.outcome.is_result for run in runs):
-        where = " and ".join(map(str, given))
-        raise BadRun(
-            f"{where}: none of its {len(runs)} runs can be read ({runs[0].folder.name}: {runs[0].outcome.cause})"
-        )
-    swept = find_swept(runs)
+    """Write the page of several runs and print their table."""
+    runs = _read_runs(folders)
+    resume = _describe_resume(given[0], runs) if len(given) == 1 else ""
     title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
-    stopped = not (given[0] / manifests.MANIFEST).exists() or {UNFINISHED, "interrupted"} & {
-        run.outcome.status for run in runs
-    }
-    is_sweep = len(given) == 1 and (given[0] / "multirun.yaml").exists()  # Hydra writes it when a sweep begins
-    resume = describe_resume(given[0]) if is_sweep and stopped else ""
     with show_activity("comparing the runs"):
         path = write_report(make_sweep_report(runs, title, resume), out)
-    print_runs(runs, [*swept.keys, *swept.seeds], path)
+    print_runs(runs, find_swept(runs).all_keys, path)
     if resume:
         print_line(f"continue:  {resume}")
     return path
 
 
 def _report(arguments: argparse.Namespace) -> int:
+    """Write the page of one run or of several."""
     given: list[Path] = arguments.folders
     folders = list(dict.fromkeys(run for folder in given for run in sort_folders(runs_below(folder))))
     out = _find_destination(given, arguments.out)

@@ -4,8 +4,9 @@ import argparse
 from pathlib import Path
 
 from cmacexp.commands.command import Parser, run_command
-from cmacexp.data.discovery import require_place, runs_below
-from cmacexp.data.folder import require_no_link
+from cmacexp.data.discovery import runs_below
+from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
+from cmacexp.data.manifest import REPORT
 from cmacexp.data.run import Run
 from cmacexp.errors import BadInput
 from cmacexp.terminal.output import print_line, show_activity
@@ -15,15 +16,17 @@ FOLDER = "stability"
 
 
 def _analyse(arguments: argparse.Namespace) -> int:
+    """Analyse each run."""
     from cmacexp.terminal.messages import announce_compiling
 
     announce_compiling()
     folders = list(dict.fromkeys(run for given in arguments.folders for run in runs_below(given)))
     if arguments.out is not None and len(folders) > 1:
-        raise BadInput("--out", arguments.out, f"is for one run, but {len(folders)} were given")
-    out = None if arguments.out is None else require_place("--out", Path(arguments.out))
+        raise BadInput(OUT_KEY, arguments.out, f"is for one run, but {len(folders)} were given")
     for folder in folders:
-        _analyse_run(Run(folder), out or require_no_link(folder / FOLDER))
+        out = require_no_link(folder / FOLDER) if arguments.out is None else Path(arguments.out)
+        check_place(out, OUT_KEY, REPORT)
+        _analyse_run(Run(folder), out)
     return 0
 
 

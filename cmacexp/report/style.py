@@ -88,9 +88,7 @@ def nested(index: int, count: int) -> dict[str, Any]:
 
 def label(axes: "Axes", title: str, x: str, y: str) -> None:
     """Title and named axes with their units, e.g. ``label(axes, "foot", "x forward, mm", "y down, mm")``."""
-    axes.set_title(title)
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
+    axes.set(title=title, xlabel=x, ylabel=y)
 
 
 def _select_finite(values: Sequence[float] | Array) -> Array:

@@ -41,6 +41,11 @@ class Swept(NamedTuple):
     seeds: list[str]
     """Seeds that vary besides ``keys``: runs that differ in them alone repeat each other."""
 
+    @property
+    def all_keys(self) -> list[str]:
+        """Keys, then seeds: the columns of a table of runs."""
+        return [*self.keys, *self.seeds]
+
 
 def _partition(values: Sequence[Any]) -> Partition:
     texts = [repr(value) for value in values]
@@ -83,7 +88,7 @@ def find_swept(runs: Iterable[Run]) -> Swept:
 def _list_differences(runs: Sequence[Run], swept: Swept) -> list[PageElement]:
     """The values of each key in which runs differ, and the keys that vary with it."""
     rows = []
-    for key in [*swept.keys, *swept.seeds]:
+    for key in swept.all_keys:
         values = list(dict.fromkeys(format_setting(run.settings.get(key)) for run in runs if run.settings))
         more = f", ... ({len(values)} values)" if len(values) > MOST_VALUES else ""
         rows.append([key, ", ".join(values[:MOST_VALUES]) + more, ", ".join(swept.linked.get(key, []))])
@@ -232,7 +237,7 @@ def draw_over_key(runs: Sequence[Run], key: str, keys: Sequence[str]) -> list[Dr
 def make_sweep_report(runs: Sequence[Run], title: str, resume: str = "") -> Report:
     """The report of two or more runs; ``resume`` says how an unfinished sweep is continued."""
     swept, results = find_swept(runs), [run for run in runs if run.outcome.is_result]
-    keys = [*swept.keys, *swept.seeds]
+    keys = swept.all_keys
     final = Table(*format_runs(runs, keys), "Metrics of the last whole cycle, pooled over the legs")
     place = os.path.commonpath([run.folder.resolve().parent for run in runs])
     pages = f"Runs are folders below {place}. {HOW_TO_REPORT}"
