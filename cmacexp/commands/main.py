@@ -130,7 +130,7 @@ def _run(composed: DictConfig, hydra: Any) -> str:
 
     folder, record = Path(hydra.runtime.output_dir), make_record(composed, hydra) if config.record.trace else None
     with show_progress(config.scenario, config.cycles, "cycles") as watch:
-        result = run_scenario(config, folder, watch, scenario, warn, record)
+        result = run_scenario(config, folder, watch, scenario, warn, record, hydra.overrides.task)
     print_summary(result)
     if result.status == "interrupted":
         raise KeyboardInterrupt

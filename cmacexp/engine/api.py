@@ -101,7 +101,7 @@ def run(
         key: {"_target_": f"{type(component).__module__}.{type(component).__qualname__}"}
         for key, component in components.items()
     }
-    named, idle = None, list[str]()
+    texts, named, idle = None, None, list[str]()
     if not isinstance(overrides, Mapping):
         texts, named = _split(overrides)
         config, idle = _compose(texts, config_dir, **targets)
@@ -114,7 +114,7 @@ def run(
     place = Path(folder) if folder is not None else named
     if place is None:
         place = Path("outputs", config.scenario, datetime.now().strftime("%Y-%m-%d_%H-%M-%S-%f"))
-    result = run_scenario(config, place, prepared=make_scenario(config, None, **components))
+    result = run_scenario(config, place, prepared=make_scenario(config, None, **components), overrides=texts)
     if config.warn and (without_torque := describe_idle(result)):
         warnings.warn(without_torque, WithoutEffect, stacklevel=2)
     return result

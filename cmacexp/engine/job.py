@@ -68,7 +68,8 @@ def ensure_run(
     def watch(cycles: float) -> None:
         report_share(cycles / config.cycles)
 
-    return run_scenario(config, folder, watch, make_scenario(config), record=record, overrides=overrides), True
+    scenario = make_scenario(config)
+    return run_scenario(config, folder, watch, scenario, record=record, overrides=overrides, durable=False), True
 
 
 def write_failure(

@@ -172,14 +172,15 @@ def run_scenario(
     warn: Callable[[Drift], None] = lambda drift: None,
     record: Mapping[str, str] | None = None,
     overrides: Sequence[str] | None = None,
+    durable: bool = True,
 ) -> Run:
     """Run a scenario of a checked config and write its results to ``folder``.
 
     They take the place of an earlier run at the end; a run that diverged, failed or was interrupted keeps its results
     up to there. ``prepared`` is the scenario if it is already made. ``watch`` is called with the number of cycles
     done so far, see :func:`cmacexp.loop.stream`, ``warn`` once a drift is detected. ``record`` is Hydra's own, texts
-    by file name. ``overrides`` are those of a job of a sweep: a power failure may cost it its result, and the sweep
-    that is resumed runs it again.
+    by file name. ``overrides`` are those that the config comes from, None if it came whole. A result that is not
+    ``durable`` may be lost in a power failure: a sweep that is resumed runs such a job again.
 
     Raises BadInput, with nothing simulated or written, if the machine cannot follow the plan, or the folder
     holds something else; OSError if the folder cannot be written: an earlier run in it stays as it was.
@@ -189,7 +190,7 @@ def run_scenario(
     start = config.learning.start_from
     if start is not None and Path(start).resolve() == folder.resolve():
         raise BadInput("learning.start_from", start, f"is the folder of this run; choose another {RUN_KEY}")
-    with new_result(folder, RUN_KEY, durable=overrides is None) as writer:
+    with new_result(folder, RUN_KEY, durable=durable) as writer:
         for name, text in (record or {}).items():
             writer.write_text(f"{HYDRA_FOLDER}/{name}", text)
         manifest = _write(scenario, writer, watch, warn)

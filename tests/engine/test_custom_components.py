@@ -207,6 +207,7 @@ def test_a_run_goes_below_outputs_and_is_loaded_again(here):
     again = cmacexp.run(loaded.config, "again")
     assert loaded.trace.equals(run.trace)
     assert again.trace.equals(run.trace)
+    assert (run.manifest["overrides"], "overrides" in again.manifest) == ([*SHORT], False)
     assert run.trace.attrs["units"]["force"] == run.units["force"] == "N"
     assert repr(loaded) == repr(run)
     assert str(run).startswith(f"{run!r}\n")
