@@ -10,16 +10,16 @@ from typing import Any
 
 from cmacexp.data import signals
 from cmacexp.metrics.body import BODY_METRICS
-from cmacexp.metrics.metric import CYCLE, LEG, Metric
+from cmacexp.metrics.leg import SPATIAL
+from cmacexp.metrics.metric import describe
 from cmacexp.metrics.registry import LEG_METRICS
-from cmacexp.metrics.tracking import SPATIAL
 
 DECLARED = re.compile(r"^## (.+)$|^\{\{ declared \}\}$", re.MULTILINE)
 """A heading, or the place of its table."""
 COLUMNS = {
-    "`metrics.parquet`": {"cycle": CYCLE, "leg": LEG, **LEG_METRICS},
+    "`metrics.parquet`": {"cycle": None, "leg": None, **LEG_METRICS},
     "`metrics.parquet` of a robot": SPATIAL,
-    "`body_metrics.parquet`": {"cycle": CYCLE, **BODY_METRICS},
+    "`body_metrics.parquet`": {"cycle": None, **BODY_METRICS},
 }
 SIGNALS = {
     "`trace.parquet`": signals.LEG_SIGNALS,
@@ -37,7 +37,7 @@ def table_of(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def shown_as(column: Any) -> tuple[str, str, str]:
     """Name, symbol and unit of a metric in tables and figures, its pooling, and which direction is better."""
-    if not isinstance(column, Metric):
+    if column is None:
         return "-", "-", "-"
     shown = column.shown
     name = f"{shown.title} {shown.symbol}".rstrip() + f", {shown.unit}" if shown else "-"
@@ -48,7 +48,11 @@ def metrics_table(columns: Mapping[str, Any]) -> str:
     """Every metric of a file."""
     return table_of(
         ["column", "unit", "definition", "shown as", "over legs", "better", "NaN where", "source"],
-        [[f"`{name}`", c.unit or "1", c.meaning, *shown_as(c), c.undefined, c.source] for name, c in columns.items()],
+        [
+            [f"`{name}`", known["unit"] or "1", known["meaning"], *shown_as(c), known["undefined"], known["source"]]
+            for name, c in columns.items()
+            for known in [describe(name, c)]
+        ],
     )
 
 

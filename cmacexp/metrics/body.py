@@ -11,7 +11,6 @@ from cmacexp.data.trace import Trace
 from cmacexp.metrics.metric import (
     BODY_POOLING,
     CONTRACT,
-    CYCLE,
     LARGE,
     MCGHEE_FRANK,
     NEITHER,
@@ -86,7 +85,7 @@ def compute_body(body: Trace, steps_per_cycle: int, first_cycle: int = 1) -> pa.
     block = BodyBlock(body, np.arange(0, body.steps, steps_per_cycle))
     values = {name: metric.compute(block) for name, metric in BODY_METRICS.items()}
     cycles = np.arange(first_cycle, first_cycle + len(block.starts))
-    return to_table({"cycle": (CYCLE, cycles)}, values, BODY_METRICS)
+    return to_table({"cycle": cycles}, values, BODY_METRICS)
 
 
 def describe_load(manifest: Mapping[str, Any]) -> str:

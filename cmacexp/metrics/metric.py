@@ -72,7 +72,7 @@ Of = TypeVar("Of")
 
 
 class Metric(NamedTuple, Generic[Of]):
-    """A column of ``metrics.parquet`` or ``body_metrics.parquet``; what :class:`Index` has is in its metadata."""
+    """A column of ``metrics.parquet`` or ``body_metrics.parquet``; what :func:`describe` gives is in its metadata."""
 
     unit: str
     meaning: str
@@ -102,33 +102,26 @@ integral = partial(Metric, pooling=MEAN, better=SMALL, source=GRAHAM_LATHROP)
 worst = partial(Metric, pooling=LARGEST, better=SMALL)
 
 
-class Index(NamedTuple):
-    """A column that identifies the row."""
-
-    unit: str
-    meaning: str
-    undefined: str
-    source: str
+INDEX = {"cycle": "gait cycle, from 1", "leg": "as in the trace"}
+"""What columns mean that identify the row."""
 
 
-CYCLE = Index("", "gait cycle, from 1", "never", CONTRACT)
-LEG = Index("", "as in the trace", "never", CONTRACT)
-
-
-def describe(column: Metric[Any] | Index) -> dict[str, str]:
-    """The metadata of a column's field."""
-    return {name: getattr(column, name) for name in Index._fields}
+def describe(name: str, metric: Metric[Any] | None = None) -> dict[str, str]:
+    """The metadata of a column, of a metric or one of :data:`INDEX`: unit, meaning, where it is NaN, and source."""
+    if metric is None:
+        return {"unit": "", "meaning": INDEX[name], "undefined": "never", "source": CONTRACT}
+    return {key: getattr(metric, key) for key in ("unit", "meaning", "undefined", "source")}
 
 
 def to_table(
-    index: Mapping[str, tuple[Index, NDArray[np.integer]]],
+    index: Mapping[str, NDArray[np.integer]],
     values: Mapping[str, Array],
     metrics: Mapping[str, Metric[Any]],
 ) -> pa.Table:
-    """A table of metrics: whole numbers, values by name, and their definitions in the metadata of each field."""
-    fields = [pa.field(name, pa.int32(), metadata=describe(column)) for name, (column, _) in index.items()]
-    arrays = [arrow(numbers, pa.int32()) for _, numbers in index.values()]
+    """A table of metrics: columns of :data:`INDEX`, then values by name, each with its definition as metadata."""
+    fields = [pa.field(name, pa.int32(), metadata=describe(name)) for name in index]
+    arrays = [arrow(numbers, pa.int32()) for numbers in index.values()]
     for name, metric in metrics.items():
-        fields.append(pa.field(name, pa.float64(), metadata=describe(metric)))
+        fields.append(pa.field(name, pa.float64(), metadata=describe(name, metric)))
         arrays.append(arrow(values[name].ravel(), pa.float64()))
     return pa.Table.from_arrays(arrays, schema=pa.schema(fields))

@@ -5,8 +5,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from cmacexp.data.parquet import as_array
 from cmacexp.data.tables import Scores
+from cmacexp.data.trace import Trace
 from cmacexp.metrics.metric import MetricDisplay
 from cmacexp.metrics.registry import ALL_METRICS, MAIN, SHOWN
 from cmacexp.metrics.text import format_cell
@@ -20,18 +20,18 @@ Row = TypeVar("Row")
 
 def count_legs(scores: Scores) -> int:
     """Number of legs that were scored."""
-    return int(as_array(scores.legs, "leg").max(initial=1))
+    return Trace(scores.legs).legs
 
 
 def pool_legs(scores: Scores) -> dict[str, Array]:
     """Every metric of legs and body by name, one value per cycle, in SI units; NaN where no leg defines it."""
-    legs = count_legs(scores)
-    pooled = {}
-    for table, columns in ((scores.legs, legs), (scores.body, 1)):
-        for name in table.column_names if table is not None else ():
-            if name in ALL_METRICS:
-                pooled[name] = ALL_METRICS[name].pooling.pool(as_array(table, name).reshape(-1, columns))
-    return pooled
+    by_cycle = [Trace(table) for table in scores if table is not None]
+    return {
+        name: ALL_METRICS[name].pooling.pool(values[name].reshape(values.steps, -1))
+        for values in by_cycle
+        for name in values.names
+        if name in ALL_METRICS
+    }
 
 
 def is_shown(name: str, values: Container[str], legs: int) -> bool:

@@ -5,11 +5,9 @@ from typing import Any
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.drift import LEARNING
-from cmacexp.metrics.force import FORCE
+from cmacexp.metrics.leg import FORCE, SPATIAL, TORQUE, TRACKING
 from cmacexp.metrics.memory import MEMORY_METRICS
 from cmacexp.metrics.metric import NEITHER, Metric, MetricDisplay
-from cmacexp.metrics.torque import TORQUE
-from cmacexp.metrics.tracking import SPATIAL, TRACKING
 
 OF_A_CYCLE: dict[str, Metric[Block]] = {**TRACKING, **FORCE, **TORQUE}
 """Those that follow from the trace of one cycle."""

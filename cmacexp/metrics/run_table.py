@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from cmacexp.data.run import Run
+from cmacexp.metrics.leg import SPATIAL
 from cmacexp.metrics.metric import MetricDisplay
 from cmacexp.metrics.pooling import is_shown
 from cmacexp.metrics.registry import ALL_METRICS, MAIN, RANKED
 from cmacexp.metrics.text import format_cell, format_setting
-from cmacexp.metrics.tracking import SPATIAL
 
 
 def shows(run: Run, name: str) -> bool:

@@ -9,10 +9,10 @@ from cmacexp.data.trace import Trace, read_memory, stream_trace
 from cmacexp.metrics.block import Block, split_cycles
 from cmacexp.metrics.body import compute_body
 from cmacexp.metrics.drift import LEARNING, Drift, DriftDetector
+from cmacexp.metrics.leg import SPATIAL
 from cmacexp.metrics.memory import MEMORY_METRICS, join_memory
-from cmacexp.metrics.metric import CYCLE, LEG, to_table
+from cmacexp.metrics.metric import to_table
 from cmacexp.metrics.registry import LEG_METRICS, OF_A_CYCLE
-from cmacexp.metrics.tracking import SPATIAL
 from cmacexp.typing import Array
 
 
@@ -57,8 +57,8 @@ class RunScorer:
         memory = join_memory(self.memory, cycles, legs)
         values |= {name: metric.compute(memory) for name, metric in MEMORY_METRICS.items()}
         index = {
-            "cycle": (CYCLE, np.repeat(np.arange(1, cycles + 1), legs)),
-            "leg": (LEG, np.tile(np.arange(1, legs + 1), cycles)),
+            "cycle": np.repeat(np.arange(1, cycles + 1), legs),
+            "leg": np.tile(np.arange(1, legs + 1), cycles),
         }
         body = pa.concat_tables(self._body).combine_chunks() if self._body else None
         columns = {**LEG_METRICS, **SPATIAL} if SPATIAL.keys() <= values.keys() else LEG_METRICS

@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from support.made_traces import make_trace, measure, measure_trace
 
+from cmacexp.metrics.leg import SPATIAL
 from cmacexp.metrics.registry import LEG_METRICS
-from cmacexp.metrics.tracking import SPATIAL
 
 CYCLE, ROWS, LEGS = "TTTSSSS", 14, 2
 JOINTS = (1, 2, 3)

@@ -1,0 +1,254 @@
+"""Metrics of a leg in a cycle: errors of its foot, its contact force, its torques; pure functions of a block."""
+
+from functools import reduce
+
+import numpy as np
+
+from cmacexp.metrics.block import Block, three_feet
+from cmacexp.metrics.measures import divide, iae, itae, largest, mean, ripple, rms, settling_time
+from cmacexp.metrics.metric import (
+    CONTRACT,
+    LARGE,
+    MEAN,
+    NEAR_ZERO,
+    NEITHER,
+    OGATA,
+    RMS,
+    Metric,
+    MetricDisplay,
+    integral,
+    rmse,
+    worst,
+)
+from cmacexp.typing import Array, Mask
+
+NO_TRANSFER, NO_SUPPORT = "no sample of transfer", "no sample of support"
+
+
+def transfer_rmse(axis: str) -> Metric[Block]:
+    """The column ``transfer_rmse_*`` of an axis."""
+    meaning = f"RMS of {axis} - {axis}_desired in transfer"
+    shown = MetricDisplay(f"{axis} error", "mm", 1e3, symbol=f"e_{axis}", instead="transfer_rmse")
+    return rmse("m", meaning, NO_TRANSFER, lambda b: rms(b.error[axis], b.transfer), shown=shown)
+
+
+def support_rmse(axis: str) -> Metric[Block]:
+    """The column ``support_rmse_*`` of an axis."""
+    meaning = f"RMS of {axis} - {axis}_desired in support"
+    shown = MetricDisplay(f"{axis} error in support", "mm", 1e3, main=False, symbol=f"e_{axis}s")
+    return rmse("m", meaning, NO_SUPPORT, lambda b: rms(b.error[axis], b.support), shown=shown)
+
+
+TRACKING: dict[str, Metric[Block]] = {
+    "transfer_rmse_x": transfer_rmse("x"),
+    "transfer_rmse_y": transfer_rmse("y"),
+    "support_rmse_x": support_rmse("x"),
+}
+
+
+def joint_rmse(block: Block) -> Array:
+    """Root mean square error of all joints over the cycle, rad."""
+    assert block.joint_error is not None
+    return np.sqrt(mean((block.joint_error**2).mean(axis=-1), block.valid))
+
+
+SPATIAL: dict[str, Metric[Block]] = {
+    "transfer_rmse_z": transfer_rmse("z"),
+    "transfer_rmse": rmse(
+        "m",
+        "RMS distance of the foot from where it should be in transfer",
+        NO_TRANSFER,
+        lambda b: np.sqrt(mean(b.error["x"] ** 2 + b.error["y"] ** 2 + b.error["z"] ** 2, b.transfer)),
+        shown=MetricDisplay("foot error", "mm", 1e3, symbol="e_foot"),
+    ),
+    "support_rmse_z": support_rmse("z"),
+    "joint_rmse": rmse(
+        "rad",
+        "RMS of q - q_desired, all joints",
+        "never",
+        joint_rmse,
+        shown=MetricDisplay("joint error", "mrad", 1e3, symbol="e_q"),
+    ),
+}
+
+
+# Contact force; a support is the response to a step from no force to the desired one
+
+
+def force_settled(block: Block) -> Array:
+    """Mean force over the second half of support, N."""
+    return mean(block.force, block.second_half)
+
+
+def desired_settled(block: Block) -> Array:
+    """Mean desired force over the second half of support, N."""
+    return mean(block.force_desired, block.second_half)
+
+
+def force_steady_state_error(block: Block) -> Array:
+    """(settled - desired) / desired, signed."""
+    desired = desired_settled(block)
+    return divide(force_settled(block) - desired, desired)
+
+
+def force_overshoot(block: Block) -> Array:
+    """Largest force over desired - 1 over support; NaN unless the desired force is constant in the second half."""
+    desired = desired_settled(block)
+    constant = largest(np.abs(block.force_desired - desired[:, :, None]), block.second_half) <= 1e-9 * np.abs(desired)
+    pressed = np.where(constant & (desired > 0.0), desired, np.nan)
+    return largest(block.force / pressed[..., None], block.support) - 1.0
+
+
+def force_settling_time(block: Block) -> Array:
+    """Settling time of the step response of the force, s; NaN unless a support begins and ends within its cycle."""
+    response = block.since_touch_down, block.force, force_settled(block), block.support
+    return block.whole_support * settling_time(*response, block.rhythm.step)
+
+
+_NO_SECOND_HALF = "no sample of the second half of support"
+_NO_PERIOD = f"{NO_SUPPORT}, or one sample in all"
+_NOT_WHOLE = "support does not begin and end in the cycle"
+
+FORCE: dict[str, Metric[Block]] = {
+    "force_rmse": rmse(
+        "N",
+        "RMS force error in support",
+        NO_SUPPORT,
+        lambda b: rms(b.force_error, b.support),
+        shown=MetricDisplay("force error", "N", symbol="e_F"),
+    ),
+    "force_rmse_cycle": rmse("N", "RMS force error, all samples", "never", lambda b: rms(b.force_error, b.valid)),
+    "force_rmse_three_feet": rmse(
+        "N",
+        "RMS force error over the middle half of each planned three-foot interval",
+        "never three feet down (one leg)",
+        lambda b: rms(b.force_error, three_feet(b)),
+        shown=MetricDisplay("error on three feet", "N", symbol="e_F3"),
+        source=CONTRACT,
+    ),
+    "force_settled": Metric(
+        "N",
+        "mean force over the second half of support",
+        _NO_SECOND_HALF,
+        force_settled,
+        MEAN,
+        NEITHER,
+        MetricDisplay("settled force", "N", over_legs=False, symbol="F_s"),
+    ),
+    "force_steady_state_error": Metric(
+        "",
+        "(force_settled - desired)/desired, signed",
+        f"{_NO_SECOND_HALF}, or desired force 0",
+        force_steady_state_error,
+        MEAN,
+        NEAR_ZERO,
+        MetricDisplay("steady error", "%", 100.0, over_legs=False, symbol="e_ss"),
+    ),
+    "force_overshoot": worst(
+        "",
+        "max force/desired - 1 over support",
+        "desired force not constant over the second half of support, or 0",
+        force_overshoot,
+        shown=MetricDisplay("overshoot", "%", 100.0, over_legs=False, symbol="M_p"),
+        source=f"{OGATA}, of the desired force",
+    ),
+    "force_ripple": rmse(
+        "N",
+        "standard deviation of force over the second half of support",
+        _NO_SECOND_HALF,
+        lambda b: ripple(b.force, b.second_half),
+        shown=MetricDisplay("force ripple", "N", main=False, symbol="s_F"),
+        source=CONTRACT,
+    ),
+    "force_settling_time": worst(
+        "s",
+        "from touch-down to within 2 % of force_settled",
+        f"never settles, settles at 0, or {_NOT_WHOLE}",
+        force_settling_time,
+        shown=MetricDisplay("settling time", "s", over_legs=False, symbol="t_s"),
+        source=OGATA,
+    ),
+    "force_iae": integral(
+        "N s",
+        "integral of the absolute force error over support",
+        _NO_PERIOD,
+        lambda b: iae(b.force_error, b.support, b.rhythm.step),
+    ),
+    "force_itae": integral(
+        "N s^2",
+        "integral of time since touch-down times absolute force error over support",
+        _NOT_WHOLE,
+        lambda b: b.whole_support * itae(b.since_touch_down, b.force_error, b.support, b.rhythm.step),
+        shown=MetricDisplay("ITAE", "N s²", over_legs=False),
+    ),
+}
+
+
+# Torques: how large they are, and the share of the feedforward
+
+
+def _joints(by: np.ufunc, torque: Array) -> Array:
+    """All joints of ``torque`` (..., J) as one number; ``by.reduce`` over the last axis takes ten times as long."""
+    return reduce(by, np.moveaxis(torque, -1, 0))
+
+
+def _torque_rms(torque: Array, valid: Mask) -> Array:
+    """Square root of the mean square over the joints and over the cycle, N m."""
+    return np.sqrt(mean(_joints(np.add, torque**2) / torque.shape[-1], valid))
+
+
+def energy(block: Block) -> Array:
+    """Integral of the absolute power of the joints over the cycle, J."""
+    power = _joints(np.add, np.abs(block.torque * block.rate))
+    return mean(power, block.valid) * block.valid.sum(axis=-1) * block.rhythm.step
+
+
+def feedforward_share(block: Block) -> Array:
+    """Sum of abs(tau_feedforward) over the sum of abs(tau_feedforward) + abs(tau_feedback), over the cycle."""
+    feedforward = mean(_joints(np.add, np.abs(block.feedforward)), block.valid)
+    total = feedforward + mean(_joints(np.add, np.abs(block.feedback)), block.valid)
+    return divide(feedforward, total)
+
+
+TORQUE: dict[str, Metric[Block]] = {
+    "feedback_rms": rmse(
+        "N m",
+        "RMS feedback torque, all joints",
+        "never",
+        lambda b: _torque_rms(b.feedback, b.valid),
+        shown=MetricDisplay("feedback torque", "N m", main=False, symbol="T_fb"),
+        source=CONTRACT,
+    ),
+    "feedback_change": rmse(
+        "N m",
+        "RMS change of the feedback torque from the cycle before, all joints",
+        "the first cycle",
+        lambda b: _torque_rms(b.feedback_change, b.valid),
+    ),
+    "feedforward_rms": Metric(
+        "N m",
+        "RMS feedforward torque, all joints",
+        "never",
+        lambda b: _torque_rms(b.feedforward, b.valid),
+        RMS,
+        NEITHER,
+        MetricDisplay("feedforward torque", "N m", main=False, symbol="T_ff"),
+    ),
+    "torque_peak": worst(
+        "N m",
+        "largest absolute joint torque",
+        "never",
+        lambda b: largest(_joints(np.maximum, np.abs(b.torque)), b.valid),
+        shown=MetricDisplay("peak torque", "N m", main=False, symbol="T_max"),
+    ),
+    "energy": integral("J", "absolute work of all joints over the cycle", "never", energy, source=CONTRACT),
+    "feedforward_share": Metric(
+        "",
+        "feedforward over feedforward + feedback, absolute torques",
+        "no torque in the whole cycle",
+        feedforward_share,
+        MEAN,
+        LARGE,
+        MetricDisplay("feedforward share", "%", 100.0, symbol="r_ff"),
+    ),
+}
