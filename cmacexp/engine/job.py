@@ -68,8 +68,8 @@ def ensure_run(
     def watch(cycles: float) -> None:
         report_share(cycles / config.cycles)
 
-    scenario = make_scenario(config)
-    return run_scenario(config, folder, watch, scenario, record=record, overrides=overrides, durable=False), True
+    options: dict[str, Any] = {"record": record, "overrides": overrides, "durable": overrides is None}
+    return run_scenario(config, folder, watch, make_scenario(config), **options), True
 
 
 def write_failure(
