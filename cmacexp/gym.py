@@ -22,7 +22,7 @@ from cmacexp.models.chain import chain_points
 from cmacexp.models.ground import height_at
 from cmacexp.models.mechanism import POINT_MASS, has_body
 from cmacexp.planning.columns import BEFORE, FORCE_DESIRED, REFERENCE_VZ, REFERENCE_Z, VX, VY, X, Y, Z
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Status
 
 try:
     import gymnasium
@@ -194,10 +194,10 @@ class LoopEnv(Env[Array, Array]):
         torque = (clipped * self.action_scale).reshape(self.loop.shape)
         moment = self.loop.step(torque)
         self._torques.append(torque)
-        fails = moment.status not in ("running", "completed")
+        fails = moment.status not in ("running", Status.COMPLETED)
         left = self.loop.steps - moment.step + 1
         reward = -LARGEST_COST * left if fails else -self.compute_cost(moment)
-        return self._observe(moment), reward, fails, moment.status == "completed", self._inform(moment)
+        return self._observe(moment), reward, fails, moment.status == Status.COMPLETED, self._inform(moment)
 
     def compute_cost(self, moment: LoopState) -> float:
         """The cost of a state, see the class; 0 to 10."""

@@ -1,6 +1,7 @@
-"""Array types that the whole project shares."""
+"""Types that the whole project shares: arrays, and how a run ended."""
 
 from collections.abc import Mapping
+from enum import StrEnum
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -31,3 +32,25 @@ Scratch = Annotated[Array, SCRATCH]
 
 Weights = Mapping[str, NDArray[Any]]
 """What a feedforward has learnt, and the law by which it is addressed: arrays by name."""
+
+
+class Status(StrEnum):
+    """How a run, or a sweep, ended; a member is equal to its text."""
+
+    COMPLETED = "completed"
+    FELL = "fell"
+    DIVERGED = "diverged"
+    FAILED = "failed"
+    INTERRUPTED = "interrupted"
+    BAD_INPUT = "bad input"
+    """Of a sweep: no job could be run."""
+    NOT_INTACT = "not intact"
+    """In a table of runs: its manifest or its tables are missing or changed."""
+    UNFINISHED = "unfinished"
+    """Likewise: it was killed before it had any."""
+
+
+RESULTS = (Status.COMPLETED, Status.FELL, Status.DIVERGED)
+"""Of a run that has a result, which can be compared with others."""
+ENDS = (*RESULTS, Status.FAILED, Status.INTERRUPTED)
+"""What the manifest of a run can say."""

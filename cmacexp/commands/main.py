@@ -22,8 +22,15 @@ from cmacexp.config.hydra_private import report_parser_errors, skip_mode_lookup,
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.jit.interrupt import interrupt_held_back
+from cmacexp.typing import Status
 
-EXIT_CODES = {"completed": COMPLETED, "failed": FAILED, "bad input": BAD_INPUT, "fell": STOPPED, "diverged": STOPPED}
+EXIT_CODES: dict[str, int] = {
+    Status.COMPLETED: COMPLETED,
+    Status.FAILED: FAILED,
+    Status.BAD_INPUT: BAD_INPUT,
+    Status.FELL: STOPPED,
+    Status.DIVERGED: STOPPED,
+}
 """By the status of a run, or how a sweep ended."""
 
 MULTIRUN = ("-m", "--multirun")
@@ -69,7 +76,7 @@ class _Task:
     """
 
     def __init__(self) -> None:
-        self.called, self.status = False, "completed"
+        self.called, self.status = False, str(Status.COMPLETED)
         self.error: Exception | None = None
 
     def __call__(self, composed: DictConfig) -> None:
@@ -132,9 +139,9 @@ def _run(composed: DictConfig, hydra: Any) -> str:
     with show_progress(config.scenario, config.cycles, "cycles") as watch:
         result = run_scenario(config, folder, watch, scenario, warn, record, hydra.overrides.task)
     print_summary(result)
-    if result.status == "interrupted":
+    if result.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
-    if result.status == "failed":
+    if result.status == Status.FAILED:
         print(result.manifest.get("traceback", ""), file=sys.stderr, end="")
         print_line(f"error: {result.manifest['cause']}", error=True)
     return result.status

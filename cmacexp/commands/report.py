@@ -9,7 +9,7 @@ from cmacexp.commands.command import Parser, run_command
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
-from cmacexp.data.run import UNFINISHED, Run, sort_folders
+from cmacexp.data.run import Run, sort_folders
 from cmacexp.errors import BadRun
 from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
@@ -17,6 +17,7 @@ from cmacexp.report.sweep_report import find_swept, make_sweep_report
 from cmacexp.terminal.messages import describe_resume
 from cmacexp.terminal.output import print_line, show_activity, show_progress
 from cmacexp.terminal.tables import print_key, print_runs
+from cmacexp.typing import Status
 
 REPORTS = Path("outputs/reports")
 """Reports over several folders are written to a folder in here."""
@@ -50,7 +51,7 @@ def _read_runs(folders: Sequence[Path]) -> list[Run]:
 def _describe_resume(given: Path, runs: Sequence[Run]) -> str:
     """How a sweep goes on that was killed or interrupted; empty of others."""
     is_sweep = (given / "multirun.yaml").exists()  # Hydra writes it when a sweep begins
-    stopped = {UNFINISHED, "interrupted"} & {run.outcome.status for run in runs}
+    stopped = {Status.UNFINISHED, Status.INTERRUPTED} & {run.outcome.status for run in runs}
     return describe_resume(given) if is_sweep and (stopped or not (given / manifests.MANIFEST).exists()) else ""
 
 

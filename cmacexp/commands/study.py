@@ -12,7 +12,6 @@ from typing import NoReturn
 from cmacexp.commands.command import COMPLETED, Parser, run_command
 from cmacexp.data.discovery import require_place
 from cmacexp.data.folder import HTML, new_result
-from cmacexp.data.integrity import RESULTS
 from cmacexp.data.manifest import REPORT
 from cmacexp.data.run import Run
 from cmacexp.engine.collect import Collected, ensure_runs
@@ -25,6 +24,7 @@ from cmacexp.study.provenance import choose_witnesses, digest_study, make_proven
 from cmacexp.study.results import Results, read_row
 from cmacexp.study.study import Request, StudyFile, load_study
 from cmacexp.terminal.output import print_line
+from cmacexp.typing import RESULTS
 
 FOLDER = Path("outputs/studies")
 FOLDER_KEY = "--folder"

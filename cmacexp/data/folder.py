@@ -113,8 +113,10 @@ def check_place(folder: Path, key: str, kind: str | None = None) -> None:
     It may be missing, empty, or an earlier result of the same kind. Hidden files of others and logs stay in it.
     """
     require_place(key, folder)
-    if os.path.ismount(folder):
-        raise BadInput(key, folder, "is a mount point, which cannot be replaced as a whole; name a folder in it")
+    shell = Path(os.environ.get("PWD", os.sep)).resolve()
+    if os.path.ismount(folder) or folder.resolve() == shell:
+        reason = "is a mount point or the current folder, which cannot be replaced as a whole; name a folder in it"
+        raise BadInput(key, folder, reason)
     holds_result = _check_kind(folder, key, kind)
     for name in sorted(os.listdir(folder)) if folder.exists() else ():
         is_harmless = name[0] == "." or fnmatchcase(name, LOGS)

@@ -19,9 +19,8 @@ from cmacexp.data.tables import (
 )
 from cmacexp.errors import BadRun
 from cmacexp.jit.sources import code_hash
+from cmacexp.typing import RESULTS
 
-RESULTS = ("completed", "fell", "diverged")
-"""Status values of a run that has a result."""
 VIEWS = (METRICS_CSV, RECORDING_FILE)
 """Files that can be made from the others: manifests of earlier versions list them."""
 
@@ -64,7 +63,7 @@ def is_finished(folder: Path, config: Config) -> bool:
 
 def _list_missing(manifest: manifests.Manifest) -> list[str]:
     """Files that a run with a result must have, and that its manifest does not list."""
-    if "kind" in manifest or manifest["status"] not in RESULTS:
+    if manifest["status"] not in RESULTS:
         return []
     machine = manifest["config"].get("machine")
     walks = isinstance(machine, dict) and MACHINES.get(str(machine.get("kind"))) in get_args(BodyMachine)

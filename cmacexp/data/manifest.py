@@ -67,7 +67,7 @@ def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: An
     """The manifest of a run of a plain ``config``; the defaults are those of a run that took no step."""
     config = json.loads(json.dumps(config))  # keys become text, as they will be read: the hash must be the same
     return {
-        "status": status,
+        "status": str(status),
         "cause": cause,
         "seed": config.get("seed"),
         "config": config,
@@ -92,15 +92,19 @@ def write(folder: Path, manifest: Manifest) -> None:
 
 
 def read(folder: Path) -> Manifest:
-    """The manifest of a run, a report or a sweep, checked.
+    """The manifest of a run, checked.
 
-    Raises BadRun if there is none, it cannot be read, or an entry is missing or not what it must be.
+    Raises BadRun if there is none, it cannot be read, it is one of a report or a sweep, or an entry is missing or not
+    what it must be.
     """
-    return read_file(folder / MANIFEST)
+    manifest = read_file(folder / MANIFEST)
+    if "kind" in manifest:
+        raise BadRun(f"{folder}: holds a {manifest['kind']}, not a run; give the folder of a run")
+    return manifest
 
 
 def read_file(path: Path) -> Manifest:
-    """:func:`read` for a file of another name."""
+    """The manifest in a file, of a run, a report or a sweep; raises BadRun as :func:`read`."""
     try:
         manifest: Manifest = json.loads(_read_checked(path, file_signature(path)))
     except (FileNotFoundError, NotADirectoryError):

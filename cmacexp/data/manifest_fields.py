@@ -8,12 +8,11 @@ from typing import Any, NamedTuple
 
 from cmacexp.config import config_hash
 from cmacexp.config.component import COMPONENTS
+from cmacexp.typing import ENDS
 
 REPORT, SWEEP = "report", "sweep"
-"""Kinds of manifests that list a report and the runs of its numbers, or the tables of a sweep; a run has no kind."""
+"""Kinds of manifests that name a report and its runs, or a sweep and how it ended; a run has no kind."""
 MAX_STEPS_PER_CYCLE = 1 << 32
-MAX_DEPTH = 16
-"""Objects and lists within each other; a config has some five."""
 
 
 class Kind(NamedTuple):
@@ -51,16 +50,11 @@ COUNTS = Kind("a list of whole numbers", lambda value: isinstance(value, list) a
 HASH = Kind("a SHA-256", lambda value: isinstance(value, str) and bool(re.fullmatch("[0-9a-f]{64}", value)))
 OBJECT = {"*": ANY}
 
-FIELDS = {
-    "kind?": _choice(REPORT, SWEEP),
-    "status": _choice("completed", "fell", "diverged", "failed", "interrupted", "bad input"),
+RUN_FIELDS = {
+    "status": _choice(*ENDS),
     "config": OBJECT,
     "files": {"*": HASH},
     "versions": {"*": TEXT},
-    "key?": TEXT,
-    "runs?": {"*": TEXT},
-}
-RUN_FIELDS = {
     "cause": _or_null(TEXT),
     "seed": ANY,
     "config_hash": HASH,
@@ -100,7 +94,7 @@ RUN_FIELDS = {
     "traceback?": TEXT,
     "bad_input?": FLAG,
 }
-"""Further ones of a run. ``robot``: geometry of the legs, chains as in :mod:`cmacexp.models.chain`, hips in the body
+"""Of a run. ``robot``: geometry of the legs, chains as in :mod:`cmacexp.models.chain`, hips in the body
 frame (forward and left, m), radius of the feet (m)."""
 DRIFT = {"cycle": WHOLE, "leg": WHOLE, "named": WHOLE, "growth": FLOAT}
 LEG = {"length_1?": NUMBER, "length_2?": NUMBER, "hip_x?": NUMBER, "hip_y?": NUMBER}
@@ -140,26 +134,15 @@ def validate_value(value: Any, shape: Shape, name: str) -> str | None:
     return next(filter(None, (validate_value(*each) for each in inner)), None)
 
 
-def _is_deep(value: Any, depth: int = 0) -> bool:
-    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return depth > MAX_DEPTH or any(_is_deep(each, depth + 1) for each in inner)
-
-
 def find_wrong(manifest: Any) -> str | None:
-    """What is wrong with the content of a manifest, as read from its file without its checksum; None: nothing."""
-    if _is_deep(manifest):
-        return f"it nests more than {MAX_DEPTH} levels"
-    if wrong := validate_value(manifest, FIELDS, "manifest"):
-        return wrong
-    is_run = "kind" not in manifest
-    for name in manifest["files"]:
-        path = PurePosixPath(name)  # of a run in its folder itself; a report may depend on others
-        if not path.parts or path.is_absolute() or "\0" in name or (is_run and path.name != name):
-            return f"files must be names of files in its folder, not {name[:40]!r}"
-    if not is_run:
-        return None
+    """What is wrong with the content of a manifest, as read from its file; None: nothing."""
+    if isinstance(manifest, dict) and manifest.get("kind") in (REPORT, SWEEP):
+        return None  # for people: nothing else of it is read
     if wrong := validate_value(manifest, RUN_FIELDS, "manifest"):
         return wrong
+    for name in manifest["files"]:
+        if PurePosixPath(name).name != name or "\0" in name:
+            return f"files must be names of files in its folder, not {name[:40]!r}"
     config = manifest["config"]
     if manifest["config_hash"] != config_hash(config):
         return "its config is not the one of its config_hash"

@@ -16,12 +16,12 @@ from cmacexp.config import Config, to_config
 from cmacexp.config.describe import flatten_config
 from cmacexp.config.schema import count_steps
 from cmacexp.data import manifest as manifests
-from cmacexp.data.integrity import RESULTS, faults
+from cmacexp.data.integrity import faults
 from cmacexp.data.parquet import as_array, list_units, read_cycles, read_schema, read_table, to_frame
 from cmacexp.data.tables import BODY_FILE, BODY_METRICS_FILE, METRICS_FILE, TABLES, TRACE_FILE, Scores
 from cmacexp.data.trace import Trace, read_trace
 from cmacexp.errors import BadRun, CmacexpError, in_one_line, require_extra
-from cmacexp.typing import Array
+from cmacexp.typing import RESULTS, Array, Status
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,15 +37,13 @@ VIEWS = {
 """What a run shows of itself, as ``module:function``; these rooms read runs, so they are imported on first use."""
 NO_VALUES = ("step", "time", "cycle", "leg", "phase")
 """Signals that say where a value belongs."""
-BROKEN, UNFINISHED = "not intact", "unfinished"
-"""Status of a run whose manifest or tables are missing or changed; of one that was killed before it had any."""
 
 
 class Outcome(NamedTuple):
     """How a run ended, for a table of runs."""
 
     status: str
-    """As the manifest says, :data:`BROKEN` or :data:`UNFINISHED`."""
+    """As the manifest says, :data:`Status.NOT_INTACT` or :data:`Status.UNFINISHED`."""
     cause: str
 
     @property
@@ -96,10 +94,7 @@ class Run:
     @cached_property
     def manifest(self) -> manifests.Manifest:
         """How it ended, of what config, versions, and the hashes of its files: ``manifest.json``."""
-        manifest = manifests.read(self.folder)
-        if "kind" in manifest:
-            raise BadRun(f"{self.folder}: holds a {manifest['kind']}, not a run; give the folder of a run")
-        return manifest
+        return manifests.read(self.folder)
 
     @property
     def config(self) -> dict[str, Any]:
@@ -207,13 +202,13 @@ class Run:
             checked = manifest["files"] or self.status in RESULTS
             wrong = [fault for fault in faults(self.folder) if fault.split(":")[0] in TABLES] if checked else []
             if wrong:
-                return Outcome(BROKEN, "; ".join(wrong)), {}, 1
+                return Outcome(Status.NOT_INTACT, "; ".join(wrong)), {}, 1
             if self.wrote(METRICS_FILE):
                 scores, cycles = self.scores, self.whole_cycles
                 pooled = {name: values[:cycles] for name, values in _find_view("pool")(scores).items()}
                 legs = int(as_array(scores.legs, "leg").max(initial=1))
         except (BadRun, OSError, ValueError) as error:
-            status = BROKEN if os.path.lexists(self.folder / manifests.MANIFEST) else UNFINISHED
+            status = Status.NOT_INTACT if os.path.lexists(self.folder / manifests.MANIFEST) else Status.UNFINISHED
             return Outcome(status, str(error).splitlines()[0].removeprefix(f"{self.folder}: ")), {}, 1
         return Outcome(self.status, manifest.get("cause") or ""), pooled, legs
 
@@ -225,7 +220,7 @@ class Run:
     @property
     def completed(self) -> bool:
         """Whether it is intact and reached its end."""
-        return self.outcome.status == "completed"
+        return self.outcome.status == Status.COMPLETED
 
     @property
     def pooled(self) -> dict[str, Array]:

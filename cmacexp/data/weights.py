@@ -13,8 +13,8 @@ from cmacexp.data.tables import WEIGHTS as WEIGHTS
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.typing import Weights
 
-MAX_COMPRESSION = 1100
-"""Deflate makes nothing smaller than by a factor of 1032."""
+MAX_BYTES = 4 << 30
+"""Of all arrays together: four networks of the largest memory, see :mod:`cmacexp.config.cmac`."""
 
 
 def read_weights(config: Config) -> Weights | None:
@@ -50,8 +50,8 @@ def read_weights(config: Config) -> Weights | None:
 def load_weights(folder: Path) -> Weights:
     """The weights that the run in a folder stored; raises BadRun, and whatever zipfile, zlib and numpy raise."""
     with open_file(require_intact(folder / WEIGHTS)) as file, np.load(file, allow_pickle=False) as arrays:
-        if sum(array.file_size for array in arrays.zip.infolist()) > MAX_COMPRESSION * file.seek(0, 2):
-            raise ValueError("its arrays are larger than what such a file can hold")
+        if sum(array.file_size for array in arrays.zip.infolist()) > MAX_BYTES:
+            raise ValueError(f"its arrays have more than {MAX_BYTES} B")
         weights = dict(arrays)
     if other := [name for name, array in weights.items() if array.dtype.kind not in "fiu"]:
         raise ValueError(f"{other[0]} holds no numbers")

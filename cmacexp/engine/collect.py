@@ -14,6 +14,7 @@ from cmacexp.engine.pool import ParallelMap
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.study.study import Request
 from cmacexp.terminal.messages import warn_of_models
+from cmacexp.typing import Status
 
 HASH_DIGITS, THIN_DIGITS = 12, 4
 Collected = Mapping[Request, tuple[Path, Mapping[str, str]]]
@@ -43,7 +44,7 @@ def _run(folder: Path, config: Config, runs: int) -> str | None:
         run, _ = ensure_run(config, folder, runs)
     except BadInput as error:
         run = write_failure(folder, to_plain(config), error)
-    return run.manifest["cause"] if run.status == "failed" else None
+    return run.manifest["cause"] if run.status == Status.FAILED else None
 
 
 def _collect_ready(

@@ -10,11 +10,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from cmacexp.config import Config, config_hash, to_plain
-from cmacexp.data.integrity import RESULTS
 from cmacexp.data.parquet import as_array
 from cmacexp.data.run import Run
 from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores
 from cmacexp.terminal.output import print_line
+from cmacexp.typing import RESULTS
 
 MOST_NAMES = 5
 """Runs that a line names."""

@@ -6,6 +6,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from cmacexp.data import manifest as manifests
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
+from cmacexp.typing import Status
 
 
 def describe_failure(error: Exception) -> str:
@@ -22,4 +23,4 @@ def make_failure(composed: DictConfig | dict[str, Any], error: Exception, **entr
     entries["bad_input"] = isinstance(error, BadInput)
     if isinstance(error, BadComponent) or not isinstance(error, CmacexpError | OSError | MemoryError):
         entries["traceback"] = format_user_traceback(error.raised if isinstance(error, BadComponent) else error)
-    return manifests.make_manifest(plain, "failed", describe_failure(error), **entries)
+    return manifests.make_manifest(plain, Status.FAILED, describe_failure(error), **entries)

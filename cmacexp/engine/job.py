@@ -31,6 +31,7 @@ from cmacexp.jit.interrupt import is_interrupt
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.terminal.messages import announce_compiling, describe_drift, describe_idle, format_outcome
 from cmacexp.terminal.output import print_line
+from cmacexp.typing import Status
 
 
 class JobEnd(NamedTuple):
@@ -143,11 +144,11 @@ def _run_job(composed: DictConfig | dict[str, Any], hydra: Any, jobs: int) -> Jo
         return JobEnd(run, None, f"error: #{number}: {run.manifest['cause']}", True)
     if not is_new:
         return JobEnd(run, metrics, f"{name}: finished before, not run again", False)
-    if run.status == "failed":
+    if run.status == Status.FAILED:
         return JobEnd(run, metrics, f"error: {name}: {run.manifest['cause']}", True)
     notes = format_outcome(run), describe_drift(run), describe_idle(run)
     text = f"{name}: {'; '.join(filter(None, notes))}"
-    if run.status == "interrupted":
+    if run.status == Status.INTERRUPTED:
         print_line(text)
         raise KeyboardInterrupt
     return JobEnd(run, metrics, text, False)

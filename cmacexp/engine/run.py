@@ -45,7 +45,7 @@ from cmacexp.metrics.drift import Drift, make_drift_entry
 from cmacexp.metrics.score import RunScorer
 from cmacexp.models.mechanism import PLANE, has_body
 from cmacexp.sensors.protocol import find_altered
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Status
 
 Columns = tuple[tuple[Signal, ...], tuple[Signal, ...] | None]
 """Columns of the traces of the legs, and of the body if there is one."""
@@ -121,7 +121,7 @@ def _roll_out(
             last.append(trace)
 
         end, scorer = score_scenario(scenario, keep, watch, warn)
-        writer.finish(end.status == "completed")
+        writer.finish(end.status == Status.COMPLETED)
     end = replace(end, cause=end.cause + explain_stop(scenario, end, last, scorer.drift))
     if not record.trace:
         return end, scorer.scores, []
@@ -217,7 +217,7 @@ def _write(
         _write_extras(scenario, writer, manifest, names)
     except Exception as error:  # of a disk that is full, or of a component: what is listed is whole
         failure = None if isinstance(error, OSError) else error
-        manifest |= {"status": "failed", "cause": f"after step {end.steps}: {describe_failure(error)}"}
+        manifest |= {"status": str(Status.FAILED), "cause": f"after step {end.steps}: {describe_failure(error)}"}
     controller, feedforward = scenario.controller, scenario.feedforward
     # External components may use these names for something else.
     dropped = controller.dropped if isinstance(controller, HybridController) else {}

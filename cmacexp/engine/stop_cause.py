@@ -8,6 +8,7 @@ from cmacexp.data.trace import Trace, concat_traces
 from cmacexp.loop import End
 from cmacexp.loop.scenario import Scenario
 from cmacexp.metrics.drift import Drift
+from cmacexp.typing import Status
 
 WINDOW = 0.02
 """What counts as just before the end, s; one step at least."""
@@ -24,7 +25,7 @@ def explain_stop(scenario: Scenario, end: End, traces: Sequence[Trace], drift: D
     seen, which need not be why: torques at their limit, a foot that carries nothing where it should, a drift of
     learning; and whether learning can be the cause at all.
     """
-    if end.status not in ("fell", "diverged") or not end.steps:
+    if end.status not in (Status.FELL, Status.DIVERGED) or not end.steps:
         return ""
     setup, trace = scenario.setup, concat_traces(traces)
     trace = trace.select(slice(-max(1, round(WINDOW / setup.config.sampling_period)), None))

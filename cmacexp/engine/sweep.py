@@ -27,6 +27,7 @@ from cmacexp.errors import BadInput, CmacexpError, in_one_line
 from cmacexp.jit.interrupt import is_interrupt
 from cmacexp.terminal.messages import warn_of_models
 from cmacexp.terminal.output import print_line
+from cmacexp.typing import Status
 
 SWEEP_KEY, SUBDIR = "hydra.sweep.dir", "${hydra.job.num}"
 CORES = "hydra_plugins.cmacexp_launcher.CoresLauncher"
@@ -128,7 +129,7 @@ class Sweep:
                 reason = in_one_line(str(error).strip() or type(error).__name__)
                 print_line(f"error: the sweep ended early: {reason}", error=True)
                 self._finish()
-                return "failed"
+                return Status.FAILED
             return self._finish()
 
     def _finish(self) -> str:

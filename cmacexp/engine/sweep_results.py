@@ -14,7 +14,7 @@ from cmacexp.data.discovery import walk
 from cmacexp.data.files import full_disk_named, write_atomically
 from cmacexp.data.folder import TABLE, TABLE_CSV
 from cmacexp.data.parquet import write_table
-from cmacexp.data.run import UNFINISHED, Run, sort_folders
+from cmacexp.data.run import Run, sort_folders
 from cmacexp.engine.equal_results import print_idle_keys
 from cmacexp.engine.objective import describe_best
 from cmacexp.engine.sweep_tables import make_labels, make_table, parse_overrides, read_metrics, write_runs
@@ -23,6 +23,7 @@ from cmacexp.metrics.run_table import make_names, make_rows
 from cmacexp.terminal.messages import describe_resume, print_next
 from cmacexp.terminal.output import print_line, show_activity
 from cmacexp.terminal.tables import print_runs
+from cmacexp.typing import Status
 
 if TYPE_CHECKING:
     from cmacexp.engine.job import JobEnd
@@ -85,15 +86,15 @@ def finish_sweep(
     with show_activity("reading the results of the jobs"):
         jobs = collect_jobs(folder, planned, ended)
     if not jobs:
-        return "failed"
+        return Status.FAILED
     runs = [run for run, _ in jobs]
     failed, missing = [run for run in runs if not run.outcome.is_result], len(planned) - len(runs)
-    status = "failed" if missing or failed else "completed"
-    status = "bad input" if all(run.manifest.get("bad_input") for run in runs) else status
+    status = Status.FAILED if missing or failed else Status.COMPLETED
+    status = Status.BAD_INPUT if all(run.manifest.get("bad_input") for run in runs) else status
     write_tables(folder, jobs, status)
     swept = [key for key in runs[0].settings if len({str(run.settings[key]) for run in runs}) > 1]
     print_runs(runs, swept, folder / TABLE_CSV)
-    counts = Counter(run.outcome.status for run in runs) + Counter({UNFINISHED: missing})
+    counts = Counter(run.outcome.status for run in runs) + Counter({Status.UNFINISHED: missing})
     ends = ", ".join(f"{count} {end}" for end, count in counts.items())
     print_line(f"{counts.total()} job{'s' * (counts.total() > 1)}: {ends}")
     results = [run for run in runs if run.outcome.is_result]
@@ -106,7 +107,7 @@ def finish_sweep(
         print_line(f"best:      {describe_best(optimize, direction, runs, swept)}")
     if results:
         print_next(folder, {"report": "report"})
-    if missing or counts["interrupted"]:
+    if missing or counts[Status.INTERRUPTED]:
         print_line(f"continue:  {describe_resume(folder)}")
     print_line(str(folder / TABLE))
     return status

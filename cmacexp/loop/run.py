@@ -32,7 +32,7 @@ from cmacexp.planning.plan import Met
 from cmacexp.planning.stability import STABILITY
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.sensors.protocol import find_altered
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Status
 
 MOST_ROWS = 1 << 15
 """Rows of leg samples in memory: a long run needs no more than a short one.
@@ -133,7 +133,7 @@ class _Stream:
         self.samples, self.body = make_samples(cycles * config.steps_per_cycle, legs, wide, joints)
         names = ALL_SAMPLES[: self.samples.shape[2]]
         self.joints = [i for i, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
-        self.status, self.cause, self.seconds, self.processor_seconds = "completed", "", 0.0, 0.0
+        self.status, self.cause, self.seconds, self.processor_seconds = Status.COMPLETED, "", 0.0, 0.0
         self.error: Exception | None = None
         self.estimates: list[LeadEstimate] = []
         self.rate = setup.rate
@@ -141,7 +141,9 @@ class _Stream:
     @property
     def runs(self) -> bool:
         """Whether steps are left and nothing has ended the run."""
-        return self.status == "completed" and self.driver.taken < self.config.cycles * self.config.steps_per_cycle
+        return (
+            self.status == Status.COMPLETED and self.driver.taken < self.config.cycles * self.config.steps_per_cycle
+        )
 
     def advance(self) -> int:
         """Run until the arrays are full or the run ends, as at an interrupt or an error; returns the first step."""
@@ -160,9 +162,9 @@ class _Stream:
                 period, state = config.sampling_period, driver.state
                 self.cause = describe_stop(self.limits, stop, driver.taken, period, state, reported)
         except KeyboardInterrupt:
-            self.status, self.cause = "interrupted", f"after step {driver.taken}"
+            self.status, self.cause = Status.INTERRUPTED, f"after step {driver.taken}"
         except Exception as raised:
-            self.status, self.error = "failed", raised
+            self.status, self.error = Status.FAILED, raised
             self.cause = f"after step {driver.taken}: {_format_error(raised)}"
         self.seconds += time.perf_counter() - began
         self.processor_seconds += time.process_time() - worked
@@ -260,7 +262,7 @@ def stream(
         legs, joints = scenario.setup.mechanism.shape
         keep(Samples(0, *make_samples(0, legs, _samples_measured(scenario), joints), None))
         cause = f"before the first step: {_format_error(scenario.fault)}"
-        return End(0, "failed", cause, scenario.setup.rate, scenario.fault)
+        return End(0, Status.FAILED, cause, scenario.setup.rate, scenario.fault)
     config = scenario.setup.config
     expect_steps(config.cycles * config.steps_per_cycle * config.legs)
     with interrupt_held_back():  # until the next call of the driver

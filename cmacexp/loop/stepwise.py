@@ -25,7 +25,7 @@ from cmacexp.planning.stability import STABILITY
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.plants.protocol import Measurement
 from cmacexp.sensors.real import make_keys
-from cmacexp.typing import Array, Mask
+from cmacexp.typing import Array, Mask, Status
 
 OUTSIDE = External(plant=False, sensors=False, controller=False, feedforward=True)
 
@@ -141,7 +141,7 @@ class OpenLoop:
                 return self._note(step, STATUSES[stop], cause)
             self._cycle += 1
             if self._cycle * self.period == self.steps:
-                return self._note(self.steps, "completed")
+                return self._note(self.steps, Status.COMPLETED)
             self._begin_cycle()
         return self._note(self._cycle * self.period + pause[1], "running")
 

@@ -10,10 +10,10 @@ from cmacexp.models.body import depth, make_pose
 from cmacexp.models.mechanism import POINT_MASS, Mechanism, has_body
 from cmacexp.plants.kernels import PlantState
 from cmacexp.plants.protocol import Measurement
-from cmacexp.typing import Array, Clock
+from cmacexp.typing import Array, Clock, Status
 
 RUNNING, DIVERGED, FELL = range(3)
-STATUSES = {DIVERGED: "diverged", FELL: "fell"}
+STATUSES = {DIVERGED: Status.DIVERGED, FELL: Status.FELL}
 
 FASTEST_JOINT = 100.0
 """A joint faster than this has diverged, rad/s (m/s for a point mass)."""

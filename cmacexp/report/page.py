@@ -11,6 +11,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import HTML, OUT_KEY, ResultWriter, new_result
 from cmacexp.data.version import __version__
 from cmacexp.report.page_elements import Renderer, Section
+from cmacexp.typing import Status
 
 REPORT = "report"
 """The folder of its report in that of a run."""
@@ -58,7 +59,7 @@ def write_report(report: Report, where: Path | ResultWriter) -> Path:
         where.part,
         {
             "kind": manifests.REPORT,
-            "status": "completed",
+            "status": Status.COMPLETED,
             "config": report.config,
             "versions": manifests.versions(),
             "runs": {relative(path, where.folder): of_config for path, of_config in report.runs.items()},

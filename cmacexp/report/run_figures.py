@@ -17,7 +17,7 @@ from cmacexp.report.cycle_data import CycleData, Rows, keep_rows
 from cmacexp.report.figures import DESIRED_LINE, Panel, Series, draw
 from cmacexp.report.page_elements import Drawing
 from cmacexp.report.style import FEEDBACK, FEEDFORWARD, mark, pale
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Status
 
 JOINTS = {2: ("joint 1, hip", "joint 2, knee"), 3: ("hip", "thigh", "knee")}
 """Names of joints, by their number."""
@@ -239,7 +239,7 @@ def draw_end(data: CycleData, status: str) -> Drawing:
         speeds += [Series(whose + name, rows["time"], rows[column]) for column, name in columns.items()]
         forces.append(Series(whose or "force", rows["time"], rows["force"]))
     panels = [Panel("contact force", "time, s", "force, N", forces)]
-    if data.trace.body is not None and status == "fell":
+    if data.trace.body is not None and status == Status.FELL:
         rows = keep_rows(data.rows(0), slice(-LAST_STEPS, None))
         for name in BODY_QUANTITIES:
             quantity, time = QUANTITIES[name], rows["time"]

@@ -19,6 +19,7 @@ from cmacexp.report.cycle_data import read_cycle_data
 from cmacexp.report.page import REPORT, Report, write_report
 from cmacexp.report.page_elements import Details, PageElement, Section, Table
 from cmacexp.report.run_figures import draw_body, draw_end, draw_metrics, draw_torques, draw_tracking
+from cmacexp.typing import Status
 
 
 def list_facts(run: Run) -> Table:
@@ -100,7 +101,7 @@ def choose_cycles(run: Run) -> list[int]:
 
 def show_ending(run: Run) -> list[PageElement]:
     """Why a run fell or diverged, and its last steps if they are in the trace; of other runs nothing."""
-    if run.status not in ("fell", "diverged"):
+    if run.status not in (Status.FELL, Status.DIVERGED):
         return []
     ending, last = f"The run {run.ending}.", run.last_cycle
     if last not in list_cycles(run):

@@ -18,7 +18,7 @@ from cmacexp.study.interval import (
     estimate,
 )
 from cmacexp.study.results import NoSuchRuns, Results
-from cmacexp.typing import Array, Mask
+from cmacexp.typing import Array, Mask, Status
 
 REPRODUCED, IN_PART, NOT_REPRODUCED = "reproduced", "reproduced in part", "not reproduced"
 CONTRADICTED, INCONCLUSIVE = "contradicted", "inconclusive"
@@ -161,7 +161,7 @@ def _measure(criterion: Criterion, results: Results) -> CriterionResult:
         if chosen.has_one_seed:
             interval = replace(interval, method=ONE_SEED)
     except BadSample as error:
-        if "failed" not in {row.run.outcome.status for row in chosen.rows}:
+        if Status.FAILED not in {row.run.outcome.status for row in chosen.rows}:
             raise BadInput("quantity", criterion.quantity, str(error)) from error
         interval = replace(UNKNOWN, count=len(chosen))
     except NoSuchRuns as error:

@@ -120,6 +120,13 @@ def test_a_new_run_takes_the_views_of_the_earlier_one_with_it_and_stays_the_curr
     assert {path.name for path in first.iterdir()} & {"report", ".hydra", "debug.csv"} == {"debug.csv"}
 
 
+def test_the_folder_of_the_shell_and_a_mount_point_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setenv("PWD", str(tmp_path))
+    for folder in (tmp_path, Path("/proc")):
+        with pytest.raises(BadInput, match=r"hydra\.run\.dir=.*cannot be replaced"):
+            run(folder)
+
+
 def test_a_link_to_the_folder_of_a_run_stays_one(first, tmp_path):
     (tmp_path / "link").symlink_to(first)
     run_other(tmp_path / "link")
