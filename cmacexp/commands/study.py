@@ -105,7 +105,7 @@ def _write(
     with new_result(folder, FOLDER_KEY, REPORT) as place:
         evaluated = replace(evaluate(file, results, place.part, options.quick), provenance=provenance)
         write_page(study.title, study.question, [evaluated], place, options.quick)
-    return replace(evaluated, files=[folder / path.relative_to(place.part) for path in evaluated.files])
+    return evaluated
 
 
 def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluated]:

@@ -89,7 +89,6 @@ class Renderer:
         from jinja2 import Environment, FileSystemLoader
 
         self.folder = folder
-        self.files: list[Path] = []
         loader = FileSystemLoader(Path(__file__).parent)
         self.environment = Environment(loader=loader, autoescape=True, trim_blocks=True)
         self.environment.globals.update(save=self._save)
@@ -113,7 +112,6 @@ class Renderer:
             drawing.figure.set_layout_engine(None)
         path = self.folder / FIGURES / f"{drawing.name}.{SVG}"
         drawing.figure.savefig(path, format=SVG, metadata={"Date": None})
-        self.files.append(path)
         return Markup(cut_figure(drawing.figure, path.read_text(encoding="utf-8")))
 
 

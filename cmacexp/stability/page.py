@@ -88,7 +88,7 @@ def write_stability_report(
     with new_result(folder, OUT_KEY, REPORT) as place:
         growth = verdict.growth if math.isfinite(verdict.growth) else None
         place.write_text(VERDICT, json.dumps({**verdict._asdict(), "growth": growth}, indent=1) + "\n")
-        renderer, text = Renderer(place.part), Path(__file__).with_name("page.md")
-        sections = render_markdown(text, "Does learning hold", renderer, drawn, tables, values)
+        text = Path(__file__).with_name("page.md")
+        sections = render_markdown(text, "Does learning hold", Renderer(place.part), drawn, tables, values)
         summary = " ".join((verdict.describe(), *notes))
         return write_report(Report(title, summary, sections, asked), place)

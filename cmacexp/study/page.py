@@ -135,8 +135,6 @@ class Evaluated:
     claims: Mapping[str, ClaimResult]
     findings: Mapping[str, FindingResult]
     sections: Sequence[Section]
-    files: Sequence[Path]
-    """Figures and tables that were written for the page."""
     runs: Mapping[Path, Manifest]
     """The manifest of each run, by folder."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
@@ -160,15 +158,14 @@ def check_page(file: StudyFile) -> None:
             raise BadInput("page", file.page, f"line {line}: the study declares no {kind} {name!r}; it has {has}")
 
 
-def _write_tables(results: Results, folder: Path) -> list[Path]:
-    """Write the table of results, and every table that was computed; returns the files."""
+def _write_tables(results: Results, folder: Path) -> None:
+    """Write the table of results, and every table that was computed."""
     frames = {f"{name}.parquet": frame for name, frame in results.computed.items()}
     if results.rows:
         frames[RESULTS] = results.table
     for name, frame in frames.items():
         table = pa.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None)
         write_table(table, folder / name)
-    return [folder / name for name in frames]
 
 
 def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Evaluated:
@@ -176,11 +173,10 @@ def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Ev
     study = file.study
     claims = {} if quick else {name: claim.judge(results) for name, claim in study.claims.items()}
     findings = {} if quick else {name: finding.judge(results) for name, finding in study.findings.items()}
-    renderer = Renderer(folder)
     sections = render_markdown(
         file.page,
         study.title,
-        renderer,
+        Renderer(folder),
         {name: partial(figure, results) for name, figure in study.figures.items()},
         {name: partial(table, results) for name, table in study.tables.items()},
         {
@@ -191,8 +187,8 @@ def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Ev
             **study.values(results),
         },
     )
-    files = [*renderer.files, *_write_tables(results, folder)]
-    return Evaluated(file.name, claims, findings, sections, files, {run.folder: run.manifest for run in results.runs})
+    _write_tables(results, folder)
+    return Evaluated(file.name, claims, findings, sections, {run.folder: run.manifest for run in results.runs})
 
 
 def _format_finding(found: FindingResult) -> str:

@@ -135,8 +135,7 @@ def _write(done: dict[str, Any], machines: dict[str, Machine], methods: list[Met
         witnesses = [] if options.quick else _make_witnesses(next(iter(machines.values())), methods)
         provenance = make_provenance(own, results, witnesses, seeds=max(each.worlds for each in machines.values()))
         provenance |= {"runs": len(frame), "models": _hash_models(machines)}
-        files = [*evaluated.files, place.part / f"{NAME}.json"]
-        evaluated = replace(evaluated, files=files, provenance=provenance)
+        evaluated = replace(evaluated, provenance=provenance)
         write_page(study.title, study.question, [evaluated], place, options.quick)
     for machine in machines:
         scores = summary.table_scores(frame, machine)
