@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
+from support.doors import CmacexpError
 from support.recordings import lines, read_rows, values
 from support.views import make_walk
 
+from cmacexp.recording import viewer
 from cmacexp.recording.entities import FINENESS
 from cmacexp.recording.series import find_events
 
@@ -67,3 +69,15 @@ def test_views_look_at_entities_of_the_run_and_facts_are_those_of_its_manifest(l
         assert (facts["status"], facts["seed"]) == ("completed", 0)
         assert facts["cmac.layers"] == run.config["cmac"]["layers"]
         assert len(RrdReader(path).recordings()) == 1
+
+
+def test_a_run_shows_its_recording_in_a_window_and_needs_a_display(leg, monkeypatch):
+    shown = []
+    monkeypatch.setattr(viewer, "open_window", shown.append)
+    monkeypatch.setenv("DISPLAY", ":0")
+    leg.view()
+    assert shown == [leg.folder / "recording.rrd"]
+    for name in viewer.DISPLAYS:
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(CmacexpError, match="--web"):
+        leg.view()
