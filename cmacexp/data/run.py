@@ -188,7 +188,7 @@ class Run:
         _ = self.manifest
         return read_trace(self.folder, cycles, every)
 
-    @property
+    @cached_property
     def scores(self) -> Scores:
         """The metrics of every cycle, as Arrow tables."""
         body = read_table(self.folder / BODY_METRICS_FILE) if self.walks else None

@@ -7,7 +7,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import pyarrow as pa
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.utils import JobRuntime, run_job, setup_globals
 from hydra.types import HydraContext
@@ -24,7 +23,7 @@ from cmacexp.engine.failure import make_failure
 from cmacexp.engine.objective import check_metric
 from cmacexp.engine.pool import is_first_worker, report_share
 from cmacexp.engine.run import run_scenario
-from cmacexp.engine.sweep_tables import read_metrics, select_run_overrides
+from cmacexp.engine.sweep_tables import select_run_overrides
 from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import is_interrupt
@@ -38,7 +37,7 @@ class JobEnd(NamedTuple):
     """How a job of a sweep ended, and the line that says it."""
 
     run: Run
-    metrics: pa.Table | None
+    """With its metrics and their summary, which are not read again."""
     text: str
     is_error: bool
 
@@ -104,7 +103,7 @@ def run_packed(packed: bytes, overrides: list[str], values: list[str], number: i
     it, all of them, since it holds those of the last one.
     """
     composed, callbacks, folder, needs_hydra = _unpack(packed)
-    with read_write(composed), open_dict(composed.hydra):
+    with read_write(composed.hydra), open_dict(composed.hydra):
         set_values(composed, values)
         how, job = composed.hydra.job.config.override_dirname, composed.hydra.job
         named = sorted(text for text in overrides if text.partition("=")[0] not in how.exclude_keys)
@@ -136,19 +135,19 @@ def _run_job(composed: DictConfig | dict[str, Any], hydra: Any, jobs: int) -> Jo
         check_metric(config.optimize, config.machine.kind)
         record = make_record(composed, hydra) if config.record.trace else None
         run, is_new = ensure_run(config, folder, jobs, config.sweep.resume, record, overrides)
-        metrics = read_metrics(run)
     except Exception as error:
         if is_interrupt(error):
             raise KeyboardInterrupt from error
         run = write_failure(folder, composed, error, make_record(composed, hydra), overrides=overrides)
-        return JobEnd(run, None, f"error: #{number}: {run.manifest['cause']}", True)
+        return JobEnd(run, f"error: #{number}: {run.manifest['cause']}", True)
+    _ = run.outcome
     if not is_new:
-        return JobEnd(run, metrics, f"{name}: finished before, not run again", False)
+        return JobEnd(run, f"{name}: finished before, not run again", False)
     if run.status == Status.FAILED:
-        return JobEnd(run, metrics, f"error: {name}: {run.manifest['cause']}", True)
+        return JobEnd(run, f"error: {name}: {run.manifest['cause']}", True)
     notes = format_outcome(run), describe_drift(run), describe_idle(run)
     text = f"{name}: {'; '.join(filter(None, notes))}"
     if run.status == Status.INTERRUPTED:
         print_line(text)
         raise KeyboardInterrupt
-    return JobEnd(run, metrics, text, False)
+    return JobEnd(run, text, False)

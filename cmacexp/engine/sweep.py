@@ -69,9 +69,10 @@ class Sweep:
 
     def _expand(self) -> Any:
         """The batches of the grid of Hydra's own sweeper; raises BadInput if a key is swept over no value."""
-        sweeper, typed = self.config.hydra.sweeper, self.config.hydra.overrides.task
+        sweeper, typed = self.config.hydra.sweeper, _read_typed(self.config)
         searched = [f"{key}={value}" for key, value in (sweeper.get("params") or {}).items()]
         if "record" not in _list_keys([*searched, *typed]):
+            self.config.hydra.overrides.task.append(DEFAULT)
             typed.append(DEFAULT)
         parser = OverridesParser.create(config_loader=self.context.config_loader)
         overrides = parser.parse_overrides([*searched, *typed])
@@ -158,7 +159,7 @@ class Sweep:
             hydra_context=self.context,
             task_function=self,  # type: ignore[arg-type]  # for its launcher
         )
-        sweeper.sweep(list(self.config.hydra.overrides.task))
+        sweeper.sweep(_read_typed(self.config))
 
     def launch(self, batch: Sequence[Sequence[str]], first: int) -> list[JobReturn]:
         """Run the jobs of a batch, whose first has the number ``first``; what they return, in their order."""
@@ -226,6 +227,12 @@ def _read_objective(config: DictConfig) -> tuple[str | None, str | None]:
         config.hydra.sweeper.direction = direction
         config.hydra.overrides.hydra.append(f"{DIRECTION}={direction}")  # the record of jobs has it there
     return name, direction
+
+
+def _read_typed(config: DictConfig) -> list[str]:
+    """The overrides of jobs as typed: an interpolation in them is one of each job, not of the sweep."""
+    typed: Any = OmegaConf.to_container(config.hydra.overrides.task, resolve=False)
+    return list(typed)
 
 
 def _list_keys(overrides: Sequence[str]) -> set[str]:

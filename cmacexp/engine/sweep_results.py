@@ -6,7 +6,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from cmacexp.data import manifest as manifests
@@ -29,33 +28,30 @@ if TYPE_CHECKING:
     from cmacexp.engine.job import JobEnd
 
 MAX_LISTED_FAILURES = 20
-Jobs = Sequence[tuple[Run, pa.Table | None]]
-"""Jobs, each with its metrics if it has any."""
 
 
-def collect_jobs(folder: Path, planned: Sequence[tuple[str, ...]], ended: "Collection[JobEnd]") -> Jobs:
+def collect_jobs(folder: Path, planned: Sequence[tuple[str, ...]], ended: "Collection[JobEnd]") -> list[Run]:
     """The jobs of a sweep that ended: as they reported it, else as they left it below the folder of the sweep.
 
     A job that was killed has no manifest. What an earlier sweep left there does not count: it was not ``planned``,
     as overrides of the run of each job.
     """
     missing, known = Counter(planned), {end.run.folder.resolve(): end for end in ended}
-    jobs = []
+    runs = []
     for place in sort_folders({*known, *walk(folder)}):
         with suppress(BadRun):
-            run, metrics = (known[place].run, known[place].metrics) if place in known else (Run(place), None)
+            run = known[place].run if place in known else Run(place)
             overrides = tuple(run.manifest.get("overrides", ()))
             if missing[overrides] > 0:
                 missing[overrides] -= 1
-                jobs.append((run, metrics if place in known else read_metrics(run)))
-    for (run, _), settings in zip(jobs, parse_overrides([run.manifest["overrides"] for run, _ in jobs]), strict=True):
+                runs.append(run)
+    for run, settings in zip(runs, parse_overrides([run.manifest["overrides"] for run in runs]), strict=True):
         run.settings = settings
-    return jobs
+    return runs
 
 
-def write_tables(folder: Path, jobs: Jobs, status: str) -> None:
+def write_tables(folder: Path, runs: Sequence[Run], status: str) -> None:
     """Write the tables of a sweep, and the manifest with its ``status``; raises OSError."""
-    runs, metrics = zip(*jobs, strict=True)
     keys, labels = list(runs[0].settings), make_labels(make_names(runs))
     typed = [{"overrides": " ".join(run.manifest["overrides"])} for run in runs]
     rows = [label | text | row for label, text, row in zip(labels, typed, make_rows(runs, keys), strict=True)]
@@ -65,7 +61,8 @@ def write_tables(folder: Path, jobs: Jobs, status: str) -> None:
             write_table(table, path)
         with write_atomically(folder / TABLE_CSV) as path:
             pa_csv.write_csv(table, path)
-        write_runs(folder, [{key: row[key] for key in ("run", "folder", *keys, "status")} for row in rows], metrics)
+        known = [{key: row[key] for key in ("run", "folder", *keys, "status")} for row in rows]
+        write_runs(folder, known, [read_metrics(run) for run in runs])
         entries = {"config": {}, "versions": manifests.versions(), "files": {}}
         manifests.write(folder, {"kind": manifests.SWEEP, "status": status, **entries})
 
@@ -84,14 +81,13 @@ def finish_sweep(
     Returns how it ended: ``completed`` if no job failed, ``bad input`` if no job could be run, else ``failed``.
     """
     with show_activity("reading the results of the jobs"):
-        jobs = collect_jobs(folder, planned, ended)
-    if not jobs:
+        runs = collect_jobs(folder, planned, ended)
+    if not runs:
         return Status.FAILED
-    runs = [run for run, _ in jobs]
     failed, missing = [run for run in runs if not run.outcome.is_result], len(planned) - len(runs)
     status = Status.FAILED if missing or failed else Status.COMPLETED
     status = Status.BAD_INPUT if all(run.manifest.get("bad_input") for run in runs) else status
-    write_tables(folder, jobs, status)
+    write_tables(folder, runs, status)
     swept = [key for key in runs[0].settings if len({str(run.settings[key]) for run in runs}) > 1]
     print_runs(runs, swept, folder / TABLE_CSV)
     counts = Counter(run.outcome.status for run in runs) + Counter({Status.UNFINISHED: missing})
