@@ -67,9 +67,6 @@ class Trace:
         """Those in which a foot moves: x and y and, of a robot, z; a leg has as many joints."""
         return "xyz" if THIRD_AXIS in self.names else "xy"
 
-    def __contains__(self, name: str) -> bool:
-        return name in self.names
-
     def __getitem__(self, name: str) -> Array:
         """A signal, (steps, legs) or of a body (steps,); raises BadRun if the trace lacks it."""
         values = as_array(self.table, name)
