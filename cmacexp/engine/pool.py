@@ -15,7 +15,7 @@ from threading import Thread
 from types import ModuleType
 from typing import Any, ClassVar
 
-from cmacexp.jit.interrupt import exits_caught
+from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
 
 PRELOADED = ["cmacexp.engine.job", "cmacexp.engine.sweep_tables", "cmacexp.jit.numba_private"]
 """Modules that workers need."""
@@ -137,9 +137,10 @@ def start_workers(processes: int | None = None) -> Iterator[ParallelMap]:
             raise ChildProcessError(reason) from error
         return [future.result() for future in futures]
 
-    for _ in range(count):
-        submit(os.getpid)  # let it start before there is work for it
     try:
+        with interrupt_held_back():  # a process that this one does not know of cannot be ended
+            for _ in range(count):
+                submit(os.getpid)  # let it start before there is work for it
         yield parallel_map
     finally:
         for worker in set(multiprocessing.active_children()) - others:
