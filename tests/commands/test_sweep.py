@@ -174,9 +174,8 @@ def test_an_interrupted_sweep_tells_what_is_done(tmp_path):
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize("launcher", ["cores", pytest.param("joblib", marks=pytest.mark.nightly)])
-def test_workers_end_with_a_parent_that_is_killed(launcher, tmp_path):
-    words = ["seed=1,2", "cycles=1000000", "feedforward=none", "record.cycles=[1]", f"hydra/launcher={launcher}"]
+def test_workers_end_with_a_parent_that_is_killed(tmp_path):
+    words = ["seed=1,2", "cycles=1000000", "feedforward=none", "record.cycles=[1]"]
     process = started("-m", *words, "hydra.sweep.dir=s", folder=tmp_path)
     while not (parts := list(tmp_path.glob("s/.0.*.part"))) and process.poll() is None:
         time.sleep(0.02)
