@@ -57,14 +57,15 @@ def write_tables(folder: Path, runs: Sequence[Run], status: str) -> None:
     rows = [label | text | row for label, text, row in zip(labels, typed, make_rows(runs, keys), strict=True)]
     table = make_table(rows)
     with full_disk_named(folder):
+        entries = {"config": {}, "versions": manifests.versions(), "files": {}}
+        # First: a folder that holds tables without it is refused, and the sweep could not be resumed after a kill.
+        manifests.write(folder, {"kind": manifests.SWEEP, "status": status, **entries})
         with write_atomically(folder / TABLE) as path:
             write_table(table, path)
         with write_atomically(folder / TABLE_CSV) as path:
             pa_csv.write_csv(table, path)
         known = [{key: row[key] for key in ("run", "folder", *keys, "status")} for row in rows]
         write_runs(folder, known, [read_metrics(run) for run in runs])
-        entries = {"config": {}, "versions": manifests.versions(), "files": {}}
-        manifests.write(folder, {"kind": manifests.SWEEP, "status": status, **entries})
 
 
 def finish_sweep(
