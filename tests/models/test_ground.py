@@ -8,7 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from cmacexp.models.body import LEVEL, STEEPEST, Load, Slope, balance, depth, depth_rate, make_pose, newton_step
+from cmacexp.models.body import (
+    LEVEL,
+    STEEPEST,
+    Load,
+    Slope,
+    balance,
+    depth,
+    depth_rate,
+    descend,
+    make_pose,
+    newton_step,
+)
 from cmacexp.models.ground import (
     ALL_LEGS,
     NEVER,
@@ -123,3 +134,10 @@ def test_a_newton_step_solves_its_equations_where_the_curvature_is_positive_defi
     assert convex == (np.linalg.eigvalsh(damped).min() > 0.0)
     expected = np.linalg.solve(damped, -gradient) if convex else np.zeros(3)
     assert_allclose(step, expected, rtol=1e-6, atol=1e-9)
+
+
+def test_a_step_that_nothing_but_raises_the_energy_is_taken_back():
+    foot, stiffness, load = np.tile([0.0, 0.5], (4, 1)), np.full(4, 1e4), Load(40.0, 0.0, 0.0)
+    body = np.array([0.45, 0.01, -0.02])
+    assert not descend(body, HIPS, foot, stiffness, np.zeros(4), load, -0.01, 0.02, -0.03)
+    assert body.tolist() == [0.45, 0.01, -0.02]

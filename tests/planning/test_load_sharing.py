@@ -234,3 +234,13 @@ def test_an_adapted_plan_carries_the_weight_that_was_met_where_it_was_met(make_c
     assert_allclose(force.sum(axis=1), plan.force_desired.sum(axis=1) + weight, rtol=1e-9)
     centre = (force[..., None] * feet).sum(axis=(0, 1)) / force.sum()
     assert_allclose(centre, plan.load.mean_centre + np.array([x, 0.0]), atol=5e-4)
+
+
+def test_feet_of_an_adapted_plan_follow_the_slope_that_was_met(make_config):
+    config = make_config(*DYNAMIC)
+    mechanism = make_mechanism(config.machine)
+    plan = make_plan(config, mechanism, False)
+    level, sloped = (adapt_plan(config, mechanism, plan, Met(0.0, 0.0, 0.0, slope, 0.0)) for slope in (0.0, 0.05))
+    change, feet = sloped.reference - level.reference, plan.desired[..., 0] + mechanism.hips[:, 0]
+    assert_allclose(change[:, plan.support, 1], np.tile(-0.05 * feet[plan.support], (2, 1)), atol=1e-9)
+    assert_allclose(change[:, plan.support, 3], -0.05 * level.reference[:, plan.support, 2], atol=1e-9)

@@ -31,7 +31,8 @@ def steady_force(method, fed, gains):
     return force_gain * fed / (1.0 + force_gain)
 
 
-@given(st.sampled_from(METHODS), gains_of_any_size, positive)
+@pytest.mark.parametrize("method", METHODS)
+@given(gains=gains_of_any_size, force=positive)
 def test_references_invert_the_steady_states_and_lack_one_term_without_static_load(method, gains, force):
     held, dropped = (compute_support_reference(method, gains, keep) for keep in (True, False))
     fed = FED.get(method, "depression")
