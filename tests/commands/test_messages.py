@@ -41,7 +41,7 @@ FILES = {
     "empty/.keep": "",
 }
 ALLOWED = re.compile(
-    r"\b(must|choose|no such|did you mean|takes?|use|add|name the|give|write|run it|leave out|which has)\b"
+    r"\b(must|choose|no such|not allowed with|did you mean|takes?|use|add|name the|give|write|run it|leave out|which has)\b"
 )
 """What says of a wrong value what a right one is, or what to do."""
 FOUND = re.compile("importing .* failed: |cannot be (made|read)|is not a plant|was killed")
@@ -60,12 +60,12 @@ def make_folder(folder: Path) -> None:
     for name in ("killed", "changed", "edited", "incomplete", "shapeless", "unreadable"):
         shutil.copytree(folder / "run", runs / name)
     (runs / "killed" / "manifest.json").unlink()
-    (runs / "incomplete" / "metrics.csv").unlink()
+    (runs / "incomplete" / "metrics.parquet").unlink()
     (runs / "unreadable" / "manifest.json").write_text("{")
     (runs / "shapeless" / "manifest.json").write_text('{"status": "completed", "config": [], "files": {}}')
     (runs / "changed" / "trace.parquet").write_bytes((folder / "thinned" / "trace.parquet").read_bytes())
     edited = runs / "edited" / "manifest.json"
-    edited.write_text(edited.read_text().replace("completed", "fell"))
+    edited.write_text(edited.read_text().replace('"mass_1": 0.5', '"mass_1": 0.6'))
 
 
 def answer(line: str) -> str:

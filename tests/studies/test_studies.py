@@ -4,7 +4,7 @@ import re
 
 import pytest
 from support.command import ROOT, python
-from support.doors import Options, compose_config, faults, load_study, package_models, write_studies
+from support.doors import Options, compose_config, load_study, package_models, write_studies
 
 FILES = {
     path.stem: load_study(path.with_suffix(".py"))
@@ -38,7 +38,6 @@ def test_every_override_can_be_composed(name):
 def check_quick(place, study):
     """A report of a quick form is whole, shows every figure, and has neither verdict nor finding."""
     page = re.sub(r'src="data:[^"]*"', "", (place / "report.html").read_text())
-    assert faults(place) == []
     assert "concludes nothing" in page
     assert not any(finding.yes in page for finding in study.findings.values())
     assert page.count("<figure") == len(study.figures)
@@ -62,7 +61,6 @@ def test_the_quick_form_leaves_a_whole_report_without_conclusions(name, folder):
 def test_the_page_over_all_studies_of_the_paper_is_whole(folder):
     done = python("-m", "pipelines.paper", "--quick", "--folder", str(folder), folder=ROOT)
     assert done.returncode == 0, done.stderr
-    assert faults(folder / "paper-quick") == []
 
 
 @pytest.mark.ci
