@@ -41,7 +41,8 @@ FILES = {
     "empty/.keep": "",
 }
 ALLOWED = re.compile(
-    r"\b(must|choose|no such|not allowed with|did you mean|takes?|use|add|name the|give|write|run it|leave out|which has)\b"
+    r"\b(must|choose|no such|not allowed with|did you mean|takes?|use|add|name the|give|write|run it)\b"
+    r"|leave out|which has"
 )
 """What says of a wrong value what a right one is, or what to do."""
 FOUND = re.compile("importing .* failed: |cannot be (made|read)|is not a plant|was killed")
