@@ -50,6 +50,7 @@ def first(made, tmp_path):
     return shutil.copytree(made, tmp_path / "first")
 
 
+@pytest.mark.ci
 def test_of_two_runs_in_one_folder_the_last_one_stays_and_says_so(tmp_path, capsys):
     masses = []
 
