@@ -187,7 +187,7 @@ class Cmac:
 
     def save(self, path: str | Path) -> None:
         """Save addressing and weights in one ``.npz`` file."""
-        from cmacexp.data.folder import write_atomically  # which takes longer to import than the rest
+        from cmacexp.data.files import write_atomically  # which takes longer to import than the rest
 
         a = self.address
         visited = {} if self.visited is None else {"visited": self.visited.positions}

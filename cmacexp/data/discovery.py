@@ -14,7 +14,8 @@ def is_run(folder: Path) -> bool:
     """Whether ``folder`` is the folder of a run, complete or not."""
     if os.path.lexists(folder / manifests.MANIFEST):
         try:
-            return "kind" not in manifests.read_file(folder / manifests.MANIFEST)
+            found = manifests.read_file(folder / manifests.MANIFEST).get("kind")
+            return found not in (manifests.REPORT, manifests.SWEEP)
         except BadRun:
             return True
     return os.path.lexists(folder / "trace.parquet")

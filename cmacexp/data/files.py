@@ -3,10 +3,12 @@
 import errno
 import hashlib
 import os
+import shutil
 import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from glob import escape
 from io import BufferedReader
 from pathlib import Path, PurePosixPath
 from secrets import token_hex
@@ -69,8 +71,31 @@ def full_disk_named(path: Path) -> Iterator[None]:
 
 
 def name_part(path: Path) -> Path:
-    """A new hidden name beside ``path``, with the number of this process, for what is going to take its place."""
-    return path.with_name(f".{path.name[:40]}.{os.getpid()}.{token_hex(4)}.part")
+    """A new hidden name beside ``path``, for what is going to take its place; it says whose it is."""
+    return path.with_name(f"{_begin_part(path)}{os.getpid()}.{token_hex(4)}.part")
+
+
+def _begin_part(path: Path) -> str:
+    """How such names of this machine begin."""
+    return f".{path.name[:40]}.{os.uname().nodename}."
+
+
+def remove_dead_parts(path: Path) -> None:
+    """Remove what killed processes of this machine left beside ``path``; those of other machines may be alive."""
+    for part in path.parent.glob(f"{escape(_begin_part(path))}*.????????.part"):
+        process = part.name.split(".")[-3]
+        if process.isdecimal() and not _is_alive(int(process)):
+            shutil.rmtree(part, ignore_errors=True)
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        pass
+    return True
 
 
 def sync(path: Path) -> None:

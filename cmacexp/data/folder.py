@@ -2,7 +2,7 @@
 
 Onto an earlier result the two folders are exchanged, so that its place holds a whole result at every moment, whatever
 is killed. Nothing is locked: of two writers the last one wins. What a killed writer leaves is its hidden folder,
-``.NAME.PROCESS.XXXXXXXX.part``, which no reader looks into.
+``.NAME.MACHINE.PROCESS.RANDOM.part``. No reader looks into it, and the next result in the same place removes it.
 """
 
 import ctypes
@@ -18,8 +18,7 @@ from typing import Any, NoReturn
 
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER, require_place
-from cmacexp.data.files import full_disk_named, name_part, sha256, sync
-from cmacexp.data.files import write_atomically as write_atomically
+from cmacexp.data.files import full_disk_named, name_part, remove_dead_parts, sha256, sync
 from cmacexp.data.tables import (
     BODY_FILE,
     BODY_METRICS_FILE,
@@ -205,6 +204,7 @@ def new_result(folder: Path, key: str, kind: str | None = None, durable: bool = 
                     sync(path)
             with interrupt_held_back():
                 _finish(result, place, kind, before)
+                remove_dead_parts(place)
     finally:
         shutil.rmtree(result.part, ignore_errors=True)
 

@@ -10,7 +10,7 @@ from cmacexp.errors import BadRun
 
 
 @lru_cache(4096)
-def _cached_hash(path: Path, file_signature: tuple[int, ...]) -> str:
+def _cached_hash(path: Path, signature: tuple[int, ...]) -> str:
     return sha256(path)
 
 

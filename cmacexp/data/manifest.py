@@ -118,12 +118,12 @@ def read_file(path: Path) -> Manifest:
 
 
 @lru_cache(2048)  # whoever looks for runs, or reads a table of one, reads its manifest too
-def _read_checked(path: Path, file_signature: tuple[int, ...]) -> bytes:
-    """The text of a manifest, which has this stamp."""
+def _read_checked(path: Path, signature: tuple[int, ...]) -> str:
+    """The text of a manifest, whose file has this signature."""
     with open_file(path) as file:
         if os.fstat(file.fileno()).st_size > MAX_BYTES:
             raise BadRun(f"{path}: larger than {MAX_BYTES >> 20} MB, not the manifest of a run")
-        text = file.read()
+        text = file.read().decode()
     if wrong := find_wrong(json.loads(text)):
         raise BadRun(f"{path}: not the manifest of a run: {wrong}; run it again")
     return text

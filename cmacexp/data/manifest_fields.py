@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from cmacexp.config import config_hash
 from cmacexp.config.component import COMPONENTS
+from cmacexp.config.machine import LEG_NAMES
 from cmacexp.typing import ENDS
 
 REPORT, SWEEP = "report", "sweep"
@@ -15,39 +16,39 @@ REPORT, SWEEP = "report", "sweep"
 MAX_STEPS_PER_CYCLE = 1 << 32
 
 
-class Kind(NamedTuple):
+class ValueCheck(NamedTuple):
     """What a value must be."""
 
     words: str
     holds: Callable[[Any], bool]
 
 
-Shape = Kind | Mapping[str, Any] | list[Any]
+Shape = ValueCheck | Mapping[str, Any] | list[Any]
 """A kind; entries by name (``name?``: may be missing; ``*``: every other one); or a list, each of the one shape."""
 
 
-def _choice(*values: str) -> Kind:
-    return Kind(f"one of {', '.join(values)}", lambda value: isinstance(value, str) and value in values)
+def _choice(*values: str) -> ValueCheck:
+    return ValueCheck(f"one of {', '.join(values)}", lambda value: isinstance(value, str) and value in values)
 
 
-def _or_null(kind: Kind) -> Kind:
-    return Kind(f"{kind.words} or null", lambda value: value is None or kind.holds(value))
+def _or_null(kind: ValueCheck) -> ValueCheck:
+    return ValueCheck(f"{kind.words} or null", lambda value: value is None or kind.holds(value))
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) != math.inf
 
 
-ANY = Kind("anything", lambda value: True)
-TEXT = Kind("text", lambda value: isinstance(value, str))
-FLAG = Kind("true or false", lambda value: isinstance(value, bool))
-FLOAT = Kind("a number", lambda value: isinstance(value, float))
-NUMBER = Kind("a finite number", _is_number)
-POSITIVE = Kind("a number above 0", lambda value: _is_number(value) and value > 0)
-WHOLE = Kind("a whole number, at least 0", lambda value: type(value) is int and 0 <= value < 2**63)
-COUNT = Kind("a whole number, at least 1", lambda value: WHOLE.holds(value) and value > 0)
-COUNTS = Kind("a list of whole numbers", lambda value: isinstance(value, list) and all(map(COUNT.holds, value)))
-HASH = Kind("a SHA-256", lambda value: isinstance(value, str) and bool(re.fullmatch("[0-9a-f]{64}", value)))
+ANY = ValueCheck("anything", lambda value: True)
+TEXT = ValueCheck("text", lambda value: isinstance(value, str))
+FLAG = ValueCheck("true or false", lambda value: isinstance(value, bool))
+FLOAT = ValueCheck("a number", lambda value: isinstance(value, float))
+NUMBER = ValueCheck("a finite number", _is_number)
+POSITIVE = ValueCheck("a number above 0", lambda value: _is_number(value) and value > 0)
+WHOLE = ValueCheck("a whole number, at least 0", lambda value: type(value) is int and 0 <= value < 2**63)
+COUNT = ValueCheck("a whole number, at least 1", lambda value: WHOLE.holds(value) and value > 0)
+COUNTS = ValueCheck("a list of whole numbers", lambda value: isinstance(value, list) and all(map(COUNT.holds, value)))
+HASH = ValueCheck("a SHA-256", lambda value: isinstance(value, str) and bool(re.fullmatch("[0-9a-f]{64}", value)))
 OBJECT = {"*": ANY}
 
 RUN_FIELDS = {
@@ -73,7 +74,7 @@ RUN_FIELDS = {
             "clipped": WHOLE,
         }
     ],
-    "drift": _or_null(Kind("an object", lambda value: isinstance(value, dict))),
+    "drift": _or_null(ValueCheck("an object", lambda value: isinstance(value, dict))),
     "overrides?": [TEXT],
     "code_hash?": TEXT,
     "custom_code?": _or_null(HASH),
@@ -115,7 +116,7 @@ CONFIG = {
 
 def validate_value(value: Any, shape: Shape, name: str) -> str | None:
     """Which value, as read from JSON, does not have its shape, and what it must be; None: all have."""
-    if isinstance(shape, Kind):
+    if isinstance(shape, ValueCheck):
         return None if shape.holds(value) else f"{name} must be {shape.words}"
     if isinstance(shape, list):
         if not isinstance(value, list):
@@ -141,7 +142,7 @@ def find_wrong(manifest: Any) -> str | None:
     if wrong := validate_value(manifest, RUN_FIELDS, "manifest"):
         return wrong
     for name in manifest["files"]:
-        if PurePosixPath(name).name != name or "\0" in name:
+        if not name or PurePosixPath(name).name != name or "\0" in name:
             return f"files must be names of files in its folder, not {name[:40]!r}"
     config = manifest["config"]
     if manifest["config_hash"] != config_hash(config):
@@ -150,6 +151,8 @@ def find_wrong(manifest: Any) -> str | None:
         return None  # of a job that failed the config can be anything
     if wrong := validate_value(config, CONFIG, "config"):
         return wrong
+    if len(config["machine"].get("legs", ())) > len(LEG_NAMES):
+        return f"config.machine.legs must be at most {len(LEG_NAMES)}"
     if not 0.5 < config["gait"]["cycle_time"] / config["sampling_period"] < MAX_STEPS_PER_CYCLE:
         return f"config.gait.cycle_time must have from 1 to {MAX_STEPS_PER_CYCLE} steps of config.sampling_period"
     return None if manifest["drift"] is None else validate_value(manifest["drift"], DRIFT, "manifest.drift")

@@ -20,7 +20,7 @@ from cmacexp.cmac.rules import (
     ZERO_BY_ERROR,
 )
 from cmacexp.config.cmac import PHASE
-from cmacexp.data.folder import write_atomically
+from cmacexp.data.files import write_atomically
 from cmacexp.data.run import Run
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.data.folder import write_atomically
+from cmacexp.data.files import write_atomically
 from cmacexp.data.run import Run
 from cmacexp.errors import require_extra
 from cmacexp.export.steps import Field, describe_fields, read_steps

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cmacexp.data.folder import write_atomically
+from cmacexp.data.files import write_atomically
 from cmacexp.data.parquet import arrow
 from cmacexp.data.run import Run
 from cmacexp.export.steps import describe_fields, read_steps

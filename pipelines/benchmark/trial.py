@@ -13,7 +13,7 @@ import numpy as np
 from cmacexp.config import config_hash, to_plain
 from cmacexp.config.component import custom_code_hash
 from cmacexp.config.compose import compose_config
-from cmacexp.data.folder import write_atomically
+from cmacexp.data.files import write_atomically
 from cmacexp.engine.failure import describe_failure
 from cmacexp.engine.run import score_scenario
 from cmacexp.errors import BadInput

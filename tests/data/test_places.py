@@ -1,5 +1,6 @@
 """Folders of results: nothing of others replaced, an earlier result whole until the next one takes its place."""
 
+import os
 import shutil
 from contextlib import suppress
 from pathlib import Path
@@ -9,11 +10,13 @@ from support.command import ROOT, call, python
 from support.doors import BadInput, CmacexpError, Report, compose_config, run_scenario, write_report
 
 import cmacexp
-from cmacexp.data.files import write_atomically
+from cmacexp.data.files import name_part, write_atomically
 from cmacexp.data.integrity import faults
 
 JOB = ("scenario=force_step", "gait.cycle_time=1.0", "record=trace")
 OTHER_MASS = 0.6
+NOBODY = 2**22 + 1
+"""No process of Linux has this number."""
 KILLING = ROOT / "tests" / "support" / "killing.py"
 PAGE = Report("T", "S", [])
 
@@ -65,6 +68,17 @@ def test_of_two_runs_in_one_folder_the_last_one_stays_and_says_so(tmp_path, caps
     assert capsys.readouterr().err.count("another run was written there meanwhile") == 1
     run(tmp_path / "run")
     assert (faults(tmp_path / "run"), hidden_in(tmp_path), capsys.readouterr().err) == ([], [], "")
+
+
+def test_what_killed_writers_left_goes_and_what_others_write_stays(tmp_path):
+    own, here = name_part(tmp_path / "run"), f".{os.uname().nodename}."
+    left = own.with_name(own.name.replace(f".{os.getpid()}.", f".{NOBODY}."))
+    elsewhere = left.with_name(left.name.replace(here, ".another."))
+    for part in (own, left, elsewhere):
+        part.mkdir()
+        (part / "trace.parquet").touch()
+    run(tmp_path / "run")
+    assert [part.exists() for part in (own, left, elsewhere)] == [True, False, True]
 
 
 FOREIGN = {

@@ -19,6 +19,7 @@ from cmacexp.export.vectors import run_steps
 
 pytestmark = pytest.mark.ci
 COMPILER = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
+# CI has a C compiler; a computer of a user need not, and the tests that compile nothing run there too.
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="checks C code: needs a C compiler")
 FLAGS = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-pedantic", "-Werror"]
 SHORT = ("record=metrics", "record.weights=true", "cycles=1", "learning.start_cycle=1", "warn=false")

@@ -28,6 +28,7 @@ SLOTINE_LI = (f"controller._target_={FOLDER}.slotine_li.SlotineLi", "feedforward
 LEG = ("scenario=one_leg", "reference=aware", "learning=lasting", "learning.guard=none")
 HEAVY = (*LEG, "plant.mass_factor=1.2", "cycles=6")
 """The leg is heavier than its controllers know, all along."""
+# The extra robots downloads other people's models, which CI does without; the planar machines are tested there.
 ROBOT = pytest.mark.skipif(not package_models(), reason="needs the models of robots")
 
 

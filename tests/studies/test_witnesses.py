@@ -21,6 +21,7 @@ def needs_models(overrides: list[str]) -> bool:
 @pytest.mark.parametrize("witness", WITNESSES)
 def test_a_witness_gives_what_it_gave(witness):
     if needs_models(witness["overrides"]):
+        # The extra downloads other people's models, which CI does without; witnesses of planar machines run there.
         pytest.skip("models of robots are not installed: pip install '.[robots]'")
     assert not repeat_witness(witness)
 
