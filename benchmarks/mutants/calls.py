@@ -37,6 +37,11 @@ def refuse(event, arguments):
         raise Unfit
 
 
+def refuse_workers():
+    """Stop a test that starts worker processes, likewise."""
+    raise Unfit
+
+
 def stop(*_):
     """Stop the test that runs."""
     raise Unfit

@@ -6,13 +6,13 @@ import signal
 import sys
 from collections.abc import Callable
 from itertools import pairwise
-from multiprocessing import get_context
+from multiprocessing import forkserver, get_context
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from benchmarks.mutants.calls import LONGEST, Calls, limit, refuse, take_few_examples
+from benchmarks.mutants.calls import LONGEST, Calls, limit, refuse, refuse_workers, take_few_examples
 
 ROOT = Path(__file__).parents[2]
 TIERS = {"first": "not ci and not nightly", "ci": "not nightly"}
@@ -111,6 +111,7 @@ def record_calls(tier: str, part: int, parts: int) -> dict[str, Any]:
         own = [item for name, item in items.items() if name.partition("::")[0] in files[part::parts]]
         own[0].config.pluginmanager.register(calls)
         sys.addaudithook(refuse)
+        forkserver.ensure_running = refuse_workers  # which no audit hook sees
         for item, following in pairwise([*own, None]):
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
 

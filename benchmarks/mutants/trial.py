@@ -96,7 +96,8 @@ def is_early(mutant: Mutant, record: dict[str, Any]) -> bool:
 def choose_tests(mutant: Mutant, record: dict[str, Any]) -> list[str]:
     """Tests that call the function of the mutant, as many of the quickest as fit, those of the quickest file first.
 
-    A mutant outside of functions has the tests of files that import its file, and those that call a function of it.
+    A mutant outside of functions has the tests of files that import its file, and those that call a function of it;
+    one in a function that runs while the project is imported has the former too.
     """
     name = mutant.path.removeprefix("cmacexp/")
     module = mutant.path.removesuffix(".py").replace("/", ".")
@@ -109,7 +110,8 @@ def choose_tests(mutant: Mutant, record: dict[str, Any]) -> list[str]:
 
     seconds: dict[str, float] = record["seconds"]
     files = dict.fromkeys(test.partition("::")[0] for test in seconds)
-    importing = {file for file in files if not mutant.function and f"from {module} import" in read_source(file)}
+    early = is_early(mutant, record)
+    importing = {file for file in files if early and f"from {module} import" in read_source(file)}
     calling = [
         test for test in seconds if (file := test.partition("::")[0]) in importing or calls(test) or calls(file)
     ]

@@ -27,6 +27,12 @@ def test_within_a_patch_the_ground_is_of_one_stiffness(i, j, u, v):
     assert one == other
 
 
+def test_a_patch_begins_with_its_lower_edges():
+    ground = PATCHY._replace(patch_size=0.25)  # whose multiples are exact
+    for i, j in ((0, 0), (3, -2), (-5, 7)):
+        assert stiffness_at(ground, i * 0.25, j * 0.25) == stiffness_at(ground, (i + 0.5) * 0.25, (j + 0.5) * 0.25)
+
+
 def test_patches_fill_the_spread_evenly_and_know_nothing_of_their_neighbours_nor_of_another_seed():
     grid, other = of_patches(PATCHY), of_patches(PATCHY._replace(patch_seed=1))
     assert len(np.unique(grid)) == grid.size

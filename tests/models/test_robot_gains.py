@@ -32,6 +32,8 @@ def test_a_period_suits_feet_from_a_measured_share_of_the_mass_on(period, least)
     require_period(1.01 * least, period)
     with pytest.raises(BadInput, match="sampling_period"):
         require_period(0.99 * least, period)
+    with pytest.raises(BadInput, match="sampling_period"):
+        require_period(10.0, 1.01 * PERIODS[-1][0])
     if period <= RECOMMENDED[-1][0]:
         assert recommend_period(0.99 * least) < period <= recommend_period(1.01 * least)
 

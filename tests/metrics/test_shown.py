@@ -1,0 +1,57 @@
+"""How metrics appear in tables: which are shown, in which unit, of a long table which rows."""
+
+import pytest
+
+from cmacexp.metrics.body import BODY_METRICS
+from cmacexp.metrics.leg import FORCE
+from cmacexp.metrics.metric import LARGE
+from cmacexp.metrics.pooling import BETWEEN, ENDS, MOST_ROWS, shorten
+from cmacexp.metrics.registry import ALL_METRICS, MAIN, SHOWN
+from cmacexp.metrics.text import find_numeric
+
+FACTORS = {("m", "mm"): 1e3, ("rad", "mrad"): 1e3, ("", "%"): 1e2}
+"""From the unit of the files to the one that is shown, where they differ."""
+MAIN_METRICS = """
+    transfer_rmse_x transfer_rmse_y transfer_rmse_z transfer_rmse joint_rmse force_rmse force_rmse_three_feet
+    force_settled force_steady_state_error force_overshoot force_settling_time force_itae feedforward_share
+    height_mean tilt_max true_stability_margin_min
+"""
+OF_ONE_LEG = {"force_settled", "force_steady_state_error", "force_overshoot", "force_settling_time", "force_itae"}
+
+
+def test_metrics_are_shown_in_their_units_by_the_factor_between_them():
+    for name, shown in SHOWN.items():
+        assert shown.factor == FACTORS.get((ALL_METRICS[name].unit, shown.unit), 1.0), name
+    assert list(MAIN) == MAIN_METRICS.split()
+    assert {name for name, shown in SHOWN.items() if not shown.over_legs} == OF_ONE_LEG <= FORCE.keys()
+
+
+def test_heights_and_margins_say_which_they_are():
+    heights = [BODY_METRICS[f"height_{which}"].shown.title for which in ("mean", "min", "max")]
+    assert heights == ["height", "least height", "largest height"]
+    edges = {"stability_margin": "nearest edge", "margin_front": "front", "true_margin_rear": "rear"}
+    for name, edge in edges.items():
+        metric = BODY_METRICS[f"{name}_min"]
+        assert metric.meaning.startswith(f"least margin to the {edge} of the ")
+        assert metric.better == LARGE
+
+
+@pytest.mark.parametrize("more", [0, 1, 40, 977])
+def test_a_long_table_shows_its_ends_and_some_rows_evenly_between(more):
+    rows = list(range(MOST_ROWS + more))
+    shown = shorten(rows)
+    if not more:
+        assert shown == rows
+        return
+    assert (shown[:ENDS], shown[-ENDS:]) == (rows[:ENDS], rows[-ENDS:])
+    gaps = {
+        after - before for before, after in zip(shown[ENDS - 1 :], shown[ENDS : ENDS + BETWEEN + 1], strict=False)
+    }
+    assert max(gaps) - min(gaps) <= 1
+
+
+def test_a_column_is_of_numbers_if_all_its_cells_are():
+    rows = [["1", "8", "8", "none"], ["2.5e-3 N", "-", "on", "none"]]
+    assert find_numeric(rows) == {0, 1}
+    with pytest.raises(ValueError, match="shorter"):
+        find_numeric([["1", "2"], ["1"]])
