@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cmacexp.commands.command import Parser, run_command
-from cmacexp.data.folder import write_atomically
+from cmacexp.data.files import write_atomically
 from cmacexp.data.run import Run
 from cmacexp.data.trace import count_steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
