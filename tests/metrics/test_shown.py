@@ -1,6 +1,10 @@
 """How metrics appear in tables: which are shown, in which unit, of a long table which rows."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
+from support.doors import make_rows
 
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.leg import FORCE
@@ -55,3 +59,18 @@ def test_a_column_is_of_numbers_if_all_its_cells_are():
     assert find_numeric(rows) == {0, 1}
     with pytest.raises(ValueError, match="shorter"):
         find_numeric([["1", "2"], ["1"]])
+
+
+def test_a_table_has_the_metrics_of_legs_in_space_if_one_run_is_of_a_robot():
+    def run(**pooled):
+        arrays = {name: np.array([value]) for name, value in pooled.items()}
+        outcome = SimpleNamespace(status="completed", cause="")
+        return SimpleNamespace(
+            settings={}, outcome=outcome, cycles_done=1, pooled=arrays, final=lambda name: pooled.get(name, np.nan)
+        )
+
+    planar, robot = run(transfer_rmse_x=0.002), run(transfer_rmse_x=0.004, transfer_rmse=0.005)
+    assert "best_transfer_rmse" not in make_rows([planar], [])[0]
+    rows = make_rows([planar, robot], [])
+    np.testing.assert_equal([row["final_transfer_rmse"] for row in rows], [np.nan, 0.005])
+    np.testing.assert_equal([row["best_transfer_rmse"] for row in rows], [np.nan, 0.005])

@@ -71,3 +71,10 @@ def test_planned_torques_and_forces_leave_nothing_for_mujoco_to_add(planned):
     assert left[:, legs.dof.ravel()].max() < 1e-9
     assert left[:, trunk[:3]].max() < 1e-6
     assert np.quantile(left[:, trunk[3:5]], 0.9) < 0.02 < np.abs(planned.needs[:, 3:5]).max() / 10.0
+
+
+def test_masses_that_are_wrong_by_a_factor_need_as_much_more_force_and_moment(planned):
+    every_tenth, sway = planned.plan.joints[::10], planned.plan.sway
+    sway = sway._replace(**{name: getattr(sway, name)[::10] for name in ("rate", "acceleration")})
+    needs, _ = compute_needs(planned.config, every_tenth, sway, 1.2)
+    assert_allclose(needs, 1.2 * planned.needs[::10], atol=1e-9)
