@@ -59,8 +59,8 @@ def against_c(name: str, config: Config, rounds: int, target: str) -> list[Row]:
     """One leg against C, where there is a compiler."""
     if not compiler():
         return []
-    times = in_turn({"fused": per_step(config), "c": in_c(config)}, rounds)
-    return [compared(times, name, "fused", "c", "plain C that hashes every step's cells", target)]
+    times = in_turn({"loop": per_step(config), "c": in_c(config)}, rounds)
+    return [compared(times, name, "loop", "c", "plain C that hashes every step's cells", target)]
 
 
 def scenarios(rounds: int) -> Table:
@@ -72,9 +72,9 @@ def scenarios(rounds: int) -> Table:
         *against_c(f"one_leg, {longer.cycles} cycles", longer, rounds, "0.60"),
     ]
     for name, target in TARGETS.items():
-        times = in_turn({"fused": per_step(make_config(f"scenario={name}"))}, rounds)
+        times = in_turn({"loop": per_step(make_config(f"scenario={name}"))}, rounds)
         times["python"] = [in_plain_python(name)]
-        rows.append(compared(times, name, "fused", "python", "same source in plain Python", target))
+        rows.append(compared(times, name, "loop", "python", "same source in plain Python", target))
     return Table(
         "The loop, a step", rows, "Targets in microseconds are for the time itself, the others for the ratio."
     )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from cmacexp.config.cmac import NEEDS_LEARNING
 from cmacexp.errors import BadInput
-from cmacexp.jit.compiler import kernel, kernel_apart, program
+from cmacexp.jit.compiler import kernel, program
 from cmacexp.typing import Array, Cells
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ def pull(rule: RuleParams, rate: float, error: float) -> float:
     return min(1.0, rate * rule.strength * (abs(error) if rule.goal == ZERO_BY_ERROR else 1.0))
 
 
-@kernel_apart
+@kernel(inline=False)
 def train_by_rule(
     rule: RuleParams, weights: Array, cells: Cells, activation: Array, error: Array, rate: float
 ) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cmacexp.errors import BadInput
-from cmacexp.jit.compiler import kernel_apart
+from cmacexp.jit.compiler import kernel
 from cmacexp.typing import Array, Cells
 
 MOST_ENTRIES = 2**27
@@ -54,7 +54,7 @@ def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, 
     return spread_cells.reshape(samples, legs, most), shares.reshape(samples, legs, most)
 
 
-@kernel_apart
+@kernel(inline=False)
 def train_spread(weights: Array, cells: Cells, share: Array, error: Array, rate: float, leakage: float) -> None:
     """Add beta s_j (U - leakage W_j) to every weight that learns from the error.
 

@@ -1,6 +1,5 @@
 """Runs from Python, as from the command line: ``run`` one, ``load`` an old one, ``open_loop`` to step one."""
 
-import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -17,7 +16,6 @@ from cmacexp.engine.run import run_scenario
 from cmacexp.engine.without_effect import list_idle_overrides
 from cmacexp.errors import BadInput, OtherModel, WithoutEffect
 from cmacexp.feedforward.protocol import Feedforward
-from cmacexp.jit.compiler import expect_steps
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.stepwise import OpenLoop
 from cmacexp.plants.protocol import Plant
@@ -133,9 +131,7 @@ def open_loop(overrides: str | Sequence[str] = (), *, config_dir: str | Path | N
     config, idle = _compose([*own, "feedforward=none"], config_dir)
     _warn(config, idle)
     announce_compiling()
-    scenario = make_scenario(config)
-    expect_steps(math.inf)
-    return OpenLoop(scenario)
+    return OpenLoop(make_scenario(config))
 
 
 def load(folder: str | Path) -> Run:

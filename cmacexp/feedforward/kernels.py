@@ -8,7 +8,7 @@ from cmacexp.cmac.memory import read, read_weighted, train
 from cmacexp.cmac.rules import NEIGHBOURS, PAPER, RuleParams, rate_after, train_by_rule
 from cmacexp.cmac.spread import train_spread
 from cmacexp.feedforward.weight_log import WeightLog, log_cycle
-from cmacexp.jit.compiler import kernel, kernel_apart
+from cmacexp.jit.compiler import kernel
 from cmacexp.typing import Array, Cells, Scratch, State
 
 TABLE, CMAC, WEIGHTED = range(3)
@@ -159,7 +159,7 @@ def correct(params: FeedforwardParams | None, errors: Array, output: Array, torq
                             )  # fmt: skip
 
 
-@kernel_apart
+@kernel(inline=False)
 def exchange(params: FeedforwardParams | None, kept: Array, keep: bool) -> None:
     """Copy the weights in use to ``kept`` (L, M, J), or back from there."""
     if params is not None and kept.shape[1] > 0:

@@ -7,7 +7,8 @@ All give the same bits.
 
 import contextlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property, update_wrapper
 from typing import cast
@@ -15,42 +16,49 @@ from typing import cast
 from cmacexp.jit.interrupt import raise_if_interrupted
 from cmacexp.jit.kernels import Function
 from cmacexp.jit.kernels import kernel as kernel
-from cmacexp.jit.kernels import kernel_apart as kernel_apart
 from cmacexp.jit.sources import cache_folder
 
 WORTH_LOADING, WORTH_COMPILING = 4_000, 40_000
 """Steps, times legs, that take as long in plain Python as reading a program from the cache, and as compiling it."""
 
 
-@dataclass
-class _Work:
-    """What this process is about to do."""
+class _Process:
+    """This process, or several that work together."""
 
-    runs: float = 1.0
-    leg_steps: float = math.inf
-    """Of one run."""
-    count: int = 0
-    """How often this has been announced."""
+    runs = 1.0
+    """Number of runs that it makes."""
+
+
+@dataclass(frozen=True)
+class _Workload:
+    """What is going on: a run of so many steps, times legs."""
+
+    leg_steps: float
 
     @property
     def size(self) -> float:
-        """All steps."""
-        return self.runs * self.leg_steps
+        """Steps, times legs, of all runs."""
+        return _Process.runs * self.leg_steps
 
 
-_work = _Work()
+_UNKNOWN = _Workload(math.inf)
+"""Outside of runs: whatever is called is compiled."""
+_workload = ContextVar("workload", default=_UNKNOWN)
 
 
-def expect_steps(leg_steps: float) -> None:
-    """Announce so many steps, times legs; infinite: from now on compile whatever is called."""
-    _work.leg_steps = leg_steps
-    _work.count += 1
+@contextlib.contextmanager
+def workload(leg_steps: float) -> Iterator[None]:
+    """A run of so many steps, times legs: programs that are called in it are compiled if that repays it."""
+    token = _workload.set(_Workload(leg_steps))
+    try:
+        yield
+    finally:
+        _workload.reset(token)
 
 
 def expect_runs(runs: float) -> None:
     """Announce that this process, or several together, make so many runs; infinite: many."""
-    _work.runs = runs
-    _work.count += 1
+    _Process.runs = runs
 
 
 def program(function: Function, plain: Callable[..., object] | None = None) -> Function:
@@ -70,30 +78,31 @@ class _Program:
 
     def __init__(self, function: Callable[..., object], plain: Callable[..., object]):
         self.function, self.plain = function, plain
-        self.chosen, self.decided = plain, -1
-        """What runs, and the announcement, by its count, for which it was chosen."""
+        self.chosen = plain
+        self.chosen_for: _Workload | None = None
+        """What runs, and the workload for which it was chosen."""
         update_wrapper(self, function)
 
     def __call__(self, *arguments: object) -> object:
-        if self.decided == _work.count:
+        work = _workload.get()
+        if self.chosen_for is work:
             return self.chosen(*arguments)
-        self.decided = _work.count
-        is_long = _work.size >= WORTH_COMPILING
-        if is_long or self._is_worth_loading:
+        self.chosen_for = work
+        is_long = work.size >= WORTH_COMPILING
+        if is_long or self._is_worth_loading(work):
             with contextlib.suppress(NotCompiled):
                 from cmacexp.jit.numba_private import before_compiling
 
-                with before_compiling(_announce if is_long else _refuse, raise_if_interrupted, is_long):
+                with before_compiling(_announce if is_long else _refuse, raise_if_interrupted):
                     self.chosen = self.compiled
                     return self.compiled(*arguments)
         self.chosen = self.plain
         return self.plain(*arguments)
 
-    @property
-    def _is_worth_loading(self) -> bool:
+    def _is_worth_loading(self, work: _Workload) -> bool:
         """Whether the cache holds something, and reading it takes less time than it saves."""
         name = f"{self.function.__module__.rpartition('.')[2]}.{self.function.__qualname__}"
-        saves = "compiled" in vars(self) or _work.size >= WORTH_LOADING
+        saves = "compiled" in vars(self) or work.size >= WORTH_LOADING
         return saves and any(cache_folder().glob(f"*/{name}-*.nbc"))
 
     @cached_property

@@ -2,7 +2,7 @@
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from traceback import walk_tb
 
@@ -84,22 +84,36 @@ def handled(signals: tuple[int, ...] = SIGNALS) -> Iterator[None]:
 
 
 @contextmanager
-def interrupt_held_back(held_back: bool = True) -> Iterator[None]:
-    """Hold back an interrupt until the end, or until :func:`raise_if_interrupted`; a second one is raised at once.
-
-    With ``held_back`` False it is raised at once inside a block that holds it back: where code may take any time.
-    """
+def interrupt_held_back() -> Iterator[None]:
+    """Hold back an interrupt until the end, or until :func:`raise_if_interrupted`; a second one is raised at once."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     before = _State.held_back
     with handled((signal.SIGINT,)):  # in a notebook, where no command handles it
-        _State.held_back = held_back
+        _State.held_back = True
         try:
-            if not held_back:
-                raise_if_interrupted()
             yield
         finally:
             _State.held_back = before
             if not before:
                 raise_if_interrupted()
+
+
+def interruptible(function: Callable[[int], object]) -> Callable[[int], object]:
+    """``function``, which may take any time: an interrupt is not held back at its start and in it.
+
+    It must be called in the thread that asks for it; only the main thread is interrupted.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return function
+
+    def call(number: int) -> None:
+        before, _State.held_back = _State.held_back, False
+        try:
+            raise_if_interrupted()
+            function(number)
+        finally:
+            _State.held_back = before
+
+    return call

@@ -1,7 +1,8 @@
 """Kernels: plain Python functions that compiled programs take in, and functions of C libraries that they call."""
 
 from collections.abc import Callable
-from typing import TypeVar
+from functools import partial
+from typing import TypeVar, overload
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -11,18 +12,26 @@ c_functions: set[Callable[..., object]] = set()
 """What calls a C function of its own name, whose arguments are integers or addresses, and which returns nothing."""
 
 
-def kernel(function: Function) -> Function:
+@overload
+def kernel(function: Function) -> Function: ...
+
+
+@overload
+def kernel(*, inline: bool) -> Callable[[Function], Function]: ...
+
+
+def kernel(function: Function | None = None, *, inline: bool = True) -> Function | Callable[[Function], Function]:
     """A function that programs inline: passing tuples of arrays costs more than most kernels do.
 
-    It works on arrays that its caller holds, and cannot make any.
+    It works on arrays that its caller holds, and cannot make any. ``inline=False`` is for a long function that many
+    runs never call, and that would crowd its callers.
+
+    A kernel that takes something optional tests it for None itself: numba compiles nothing of a branch that an
+    argument of the function excludes, but all of one that only a field of a tuple excludes.
     """
-    inlined_kernels[function] = True
-    return function
-
-
-def kernel_apart(function: Function) -> Function:
-    """:func:`kernel` for a long function that many runs never call, and that would crowd its callers."""
-    inlined_kernels[function] = False
+    if function is None:
+        return partial(kernel, inline=inline)
+    inlined_kernels[function] = inline
     return function
 
 

@@ -5,13 +5,12 @@
 """
 
 import contextlib
-import fcntl
 import hashlib
 import os
 import pickle
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -23,6 +22,7 @@ from numba import types
 from numba.core import event, serialize
 from numba.extending import typeof_impl
 
+from cmacexp.jit.hooks import Hook
 from cmacexp.jit.kernels import c_functions, inlined_kernels
 
 njit: Any = numba.njit
@@ -50,6 +50,7 @@ def _import_without_blas() -> None:
 
 
 _import_without_blas()
+types.WrapperAddressProtocol.register(Hook)
 
 
 @cache
@@ -76,56 +77,38 @@ def compiled_program(function: Callable[..., object], folder: Path) -> Callable[
     finally:
         config.CACHE_DIR = before
     if compiled is not function:
-        compiled._cache._cache_file = CheckedFiles(compiled._cache._cache_file)
+        compiled._cache._cache_file = FormFiles(Path(compiled._cache.cache_path), compiled._cache._impl.filename_base)
     return compiled  # type: ignore[no-any-return]
 
 
-_locks: list[ExitStack] = []
-"""What holds the locks of forms that are being made; empty if nobody is to wait for them."""
+class FormFiles:
+    """Compiled forms of one function, a file each, which is whole or absent.
 
-
-class CheckedFiles:
-    """Compiled forms of one function, a file each, instead of numba's own files, which it reads without a check.
-
-    They are pickles: a truncated one raises whatever it likes, and a wrong bit in machine code can crash the process.
-    A file is the SHA-256 of the rest, then the pickled form and what it belongs to.
+    numba's own files share an index: of two processes that save forms for other types at once, each can take the
+    name of the other's file, and then load its code.
     """
 
-    def __init__(self, numbas: Any):
-        self.folder, self.name = Path(numbas._cache_path), numbas._index_name.removesuffix(".nbi")
-        self.state = (numba.__version__, numbas._source_stamp)
+    def __init__(self, folder: Path, name: str):
+        self.folder, self.name = folder, name
 
     def _path(self, key: object) -> Path:
-        return self.folder / f"{self.name}.{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc"
+        """The file of a form; its ``key`` names types and processor."""
+        digest = hashlib.sha256(repr((numba.__version__, key)).encode()).hexdigest()
+        return self.folder / f"{self.name}.{digest[:16]}.nbc"
 
     def load(self, key: object) -> object:
-        """The form for a key, which names types and processor; None if there is none that can be used."""
-        path = self._path(key)
-        if not path.exists() and _locks:
-            with contextlib.suppress(OSError):  # of a file system without locks
-                lock = _locks[-1].enter_context(path.with_suffix(".lock").open("w"))
-                fcntl.flock(lock, fcntl.LOCK_EX)  # another process that makes this form now has it for us then
-        try:
-            content = path.read_bytes()
-        except OSError:
-            return None
-        digest, pickled = content[:32], content[32:]
-        if hashlib.sha256(pickled).digest() != digest:
-            print(f"{path}: compiled code was damaged; it is removed and made again when needed", file=sys.stderr)
-            with contextlib.suppress(OSError):
-                path.unlink()
-            return None
-        state, stored_key, form = pickle.loads(pickled)
-        return form if (state, stored_key) == (self.state, key) else None
+        """The form for a key; None if there is none that can be read."""
+        with contextlib.suppress(Exception):  # of a file that a crash of the machine has emptied
+            return pickle.loads(self._path(key).read_bytes())
+        return None
 
     def save(self, key: object, form: object) -> None:
-        """Write a form, so that its file is whole or absent; a run does not need it on the disk."""
+        """Write a form; a run does not need it on the disk, which may be full."""
         path = self._path(key)
         temporary = path.with_name(f"{path.name}.{os.getpid()}.part")
-        pickled = dumps((self.state, key, form))
         with contextlib.suppress(OSError):
             try:
-                temporary.write_bytes(hashlib.sha256(pickled).digest() + pickled)
+                temporary.write_bytes(dumps(form))
                 os.replace(temporary, path)
             finally:
                 temporary.unlink(missing_ok=True)
@@ -144,18 +127,16 @@ class _Listener(event.Listener):
 
 
 @contextmanager
-def before_compiling(call: Callable[[], None], again: Callable[[], None], waits: bool) -> Iterator[None]:
+def before_compiling(call: Callable[[], None], again: Callable[[], None]) -> Iterator[None]:
     """Have ``call`` called before anything is compiled that the cache does not hold; what it raises prevents that.
 
-    ``again`` is called many times meanwhile, and may end that likewise. With ``waits`` another process that compiles
-    the same is waited for; else both do. LLVM optimises little; "Compiling": a quarter less, the loop runs as fast.
+    ``again`` is called many times meanwhile, and may end that likewise. LLVM optimises little; "Compiling": a quarter
+    less, the loop runs as fast.
     """
     before = config.OPT
-    with ExitStack() as held:
-        held.enter_context(install_listener("numba:compile", _Listener(call)))
-        held.enter_context(install_listener("numba:run_pass", _Listener(again)))
-        held.callback(_locks.clear)
-        held.callback(setattr, config, "OPT", before)
+    with install_listener("numba:compile", _Listener(call)), install_listener("numba:run_pass", _Listener(again)):
         config.OPT = type(before)(1)
-        _locks[:] = [held] if waits else []
-        yield
+        try:
+            yield
+        finally:
+            config.OPT = before

@@ -1,6 +1,8 @@
 """The built-in components of a scenario, and the loop made of them."""
 
+import copy
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +14,6 @@ from cmacexp.control.load_meter import new_load_meter
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.kernels import TABLE
 from cmacexp.feedforward.network import BuiltInFeedforward
-from cmacexp.loop.external import External
 from cmacexp.loop.guard import Guard, new_guard
 from cmacexp.loop.probe import FIRST_LEARNING
 from cmacexp.loop.scenario import Scenario
@@ -25,12 +26,22 @@ from cmacexp.plants.mujoco_leg import MujocoLeg
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.plants.mujoco_quadruped import MujocoQuadruped
 from cmacexp.plants.mujoco_robot import MujocoRobot
+from cmacexp.plants.protocol import get_state
 from cmacexp.sensors import PerfectSensors, RealSensors
 from cmacexp.sensors.channel import Sensing
 from cmacexp.sensors.kernels import Observation, new_observation
 
 BUILT_IN = "needs feedforward=cmac, rbf or ilc, and the built-in controller"
-ALL_EXTERNAL = External(plant=True, sensors=True, controller=True, feedforward=False)
+
+
+class External(NamedTuple):
+    """Which components are external."""
+
+    plant: bool
+    sensors: bool
+    controller: bool
+    feedforward: bool
+    """Of a built-in controller; an external controller calls its feedforward itself."""
 
 
 def find_external(scenario: Scenario) -> External:
@@ -100,9 +111,12 @@ def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard:
     if isinstance(built, AsBuiltConfig):
         actuator = replace(actuator, delay=actuator.delay + built.delay)
     engine = plant.engine if isinstance(plant, MujocoPlant) else None
-    machine = new_state(mechanism.shape[0], mechanism.axes)
     if isinstance(plant, AnalyticPlant | MujocoPlant):
-        machine = plant.state
+        machine, travel = plant.state, None if engine is None else engine.travel
+    else:
+        machine, travel = new_state(mechanism.shape[0], mechanism.axes), copy.copy(scenario.first.travel)
+        for values, start in zip(machine, get_state(scenario.first), strict=False):
+            values[...] = start
     return Loop(
         setup.plan.support,
         setup.plan.reference,
@@ -110,7 +124,7 @@ def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard:
         mechanism,
         plant.params if isinstance(plant, AnalyticPlant) else None,
         engine,
-        None if engine is None else engine.travel,
+        travel,
         machine,
         *_make_observation(scenario, external, machine),
         controller.params if isinstance(controller, HybridController) else None,

@@ -15,7 +15,7 @@ import numpy as np
 from cmacexp.config.schema import REFINE
 from cmacexp.control.hybrid_kernels import HybridState
 from cmacexp.feedforward.kernels import FeedforwardParams, correct, exchange
-from cmacexp.jit.compiler import kernel, kernel_apart
+from cmacexp.jit.compiler import kernel
 from cmacexp.loop.probe import (
     CYCLES_LEFT,
     DONE,
@@ -240,7 +240,7 @@ def take_torque(guard: Guard | None, sample: int, torque: Array) -> None:
     add_torque(guard.probe, sample, torque)
 
 
-@kernel_apart
+@kernel(inline=False)
 def copy_slot(torque: Array, slot: int) -> None:
     """Copy the torques of ``slot`` to the other one; ``torque`` (2, N, L, J)."""
     for k in range(torque.shape[1]):
@@ -249,7 +249,7 @@ def copy_slot(torque: Array, slot: int) -> None:
                 torque[1 - slot, k, i, j] = torque[slot, k, i, j]
 
 
-@kernel_apart
+@kernel(inline=False)
 def retreat(guard: Guard, params: FeedforwardParams | None, step: int, cause: int) -> None:
     """Return to the torque and weights of the best cycle; to feedback alone if there is none, or it did not help."""
     counts, values = guard.counts, guard.values
@@ -273,7 +273,7 @@ def retreat(guard: Guard, params: FeedforwardParams | None, step: int, cause: in
         counts[EVENTS] += 1
 
 
-@kernel_apart
+@kernel(inline=False)
 def has_drifted(guard: Guard, level: float) -> bool:
     """Whether the levels of the last WINDOW cycles rise, and their mean is far above its lowest."""
     counts, values, n = guard.counts, guard.values, guard.levels.shape[0]
@@ -289,14 +289,14 @@ def has_drifted(guard: Guard, level: float) -> bool:
     return mean > RISE * values[LOWEST] and count_rises(guard.levels, newest) >= SIGNIFICANT
 
 
-@kernel_apart
+@kernel(inline=False)
 def measure_alone(guard: Guard) -> None:
     """Take the cycle that has ended as one of feedback alone."""
     values = guard.values
     values[EFFORT_ALONE], values[ERROR_ALONE] = math.sqrt(values[EFFORT]) + TINY, math.sqrt(values[ERROR]) + TINY
 
 
-@kernel_apart
+@kernel(inline=False)
 def infer_alone(guard: Guard) -> None:
     """Feedback alone would have to give what feedback and feedforward gave together, with errors in proportion."""
     values = guard.values
@@ -312,7 +312,7 @@ def chatters(values: Array) -> bool:
     return 0.0 < CHATTERS * CHATTERS * values[MOTION_PLANNED] < values[MOTION]
 
 
-@kernel_apart
+@kernel(inline=False)
 def learn_from_now_on(guard: Guard) -> None:
     """Learn, from the weights of the best cycle, in the slot that does not hold its torque."""
     counts, probe = guard.counts, guard.probe
@@ -321,7 +321,7 @@ def learn_from_now_on(guard: Guard) -> None:
     counts[PHASE], counts[LEARNT], probe.counts[LEARN_AGAIN] = LEARNING, 0, 0
 
 
-@kernel_apart
+@kernel(inline=False)
 def judge(guard: Guard, params: FeedforwardParams | None, step: int) -> None:
     """Judge the cycle that has ended before ``step``."""
     counts, values, probe = guard.counts, guard.values, guard.probe
@@ -377,7 +377,7 @@ def needs_judging(guard: Guard, sample: int) -> bool:
     return sample == 0 or guard.counts[ALARM] != 0
 
 
-@kernel_apart
+@kernel(inline=False)
 def begin_step(guard: Guard, params: FeedforwardParams | None, step: int, sample: int) -> None:
     """End learning at once after a step beyond the limits; at the start of a cycle judge the last one."""
     counts, values, probes = guard.counts, guard.values, guard.probe.counts[CYCLES_LEFT] != DONE

@@ -1,6 +1,5 @@
 """Run a scenario from its first step to its last, or until it stops."""
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,12 +14,11 @@ from cmacexp.data.signals import ARRAYS, FEEDBACK_ALONE, LEARNS, REPEATED
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.feedforward.weight_log import MOST_CYCLES
-from cmacexp.jit.compiler import expect_steps
+from cmacexp.jit.compiler import workload
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back, raise_if_interrupted
 from cmacexp.loop.adaptation import Adaptation
-from cmacexp.loop.builtin import ALL_EXTERNAL, find_external, make_guard, make_loop
-from cmacexp.loop.compiled import CompiledDriver
-from cmacexp.loop.external import ExternalDriver
+from cmacexp.loop.builtin import find_external, make_guard, make_loop
+from cmacexp.loop.driver import Driver
 from cmacexp.loop.guard import Event, read_events
 from cmacexp.loop.probe import LEARN_AGAIN, PROBED, LeadEstimate, estimate_lead
 from cmacexp.loop.samples import ALL_SAMPLES, TRAVEL, WIDE_BODY_SAMPLES, make_samples, name_samples
@@ -112,23 +110,20 @@ def _samples_measured(scenario: Scenario) -> bool:
 class _Stream:
     """A scenario under way, with arrays for the samples of some cycles; arguments as of :func:`stream`."""
 
-    def __init__(self, scenario: Scenario, watch: Callable[[float], None], fused: bool):
+    def __init__(self, scenario: Scenario, watch: Callable[[float], None]):
         setup = scenario.setup
         config, mechanism = setup.config, setup.mechanism
         self.scenario, self.config, self.point_mass = scenario, config, mechanism.kind == POINT_MASS
         self.watch, self.together = watch, 1
         """``together``: steps of the next call of the driver."""
         self.limits = new_limits(mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
-        external = find_external(scenario) if fused else ALL_EXTERNAL
+        external = find_external(scenario)
         self.guard = make_guard(scenario, external)
         loop, (legs, joints) = make_loop(scenario, external, self.limits, self.guard), mechanism.shape
         self.adaptation = None if loop.meter is None else Adaptation(setup, loop.meter)
-        self.driver: CompiledDriver | ExternalDriver
-        if any(external):
-            self.driver, cycles = ExternalDriver(scenario, loop, external), 1
-        else:
-            self.driver = CompiledDriver(loop)
-            cycles = min(config.cycles, max(1, MOST_ROWS // (config.steps_per_cycle * legs)), MOST_CYCLES)
+        self.driver = Driver(scenario, loop, external)
+        fit = 1 if any(external) else MOST_ROWS // (config.steps_per_cycle * legs)
+        cycles = min(config.cycles, max(1, fit), MOST_CYCLES)
         wide = _samples_measured(scenario)
         self.samples, self.body = make_samples(cycles * config.steps_per_cycle, legs, wide, joints)
         names = ALL_SAMPLES[: self.samples.shape[2]]
@@ -193,8 +188,8 @@ class _Stream:
         return self.adaptation is not None and ends_cycle and self.adaptation.end_cycle()
 
     def _most_steps(self) -> int:
-        """Steps of the next call of the driver; lead and plan can change only at the start of a cycle."""
-        if self.config.learning.lead != ESTIMATE and self.adaptation is None:
+        """Steps of the next call of the driver; lead, plan and best weights can change only where a cycle starts."""
+        if self.config.learning.lead != ESTIMATE and self.adaptation is None and not self.driver.keeps_weights:
             return self.together
         return min(self.together, self.config.steps_per_cycle - self.driver.taken % self.config.steps_per_cycle)
 
@@ -246,14 +241,11 @@ def stream(
     scenario: Scenario,
     keep: Callable[[Samples], None],
     watch: Callable[[float], None] = lambda cycles: None,
-    *,
-    fused: bool = True,
 ) -> End:
     """Run a scenario, whose components are reset, some cycles at a time; raises CmacexpError if it has run before.
 
     ``keep`` is called with the samples of these cycles, whose arrays are used again for the next ones; ``watch``
-    several times a second with the number of cycles done so far. Not ``fused``, every component is treated as
-    external.
+    several times a second with the number of cycles done so far.
 
     Returns how it ended; samples are kept up to there, whether it diverged, failed or was interrupted.
     """
@@ -264,14 +256,13 @@ def stream(
         cause = f"before the first step: {_format_error(scenario.fault)}"
         return End(0, Status.FAILED, cause, scenario.setup.rate, scenario.fault)
     config = scenario.setup.config
-    expect_steps(config.cycles * config.steps_per_cycle * config.legs)
-    with interrupt_held_back():  # until the next call of the driver
-        run = _Stream(scenario, watch, fused)
+    leg_steps = config.cycles * config.steps_per_cycle * config.legs
+    with workload(leg_steps), interrupt_held_back():  # until the next call of the driver
+        run = _Stream(scenario, watch)
         while run.runs:
             start = run.advance()
             if start == 0 or run.driver.taken > start:
                 keep(run.collect(start))
-    expect_steps(math.inf)
     events, carried = read_events(run.guard), run.adaptation.carried if run.adaptation is not None else []
     seconds = run.seconds, run.processor_seconds
     return End(run.driver.taken, run.status, run.cause, run.rate, run.error, *seconds, events, run.estimates, carried)

@@ -15,7 +15,7 @@ from cmacexp.control import Controller, HybridController
 from cmacexp.data.weights import read_weights
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.feedforward import Feedforward, Learns
-from cmacexp.jit.compiler import expect_steps
+from cmacexp.jit.compiler import workload
 from cmacexp.jit.interrupt import exits_caught
 from cmacexp.loop.factory import PROTOCOLS, make_component, require_members
 from cmacexp.loop.validation import require_finite, take_measurement
@@ -144,11 +144,16 @@ def make_scenario(config: Config, learnt: Weights | None = None, **given: Any) -
     The feedforward starts from what is ``learnt``; None: from ``learning.start_from``, if that names a run. Raises
     BadInput if a component cannot be made, there are no weights to start from, or the machine cannot follow the plan.
     """
+    with workload(config.cycles * config.steps_per_cycle * config.legs):
+        return _prepare(config, learnt, given)
+
+
+def _prepare(config: Config, learnt: Weights | None, given: dict[str, Any]) -> Scenario:
+    """:func:`make_scenario`, in its workload."""
     find_rule(config.learning.rule)  # also if no feedforward uses it
     check_load_sharing(config)
     check_memory(config)
     mechanism = make_mechanism(config.machine)
-    expect_steps(config.cycles * config.steps_per_cycle * config.legs)
     for group, component in given.items():
         require_members(group, type(component).__qualname__, component)
     made = {group: make_component(group, getattr(config, group)) for group in PROTOCOLS if group not in given}

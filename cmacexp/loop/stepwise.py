@@ -1,7 +1,7 @@
 """A loop that is stepped from outside: whoever steps it gives the feedforward torque of every step.
 
-The steps run in the same compiled generator as those between external components, which pauses where a feedforward
-predicts. Returning to the start restores the state and makes nothing anew.
+A compiled generator pauses between the halves of a step: resuming it takes a tenth of the time of entering a program.
+Returning to the start restores the state and makes nothing anew.
 """
 
 from collections.abc import Iterator
@@ -11,15 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cmacexp.errors import BadInput, BadOutput, CmacexpError
+from cmacexp.jit.compiler import kernel, program
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.loop.adaptation import Adaptation
-from cmacexp.loop.builtin import find_external, make_loop
-from cmacexp.loop.external import External, coroutine_loop, read_only
+from cmacexp.loop.builtin import External, find_external, make_loop
+from cmacexp.loop.driver import read_only
 from cmacexp.loop.samples import make_samples
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.state import Held, list_arrays
-from cmacexp.loop.step import STOP, TAKEN, Inputs
-from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits
+from cmacexp.loop.step import Hooks, Loop, act, check, sense
+from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits, stop_reason
 from cmacexp.planning.columns import BEFORE
 from cmacexp.planning.stability import STABILITY
 from cmacexp.plants.mujoco_plant import MujocoPlant
@@ -27,7 +28,33 @@ from cmacexp.plants.protocol import Measurement
 from cmacexp.sensors.real import make_keys
 from cmacexp.typing import Array, Mask, Status
 
+BUILT_IN = Hooks()
+"""None, of built-in components."""
 OUTSIDE = External(plant=False, sensors=False, controller=False, feedforward=True)
+
+
+@kernel
+def pause_in_steps(loop: Loop, start: int, samples: Array, body_samples: Array) -> Iterator[tuple[int, int]]:
+    """:func:`cmacexp.loop.step.take_steps` of built-in components, with a pause in each step before the torques.
+
+    Yields the number of steps taken and RUNNING at each pause; at the end once more, with why the loop stopped.
+    """
+    # No local variable holds arrays: each pause would save them, which doubles the time of compiling.
+    period = loop.support.shape[0]
+    sample, taken, status = start % period, 0, RUNNING
+    if start == 0:
+        status = stop_reason(loop.limits, 0, loop.plant_state)
+    while status == RUNNING and taken < samples.shape[0]:
+        sense(loop, BUILT_IN, start + taken, sample)
+        yield taken, RUNNING
+        act(loop, BUILT_IN, start + taken, sample, taken, samples, body_samples)
+        taken += 1
+        sample = sample + 1 if sample + 1 < period else 0
+        status = check(None, loop.limits, sample, loop.plant_state)
+    yield taken, status
+
+
+pausing_loop = program(pause_in_steps)
 
 
 class LoopState(NamedTuple):
@@ -92,21 +119,19 @@ class OpenLoop:
         self._state = Measurement(*self._loop.plant_state[:7], travel=self._loop.travel)
         self._observed = Measurement(*self._loop.observation[:7], travel=self._loop.travel)
         self._samples = make_samples(self.period, self.shape[0], False, self.shape[1])
-        self._inputs = Inputs(None, None, np.empty((self.period, *self.shape)), None, True)
-        self._progress = np.zeros(3, dtype=np.int64)
         self._start = Held(each.array for each in list_arrays(self._loop) if each.role is not None)
         if self._plant is not None:
             self._plant.hold()
         self.moment = self.reset()
 
-    _steps: Iterator[tuple[int, int]]
-    """Of the present cycle, which pauses before each."""
+    _pauses: Iterator[tuple[int, int]]
+    """In the steps of the present cycle."""
 
     def reset(self, seed: int | None = None) -> LoopState:
         """Return to the start of the run; ``seed`` of the noise of the sensors, None: as before; raises BadInput."""
         if seed is not None and not 0 <= seed < 2**32:
             raise BadInput("seed", seed, "must be at least 0 and below 2^32")
-        with interrupt_held_back(self._plant is not None):
+        with interrupt_held_back():  # MuJoCo would drop an interrupt in a function that it calls
             if self._plant is not None:
                 self._plant.put()
             self._start.restore()
@@ -115,7 +140,8 @@ class OpenLoop:
             sensing = self._loop.sensing
             if seed is not None and sensing is not None:
                 sensing.keys[...] = make_keys(len(sensing.keys), seed)
-            self._cycle, self._steps, self._progress[STOP] = -1, iter(()), RUNNING
+            self._cycle = 0
+            self._begin_cycle()
             return self._pause()
 
     def step(self, torque: ArrayLike) -> LoopState:
@@ -128,22 +154,24 @@ class OpenLoop:
         self._loop.torques.feedforward[...] = given
         if self._plant is None:
             return self._pause()
-        with interrupt_held_back():  # MuJoCo would drop an interrupt in a function that it calls
+        with interrupt_held_back():  # as above
             return self._pause()
 
     def _pause(self) -> LoopState:
         """Run to the start of the next step, or to the end."""
-        while (pause := next(self._steps, None)) is None:
-            if (stop := int(self._progress[STOP])) != RUNNING:
-                step = self._cycle * self.period + int(self._progress[TAKEN])
-                reported = "" if self._plant is None else self._plant.divergence
-                cause = describe_stop(self._limits, stop, step, self.sampling_period, self._state, reported)
-                return self._note(step, STATUSES[stop], cause)
+        taken, stop = next(self._pauses)
+        step = self._cycle * self.period + taken
+        if stop != RUNNING:
+            reported = "" if self._plant is None else self._plant.divergence
+            cause = describe_stop(self._limits, stop, step, self.sampling_period, self._state, reported)
+            return self._note(step, STATUSES[stop], cause)
+        if step == self.steps:
+            return self._note(step, Status.COMPLETED)
+        if taken == self.period:
             self._cycle += 1
-            if self._cycle * self.period == self.steps:
-                return self._note(self.steps, Status.COMPLETED)
             self._begin_cycle()
-        return self._note(self._cycle * self.period + pause[1], "running")
+            return self._pause()
+        return self._note(step, "running")
 
     def _begin_cycle(self) -> None:
         if self._adaptation is not None:
@@ -151,7 +179,7 @@ class OpenLoop:
                 self._adaptation.end_cycle()
             self._adaptation.take(self._cycle + 1)
         start = self._cycle * self.period
-        self._steps = coroutine_loop(self._loop, self._inputs, self._progress, start, *self._samples)
+        self._pauses = pausing_loop(self._loop, start, *self._samples)
 
     def _note(self, step: int, status: str, cause: str = "") -> LoopState:
         sample, control = step % self.period, self._loop.control_state

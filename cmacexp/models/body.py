@@ -14,7 +14,7 @@ depth ``level`` other than 0, depth - level replaces the depth.
 import math
 from typing import NamedTuple
 
-from cmacexp.jit.compiler import kernel, kernel_apart
+from cmacexp.jit.compiler import kernel
 from cmacexp.models.ground import contact_force
 from cmacexp.models.sine import sine_cosine
 from cmacexp.typing import Array
@@ -179,7 +179,7 @@ def descend(
     return False
 
 
-@kernel_apart
+@kernel(inline=False)
 def balance(hips: Array, foot: Array, stiffness: Array, level: Array, load: Load, body: Array, force: Array) -> bool:
     """Find the height (m), pitch and roll (rad) at which the feet carry the body; False if there is no equilibrium.
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.jit.compiler import kernel, kernel_apart
+from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import Load, balance, depth, make_pose
 from cmacexp.models.ground import (
     Ground,
@@ -131,7 +131,7 @@ def compute_load(params: PlantParams, step: float) -> Load:
     return Load(total, payload.weight * payload.x / total, payload.weight * payload.y / total)
 
 
-@kernel_apart
+@kernel(inline=False)
 def update_level(ground: Ground, hips: Array, foot: Array, x: float, level: Array) -> None:
     """Depth, m, at which each foot meets the ground, below the ground under a body at ``x``; fills ``level`` (L,)."""
     below = height_at(ground.slope, ground.slope_start, x)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.jit.compiler import kernel, kernel_apart
+from cmacexp.jit.compiler import kernel
 from cmacexp.models.mechanism import (
     GEOMETRY_FIELDS,
     PLANE,
@@ -58,7 +58,7 @@ def compute_feet(
                 move_foot(mechanism, i, observation.geometry, observation.dq, observation.velocity)
 
 
-@kernel_apart
+@kernel(inline=False)
 def read_sensors(
     sensing: Sensing, mechanism: Mechanism, step: int, true: Measurement | PlantState, observation: Observation
 ) -> None:

@@ -5,7 +5,6 @@ return with the state, but are not part of it.
 """
 
 import copy
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -13,10 +12,9 @@ import numpy as np
 from cmacexp.config import Config
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.kernels import CMAC, TABLE, WEIGHTED
-from cmacexp.jit.compiler import expect_steps
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.loop.builtin import find_external, make_loop
-from cmacexp.loop.compiled import CompiledDriver
+from cmacexp.loop.driver import Driver
 from cmacexp.loop.samples import ALL_SAMPLES, make_samples
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.state import Declared, Held, list_arrays
@@ -55,7 +53,7 @@ class RestorableLoop:
         setup = scenario.setup
         config, (legs, self.joints) = setup.config, setup.mechanism.shape
         limits = new_limits(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
-        self.run = CompiledDriver(make_loop(scenario, external, limits))
+        self.run = Driver(scenario, make_loop(scenario, external, limits), external)
         self.plan = setup.plan
         self.config = config
         self.period = config.steps_per_cycle
@@ -146,5 +144,4 @@ def make_restorable_loop(config: Config, prepared: Scenario | None = None) -> Re
         scenario = make_scenario(config)
     else:
         scenario = prepared if any(find_external(prepared)) else copy.deepcopy(prepared)
-    expect_steps(math.inf)  # each cycle is run for dozens of nearby states
     return RestorableLoop(scenario)

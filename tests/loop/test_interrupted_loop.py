@@ -7,7 +7,7 @@ import pytest
 from support.doors import make_scenario
 from support.rollout import roll_out
 
-from cmacexp.loop import compiled
+from cmacexp.loop import driver
 from cmacexp.loop import run as loop
 
 SHORT = ("cycles=2", "gait.cycle_time=0.5", "gait.stroke=0.02", "learning.start_cycle=1")
@@ -24,15 +24,15 @@ def test_steps_give_the_same_bits_in_any_number_of_calls(make_config, monkeypatc
 def test_an_interrupt_is_heeded_within_a_cycle_and_all_steps_are_kept(make_config, monkeypatch):
     config = make_config(*SHORT)
     expected = roll_out(make_scenario(config))
-    whole, calls = compiled.fused_loop, []
+    whole, calls = driver.step_loop, []
 
     def interrupted(*arguments):
         calls.append(1)
         if len(calls) == 131:  # the first takes no step
             os.kill(os.getpid(), signal.SIGINT)
-        whole(*arguments)
+        return whole(*arguments)
 
-    monkeypatch.setattr(compiled, "fused_loop", interrupted)
+    monkeypatch.setattr(driver, "step_loop", interrupted)
     monkeypatch.setattr(loop, "LONGEST_CALL", 0.0)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     rollout = roll_out(make_scenario(config))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from support.doors import make_scenario
+from support.loops import make_external
 from support.rollout import roll_out
 
 from cmacexp.loop.stop import FASTEST_JOINT
@@ -121,12 +122,15 @@ def test_a_measurement_that_is_not_finite_diverges_and_is_named_so(make_config, 
     assert "not finite" in rollout.cause
 
 
-def test_an_interrupt_between_cycles_keeps_the_cycles_done_and_an_exception_fails_the_run(run):
+def test_an_interrupt_between_cycles_keeps_the_cycles_done_and_an_exception_fails_the_run(make_config, run):
     def interrupt(cycle):
         if cycle == 2:
             raise KeyboardInterrupt
 
-    stopped, failed = (run("cycles=4", watch=watch, fused=False) for watch in (interrupt, lambda cycle: breaks(None)))
+    def run_with(watch):
+        return roll_out(make_external(make_scenario(make_config(*SHORT, "cycles=4")), "plant"), watch)
+
+    stopped, failed = (run_with(watch) for watch in (interrupt, lambda cycle: breaks(None)))
     assert stopped.status == "interrupted"
     assert_array_equal(stopped.samples, run("cycles=2").samples)
     assert (failed.status, len(failed.samples)) == ("failed", 1)

@@ -25,8 +25,9 @@ from cmacexp.errors import BadRun as BadRun
 from cmacexp.errors import CmacexpError as CmacexpError
 from cmacexp.errors import Diverged as Diverged
 from cmacexp.feedforward.ilc import gaussian_taps as gaussian_taps
-from cmacexp.jit.compiler import expect_steps as expect_steps
 from cmacexp.jit.compiler import program as program
+from cmacexp.jit.compiler import workload as workload
+from cmacexp.jit.hooks import Hook as Hook
 from cmacexp.jit.sources import KERNEL_ROOMS as KERNEL_ROOMS
 from cmacexp.jit.sources import RESULT_ROOMS as RESULT_ROOMS
 from cmacexp.loop.scenario import make_scenario as make_scenario

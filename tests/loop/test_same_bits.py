@@ -1,4 +1,4 @@
-"""Both loops give a run the same bits, and plain Python those of compiled code."""
+"""External components give a run the bits of built-in ones, and plain Python those of compiled code."""
 
 from random import Random
 
@@ -10,8 +10,7 @@ from support.robot_walks import SHORT as SHORT_ROBOT
 from support.robots import OWN
 from support.rollout import roll_out
 
-from cmacexp.loop.compiled import fused_loop
-from cmacexp.loop.external import coroutine_loop
+from cmacexp.loop.step import step_loop
 
 pytestmark = pytest.mark.ci
 
@@ -108,7 +107,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_fused_loop_equals_stepped_loop_to_the_bit(make_config, case):
+def test_external_components_equal_built_in_ones_to_the_bit(make_config, case):
     run = run_both(make_config(*CASES[case]))
     assert run.status == "diverged" or case != "diverging"
     assert bool(run.events) == (case == "guarded")
@@ -127,7 +126,6 @@ def test_plain_python_in_another_process_gives_the_bits_of_compiled_code(make_co
 
 
 @pytest.mark.usefixtures("compiled")
-def test_the_compiled_generator_gives_the_bits_of_the_fused_loop(make_config):
+def test_compiled_code_gives_the_same_bits_with_hooks(make_config):
     run_both(make_config("cycles=2", "learning.lead=1", "cmac.memory_bytes=65536"))
-    assert coroutine_loop.chosen == coroutine_loop.compiled
-    assert fused_loop.chosen == fused_loop.compiled
+    assert step_loop.chosen == step_loop.compiled

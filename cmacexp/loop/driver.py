@@ -1,0 +1,183 @@
+"""The driver of the loop, and the external components that its hooks call.
+
+A component owns its inputs: it may keep them, and nothing that it writes into them reaches the loop.
+"""
+
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmacexp.errors import Diverged
+from cmacexp.feedforward import Learns, Observes
+from cmacexp.jit.hooks import Hook
+from cmacexp.loop.builtin import External
+from cmacexp.loop.guard import BEST_CYCLE, lets_act
+from cmacexp.loop.samples import make_samples
+from cmacexp.loop.scenario import Scenario
+from cmacexp.loop.step import FAILED_COMPONENT, Hooks, Loop, step_loop
+from cmacexp.loop.validation import require_finite, take, take_action, take_measurement
+from cmacexp.planning.columns import ACTING, BEFORE, Y
+from cmacexp.planning.setup import Reference
+from cmacexp.plants.protocol import STATE, Measurement, get_state
+from cmacexp.typing import Array, Weights
+
+_make_reference: Callable[[tuple[object, ...]], Reference] = partial(tuple.__new__, Reference)
+
+
+def read_only(values: NDArray[Any]) -> NDArray[Any]:
+    """A view of an array that cannot be written to."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
+
+
+def _copy(measurement: Measurement, travel: Array | None = None) -> Measurement:
+    q, dq, foot, velocity, force, body, body_rate, _ = measurement
+    return Measurement(
+        q.copy(),
+        dq.copy(),
+        foot.copy(),
+        velocity.copy(),
+        force.copy(),
+        body.copy(),
+        body_rate.copy(),
+        None if travel is None else travel.copy(),
+    )
+
+
+def _name(measurement: Measurement) -> Iterable[tuple[str, Array]]:
+    return zip(STATE, get_state(measurement), strict=True)
+
+
+class ExternalComponents:
+    """The components of a scenario as hooks call them: with inputs of their own, and answers that are checked."""
+
+    def __init__(self, scenario: Scenario, loop: Loop, external: External):
+        self.loop, self.external = loop, external
+        self.plant, self.sensors = scenario.plant, scenario.sensors
+        self.controller, self.feedforward = scenario.controller, scenario.feedforward
+        self.state, self.observation = Measurement(*loop.plant_state[:7]), Measurement(*loop.observation[:7])
+        self.has_fault_status = external.controller and hasattr(scenario.controller, "force_trusted")
+        self.divergence = ""
+        """Cause that an external plant itself reported, if it has diverged."""
+        plan = scenario.setup.plan
+        planned = plan.desired, plan.joints, plan.force_desired
+        self.period = len(plan.support)
+        self.plan_rows = [
+            list(zip(*map(read_only, (plan.support, values, *planned)), strict=True)) for values in plan.reference
+        ]
+        """Fields of a reference but for the first three, of each sample in each stage."""
+
+    def make_hooks(self) -> Hooks:
+        """A hook for each external component, and one that shows steps to a feedforward that asks for it."""
+        external, hooks = self.external, Hooks()
+        if external.sensors:
+            hooks = hooks._replace(sensors=Hook(self._measure))
+        if (external.controller or external.feedforward) and isinstance(self.feedforward, Observes):
+            hooks = hooks._replace(observer=Hook(partial(self._show, self.feedforward)))
+        if external.controller:
+            hooks = hooks._replace(controller=Hook(self._act))
+        if external.feedforward:
+            hooks = hooks._replace(feedforward=Hook(self._predict))
+        if external.plant:
+            hooks = hooks._replace(plant=Hook(self._step))
+        return hooks
+
+    def _refer(self, step: int) -> Reference:
+        """The reference of a step."""
+        sample, acting = step % self.period, bool(lets_act(self.loop.guard, self.loop.start_step, step))
+        return _make_reference((step, sample, acting, *self.plan_rows[ACTING if acting else BEFORE][sample]))
+
+    def _measure(self, step: int) -> None:
+        take_measurement(self.sensors, "measure", self.sensors.measure(_copy(self.state)), self.observation)
+
+    def _show(self, feedforward: Observes, step: int) -> None:
+        """Show what the sensors show, and what the plant took."""
+        feedforward.observe(self._refer(step), _copy(self.observation), self.loop.torques.total.copy())
+
+    def _act(self, step: int) -> None:
+        reference, state = self._refer(step), self.loop.control_state
+        action = self.controller.act(reference, _copy(self.observation, self.loop.travel))
+        if self.has_fault_status:
+            state.fault_status.trusted[...] = self.controller.force_trusted  # type: ignore[attr-defined]
+        if not take_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
+            state.reference[...] = reference.values[:, : Y + 1]
+        if self.loop.guard is not None:  # what teaches is known to the controller alone
+            state.learning_error[...] = state.feedback
+
+    def _predict(self, step: int) -> None:
+        torque = self.feedforward.predict(self._refer(step), self.loop.control_state.learning_error.copy())
+        take(self.feedforward, "predict", "torque", torque, self.loop.torques.feedforward)
+
+    def _step(self, step: int) -> None:
+        try:
+            measured = self.plant.step(self.loop.torques.total.copy())
+        except Diverged as error:
+            self.divergence = str(error)
+            self.state.q[...] = np.nan  # for which the check of this step stops the run
+            return
+        take_measurement(self.plant, "step", measured, self.state)
+        if self.loop.travel is not None and measured.travel is not None:
+            self.loop.travel[...] = measured.travel
+        if step == 0:
+            for name, values in _name(self.state):
+                require_finite(self.plant, "step", name, values)
+
+    def require_finite(self) -> None:
+        """Refuse what sensors, controller or feedforward gave that is not finite; raises BadOutput."""
+        torque, feedback = self.loop.torques.feedforward, self.loop.control_state.feedback
+        if self.external.sensors:
+            for name, values in _name(self.observation):
+                require_finite(self.sensors, "measure", name, values)
+        if self.external.controller:
+            require_finite(self.controller, "act", "feedback", feedback)
+            require_finite(self.controller, "act", "feedforward", torque)
+        if self.external.feedforward:
+            require_finite(self.feedforward, "predict", "torque", torque)
+
+
+class Driver:
+    """Runs the loop of a scenario; taking no step compiles its program."""
+
+    def __init__(self, scenario: Scenario, loop: Loop, external: External):
+        self.loop, self.scenario = loop, scenario
+        self.components = ExternalComponents(scenario, loop, external) if any(external) else None
+        self.hooks = Hooks() if self.components is None else self.components.make_hooks()
+        self.taken, (legs, joints) = 0, loop.torques.total.shape
+        """Steps whose torque the plant has taken, also when a component raised."""
+        self.state = Measurement(*loop.plant_state[:7])
+        asked = scenario.setup.config.record.weights and loop.guard is not None
+        self.keeps_weights = asked and loop.feedforward is None and isinstance(scenario.feedforward, Learns)
+        """Whether the weights of an external feedforward are noted at the start of every cycle."""
+        self.run(*make_samples(0, legs, False, joints))
+
+    @property
+    def divergence(self) -> str:
+        """Cause that an external plant itself reported, if it has diverged; a built-in one knows its own."""
+        return "" if self.components is None else self.components.divergence
+
+    def run(self, samples: Array, body_samples: Array) -> int:
+        """Take as many steps as ``samples`` (K, L, columns) and ``body_samples`` (K, columns) have rows.
+
+        Returns RUNNING, DIVERGED or FELL; raises what a component raised, or BadOutput of its answer.
+        """
+        weights = self._copy_weights()
+        taken, stop = step_loop(self.loop, self.hooks, self.taken, samples, body_samples)
+        self.taken += taken
+        if stop == FAILED_COMPONENT and self.components is not None:
+            for hook in filter(None, self.hooks):
+                hook.raise_error()
+            self.components.require_finite()
+        if weights is not None and self.loop.guard is not None:
+            kept, best = self.scenario.kept, int(self.loop.guard.counts[BEST_CYCLE])
+            if best not in kept:
+                self.scenario.kept = {0: kept.get(0, weights), best: weights}
+        return stop
+
+    def _copy_weights(self) -> Weights | None:
+        """Weights of an external feedforward at the start of a cycle: a guard may find them the best so far."""
+        starts = self.keeps_weights and self.taken % self.loop.support.shape[0] == 0
+        return self.scenario.feedforward.learnt() if starts else None  # type: ignore[attr-defined]
