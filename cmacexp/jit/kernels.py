@@ -8,6 +8,8 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 inlined_kernels: dict[Callable[..., object], bool] = {}
 """Every kernel, and whether programs inline it."""
+merged_kernels: set[Callable[..., object]] = set()
+"""Kernels whose statements become those of their callers."""
 c_functions: set[Callable[..., object]] = set()
 """What calls a C function of its own name, whose arguments are integers or addresses, and which returns nothing."""
 
@@ -33,6 +35,15 @@ def kernel(function: Function | None = None, *, inline: bool = True) -> Function
         return partial(kernel, inline=inline)
     inlined_kernels[function] = inline
     return function
+
+
+def merged_kernel(function: Function) -> Function:
+    """A kernel that takes most arrays of a loop: before numba infers types, its statements become its callers'.
+
+    To hand over so many arrays takes long to compile. It tests nothing for None, since it has no arguments then.
+    """
+    merged_kernels.add(function)
+    return kernel(function)
 
 
 def c_function(function: Function) -> Function:

@@ -23,7 +23,7 @@ from numba.core import event, serialize
 from numba.extending import typeof_impl
 
 from cmacexp.jit.hooks import Hook
-from cmacexp.jit.kernels import c_functions, inlined_kernels
+from cmacexp.jit.kernels import c_functions, inlined_kernels, merged_kernels
 
 njit: Any = numba.njit
 typeof: Any = numba.typeof
@@ -70,6 +70,8 @@ def _type_of_kernel(function: FunctionType, context: object) -> Any:
 
 def compiled_program(function: Callable[..., object], folder: Path) -> Callable[..., object]:
     """``function`` with an entry for Python, kept in ``folder``; as it is if compiling is switched off."""
+    for merged in merged_kernels:  # numba takes what has these two attributes for a function of its own
+        vars(merged).update(py_func=merged, targetoptions={"inline": "always"})
     before = config.CACHE_DIR
     config.CACHE_DIR = str(folder)
     try:

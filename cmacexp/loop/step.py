@@ -13,7 +13,7 @@ from cmacexp.control.load_meter import LoadMeter, weigh
 from cmacexp.control.steering import steer
 from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
 from cmacexp.feedforward.weight_log import log_cycle
-from cmacexp.jit.compiler import kernel, program
+from cmacexp.jit.compiler import kernel, merged_kernel, program
 from cmacexp.jit.hooks import DONE, Hook
 from cmacexp.loop.guard import Guard, begin_step, lets_act, lets_learn, needs_judging, take_torque, watch
 from cmacexp.loop.samples import write_samples
@@ -186,7 +186,7 @@ def control(
         hybrid_feedback(params, state, support, reference, observation)
 
 
-@kernel
+@merged_kernel
 def command(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     """Feedforward and feedback torques; False if an external component failed."""
     state, feedforward = loop.control_state, loop.torques.feedforward
@@ -231,7 +231,7 @@ def check(hook: Hook | None, limits: StopLimits, sample: int, machine: PlantStat
     return status
 
 
-@kernel
+@merged_kernel
 def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     """The first half of a step, before any torque is known: guard and sensors; False if a component failed."""
     begin(loop.guard, loop.feedforward, step, sample)
@@ -241,7 +241,7 @@ def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     return call(hooks.observer, step)
 
 
-@kernel
+@merged_kernel
 def act(loop: Loop, hooks: Hooks, step: int, sample: int, k: int, samples: Array, body_samples: Array) -> bool:
     """The second half of a step: torques, their samples in row ``k``, the plant; False if a component failed."""
     machine, observation, state = loop.plant_state, loop.observation, loop.control_state
