@@ -130,44 +130,27 @@ def feedforward_step(params: FeedforwardParams, step: int, sample: int, learning
                     output[i, j] += params.torque[sample, i, j]
 
 
-@kernel
-def correct(params: FeedforwardParams | None, errors: Array, output: Array, torque: Array) -> None:
+@kernel(inline=False)
+def correct(params: FeedforwardParams, errors: Array, output: Array, torque: Array) -> None:
     """Update a torque once a cycle: u += beta K / |K| e, K = A A^T / sum a_i^2, e the errors shifted by the lead.
 
     The weights change by beta / |K| A^T e / sum a_i^2, and ``torque`` (N, L, J), N m, by what that changes in their
     output. ``errors`` (N, L, J), N m, are the learning errors of the last cycle, ``output`` (J,) is a working array.
     """
-    if params is not None:
-        samples = errors.shape[0]
-        for i in range(errors.shape[1]):
-            for sign in (-1.0, 1.0):
+    samples = errors.shape[0]
+    for i in range(errors.shape[1]):
+        for sign in (-1.0, 1.0):
+            for k in range(samples):
+                read_sample(params, i, k, output)
+                for j in range(output.shape[0]):
+                    torque[k, i, j] += sign * output[j]
+            if sign < 0.0:
                 for k in range(samples):
-                    read_sample(params, i, k, output)
-                    for j in range(output.shape[0]):
-                        torque[k, i, j] += sign * output[j]
-                if sign < 0.0:
-                    for k in range(samples):
-                        sample = (k - params.learning.lead) % samples
-                        if params.kind == CMAC:
-                            train(
-                                params.weights[i], params.cells[sample, i], errors[k, i], params.learning.cycle_rate
-                            )
-                        else:
-                            train_by_rule(
-                                PAPER, params.weights[i], params.cells[sample, i],
-                                params.activation[sample, i], errors[k, i], params.learning.cycle_rate,
-                            )  # fmt: skip
-
-
-@kernel(inline=False)
-def exchange(params: FeedforwardParams | None, kept: Array, keep: bool) -> None:
-    """Copy the weights in use to ``kept`` (L, M, J), or back from there."""
-    if params is not None and kept.shape[1] > 0:
-        for i in range(kept.shape[0]):
-            for m in range(params.log.used[i]):
-                row = params.log.rows[i, m]
-                for o in range(kept.shape[2]):
-                    if keep:
-                        kept[i, m, o] = params.weights[i, row, o]
+                    sample = (k - params.learning.lead) % samples
+                    if params.kind == CMAC:
+                        train(params.weights[i], params.cells[sample, i], errors[k, i], params.learning.cycle_rate)
                     else:
-                        params.weights[i, row, o] = kept[i, m, o]
+                        train_by_rule(
+                            PAPER, params.weights[i], params.cells[sample, i],
+                            params.activation[sample, i], errors[k, i], params.learning.cycle_rate,
+                        )  # fmt: skip

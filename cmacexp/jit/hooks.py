@@ -8,8 +8,6 @@ import ctypes
 from collections.abc import Callable, Generator
 from typing import Any
 
-from cmacexp.jit.interrupt import interruptible
-
 DONE, FAILED = range(2)
 """Statuses: the function returned, or raised."""
 
@@ -34,14 +32,11 @@ def _answer(function: Numbered, errors: list[BaseException]) -> Generator[int, i
 
 
 class Hook:
-    """A function that a program can call; it follows numba's ``WrapperAddressProtocol``.
-
-    An interrupt that is held back is raised at the start of the function, or in it.
-    """
+    """A function that a program can call; it follows numba's ``WrapperAddressProtocol``."""
 
     def __init__(self, function: Numbered):
         self._errors: list[BaseException] = []
-        answering = _answer(interruptible(function), self._errors)
+        answering = _answer(function, self._errors)
         next(answering)
         self._send = answering.send
         self._pointer = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)(self._send)

@@ -12,10 +12,13 @@ from cmacexp.control.actuator import new_actuator
 from cmacexp.control.hybrid_kernels import new_hybrid_state
 from cmacexp.control.load_meter import new_load_meter
 from cmacexp.errors import BadInput
+from cmacexp.feedforward import Learns
 from cmacexp.feedforward.kernels import TABLE
 from cmacexp.feedforward.network import BuiltInFeedforward
-from cmacexp.loop.guard import Guard, new_guard
+from cmacexp.loop.guard import Guard
+from cmacexp.loop.guard_kernels import GuardState
 from cmacexp.loop.probe import FIRST_LEARNING
+from cmacexp.loop.saved_weights import CustomWeights, NetworkWeights, NoWeights, SavedWeights
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import Loop, Torques
 from cmacexp.loop.stop import StopLimits
@@ -75,8 +78,7 @@ def make_guard(scenario: Scenario, external: External) -> Guard | None:
     lead of one whose lead it cannot set, or in a run that ends before.
     """
     setup, feedforward = scenario.setup, scenario.feedforward
-    config, mode, (legs, joints) = setup.config, setup.config.learning.guard, setup.mechanism.shape
-    estimates, weights = config.learning.lead == ESTIMATE, np.zeros((legs, 0, joints))
+    config, mode, estimates = setup.config, setup.config.learning.guard, setup.config.learning.lead == ESTIMATE
     known = isinstance(feedforward, BuiltInFeedforward) and not (external.controller or external.feedforward)
     if not feedforward.acts or (isinstance(feedforward, BuiltInFeedforward) and feedforward.params.kind == TABLE):
         return None
@@ -91,15 +93,15 @@ def make_guard(scenario: Scenario, external: External) -> Guard | None:
         return None
     if mode == REFINE and not known:
         raise BadInput("learning.guard", mode, f"{BUILT_IN}; use that, or freeze")
+    weights: SavedWeights = NoWeights()
     if known and isinstance(feedforward, BuiltInFeedforward):
-        rows = feedforward.params.log.rows
-        weights = np.stack([own[used] for own, used in zip(feedforward.params.weights, rows, strict=True)])
-    return new_guard(
-        mode, setup.mechanism, setup.plan, weights, config.seed if estimates else None, setup.learnt is not None
-    )
+        weights = NetworkWeights(feedforward.params)
+    elif config.record.weights and isinstance(feedforward, Learns):
+        weights = CustomWeights(scenario)
+    return Guard(setup, weights)
 
 
-def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard: Guard | None = None) -> Loop:
+def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard: GuardState | None = None) -> Loop:
     """The loop of a scenario: states of built-in components; of external ones only new states for their output."""
     setup, plant, controller, feedforward = (
         scenario.setup,

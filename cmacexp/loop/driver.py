@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.errors import Diverged
-from cmacexp.feedforward import Learns, Observes
+from cmacexp.feedforward import Observes
 from cmacexp.jit.hooks import Hook
+from cmacexp.jit.interrupt import interruptible
 from cmacexp.loop.builtin import External
-from cmacexp.loop.guard import BEST_CYCLE, lets_act
+from cmacexp.loop.guard import Guard
+from cmacexp.loop.guard_kernels import lets_act
 from cmacexp.loop.samples import make_samples
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import FAILED_COMPONENT, Hooks, Loop, step_loop
@@ -22,7 +24,7 @@ from cmacexp.loop.validation import require_finite, take, take_action, take_meas
 from cmacexp.planning.columns import ACTING, BEFORE, Y
 from cmacexp.planning.setup import Reference
 from cmacexp.plants.protocol import STATE, Measurement, get_state
-from cmacexp.typing import Array, Weights
+from cmacexp.typing import Array
 
 _make_reference: Callable[[tuple[object, ...]], Reference] = partial(tuple.__new__, Reference)
 
@@ -75,15 +77,15 @@ class ExternalComponents:
         """A hook for each external component, and one that shows steps to a feedforward that asks for it."""
         external, hooks = self.external, Hooks()
         if external.sensors:
-            hooks = hooks._replace(sensors=Hook(self._measure))
+            hooks = hooks._replace(sensors=Hook(interruptible(self._measure)))
         if (external.controller or external.feedforward) and isinstance(self.feedforward, Observes):
-            hooks = hooks._replace(observer=Hook(partial(self._show, self.feedforward)))
+            hooks = hooks._replace(observer=Hook(interruptible(partial(self._show, self.feedforward))))
         if external.controller:
-            hooks = hooks._replace(controller=Hook(self._act))
+            hooks = hooks._replace(controller=Hook(interruptible(self._act)))
         if external.feedforward:
-            hooks = hooks._replace(feedforward=Hook(self._predict))
+            hooks = hooks._replace(feedforward=Hook(interruptible(self._predict)))
         if external.plant:
-            hooks = hooks._replace(plant=Hook(self._step))
+            hooks = hooks._replace(plant=Hook(interruptible(self._step)))
         return hooks
 
     def _refer(self, step: int) -> Reference:
@@ -142,16 +144,15 @@ class ExternalComponents:
 class Driver:
     """Runs the loop of a scenario; taking no step compiles its program."""
 
-    def __init__(self, scenario: Scenario, loop: Loop, external: External):
-        self.loop, self.scenario = loop, scenario
+    def __init__(self, scenario: Scenario, loop: Loop, external: External, guard: Guard | None = None):
+        self.loop = loop
         self.components = ExternalComponents(scenario, loop, external) if any(external) else None
         self.hooks = Hooks() if self.components is None else self.components.make_hooks()
+        if guard is not None:
+            self.hooks = self.hooks._replace(guard=Hook(guard.begin_step))
         self.taken, (legs, joints) = 0, loop.torques.total.shape
         """Steps whose torque the plant has taken, also when a component raised."""
         self.state = Measurement(*loop.plant_state[:7])
-        asked = scenario.setup.config.record.weights and loop.guard is not None
-        self.keeps_weights = asked and loop.feedforward is None and isinstance(scenario.feedforward, Learns)
-        """Whether the weights of an external feedforward are noted at the start of every cycle."""
         self.run(*make_samples(0, legs, False, joints))
 
     @property
@@ -164,20 +165,11 @@ class Driver:
 
         Returns RUNNING, DIVERGED or FELL; raises what a component raised, or BadOutput of its answer.
         """
-        weights = self._copy_weights()
         taken, stop = step_loop(self.loop, self.hooks, self.taken, samples, body_samples)
         self.taken += taken
-        if stop == FAILED_COMPONENT and self.components is not None:
+        if stop == FAILED_COMPONENT:
             for hook in filter(None, self.hooks):
                 hook.raise_error()
-            self.components.require_finite()
-        if weights is not None and self.loop.guard is not None:
-            kept, best = self.scenario.kept, int(self.loop.guard.counts[BEST_CYCLE])
-            if best not in kept:
-                self.scenario.kept = {0: kept.get(0, weights), best: weights}
+            if self.components is not None:
+                self.components.require_finite()
         return stop
-
-    def _copy_weights(self) -> Weights | None:
-        """Weights of an external feedforward at the start of a cycle: a guard may find them the best so far."""
-        starts = self.keeps_weights and self.taken % self.loop.support.shape[0] == 0
-        return self.scenario.feedforward.learnt() if starts else None  # type: ignore[attr-defined]

@@ -19,8 +19,8 @@ from cmacexp.jit.interrupt import exits_caught, interrupt_held_back, raise_if_in
 from cmacexp.loop.adaptation import Adaptation
 from cmacexp.loop.builtin import find_external, make_guard, make_loop
 from cmacexp.loop.driver import Driver
-from cmacexp.loop.guard import Event, read_events
-from cmacexp.loop.probe import LEARN_AGAIN, PROBED, LeadEstimate, estimate_lead
+from cmacexp.loop.guard import Event
+from cmacexp.loop.probe import LeadEstimate, estimate_lead
 from cmacexp.loop.samples import ALL_SAMPLES, TRAVEL, WIDE_BODY_SAMPLES, make_samples, name_samples
 from cmacexp.loop.scenario import Scenario, resolve_rate
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits
@@ -119,9 +119,10 @@ class _Stream:
         self.limits = new_limits(mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
         external = find_external(scenario)
         self.guard = make_guard(scenario, external)
-        loop, (legs, joints) = make_loop(scenario, external, self.limits, self.guard), mechanism.shape
+        state, (legs, joints) = None if self.guard is None else self.guard.state, mechanism.shape
+        loop = make_loop(scenario, external, self.limits, state)
         self.adaptation = None if loop.meter is None else Adaptation(setup, loop.meter)
-        self.driver = Driver(scenario, loop, external)
+        self.driver = Driver(scenario, loop, external, self.guard)
         fit = 1 if any(external) else MOST_ROWS // (config.steps_per_cycle * legs)
         cycles = min(config.cycles, max(1, fit), MOST_CYCLES)
         wide = _samples_measured(scenario)
@@ -132,6 +133,11 @@ class _Stream:
         self.error: Exception | None = None
         self.estimates: list[LeadEstimate] = []
         self.rate = setup.rate
+
+    @property
+    def events(self) -> Sequence[Event]:
+        """What the guard of learning has done so far."""
+        return () if self.guard is None else self.guard.events
 
     @property
     def runs(self) -> bool:
@@ -174,7 +180,8 @@ class _Stream:
             steps, began = min(self._most_steps(), len(samples) - done), time.perf_counter()
             stop = self.driver.run(samples[done : done + steps], body[done : done + steps])
             done += steps
-            self._take_estimate()
+            if self.driver.taken % self.config.steps_per_cycle == 0:
+                self._take_estimate()
             adapts = stop == RUNNING and self._ends_plan()
             self.together = max(1, int(steps * LONGEST_CALL / max(time.perf_counter() - began, 1e-6)))
             self.watch(self.driver.taken / self.config.steps_per_cycle)
@@ -188,22 +195,22 @@ class _Stream:
         return self.adaptation is not None and ends_cycle and self.adaptation.end_cycle()
 
     def _most_steps(self) -> int:
-        """Steps of the next call of the driver; lead, plan and best weights can change only where a cycle starts."""
-        if self.config.learning.lead != ESTIMATE and self.adaptation is None and not self.driver.keeps_weights:
+        """Steps of the next call of the driver; lead and plan can change only between calls, where a cycle starts."""
+        if self.config.learning.lead != ESTIMATE and self.adaptation is None:
             return self.together
         return min(self.together, self.config.steps_per_cycle - self.driver.taken % self.config.steps_per_cycle)
 
     def _take_estimate(self) -> None:
         """Learn with the lead that a probe has given; after a retreat with a longer one than has failed."""
-        params = self.driver.loop.feedforward
-        if self.guard is None or params is None or len(self.estimates) == self.guard.probe.counts[PROBED]:
+        params, guard = self.driver.loop.feedforward, self.guard
+        if guard is None or guard.probe.state is None or params is None or not guard.probe.end_cycle():
             return
         learning = params.learning
-        lead = estimate_lead(self.guard.probe) or learning.lead
+        lead = estimate_lead(guard.probe.state) or learning.lead
         if self.estimates:  # too short a lead does harm more often than one that is too long
             lead = max(lead, learning.lead + 1)
         self.rate = resolve_rate(self.config, Lateness(lead - 1), lead)
-        self.guard.probe.counts[LEARN_AGAIN] = 1
+        guard.learns_again = True
         learning = learning._replace(
             lead=lead,
             rate=self.rate,
@@ -229,9 +236,7 @@ class _Stream:
         """States of the guard of learning at the end of the cycles from step ``start`` on; ``shape`` (cycles, L)."""
         cycles, states = start // self.config.steps_per_cycle + 1 + np.arange(shape[0]), np.zeros(shape)
         changes = [(estimate.cycle, LEARNS) for estimate in self.estimates]
-        changes += [
-            (event.cycle, REPEATED if event.restored else FEEDBACK_ALONE) for event in read_events(self.guard)
-        ]
+        changes += [(event.cycle, REPEATED if event.restored else FEEDBACK_ALONE) for event in self.events]
         for cycle, state in sorted(changes, key=itemgetter(0)):
             states[cycles >= cycle] = state
         return states
@@ -263,6 +268,6 @@ def stream(
             start = run.advance()
             if start == 0 or run.driver.taken > start:
                 keep(run.collect(start))
-    events, carried = read_events(run.guard), run.adaptation.carried if run.adaptation is not None else []
-    seconds = run.seconds, run.processor_seconds
+    carried = run.adaptation.carried if run.adaptation is not None else []
+    seconds, events = (run.seconds, run.processor_seconds), run.events
     return End(run.driver.taken, run.status, run.cause, run.rate, run.error, *seconds, events, run.estimates, carried)

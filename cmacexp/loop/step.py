@@ -15,7 +15,14 @@ from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
 from cmacexp.feedforward.weight_log import log_cycle
 from cmacexp.jit.compiler import kernel, merged_kernel, program
 from cmacexp.jit.hooks import DONE, Hook
-from cmacexp.loop.guard import Guard, begin_step, lets_act, lets_learn, needs_judging, take_torque, watch
+from cmacexp.loop.guard_kernels import (
+    GuardState,
+    accumulate_cycle,
+    correct_torque,
+    lets_act,
+    lets_learn,
+    record_torque,
+)
 from cmacexp.loop.samples import write_samples
 from cmacexp.loop.stop import DIVERGED, RUNNING, StopLimits, stop_reason
 from cmacexp.models.mechanism import Mechanism, update_geometry
@@ -61,15 +68,17 @@ class Loop(NamedTuple):
     actuator: Actuator
     torques: Torques
     limits: StopLimits
-    guard: Guard | None
+    guard: GuardState | None
     """Of learning; None: nothing guards it."""
     meter: LoadMeter | None
     """Of the load of a body; None: its plan does not adapt."""
 
 
 class Hooks(NamedTuple):
-    """What external components do in a step, called with its number; None of built-in ones."""
+    """What Python does in a step, called with its number; None of built-in components."""
 
+    guard: Hook | None = None
+    """The guard of learning, at the start of a cycle and after an alarm."""
     sensors: Hook | None = None
     """Fills ``observation``."""
     observer: Hook | None = None
@@ -125,10 +134,15 @@ def call(hook: Hook | None, step: int) -> bool:
 
 
 @kernel
-def begin(guard: Guard | None, feedforward: FeedforwardParams | None, step: int, sample: int) -> None:
-    """The guard of learning, before a step."""
-    if guard is not None and needs_judging(guard, sample):
-        begin_step(guard, feedforward, step, sample)
+def begin(
+    hook: Hook | None, guard: GuardState | None, feedforward: FeedforwardParams | None, step: int, sample: int
+) -> bool:
+    """The guard of learning, before a step; False if it raised."""
+    if guard is not None and (sample == 0 or guard.alarm[0] != 0):
+        if not call(hook, step):
+            return False
+        correct_torque(guard, feedforward)
+    return True
 
 
 @kernel
@@ -159,7 +173,7 @@ def update_given_joints(
 
 @kernel
 def predict(
-    params: FeedforwardParams | None, guard: Guard | None, step: int, sample: int, error: Array, torque: Array
+    params: FeedforwardParams | None, guard: GuardState | None, step: int, sample: int, error: Array, torque: Array
 ) -> None:
     """The built-in feedforward, before the feedback: ``error`` (L, J) is the learning error of the last step."""
     if params is not None:
@@ -234,7 +248,8 @@ def check(hook: Hook | None, limits: StopLimits, sample: int, machine: PlantStat
 @merged_kernel
 def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     """The first half of a step, before any torque is known: guard and sensors; False if a component failed."""
-    begin(loop.guard, loop.feedforward, step, sample)
+    if not begin(hooks.guard, loop.guard, loop.feedforward, step, sample):
+        return False
     if not observe(hooks.sensors, loop.sensing, loop.mechanism, step, loop.plant_state, loop.observation):
         return False
     update_given_joints(hooks.plant, hooks.sensors, loop.mechanism, loop.observation)
@@ -248,10 +263,10 @@ def act(loop: Loop, hooks: Hooks, step: int, sample: int, k: int, samples: Array
     feedforward, total = loop.torques
     if not command(loop, hooks, step, sample):
         return False
-    take_torque(loop.guard, sample, feedforward)
+    record_torque(loop.guard, sample, feedforward)
     actuate(loop.actuator, step, state.feedback, feedforward, total)
     write_samples(samples, body_samples, k, loop.travel, machine, observation, state, feedforward)
-    watch(loop.guard, sample, loop.support[sample], state, observation)
+    accumulate_cycle(loop.guard, sample, loop.support[sample], state, observation)
     weigh(loop.meter, loop.support[sample], observation)
     return advance_plant(hooks.plant, loop.plant, loop.engine, step, machine, total)
 

@@ -12,7 +12,7 @@ from support.doors import RULES, BadInput, Leg, jacobian, make_scenario, train_b
 
 from cmacexp.feedforward import CmacFeedforward, CmacOnModel, InverseDynamics, IterativeLearning, RadialBasis
 from cmacexp.feedforward.ilc import WIDEST, gaussian_taps
-from cmacexp.feedforward.kernels import Smoothing, correct, exchange, feedforward_step, smooth
+from cmacexp.feedforward.kernels import Smoothing, correct, feedforward_step, smooth
 from cmacexp.feedforward.network import kernel_norm, known_torque, network, planned_inputs, resample
 from cmacexp.feedforward.rbf import activations, spacing, spread_out
 from cmacexp.feedforward.weight_log import log_weights, new_log
@@ -211,13 +211,6 @@ def test_an_input_of_the_phase_turns_once_a_cycle_at_equal_steps(setup):
     turned = np.unwrap(np.arctan2(sine, cosine))
     assert_allclose(turned, 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES, atol=1e-12)
     assert_allclose(np.hypot(cosine, sine), 1.0)
-
-
-def test_nothing_is_kept_of_weights_without_a_place_for_them(setup):
-    params = make_network(setup)
-    before = params.weights.copy()
-    exchange(params, np.zeros((LEGS, 0, 2)), False)
-    assert_array_equal(params.weights, before)
 
 
 # Iterative learning

@@ -7,7 +7,7 @@ import traceback
 import pytest
 
 from cmacexp.jit.hooks import DONE, FAILED, Hook
-from cmacexp.jit.interrupt import handled, interrupt_held_back, raise_if_interrupted
+from cmacexp.jit.interrupt import handled, interrupt_held_back, interruptible, raise_if_interrupted
 
 
 def test_a_hook_gives_a_status_and_keeps_what_its_function_raised():
@@ -25,7 +25,7 @@ def test_a_hook_gives_a_status_and_keeps_what_its_function_raised():
 
 def test_an_interrupt_that_waits_is_raised_in_a_hook_and_one_after_it_waits_again():
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    done, hook = [], Hook(lambda step: done.append(step))
+    done, hook = [], Hook(interruptible(lambda step: done.append(step)))
     with handled(), interrupt_held_back():
         assert hook(0) == DONE
         os.kill(os.getpid(), signal.SIGINT)

@@ -6,26 +6,9 @@ from support.doors import BadInput, make_scenario
 from support.rollout import roll_out
 
 import cmacexp
-from cmacexp.loop.guard import (
-    ALONE,
-    BEST_CYCLE,
-    CAUSES,
-    CHATTER,
-    DRIFT,
-    EFFORT,
-    EFFORT_ALONE,
-    ERROR,
-    ERROR_ALONE,
-    EVENTS,
-    HOLDING,
-    LEARNING,
-    PEAK,
-    PHASE,
-    WORSE,
-    judge,
-    new_guard,
-    retreat,
-)
+from cmacexp.loop.guard import Cause, Guard
+from cmacexp.loop.guard_kernels import Phase
+from cmacexp.loop.saved_weights import NetworkWeights, NoWeights
 
 LASTING = ("scenario=one_leg", "learning=lasting", "learning.rate=0.1953125", "warn=false")
 QUICK = (*LASTING, "gait.cycle_time=0.2", "gait.lift=0.005")
@@ -79,22 +62,22 @@ def by_cycle(run, name="tau_feedforward_1"):
 @pytest.mark.parametrize(
     ("overrides", "cause", "learns"),
     [
-        ((*CHATTERS, "cycles=4"), CHATTER, False),
-        (DRIFTS, DRIFT, True),
-        (GETS_WORSE, WORSE, True),
-        ((*QUICK, "learning.rate=0.05", "learning.lead=5", "cycles=9"), WORSE, False),
-        pytest.param(ESCAPES, PEAK, False, marks=pytest.mark.ci),
-        ((*CHATTERS, "learning.lead=estimate", "cycles=12"), CHATTER, False),
+        ((*CHATTERS, "cycles=4"), Cause.CHATTER, False),
+        (DRIFTS, Cause.DRIFT, True),
+        (GETS_WORSE, Cause.WORSE, True),
+        ((*QUICK, "learning.rate=0.05", "learning.lead=5", "cycles=9"), Cause.WORSE, False),
+        pytest.param(ESCAPES, Cause.PEAK, False, marks=pytest.mark.ci),
+        ((*CHATTERS, "learning.lead=estimate", "cycles=12"), Cause.CHATTER, False),
     ],
 )
 def test_after_each_cause_the_best_cycle_is_repeated_or_feedback_goes_on_alone(make_config, overrides, cause, learns):
     run, other = roll(make_config, *overrides), alone(make_config, *overrides)
     (event,), torque = run.events, by_cycle(run)
-    assert (run.status, event.cause, event.restored > 0) == ("completed", CAUSES[cause], learns)
+    assert (run.status, event.cause, event.restored > 0) == ("completed", cause, learns)
     assert errors(run)[-1] <= 1.01 * errors(other)[-1]
     for cycle in torque[event.cycle :]:
         np.testing.assert_array_equal(cycle, torque[event.restored - 1] if learns else 0.0)
-    if cause == CHATTER:  # nothing is learnt
+    if cause is Cause.CHATTER:  # nothing is learnt
         assert event.cycle == 2
         np.testing.assert_array_equal(run.samples[: len(other.samples)], other.samples)
 
@@ -116,17 +99,17 @@ def test_behind_a_delay_the_first_samples_of_the_best_cycle_are_from_the_end_of_
     assert (repeated[:delay] == torque[event.restored][:delay]).all(), "as in the cycle after the best one"
 
 
-@pytest.mark.parametrize(("ratio", "phase", "events"), [(0.99, HOLDING, 1), (1.01, ALONE, 2)])
+@pytest.mark.parametrize(("ratio", "phase", "events"), [(0.99, Phase.FROZEN, 1), (1.01, Phase.FEEDBACK_ONLY, 2)])
 def test_a_guard_that_freezes_repeats_what_is_no_worse_and_acts_at_most_twice(make_config, ratio, phase, events):
     """``ratio``: of the errors of each cycle to those with feedback only, the same in every cycle."""
-    setup = make_scenario(make_config("scenario=one_leg", "learning.guard=freeze")).setup
-    guard = new_guard("freeze", setup.mechanism, setup.plan, np.zeros((1, 0, 2)), None, False)
-    guard.counts[PHASE], guard.counts[BEST_CYCLE] = LEARNING, 3
-    guard.values[[EFFORT, EFFORT_ALONE, ERROR, ERROR_ALONE]] = 1.0, 1.0, ratio**2, 1.0
-    retreat(guard, None, 100, DRIFT)
-    for cycle in range(50):
-        judge(guard, None, 100 + cycle)
-    assert (guard.counts[PHASE], guard.counts[EVENTS]) == (phase, events)
+    guard = Guard(make_scenario(make_config("scenario=one_leg", "learning.guard=freeze")).setup, NoWeights())
+    guard.phase, guard.best_cycle, guard.baseline_effort, guard.baseline_error = Phase.LEARNING, 3, 1.0, 1.0
+    guard.state.limits[:], guard.state.alarm[0] = 0.0, 1
+    guard.begin_step(100)
+    for cycle in range(1, 50):
+        guard.state.sums[:2] = 1.0, ratio**2  # effort and error
+        guard.begin_step(cycle * guard.period)
+    assert (guard.phase, len(guard.events), guard.events[0].cause) == (phase, events, Cause.PEAK)
 
 
 @pytest.mark.ci
@@ -147,6 +130,18 @@ def test_refining_ends_better_than_repeating(make_config):
     assert errors(refined)[-1] < errors(frozen)[-1]
     assert (by_cycle(frozen)[-1] == by_cycle(frozen)[-2]).all()
     assert (by_cycle(refined)[-1] != by_cycle(refined)[-2]).any()  # learning from cycle to cycle goes on
+
+
+def test_weights_that_the_plan_uses_return_to_those_saved_last(make_config):
+    params = make_scenario(make_config(*QUICK, "cmac.memory_bytes=16384")).feedforward.params
+    saved, rows = NetworkWeights(params), params.log.rows[0, : params.log.used[0]]
+    for value in (1.0, 2.0, 3.0):
+        params.weights[...] = value
+        if value < 3.0:
+            saved.save(0)
+    saved.restore()
+    assert (params.weights[0, rows] == 2.0).all()
+    assert np.count_nonzero(params.weights != 3.0) == 2 * len(rows)
 
 
 def test_only_a_built_in_network_is_refined(make_config):

@@ -6,7 +6,7 @@ from support.doors import BadInput, make_scenario
 from support.rollout import roll_out
 
 import cmacexp
-from cmacexp.loop.probe import CYCLES, SHARE, estimate_lead, new_probe
+from cmacexp.loop.probe import CYCLES, SHARE, LeadProbe, estimate_lead
 
 ESTIMATED = ("scenario=one_leg", "learning=lasting", "learning.lead=estimate", "warn=false")
 QUICK = (*ESTIMATED, "gait.cycle_time=0.4", "gait.lift=0.01", "gait.stroke=0.1", f"cycles={CYCLES + 4}")
@@ -65,11 +65,11 @@ def test_after_a_retreat_it_learns_again_with_a_longer_lead_from_the_best_cycle(
 
 
 def test_a_response_that_chance_could_give_is_no_estimate():
-    probe, random = new_probe(200, (1, 2), 0), np.random.default_rng(1)
+    probe, random = LeadProbe(200, (1, 2), 0).state, np.random.default_rng(1)
     noise = random.standard_normal(probe.response.shape)
     probe.response[:] = noise
     assert estimate_lead(probe) is None
-    probe.response[:] = noise - np.roll(probe.torque, 3, axis=0)
+    probe.response[:] = noise - np.roll(probe.pattern, 3, axis=0)
     assert estimate_lead(probe) == 3
 
 
