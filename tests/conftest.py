@@ -18,7 +18,7 @@ from support.command import started
 from support.doors import compose_config, make_mechanism, make_scenario
 from support.stored import make_stored, runs_folder
 
-from cmacexp.jit.compiler import expect_runs
+from cmacexp.jit.compiler import expect_runs, workload
 from cmacexp.jit.sources import cache_folder
 from cmacexp.planning import make_plan
 
@@ -54,6 +54,13 @@ def pytest_sessionstart(session):
 def imported():
     """What a scenario imports is nobody's time."""
     make_scenario(compose_config([]))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_step():
+    """What a test calls outside of a run is work of one step, which repays no compiling."""
+    with workload(1):
+        yield
 
 
 @pytest.fixture

@@ -121,6 +121,7 @@ def test_a_negative_margin_or_unborne_body_is_a_fall_when_it_lasts_longer_than_a
     assert "no foot" in describe_stop(limits, FELL, 200, PERIOD, falling)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("settings", "status", "cause"),
     [
