@@ -15,6 +15,7 @@ from cmacexp.commands.study import main
 from cmacexp.metrics.text import format_number
 from cmacexp.report.style import logarithmic, new_figure
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, between, grid
+from cmacexp.study.samples import growth
 from cmacexp.study.statements import Limit
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array, Mask
@@ -179,11 +180,7 @@ def value(name: str, cycle: int | None) -> Callable[[Results], Array]:
 def ratio(name: str, cycle: int | None) -> Callable[[Results], Array]:
     """A metric in ``cycle``, or in the last one, over that of the first; infinite if a run ended before."""
 
-    def sample(results: Results) -> Array:
-        late = value(name, cycle)(results)
-        return late / np.where(np.isinf(late), 1.0, results.at(1, name))
-
-    return sample
+    return lambda results: growth(value(name, cycle)(results), results.at(1, name))
 
 
 def against(name: str, method: str) -> Callable[[Results], Array]:

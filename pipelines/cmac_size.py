@@ -29,7 +29,7 @@ from pipelines.common_memory import (
     worst_in_worlds,
 )
 from pipelines.common_results import percent
-from pipelines.common_worlds import TESTED, in_worlds
+from pipelines.worlds import TESTED, in_worlds
 
 if TYPE_CHECKING:
     import pandas as pd

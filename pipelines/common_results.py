@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from cmacexp.data.run import Run
 from cmacexp.metrics.registry import SHOWN
@@ -13,7 +14,7 @@ from cmacexp.report.curves import find_log
 from cmacexp.report.figures import draw
 from cmacexp.study.curves import over_cycles
 from cmacexp.study.interval import estimate
-from cmacexp.study.results import Results, RunRow
+from cmacexp.study.results import Results
 from cmacexp.study.samples import ended_in
 from cmacexp.study.statements import ANY, Criterion, Limit
 from cmacexp.study.tables import tabulate
@@ -29,16 +30,9 @@ def share_of_time(run: Run) -> float:
     return float(run.manifest["steps"] / (run.steps_per_cycle * run.config["cycles"]))
 
 
-def plane_error(row: RunRow) -> Array:
-    """(cycles,): transfer error in the plane in the whole cycles of a run, m."""
-    x, y = (row.run.pooled.get(f"transfer_rmse_{side}", np.empty(0)) for side in "xy")
-    error: Array = np.hypot(x, y)
-    return error
-
-
-def growth(late: Array, early: Array) -> Array:
-    """(runs,): a value late in each run over the one early in the same run; infinite of a run that ended before."""
-    return np.divide(late, early, out=np.full(np.shape(late), np.inf), where=np.isfinite(late))
+def find_least(values: Array, cycles: int) -> float:
+    """The least median of so many successive values, (n,)."""
+    return float(np.median(sliding_window_view(values, min(cycles, len(values))), axis=1).min())
 
 
 def share_done(results: Results) -> Array:

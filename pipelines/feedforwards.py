@@ -21,8 +21,8 @@ from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array
 from pipelines import feedforwards_measures as measures
 from pipelines import feedforwards_worlds as in_worlds
-from pipelines.common_worlds import TESTED, TUNED
 from pipelines.feedforwards_measures import ALONE, CMAC, ILC, LEARNERS, MLP, MODELS, RBF, error_at, errors
+from pipelines.worlds import TESTED, TUNED
 
 if TYPE_CHECKING:
     import pandas as pd

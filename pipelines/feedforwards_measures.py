@@ -11,10 +11,10 @@ from cmacexp.data.run import Run
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.loop import stream
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.metrics.final import TRANSFER
 from cmacexp.models.mechanism import PLANE
 from cmacexp.study import Results
 from cmacexp.typing import Array
-from pipelines.common_results import plane_error
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,7 +42,7 @@ def errors(results: Results) -> Array:
     """(runs, cycles): transfer error in the plane, mm; infinite from where a run ended early."""
     found = np.full((len(results), results.value("cycles")), np.inf)
     for cycles, row in zip(found, results.rows, strict=True):
-        cycles[: row.run.cycles_done] = 1e3 * plane_error(row)
+        cycles[: row.run.cycles_done] = 1e3 * row.history(TRANSFER)
     return found
 
 

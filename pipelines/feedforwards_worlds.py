@@ -16,8 +16,8 @@ from cmacexp.study.study import starting_from
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array
 from pipelines.common_results import percent
-from pipelines.common_worlds import TESTED, TUNED, in_worlds
 from pipelines.feedforwards_measures import ALONE, CMAC, ILC, LEARNERS, MLP, MODELS, RBF, error_at, errors
+from pipelines.worlds import TESTED, TUNED, in_worlds
 
 if TYPE_CHECKING:
     import pandas as pd

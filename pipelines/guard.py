@@ -28,7 +28,7 @@ from pipelines.guard_measures import (
     request_worlds,
     table_worlds,
 )
-from pipelines.guard_worlds import ALIENGO, GO1, ONE_LEG, QUADRUPED, SCENARIOS, draw_settings
+from pipelines.worlds import ALIENGO, GO1, HARD, ONE_LEG, QUADRUPED, draw_long
 
 NUMBER = {ONE_LEG: 240, QUADRUPED: 480, GO1: 45, ALIENGO: 45}
 """Worlds that are drawn: in some feedback only does not complete."""
@@ -56,7 +56,7 @@ def runs(quick: bool) -> list[Request]:
             requests += request_worlds(machine, QUICK_NUMBER, QUICK)
     cycles = 3 * QUICK if quick else LONG
     for number in range(QUICK_NUMBER if quick else LONG_NUMBER):
-        common = (*SCENARIOS[ONE_LEG], *draw_settings(number), "warn=false")
+        common = (*HARD[ONE_LEG], *draw_long(number), "warn=false")
         of: dict[str, Any] = {"part": LASTING, "machine": ONE_LEG, "world": number}
         for kind, count in {GUARDED: cycles, ALONE: ALONE_CYCLES}.items():
             lasts = (f"cycles={count}", f"record.cycles=[{count}]")

@@ -4,15 +4,16 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from cmacexp.data.run import Run
+from cmacexp.metrics.final import FINAL_CYCLES, compute_final
 from cmacexp.report.figures import Panel, Series
 from cmacexp.study import Finding, Request, Results, at_least, draw, grid
-from cmacexp.study.results import LAST_CYCLES, RunRow
+from cmacexp.study.interval import UNPAIRED
+from cmacexp.study.samples import Sample, relative
 from cmacexp.typing import Array
-from pipelines.common_results import percent
-from pipelines.guard_worlds import SCENARIOS, draw_world
+from pipelines.common_results import find_least, percent
+from pipelines.worlds import HARD, draw_hard_world
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,6 +23,8 @@ ALONE, GUARDED, UNGUARDED = "feedback only", "guarded", "unguarded"
 KINDS = {ALONE: ("feedforward=none",), GUARDED: ("learning.guard=freeze",), UNGUARDED: ("learning.guard=none",)}
 ERROR, LEVEL = "error", "level"
 """Measures."""
+IN_PLANE, FORCE = partial(Results.measure, name=ERROR), partial(Results.end, name="force_rmse")
+"""Errors that are compared."""
 ENOUGH = 0.95
 """Share of the worlds, at the lower end of its interval, that must be no worse."""
 WORSE = 1.05
@@ -34,67 +37,45 @@ QUICK_NUMBER, QUICK = 2, 4
 
 def request_worlds(machine: str, number: int, cycles: int) -> list[Request]:
     """The first ``number`` worlds of a machine, each with feedback only, guarded and unguarded."""
-    common = (*SCENARIOS[machine], f"cycles={cycles}", f"record.cycles=[{cycles}]", "warn=false")
+    common = (*HARD[machine], f"cycles={cycles}", f"record.cycles=[{cycles}]", "warn=false")
     labels: dict[str, Any] = {"part": WORLDS, "machine": machine}
     return [
         request
         for world in range(number)
-        for request in grid(*common, *draw_world(machine, world), over={"kind": KINDS}, world=world, **labels)
+        for request in grid(*common, *draw_hard_world(machine, world), over={"kind": KINDS}, world=world, **labels)
     ]
 
 
-def _root_mean_square(run: Run, *names: str) -> Array:
-    """(cycles,): the root of the sum of squares of metrics, mean over the legs."""
-    squares = (run.metrics[list(names)] ** 2).sum(axis=1, min_count=len(names))
-    return np.asarray(squares.groupby(run.metrics["cycle"]).mean() ** 0.5)
-
-
 def measure_error(run: Run) -> float:
-    """Transfer error, m: median over the last cycles; of a run that ended before, infinite."""
-    if run.status != "completed":
-        return np.inf
-    return float(np.median(_root_mean_square(run, "transfer_rmse_x", "transfer_rmse_y")[-LAST_CYCLES:]))
+    """Final transfer error in the plane of the legs, also of robots, m; infinite of a run that ended before."""
+    sides = [run.pooled[f"transfer_rmse_{axis}"] for axis in "xy"] if run.status == "completed" else []
+    return compute_final(np.hypot(*sides)) if sides else np.inf
 
 
 def measure_level(run: Run) -> float:
     """Feedback torque at the end over that of the cycle whose torque acts; without one, over its least."""
     if run.status != "completed":
         return np.inf
-    feedback = _root_mean_square(run, "feedback_rms")
+    feedback = run.pooled["feedback_rms"]
     restored = [event["restored"] for event in run.manifest["guard"]]
-    windows = sliding_window_view(feedback[1:], min(LAST_CYCLES, len(feedback) - 1))
-    best = feedback[max(restored[-1], 1) - 1] if restored else np.median(windows, axis=1).min()
-    return float(np.median(feedback[-LAST_CYCLES:]) / best)
+    best = feedback[max(restored[-1], 1) - 1] if restored else find_least(feedback[1:], FINAL_CYCLES)
+    return float(compute_final(feedback) / best)
 
 
-def compare(results: Results, name: str, kind: str) -> Array:
-    """(worlds,): a measure over that with feedback only in the same world, where that completes."""
-    alone = {row.settings["world"]: row for row in results.select(kind=ALONE).rows if row.run.completed}
-    return np.array(
-        [
-            _end(row, name) / _end(alone[row.settings["world"]], name)
-            for row in results.select(kind=kind).rows
-            if row.settings["world"] in alone
-        ]
-    )
-
-
-def _end(row: RunRow, name: str) -> float:
-    """A measure of a row; a metric as its median over the last cycles."""
-    if name in row.measures:
-        return row.measures[name]
-    done = row.run.completed
-    return float(np.median(row.run.pooled[name][-LAST_CYCLES:])) if done else np.inf
+def compare(results: Results, sample: Sample, kind: str) -> Array:
+    """(worlds,): a final error over that with feedback only in the same world, where that completes."""
+    ratios = relative(results.select(kind=kind), results.select(kind=ALONE), sample)
+    return np.array(ratios[ratios != UNPAIRED])
 
 
 def no_worse(results: Results, kind: str) -> Array:
     """(worlds,): whether the error at the end is that of feedback only at most."""
-    return np.array(compare(results, ERROR, kind) <= WORSE)
+    return np.array(compare(results, IN_PLANE, kind) <= WORSE)
 
 
 def completes(results: Results, kind: str) -> Array:
     """(worlds,): whether a run ends as planned where feedback only does."""
-    return np.array(np.isfinite(compare(results, ERROR, kind)))
+    return np.array(np.isfinite(compare(results, IN_PLANE, kind)))
 
 
 def never_worse(machine: str) -> Finding:
@@ -125,7 +106,7 @@ def table_worlds(results: Results) -> "pd.DataFrame":
     rows: list[dict[str, Any]] = []
     for machine, worlds in results.select(part=WORLDS).by("machine").items():
         for kind in (GUARDED, UNGUARDED):
-            error, force = compare(worlds, ERROR, kind), compare(worlds, "force_rmse", kind)
+            error, force = compare(worlds, IN_PLANE, kind), compare(worlds, FORCE, kind)
             rows.append(
                 {
                     "machine": machine,
@@ -146,7 +127,7 @@ def draw_errors(results: Results) -> "Figure":
     """Error over that with feedback only, of all worlds in the order of their ratio."""
     panels = []
     for machine, worlds in results.select(part=WORLDS).by("machine").items():
-        ratios = {kind: np.sort(compare(worlds, ERROR, kind)) for kind in (GUARDED, UNGUARDED)}
+        ratios = {kind: np.sort(compare(worlds, IN_PLANE, kind)) for kind in (GUARDED, UNGUARDED)}
         series = [
             Series(kind, np.arange(1.0, len(ratio) + 1)[np.isfinite(ratio)], ratio[np.isfinite(ratio)])
             for kind, ratio in ratios.items()

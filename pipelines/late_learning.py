@@ -7,16 +7,15 @@ torques and lags, over more cycles than the studies that recommend them.
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from cmacexp.cmac.rules import PAPER_RATE, RULES
 from cmacexp.commands.study import main
+from cmacexp.metrics.final import FINAL_CYCLES, TRANSFER
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import over_cycles
 from cmacexp.study.samples import Sample, per_seed, relative
 from cmacexp.study.statements import Limit
 from cmacexp.typing import Array
-from pipelines.common_results import cross_tabulate, describe_end, percent, plane_error, share_done
+from pipelines.common_results import cross_tabulate, describe_end, find_least, percent, share_done
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,7 +51,7 @@ LEADS = {f"zero_phase, lead {lead}": ("learning.rule=zero_phase", f"learning.lea
 """The longest lead that is right in one of these worlds, and the shortest."""
 CHOICES = {DEFAULT: (), **SETTINGS, **OTHER_RULES, **LEADS}
 """Of one leg."""
-CYCLES, QUICK_CYCLES, LAST = 300, 4, 10
+CYCLES, QUICK_CYCLES = 300, 4
 HELD, AS_GOOD, HARMLESS = 1.5, 1.25, 1.05
 """Final error over the least of the run up to which learning holds, over another one as good, over feedback only."""
 
@@ -78,24 +77,18 @@ def runs(quick: bool) -> list[Request]:
 
 
 def final(results: Results) -> Array:
-    """(runs,): median transfer error of the last cycles, m; infinite of a run that ended before."""
-    ended = zip(results.completed, results.rows, strict=True)
-    return np.array([np.median(plane_error(row)[-LAST:]) if done else np.inf for done, row in ended])
+    """(runs,): final transfer error, m."""
+    return results.end(TRANSFER)
 
 
 def over_least(results: Results) -> Array:
     """(runs,): final error over the least median of as many cycles in a row; infinite of a run that ended before."""
-    least = []
-    for row in results.rows:
-        error = plane_error(row)
-        windows = np.lib.stride_tricks.sliding_window_view(error, min(LAST, len(error)))
-        least.append(np.median(windows, axis=1).min())
-    return final(results) / np.array(least)
+    return final(results) / [find_least(error, FINAL_CYCLES) for error in results.history(TRANSFER)]
 
 
 def over_alone(results: Results) -> Array:
     """(runs,): final error over that of the first cycle, feedback only."""
-    return final(results) / np.array([plane_error(row)[0] for row in results.rows])
+    return final(results) / results.at(1, TRANSFER)
 
 
 def _over(results: Results, chosen: dict[str, Any], other: dict[str, Any]) -> Array:
@@ -222,7 +215,7 @@ def draw_rates(results: Results) -> "Figure":
 
 def values(results: Results) -> dict[str, Any]:
     """Counts and settings that the page names."""
-    return {"cycles": results.values("cycles")[0], "last": LAST, "seeds": len(results.values("seed"))}
+    return {"cycles": results.values("cycles")[0], "last": FINAL_CYCLES, "seeds": len(results.values("seed"))}
 
 
 STUDY = Study(

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from cmacexp.data.run import Run, read_config
+from cmacexp.metrics.final import TRANSFER
 from cmacexp.stability.cycle_map import NotPredictable
 from cmacexp.stability.growth import (
     GROWTH_CYCLES,
@@ -19,7 +20,7 @@ from cmacexp.stability.growth import (
 from cmacexp.study import Results
 from cmacexp.study.results import RunRow
 from cmacexp.typing import Array
-from pipelines.common_results import plane_error, share_done
+from pipelines.common_results import share_done
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,7 +29,7 @@ SMOOTHED = 10
 """Cycles of each median of which errors vary."""
 LAST = 100
 """Cycles whose median is the error at the end."""
-TRANSFER, FORCE = "transfer", "force_rmse_cycle"
+FORCE = "force_rmse_cycle"
 MIN_GROWTH_RATIO = 2.0
 """A change at least this many times the least one counts as growth."""
 SHARE_LEFT_OUT = 0.05
@@ -37,18 +38,9 @@ PAPER = {"learning.rule": "paper"}
 LEG, WALK, GRID = "one leg", "quadruped", "paper's world"
 
 
-def history(row: RunRow, name: str = TRANSFER) -> Array:
-    """(cycles,): a metric in the whole cycles of a run, or of :data:`TRANSFER` the distance from the path, m."""
-    return plane_error(row) if name == TRANSFER else row.run.pooled.get(name, np.empty(0))
-
-
-def _lasting(row: RunRow) -> bool:
-    return row.run.completed
-
-
 def final(results: Results, name: str = TRANSFER) -> Array:
-    """(runs,): median of an error over the last cycles; infinite of a run that ended before."""
-    return np.array([np.median(history(row, name)[-LAST:]) if _lasting(row) else np.inf for row in results.rows])
+    """(runs,): final value of an error; infinite of a run that ended before."""
+    return results.end(name, LAST)
 
 
 def variation(results: Results, name: str = TRANSFER) -> Array:
@@ -56,7 +48,7 @@ def variation(results: Results, name: str = TRANSFER) -> Array:
 
     Of medians over :data:`SMOOTHED` cycles, since noise alone varies the error of single cycles.
     """
-    halves = [history(row, name)[row.run.cycles_done // 2 :] if _lasting(row) else None for row in results.rows]
+    halves = [row.history(name)[row.run.cycles_done // 2 :] if row.run.completed else None for row in results.rows]
     return np.array([np.inf if half is None else _spread(half) for half in halves])
 
 
@@ -90,13 +82,13 @@ def detected(run: Run) -> float:
 
 def detected_if_ended(results: Results) -> list[bool]:
     """Of each run that ended before its time, whether drift was detected."""
-    return [bool(np.isfinite(row.measures["detected"])) for row in results.rows if not _lasting(row)]
+    return [bool(np.isfinite(row.measures["detected"])) for row in results.rows if not row.run.completed]
 
 
 def error_when_detected(results: Results) -> list[float]:
     """Of each such run with drift: the error in the cycle of detection over the least up to it."""
-    drifted = [row for row in results.rows if not _lasting(row) and np.isfinite(row.measures["detected"])]
-    errors = [history(row)[: int(row.measures["detected"])] for row in drifted]
+    drifted = [row for row in results.rows if not row.run.completed and np.isfinite(row.measures["detected"])]
+    errors = [row.history(TRANSFER)[: int(row.measures["detected"])] for row in drifted]
     return [float(each[-1] / each.min()) for each in errors]
 
 
@@ -149,13 +141,13 @@ def growth_over(sizes: Sequence[float] | Array, place: Stretch) -> float:
 
 def predict_and_measure(row: RunRow) -> tuple[float, float]:
     """Growth per cycle, predicted and measured, of the change of the feedback up to where it is rounding."""
-    change = history(row, "feedback_change")[1:]
+    change = row.history("feedback_change")[1:]
     still = np.flatnonzero(change < 1e-9 * change.max(initial=0.0))  # below it is rounding
     change = change[: still[0]] if len(still) else change
     first = int(row.settings["learning.start_cycle"])
     if len(change) < first + 3:
         return np.nan, np.nan
-    place = stretch(change, first, _lasting(row))
+    place = stretch(change, first, row.run.completed)
     try:
         prediction = predicted_growth(read_config(row.run), place.calm)
     except NotPredictable:

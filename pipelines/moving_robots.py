@@ -4,7 +4,7 @@
 disturbed by its seed, and is compared with feedback only from the same start in the same world.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,6 @@ from cmacexp.study.statements import Limit
 from cmacexp.study.tables import completed, ends, tabulate
 from cmacexp.typing import Array
 from pipelines.common_results import itself, percent
-from pipelines.dynamic_body import if_completed, off_course
 from pipelines.moving_robots_runs import (
     ANEW,
     AS_MODELLED,
@@ -52,6 +51,20 @@ from pipelines.robots_runs import ALONE, CMAC
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+
+def if_completed(measure: Callable[[Run], float]) -> Callable[[Run], float]:
+    """The measure of a run; inf if it ended before."""
+    return lambda run: measure(run) if run.status == "completed" else np.inf
+
+
+@if_completed
+def off_course(run: Run) -> float:
+    """Relative error of the body's way in the last cycle."""
+    gait, body = run.config["gait"], run.cycles([run.config["cycles"]], BODY_FILE)
+    speed = gait["stroke"] / (gait["duty_factor"] * gait["cycle_time"])
+    planned = speed * run.config["sampling_period"] * (len(body) - 1)
+    return float(abs((body["cog_x"].iloc[-1] - body["cog_x"].iloc[0]) / planned - 1.0))
 
 
 @if_completed

@@ -16,11 +16,11 @@ from cmacexp.data.run import Run
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, between, draw, grid
 from cmacexp.study.curves import over_cycles
-from cmacexp.study.samples import Sample, ratio
+from cmacexp.study.samples import Sample, growth, ratio
 from cmacexp.study.statements import Limit
 from cmacexp.typing import Array
 from pipelines import one_leg_learning_trace as trace
-from pipelines.common_results import draw_cycles, growth, percent
+from pipelines.common_results import draw_cycles, percent
 from pipelines.one_leg_learning_trace import CYCLES, FIFTH, FIRST, SECOND
 
 if TYPE_CHECKING:

@@ -6,10 +6,10 @@ from typing import Any
 
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.study import Criterion, Finding, Results, at_least, at_most
-from cmacexp.study.samples import quotients, ratio
+from cmacexp.study.samples import growth, quotients, ratio
 from cmacexp.study.statements import Limit
 from cmacexp.typing import Array
-from pipelines.common_results import growth, itself, percent
+from pipelines.common_results import itself, percent
 from pipelines.robots_runs import (
     ALONE,
     ALONE_LIGHT,

@@ -15,11 +15,11 @@ from cmacexp.commands.study import main
 from cmacexp.data.run import Run
 from cmacexp.study import Criterion, Finding, Panel, Request, Results, Series, Study, at_least, at_most, draw, grid
 from cmacexp.study.interval import estimate
-from cmacexp.study.samples import relative
+from cmacexp.study.samples import growth, relative
 from cmacexp.study.statements import Limit
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array, Mask
-from pipelines.common_results import cross_tabulate, describe_end, growth, percent, share_done
+from pipelines.common_results import cross_tabulate, describe_end, percent, share_done
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -21,8 +21,8 @@ from cmacexp.study.interval import UNKNOWN, estimate
 from cmacexp.study.statements import Limit
 from cmacexp.typing import Array, Mask
 from pipelines.common_results import percent
-from pipelines.when_learning_holds_draws import FIRST, LEG, ROBOT, WALK, Draws
 from pipelines.when_learning_holds_measures import LINEAR, MEASURES, REALS, SAID
+from pipelines.worlds import FIRST, LEG, ROBOT, WALK, draw_settings
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,9 +53,8 @@ def runs(quick: bool) -> list[Request]:
     requests = []
     for machine, count in (QUICK_DRAWS if quick else DRAWS).items():
         common = (f"cycles={QUICK_CYCLES if quick else CYCLES[machine]}", "record=trace", "record.cycles=[1]")
-        draws = Draws(machine, SEED)
         for number in range(count if machine != ROBOT or package_models() else 0):
-            requests.append(Request((*draws.draw(number), *common), {"machine": machine}))
+            requests.append(Request((*draw_settings(machine, SEED, number), *common), {"machine": machine}))
     return requests
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, suggest
+from cmacexp.metrics.final import FINAL_CYCLES, compute_final, find_history
 from cmacexp.metrics.metric import LARGE, NEITHER
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.metrics.text import format_setting
@@ -19,8 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Measures = Mapping[str, Callable[[Run], float]]
-LAST_CYCLES = 10
-"""Cycles at the end of a run whose median is its final value."""
+LAST_CYCLES = FINAL_CYCLES
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,10 @@ class RunRow:
     measures: Mapping[str, float]
     seeded: bool = False
     """Whether the study repeats it for other seeds."""
+
+    def history(self, name: str) -> Array:
+        """(cycles,): a metric in the whole cycles of the run, see :func:`cmacexp.metrics.final.find_history`."""
+        return find_history(self.run.pooled, name)
 
 
 class NoSuchRuns(ValueError):
@@ -152,22 +156,21 @@ class Results:
         asked = min((row.run.cycles_done for row in self.rows if row.run.completed), default=cycle)
         if cycle > asked:
             raise BadInput("cycle", cycle, f"a run that completed has {asked} cycles")
-        histories = [row.run.pooled.get(name, np.empty(0)) for row in self.rows]
+        histories = [row.history(name) for row in self.rows]
         return np.array([float(h[cycle - 1]) if cycle <= len(h) else worst for h in histories])
 
     def end(self, name: str, cycles: int = LAST_CYCLES) -> Array:
-        """(runs,): median of a metric over the last cycles; of a run that did not complete, the worst value."""
+        """(runs,): final value of a metric, over the last cycles; of a run that did not complete, the worst value."""
         worst = worst_value(name)
-        done = [row.run for row in self.rows if row.run.completed]
-        if any(name not in run.pooled for run in done):
+        if any(row.run.completed and not len(row.history(name)) for row in self.rows):
             raise BadInput("metric", name, "these machines do not have it; a robot has all")
         return np.array(
-            [float(np.median(row.run.pooled[name][-cycles:])) if row.run.completed else worst for row in self.rows]
+            [compute_final(row.history(name), cycles) if row.run.completed else worst for row in self.rows]
         )
 
     def history(self, name: str) -> list[Array]:
         """A metric in all whole cycles of each run."""
-        return [row.run.pooled[name] for row in self.rows if name in row.run.pooled]
+        return [found for row in self.rows if len(found := row.history(name))]
 
     @property
     def completed(self) -> list[bool]:

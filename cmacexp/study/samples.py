@@ -20,6 +20,11 @@ def quotients(values: Array, references: Array | float) -> Array:
     return np.divide(values, references, out=found, where=both)
 
 
+def growth(late: Array, early: Array) -> Array:
+    """(runs,): a value late in each run over one early in the same run; infinite of a run that ended before."""
+    return np.divide(late, early, out=np.full(np.shape(late), np.inf), where=np.isfinite(late))
+
+
 def ratio(sample: Sample, chosen: Mapping[str, Any], reference: Mapping[str, Any]) -> Sample:
     """A sample of the runs with some settings over that of the runs with others, in order; or over the only one."""
     return lambda results: quotients(sample(results.select(chosen)), sample(results.select(reference)))

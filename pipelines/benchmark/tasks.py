@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
-from pipelines.common_worlds import FIRST_TUNING, draw_world
+from pipelines.worlds import FIRST_TUNING, draw_world
 
 VERSION = 1
 """Of the tasks. Whoever changes one of them, or a world, raises it: results of two versions are never compared."""

@@ -21,6 +21,7 @@ from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import exits_caught
 from cmacexp.jit.sources import code_hash
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.metrics.final import compute_final
 from cmacexp.metrics.pooling import pool_legs
 from cmacexp.terminal.messages import announce_compiling
 from cmacexp.typing import Array, Weights
@@ -101,7 +102,7 @@ def _summarise(trial: Trial, task: str, world: int, stage: Stage) -> dict[str, A
     machine, completed = trial.machine, stage.status == COMPLETED
     errors = stage.errors if completed else np.full(machine.after, np.inf)
     ends = {
-        column: float(np.median(stage.metrics[name][-machine.last :])) if completed else np.inf
+        column: compute_final(stage.metrics[name], machine.last) if completed else np.inf
         for column, name in ENDS.items()
     }
     held = float(sum(np.asarray(values).nbytes for values in (stage.learnt or {}).values()))
@@ -110,7 +111,7 @@ def _summarise(trial: Trial, task: str, world: int, stage: Stage) -> dict[str, A
         "world": world,
         "status": stage.status,
         "cause": stage.cause,
-        "end_error": float(np.median(errors[-machine.last :])),
+        "end_error": compute_final(errors, machine.last),
         "first_error": float(errors[0]),
         "worst_error": float(errors.max()),
         **ends,

@@ -9,12 +9,12 @@ from support.made_studies import made_row
 
 from cmacexp.study import Results, at_most
 from pipelines.assumptions import TAKEN, Conclusion, count_changes, ratio
-from pipelines.common_worlds import TESTED, TUNED
 from pipelines.feedforwards_measures import CMAC, ILC, MLP, RBF
 from pipelines.feedforwards_worlds import EARLY, at_best_rate
 from pipelines.force_methods import predicted_force
 from pipelines.lead_design import nearest
 from pipelines.one_leg_learning_trace import feedback_force, learned_error, reference_depth, weight_at_foot
+from pipelines.worlds import TESTED, TUNED
 
 INF = math.inf
 

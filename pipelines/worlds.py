@@ -1,0 +1,264 @@
+"""The one generator of random runs: worlds unknown to planner and controller, and random settings of what learns.
+
+Every draw is made by :class:`Draw` from a seed, a machine and a number, so that the same number is the same world,
+whatever learns in it. Three distributions are declared below:
+
+=============== ======================================================================================= ==========
+function        what varies, and how                                                                    drawn for
+=============== ======================================================================================= ==========
+draw_world      ground and masses (even within e^±0.3, ±20 %), start, encoders with noise and delay     most studies
+draw_hard_world sensors, ground within factor 2, slope, payload, a rate and a lead that may be wrong    guard
+draw_settings   gains, LEAD, memory, gait, ground, delays and learning law                              when learning
+                                                                                                        stays bounded
+=============== ======================================================================================= ==========
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from cmacexp.study import Request, grid
+from cmacexp.study.study import Values
+
+WORLDS = "world"
+"""The label of their runs."""
+STIFFNESS = {"one_leg": 10.0, "quadruped": 1e4, "quadruped_lasting": 1e4}
+"""That the plan assumes, N/m, by scenario; robots' follows from their model."""
+PATCH = {"one_leg": 0.1, "quadruped": 0.15, "quadruped_lasting": 0.15, "robot": 0.1}
+"""Side of a patch of ground, m."""
+START = {"one_leg": 0.05, "quadruped": 0.01, "quadruped_lasting": 0.01, "robot": 0.02}
+"""Largest difference of the joint angles at the start from the planned ones, rad."""
+FIRST_TUNING = 1_000_000
+"""Number of the first world that settings are tuned in: none of those that they are tested in."""
+TESTED, TUNED = range(24), range(FIRST_TUNING, FIRST_TUNING + 4)
+"""Numbers of the worlds that studies test in, and tune in."""
+FEWER = TESTED[:12]
+"""Those in which long runs are tested."""
+
+
+class Draw:
+    """Random choices of one run.
+
+    Args:
+        seed: of numpy's generator; equal seeds give equal draws.
+    """
+
+    def __init__(self, *seed: int):
+        self.random = np.random.default_rng(seed)
+
+    def choose(self, *values: Any) -> Any:
+        """One of the values; what is listed twice is twice as likely."""
+        return values[self.random.integers(len(values))]
+
+    def even(self, low: float, high: float) -> float:
+        """A number, evenly distributed."""
+        return float(self.random.uniform(low, high))
+
+    def even_log(self, low: float, high: float) -> float:
+        """A number whose logarithm is evenly distributed."""
+        return float(np.exp(self.random.uniform(np.log(low), np.log(high))))
+
+    def happens(self, probability: float) -> bool:
+        """Whether something does."""
+        return bool(self.random.random() < probability)
+
+
+def draw_world(scenario: str, number: int, stiffer: float = 1.0) -> tuple[str, ...]:
+    """Overrides of a world.
+
+    Args:
+        scenario: ``one_leg``, ``quadruped``, ``quadruped_lasting`` or ``robot``.
+        number: of the world; seed of the hash of a network too.
+        stiffer: how many times as stiff the ground has become, unknown to the plan; not of ``robot``.
+    """
+    draw, known = Draw(2026, sorted(PATCH).index(scenario), number), STIFFNESS.get(scenario)
+    true = known and stiffer * known * float(np.exp(draw.even(-0.3, 0.3)))
+    # Gains of a robot by rule count the delay of its sensors: with none they leave no room for a later torque.
+    return (
+        f"seed={number}",
+        *((f"terrain.stiffness={true:.5g}", f"terrain.assumed_stiffness={known:g}") if known else ()),
+        *("terrain.patch_spread=0.2", f"terrain.patch_size={PATCH[scenario]}", f"terrain.patch_seed={number}"),
+        f"plant.mass_factor={draw.even(0.8, 1.2):.4f}",
+        *(f"plant.start_spread={START[scenario]}", f"plant.start_seed={number}"),
+        "sensors=encoders",
+        f"sensors.velocity.delay={max(draw.choose(0, 1), scenario == 'robot'):d}",
+        f"sensors.velocity.noise={draw.even_log(0.005, 0.05):.4f}",
+        f"sensors.force.noise_relative={draw.even(0.0, 0.1):.4f}",
+    )
+
+
+def in_worlds(
+    scenario: str,
+    numbers: Iterable[int],
+    *overrides: str,
+    over: Values | None = None,
+    stiffer: float = 1.0,
+    **labels: Any,
+) -> list[Request]:
+    """A request for every combination of values in each world, as :func:`cmacexp.study.grid` makes them."""
+    return [
+        request
+        for number in numbers
+        for request in grid(
+            f"scenario={scenario}",
+            *draw_world(scenario, number, stiffer),
+            *overrides,
+            over=over,
+            **{WORLDS: number, **labels},
+        )
+    ]
+
+
+ONE_LEG, QUADRUPED, GO1, ALIENGO = "one leg", "quadruped", "Go1", "Aliengo"
+HARD = {
+    ONE_LEG: ("scenario=one_leg", "learning=lasting"),
+    QUADRUPED: ("scenario=quadruped_lasting", "gait.duty_factor=0.9"),
+    GO1: ("scenario=robot", "machine=go1"),
+    ALIENGO: ("scenario=robot", "machine=aliengo"),
+}
+"""Machines of hard worlds."""
+KNOWN = {ONE_LEG: 10.0, QUADRUPED: 1e4}
+"""Stiffness that the plan assumes, N/m."""
+
+
+def _draw_sensors(draw: Draw, robot: bool) -> list[str]:
+    """Sensors that are perfect, encoders, or late and noisy."""
+    kind = draw.choose("perfect", "encoders", "real", "real")
+    if kind != "real" or robot:
+        return [f"sensors={'encoders' if kind == 'real' else kind}"]
+    return [
+        "sensors=real",
+        f"sensors.velocity.delay={draw.choose(0, 1, 2)}",
+        f"sensors.velocity.noise={draw.choose(0.0, 0.02)}",
+        f"sensors.position.delay={draw.choose(0, 0, 1)}",
+        f"sensors.force.noise_relative={draw.choose(0.0, 0.05, 0.2)}",
+    ]
+
+
+def _draw_ground(draw: Draw, known: float | None) -> list[str]:
+    """Ground that the plan does not know: stiffness, patches, slope."""
+    ground = []
+    if known is not None:
+        stiffness = known * float(f"{draw.even_log(0.5, 2.0):.3g}")
+        ground += [f"terrain.stiffness={stiffness:.4g}", f"terrain.assumed_stiffness={known:g}"]
+    if draw.happens(0.4):
+        ground += ["terrain.patch_spread=0.3", "terrain.patch_size=0.15"]
+        ground += [f"terrain.patch_seed={draw.random.integers(100)}"]
+    if draw.happens(0.4):
+        ground += [f"terrain.slope={draw.even(-0.05, 0.05):.3g}"]
+    return ground
+
+
+def _draw_payload(draw: Draw, machine: str) -> list[str]:
+    """A load that the plan does not know; one leg has no body that carries it."""
+    if machine == ONE_LEG or draw.happens(0.5):
+        return []
+    x, y = (0.1, 0.07) if machine == QUADRUPED else (0.05, 0.03)
+    weight, ahead, beside = draw.even(5.0, 20.0), draw.even(-x, x), draw.even(-y, y)
+    return [f"payload.weight={weight:.3g}", f"payload.x={ahead:.3g}", f"payload.y={beside:.3g}"]
+
+
+def draw_hard_world(machine: str, number: int) -> tuple[str, ...]:
+    """Overrides of a world of ``HARD``, and of a rate and a lead that may be wrong in it."""
+    draw = Draw(list(HARD).index(machine), number)
+    return (
+        *_draw_sensors(draw, machine in (GO1, ALIENGO)),
+        f"actuator.delay={draw.choose(0, 0, 1)}",
+        *_draw_ground(draw, KNOWN.get(machine)),
+        *_draw_payload(draw, machine),
+        f"learning.rate={draw.even_log(0.03, 1.2):.3g}",
+        f"learning.lead={draw.choose('auto', 0, 1, 2, 3)}",
+        f"seed={number}",
+    )
+
+
+RULES_OF_GUARD = ("paper", "paper", "paper", "normalised", "leakage", "weight_smoothing", "decaying_rate")
+
+
+def draw_long(number: int) -> Sequence[str]:
+    """Overrides of one leg that learns for long, guarded: gains, rate, lead, network, period, ground and step."""
+    draw = Draw(list(HARD).index(ONE_LEG), 10**6 + number)
+    gain, period = float(f"{draw.even_log(50.0, 250.0):.3g}"), draw.choose(0.004, 0.005, 0.008)
+    stiffness = float(f"{draw.even_log(8.0, 100.0):.3g}")
+    elasticity = float(f"{draw.even_log(0.1, 3.0):.3g}") / stiffness
+    samples = 20 * round(float(f"{draw.even(2.0, 4.0):.3g}") / period / 20)
+    return (
+        f"controller.position_gain={gain:.4g}",
+        f"controller.velocity_gain={0.5 * gain**0.5 * float(f'{draw.even_log(0.6, 1.6):.3g}'):.4g}",
+        f"learning.rate={draw.even_log(0.03, 1.2):.3g}",
+        f"learning.lead={draw.choose('auto', 0, 1, 2, 3)}",
+        f"learning.rule={draw.choose(*RULES_OF_GUARD)}",
+        f"actuator.delay={draw.choose(0, 0, 1)}",
+        f"cmac.layers={draw.choose(8, 16, 32, 64)}",
+        f"cmac.resolution_elements={draw.choose(9, 17, 33, 65)}",
+        *("cmac.addressing=visited", "cmac.memory_bytes=4000000"),
+        *(f"sampling_period={period}", f"gait.cycle_time={samples * period:.6g}"),
+        f"gait.stroke={draw.even(0.08, 0.2):.3g}",
+        f"terrain.stiffness={stiffness:.4g}",
+        f"force_control.elasticity={elasticity:.4g}",
+        f"force_control.admittance={elasticity * float(f'{draw.even_log(0.3, 2.0):.3g}'):.4g}",
+    )
+
+
+LEG, WALK, ROBOT = "one leg", "quadruped", "robots"
+SCENARIOS = {LEG: "one_leg", WALK: "quadruped", ROBOT: "robot"}
+ROBOTS = ("go1", "go2", "aliengo", "mini_cheetah")
+GAINS = {LEG: (100.0, 5.0), WALK: (50.0, 5.0)}
+"""Position gain, N/m, and velocity gain, N s/m, that are scaled."""
+SOFT_TO_HARD = {LEG: (8.0, 100.0), WALK: (4e3, 3e4)}
+"""Least and largest stiffness of the ground, N/m."""
+RULES = (
+    *(["paper"] * 13), "normalised", "leakage", "weight_smoothing", "zero_phase", "dead_zone", "e_modification",
+    "decaying_rate",
+)  # fmt: skip
+FIRST = 10
+"""Cycle in which learning begins: nothing is said of settings with which feedback alone does not last so long."""
+
+
+def draw_settings(machine: str, seed: int, number: int) -> tuple[str, ...]:
+    """Overrides of one config; of robots gains, gait and memory follow from their model.
+
+    Args:
+        machine: one of SCENARIOS.
+        seed: other seeds give other settings.
+        number: of the config.
+    """
+    draw = Draw(seed, number)
+    parts = [f"machine={draw.choose(*ROBOTS)}"] if machine == ROBOT else _draw_machine(draw, machine)
+    return (
+        f"scenario={SCENARIOS[machine]}", "warn=false", *parts, "sensors=real",
+        f"sensors.velocity.delay={draw.choose(0, 0, 0, 1, 2)}", f"actuator.delay={draw.choose(0, 0, 0, 0, 1, 2)}",
+        f"actuator.lag={draw.choose(0, 0, 0, 0.005, 0.01)}", f"learning.rate={draw.even_log(0.02, 0.6):.3g}",
+        f"learning.lead={draw.choose('auto', 'auto', *range(5))}", f"learning.rule={draw.choose(*RULES)}",
+        "learning.guard=none", f"learning.start_cycle={FIRST}",
+    )  # fmt: skip
+
+
+def _draw_machine(draw: Draw, machine: str) -> list[str]:
+    """Control, memory and gait of a planar machine."""
+    position, velocity = GAINS[machine]
+    factor = draw.even_log(0.4, 4.0)
+    velocity *= float(np.sqrt(factor)) * draw.even_log(0.5, 2.5)
+    lead = "lead_alpha=1.0" if draw.happens(0.12) else f"lead_omega={draw.even_log(5.0, 30.0):.3g}"
+    fields = ("rectangular", "rectangular", "rectangular", "linear", "cubic")
+    parts = [
+        f"controller.position_gain={position * factor:.4g}", f"controller.velocity_gain={velocity:.4g}",
+        f"controller.{lead}",
+        f"cmac.layers={draw.choose(8, 16, 32, 64, 128)}",
+        f"cmac.resolution_elements={draw.choose(5, 9, 17, 33, 65)}",
+        f"cmac.displacement={draw.choose('diagonal', 'diagonal', 'odd_lattice')}",
+        f"cmac.addressing={draw.choose('hashed', 'visited')}", "cmac.memory_bytes=4000000",
+        f"cmac.receptive_field={draw.choose(*fields)}",
+        f"cmac.inputs={draw.choose('[angle]', '[angle,velocity]', '[angle,velocity,acceleration]')}",
+    ]  # fmt: skip
+    period = draw.choose(0.002, 0.004, 0.005, 0.005, 0.008, 0.01)
+    samples = 20 * int(draw.even(1.5, 4.0) / period / 20)
+    stiffness = draw.even_log(*SOFT_TO_HARD[machine])
+    elasticity = draw.even_log(0.1, 5.0) / stiffness
+    return [
+        *parts, f"sampling_period={period}", f"gait.cycle_time={samples * period:.6g}",
+        f"gait.stroke={draw.even(0.05, 0.25):.3g}", f"gait.vertical={draw.choose('cubic', 'two_cubics')}",
+        f"terrain.stiffness={stiffness:.4g}", f"force_control.elasticity={elasticity:.4g}",
+        f"force_control.admittance={elasticity * draw.even_log(0.3, 2.0):.4g}",
+    ]  # fmt: skip
