@@ -118,7 +118,7 @@ def rate_after(rule: RuleParams, rate: float, cycles: int) -> float:
 
 
 @kernel
-def teaching_error(rule: RuleParams, error: float) -> float:
+def compute_learning_error(rule: RuleParams, error: float) -> float:
     """The part of ``error``, N m, that teaches."""
     return 0.0 if rule.teaches == OUTSIDE_DEAD_ZONE and abs(error) <= rule.strength else error
 
@@ -164,7 +164,7 @@ def train_by_rule(
     if power > 0.0:
         for o in range(error.shape[0]):
             goal = compute_goal(rule, weights, cells, activation, power, o)
-            step = rate * teaching_error(rule, error[o]) / compute_divisor(rule, power)
+            step = rate * compute_learning_error(rule, error[o]) / compute_divisor(rule, power)
             drawn = pull(rule, rate, error[o]) / largest
             for j in range(cells.shape[0]):
                 weight = weights[cells[j], o]

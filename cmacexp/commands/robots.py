@@ -104,12 +104,12 @@ def _count_margin(config: Config) -> int | None:
     """Samples of further delay that the gains allow; None with a controller of the user's own."""
     from cmacexp.control import HybridController
     from cmacexp.loop.factory import make_component
-    from cmacexp.loop.scenario import count_lateness, require_margin
+    from cmacexp.loop.scenario import count_loop_delay, require_margin
 
     controller, sensors = (make_component(group, getattr(config, group)) for group in ("controller", "sensors"))
     if not isinstance(controller, HybridController):
         return None
-    return require_margin(config, controller.config, count_lateness(config, sensors))
+    return require_margin(config, controller.config, count_loop_delay(config, sensors))
 
 
 def _show(arguments: argparse.Namespace) -> int:

@@ -16,8 +16,8 @@ from cmacexp.config.fields import listed, read_fields
 from cmacexp.config.gait import PATTERNS, GaitPattern
 from cmacexp.config.machine import RobotModel, ask_for_robot, read_model
 from cmacexp.errors import BadInput
-from cmacexp.models.lateness import Lateness, add_up
 from cmacexp.models.lead import discretise
+from cmacexp.models.loop_delay import LoopDelay, add_delays
 from cmacexp.models.robot_gains import (
     PERIOD_WITHOUT_ROTORS,
     Basis,
@@ -57,7 +57,7 @@ def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
     robot = read_model(read_machine(_root_))
     basis = derive_basis(robot)
     if name in PERIODS:
-        value = recommend_period(basis.ratio, _read_lateness(_root_), _find_pattern(_root_).gain)
+        value = recommend_period(basis.ratio, _read_loop_delay(_root_), _find_pattern(_root_).gain)
         value = min(value, PERIODS[name], math.inf if robot.armature.any() else PERIOD_WITHOUT_ROTORS)
     else:
         value = getattr(basis if name in Basis._fields else _derive_gains(basis, _root_), name)
@@ -115,11 +115,11 @@ STRIDE: dict[str, Callable[[DictConfig], float | ListConfig]] = {
 
 
 def _derive_gains(basis: Basis, root: DictConfig) -> Gains:
-    period, lateness = _read_number(root, PERIOD), _read_lateness(root)
+    period, loop_delay = _read_number(root, PERIOD), _read_loop_delay(root)
     if OmegaConf.select(root, "controller.lead_omega") is None:  # a custom controller without a compensator
-        return derive_gains(basis, period, 1.0, lateness)
+        return derive_gains(basis, period, 1.0, loop_delay)
     omega, alpha = (_read_number(root, f"controller.lead_{name}") for name in ("omega", "alpha"))
-    return derive_gains(basis, period, discretise(omega, alpha, period).b0, lateness)
+    return derive_gains(basis, period, discretise(omega, alpha, period).b0, loop_delay)
 
 
 def _read_number(root: DictConfig, key: str, least: float = 1e-9) -> float:
@@ -130,14 +130,14 @@ def _read_number(root: DictConfig, key: str, least: float = 1e-9) -> float:
     return float(value)
 
 
-def _read_lateness(root: DictConfig) -> Lateness:
+def _read_loop_delay(root: DictConfig) -> LoopDelay:
     """The delay and lag of the velocity feedback, by actuator and sensors; custom sensors may lack these fields."""
 
     def read(key: str) -> float:
         return 0.0 if OmegaConf.select(root, key) is None else _read_number(root, key, least=0.0)
 
     stages = ("actuator", "sensors.velocity")
-    return add_up(*((round(read(f"{stage}.delay")), read(f"{stage}.lag")) for stage in stages))
+    return add_delays(*((round(read(f"{stage}.delay")), read(f"{stage}.lag")) for stage in stages))
 
 
 def read_machine(root: DictConfig) -> RobotModel:

@@ -7,7 +7,7 @@ import numpy as np
 
 from cmacexp.config.schema import ActuatorConfig
 from cmacexp.jit.compiler import kernel
-from cmacexp.models.lateness import first_order_share
+from cmacexp.models.loop_delay import first_order_share
 from cmacexp.typing import STATE, Array, Role, State
 
 
@@ -20,7 +20,7 @@ class Actuator(NamedTuple):
     """Largest change of a torque from one step to the next, N m; infinite for none."""
     delay: int
     """Samples from command to action."""
-    line: Annotated[Array, Role("state", ring_axis=0)]
+    delay_buffer: Annotated[Array, Role("state", ring_axis=0)]
     """(delay + 1, 2, L, J): commanded feedback and feedforward of the last steps, N m; empty without a delay."""
     last: State
     """(L, J): torque of the last step, N m, before the lag."""
@@ -71,12 +71,12 @@ def saturate(limit: tuple[float, ...], feedback: Array, feedforward: Array, torq
 @kernel
 def postpone(actuator: Actuator, step: int, feedback: Array, feedforward: Array) -> None:
     """Replace the torques of ``step`` by those of ``delay`` steps ago, zero before the first; all (L, J)."""
-    line = actuator.line
-    now, then = step % line.shape[0], (step - actuator.delay) % line.shape[0]
+    delay_buffer = actuator.delay_buffer
+    now, then = step % delay_buffer.shape[0], (step - actuator.delay) % delay_buffer.shape[0]
     for i in range(feedback.shape[0]):
         for j in range(len(actuator.limit)):
-            line[now, 0, i, j], line[now, 1, i, j] = feedback[i, j], feedforward[i, j]
-            feedback[i, j], feedforward[i, j] = line[then, 0, i, j], line[then, 1, i, j]
+            delay_buffer[now, 0, i, j], delay_buffer[now, 1, i, j] = feedback[i, j], feedforward[i, j]
+            feedback[i, j], feedforward[i, j] = delay_buffer[then, 0, i, j], delay_buffer[then, 1, i, j]
 
 
 @kernel

@@ -11,7 +11,7 @@ from cmacexp.control.protocol import Action
 from cmacexp.control.steering import new_steering, steer
 from cmacexp.feedforward.protocol import Feedforward
 from cmacexp.models.lead import discretise
-from cmacexp.models.mechanism import GEOMETRY_FIELDS, update_geometry
+from cmacexp.models.mechanism import KINEMATICS_FIELDS, update_kinematics
 from cmacexp.planning.reference import make_gains
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.plants.protocol import Measurement, get_state
@@ -56,7 +56,7 @@ class HybridController:
             new_steering(setup),
         )
         self.state = new_hybrid_state(*setup.mechanism.shape)
-        self.geometry = np.zeros((setup.mechanism.shape[0], GEOMETRY_FIELDS[setup.mechanism.axes]))
+        self.kinematics = np.zeros((setup.mechanism.shape[0], KINEMATICS_FIELDS[setup.mechanism.axes]))
         self.feedforward = feedforward
 
     @property
@@ -73,9 +73,9 @@ class HybridController:
     def act(self, reference: Reference, measurement: Measurement) -> Action:
         """Feedback from this step's errors; feedforward from the plan, trained by the last step's feedback."""
         last: Array = self.state.learning_error.copy()
-        update_geometry(self.params.mechanism, measurement.q, self.geometry)
+        update_kinematics(self.params.mechanism, measurement.q, self.kinematics)
         steer(self.params.steering, measurement.travel, reference.step, reference.sample, reference.support)
-        observation = Observation._make((*get_state(measurement), self.geometry))
+        observation = Observation._make((*get_state(measurement), self.kinematics))
         hybrid_feedback(self.params, self.state, reference.support, reference.values, observation)
         feedforward = self.feedforward.predict(reference, last) if reference.acting else np.zeros_like(last)
         return Action(self.state.feedback.copy(), feedforward, self.state.reference.copy())

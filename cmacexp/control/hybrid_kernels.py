@@ -16,11 +16,11 @@ from cmacexp.control.fault_detection import (
     new_fault_status,
     update_status,
 )
-from cmacexp.control.steering import Steering, offset_aside, scale_ahead, scale_aside
+from cmacexp.control.steering import Steering, offset_lateral, scale_lateral, scale_longitudinal
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import LEVEL, Pose, depth, depth_rate, make_pose
 from cmacexp.models.lead import Lead, lead_step
-from cmacexp.models.mechanism import PLANE, Mechanism, has_body, press_foot
+from cmacexp.models.mechanism import PLANE, Mechanism, apply_jacobian_transpose, has_body
 from cmacexp.planning.columns import (
     FORCE_ADDED,
     FORCE_DESIRED,
@@ -160,9 +160,9 @@ def control_sideways(
     params: HybridParams, state: HybridState, i: int, reference: Array, foot: Array, velocity: Array
 ) -> None:
     """Position control of leg ``i`` along z; fills ``state``."""
-    scale = scale_aside(params.steering, params.mechanism.hips, i)
+    scale = scale_lateral(params.steering, params.mechanism.hips, i)
     z, vz = reference[i, REFERENCE_Z] + scale * reference[i, X], reference[i, REFERENCE_VZ] + scale * reference[i, VX]
-    z += offset_aside(params.steering, i)
+    z += offset_lateral(params.steering, i)
     error = position_error(params, z, vz, foot[i, 2], velocity[i, 2])
     output = lead_step(params.lead, error, state.error[i, 2], state.output[i, 2])
     state.reference[i, 2], state.error[i, 2], state.output[i, 2] = z, error, output
@@ -181,10 +181,10 @@ def hybrid_feedback(
     A leg with ``support`` (L,) is under force control along y, else under position control; ``reference`` (L,
     columns) is a row of the plan, see :mod:`cmacexp.planning.columns`.
     """
-    foot, velocity, geometry = observation.foot, observation.velocity, observation.geometry
+    foot, velocity, kinematics = observation.foot, observation.velocity, observation.kinematics
     pose = make_pose(observation.body) if has_body(params.mechanism) else LEVEL
     for i in range(support.shape[0]):
-        scale = scale_ahead(params.steering, params.mechanism.hips, i)
+        scale = scale_longitudinal(params.steering, params.mechanism.hips, i)
         x_reference = scale * reference[i, X]
         x_error = position_error(params, x_reference, scale * reference[i, VX], foot[i, 0], velocity[i, 0])
         y_reference = reference[i, Y]
@@ -205,10 +205,10 @@ def hybrid_feedback(
         state.output[i, 0], state.output[i, 1] = ux, uy
         if len(params.mechanism.axes) > 2:
             control_sideways(params, state, i, reference, foot, velocity)
-        press_foot(params.mechanism, i, geometry, state.output, uy, state.learning_error)
+        apply_jacobian_transpose(params.mechanism, i, kinematics, state.output, uy, state.learning_error)
         added = reference[i, FORCE_ADDED]
         if added != 0.0:
-            press_foot(params.mechanism, i, geometry, state.output, uy + added, state.feedback)
+            apply_jacobian_transpose(params.mechanism, i, kinematics, state.output, uy + added, state.feedback)
         else:
             for j in range(len(params.mechanism.axes)):
                 state.feedback[i, j] = state.learning_error[i, j]

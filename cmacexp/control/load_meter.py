@@ -12,11 +12,11 @@ from cmacexp.config import Config
 from cmacexp.config.schema import ADAPTIVE
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.mechanism import Mechanism, has_body
-from cmacexp.planning.plan import Met, Plan
+from cmacexp.planning.plan import LoadEstimate, Plan
 from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array, Clock, Mask
 
-STEPS, FORCE, AHEAD, ASIDE = range(4)
+STEPS, FORCE, LONGITUDINAL, LATERAL = range(4)
 """Sums over a cycle: steps; forces of the feet and their moments about the body's centre, N and N m."""
 FEET, X, Y, XX, XY, YY, DEPTH, X_DEPTH, Y_DEPTH = range(4, 13)
 """Sums over the feet that pressed: their number, places, m, and depths of the ground below the body's centre, m."""
@@ -42,7 +42,7 @@ def new_load_meter(config: Config, mechanism: Mechanism) -> LoadMeter | None:
 
 
 @kernel
-def weigh(meter: LoadMeter | None, support: Mask, observation: Observation) -> None:
+def accumulate_load(meter: LoadMeter | None, support: Mask, observation: Observation) -> None:
     """Note the forces and places of the feet in a step; ``support`` (L,) are those planned to press."""
     if meter is None:
         return
@@ -54,8 +54,8 @@ def weigh(meter: LoadMeter | None, support: Mask, observation: Observation) -> N
         if len(meter.mechanism.axes) > 2:
             y += foot[2]
         sums[FORCE] += force
-        sums[AHEAD] += force * x
-        sums[ASIDE] += force * y
+        sums[LONGITUDINAL] += force * x
+        sums[LATERAL] += force * y
         if support[i] and force > 0.0:
             depth = foot[1] - force / meter.stiffness + pitch * x - roll * y
             sums[FEET] += 1.0
@@ -74,17 +74,17 @@ def _find_slopes(sums: Array) -> tuple[float, float]:
     count = max(1.0, sums[FEET])
     x, y, depth = sums[X] / count, sums[Y] / count, sums[DEPTH] / count
     xx, xy, yy = sums[XX] / count - x * x, sums[XY] / count - x * y, sums[YY] / count - y * y
-    ahead, aside = sums[X_DEPTH] / count - x * depth, sums[Y_DEPTH] / count - y * depth
+    longitudinal, lateral = sums[X_DEPTH] / count - x * depth, sums[Y_DEPTH] / count - y * depth
     size = xx * yy - xy * xy
     if size < LEAST_SPREAD**2:
         return 0.0, 0.0
-    return float((xy * aside - yy * ahead) / size), float((xy * ahead - xx * aside) / size)
+    return float((xy * lateral - yy * longitudinal) / size), float((xy * longitudinal - xx * lateral) / size)
 
 
-def read_meter(meter: LoadMeter, plan: Plan) -> Met:
+def read_meter(meter: LoadMeter, plan: Plan) -> LoadEstimate:
     """What was met in the cycle that has ended, beyond the load of the ``plan``; a new cycle begins."""
     sums, steps = meter.sums.copy(), meter.sums[STEPS]
     meter.sums[...] = 0.0
     planned, force = plan.load.force.mean(), max(sums[FORCE] / steps, 1e-300)
-    x, y = sums[[AHEAD, ASIDE]] / (steps * force) - plan.load.mean_centre
-    return Met(float(force - planned), float(x), float(y), *_find_slopes(sums))
+    x, y = sums[[LONGITUDINAL, LATERAL]] / (steps * force) - plan.load.mean_centre
+    return LoadEstimate(float(force - planned), float(x), float(y), *_find_slopes(sums))

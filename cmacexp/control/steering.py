@@ -24,7 +24,7 @@ PUSHED = 0.2
 """Speed aside from which on feet are placed, m/s: where they always are, walks sway, and learning fails."""
 EASE = 0.03
 """Time in which a foot takes to another place, s."""
-AHEAD, ASIDE, TURN = range(3)
+LONGITUDINAL, LATERAL, TURN = range(3)
 """Of the command: dv / v, v_y / v, and the arc of the farthest hip, w r / v."""
 
 
@@ -50,7 +50,7 @@ class Steering(NamedTuple):
     """How far aside feet touch down over the speed aside, s; 0: as planned."""
     farthest: float
     """How far aside they do at most, m."""
-    aside: Scratch
+    lateral: Scratch
     """(1,): distance of the body from its course in the step before, m."""
     offset: Scratch
     """(L,): of every foot from its planned place, to the left, m."""
@@ -73,11 +73,11 @@ def new_steering(setup: Setup) -> Steering | None:
 
 
 @kernel
-def place_feet(steering: Steering, support: Mask, aside: float) -> None:
-    """Feet in transfer go to where they catch a body that leaves its course fast; ``aside`` is its distance, m."""
-    rate, share = (aside - steering.aside[0]) / steering.period, min(1.0, steering.period / EASE)
+def place_feet(steering: Steering, support: Mask, lateral: float) -> None:
+    """Feet in transfer go to where they catch a body that leaves its course fast; ``lateral`` is its distance, m."""
+    rate, share = (lateral - steering.lateral[0]) / steering.period, min(1.0, steering.period / EASE)
     place = min(max(steering.capture * rate, -steering.farthest), steering.farthest) if abs(rate) > PUSHED else 0.0
-    steering.aside[0] = aside
+    steering.lateral[0] = lateral
     for i in range(support.shape[0]):
         if not support[i]:
             steering.offset[i] += share * (place - steering.offset[i])
@@ -91,33 +91,33 @@ def steer(steering: Steering | None, travel: Array | None, step: int, sample: in
     """
     if steering is not None and travel is not None:
         command, gain, speed = steering.command, steering.course_gain, steering.speed
-        ahead = step * steering.period * speed + steering.sway[sample, 0] - travel[0]
-        command[AHEAD] = gain * ahead / speed
-        aside = travel[1] - steering.sway[sample, 1]
-        place_feet(steering, support, aside)
-        command[ASIDE] = -gain * aside / speed
+        longitudinal = step * steering.period * speed + steering.sway[sample, 0] - travel[0]
+        command[LONGITUDINAL] = gain * longitudinal / speed
+        lateral = travel[1] - steering.sway[sample, 1]
+        place_feet(steering, support, lateral)
+        command[LATERAL] = -gain * lateral / speed
         command[TURN] = -steering.heading_gain * travel[2] * steering.radius / speed
         for n in range(3):
             command[n] = min(max(command[n], -steering.most), steering.most)
 
 
 @kernel
-def scale_ahead(steering: Steering | None, hips: Array, i: int) -> float:
+def scale_longitudinal(steering: Steering | None, hips: Array, i: int) -> float:
     """What the planned x of foot ``i`` is multiplied by."""
     if steering is None:
         return 1.0
-    return 1.0 + steering.command[AHEAD] - steering.command[TURN] * hips[i, 1] / steering.radius
+    return 1.0 + steering.command[LONGITUDINAL] - steering.command[TURN] * hips[i, 1] / steering.radius
 
 
 @kernel
-def scale_aside(steering: Steering | None, hips: Array, i: int) -> float:
+def scale_lateral(steering: Steering | None, hips: Array, i: int) -> float:
     """Part of its planned x that is added to its planned z."""
     if steering is None:
         return 0.0
-    return steering.command[ASIDE] + steering.command[TURN] * hips[i, 0] / steering.radius
+    return steering.command[LATERAL] + steering.command[TURN] * hips[i, 0] / steering.radius
 
 
 @kernel
-def offset_aside(steering: Steering | None, i: int) -> float:
+def offset_lateral(steering: Steering | None, i: int) -> float:
     """What is added to its planned z besides, m."""
     return 0.0 if steering is None else steering.offset[i]

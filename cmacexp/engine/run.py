@@ -65,7 +65,7 @@ def _columns(scenario: Scenario) -> Columns:
 def _known_torque(scenario: Scenario) -> Array | None:
     """Torque (N, L, J) of a model that a built-in feedforward learns on top of, N m."""
     feedforward = scenario.feedforward
-    return feedforward.known if isinstance(feedforward, BuiltInFeedforward) else None
+    return feedforward.model_torque if isinstance(feedforward, BuiltInFeedforward) else None
 
 
 def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Trace:
@@ -230,7 +230,7 @@ def _write(
         "learning_rate": end.rate,
         "lead_estimates": [estimate._asdict() for estimate in end.estimates],
         "carried": [
-            {"cycle": cycle, "measured_weight": weight, **load._asdict()} for cycle, load, weight in end.carried
+            {"cycle": cycle, "measured_weight": weight, **load._asdict()} for cycle, load, weight in end.load_history
         ],
         "drift": make_drift_entry(scores.legs),
         "rollout_seconds": end.seconds,

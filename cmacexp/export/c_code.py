@@ -118,7 +118,7 @@ def describe(network: Network, single: bool) -> dict[str, Any]:
     size, cell = 4 if single else 8, 2 if small else 4
     state = size * (legs * rows * joints + 1) + 8
     constants = int(np.any(params.weights != 0.0, axis=2).sum()) * (4 + joints * size)
-    constants += 0 if network.known is None else network.known.size * size
+    constants += 0 if network.model_torque is None else network.model_torque.size * size
     of_cells = cell + size * network.is_weighted
     if one_path:
         constants += params.cells.size * of_cells
@@ -158,7 +158,7 @@ def describe(network: Network, single: bool) -> dict[str, Any]:
         "decays": rule.rate == DECAYING,
         "factor": rule.strength,
         "learnt": network.is_learnt,
-        "known": network.known is not None,
+        "known": network.model_torque is not None,
         "small": small,
         "unit": "N" if on_axes else "N m",
         "joint_line": f"columns {', '.join(columns)}; torques act in the direction in which they grow.",
@@ -175,7 +175,7 @@ def count_operations(network: Network) -> dict[str, int]:
     (legs, _, joints), layers, inputs = params.weights.shape, params.cells.shape[2], network.inputs.shape[2]
     weighted, goal = int(network.is_weighted), rule.goal != NO_GOAL
     add, multiply = layers * joints, weighted * layers * joints  # to predict
-    add += joints * (network.known is not None)
+    add += joints * (network.model_torque is not None)
     add, multiply = add + weighted * layers, multiply + weighted * layers  # the power
     per_joint = [
         1 + (rule.divisor == REGULARISED),
@@ -223,10 +223,11 @@ def _list_tables(network: Network) -> dict[str, Any]:
     legs, rows, joints = params.weights.shape
     flat = params.weights.reshape(legs * rows, joints)
     learnt = np.flatnonzero((flat != 0.0).any(axis=1))
+    model_torque = network.model_torque
     tables: dict[str, Any] = {
         "learnt_rows": learnt.tolist(),
         "learnt_weights": flat[learnt],
-        "model_torque": [] if network.known is None else network.known.reshape(len(network.known), -1),
+        "model_torque": [] if model_torque is None else model_torque.reshape(len(model_torque), -1),
     }
     if not addresses:
         return tables | {"path_cells": params.cells, "path_activation": params.activation}

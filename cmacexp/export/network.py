@@ -49,7 +49,7 @@ class Network:
     """Receptive field; of other activations than those of a CMAC -1."""
     places: Sequence[Any]
     """(rows,) of each leg with visited addressing: position of the cell of every row, in order; else empty."""
-    known: Array | None
+    model_torque: Array | None
     """(N, L, J): torque of a model that is added, N m."""
     is_learnt: bool
     """Whether the run stored its weights."""
@@ -74,8 +74,9 @@ def read_network(run: Run, one_path: bool) -> Network:
     if setup.lead < -1 and not one_path:
         reason = "trains cells of steps to come, which are known for one path alone; add --path"
         raise BadInput("learning.lead", setup.lead, reason)
-    if feedforward.known is not None and not one_path and feedforward.known.size > MOST_TORQUES:
-        reason = f"has {feedforward.known.size} torques a cycle, more than {MOST_TORQUES}; add --path, or export cmac"
+    torque = feedforward.model_torque
+    if torque is not None and not one_path and torque.size > MOST_TORQUES:
+        reason = f"has {torque.size} torques a cycle, more than {MOST_TORQUES}; add --path, or export cmac"
         raise BadInput("feedforward", kind, reason)
     return _make_network(run, kind, feedforward, setup, one_path, learnt is not None)
 
@@ -181,7 +182,7 @@ def _make_network(
         [] if one_path else [cmac.address for cmac in cmacs],
         cmacs[0].receptive_field if cmacs else -1,
         places,
-        feedforward.known,
+        feedforward.model_torque,
         is_learnt,
         config.machine.kind,
     )

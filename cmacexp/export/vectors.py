@@ -82,7 +82,7 @@ def run_steps(network: Network, inputs: Array, errors: Array, real: Any) -> tupl
     how = how._replace(rate=real(how.rate), rule=how.rule._replace(strength=real(how.rule.strength)))
     params = network.params._replace(cells=cells, activation=activation, weights=weights, learning=how)
     samples, steps = len(network.params.cells), len(cells)
-    known = None if network.known is None else network.known.astype(real)
+    model_torque = None if network.model_torque is None else network.model_torque.astype(real)
     torque = np.empty(given.shape, dtype=real)
     for k in range(len(given)):
         cycles, back = k // samples, k - 1 - how.lead
@@ -91,8 +91,8 @@ def run_steps(network: Network, inputs: Array, errors: Array, real: Any) -> tupl
                 learn(params, i, how.start_step + cycles * steps, back % steps, given[k, i])
                 weights[i, rows] = 0.0  # of cells without a row
             read_sample(params, i, k % steps, torque[k, i])
-            if known is not None:
-                torque[k, i] += known[k % samples, i]
+            if model_torque is not None:
+                torque[k, i] += model_torque[k % samples, i]
     return torque, weights[:, :rows]
 
 

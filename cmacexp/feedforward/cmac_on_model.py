@@ -20,5 +20,5 @@ class CmacOnModel(CmacFeedforward):
     def reset(self, setup: Setup) -> None:
         """Compute the torque of the model; start with empty memories, or with those of an earlier run."""
         super().reset(setup)
-        self.known = self.model.compute_torque(setup)
-        self.params = self.params._replace(torque=self.known)
+        self.model_torque = self.model.compute_torque(setup)
+        self.params = self.params._replace(torque=self.model_torque)

@@ -25,7 +25,7 @@ class LearningParams(NamedTuple):
     lead: int
     """U(k-1) trains the cells of step k-1-lead."""
     rule: RuleParams = PAPER
-    plain: bool = False
+    is_paper_rule: bool = False
     """True for the paper's rule of two joints where all activations are 1, so that it needs none."""
     start_step: int = 0
     """First step of the run in which the network learns."""
@@ -89,7 +89,7 @@ def learn(params: FeedforwardParams, i: int, step: int, sample: int, learning_er
     ``step`` counts from 0 over the whole run.
     """
     weights, cells, how = params.weights[i], params.cells[sample, i], params.learning
-    if how.plain:
+    if how.is_paper_rule:
         train(weights, cells, learning_error, how.rate)
     elif how.rule.teaches == NEIGHBOURS:
         share = how.share[sample, i]

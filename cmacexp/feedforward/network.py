@@ -23,7 +23,7 @@ from cmacexp.feedforward.kernels import (
     Smoothing,
     feedforward_step,
 )
-from cmacexp.feedforward.weight_log import LOGGED, WeightLog, new_log, take
+from cmacexp.feedforward.weight_log import LOGGED, WeightLog, collect_log, new_log
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.typing import Array, Cells, Weights
@@ -43,7 +43,7 @@ class BuiltInFeedforward(ABC):
     Config: type[ComponentConfig] = FeedforwardConfig
     acts = True
     params: FeedforwardParams
-    known: Array | None = None
+    model_torque: Array | None = None
     """(N, L, J): torque of a model that a network adds to, N m; None: there is none."""
     memory: Sequence[MemoryUse] = ()
     """How the memory of each leg is used; empty without memory."""
@@ -59,11 +59,11 @@ class BuiltInFeedforward(ABC):
     def reset(self, setup: Setup) -> None:
         """Compute everything that the plan determines."""
 
-    def take_memory(self, cycles: int) -> dict[str, Array] | None:
+    def collect_memory(self, cycles: int) -> dict[str, Array] | None:
         """Columns of ``memory.parquet`` for the last ``cycles`` cycles, (cycles, L) by name; None without weights."""
         if self.params.kind not in (CMAC, WEIGHTED):
             return None
-        log = take(self.params.log, self.params.weights, cycles)
+        log = collect_log(self.params.log, self.params.weights, cycles)
         counted = [use.cells_colliding for use in self.memory] or [None]
         colliding = np.array([math.nan if count is None else count for count in counted])
         return {
@@ -178,7 +178,7 @@ def network(
         CMAC if binary else WEIGHTED,
         np.zeros((1, legs, joints)),
         cells,
-        np.zeros((1, legs, 1)) if learning.plain else np.ascontiguousarray(counts, dtype=float),
+        np.zeros((1, legs, 1)) if learning.is_paper_rule else np.ascontiguousarray(counts, dtype=float),
         _start_weights(setup, (legs, rows, joints), log),
         learning,
         NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows)),

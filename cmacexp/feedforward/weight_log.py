@@ -66,7 +66,7 @@ def log_cycle(log: WeightLog, weights: Array) -> None:
 log_weights_now = program(log_weights)
 
 
-def take(log: WeightLog, weights: Array, cycles: int) -> Array:
+def collect_log(log: WeightLog, weights: Array, cycles: int) -> Array:
     """Take and empty the log of the last ``cycles`` cycles, at most MOST_CYCLES; the last of them may be short.
 
     Returns (cycles, L, 3), as LOGGED, at the end of each, whether networks acted in it or not; 0 before they learn.

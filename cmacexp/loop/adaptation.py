@@ -5,10 +5,10 @@ import math
 
 from cmacexp.control.load_meter import LoadMeter, read_meter
 from cmacexp.errors import BadInput
-from cmacexp.planning.plan import NOTHING, Met, Plan, adapt_plan
+from cmacexp.planning.plan import NOTHING, LoadEstimate, Plan, adapt_plan
 from cmacexp.planning.setup import Setup
 
-LEAST = Met(weight=0.002, x=0.0002, y=0.0002, slope_x=0.0005, slope_y=0.0005)
+LEAST = LoadEstimate(weight=0.002, x=0.0002, y=0.0002, slope_x=0.0005, slope_y=0.0005)
 """Changes from which on the plan is made anew; the weight over the planned one."""
 SMOOTHING = 2.0
 """Time over which cycles are averaged, s."""
@@ -38,7 +38,7 @@ class Adaptation:
         """``begun``: a cycle has ended. The first one starts from rest, which moves the centre of the load."""
         self.measured = 0.0
         """All that the feet carried in the cycle that has ended, N."""
-        self.carried: list[tuple[int, Met, float]] = []
+        self.load_history: list[tuple[int, LoadEstimate, float]] = []
         """First cycles, from 1, of what the plan uses, its weight that of the whole load, N; and the load that was
         measured in the cycle before, N, of whose difference the plan takes only a part."""
 
@@ -47,7 +47,7 @@ class Adaptation:
         if self.known != NOTHING:
             self._follow(self.nominal)
         self.known, self.new, self.begun = NOTHING, NOTHING, False
-        self.carried.clear()
+        self.load_history.clear()
 
     def _follow(self, plan: Plan) -> None:
         """Let the arrays of the plan of the run be those of another."""
@@ -55,7 +55,7 @@ class Adaptation:
             getattr(self.setup.plan, name)[...] = getattr(plan, name)
 
     def end_cycle(self) -> bool:
-        """Whether what was met in the cycle that has ended asks for another plan; :meth:`take` makes it.
+        """Whether what was met in the cycle that has ended asks for another plan; :meth:`update_plan` makes it.
 
         Raises BadInput if in the first cycle the feet carried what no robot of that model weighs.
         """
@@ -67,10 +67,10 @@ class Adaptation:
             self.new, self.begun = NOTHING._replace(weight=met.weight), True
         elif any(abs(a - b) > c for a, b, c in zip(met, self.known, least, strict=True)):
             steps = (min(max(self.gain * (a - b), -c), c) for a, b, c in zip(met, self.known, most, strict=True))
-            self.new = Met(*map(sum, zip(self.known, steps, strict=True)))
+            self.new = LoadEstimate(*map(sum, zip(self.known, steps, strict=True)))
         return self.new != self.known
 
-    def take(self, cycle: int) -> None:
+    def update_plan(self, cycle: int) -> None:
         """Let the plan follow what was met before ``cycle``, unless the legs cannot reach there."""
         if self.new == self.known:
             return
@@ -81,4 +81,4 @@ class Adaptation:
             return
         self.known = self.new
         weight = float(self.nominal.load.force.mean()) + self.new.weight
-        self.carried.append((cycle, self.new._replace(weight=weight), self.measured))
+        self.load_history.append((cycle, self.new._replace(weight=weight), self.measured))

@@ -20,7 +20,7 @@ from cmacexp.loop.guard_kernels import lets_act
 from cmacexp.loop.samples import make_samples
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import FAILED_COMPONENT, Hooks, Loop, step_loop
-from cmacexp.loop.validation import require_finite, take, take_action, take_measurement
+from cmacexp.loop.validation import copy_action, copy_measurement, copy_output, require_finite
 from cmacexp.planning.columns import ACTING, BEFORE, Y
 from cmacexp.planning.setup import Reference
 from cmacexp.plants.protocol import STATE, Measurement, get_state
@@ -94,7 +94,7 @@ class ExternalComponents:
         return _make_reference((step, sample, acting, *self.plan_rows[ACTING if acting else BEFORE][sample]))
 
     def _measure(self, step: int) -> None:
-        take_measurement(self.sensors, "measure", self.sensors.measure(_copy(self.state)), self.observation)
+        copy_measurement(self.sensors, "measure", self.sensors.measure(_copy(self.state)), self.observation)
 
     def _show(self, feedforward: Observes, step: int) -> None:
         """Show what the sensors show, and what the plant took."""
@@ -105,14 +105,14 @@ class ExternalComponents:
         action = self.controller.act(reference, _copy(self.observation, self.loop.travel))
         if self.has_fault_status:
             state.fault_status.trusted[...] = self.controller.force_trusted  # type: ignore[attr-defined]
-        if not take_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
+        if not copy_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
             state.reference[...] = reference.values[:, : Y + 1]
         if self.loop.guard is not None:  # what teaches is known to the controller alone
             state.learning_error[...] = state.feedback
 
     def _predict(self, step: int) -> None:
         torque = self.feedforward.predict(self._refer(step), self.loop.control_state.learning_error.copy())
-        take(self.feedforward, "predict", "torque", torque, self.loop.torques.feedforward)
+        copy_output(self.feedforward, "predict", "torque", torque, self.loop.torques.feedforward)
 
     def _step(self, step: int) -> None:
         try:
@@ -121,7 +121,7 @@ class ExternalComponents:
             self.divergence = str(error)
             self.state.q[...] = np.nan  # for which the check of this step stops the run
             return
-        take_measurement(self.plant, "step", measured, self.state)
+        copy_measurement(self.plant, "step", measured, self.state)
         if self.loop.travel is not None and measured.travel is not None:
             self.loop.travel[...] = measured.travel
         if step == 0:

@@ -1,8 +1,8 @@
 """The guard of learning: no run ends worse than with feedback only because it learnt.
 
 The guard compares every cycle with one of feedback only, by two root mean squares: that of the effort (the learning
-error, J^T U) and that of the error of feet and body. The level of a cycle is the geometric mean of their ratios to
-those of feedback only, which has the level 1. The guard keeps the feedforward torque of the best cycle; when learning
+error, J^T U) and that of the error of feet and body. The score of a cycle is the geometric mean of their ratios to
+those of feedback only, which has the score 1. The guard keeps the feedforward torque of the best cycle; when learning
 does harm, that torque is repeated. If this does not help either, feedback goes on alone. The last cycle of a run is
 not evaluated. Where learnt weights act from the first cycle, that of feedback only is inferred from its sums.
 
@@ -33,9 +33,9 @@ CHATTERS = 3.0
 """Root mean square of the joint velocities with feedback only, over that planned, above which it chatters: in random
 worlds it was up to 1.9, or in a limit cycle above 3."""
 DRIFT_RATIO = 1.2
-"""Ratio of the mean level of WINDOW cycles to its lowest at which a trend is a drift."""
+"""Ratio of the mean score of WINDOW cycles to its lowest at which a trend is a drift."""
 BETTER = 0.98
-"""Ratio to the level of the best cycle below which a cycle becomes the best one: most cycles copy nothing."""
+"""Ratio to the score of the best cycle below which a cycle becomes the best one: most cycles copy nothing."""
 TINY = 1e-300
 """Is added to divisors that may be 0."""
 STILL_FALLS = 0.95
@@ -65,7 +65,7 @@ class Event(NamedTuple):
     """Cycle whose torque acts since then; 0: feedback is alone."""
 
 
-class Level(NamedTuple):
+class Score(NamedTuple):
     """Effort and error of a cycle, over those of feedback only."""
 
     effort: float
@@ -108,11 +108,11 @@ class Guard:
             self.phase, self.state.infers[0] = Phase.LEARNING, 1
         self.baseline_effort = self.baseline_error = 0.0
         """Roots of the sums of squares of a cycle with feedback only."""
-        self.best_cycle, self.best_level, self.best_torque = 0, 1.0, np.zeros_like(self.state.torque)
+        self.best_cycle, self.best_score, self.best_torque = 0, 1.0, np.zeros_like(self.state.torque)
         """Of the best cycle; 0: with feedback only."""
-        self.evaluated, self.levels, self.lowest_level, self.last_error = 0, [0.0] * WINDOW, math.inf, 0.0
-        """Cycles evaluated since learning began or the last retreat; a ring of their last levels; lowest mean of such
-        a ring; error of the last of them."""
+        self.evaluated, self.scores, self.lowest_score, self.last_error = 0, [0.0] * WINDOW, math.inf, 0.0
+        """Cycles evaluated since learning began or the last return to the best cycle; a ring of their last scores;
+        lowest mean of such a ring; error of the last of them."""
         self.settling = 0
         """Cycles that are not evaluated any more."""
         self.learns_again = False
@@ -140,7 +140,7 @@ class Guard:
         """End learning after a step beyond the limits, before ``step``; a repeated torque only once it is settled."""
         refines = self.phase is Phase.REFINING and self.settling == 0 and self.probe.is_idle
         if self.phase is Phase.LEARNING or refines:
-            self._retreat(step, Cause.PEAK)
+            self._revert_to_best(step, Cause.PEAK)
 
     def end_cycle(self, step: int) -> None:
         """Evaluate the cycle that has ended before ``step``, and begin another one."""
@@ -158,7 +158,7 @@ class Guard:
             if self.probe.ended == 0:
                 self._measure_baseline(sums)
             if chatters:
-                self._retreat(step, Cause.CHATTER)
+                self._revert_to_best(step, Cause.CHATTER)
             elif cycle > 1 and self.probe.begin(self.baseline_effort):
                 return
             elif self.probe.is_idle and step >= self.start_step:
@@ -166,7 +166,7 @@ class Guard:
         elif self.learns_again:
             self._learn()
         elif infers and chatters:
-            self._retreat(step, Cause.CHATTER)
+            self._revert_to_best(step, Cause.CHATTER)
         elif infers:
             self._infer_baseline(sums)
             self._keep_best(cycle)
@@ -176,34 +176,34 @@ class Guard:
                 self._measure_baseline(sums)  # again: the first cycle started from rest
         elif not self.probe.begin(self.baseline_effort) and self.phase is not Phase.FEEDBACK_ONLY:
             effort, error = math.sqrt(sums.effort), math.sqrt(sums.error)
-            self._compare(step, Level(effort / self.baseline_effort, error / self.baseline_error))
+            self._compare(step, Score(effort / self.baseline_effort, error / self.baseline_error))
 
-    def _compare(self, step: int, level: Level) -> None:
+    def _compare(self, step: int, score: Score) -> None:
         """Take the cycle that has ended as the best one, or retreat, or neither."""
-        drifts, frozen = self._has_drifted(level.mean), self.phase is Phase.FROZEN
+        drifts, frozen = self._has_drifted(score.mean), self.phase is Phase.FROZEN
         first = self.phase is Phase.LEARNING and self.evaluated == 1
-        if not frozen and level.mean < BETTER * self.best_level and level.error < 1.0:
-            self.best_level = level.mean
+        if not frozen and score.mean < BETTER * self.best_score and score.error < 1.0:
+            self.best_score = score.mean
             self._keep_best(step // self.period)
-        elif not first and (level.effort > HIGHEST_EFFORT or level.error > max(1.0, STILL_FALLS * self.last_error)):
-            self._retreat(step, Cause.WORSE)
+        elif not first and (score.effort > HIGHEST_EFFORT or score.error > max(1.0, STILL_FALLS * self.last_error)):
+            self._revert_to_best(step, Cause.WORSE)
         elif drifts and not frozen:
-            self._retreat(step, Cause.DRIFT)
-        self.last_error = level.error
+            self._revert_to_best(step, Cause.DRIFT)
+        self.last_error = score.error
 
-    def _has_drifted(self, level: float) -> bool:
-        """Whether the levels of the last WINDOW cycles rise, and their mean is far above its lowest."""
+    def _has_drifted(self, score: float) -> bool:
+        """Whether the scores of the last WINDOW cycles rise, and their mean is far above its lowest."""
         newest = self.evaluated % WINDOW
-        self.levels[newest] = level
+        self.scores[newest] = score
         self.evaluated += 1
         if self.evaluated < WINDOW:
             return False
         mean = 0.0
-        for each in self.levels:
+        for each in self.scores:
             mean += each / WINDOW
-        self.lowest_level = min(self.lowest_level, mean)
-        in_order = self.levels[newest + 1 :] + self.levels[: newest + 1]
-        return mean > DRIFT_RATIO * self.lowest_level and count_rises(in_order) >= SIGNIFICANT
+        self.lowest_score = min(self.lowest_score, mean)
+        in_order = self.scores[newest + 1 :] + self.scores[: newest + 1]
+        return mean > DRIFT_RATIO * self.lowest_score and count_rises(in_order) >= SIGNIFICANT
 
     def _measure_baseline(self, sums: CycleSums) -> None:
         """Take the cycle that has ended as one of feedback only."""
@@ -212,9 +212,9 @@ class Guard:
     def _infer_baseline(self, sums: CycleSums) -> None:
         """Feedback only would have to give what feedback and feedforward gave, with errors in proportion."""
         self._measure_baseline(sums)
-        self.best_level = self.baseline_effort / (math.sqrt(sums.demand) + TINY)
-        self.baseline_effort /= self.best_level
-        self.baseline_error /= self.best_level
+        self.best_score = self.baseline_effort / (math.sqrt(sums.demand) + TINY)
+        self.baseline_effort /= self.best_score
+        self.baseline_error /= self.best_score
 
     def _learn(self) -> None:
         """Learn from now on, from the weights of the best cycle."""
@@ -226,7 +226,7 @@ class Guard:
         self.best_torque[...] = self.state.torque
         self.weights.save(cycle)
 
-    def _retreat(self, step: int, cause: Cause) -> None:
+    def _revert_to_best(self, step: int, cause: Cause) -> None:
         """Return to torque and weights of the best cycle; to feedback only if there is none, or it did not help."""
         if self.phase is Phase.FROZEN:
             self.best_cycle, self.best_torque[...] = 0, 0.0
@@ -235,7 +235,7 @@ class Guard:
         self.phase = Phase.REFINING if refines else repeats
         self.state.torque[...] = self.best_torque
         self.weights.restore()
-        self.settling, self.evaluated, self.lowest_level = SETTLING, 0, math.inf
+        self.settling, self.evaluated, self.lowest_score = SETTLING, 0, math.inf
         self.probe.repeat(cause is not Cause.CHATTER)
         if len(self.events) < MOST_EVENTS:
             self.events.append(Event(step // self.period + 1, step, str(cause), self.best_cycle))

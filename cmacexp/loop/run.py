@@ -24,9 +24,9 @@ from cmacexp.loop.probe import LeadEstimate, estimate_lead
 from cmacexp.loop.samples import ALL_SAMPLES, TRAVEL, WIDE_BODY_SAMPLES, make_samples, name_samples
 from cmacexp.loop.scenario import Scenario, resolve_rate
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits
-from cmacexp.models.lateness import Lateness
+from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.mechanism import POINT_MASS
-from cmacexp.planning.plan import Met
+from cmacexp.planning.plan import LoadEstimate
 from cmacexp.planning.stability import STABILITY
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.sensors.protocol import find_altered
@@ -84,7 +84,7 @@ class End:
     """What the guard of learning did."""
     estimates: Sequence[LeadEstimate] = ()
     """Of the lead, by ``learning.lead=estimate``."""
-    carried: Sequence[tuple[int, Met, float]] = ()
+    load_history: Sequence[tuple[int, LoadEstimate, float]] = ()
     """What the plan uses of the load from a cycle on, and what the feet carried in the one before, N, by
     ``force_control.load_sharing=adaptive``."""
 
@@ -110,12 +110,12 @@ def _samples_measured(scenario: Scenario) -> bool:
 class _Stream:
     """A scenario under way, with arrays for the samples of some cycles; arguments as of :func:`stream`."""
 
-    def __init__(self, scenario: Scenario, watch: Callable[[float], None]):
+    def __init__(self, scenario: Scenario, on_progress: Callable[[float], None]):
         setup = scenario.setup
         config, mechanism = setup.config, setup.mechanism
         self.scenario, self.config, self.point_mass = scenario, config, mechanism.kind == POINT_MASS
-        self.watch, self.together = watch, 1
-        """``together``: steps of the next call of the driver."""
+        self.on_progress, self.steps_per_call = on_progress, 1
+        """``steps_per_call``: steps of the next call of the driver."""
         self.limits = new_limits(mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
         external = find_external(scenario)
         self.guard = make_guard(scenario, external)
@@ -150,7 +150,7 @@ class _Stream:
         """Run until the arrays are full or the run ends, as at an interrupt or an error; returns the first step."""
         config, driver, start = self.config, self.driver, self.driver.taken
         if self.adaptation is not None:
-            self.adaptation.take(start // config.steps_per_cycle + 1)
+            self.adaptation.update_plan(start // config.steps_per_cycle + 1)
         steps = min(len(self.samples), config.cycles * config.steps_per_cycle - start)
         samples, body = self.samples[:steps], self.body[:steps]
         _fill_planned_travel(body, start, config)
@@ -181,10 +181,10 @@ class _Stream:
             stop = self.driver.run(samples[done : done + steps], body[done : done + steps])
             done += steps
             if self.driver.taken % self.config.steps_per_cycle == 0:
-                self._take_estimate()
+                self._apply_estimate()
             adapts = stop == RUNNING and self._ends_plan()
-            self.together = max(1, int(steps * LONGEST_CALL / max(time.perf_counter() - began, 1e-6)))
-            self.watch(self.driver.taken / self.config.steps_per_cycle)
+            self.steps_per_call = max(1, int(steps * LONGEST_CALL / max(time.perf_counter() - began, 1e-6)))
+            self.on_progress(self.driver.taken / self.config.steps_per_cycle)
             if adapts:
                 break
         return stop
@@ -197,10 +197,10 @@ class _Stream:
     def _most_steps(self) -> int:
         """Steps of the next call of the driver; lead and plan can change only between calls, where a cycle starts."""
         if self.config.learning.lead != ESTIMATE and self.adaptation is None:
-            return self.together
-        return min(self.together, self.config.steps_per_cycle - self.driver.taken % self.config.steps_per_cycle)
+            return self.steps_per_call
+        return min(self.steps_per_call, self.config.steps_per_cycle - self.driver.taken % self.config.steps_per_cycle)
 
-    def _take_estimate(self) -> None:
+    def _apply_estimate(self) -> None:
         """Learn with the lead that a probe has given; after a retreat with a longer one than has failed."""
         params, guard = self.driver.loop.feedforward, self.guard
         if guard is None or guard.probe.state is None or params is None or not guard.probe.end_cycle():
@@ -209,7 +209,7 @@ class _Stream:
         lead = estimate_lead(guard.probe.state) or learning.lead
         if self.estimates:  # too short a lead does harm more often than one that is too long
             lead = max(lead, learning.lead + 1)
-        self.rate = resolve_rate(self.config, Lateness(lead - 1), lead)
+        self.rate = resolve_rate(self.config, LoopDelay(lead - 1), lead)
         guard.learns_again = True
         learning = learning._replace(
             lead=lead,
@@ -227,7 +227,7 @@ class _Stream:
             samples[:done, :, self.joints] = np.nan
         memory, feedforward = None, self.scenario.feedforward
         if isinstance(feedforward, BuiltInFeedforward):
-            memory = feedforward.take_memory(-(-done // self.config.steps_per_cycle))
+            memory = feedforward.collect_memory(-(-done // self.config.steps_per_cycle))
             if memory is not None:
                 memory["guard"] = self._guard_states(start, memory["rows"].shape)
         return Samples(start, samples[:done], self.body[:done], memory)
@@ -245,12 +245,12 @@ class _Stream:
 def stream(
     scenario: Scenario,
     keep: Callable[[Samples], None],
-    watch: Callable[[float], None] = lambda cycles: None,
+    on_progress: Callable[[float], None] = lambda cycles: None,
 ) -> End:
     """Run a scenario, whose components are reset, some cycles at a time; raises CmacexpError if it has run before.
 
-    ``keep`` is called with the samples of these cycles, whose arrays are used again for the next ones; ``watch``
-    several times a second with the number of cycles done so far.
+    ``keep`` is called with the samples of these cycles, whose arrays are used again for the next ones;
+    ``on_progress`` several times a second with the number of cycles done so far.
 
     Returns how it ended; samples are kept up to there, whether it diverged, failed or was interrupted.
     """
@@ -263,11 +263,13 @@ def stream(
     config = scenario.setup.config
     leg_steps = config.cycles * config.steps_per_cycle * config.legs
     with workload(leg_steps), interrupt_held_back():  # until the next call of the driver
-        run = _Stream(scenario, watch)
+        run = _Stream(scenario, on_progress)
         while run.runs:
             start = run.advance()
             if start == 0 or run.driver.taken > start:
                 keep(run.collect(start))
-    carried = run.adaptation.carried if run.adaptation is not None else []
+    load_history = run.adaptation.load_history if run.adaptation is not None else []
     seconds, events = (run.seconds, run.processor_seconds), run.events
-    return End(run.driver.taken, run.status, run.cause, run.rate, run.error, *seconds, events, run.estimates, carried)
+    return End(
+        run.driver.taken, run.status, run.cause, run.rate, run.error, *seconds, events, run.estimates, load_history
+    )

@@ -125,13 +125,13 @@ def write_spatial(
 ) -> None:
     """Write the columns of row ``k`` that legs with a third joint add."""
     for i in range(samples.shape[1]):
-        row, teaching = samples[k, i], control.learning_error
+        row, learning_error = samples[k, i], control.learning_error
         row[Z], row[VZ] = machine.foot[i, 2], machine.velocity[i, 2]
         row[Q3], row[DQ3] = machine.q[i, 2], machine.dq[i, 2]
         row[Z_MEASURED], row[VZ_MEASURED] = observation.foot[i, 2], observation.velocity[i, 2]
         row[Q3_MEASURED], row[DQ3_MEASURED] = observation.q[i, 2], observation.dq[i, 2]
         row[Z_REFERENCE] = control.reference[i, 2]
         row[TAU_FEEDBACK_3], row[TAU_FEEDFORWARD_3] = control.feedback[i, 2], feedforward[i, 2]
-        row[TAU_FORCE_1] = control.feedback[i, 0] - teaching[i, 0]
-        row[TAU_FORCE_2] = control.feedback[i, 1] - teaching[i, 1]
-        row[TAU_FORCE_3] = control.feedback[i, 2] - teaching[i, 2]
+        row[TAU_FORCE_1] = control.feedback[i, 0] - learning_error[i, 0]
+        row[TAU_FORCE_2] = control.feedback[i, 1] - learning_error[i, 1]
+        row[TAU_FORCE_3] = control.feedback[i, 2] - learning_error[i, 2]

@@ -18,9 +18,9 @@ from cmacexp.feedforward import Feedforward, Learns
 from cmacexp.jit.compiler import workload
 from cmacexp.jit.interrupt import exits_caught
 from cmacexp.loop.factory import PROTOCOLS, make_component, require_members
-from cmacexp.loop.validation import require_finite, take_measurement
-from cmacexp.models.lateness import Lateness, add_up
+from cmacexp.loop.validation import copy_measurement, require_finite
 from cmacexp.models.lead import discretise
+from cmacexp.models.loop_delay import LoopDelay, add_delays
 from cmacexp.models.robot_gains import derive_basis, find_delay_margin
 from cmacexp.planning import Plan, Setup, make_plan
 from cmacexp.planning.columns import JOINT_COLUMNS
@@ -58,7 +58,7 @@ class Scenario:
         self.used = True
 
 
-def count_lateness(config: Config, sensors: Sensors) -> Lateness:
+def count_loop_delay(config: Config, sensors: Sensors) -> LoopDelay:
     """What delays the feedback: the actuator and the sensors.
 
     Sensors may have ``feedback_delay(uses_velocity)``, the samples by which they delay the feedback, and
@@ -67,14 +67,14 @@ def count_lateness(config: Config, sensors: Sensors) -> Lateness:
     uses_velocity = config.gains is None or config.gains[1] > 0.0
     declared = (getattr(sensors, name, None) for name in ("feedback_delay", "feedback_lag"))
     delay, lag = (declare(uses_velocity) if declare else 0 for declare in declared)
-    return add_up((config.actuator.delay, config.actuator.lag), (delay, lag))
+    return add_delays((config.actuator.delay, config.actuator.lag), (delay, lag))
 
 
-def require_margin(config: Config, control: HybridController.Config, late: Lateness) -> int:
+def require_margin(config: Config, control: HybridController.Config, loop_delay: LoopDelay) -> int:
     """Samples by which a robot's feedback may be later before its feet shake; raises BadInput if they do."""
     lead = discretise(control.lead_omega, control.lead_alpha, config.sampling_period)
     foot_mass = derive_basis(read_model(config.machine)).foot_mass
-    return find_delay_margin(foot_mass, control.velocity_gain, lead.b0, config.sampling_period, late)
+    return find_delay_margin(foot_mass, control.velocity_gain, lead.b0, config.sampling_period, loop_delay)
 
 
 def resolve_lead(config: Config, sensors: Sensors) -> int:
@@ -83,11 +83,11 @@ def resolve_lead(config: Config, sensors: Sensors) -> int:
     Until the first estimate of ``estimate``, that is the same.
     """
     if isinstance(config.learning.lead, str):
-        return 1 + count_lateness(config, sensors).count_samples(config.sampling_period)
+        return 1 + count_loop_delay(config, sensors).count_samples(config.sampling_period)
     return int(config.learning.lead)
 
 
-def resolve_rate(config: Config, late: Lateness, lead: int) -> float:
+def resolve_rate(config: Config, loop_delay: LoopDelay, lead: int) -> float:
     """``learning.rate``; ``auto`` follows from the lead in samples, and the guard of learning limits it.
 
     Neighbouring samples share weights: within a cycle learning is a sampled integrator behind the lateness of the
@@ -96,7 +96,10 @@ def resolve_rate(config: Config, late: Lateness, lead: int) -> float:
     rate = derive_rate(lead) if config.learning.rate == AUTO else float(config.learning.rate)
     if config.learning.guard == NONE:
         return rate
-    return min(rate, GUARDED_SHARE * Lateness(late.delay + 1, late.lags).find_critical_gain(config.sampling_period))
+    return min(
+        rate,
+        GUARDED_SHARE * LoopDelay(loop_delay.delay + 1, loop_delay.lags).find_critical_gain(config.sampling_period),
+    )
 
 
 def _start(config: Config, plan: Plan, joints: int) -> Array:
@@ -130,7 +133,7 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     sensors.reset(_own(nominal, sensors))
     first = new_measurement(*setup.mechanism.shape)
     measured = plant.reset(_own(setup, plant))
-    take_measurement(plant, "reset", measured, first)
+    copy_measurement(plant, "reset", measured, first)
     if not isinstance(plant, AnalyticPlant):  # its body may have no equilibrium: it has fallen, which is a result
         for name, values in zip(STATE, get_state(first), strict=True):
             require_finite(plant, "reset", name, values)
@@ -161,10 +164,10 @@ def _prepare(config: Config, learnt: Weights | None, given: dict[str, Any]) -> S
     check_weights(config, components["feedforward"])
     plan = make_plan(config.nominal, mechanism, components["feedforward"].acts)
     lead = resolve_lead(config, components["sensors"])
-    late = count_lateness(config, components["sensors"])
+    loop_delay = count_loop_delay(config, components["sensors"])
     if isinstance(config.machine, RobotMachine) and isinstance(components["controller"], HybridController):
-        require_margin(config, components["controller"].config, late)
-    rate = resolve_rate(config, late, lead)
+        require_margin(config, components["controller"].config, loop_delay)
+    rate = resolve_rate(config, loop_delay, lead)
     start = _start(config, plan, mechanism.shape[1])
     setup = Setup(config, mechanism, plan, start, read_weights(config) if learnt is None else learnt, lead, rate)
     first, fault = new_measurement(*mechanism.shape), None

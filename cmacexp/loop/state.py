@@ -36,7 +36,7 @@ def list_arrays(loop: Any) -> list[Declared]:
     return list(arrays.values())
 
 
-class Held:
+class Snapshot:
     """Copies of arrays, to return to."""
 
     def __init__(self, arrays: Iterable[Any]):

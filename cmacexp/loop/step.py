@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from cmacexp.control.actuator import Actuator, actuate
 from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_feedback
-from cmacexp.control.load_meter import LoadMeter, weigh
+from cmacexp.control.load_meter import LoadMeter, accumulate_load
 from cmacexp.control.steering import steer
 from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
 from cmacexp.feedforward.weight_log import log_cycle
@@ -25,7 +25,7 @@ from cmacexp.loop.guard_kernels import (
 )
 from cmacexp.loop.samples import write_samples
 from cmacexp.loop.stop import DIVERGED, RUNNING, StopLimits, stop_reason
-from cmacexp.models.mechanism import Mechanism, update_geometry
+from cmacexp.models.mechanism import Mechanism, update_kinematics
 from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.plants.kernels import PlantParams, PlantState, advance
 from cmacexp.plants.mujoco_kernels import Engine, advance_engine
@@ -168,7 +168,7 @@ def update_given_joints(
 ) -> None:
     """Compute what follows from joint angles that an external component gave."""
     if plant is not None or sensors is not None:
-        update_geometry(mechanism, observation.q, observation.geometry)
+        update_kinematics(mechanism, observation.q, observation.kinematics)
 
 
 @kernel
@@ -267,7 +267,7 @@ def act(loop: Loop, hooks: Hooks, step: int, sample: int, k: int, samples: Array
     actuate(loop.actuator, step, state.feedback, feedforward, total)
     write_samples(samples, body_samples, k, loop.travel, machine, observation, state, feedforward)
     accumulate_cycle(loop.guard, sample, loop.support[sample], state, observation)
-    weigh(loop.meter, loop.support[sample], observation)
+    accumulate_load(loop.meter, loop.support[sample], observation)
     return advance_plant(hooks.plant, loop.plant, loop.engine, step, machine, total)
 
 

@@ -18,7 +18,7 @@ from cmacexp.loop.builtin import External, find_external, make_loop
 from cmacexp.loop.driver import read_only
 from cmacexp.loop.samples import make_samples
 from cmacexp.loop.scenario import Scenario
-from cmacexp.loop.state import Held, list_arrays
+from cmacexp.loop.state import Snapshot, list_arrays
 from cmacexp.loop.step import Hooks, Loop, act, check, sense
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits, stop_reason
 from cmacexp.planning.columns import BEFORE
@@ -119,7 +119,7 @@ class OpenLoop:
         self._state = Measurement(*self._loop.plant_state[:7], travel=self._loop.travel)
         self._observed = Measurement(*self._loop.observation[:7], travel=self._loop.travel)
         self._samples = make_samples(self.period, self.shape[0], False, self.shape[1])
-        self._start = Held(each.array for each in list_arrays(self._loop) if each.role is not None)
+        self._start = Snapshot(each.array for each in list_arrays(self._loop) if each.role is not None)
         if self._plant is not None:
             self._plant.hold()
         self.moment = self.reset()
@@ -177,7 +177,7 @@ class OpenLoop:
         if self._adaptation is not None:
             if self._cycle > 0:
                 self._adaptation.end_cycle()
-            self._adaptation.take(self._cycle + 1)
+            self._adaptation.update_plan(self._cycle + 1)
         start = self._cycle * self.period
         self._pauses = pausing_loop(self._loop, start, *self._samples)
 

@@ -26,7 +26,7 @@ def _expected(name: str, shape: tuple[int, ...], unit: str) -> str:
     return f"expected {sides}{size} float64, {unit}"
 
 
-def take(component: object, method: str, name: str, output: Any, target: Array) -> None:
+def copy_output(component: object, method: str, name: str, output: Any, target: Array) -> None:
     """Copy an array that a component returned into ``target``, whose shape it must have; raises BadOutput."""
     try:
         if output.dtype is FLOAT and output.shape == target.shape:
@@ -58,7 +58,7 @@ def require_finite(component: object, method: str, name: str, values: Array) -> 
         )
 
 
-def take_measurement(component: object, method: str, output: Any, target: Measurement) -> None:
+def copy_measurement(component: object, method: str, output: Any, target: Measurement) -> None:
     """Copy a measurement that a plant or sensors returned into the arrays of ``target``; raises BadOutput."""
     if not isinstance(output, Measurement):
         raise BadOutput(
@@ -66,14 +66,14 @@ def take_measurement(component: object, method: str, output: Any, target: Measur
             f"expected cmacexp.plants.Measurement({', '.join(Measurement._fields)})"
         )
     for name, values, array in zip(STATE, output, get_state(target), strict=False):  # but for the travel
-        take(component, method, name, values, array)
+        copy_output(component, method, name, values, array)
     if output.travel is not None:
         travel = np.empty(3)
-        take(component, method, "travel", output.travel, travel)
+        copy_output(component, method, "travel", output.travel, travel)
         require_finite(component, method, "travel", travel)
 
 
-def take_action(component: object, output: Any, feedback: Array, feedforward: Array, reference: Array) -> bool:
+def copy_action(component: object, output: Any, feedback: Array, feedforward: Array, reference: Array) -> bool:
     """Copy the action of a controller into the arrays of the loop; raises BadOutput.
 
     Returns whether it contains the reference that the controller followed.
@@ -83,11 +83,11 @@ def take_action(component: object, output: Any, feedback: Array, feedforward: Ar
             f"{_method(component, 'act')} returned {_describe(output)}: "
             "expected cmacexp.control.Action(feedback, feedforward[, reference])"
         )
-    take(component, "act", "feedback", output[0], feedback)
-    take(component, "act", "feedforward", output[1], feedforward)
+    copy_output(component, "act", "feedback", output[0], feedback)
+    copy_output(component, "act", "feedforward", output[1], feedforward)
     if output[2] is None:
         return False
-    take(component, "act", "reference", output[2], reference)
+    copy_output(component, "act", "reference", output[2], reference)
     return True
 
 

@@ -8,7 +8,7 @@ body frame its depth below the undepressed ground is
 
 and its lever arms are the derivatives of that: tilt carries the centre of gravity over the feet. Balance is where the
 energy W h + sum K_n depth^2 / 2 (over feet that press) is least. Where the ground begins to press a foot at a
-depth ``level`` other than 0, depth - level replaces the depth.
+depth ``ground_offset`` other than 0, depth - ground_offset replaces it.
 """
 
 import math
@@ -79,12 +79,12 @@ def depth_rate(pose: Pose, rate: Array, x: float, y: float) -> float:
 
 
 @kernel
-def energy(body: Array, hips: Array, foot: Array, stiffness: Array, level: Array, load: Load) -> float:
+def energy(body: Array, hips: Array, foot: Array, stiffness: Array, ground_offset: Array, load: Load) -> float:
     """Energy of weight and pressed ground, J."""
     pose = make_pose(body)
     total = -load.weight * depth(pose, load.x, load.y, 0.0)
     for i in range(hips.shape[0]):
-        pressed = max(0.0, depth(pose, hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]) - level[i])
+        pressed = max(0.0, depth(pose, hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]) - ground_offset[i])
         total += 0.5 * stiffness[i] * pressed * pressed
     return total
 
@@ -104,16 +104,18 @@ class Slope(NamedTuple):
 
 
 @kernel
-def slope(body: Array, hips: Array, foot: Array, stiffness: Array, level: Array, load: Load, force: Array) -> Slope:
+def slope(
+    body: Array, hips: Array, foot: Array, stiffness: Array, ground_offset: Array, load: Load, force: Array
+) -> Slope:
     """Gradient (N and N m) and curvature of the energy; fills ``force`` (L,), N."""
     height, sp, cp, sr, cr = make_pose(body)
-    ahead, aside, tilt = load.weight * load.x, load.weight * load.y, load.weight * load.y * sr
-    h, p, r = load.weight, -(ahead * cp + tilt * sp), aside * cr * cp
-    hh, hp, hr, pp, pr, rr = 0.0, 0.0, 0.0, ahead * sp - tilt * cp, -aside * cr * sp, -tilt * cp
+    longitudinal, lateral, tilt = load.weight * load.x, load.weight * load.y, load.weight * load.y * sr
+    h, p, r = load.weight, -(longitudinal * cp + tilt * sp), lateral * cr * cp
+    hh, hp, hr, pp, pr, rr = 0.0, 0.0, 0.0, longitudinal * sp - tilt * cp, -lateral * cr * sp, -tilt * cp
     for i in range(hips.shape[0]):
         x, y, down = hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]
         below = x * sp + (down * cr - y * sr) * cp
-        k, f = stiffness[i], contact_force(stiffness[i], below - height - level[i])
+        k, f = stiffness[i], contact_force(stiffness[i], below - height - ground_offset[i])
         force[i] = f
         if f > 0.0:
             along = x * cp - (down * cr - y * sr) * sp
@@ -157,7 +159,7 @@ def descend(
     hips: Array,
     foot: Array,
     stiffness: Array,
-    level: Array,
+    ground_offset: Array,
     load: Load,
     dh: float,
     dp: float,
@@ -168,11 +170,11 @@ def descend(
     On two feet the energy is almost flat along one tilt: an unbounded step would roll the body over.
     """
     h, p, r = body[0], body[1], body[2]
-    before = energy(body, hips, foot, stiffness, level, load)
+    before = energy(body, hips, foot, stiffness, ground_offset, load)
     scale = min(1.0, LONGEST_STEP / max(abs(dh), abs(dp), abs(dr)))
     for _ in range(MOST_HALVINGS):
         body[0], body[1], body[2] = h + scale * dh, p + scale * dp, r + scale * dr
-        if energy(body, hips, foot, stiffness, level, load) <= before + ROUNDING * abs(before):
+        if energy(body, hips, foot, stiffness, ground_offset, load) <= before + ROUNDING * abs(before):
             return True
         scale *= 0.5
     body[0], body[1], body[2] = h, p, r
@@ -180,19 +182,21 @@ def descend(
 
 
 @kernel(inline=False)
-def balance(hips: Array, foot: Array, stiffness: Array, level: Array, load: Load, body: Array, force: Array) -> bool:
+def balance(
+    hips: Array, foot: Array, stiffness: Array, ground_offset: Array, load: Load, body: Array, force: Array
+) -> bool:
     """Find the height (m), pitch and roll (rad) at which the feet carry the body; False if there is no equilibrium.
 
     ``hips`` (L, 2) are in the body frame, ``foot`` (L, 2) in those of the hips, m; ``stiffness`` (L,) is K_n under
-    each foot, N/m, ``level`` (L,) the depth at which the ground begins to press it, m; ``load`` has the weight of the
-    body. The search starts at ``body`` (3,), which becomes the equilibrium, and fills ``force`` (L,), N.
+    each foot, N/m, ``ground_offset`` (L,) the depth at which the ground begins to press it, m; ``load`` has the
+    weight. The search starts at ``body`` (3,), which becomes the equilibrium, and fills ``force`` (L,), N.
     """
     enough = TOLERANCE * load.weight
     for i in range(stiffness.shape[0]):
         enough += DEPTH_ROUNDING * stiffness[i]
     closing, last = True, math.inf
     for _ in range(MOST_ITERATIONS):
-        at = slope(body, hips, foot, stiffness, level, load, force)
+        at = slope(body, hips, foot, stiffness, ground_offset, load, force)
         out = max(abs(at.h), abs(at.p), abs(at.r))
         if out <= enough:
             return True
@@ -207,6 +211,6 @@ def balance(hips: Array, foot: Array, stiffness: Array, level: Array, load: Load
         while not convex:
             convex, dh, dp, dr = newton_step(at, damping)
             damping = 10.0 * damping + load.weight
-        if not descend(body, hips, foot, stiffness, level, load, dh, dp, dr):
+        if not descend(body, hips, foot, stiffness, ground_offset, load, dh, dp, dr):
             return False
     return False

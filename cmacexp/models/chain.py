@@ -45,7 +45,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 @kernel
-def turn(v: Vector, axis: Vector, sine: float, cosine: float) -> Vector:
+def rotate(v: Vector, axis: Vector, sine: float, cosine: float) -> Vector:
     """``v`` turned about an ``axis`` of length 1 through the origin (Rodrigues)."""
     along = (axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2]) * (1.0 - cosine)
     beside = cross(axis, v)
@@ -74,7 +74,7 @@ def hinge_axis(chain: Array, n: int) -> Vector:
 def turn_at(chain: Array, n: int, place: Vector, sine: float, cosine: float) -> Vector:
     """``place`` turned about hinge ``n``, m."""
     at = hinge_point(chain, n)
-    moved = turn((place[0] - at[0], place[1] - at[1], place[2] - at[2]), hinge_axis(chain, n), sine, cosine)
+    moved = rotate((place[0] - at[0], place[1] - at[1], place[2] - at[2]), hinge_axis(chain, n), sine, cosine)
     return at[0] + moved[0], at[1] + moved[1], at[2] + moved[2]
 
 
@@ -100,9 +100,9 @@ def kinematics_at(chain: Array, turn_1: Turn, turn_2: Turn, turn_3: Turn) -> Kin
     (s1, c1), (s2, c2), (s3, c3) = turn_1, turn_2, turn_3
     first, second = hinge_axis(chain, 0), hinge_axis(chain, 1)
     foot = turn_at(chain, 2, (chain[FOOT], chain[FOOT + 1], chain[FOOT + 2]), s3, c3)
-    calf = turn(turn(lever(chain, 2, foot), second, s2, c2), first, s1, c1)
+    calf = rotate(rotate(lever(chain, 2, foot), second, s2, c2), first, s1, c1)
     foot = turn_at(chain, 1, foot, s2, c2)
-    thigh = turn(lever(chain, 1, foot), first, s1, c1)
+    thigh = rotate(lever(chain, 1, foot), first, s1, c1)
     foot = turn_at(chain, 0, foot, s1, c1)
     return Kinematics(foot, lever(chain, 0, foot), thigh, calf)
 

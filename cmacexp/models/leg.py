@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 from cmacexp.jit.compiler import kernel
-from cmacexp.models.sine import LARGEST_TURN, sine_cosine, turn
+from cmacexp.models.sine import LARGEST_ROTATION, rotate, sine_cosine
 
 GRAVITY = 9.81
 """m/s^2."""
@@ -35,19 +35,19 @@ def trigonometry(q1: float, q2: float) -> Trig:
 
 
 @kernel
-def turned_trigonometry(q1: float, q2: float, near: Trig, near_q1: float, near_q2: float) -> Trig:
+def trigonometry_near(q1: float, q2: float, near: Trig, near_q1: float, near_q2: float) -> Trig:
     """:func:`trigonometry` in less time, from that of angles ``near_q1``, ``near_q2`` close to them.
 
     Within 1e-15 of it, relative to 1, for angles up to 4 rad: their sum is rounded too. The same bits where an angle
-    has moved by more than :data:`LARGEST_TURN`.
+    has moved by more than :data:`LARGEST_ROTATION`.
     """
     by_1 = q1 - near_q1
     by_12 = by_1 + (q2 - near_q2)
-    if not (abs(by_1) <= LARGEST_TURN and abs(by_12) <= LARGEST_TURN):
+    if not (abs(by_1) <= LARGEST_ROTATION and abs(by_12) <= LARGEST_ROTATION):
         return trigonometry(q1, q2)
     s1, c1, s12, c12 = near
-    s1, c1 = turn(s1, c1, by_1)
-    s12, c12 = turn(s12, c12, by_12)
+    s1, c1 = rotate(s1, c1, by_1)
+    s12, c12 = rotate(s12, c12, by_12)
     return s1, c1, s12, c12
 
 

@@ -20,7 +20,7 @@ from cmacexp.models.leg import (
     inverse_dynamics,
     joint_torque,
     trigonometry,
-    turned_trigonometry,
+    trigonometry_near,
 )
 from cmacexp.typing import Array
 
@@ -31,8 +31,8 @@ CHAINS_UNDER_BODY = 3
 """Legs of three hinges, of a robot."""
 PLANE, SPACE = (0, 1), (0, 1, 2)
 """Axes along which a foot moves."""
-GEOMETRY_FIELDS = {PLANE: 4, SPACE: 12}
-"""Numbers that describe a leg at given joint angles; see :func:`update_geometry`."""
+KINEMATICS_FIELDS = {PLANE: 4, SPACE: 12}
+"""Numbers that describe a leg at given joint angles; see :func:`update_kinematics`."""
 
 
 class Mechanism(NamedTuple):
@@ -75,40 +75,42 @@ def get_leg(mechanism: Mechanism, i: int) -> Leg:
 
 
 @kernel
-def get_trig(geometry: Array, i: int) -> Trig:
-    """Sines and cosines of the joint angles of planar leg ``i``, from ``geometry`` (L, 4)."""
-    return geometry[i, 0], geometry[i, 1], geometry[i, 2], geometry[i, 3]
+def get_trig(kinematics: Array, i: int) -> Trig:
+    """Sines and cosines of the joint angles of planar leg ``i``, from ``kinematics`` (L, 4)."""
+    return kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], kinematics[i, 3]
 
 
 @kernel
-def update_geometry(mechanism: Mechanism, q: Array, geometry: Array) -> None:
-    """What feet and Jacobians follow from at joint angles ``q`` (L, J), rad; fills ``geometry``.
+def update_kinematics(mechanism: Mechanism, q: Array, kinematics: Array) -> None:
+    """What feet and Jacobians follow from at joint angles ``q`` (L, J), rad; fills ``kinematics``.
 
     Of planar legs sines and cosines, (L, 4); of chains foot and Jacobian, (L, 12). A point mass needs none.
     """
     if mechanism.kind != POINT_MASS:
         for i in range(q.shape[0]):
             if mechanism.kind == CHAINS_UNDER_BODY:
-                update_chain(mechanism.chains, i, q, geometry)
+                update_chain(mechanism.chains, i, q, kinematics)
             else:
-                geometry[i, 0], geometry[i, 1], geometry[i, 2], geometry[i, 3] = trigonometry(q[i, 0], q[i, 1])
+                kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], kinematics[i, 3] = trigonometry(
+                    q[i, 0], q[i, 1]
+                )
 
 
 @kernel
-def turn_geometry(mechanism: Mechanism, q: Array, geometry: Array, near_q: Array, near: Array) -> None:
-    """:func:`update_geometry` of planar legs in less time, from ``near`` of ``near_q`` (L, 2), close to ``q``."""
+def update_kinematics_near(mechanism: Mechanism, q: Array, kinematics: Array, near_q: Array, near: Array) -> None:
+    """:func:`update_kinematics` of planar legs in less time, from ``near`` of ``near_q`` (L, 2), close to ``q``."""
     if mechanism.kind != POINT_MASS:
         for i in range(q.shape[0]):
-            geometry[i, 0], geometry[i, 1], geometry[i, 2], geometry[i, 3] = turned_trigonometry(
+            kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], kinematics[i, 3] = trigonometry_near(
                 q[i, 0], q[i, 1], get_trig(near, i), near_q[i, 0], near_q[i, 1]
             )
 
 
 @kernel
-def update_chain(chains: Array | None, i: int, q: Array, geometry: Array) -> None:
-    """Foot and Jacobian, column by column, of chain ``i`` at ``q`` (L, 3); fills its row of ``geometry`` (L, 12)."""
+def update_chain(chains: Array | None, i: int, q: Array, kinematics: Array) -> None:
+    """Foot and Jacobian, column by column, of chain ``i`` at ``q`` (L, 3), rad; fills row ``i`` of ``kinematics``."""
     if chains is not None:
-        row = geometry[i]
+        row = kinematics[i]
         foot, hip, thigh, calf = chain_kinematics(chains[i], q[i, 0], q[i, 1], q[i, 2])
         row[0], row[1], row[2] = foot
         row[3], row[4], row[5] = hip
@@ -117,44 +119,46 @@ def update_chain(chains: Array | None, i: int, q: Array, geometry: Array) -> Non
 
 
 @kernel
-def place_foot(mechanism: Mechanism, i: int, geometry: Array, foot: Array) -> None:
+def compute_foot_position(mechanism: Mechanism, i: int, kinematics: Array, foot: Array) -> None:
     """Fill row ``i`` of ``foot`` (L, J), m, in the frame of the hip."""
     if mechanism.kind == CHAINS_UNDER_BODY:
         for j in range(len(mechanism.axes)):
-            foot[i, j] = geometry[i, j]
+            foot[i, j] = kinematics[i, j]
     else:
-        foot[i, 0], foot[i, 1] = foot_position(get_leg(mechanism, i), get_trig(geometry, i))
+        foot[i, 0], foot[i, 1] = foot_position(get_leg(mechanism, i), get_trig(kinematics, i))
 
 
 @kernel
-def move_foot(mechanism: Mechanism, i: int, geometry: Array, dq: Array, velocity: Array) -> None:
+def compute_foot_velocity(mechanism: Mechanism, i: int, kinematics: Array, dq: Array, velocity: Array) -> None:
     """J dtheta: fill row ``i`` of the ``velocity`` of feet (L, J), m/s, at joint velocities ``dq`` (L, J), rad/s."""
     if mechanism.kind == CHAINS_UNDER_BODY:
         for j in range(len(mechanism.axes)):
             velocity[i, j] = 0.0
             for n in range(len(mechanism.axes)):
-                velocity[i, j] += geometry[i, 3 + 3 * n + j] * dq[i, n]
+                velocity[i, j] += kinematics[i, 3 + 3 * n + j] * dq[i, n]
     else:
         velocity[i, 0], velocity[i, 1] = foot_velocity(
-            get_leg(mechanism, i), get_trig(geometry, i), dq[i, 0], dq[i, 1]
+            get_leg(mechanism, i), get_trig(kinematics, i), dq[i, 0], dq[i, 1]
         )
 
 
 @kernel
-def press_foot(mechanism: Mechanism, i: int, geometry: Array, force: Array, down: float, torque: Array) -> None:
+def apply_jacobian_transpose(
+    mechanism: Mechanism, i: int, kinematics: Array, force: Array, down: float, torque: Array
+) -> None:
     """Fill row ``i`` of ``torque`` (L, J) with J^T U of leg ``i``, N m (Lin & Song 1997, Fig. 1).
 
     U is ``force`` (L, J), N, but for its y, which is ``down``; J, the identity for a point mass, follows from
-    ``geometry``, see :func:`update_geometry`.
+    ``kinematics``, see :func:`update_kinematics`.
     """
     if mechanism.kind == CHAINS_UNDER_BODY:
         for n in range(len(mechanism.axes)):
-            x, y, z = geometry[i, 3 + 3 * n], geometry[i, 4 + 3 * n], geometry[i, 5 + 3 * n]
+            x, y, z = kinematics[i, 3 + 3 * n], kinematics[i, 4 + 3 * n], kinematics[i, 5 + 3 * n]
             torque[i, n] = x * force[i, 0] + y * down + z * force[i, 2]
     elif mechanism.kind == POINT_MASS:
         torque[i, 0], torque[i, 1] = force[i, 0], down
     else:
-        torque[i, 0], torque[i, 1] = joint_torque(get_leg(mechanism, i), get_trig(geometry, i), force[i, 0], down)
+        torque[i, 0], torque[i, 1] = joint_torque(get_leg(mechanism, i), get_trig(kinematics, i), force[i, 0], down)
 
 
 @kernel

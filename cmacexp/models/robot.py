@@ -24,7 +24,7 @@ from cmacexp.models.robot_legs import (
     require_names,
     torque_limits,
 )
-from cmacexp.models.robot_spec import is_urdf, read_spec, require_own_forces, settle
+from cmacexp.models.robot_spec import is_urdf, read_spec, require_own_forces, set_run_options
 from cmacexp.typing import Array
 
 Names = tuple[tuple[str, ...], ...]
@@ -85,7 +85,7 @@ def compile_spec(path: Path, spec: Any) -> Any:
     """The MjModel of a specification, of the file at ``path``, with the options of a run; raises BadInput."""
     with refusals_named("machine.path", path) as mujoco:
         model = spec.compile()
-        settle(mujoco, model)
+        set_run_options(mujoco, model)
     return model
 
 

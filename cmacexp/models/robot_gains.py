@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.errors import BadInput
-from cmacexp.models.lateness import Lateness
 from cmacexp.models.leg import GRAVITY
+from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.models.robot_legs import LEGS
 
@@ -38,7 +38,7 @@ PERIOD_WITHOUT_ROTORS = 0.00025
 falls, with 1 ms half."""
 RECOMMENDED = PERIODS[:2]
 """Those at which robots walk as well as with a shorter one."""
-NONE = Lateness()
+NONE = LoopDelay()
 LATE_MARGIN = 1.3
 """What late feedback asks of m_f/m besides; with 1.22 on B2, and 1.06 on Spot, learning diverges."""
 
@@ -101,12 +101,12 @@ def compute_foot_mass(robot: Robot) -> float:
     return lightest
 
 
-def choose_feedback(lateness: Lateness, period: float) -> float:
+def choose_feedback(loop_delay: LoopDelay, period: float) -> float:
     """K_av b0 T_s / m_f: feedback of the velocity over what would stop the lightest foot within a sample."""
-    return min(MOST_FEEDBACK, STABLE_SHARE * lateness.find_critical_gain(period))
+    return min(MOST_FEEDBACK, STABLE_SHARE * loop_delay.find_critical_gain(period))
 
 
-def recommend_period(ratio: float, lateness: Lateness = NONE, gain: float = 0.0) -> float:
+def recommend_period(ratio: float, loop_delay: LoopDelay = NONE, gain: float = 0.0) -> float:
     """The longest sampling period, s, at which a robot with m_f/m = ``ratio`` walks as well as with a shorter one.
 
     Below the lightest feet that were measured the period shrinks with them, to a half, a fifth, a tenth and so on.
@@ -117,27 +117,27 @@ def recommend_period(ratio: float, lateness: Lateness = NONE, gain: float = 0.0)
     period, least = PERIODS[0]
     parts = (part * 10**power for power in range(12) for part in (2, 5, 10))
     shorter = ((period / part, least / part) for part in parts)
-    margin = MOST_FEEDBACK * (1.0 if lateness == NONE else LATE_MARGIN)
+    margin = MOST_FEEDBACK * (1.0 if loop_delay == NONE else LATE_MARGIN)
     for period, least in (*reversed(RECOMMENDED), *itertools.islice(shorter, 36)):
-        if choose_feedback(lateness, period) < gain * MOST_FEEDBACK * period / PERIODS[0][0]:
+        if choose_feedback(loop_delay, period) < gain * MOST_FEEDBACK * period / PERIODS[0][0]:
             continue
-        if ratio * choose_feedback(lateness, period) > margin * least:
+        if ratio * choose_feedback(loop_delay, period) > margin * least:
             return period
     allowed = "none suits feet so light with these lags: set sampling_period and the gains, or reduce the lags"
     raise BadInput("sampling_period", "by rule", allowed)
 
 
-def require_period(ratio: float, period: float, lateness: Lateness = NONE) -> None:
+def require_period(ratio: float, period: float, loop_delay: LoopDelay = NONE) -> None:
     """Require a sampling period, s, that suits a robot with m_f/m = ``ratio``; raises BadInput, which names one."""
     shortest, least = PERIODS[0]
     if period < shortest:
         least *= period / shortest
     else:
         least = next((least for longest, least in PERIODS if period <= longest), math.inf)
-    if ratio * choose_feedback(lateness, period) / MOST_FEEDBACK <= least:
-        late = "" if lateness == NONE else " and feedback is late"
+    if ratio * choose_feedback(loop_delay, period) / MOST_FEEDBACK <= least:
+        late = "" if loop_delay == NONE else " and feedback is late"
         light = f"gains by rule fail where a foot feels {ratio:.2g} of the mass of the robot{late}"
-        recommended = recommend_period(ratio, lateness)
+        recommended = recommend_period(ratio, loop_delay)
         raise BadInput("sampling_period", period, f"is too long, {light}: use {recommended:g}, or set gains")
 
 
@@ -155,14 +155,14 @@ def derive_basis(robot: Robot) -> Basis:
     )
 
 
-def derive_gains(basis: Basis, sampling_period: float, lead_gain: float, lateness: Lateness = NONE) -> Gains:
+def derive_gains(basis: Basis, sampling_period: float, lead_gain: float, loop_delay: LoopDelay = NONE) -> Gains:
     """The gains of a robot at a sampling period in s (measured for this project: docs/robots.md).
 
-    ``lead_gain`` is that of the LEAD compensator for the newest error, b0, ``lateness`` that of velocity feedback.
+    ``lead_gain`` is that of the LEAD compensator for the newest error, b0, ``loop_delay`` that of velocity feedback.
     Raises BadInput, which names a period that works, if the feet are too light for this one.
     """
-    require_period(basis.ratio, sampling_period, lateness)
-    feedback = choose_feedback(lateness, sampling_period)
+    require_period(basis.ratio, sampling_period, loop_delay)
+    feedback = choose_feedback(loop_delay, sampling_period)
     velocity_gain = feedback * basis.foot_mass / (lead_gain * sampling_period)
     position_gain = velocity_gain / DECAY_TIME
     elasticity = YIELD / position_gain
@@ -177,16 +177,16 @@ def derive_gains(basis: Basis, sampling_period: float, lead_gain: float, latenes
     )
 
 
-def find_delay_margin(foot_mass: float, gain: float, lead_gain: float, period: float, lateness: Lateness) -> int:
-    """Samples by which feedback may be later, beyond ``lateness``, before the lightest foot, kg, is unstable.
+def find_delay_margin(foot_mass: float, gain: float, lead_gain: float, period: float, loop_delay: LoopDelay) -> int:
+    """Samples by which feedback may be later, beyond ``loop_delay``, before the lightest foot, kg, is unstable.
 
     ``gain`` is K_av, N s/m, ``lead_gain`` b0. Raises BadInput, which names a gain that works, if it is unstable
     already.
     """
-    feedback, critical = gain * lead_gain * period / foot_mass, lateness.find_critical_gain(period)
+    feedback, critical = gain * lead_gain * period / foot_mass, loop_delay.find_critical_gain(period)
     if feedback > MOST_SHARE * critical:
-        most = gain * choose_feedback(lateness, period) / feedback
+        most = gain * choose_feedback(loop_delay, period) / feedback
         words = f"{feedback / critical:.2g} of what makes the lightest foot unstable, with feedback that late"
         raise BadInput("controller.velocity_gain", gain, f"is {words}; use {most:.4g}, as by rule")
-    later = (lateness._replace(delay=lateness.delay + samples) for samples in itertools.count(1))
+    later = (loop_delay._replace(delay=loop_delay.delay + samples) for samples in itertools.count(1))
     return next(n for n, late in enumerate(later) if feedback >= late.find_critical_gain(period))

@@ -54,11 +54,11 @@ def find_names(path: Path) -> Names:
     thighs = [chain[1] for chain in chains]
     hips = data.xanchor[thighs]
     # Thighs turn about the axis that points aside; should that not be y, the frame is turned.
-    ahead, aside = {0: (hips[:, 1], -hips[:, 0]), 1: (hips[:, 0], hips[:, 1]), 2: (hips[:, 0], -hips[:, 2])}[
+    longitudinal, lateral = {0: (hips[:, 1], -hips[:, 0]), 1: (hips[:, 0], hips[:, 1]), 2: (hips[:, 0], -hips[:, 2])}[
         int(np.abs(data.xaxis[thighs]).sum(axis=0).argmax())
     ]
-    front = np.argsort(-ahead, kind="stable")
-    order = [k for pair in (front[:2], front[2:]) for k in sorted(pair, key=lambda k: -aside[k])]
+    front = np.argsort(-longitudinal, kind="stable")
+    order = [k for pair in (front[:2], front[2:]) for k in sorted(pair, key=lambda k: -lateral[k])]
     legs = [chains[k] for k in order]
     places = [_find_foot(mujoco, model, data, leg) for leg in legs]
     require_frame(data.xanchor[[leg[1] for leg in legs]], [name for name, _ in places])

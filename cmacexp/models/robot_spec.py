@@ -145,7 +145,7 @@ def _check_files(path: Path, folder: Path, known: set[Path]) -> float:
     return copies
 
 
-def settle(mujoco: Any, model: Any) -> None:
+def set_run_options(mujoco: Any, model: Any) -> None:
     """Give a compiled model the options of a run: gravity, no medium, no actuators, MuJoCo's own solver; and let its
     trunk float freely, whatever defaults for joints say.
     """

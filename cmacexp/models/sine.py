@@ -2,7 +2,7 @@
 
 A step of one leg takes eight of these pairs, and calling the C library for them costs more than all the rest of its
 plant. Both are within 1.5 units of the last place, near their zeros within 1e-26 times the angle.
-Six of the eight belong to angles close to one whose pair is known, where :func:`turn` costs less.
+Six of the eight belong to angles close to one whose pair is known, where :func:`rotate` costs less.
 """
 
 import math
@@ -19,8 +19,8 @@ QUARTER_HEAD = 1.57079632673412561417
 """The first 33 bits of a quarter turn, rad: times a whole number below 2^20 it is exact."""
 QUARTER_TAIL = 6.07710050650619224932e-11
 """A quarter turn less its head, rad."""
-LARGEST_TURN = 0.0625
-"""A turn, rad, up to which the power series of :func:`turn` are long enough."""
+LARGEST_ROTATION = 0.0625
+"""A turn, rad, up to which the power series of :func:`rotate` are long enough."""
 S3, S5, S7, S9, S11, S13, S15 = ((-1) ** (n // 2) / math.factorial(n) for n in range(3, 16, 2))
 C4, C6, C8, C10, C12, C14, C16 = ((-1) ** (n // 2) / math.factorial(n) for n in range(4, 17, 2))
 
@@ -50,8 +50,8 @@ def sine_cosine(angle: float) -> tuple[float, float]:
 
 
 @kernel
-def turn(sine: float, cosine: float, by: float) -> tuple[float, float]:
-    """Turn the sine and cosine of an angle ``by`` at most :data:`LARGEST_TURN`, rad, as the angle has moved.
+def rotate(sine: float, cosine: float, by: float) -> tuple[float, float]:
+    """Turn the sine and cosine of an angle ``by`` at most :data:`LARGEST_ROTATION`, rad, as the angle has moved.
 
     Each is within 2e-16 of the exact turn of ``sine`` and ``cosine``. The series leave out by^9/9! and by^10/10!, at
     most 4e-17 and 2.5e-19. The last addition rounds by 1.1e-16 at most; what it adds is at most 1/16, with an error

@@ -57,7 +57,7 @@ class Plan(NamedTuple):
     """First step at which the feedforward learns and acts; beyond any run if there is none."""
 
 
-class Met(NamedTuple):
+class LoadEstimate(NamedTuple):
     """What a body met in a cycle that its plan did not know."""
 
     weight: float
@@ -72,7 +72,7 @@ class Met(NamedTuple):
     """To the left."""
 
 
-NOTHING = Met(0.0, 0.0, 0.0, 0.0, 0.0)
+NOTHING = LoadEstimate(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class _Walk(NamedTuple):
@@ -113,7 +113,7 @@ def _require_balance(walk: _Walk, load: BodyLoad, force: Array) -> None:
         raise BadInput("gait.pattern", gait.pattern, f"{reason}; use gait=wave, or a longer gait.duty_factor")
 
 
-def _plan_under_load(walk: _Walk, load: BodyLoad, met: Met = NOTHING) -> tuple[Array, Array, Array]:
+def _plan_under_load(walk: _Walk, load: BodyLoad, met: LoadEstimate = NOTHING) -> tuple[Array, Array, Array]:
     """Desired motion (N, L, columns) of feet that share a load, the same of joints, and desired forces (N, L)."""
     config, mechanism, timing, feet, sway = walk
     force, rate = plan_force(config, timing, feet, load)
@@ -187,7 +187,7 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
     )
 
 
-def adapt_plan(config: Config, mechanism: Mechanism, plan: Plan, met: Met) -> Plan:
+def adapt_plan(config: Config, mechanism: Mechanism, plan: Plan, met: LoadEstimate) -> Plan:
     """The plan of a body that carries and meets what it ``met``, with the same steps; raises BadInput."""
     shift = np.array([met.x, met.y if mechanism.shape[1] == len(SPACE) else 0.0])
     walk = _start_walk(config, mechanism)

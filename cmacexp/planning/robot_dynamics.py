@@ -61,9 +61,9 @@ def compute_load(config: Config, joints: Array, sway: Sway) -> BodyLoad:
     The horizontal force acts at the ground, ``hip_height`` below the body: it moves the centre of pressure.
     """
     force, moment = np.split(compute_needs(config, joints, sway)[0], 2, axis=1)
-    ahead, aside, up = force.T
+    longitudinal, lateral, up = force.T
     height = config.machine.hip_height
-    centre = np.stack([-moment[:, 1] - height * ahead, moment[:, 0] - height * aside], axis=1) / up[:, None]
+    centre = np.stack([-moment[:, 1] - height * longitudinal, moment[:, 0] - height * lateral], axis=1) / up[:, None]
     return BodyLoad(up, centre)
 
 

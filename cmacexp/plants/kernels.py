@@ -18,17 +18,17 @@ from cmacexp.models.ground import (
 )
 from cmacexp.models.leg import foot_velocity, forward_dynamics
 from cmacexp.models.mechanism import (
-    GEOMETRY_FIELDS,
+    KINEMATICS_FIELDS,
     LEGS_UNDER_BODY,
     PLANE,
     POINT_MASS,
     Mechanism,
+    compute_foot_position,
+    compute_foot_velocity,
     get_leg,
     get_trig,
-    move_foot,
-    place_foot,
-    turn_geometry,
-    update_geometry,
+    update_kinematics,
+    update_kinematics_near,
 )
 from cmacexp.typing import Array, Clock, Scratch, State
 
@@ -74,49 +74,49 @@ class PlantState(NamedTuple):
     """(3,): mean rate over the last sampling period, m/s and rad/s: a quasi-static body has no other velocity."""
     stiffness: State
     """(L,): K_n under each foot, N/m."""
-    level: State
+    ground_offset: State
     """(L,): depth below the undepressed ground at which the ground begins to press each foot, m."""
     spring: Scratch
-    """(2, L): equivalent stiffness and level under a quasi-static body within a step, on ground with damping."""
+    """(2, L): equivalent stiffness and offset under a quasi-static body within a step, on ground with damping."""
     pressed: State
     """(L,): depression under each foot at the start of a Runge-Kutta step, m; only on ground with damping."""
-    travel: Clock
+    distance: Clock
     """(1,): distance that the body has covered, m."""
     clock: Clock
     """(1,): number of sampling periods since the start."""
-    geometry: State
-    """Of the joint angles, see :func:`cmacexp.models.mechanism.update_geometry`."""
+    kinematics: State
+    """Of the joint angles, see :func:`cmacexp.models.mechanism.update_kinematics`."""
     stages: Scratch
     """(6, L, 2): joint angles and velocities of one stage of the integration, accelerations of all four."""
-    stage_geometry: Scratch
-    """As ``geometry``, of one stage."""
+    stage_kinematics: Scratch
+    """As ``kinematics``, of one stage."""
 
 
 def new_state(legs: int, axes: tuple[int, ...] = PLANE) -> PlantState:
     """A state of zeros for ``legs`` legs."""
     q, dq, foot, velocity = (np.zeros((legs, len(axes))) for _ in range(4))
-    force, stiffness, level, pressed = (np.zeros(legs) for _ in range(4))
+    force, stiffness, ground_offset, pressed = (np.zeros(legs) for _ in range(4))
     return PlantState(
-        q, dq, foot, velocity, force, np.zeros(3), np.zeros(3), stiffness, level,
+        q, dq, foot, velocity, force, np.zeros(3), np.zeros(3), stiffness, ground_offset,
         spring=np.zeros((2, legs)),
         pressed=pressed,
-        travel=np.zeros(1),
+        distance=np.zeros(1),
         clock=np.zeros(1),
-        geometry=np.zeros((legs, GEOMETRY_FIELDS[axes])),
+        kinematics=np.zeros((legs, KINEMATICS_FIELDS[axes])),
         stages=np.zeros((6, legs, len(axes))),
-        stage_geometry=np.zeros((legs, GEOMETRY_FIELDS[axes])),
+        stage_kinematics=np.zeros((legs, KINEMATICS_FIELDS[axes])),
     )  # fmt: skip
 
 
 @kernel
-def stand_force(params: PlantParams, i: int, dq: Array, geometry: Array, state: PlantState) -> float:
+def stand_force(params: PlantParams, i: int, dq: Array, kinematics: Array, state: PlantState) -> float:
     """Contact force, N, of foot ``i`` whose hip does not move, at joint velocities ``dq`` (L, 2)."""
-    depression = state.foot[i, 1] - params.mechanism.hip_height - state.level[i]
+    depression = state.foot[i, 1] - params.mechanism.hip_height - state.ground_offset[i]
     if params.ground.damping == 0.0:
         return contact_force(state.stiffness[i], depression)
     along, rate = dq[i, 0], dq[i, 1]
     if params.mechanism.kind != POINT_MASS:
-        along, rate = foot_velocity(get_leg(params.mechanism, i), get_trig(geometry, i), dq[i, 0], dq[i, 1])
+        along, rate = foot_velocity(get_leg(params.mechanism, i), get_trig(kinematics, i), dq[i, 0], dq[i, 1])
     rate += grade_at(params.ground, state.foot[i, 0]) * along
     return damped_force(state.stiffness[i], params.ground.damping, depression, rate)
 
@@ -132,51 +132,51 @@ def compute_load(params: PlantParams, step: float) -> Load:
 
 
 @kernel(inline=False)
-def update_level(ground: Ground, hips: Array, foot: Array, x: float, level: Array) -> None:
-    """Depth, m, at which each foot meets the ground, below the ground under a body at ``x``; fills ``level`` (L,)."""
+def update_ground_offset(ground: Ground, hips: Array, foot: Array, x: float, ground_offset: Array) -> None:
+    """Fill ``ground_offset`` (L,): depth at which each foot meets the ground, below that under a body at ``x``, m."""
     below = height_at(ground.slope, ground.slope_start, x)
     for i in range(hips.shape[0]):
-        level[i] = below - height_at(ground.slope, ground.slope_start, x + hips[i, 0] + foot[i, 0])
+        ground_offset[i] = below - height_at(ground.slope, ground.slope_start, x + hips[i, 0] + foot[i, 0])
 
 
 @kernel
 def balance_body(params: PlantParams, state: PlantState, time: float) -> bool:
     """Balance the body on the feet in ``state``, some time after the start of the Runge-Kutta step."""
-    mechanism, stiffness, level = params.mechanism, state.stiffness, state.level
+    mechanism, stiffness, ground_offset = params.mechanism, state.stiffness, state.ground_offset
     if params.ground.damping != 0.0:
-        stiffness, level = state.spring[0], state.spring[1]
+        stiffness, ground_offset = state.spring[0], state.spring[1]
         for i in range(stiffness.shape[0]):
             stiffness[i], rest = damped_spring(state.stiffness[i], params.ground.damping, state.pressed[i], time)
-            level[i] = state.level[i] + rest
+            ground_offset[i] = state.ground_offset[i] + rest
     load = compute_load(params, state.clock[0])
-    return balance(mechanism.hips, state.foot, stiffness, level, load, state.body, state.force)
+    return balance(mechanism.hips, state.foot, stiffness, ground_offset, load, state.body, state.force)
 
 
 @kernel
 def contact(
-    params: PlantParams, q: Array, dq: Array, geometry: Array, state: PlantState, time: float, x: float
+    params: PlantParams, q: Array, dq: Array, kinematics: Array, state: PlantState, time: float, x: float
 ) -> None:
     """Compute feet and contact forces at joint angles ``q`` and velocities ``dq``, each (L, 2); fills ``state``.
 
-    ``geometry`` is of ``q``; ``time``, s, has passed since the step began, and the body is at ``x``, m.
+    ``kinematics`` is of ``q``; ``time``, s, has passed since the step began, and the body is at ``x``, m.
     """
     mechanism = params.mechanism
     for i in range(q.shape[0]):
         if mechanism.kind == POINT_MASS:
             state.foot[i, 0], state.foot[i, 1] = q[i, 0], q[i, 1]
         else:
-            place_foot(mechanism, i, geometry, state.foot)
+            compute_foot_position(mechanism, i, kinematics, state.foot)
     if params.ground.slope != 0.0:
-        update_level(params.ground, mechanism.hips, state.foot, x, state.level)
+        update_ground_offset(params.ground, mechanism.hips, state.foot, x, state.ground_offset)
     if mechanism.kind != LEGS_UNDER_BODY:
         for i in range(q.shape[0]):
-            state.force[i] = stand_force(params, i, dq, geometry, state)
+            state.force[i] = stand_force(params, i, dq, kinematics, state)
     elif not balance_body(params, state, time):
         state.body[0] = math.nan
 
 
 @kernel
-def accelerate(params: PlantParams, state: PlantState, dq: Array, geometry: Array, tau: Array, ddq: Array) -> None:
+def accelerate(params: PlantParams, state: PlantState, dq: Array, kinematics: Array, tau: Array, ddq: Array) -> None:
     """Joint accelerations under ``tau`` and the forces in ``state``; fills ``ddq`` (Lin & Song 1997, eq. 2)."""
     for i in range(dq.shape[0]):
         leg = get_leg(params.mechanism, i)
@@ -185,7 +185,7 @@ def accelerate(params: PlantParams, state: PlantState, dq: Array, geometry: Arra
             ddq[i, 1] = (tau[i, 1] - state.force[i]) / leg.mass_2
         else:
             ddq[i, 0], ddq[i, 1] = forward_dynamics(
-                leg, get_trig(geometry, i), dq[i, 0], dq[i, 1], tau[i, 0], tau[i, 1], state.force[i]
+                leg, get_trig(kinematics, i), dq[i, 0], dq[i, 1], tau[i, 0], tau[i, 1], state.force[i]
             )
 
 
@@ -194,7 +194,7 @@ def update_stiffness(params: PlantParams, state: PlantState) -> None:
     """Set the stiffness under each foot to that of its place and time."""
     hips = params.mechanism.hips
     for i in range(hips.shape[0]):
-        x = state.travel[0] + hips[i, 0] + state.foot[i, 0]
+        x = state.distance[0] + hips[i, 0] + state.foot[i, 0]
         state.stiffness[i] = stiffness_under(params.ground, i, state.clock[0], x, hips[i, 1])
 
 
@@ -204,21 +204,21 @@ def update_depression(params: PlantParams, state: PlantState) -> None:
     hips, pose = params.mechanism.hips, make_pose(state.body)
     for i in range(hips.shape[0]):
         down = depth(pose, hips[i, 0] + state.foot[i, 0], hips[i, 1], state.foot[i, 1])
-        state.pressed[i] = max(0.0, down - state.level[i])
+        state.pressed[i] = max(0.0, down - state.ground_offset[i])
 
 
 @kernel
 def observe(params: PlantParams, state: PlantState, time: float) -> None:
     """Update feet, forces and velocities of ``state`` to its joints, ``time`` (s) after their last update."""
-    update_geometry(params.mechanism, state.q, state.geometry)
-    contact(params, state.q, state.dq, state.geometry, state, time, state.travel[0])
+    update_kinematics(params.mechanism, state.q, state.kinematics)
+    contact(params, state.q, state.dq, state.kinematics, state, time, state.distance[0])
     if params.ground.damping != 0.0 and params.mechanism.kind == LEGS_UNDER_BODY:
         update_depression(params, state)
     for i in range(state.q.shape[0]):
         if params.mechanism.kind == POINT_MASS:
             state.velocity[i, 0], state.velocity[i, 1] = state.dq[i, 0], state.dq[i, 1]
         else:
-            move_foot(params.mechanism, i, state.geometry, state.dq, state.velocity)
+            compute_foot_velocity(params.mechanism, i, state.kinematics, state.dq, state.velocity)
 
 
 @kernel
@@ -229,15 +229,15 @@ def stage(
 
     All arrays are (L, 2). Fills ``ddq``, and ``state.stages[1]``, which may be ``velocity``, with the new velocities.
     """
-    q, dq, geometry = state.stages[0], state.stages[1], state.stage_geometry
+    q, dq, kinematics = state.stages[0], state.stages[1], state.stage_kinematics
     for i in range(state.q.shape[0]):
         for j in range(2):
             q[i, j] = state.q[i, j] + time * velocity[i, j]
             dq[i, j] = state.dq[i, j] + time * acceleration[i, j]
     # From the sines at the start of the step, which are computed anew in each step: errors do not add up.
-    turn_geometry(params.mechanism, q, geometry, state.q, state.geometry)
-    contact(params, q, dq, geometry, state, time, state.travel[0] + params.speed * time)
-    accelerate(params, state, dq, geometry, tau, ddq)
+    update_kinematics_near(params.mechanism, q, kinematics, state.q, state.kinematics)
+    contact(params, q, dq, kinematics, state, time, state.distance[0] + params.speed * time)
+    accelerate(params, state, dq, kinematics, tau, ddq)
 
 
 @kernel
@@ -248,7 +248,7 @@ def runge_kutta_step(params: PlantParams, state: PlantState, tau: Array) -> None
     """
     h, s = params.step, state.stages
     dq, k1, k2, k3, k4 = s[1], s[2], s[3], s[4], s[5]
-    accelerate(params, state, state.dq, state.geometry, tau, k1)
+    accelerate(params, state, state.dq, state.kinematics, tau, k1)
     stage(params, state, 0.5 * h, state.dq, k1, tau, k2)
     stage(params, state, 0.5 * h, dq, k2, tau, k3)
     stage(params, state, h, dq, k3, tau, k4)
@@ -265,7 +265,7 @@ def advance(params: PlantParams, state: PlantState, tau: Array) -> None:
     height, pitch, roll = state.body[0], state.body[1], state.body[2]
     for substep in range(params.substeps):
         runge_kutta_step(params, state, tau)
-        state.travel[0] += params.speed * params.step
+        state.distance[0] += params.speed * params.step
         if substep + 1 == params.substeps:
             state.clock[0] += 1
         update_stiffness(params, state)

@@ -10,7 +10,13 @@ from typing import NamedTuple
 
 from cmacexp.jit.compiler import kernel, program
 from cmacexp.models.ground import Ground, damped_force, grade_at, height_at, stiffness_under
-from cmacexp.models.mechanism import CHAINS_UNDER_BODY, Mechanism, move_foot, place_foot, update_geometry
+from cmacexp.models.mechanism import (
+    CHAINS_UNDER_BODY,
+    Mechanism,
+    compute_foot_position,
+    compute_foot_velocity,
+    update_kinematics,
+)
 from cmacexp.plants.kernels import Payload, PlantState
 from cmacexp.plants.mujoco_library import mj_comPos, mj_comVel, mj_kinematics, mj_step, mj_step1, mj_step2
 from cmacexp.typing import Array, Counts
@@ -72,7 +78,7 @@ class Bodies(NamedTuple):
     """(B, 6): external force (N) and moment (N m)."""
     trunk_place: Array
     """(3,): of the trunk's frame in the world, m."""
-    trunk_turn: Array
+    trunk_rotation: Array
     """(9,): its rotation matrix, row by row."""
     trunk_rate: Array
     """(6,): its velocity in the world, m/s, and its angular velocity in its own frame, rad/s."""
@@ -144,20 +150,20 @@ def ground_force(touch: Touch, stiffness: float, place: Array, velocity: Vector,
     depression = height_at(ground.slope, ground.slope_start, place[0]) - place[2]
     rate = grade_at(ground, place[0]) * vx - vz
     normal = damped_force(stiffness, ground.damping, depression, rate)
-    ahead, aside = 0.0, 0.0
+    longitudinal, lateral = 0.0, 0.0
     if touch.friction > 0.0:
-        ahead = -touch.stiffness * (place[0] - anchor[0]) - touch.damping * vx
-        aside = -touch.stiffness * (place[1] - anchor[1]) - touch.damping * vy
+        longitudinal = -touch.stiffness * (place[0] - anchor[0]) - touch.damping * vx
+        lateral = -touch.stiffness * (place[1] - anchor[1]) - touch.damping * vy
         # Not math.hypot, whose compiled form rounds otherwise.
-        size, most = math.sqrt(ahead * ahead + aside * aside), touch.friction * normal
+        size, most = math.sqrt(longitudinal * longitudinal + lateral * lateral), touch.friction * normal
         if size > most:
-            ahead *= most / size
-            aside *= most / size
-    return ahead, aside, normal
+            longitudinal *= most / size
+            lateral *= most / size
+    return longitudinal, lateral, normal
 
 
 @kernel
-def drag(touch: Touch, place: Array, force: float, anchor: Array) -> None:
+def slide_anchor(touch: Touch, place: Array, force: float, anchor: Array) -> None:
     """Move the point ``anchor`` (2,) where a foot at ``place`` (3,) sticks, if it slides or is in the air."""
     if touch.friction > 0.0:
         dx, dy = place[0] - anchor[0], place[1] - anchor[1]
@@ -189,17 +195,17 @@ def press(touch: Touch, bodies: Bodies, feet: Feet, machine: PlantState, anchors
         force = ground_force(touch, machine.stiffness[i], place, foot_velocity(bodies, feet, i), anchor)
         machine.force[i] = force[2]
         if not in_stage:
-            drag(touch, place, machine.force[i], anchor)
+            slide_anchor(touch, place, machine.force[i], anchor)
         pull_at(bodies, feet.body[i], place, force)
 
 
 @kernel
-def turned(at: Array, turn: Array, x: float, y: float, z: float) -> Vector:
-    """``at`` (3,) plus the vector (x, y, z) turned by the rotation matrix ``turn`` (9,)."""
+def transform_point(at: Array, rotation: Array, x: float, y: float, z: float) -> Vector:
+    """``at`` (3,) plus the vector (x, y, z) turned by the rotation matrix ``rotation`` (9,)."""
     return (
-        at[0] + turn[0] * x + turn[1] * y + turn[2] * z,
-        at[1] + turn[3] * x + turn[4] * y + turn[5] * z,
-        at[2] + turn[6] * x + turn[7] * y + turn[8] * z,
+        at[0] + rotation[0] * x + rotation[1] * y + rotation[2] * z,
+        at[1] + rotation[3] * x + rotation[4] * y + rotation[5] * z,
+        at[2] + rotation[6] * x + rotation[7] * y + rotation[8] * z,
     )
 
 
@@ -208,7 +214,9 @@ def load_trunk(payload: Payload, push: Push, origin: Array, bodies: Bodies, feet
     """Let the payload and the push act on the trunk, while they are there."""
     if clock >= payload.start:
         load = payload.load
-        point = turned(bodies.trunk_place, bodies.trunk_turn, origin[0] + load.x, origin[1] + load.y, origin[2])
+        point = transform_point(
+            bodies.trunk_place, bodies.trunk_rotation, origin[0] + load.x, origin[1] + load.y, origin[2]
+        )
         pull_at(bodies, feet.trunk, point, (0.0, 0.0, -load.weight))
     bodies.pull[feet.trunk, 1] = push.force if push.start <= clock < push.end else 0.0
 
@@ -218,15 +226,15 @@ def observe_trunk(
     ground: Ground, bodies: Bodies, at: Vector, velocity: Vector, pose: Array, rate: Array, travel: Array | None
 ) -> None:
     """Measure a body whose origin is at ``at``, m, with ``velocity``, m/s; fills the last three as a Measurement."""
-    turn, spin = bodies.trunk_turn, bodies.trunk_rate[3:]
-    pitch, roll = -math.asin(turn[6]), math.atan2(turn[7], turn[8])
+    rotation, spin = bodies.trunk_rotation, bodies.trunk_rate[3:]
+    pitch, roll = -math.asin(rotation[6]), math.atan2(rotation[7], rotation[8])
     pose[0] = at[2] - height_at(ground.slope, ground.slope_start, at[0])
     pose[1], pose[2] = pitch, roll
     rate[0] = velocity[2] - grade_at(ground, at[0]) * velocity[0]
     rate[1] = spin[1] * math.cos(roll) - spin[2] * math.sin(roll)
     rate[2] = spin[0] + (spin[1] * math.sin(roll) + spin[2] * math.cos(roll)) * math.tan(pitch)
     if travel is not None:
-        travel[0], travel[1], travel[2] = at[0], at[1], math.atan2(turn[3], turn[0])
+        travel[0], travel[1], travel[2] = at[0], at[1], math.atan2(rotation[3], rotation[0])
 
 
 @kernel
@@ -234,27 +242,27 @@ def observe_planar_foot(
     hips: Array, bodies: Bodies, feet: Feet, at: Vector, velocity: Vector, i: int, measured: PlantState
 ) -> None:
     """Measure foot ``i`` of a planar leg under a body whose origin is at ``at``, m, with ``velocity``, m/s."""
-    turn, w, place = bodies.trunk_turn, bodies.trunk_rate[3:], bodies.place[feet.point[i]]
+    rotation, w, place = bodies.trunk_rotation, bodies.trunk_rate[3:], bodies.place[feet.point[i]]
     dx, dy, dz = place[0] - at[0], place[1] - at[1], place[2] - at[2]
     vx, vy, vz = foot_velocity(bodies, feet, i)
     vx, vy, vz = vx - velocity[0], vy - velocity[1], vz - velocity[2]
-    x = turn[0] * dx + turn[3] * dy + turn[6] * dz
-    z = turn[2] * dx + turn[5] * dy + turn[8] * dz
+    x = rotation[0] * dx + rotation[3] * dy + rotation[6] * dz
+    z = rotation[2] * dx + rotation[5] * dy + rotation[8] * dz
     measured.foot[i, 0], measured.foot[i, 1] = x - hips[i, 0], -z
     # Motion of the foot in the world that stems from the rotation of the body is not motion of the leg.
-    measured.velocity[i, 0] = turn[0] * vx + turn[3] * vy + turn[6] * vz - w[1] * z + w[2] * hips[i, 1]
-    measured.velocity[i, 1] = -(turn[2] * vx + turn[5] * vy + turn[8] * vz - w[0] * hips[i, 1] + w[1] * x)
+    measured.velocity[i, 0] = rotation[0] * vx + rotation[3] * vy + rotation[6] * vz - w[1] * z + w[2] * hips[i, 1]
+    measured.velocity[i, 1] = -(rotation[2] * vx + rotation[5] * vy + rotation[8] * vz - w[0] * hips[i, 1] + w[1] * x)
 
 
 @kernel
 def observe(engine: Engine, machine: PlantState) -> None:
     """Measure joints, body and feet of a machine at MuJoCo's present positions and velocities; fills ``machine``."""
     mechanism, origin, bodies, feet = engine.mechanism, engine.origin, engine.bodies, engine.feet
-    turn, spin = bodies.trunk_turn, bodies.trunk_rate[3:]
-    at = turned(bodies.trunk_place, turn, origin[0], origin[1], origin[2])
-    velocity = turned(
+    rotation, spin = bodies.trunk_rotation, bodies.trunk_rate[3:]
+    at = transform_point(bodies.trunk_place, rotation, origin[0], origin[1], origin[2])
+    velocity = transform_point(
         bodies.trunk_rate,
-        turn,
+        rotation,
         spin[1] * origin[2] - spin[2] * origin[1],
         spin[2] * origin[0] - spin[0] * origin[2],
         spin[0] * origin[1] - spin[1] * origin[0],
@@ -265,11 +273,11 @@ def observe(engine: Engine, machine: PlantState) -> None:
             machine.dq[i, j] = engine.velocity[engine.dq[i, j]]
     if feet.trunk > 0:
         observe_trunk(engine.touch.ground, bodies, at, velocity, machine.body, machine.body_rate, engine.travel)
-    update_geometry(mechanism, machine.q, machine.geometry)
+    update_kinematics(mechanism, machine.q, machine.kinematics)
     for i in range(machine.q.shape[0]):
         if mechanism.kind == CHAINS_UNDER_BODY:
-            place_foot(mechanism, i, machine.geometry, machine.foot)
-            move_foot(mechanism, i, machine.geometry, machine.dq, machine.velocity)
+            compute_foot_position(mechanism, i, machine.kinematics, machine.foot)
+            compute_foot_velocity(mechanism, i, machine.kinematics, machine.dq, machine.velocity)
         else:
             observe_planar_foot(mechanism.hips, bodies, feet, at, velocity, i, machine)
 

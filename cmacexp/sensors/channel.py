@@ -43,12 +43,12 @@ Channels = NDArray[np.void]
 class Sensing(NamedTuple):
     """All channels of the sensors of a machine, and their memory; C is their number."""
 
-    kinematics: tuple[bool, bool]
+    kinematics_follow: tuple[bool, bool]
     """Whether joint angles, and whether joint velocities are altered: the foot is then computed from them."""
     channels: Channels
     keys: Counts
     """(C, 3): seeds of noise, drop-out and fault of a channel."""
-    line: Annotated[Array, Role("state", ring_axis=1)]
+    delay_buffer: Annotated[Array, Role("state", ring_axis=1)]
     """(C, longest delay + 1): true values of the last steps."""
     held: State
     """(C, 3): last good reading, reading at the start of the fault, and output of the filter."""
@@ -83,7 +83,7 @@ def imperfect_reading(sensing: Sensing, c: int, step: int) -> float:
     """The reading of a channel without fault: delayed, noisy, biased, quantised, filtered, sometimes lost."""
     channel = sensing.channels[c]
     delayed = max(step - channel["delay"], 0)  # before the first step nothing moved
-    value = sensing.line[c, delayed % sensing.line.shape[1]]
+    value = sensing.delay_buffer[c, delayed % sensing.delay_buffer.shape[1]]
     if channel["noise"] != 0.0 or channel["noise_relative"] != 0.0:
         scale = channel["noise"] + channel["noise_relative"] * abs(value)
         value += scale * normal(int(sensing.keys[c, 0]), step)
@@ -121,7 +121,7 @@ def read_channel(sensing: Sensing, c: int, step: int, true: float) -> float:
     channel = sensing.channels[c]
     if not channel["alters"]:
         return true
-    sensing.line[c, step % sensing.line.shape[1]] = true
+    sensing.delay_buffer[c, step % sensing.delay_buffer.shape[1]] = true
     if step == 0 or step < channel["start"]:
         sensing.held[c, 2] = true
     value = imperfect_reading(sensing, c, step) if step >= channel["start"] else true

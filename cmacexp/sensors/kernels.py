@@ -6,13 +6,13 @@ import numpy as np
 
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.mechanism import (
-    GEOMETRY_FIELDS,
+    KINEMATICS_FIELDS,
     PLANE,
     POINT_MASS,
     Mechanism,
-    move_foot,
-    place_foot,
-    update_geometry,
+    compute_foot_position,
+    compute_foot_velocity,
+    update_kinematics,
 )
 from cmacexp.plants.kernels import PlantState
 from cmacexp.plants.protocol import Measurement, get_state, new_measurement
@@ -30,13 +30,15 @@ class Observation(NamedTuple):
     force: Scratch
     body: Scratch
     body_rate: Scratch
-    geometry: Scratch
-    """Of the joint angles, see :func:`cmacexp.models.mechanism.update_geometry`."""
+    kinematics: Scratch
+    """Of the joint angles, see :func:`cmacexp.models.mechanism.update_kinematics`."""
 
 
 def new_observation(legs: int, axes: tuple[int, ...] = PLANE) -> Observation:
     """An observation of zeros of ``legs`` legs."""
-    return Observation._make((*get_state(new_measurement(legs, len(axes))), np.zeros((legs, GEOMETRY_FIELDS[axes]))))
+    return Observation._make(
+        (*get_state(new_measurement(legs, len(axes))), np.zeros((legs, KINEMATICS_FIELDS[axes])))
+    )
 
 
 @kernel
@@ -44,8 +46,8 @@ def compute_feet(
     sensing: Sensing, mechanism: Mechanism, true: Measurement | PlantState, observation: Observation
 ) -> None:
     """Foot and velocity that follow from measured joints; the true ones where no sensor alters a joint."""
-    position, velocity = sensing.kinematics
-    update_geometry(mechanism, observation.q, observation.geometry)
+    position, velocity = sensing.kinematics_follow
+    update_kinematics(mechanism, observation.q, observation.kinematics)
     for i in range(observation.force.shape[0]):
         for j in range(len(mechanism.axes)):
             observation.foot[i, j], observation.velocity[i, j] = true.foot[i, j], true.velocity[i, j]
@@ -53,9 +55,9 @@ def compute_feet(
                 observation.foot[i, j], observation.velocity[i, j] = observation.q[i, j], observation.dq[i, j]
         if mechanism.kind != POINT_MASS:
             if position:
-                place_foot(mechanism, i, observation.geometry, observation.foot)
+                compute_foot_position(mechanism, i, observation.kinematics, observation.foot)
             if position or velocity:
-                move_foot(mechanism, i, observation.geometry, observation.dq, observation.velocity)
+                compute_foot_velocity(mechanism, i, observation.kinematics, observation.dq, observation.velocity)
 
 
 @kernel(inline=False)

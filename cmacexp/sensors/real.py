@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.models.lateness import first_order_share
+from cmacexp.models.loop_delay import first_order_share
 from cmacexp.models.mix import mix
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement

@@ -17,7 +17,7 @@ from cmacexp.loop.builtin import find_external, make_loop
 from cmacexp.loop.driver import Driver
 from cmacexp.loop.samples import ALL_SAMPLES, make_samples
 from cmacexp.loop.scenario import Scenario, make_scenario
-from cmacexp.loop.state import Declared, Held, list_arrays
+from cmacexp.loop.state import Declared, Snapshot, list_arrays
 from cmacexp.loop.stop import RUNNING, new_limits
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.typing import CLOCK, STATE, Array
@@ -71,7 +71,7 @@ class RestorableLoop:
             states = [each for each in states if not each.name.startswith("plant_state.")]
         self._parts = [each for each in states if each.array is not self._weights]
         self._in_use = [rows[:used] for rows, used in zip(log.rows, log.used, strict=True)] if learns else []
-        self._clocks = Held(each.array for each in arrays if each.role == CLOCK)
+        self._clocks = Snapshot(each.array for each in arrays if each.role == CLOCK)
         self._held = self.run.taken
 
     @property
@@ -98,7 +98,7 @@ class RestorableLoop:
 
     def hold(self) -> Array:
         """Remember this step as the one that :meth:`put` returns to; its state, (n,)."""
-        self._clocks = Held(self._clocks.arrays)
+        self._clocks = Snapshot(self._clocks.arrays)
         self._held = self.run.taken
         if self.plant is not None:
             self.plant.hold()

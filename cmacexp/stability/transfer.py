@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.config import Config
-from cmacexp.models.lateness import first_order_share
+from cmacexp.models.loop_delay import first_order_share
 from cmacexp.stability.cycle_map import NUDGE, NotPredictable, RestorableLoop, make_restorable_loop
 from cmacexp.typing import Array
 

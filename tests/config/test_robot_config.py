@@ -2,7 +2,7 @@
 
 import pytest
 from omegaconf import OmegaConf
-from support.doors import BadInput, Lateness, derive_basis, derive_gains, discretise, recommend_period
+from support.doors import BadInput, LoopDelay, derive_basis, derive_gains, discretise, recommend_period
 from support.robots import FEET, MODELS, OWN, change, read
 
 from cmacexp.config import config_folder, to_config, to_plain
@@ -25,20 +25,20 @@ def settings(config):
 
 
 @pytest.mark.parametrize(
-    ("overrides", "lateness"),
+    ("overrides", "loop_delay"),
     [
-        ((), Lateness()),
-        (("sampling_period=0.001",), Lateness()),
-        (("controller.lead_alpha=2",), Lateness()),
-        (LATE, Lateness(2, (0.001,))),
+        ((), LoopDelay()),
+        (("sampling_period=0.001",), LoopDelay()),
+        (("controller.lead_alpha=2",), LoopDelay()),
+        (LATE, LoopDelay(2, (0.001,))),
     ],
 )
-def test_settings_follow_model_period_lead_and_what_delays_the_velocity(overrides, lateness):
+def test_settings_follow_model_period_lead_and_what_delays_the_velocity(overrides, loop_delay):
     config = compose_config([*ROBOT, *overrides])
     basis, control, period = derive_basis(read()), config.controller, config.sampling_period
-    assert period == (0.001 if "sampling_period=0.001" in overrides else recommend_period(basis.ratio, lateness))
+    assert period == (0.001 if "sampling_period=0.001" in overrides else recommend_period(basis.ratio, loop_delay))
     lead = discretise(control.lead_omega, control.lead_alpha, period)
-    assert settings(config) == pytest.approx(derive_gains(basis, period, lead.b0, lateness), rel=1e-5)
+    assert settings(config) == pytest.approx(derive_gains(basis, period, lead.b0, loop_delay), rel=1e-5)
     assert config.terrain.stiffness == pytest.approx(basis.stiffness, rel=1e-5)
     assert config.machine.hip_height == pytest.approx(basis.hip_height, rel=1e-5)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 from support.doors import make_scenario, new_observation
 
-from cmacexp.control.load_meter import new_load_meter, read_meter, weigh
+from cmacexp.control.load_meter import accumulate_load, new_load_meter, read_meter
 
 ADAPTIVE = ("scenario=quadruped", "machine.weight=null", "force_control.load_sharing=adaptive")
 STIFFNESS, DEPTH, SLOPES, TILT = 5000.0, 0.4, (0.05, -0.08), (0.01, 0.02)
@@ -36,7 +36,7 @@ def test_a_meter_finds_the_weight_its_centre_and_the_slopes_of_the_ground(make_c
             seen = observe(hips, feet, pressing)
             feet = np.column_stack([feet[:, 0], hips[:, 1] + TILT[1] * seen.foot[:, 1]])  # planar legs tilt sideways
             seen = observe(hips, feet, pressing)
-            weigh(meter, np.array([True, True, True, True]), seen)
+            accumulate_load(meter, np.array([True, True, True, True]), seen)
             forces, places = [*forces, *pressing], [*places, *feet]
         met = read_meter(meter, SimpleNamespace(load=load))
         centre = np.average(places, axis=0, weights=forces) - load.mean_centre

@@ -8,15 +8,15 @@ from numpy.testing import assert_allclose
 from support.doors import RobotMachine
 
 from cmacexp.control.steering import (
-    AHEAD,
-    ASIDE,
+    LATERAL,
+    LONGITUDINAL,
     MOST,
     MOST_STATIC,
     TURN,
     Steering,
     new_steering,
-    scale_ahead,
-    scale_aside,
+    scale_lateral,
+    scale_longitudinal,
     steer,
 )  # fmt: skip
 
@@ -28,7 +28,9 @@ def make_steering():
     return Steering(1.0, 1.0, *shape, 0.3, 0.2, np.zeros(1), np.zeros(4))
 
 
-@pytest.mark.parametrize(("travel", "which"), [((-0.01, 0, 0), AHEAD), ((0, -0.01, 0), ASIDE), ((0, 0, -0.01), TURN)])
+@pytest.mark.parametrize(
+    ("travel", "which"), [((-0.01, 0, 0), LONGITUDINAL), ((0, -0.01, 0), LATERAL), ((0, 0, -0.01), TURN)]
+)
 def test_a_body_off_its_course_is_moved_back(travel, which):
     steering = make_steering()
     steer(steering, np.array(travel, dtype=float), 0, 0, SUPPORT)
@@ -54,9 +56,9 @@ def test_a_turning_body_moves_its_feet_round_its_centre():
     steering.command[TURN] = 0.05
     rate, vx = 0.05 * 0.5 / 0.25, -0.5  # of the body, and of a foot that supports
     for i, (x, y) in enumerate(hips):
-        assert vx * scale_ahead(steering, hips, i) == pytest.approx(vx + rate * y)
-        assert vx * scale_aside(steering, hips, i) == pytest.approx(-rate * x)
-    assert (scale_ahead(None, hips, 0), scale_aside(None, hips, 0)) == (1.0, 0.0)
+        assert vx * scale_longitudinal(steering, hips, i) == pytest.approx(vx + rate * y)
+        assert vx * scale_lateral(steering, hips, i) == pytest.approx(-rate * x)
+    assert (scale_longitudinal(None, hips, 0), scale_lateral(None, hips, 0)) == (1.0, 0.0)
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def some_activation():
     return np.random.default_rng(2).uniform(0.1, 1.0, (SAMPLES, LEGS, 3))
 
 
-def taught(params, step, error):
+def learnt_change(params, step, error):
     """Change of the weights by one step."""
     before = params.weights.copy()
     feedforward_step(params, step, step % SAMPLES, error, np.zeros((LEGS, 2)))
@@ -111,7 +111,7 @@ def test_an_error_moves_the_output_of_its_own_sample_by_rate_times_error(setup, 
     rng = np.random.default_rng(3)
     for step in (0, 1, 2, 17, SAMPLES - 1, SAMPLES):
         error = rng.normal(size=(LEGS, 2))
-        change, own = taught(params, step, error), (step - 1 - lead) % SAMPLES
+        change, own = learnt_change(params, step, error), (step - 1 - lead) % SAMPLES
         for leg in range(LEGS):
             rows = params.cells[own, leg]
             assert_allclose(shares[own, leg] @ change[leg, rows], 0.3 * error[leg], atol=1e-12)
@@ -122,21 +122,21 @@ def test_an_error_moves_the_output_of_its_own_sample_by_rate_times_error(setup, 
 def test_a_network_learns_by_its_rule(setup, name):
     activation, error = some_activation(), np.random.default_rng(4).normal(size=(LEGS, 2))
     rule = RULES[name].params._replace(strength=0.5)
-    params = make_network(setup, activation, rule=rule, plain=False, rate=0.4)
+    params = make_network(setup, activation, rule=rule, is_paper_rule=False, rate=0.4)
     expected = params.weights.copy()
     for leg in range(LEGS):
         train_by_rule(rule, expected[leg], params.cells[6, leg], activation[6, leg], error[leg], 0.4)
-    assert taught(params, 7, error).any()
+    assert learnt_change(params, 7, error).any()
     assert_array_equal(params.weights, expected)
 
 
 @pytest.mark.parametrize("start", [0, SAMPLES, 7 * SAMPLES])
 def test_a_rate_decays_by_the_cycles_since_learning_began(setup, start):
     rule, activation = RULES["decaying_rate"].params._replace(strength=2.0), some_activation()
-    params = make_network(setup, activation, rule=rule, plain=False, rate=0.6, lead=0, start_step=start)
+    params = make_network(setup, activation, rule=rule, is_paper_rule=False, rate=0.6, lead=0, start_step=start)
     for cycle in range(4):
         for sample in (0, 1, SAMPLES - 1):
-            change = taught(params, start + cycle * SAMPLES + sample, np.ones((LEGS, 2)))
+            change = learnt_change(params, start + cycle * SAMPLES + sample, np.ones((LEGS, 2)))
             own = (sample - 1) % SAMPLES
             assert_allclose(activation[own, 0] @ change[0, params.cells[own, 0]], 0.6 / (1.0 + cycle / 2.0))
 
@@ -202,7 +202,7 @@ def test_a_cmac_on_a_model_knows_the_torque_of_the_model(setup):
     feedforward = CmacOnModel(wrong)
     feedforward.reset(setup)
     known = InverseDynamics(wrong).compute_torque(setup)
-    assert_array_equal(feedforward.known, known)
+    assert_array_equal(feedforward.model_torque, known)
     assert_array_equal(feedforward.predict(SimpleNamespace(step=7, sample=7), np.zeros((LEGS, 2))), known[7])
 
 

@@ -138,6 +138,13 @@ def test_every_equation_and_version_stands_once():
     assert re.search(r"^## (\d\S*)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[1] == cmacexp.__version__
 
 
+def test_every_name_on_the_page_of_the_main_path_exists():
+    names = re.findall(r"`(cmacexp\.[\w.]+)`", (ROOT / "docs" / "main-path.md").read_text())
+    assert "cmacexp.loop.step.take_steps" in names
+    for name in names:
+        assert pkgutil.resolve_name(name) is not None
+
+
 def test_a_test_imports_inner_modules_of_its_own_room_only():
     wrong = []
     for file in TESTS.glob("*/**/*.py"):

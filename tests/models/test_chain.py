@@ -17,12 +17,12 @@ from cmacexp.models.chain import (
 )
 from cmacexp.models.leg import Leg, foot_position, jacobian, trigonometry
 from cmacexp.models.mechanism import (
-    GEOMETRY_FIELDS,
+    KINEMATICS_FIELDS,
     SPACE,
+    apply_jacobian_transpose,
     chains_under_body,
-    move_foot,
-    press_foot,
-    update_geometry,
+    compute_foot_velocity,
+    update_kinematics,
 )
 
 angles = st.floats(-3.1, 3.1)
@@ -60,11 +60,11 @@ def test_the_jacobian_is_the_derivative_of_the_foot(chain, q):
 def test_the_foot_gives_the_power_that_the_joints_take(chain, q, dq, push):
     """Velocity of the foot and torques of a force on it: F v = tau dq."""
     mechanism = chains_under_body(chain[None], 0.3, np.zeros((1, 2)), 1.0, (1.0, 1.0, 1.0))
-    force, geometry = np.array([push]), np.zeros((1, GEOMETRY_FIELDS[SPACE]))
+    force, kinematics = np.array([push]), np.zeros((1, KINEMATICS_FIELDS[SPACE]))
     velocity, torque = np.zeros((1, 3)), np.zeros((1, 3))
-    update_geometry(mechanism, np.array([q]), geometry)
-    move_foot(mechanism, 0, geometry, np.array([dq]), velocity)
-    press_foot(mechanism, 0, geometry, force, push[1], torque)
+    update_kinematics(mechanism, np.array([q]), kinematics)
+    compute_foot_velocity(mechanism, 0, kinematics, np.array([dq]), velocity)
+    apply_jacobian_transpose(mechanism, 0, kinematics, force, push[1], torque)
     assert_allclose((force * velocity).sum(), (torque * np.array([dq])).sum(), atol=1e-9)
     assert_allclose(velocity[0], np.array(chain_kinematics(chain, *q)[1:]).T @ dq, atol=1e-9)
 

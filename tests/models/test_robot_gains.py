@@ -3,7 +3,7 @@
 import pytest
 from support.doors import BadInput
 
-from cmacexp.models.lateness import Lateness
+from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.robot_gains import (
     MOST_FEEDBACK,
     MOST_SHARE,
@@ -19,12 +19,12 @@ from cmacexp.models.robot_gains import (
 def test_the_margin_of_delay_ends_where_feedback_is_unstable():
     period, foot_mass, lead_gain = 0.001, 0.2, 2.9
     gain = 0.5 * foot_mass / (lead_gain * period)
-    margin = find_delay_margin(foot_mass, gain, lead_gain, period, Lateness())
-    assert Lateness(margin).find_critical_gain(period) > 0.5 >= Lateness(margin + 1).find_critical_gain(period)
+    margin = find_delay_margin(foot_mass, gain, lead_gain, period, LoopDelay())
+    assert LoopDelay(margin).find_critical_gain(period) > 0.5 >= LoopDelay(margin + 1).find_critical_gain(period)
     with pytest.raises(BadInput, match="velocity_gain"):
-        find_delay_margin(foot_mass, gain, lead_gain, period, Lateness(2))
-    most = MOST_SHARE * Lateness(1).find_critical_gain(period) / 0.5
-    assert find_delay_margin(foot_mass, 0.99 * most * gain, lead_gain, period, Lateness(1)) >= 1
+        find_delay_margin(foot_mass, gain, lead_gain, period, LoopDelay(2))
+    most = MOST_SHARE * LoopDelay(1).find_critical_gain(period) / 0.5
+    assert find_delay_margin(foot_mass, 0.99 * most * gain, lead_gain, period, LoopDelay(1)) >= 1
 
 
 @pytest.mark.parametrize(("period", "least"), [(0.001, 0.004), (0.002, 0.017), (0.004, 0.02), (0.0005, 0.002)])
@@ -38,11 +38,11 @@ def test_a_period_suits_feet_from_a_measured_share_of_the_mass_on(period, least)
         assert recommend_period(0.99 * least) < period <= recommend_period(1.01 * least)
 
 
-@pytest.mark.parametrize("lateness", [Lateness(), Lateness(1), Lateness(0, (0.004,)), Lateness(3, (0.002,))])
-def test_a_gait_on_two_feet_gets_the_longest_period_that_allows_its_gains(lateness):
-    longest = recommend_period(1.0, lateness)
+@pytest.mark.parametrize("loop_delay", [LoopDelay(), LoopDelay(1), LoopDelay(0, (0.004,)), LoopDelay(3, (0.002,))])
+def test_a_gait_on_two_feet_gets_the_longest_period_that_allows_its_gains(loop_delay):
+    longest = recommend_period(1.0, loop_delay)
     for gain in (0.1, 0.3, 0.6):
-        period = recommend_period(1.0, lateness, gain)
+        period = recommend_period(1.0, loop_delay, gain)
         needed = gain * MOST_FEEDBACK / PERIODS[0][0]
-        assert choose_feedback(lateness, period) >= needed * period
-        assert period == longest or choose_feedback(lateness, 2.5 * period) < needed * 2.5 * period
+        assert choose_feedback(loop_delay, period) >= needed * period
+        assert period == longest or choose_feedback(loop_delay, 2.5 * period) < needed * 2.5 * period

@@ -12,7 +12,14 @@ from support.doors import BadInput
 from cmacexp.models.robot import require_sizes
 from cmacexp.models.robot_feet import _touch
 from cmacexp.models.robot_legs import find_joint, torque_limits
-from cmacexp.models.robot_spec import MOST_MEGABYTES, POINT_INERTIA, _find_mesh, _make_possible, _require_size, settle
+from cmacexp.models.robot_spec import (
+    MOST_MEGABYTES,
+    POINT_INERTIA,
+    _find_mesh,
+    _make_possible,
+    _require_size,
+    set_run_options,
+)
 
 SPHERE, CAPSULE, CYLINDER, ELLIPSOID, BOX, MESH = range(6)
 KINDS = SimpleNamespace(
@@ -93,7 +100,7 @@ def test_a_model_runs_with_the_options_of_this_project():
     own = SimpleNamespace(gravity=np.ones(3), timestep=0.01, iterations=3, wind=np.ones(3), disableflags=1)
     model = SimpleNamespace(opt=own, jnt_type=np.array([0]), jnt_dofadr=[1], jnt_stiffness=np.ones(1))
     model.dof_damping, model.dof_frictionloss, model.dof_armature = np.ones((3, 8))
-    settle(SimpleNamespace(**vars(MUJOCO), MjOption=lambda: default), model)
+    set_run_options(SimpleNamespace(**vars(MUJOCO), MjOption=lambda: default), model)
     assert (own.iterations, own.disableflags, own.gravity.tolist()) == (100, 9, [0.0, 0.0, -9.81])
     assert not own.wind.any()
     assert model.dof_damping.tolist() == model.dof_armature.tolist() == [1.0, *[0.0] * 6, 1.0]

@@ -9,11 +9,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from support.doors import program
 
-from cmacexp.models.leg import trigonometry, turned_trigonometry
-from cmacexp.models.sine import FURTHEST, LARGEST_TURN, sine_cosine, turn
+from cmacexp.models.leg import trigonometry, trigonometry_near
+from cmacexp.models.sine import FURTHEST, LARGEST_ROTATION, rotate, sine_cosine
 
 angles = st.one_of(st.floats(-4.0, 4.0), st.floats(-1e5, 1e5), st.integers(-99, 99).map(lambda n: n * math.pi / 4))
-turns = st.floats(-LARGEST_TURN, LARGEST_TURN)
+turns = st.floats(-LARGEST_ROTATION, LARGEST_ROTATION)
 joints = st.floats(-2.0, 2.0)
 """Of which the sum of two is at most 4 rad."""
 
@@ -35,12 +35,12 @@ def test_an_angle_too_large_has_none(angle):
 
 @pytest.mark.ci
 def test_compiled_they_have_the_same_bits():
-    sine, turned = program(sine_cosine).compiled, program(turn).compiled
+    sine, turned = program(sine_cosine).compiled, program(rotate).compiled
     rng = np.random.default_rng(0)
     for angle in (*rng.uniform(-1e5, 1e5, 50), *rng.uniform(-4.0, 4.0, 50), math.pi, FURTHEST, math.inf, math.nan):
-        pair, by = sine_cosine(angle), rng.uniform(-LARGEST_TURN, LARGEST_TURN)
+        pair, by = sine_cosine(angle), rng.uniform(-LARGEST_ROTATION, LARGEST_ROTATION)
         np.testing.assert_array_equal(sine(angle), pair)
-        np.testing.assert_array_equal(turned(*pair, by), turn(*pair, by))
+        np.testing.assert_array_equal(turned(*pair, by), rotate(*pair, by))
 
 
 def turn_exactly(s, c, by):
@@ -52,17 +52,17 @@ def turn_exactly(s, c, by):
 
 
 @given(angles, turns)
-@example(0.0, LARGEST_TURN)
-@example(0.7, -LARGEST_TURN)
+@example(0.0, LARGEST_ROTATION)
+@example(0.7, -LARGEST_ROTATION)
 def test_a_turn_is_within_2e_16_of_the_exact_one(angle, by):
     pair = sine_cosine(angle)
-    for value, exact in zip(turn(*pair, by), turn_exactly(*pair, by), strict=True):
+    for value, exact in zip(rotate(*pair, by), turn_exactly(*pair, by), strict=True):
         assert abs(Fraction(value) - exact) < 2e-16
 
 
 @given(joints, joints, turns, turns)
 def test_turned_sines_of_a_leg_are_those_of_its_joints(q1, q2, by_1, by_2):
-    turned = turned_trigonometry(q1 + by_1, q2 + by_2, trigonometry(q1, q2), q1, q2)
+    turned = trigonometry_near(q1 + by_1, q2 + by_2, trigonometry(q1, q2), q1, q2)
     np.testing.assert_allclose(turned, trigonometry(q1 + by_1, q2 + by_2), rtol=0.0, atol=1e-15)
 
 
@@ -71,5 +71,5 @@ def test_turned_sines_of_a_leg_are_those_of_its_joints(q1, q2, by_1, by_2):
 )
 def test_beyond_the_largest_turn_the_sines_of_a_leg_are_computed_anew(by):
     q1, q2 = 1.0 + by[0], 0.5 + by[1]
-    turned = turned_trigonometry(q1, q2, (9.0, 9.0, 9.0, 9.0), 1.0, 0.5)
+    turned = trigonometry_near(q1, q2, (9.0, 9.0, 9.0, 9.0), 1.0, 0.5)
     np.testing.assert_array_equal(turned, trigonometry(q1, q2))

@@ -13,7 +13,7 @@ from cmacexp.planning import make_plan
 from cmacexp.planning.body_load import dynamic_load
 from cmacexp.planning.load_sharing import remove_pull, share_load
 from cmacexp.planning.machine import check_load_sharing, compute_weight_of_masses
-from cmacexp.planning.plan import Met, adapt_plan
+from cmacexp.planning.plan import LoadEstimate, adapt_plan
 
 WEIGHT = 40.0
 TINY = 1e-9
@@ -229,7 +229,7 @@ def test_an_adapted_plan_carries_the_weight_that_was_met_where_it_was_met(make_c
     config = make_config(*DYNAMIC)
     mechanism = make_mechanism(config.machine)
     plan = make_plan(config, mechanism, False)
-    adapted = adapt_plan(config, mechanism, plan, Met(weight, x, 0.0, 0.0, 0.0))
+    adapted = adapt_plan(config, mechanism, plan, LoadEstimate(weight, x, 0.0, 0.0, 0.0))
     force, feet = adapted.force_desired, mechanism.hips + adapted.desired[..., :1] * [1.0, 0.0]
     assert_allclose(force.sum(axis=1), plan.force_desired.sum(axis=1) + weight, rtol=1e-9)
     centre = (force[..., None] * feet).sum(axis=(0, 1)) / force.sum()
@@ -240,7 +240,9 @@ def test_feet_of_an_adapted_plan_follow_the_slope_that_was_met(make_config):
     config = make_config(*DYNAMIC)
     mechanism = make_mechanism(config.machine)
     plan = make_plan(config, mechanism, False)
-    level, sloped = (adapt_plan(config, mechanism, plan, Met(0.0, 0.0, 0.0, slope, 0.0)) for slope in (0.0, 0.05))
+    level, sloped = (
+        adapt_plan(config, mechanism, plan, LoadEstimate(0.0, 0.0, 0.0, slope, 0.0)) for slope in (0.0, 0.05)
+    )
     change, feet = sloped.reference - level.reference, plan.desired[..., 0] + mechanism.hips[:, 0]
     assert_allclose(change[:, plan.support, 1], np.tile(-0.05 * feet[plan.support], (2, 1)), atol=1e-9)
     assert_allclose(change[:, plan.support, 3], -0.05 * level.reference[:, plan.support, 2], atol=1e-9)

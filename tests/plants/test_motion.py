@@ -45,7 +45,7 @@ def test_rates_of_a_body_add_up_to_its_motion(walking):
     assert (np.abs(moved) > 1e-9).all()
     assert_allclose(moved, state.body - before, atol=1e-14)
     assert state.clock[0] == 5
-    assert state.travel[0] == pytest.approx(5 * period * params.speed)
+    assert state.distance[0] == pytest.approx(5 * period * params.speed)
 
 
 def test_a_point_mass_is_accelerated_in_the_air_and_swings_on_the_ground(make_config):

@@ -37,7 +37,6 @@ from cmacexp.models.body import depth as depth
 from cmacexp.models.body import make_pose as make_pose
 from cmacexp.models.ground import height_at as height_at
 from cmacexp.models.ground import stiffness_at as stiffness_at
-from cmacexp.models.lateness import Lateness as Lateness
 from cmacexp.models.lead import discretise as discretise
 from cmacexp.models.leg import Leg as Leg
 from cmacexp.models.leg import foot_position as foot_position
@@ -47,6 +46,7 @@ from cmacexp.models.leg import inverse_dynamics as inverse_dynamics
 from cmacexp.models.leg import jacobian as jacobian
 from cmacexp.models.leg import joint_torque as joint_torque
 from cmacexp.models.leg import trigonometry as trigonometry
+from cmacexp.models.loop_delay import LoopDelay as LoopDelay
 from cmacexp.models.mechanism import Mechanism as Mechanism
 from cmacexp.models.mechanism import get_leg as get_leg
 from cmacexp.models.mechanism import legs_on_stand as legs_on_stand

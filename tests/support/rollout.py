@@ -26,8 +26,8 @@ class Rollout(End):
         return name_samples(self.body_samples, WIDE_BODY_SAMPLES)
 
 
-def roll_out(scenario, watch=lambda cycles: None) -> Rollout:
+def roll_out(scenario, on_progress=lambda cycles: None) -> Rollout:
     kept = []
-    end = stream(scenario, lambda new: kept.append((new.legs.copy(), new.body.copy())), watch)
+    end = stream(scenario, lambda new: kept.append((new.legs.copy(), new.body.copy())), on_progress)
     samples, body = (np.concatenate(arrays) for arrays in zip(*kept, strict=True))
     return Rollout(**vars(end), plan=scenario.setup.plan, samples=samples, body_samples=body)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.doors import BadInput
 
-from cmacexp.models.lateness import Lateness, add_up, first_order_share
+from cmacexp.models.loop_delay import LoopDelay, add_delays, first_order_share
 from cmacexp.models.robot_gains import Basis, choose_feedback, derive_gains, recommend_period, require_period
 
 PERIOD = 0.001
@@ -38,32 +38,32 @@ def stops(gain, delay, *lags):
 
 @pytest.mark.parametrize(("delay", "lag", "filtered"), LATE)
 def test_the_critical_gain_is_the_limit_of_stability(delay, lag, filtered):
-    critical = add_up((delay, lag), (0, filtered)).find_critical_gain(PERIOD)
+    critical = add_delays((delay, lag), (0, filtered)).find_critical_gain(PERIOD)
     assert stops(0.95 * critical, delay, lag, filtered)
     assert not stops(1.05 * critical, delay, lag, filtered)
 
 
 @pytest.mark.parametrize("delay", range(6))
 def test_with_delays_alone_the_critical_gain_has_a_closed_form(delay):
-    assert Lateness(delay).find_critical_gain(PERIOD) == pytest.approx(2.0 * math.sin(math.pi / (4 * delay + 2)))
+    assert LoopDelay(delay).find_critical_gain(PERIOD) == pytest.approx(2.0 * math.sin(math.pi / (4 * delay + 2)))
 
 
-def test_lateness_lowers_gains_by_the_same_margin_and_a_lag_alone_does_not():
-    late = [choose_feedback(Lateness(*each), PERIOD) for each in ((), (1,), (2,), (2, (0.005,)), (0, (0.005,)))]
+def test_loop_delay_lowers_gains_by_the_same_margin_and_a_lag_alone_does_not():
+    late = [choose_feedback(LoopDelay(*each), PERIOD) for each in ((), (1,), (2,), (2, (0.005,)), (0, (0.005,)))]
     assert late == pytest.approx([0.6, 0.3, 0.6 * math.sin(math.pi / 10), late[3], 0.6])
     assert late[3] < late[2]
 
 
 def test_gains_of_a_robot_follow_and_its_body_stays_as_stiff():
     basis = Basis(mass=12.0, foot_mass=0.3, hip_height=0.3, stiffness=1e4, damping=50.0)
-    on_time, late = (derive_gains(basis, PERIOD, 2.9, *each) for each in ((), (Lateness(1),)))
+    on_time, late = (derive_gains(basis, PERIOD, 2.9, *each) for each in ((), (LoopDelay(1),)))
     assert late.velocity_gain == pytest.approx(on_time.velocity_gain / 2.0)
     stiffness = [each.position_gain * (1.0 + each.posture_gain) for each in (on_time, late)]
     assert stiffness[0] == pytest.approx(stiffness[1])
 
 
 @pytest.mark.parametrize("ratio", [0.0041, 0.01, 0.018, 0.03, 0.2])
-@pytest.mark.parametrize("late", [Lateness(1), Lateness(2), Lateness(1, (0.0003, 0.0002))])
+@pytest.mark.parametrize("late", [LoopDelay(1), LoopDelay(2), LoopDelay(1, (0.0003, 0.0002))])
 def test_the_recommended_period_is_allowed_and_not_longer_than_with_feedback_on_time(ratio, late):
     period = recommend_period(ratio, late)
     require_period(ratio, period, late)
@@ -72,11 +72,11 @@ def test_the_recommended_period_is_allowed_and_not_longer_than_with_feedback_on_
 
 def test_lags_that_no_period_makes_up_for_are_refused():
     with pytest.raises(BadInput, match="sampling_period"):
-        recommend_period(0.0041, Lateness(1, (0.03, 0.02)))
+        recommend_period(0.0041, LoopDelay(1, (0.03, 0.02)))
 
 
 def test_a_lag_counts_until_half_of_a_constant_torque_acts():
     for lag in (0.0001, 0.0014, 0.0016, 0.005, 0.015):
-        late = Lateness(2, (lag,)).count_samples(PERIOD) - 2
+        late = LoopDelay(2, (lag,)).count_samples(PERIOD) - 2
         acting = 1.0 - (1.0 - first_order_share(lag, PERIOD)) ** np.arange(1, 30)
         assert (acting < 0.5).sum() == late

@@ -12,7 +12,7 @@ def first_order_share(lag: float, sampling_period: float) -> float:
     return 1.0 - math.exp(-sampling_period / lag) if lag > 0.0 else 1.0
 
 
-class Lateness(NamedTuple):
+class LoopDelay(NamedTuple):
     """What delays the feedback of a torque, besides the sample that passes until the next reading."""
 
     delay: int = 0
@@ -53,6 +53,6 @@ class Lateness(NamedTuple):
         return self._find_phase_and_gain(high, sampling_period)[1]
 
 
-def add_up(*stages: tuple[int, float]) -> Lateness:
+def add_delays(*stages: tuple[int, float]) -> LoopDelay:
     """The lateness of ``stages``, each a delay in samples and the time constant of a lag in s; 0 for none."""
-    return Lateness(sum(delay for delay, _ in stages), tuple(lag for _, lag in stages if lag > 0.0))
+    return LoopDelay(sum(delay for delay, _ in stages), tuple(lag for _, lag in stages if lag > 0.0))
