@@ -21,6 +21,7 @@ from pipelines.quotes import (
     find_block,
     find_entry,
     format_statement,
+    sentence_of,
 )
 from pipelines.results import read_results
 
@@ -39,8 +40,8 @@ def findings_of(file: StudyFile, results: Quotable) -> str:
     text = ""
     for name, finding in file.study.findings.items():
         entry = find_entry(file.name, name, results)
-        text += "" if entry else f"\n*Not measured yet*: “{finding.yes}” or “{finding.no}”\n"
-        text += format_statement(entry["sentence"], finding.criteria, entry) if entry else ""
+        text += "" if entry else f"\n*Not measured yet*: “{finding.yes or finding.says or name}”\n"
+        text += format_statement(sentence_of(finding, entry), finding.criteria, entry) if entry else ""
     return text
 
 

@@ -17,11 +17,9 @@ from cmacexp.study.interval import estimate
 from cmacexp.study.results import Results
 from cmacexp.study.samples import ended_in
 from cmacexp.study.statements import ANY, Criterion, Limit
-from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array, Mask
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
 
@@ -38,18 +36,6 @@ def find_least(values: Array, cycles: int) -> float:
 def share_done(results: Results) -> Array:
     """(runs,): whole cycles over those asked for."""
     return np.array([row.run.cycles_done / row.settings["cycles"] for row in results.rows])
-
-
-def cross_tabulate(
-    results: Results, rows: tuple[str, str], columns: tuple[str, str], cell: Callable[[Results], Any]
-) -> "pd.DataFrame":
-    """A row for each value of one setting, a column for each value of another; ``cell`` shows the runs with both.
-
-    ``rows`` are the first setting and the title of its column, ``columns`` the second and what its titles begin with.
-    """
-    values = {f"{columns[1]} {value}": {columns[0]: value} for value in results.values(columns[0])}
-    found = {title: (lambda own, chosen=chosen: cell(own.select(chosen))) for title, chosen in values.items()}
-    return tabulate(results, {rows[0]: rows[1]}, found)
 
 
 def describe_end(results: Results, values: Array) -> str:

@@ -14,8 +14,9 @@ from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least,
 from cmacexp.study.curves import over_cycles
 from cmacexp.study.samples import Sample, per_seed, relative
 from cmacexp.study.statements import Limit
+from cmacexp.study.tables import cross_tabulate
 from cmacexp.typing import Array
-from pipelines.common_results import cross_tabulate, describe_end, find_least, percent, share_done
+from pipelines.common_results import describe_end, find_least, percent, share_done
 
 if TYPE_CHECKING:
     import pandas as pd

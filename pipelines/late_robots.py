@@ -13,8 +13,8 @@ from cmacexp.metrics.registry import SHOWN
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw
 from cmacexp.study.curves import over_cycles
 from cmacexp.study.samples import ratio
-from cmacexp.study.tables import ends, tabulate
-from pipelines.common_results import cross_tabulate, itself, percent
+from cmacexp.study.tables import cross_tabulate, ends, tabulate
+from pipelines.common_results import itself, percent
 from pipelines.robots_findings import FORCE, POSITION, last
 from pipelines.robots_runs import ALONE, BOTH, CMAC, FURTHER, QUICK, SETTLED, require_robots, walks
 from pipelines.robots_runs import ROBOTS as FIRST

@@ -18,10 +18,10 @@ from cmacexp.metrics.final import TRANSFER
 from cmacexp.study import Criterion, Finding, Panel, Request, Results, Series, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import over_cycles
 from cmacexp.study.samples import ended_in, per_seed, quotients, relative
-from cmacexp.study.tables import tabulate
+from cmacexp.study.tables import cross_tabulate, tabulate
 from cmacexp.typing import Array
 from pipelines import long_learning_measures as measures
-from pipelines.common_results import cross_tabulate, describe_end, percent, share_done
+from pipelines.common_results import describe_end, percent, share_done
 from pipelines.long_learning_measures import FORCE, GRID, LEG, PAPER, WALK, final
 from pipelines.worlds import FEWER, TESTED, in_worlds
 

@@ -37,18 +37,27 @@ Quotable = Mapping[str, Mapping[str, Any]]
 """Statements by study and name."""
 
 
+def find_study(name: str) -> Path:
+    """The file of a study of this folder, of Python or of YAML."""
+    return next(path for suffix in (".yaml", ".py") if (path := PIPELINES / f"{name}{suffix}").is_file())
+
+
 def all_studies() -> list[StudyFile]:
     """Every study of this folder, by name."""
-    return [load_study(page.with_suffix(".py")) for page in sorted(PIPELINES.glob("*.md"))]
+    return [load_study(find_study(page.stem)) for page in sorted(PIPELINES.glob("*.md"))]
 
 
 @cache
-def declared() -> Mapping[str, Mapping[str, int]]:
-    """How many values each statement has, by study and name, whether it was measured or not."""
+def declared() -> Mapping[str, Mapping[str, Claim | Finding]]:
+    """Every statement by study and name, whether it was measured or not."""
     whole = make_study(MACHINES, [method.name for method in list_methods()])
     studies = {BENCHMARK: whole, **{file.name: file.study for file in all_studies()}}
-    statements: dict[str, Mapping[str, Claim | Finding]] = {n: {**s.claims, **s.findings} for n, s in studies.items()}
-    return {name: {key: len(each.criteria) for key, each in own.items()} for name, own in statements.items()}
+    return {name: {**study.claims, **study.findings} for name, study in studies.items()}
+
+
+def sentence_of(finding: Finding, entry: Mapping[str, Any]) -> str:
+    """The sentence of a finding as it came out."""
+    return finding.sentence(entry["verdict"], entry["values"], entry["intervals"], entry["counts"])
 
 
 def find_entry(study: str, name: str, results: Quotable) -> Mapping[str, Any] | None:
@@ -57,7 +66,7 @@ def find_entry(study: str, name: str, results: Quotable) -> Mapping[str, Any] | 
     Raises:
         LookupError: it declares no such statement.
     """
-    count, entry = declared()[study][name], results.get(study, {}).get(name)
+    count, entry = len(declared()[study][name].criteria), results.get(study, {}).get(name)
     whole = entry is not None and all(len(entry.get(column) or ()) == count for column in MEASURED)
     return entry if whole else None
 
@@ -70,10 +79,13 @@ def quoted(match: re.Match[str], results: Quotable) -> str:
     """
     kind, study, name, number = match.groups()
     index = int(number or 0)
-    if index >= declared()[study][name]:
+    statement = declared()[study][name]
+    if index >= len(statement.criteria):
         raise LookupError(f"{study}.{name} has no value {index}")
     if (entry := find_entry(study, name, results)) is None:
         return NOT_MEASURED
+    if kind == "sentence" and isinstance(statement, Finding):
+        return sentence_of(statement, entry)
     return str(entry[LISTS[kind]][index] if kind in LISTS else entry[kind])
 
 

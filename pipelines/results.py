@@ -171,4 +171,4 @@ def _quotable(statement: Mapping[str, Any]) -> dict[str, Any]:
         "counts": [each["size"] for each in criteria],
         "verdicts": [words.get(each["verdict"], each["verdict"]) for each in criteria],
     }
-    return entry | ({"sentence": statement["statement"]} if statement["kind"] == "finding" else {})
+    return entry

@@ -10,9 +10,8 @@ from cmacexp.metrics.text import format_number
 from cmacexp.study import Results, draw
 from cmacexp.study.curves import over_cycles, over_setting
 from cmacexp.study.interval import estimate
-from cmacexp.study.tables import completed, ends, tabulate
+from cmacexp.study.tables import completed, cross_tabulate, ends, tabulate
 from cmacexp.typing import Array
-from pipelines.common_results import cross_tabulate
 from pipelines.robots_findings import FEEDBACK, FORCE, JOINTS, POSITION, SHARE, TILT, judged, last
 from pipelines.robots_runs import FEEDFORWARDS, GROUND, LEAD, LEARNERS, LEFT_OUT, LONG, OTHERS, STARTS
 

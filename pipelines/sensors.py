@@ -17,9 +17,9 @@ from cmacexp.study import Criterion, Finding, Panel, Request, Results, Series, S
 from cmacexp.study.interval import estimate
 from cmacexp.study.samples import growth, relative
 from cmacexp.study.statements import Limit
-from cmacexp.study.tables import tabulate
+from cmacexp.study.tables import cross_tabulate, tabulate
 from cmacexp.typing import Array, Mask
-from pipelines.common_results import cross_tabulate, describe_end, percent, share_done
+from pipelines.common_results import describe_end, percent, share_done
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 
 def render_markdown(
+    page: str,
     template: Path,
     title: str,
     renderer: Renderer,
@@ -25,7 +26,9 @@ def render_markdown(
     tables: "Mapping[str, Callable[[], pd.DataFrame]]",
     values: Mapping[str, Any],
 ) -> list[Section]:
-    """The sections of a page of Markdown with Jinja; what comes before the first heading stands under ``title``.
+    """The sections of a ``page`` of Markdown with Jinja, the text of ``template``.
+
+    What comes before the first heading stands under ``title``.
 
     ``{% call figure("name", "Fig. 7") %}caption{% endcall %}`` inserts a figure, ``{{ table("name", "caption") }}`` a
     table, which are called then; ``{{ name }}`` a value; numbers get three digits. Raises BadInput if the template
@@ -46,18 +49,18 @@ def render_markdown(
     finalize = lambda value: format_number(value) if isinstance(value, float) else value  # noqa: E731
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=finalize)
     try:
-        text = environment.from_string(template.read_text(encoding="utf-8")).render(names)
+        text = environment.from_string(page).render(names)
     except UndefinedError as error:
         raise BadInput("page", template, f"{error.message}; it may use {listed(list(names))}") from error
     return _sections(text, title)
 
 
-def find_insertions(template: Path) -> list[tuple[str, str, int]]:
-    """What a template inserts by a name that it spells out: the function, the name, the line; raises BadInput."""
+def find_insertions(template: Path, page: str) -> list[tuple[str, str, int]]:
+    """What the ``page`` of a template inserts by a name that it spells out: function, name, line; raises BadInput."""
     from jinja2 import Environment, TemplateSyntaxError, nodes
 
     try:
-        tree = Environment().parse(template.read_text(encoding="utf-8"))
+        tree = Environment().parse(page)
     except TemplateSyntaxError as error:
         raise BadInput("page", template, f"line {error.lineno}: {error.message}") from error
     return [

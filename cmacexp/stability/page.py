@@ -89,6 +89,8 @@ def write_stability_report(
         growth = verdict.growth if math.isfinite(verdict.growth) else None
         place.write_text(VERDICT, json.dumps({**verdict._asdict(), "growth": growth}, indent=1) + "\n")
         text = Path(__file__).with_name("page.md")
-        sections = render_markdown(text, "Does learning hold", Renderer(place.part), drawn, tables, values)
+        sections = render_markdown(
+            text.read_text(encoding="utf-8"), text, "Does learning hold", Renderer(place.part), drawn, tables, values
+        )
         summary = " ".join((verdict.describe(), *notes))
         return write_report(Report(title, summary, sections, asked), place)

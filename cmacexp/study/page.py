@@ -152,7 +152,7 @@ def check_page(file: StudyFile) -> None:
     declared: dict[str, Mapping[str, Any]] = {
         "figure": study.figures, "table": study.tables, "finding": study.findings, "claim": study.claims,
     }  # fmt: skip
-    for kind, name, line in find_insertions(file.page):
+    for kind, name, line in find_insertions(file.page, file.text):
         if kind in declared and name not in declared[kind]:
             has = listed(list(declared[kind])) or "none"
             raise BadInput("page", file.page, f"line {line}: the study declares no {kind} {name!r}; it has {has}")
@@ -174,6 +174,7 @@ def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Ev
     claims = {} if quick else {name: claim.judge(results) for name, claim in study.claims.items()}
     findings = {} if quick else {name: finding.judge(results) for name, finding in study.findings.items()}
     sections = render_markdown(
+        file.text,
         file.page,
         study.title,
         Renderer(folder),

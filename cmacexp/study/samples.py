@@ -36,9 +36,12 @@ def ended_in(results: Results) -> Array:
 
 
 def relative(results: Results, other: Results, measure: Callable[[Results], Sequence[float] | Array]) -> Array:
-    """(runs,): :func:`quotients` of a measure and that of the run of ``other`` with the same seed."""
-    reference = dict(zip(_seeds(other), measure(other), strict=True))
-    return quotients(np.asarray(measure(results)), np.array([reference[seed] for seed in _seeds(results)]))
+    """(runs,): :func:`quotients` of a measure and that of ``other``: by seed, of the only run, or in order."""
+    references = np.asarray(measure(other))
+    by_seed = dict(zip(_seeds(other), references, strict=True))
+    if len(by_seed) == len(other) > 1:
+        references = np.array([by_seed[seed] for seed in _seeds(results)])
+    return quotients(np.asarray(measure(results)), references)
 
 
 def per_seed(results: Results, values: Array, choose: Callable[[Array], float]) -> Array:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 from cmacexp.errors import BadInput
@@ -17,7 +18,9 @@ from cmacexp.study.interval import (
     Interval,
     estimate,
 )
+from cmacexp.study.quantity import compute_quantity, parse_quantity
 from cmacexp.study.results import NoSuchRuns, Results
+from cmacexp.study.samples import relative
 from cmacexp.typing import Array, Mask, Status
 
 REPRODUCED, IN_PART, NOT_REPRODUCED = "reproduced", "reproduced in part", "not reproduced"
@@ -35,6 +38,10 @@ OUTCOMES = {REPRODUCED: YES, NOT_REPRODUCED: NO, CONTRADICTED: NO, INCONCLUSIVE:
 """What the verdict on a criterion means for a finding."""
 INFINITE = format_number(math.inf)
 UNDECIDED = "Undecided, since an interval contains the limit: {}"
+WORDS = {YES: YES, NO: NO, UNCLEAR: "undecided"}
+"""Outcomes in a generated sentence."""
+MOST_SHOWN = 4
+"""Values of a quantity that a generated sentence shows; of more it gives the number."""
 
 
 def _format_range(low: float, high: float, unit: str) -> str:
@@ -90,8 +97,11 @@ class Criterion:
 
     quantity: str
     """What is measured, as readers see it; criteria that differ only in their case share it."""
-    sample: Callable[[Results], Sequence[float] | Sequence[bool] | Array | Mask]
-    """A value for each run, pair or case; truth values for a proportion. What a failed run counts as is said here."""
+    sample: str | Callable[[Results], Sequence[float] | Sequence[bool] | Array | Mask]
+    """A value for each run, pair or case; truth values for a proportion. What a failed run counts as is said here.
+
+    A text is a quantity of :mod:`cmacexp.study.quantity`.
+    """
     holds: Limit
     """Where the statement holds."""
     fails: Limit | None = None
@@ -105,6 +115,18 @@ class Criterion:
     """Where it is measured, e.g. the machine."""
     infinite: str = "a run ended early"
     """What an infinite value means."""
+    over: Mapping[str, Any] | None = None
+    """Settings that differ in the runs which the sample is divided by, each run by that of the same seed."""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.sample, str):
+            parse_quantity(self.sample)
+
+    def take(self, results: Results) -> Sequence[float] | Sequence[bool] | Array | Mask:
+        """The sample of selected runs."""
+        sample: Any = partial(compute_quantity, self.sample) if isinstance(self.sample, str) else self.sample
+        own = results.select(self.of)
+        return sample(own) if self.over is None else relative(own, results.select({**self.of, **self.over}), sample)
 
     def format_limit(self, limit: Limit) -> str:
         """E.g. ``at most 5 %``."""
@@ -156,8 +178,10 @@ class CriterionResult:
 
 def _measure(criterion: Criterion, results: Results) -> CriterionResult:
     try:
-        chosen = results.select(criterion.of) if criterion.of else results
-        interval = estimate(criterion.sample(chosen), criterion.unit in ("", "%"))
+        chosen = results.select(criterion.of)
+        others = results.select({**criterion.of, **criterion.over}).rows if criterion.over is not None else ()
+        interval = estimate(criterion.take(results), criterion.unit in ("", "%"))
+        chosen = Results([*chosen.rows, *others], results.computed)
         if chosen.has_one_seed:
             interval = replace(interval, method=ONE_SEED)
     except BadSample as error:
@@ -226,12 +250,14 @@ class Finding:
 
     criteria: Sequence[Criterion]
     """The criteria that decide it, at least one."""
-    yes: str
-    """The sentence if every interval lies within its limit."""
-    no: str
+    yes: str = ""
+    """The sentence if every interval lies within its limit; if empty, sentences are generated."""
+    no: str = ""
     """The sentence if some interval lies outside."""
     unclear: str = ""
     """The sentence otherwise; if empty, it says that ``yes`` is undecided."""
+    says: str = ""
+    """What a generated sentence says ``yes`` or ``no`` to; if empty, the quantity."""
 
     def __post_init__(self) -> None:
         for wording in (self.yes, self.no, self.unclear):  # also those of outcomes that rarely occur
@@ -248,11 +274,31 @@ class Finding:
         """Measure every criterion."""
         return FindingResult(self, [_measure(criterion, results) for criterion in self.criteria])
 
-    def sentence(self, outcome: str, values: Sequence[str]) -> str:
-        """The sentence of an outcome, with the value of each criterion; of an infinite one, why."""
+    def sentence(self, outcome: str, values: Sequence[str], spreads: Sequence[str], sizes: Sequence[str]) -> str:
+        """The sentence of an outcome, with value, interval and n of each criterion; of an infinite value, why."""
+        if not self.yes:
+            return self._generate(outcome, values, spreads, sizes)
         wording = {YES: self.yes, NO: self.no, UNCLEAR: self.unclear or UNDECIDED.format(self.yes)}[outcome]
         pairs = zip(self.criteria, values, strict=True)
         return _fill(wording, [f"{value} ({each.infinite})" if value == INFINITE else value for each, value in pairs])
+
+    def _generate(self, outcome: str, values: Sequence[str], spreads: Sequence[str], sizes: Sequence[str]) -> str:
+        """E.g. ``error in cycle 5 over cycle 1: 15.5 % [14.9 to 16.2 %], n = 20; limit at most 10 %: no.``"""
+        quantities: dict[str, list[str]] = {}
+        for each, value, spread, size in zip(self.criteria, values, spreads, sizes, strict=True):
+            if each.holds != ANY:
+                reason = f" ({each.infinite})" if value == INFINITE else ""
+                shown = f"{each.case}{': ' if each.case else ''}{value}{reason} [{spread}], n = {size}"
+                quantities.setdefault(f"{each.quantity}|{each.format_limit(each.holds)}", []).append(shown)
+        parts = []
+        for key, found in quantities.items():
+            quantity, _, limit = key.rpartition("|")
+            listed = "; ".join(found) if len(found) <= MOST_SHOWN else f"{len(found)} values"
+            named = "" if self.says and len(quantities) == 1 else f"{quantity}: "
+            parts.append(f"{named}{listed}; limit {limit}")
+        if self.says:
+            return f"{self.says}: {WORDS[outcome]} ({'. '.join(parts)})."
+        return f"{'. '.join(parts)}: {WORDS[outcome]}."
 
 
 @dataclass(frozen=True)
@@ -271,4 +317,5 @@ class FindingResult:
     @property
     def sentence(self) -> str:
         """The sentence of the outcome."""
-        return self.finding.sentence(self.outcome, [each.value for each in self.measured])
+        columns = zip(*((each.value, each.spread, each.interval.size) for each in self.measured), strict=True)
+        return self.finding.sentence(self.outcome, *columns)

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 
 Values = Mapping[str, Sequence[Any] | Mapping[str, Sequence[str]]]
+YAML = (".yaml", ".yml")
+"""Suffixes of a study that is declared without Python."""
 STUDY_VARIABLE = "STUDY"
 """The variable of a file that holds its study."""
 
@@ -132,6 +134,17 @@ class StudyFile:
         """Its text: Markdown with Jinja."""
         return self.path.with_suffix(".md")
 
+    @property
+    def text(self) -> str:
+        """The text of its page; of a study of YAML without one, all that it declares in order."""
+        if self.page.is_file() or self.path.suffix == ".py":
+            return self.page.read_text(encoding="utf-8")
+        study = self.study
+        figures = [f'{{% call figure("{name}") %}}{name}{{% endcall %}}' for name in study.figures]
+        tables = [f'{{{{ table("{name}", "{name}") }}}}' for name in study.tables]
+        findings = [f'{{{{ finding("{name}") }}}}' for name in study.findings]
+        return "\n\n".join([f"{study.question} Runs: {{{{ runs }}}}.", *figures, *tables, "## Findings", *findings])
+
 
 def find_module(path: Path) -> tuple[Path, str]:
     """The folder that a study is imported from, that of its file or above its package, and its name there."""
@@ -148,8 +161,12 @@ def load_study(path: Path) -> StudyFile:
     path = path.resolve()
     if not path.is_file():
         raise BadInput("study", path, "there is no such file")
+    if path.suffix in YAML:
+        from cmacexp.study.declaration import read_study
+
+        return StudyFile(path, read_study(path))
     if path.suffix != ".py" or "." in path.stem:
-        raise BadInput("study", path, "must be a file of Python, its name without a dot before .py")
+        raise BadInput("study", path, "must be a file of Python, its name without a dot before .py, or of YAML")
     root, name = find_module(path)
     if str(root) not in sys.path:
         sys.path.insert(0, str(root))

@@ -33,6 +33,18 @@ def tabulate(
     )
 
 
+def cross_tabulate(
+    results: Results, rows: tuple[str, str], columns: tuple[str, str], cell: Callable[[Results], Any]
+) -> "pd.DataFrame":
+    """A row for each value of one setting, a column for each value of another; ``cell`` shows the runs with both.
+
+    ``rows`` are the first setting and the title of its column, ``columns`` the second and what its titles begin with.
+    """
+    values = {f"{columns[1]} {value}": {columns[0]: value} for value in results.values(columns[0])}
+    found = {title: (lambda own, chosen=chosen: cell(own.select(chosen))) for title, chosen in values.items()}
+    return tabulate(results, {rows[0]: rows[1]}, found)
+
+
 def _show(value: Any) -> Any:
     return estimate(value).value if isinstance(value, np.ndarray) else value
 

@@ -33,7 +33,7 @@ def write(folder, name, page="", sample="[1.0]", sentence="yes", runs="[]", more
 def test_the_study_of_the_page_leaves_a_finding_with_its_interval_and_quick_finds_nothing(tmp_path):
     (tmp_path / "my_study.py").write_text(block("python"))
     (tmp_path / "my_study.md").write_text(block("markdown"))
-    for line in block("bash").splitlines():
+    for line in block("bash").replace(".yaml", ".py").splitlines():
         done = python(*line.split()[1:], *TWO, folder=tmp_path)
         assert done.returncode == 0, done.stderr
     whole, quick = (tmp_path / "outputs" / "studies" / name for name in ("my_study", "my_study-quick"))
@@ -51,6 +51,38 @@ def test_the_study_of_the_page_leaves_a_finding_with_its_interval_and_quick_find
     done = python("-m", "cmacexp.study", "my_study.py", *TWO, folder=tmp_path)
     assert " 0 of them to be run" in done.stderr
     assert "A leg learns" in (whole / "report.html").read_text()
+
+
+@pytest.mark.ci
+def test_the_study_of_yaml_needs_no_python_and_its_second_finding_fails(tmp_path):
+    (tmp_path / "my_study.yaml").write_text(block("yaml"))
+    assert len(block("yaml").splitlines()) <= 15
+    for line in block("bash").splitlines():
+        done = python(*line.split()[1:], *TWO, folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+    cost, vanishes = json.loads((tmp_path / "outputs/studies/my_study/claims.json").read_text())["my_study"]
+    assert (vanishes["verdict"], [each["count"] for each in vanishes["criteria"]]) == ("no", [2, 2, 2])
+    assert re.fullmatch(
+        r"A long stroke is no less accurate: (yes|undecided) \(.* \[.*\], n = 2; limit .*\)\.", cost["statement"]
+    )
+    assert vanishes["statement"] in (tmp_path / "outputs/studies/my_study/report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        ("runs:", "run:", "study"), ("limit: at most 1 %", "limit: 1 %%", "limit"),
+        ("rmse_x[1]", "rmse[", "quantity"), ("rmse_x[1]", "rmse_q[1]", "quantity"), ("rmse_x[1]", "(x)", "quantity"),
+        ("says: A", "sais: A", "findings"), ("title", "[", "study"),
+    ],
+)  # fmt: skip
+def test_a_mistake_in_yaml_is_an_error_of_one_line_before_anything_is_run(old, new, key, tmp_path):
+    (tmp_path / "my_study.yaml").write_text(block("yaml").replace(old, new))
+    done = call("study", "my_study.yaml", folder=tmp_path)
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert done.returncode == 2
+    assert f"{key}=" in line
+    assert not (tmp_path / "outputs").exists()
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import pytest
 from support.command import ROOT, python
 from support.pages import PAGES
 
+from cmacexp.study import Criterion, Finding, at_most
 from pipelines import quotes
 from pipelines.quotes import (
     NOT_MEASURED,
@@ -25,6 +26,7 @@ from pipelines.results import CHANGED, CURRENT, NEVER, PublishedResults, read_re
 
 RESULTS = read_results()
 QUICKEST = "lead_design"
+ONE = Criterion("force", "force_rmse", at_most(4.0))
 ENTRY = {
     "verdict": "yes",
     "values": ["1 N", "3 N"],
@@ -53,14 +55,25 @@ def test_every_statement_that_was_measured_has_n_and_an_interval_for_each_value(
 @pytest.fixture
 def statements(monkeypatch):
     """Two statements, one of which has been measured."""
-    monkeypatch.setattr(quotes, "declared", lambda: {"s": {"a": 2, "new": 1}})
+    monkeypatch.setattr(
+        quotes,
+        "declared",
+        lambda: {"s": {"a": Finding(2 * [ONE], "It is {value}.", "No."), "new": Finding([ONE], says="new")}},
+    )
     return {"s": {"a": ENTRY}}
 
 
 def test_a_quote_gives_value_interval_size_and_verdict(statements):
-    quoted = ('quote("s.a", 1)', 'interval("s.a")', 'size("s.a")', 'verdict("s.a")', 'quote("s.new")')
+    quoted = (
+        'sentence("s.a")',
+        'quote("s.a", 1)',
+        'interval("s.a")',
+        'size("s.a")',
+        'verdict("s.a")',
+        'quote("s.new")',
+    )
     filled = [fill_quotes(f"{{{{ {text} }}}}", statements) for text in quoted]
-    assert filled == ["3 N", "1 to 2 N", "18 of 20", "yes", NOT_MEASURED]
+    assert filled == ["It is 1 N.", "3 N", "1 to 2 N", "18 of 20", "yes", NOT_MEASURED]
 
 
 @pytest.mark.parametrize("wrong", ['"s.b"', '"t.a"', '"s.a", 2'])

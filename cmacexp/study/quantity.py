@@ -1,0 +1,101 @@
+"""Quantities of runs as text: ``transfer_rmse_x[5] / transfer_rmse_x[1]``, a value for each run.
+
+A name is a metric or a measure of the study: ``force_rmse[5]`` its value in cycle 5, ``force_rmse[-3:]`` the median
+of the last 3 cycles, ``force_rmse`` alone its final value (``cmacexp.metrics.final``). ``completed`` says whether a
+run reached its end, ``done`` is the share of its cycles that it did. The text is Python's notation of arithmetic and
+comparisons, with ``abs``, ``hypot``, ``max`` and ``min``; it is read by this file, never executed.
+"""
+
+import ast
+import operator
+from collections.abc import Callable, Iterator
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from cmacexp.errors import BadInput, suggest
+from cmacexp.metrics.registry import ALL_METRICS
+from cmacexp.study.results import Results
+from cmacexp.study.samples import growth
+from cmacexp.typing import Array
+
+OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: growth, ast.Pow: operator.pow,
+    ast.USub: operator.neg, ast.LtE: operator.le, ast.GtE: operator.ge, ast.Lt: operator.lt, ast.Gt: operator.gt,
+}  # fmt: skip
+"""What is computed for each sign; a ratio is infinite of a run that ended before its numerator."""
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "abs": np.abs, "hypot": np.hypot, "max": lambda *values: reduce(np.maximum, values),
+    "min": lambda *values: reduce(np.minimum, values),
+}  # fmt: skip
+OF_RUNS: dict[str, Callable[[Results], Array]] = {
+    "completed": lambda results: np.array(results.completed),
+    "done": lambda results: np.array([row.run.cycles_done / row.settings["cycles"] for row in results.rows]),
+}
+"""What every run has besides metrics and measures."""
+
+
+def parse_quantity(text: str) -> ast.expr:
+    """The expression of a text.
+
+    Raises:
+        BadInput: it is none, or uses what this file does not know.
+    """
+    try:
+        tree = ast.parse(str(text), mode="eval").body
+    except SyntaxError as error:
+        raise BadInput("quantity", text, f"is no expression: {error.msg}") from error
+    for node in ast.walk(tree):
+        known = isinstance(node, ast.Constant | ast.Name | ast.Load | ast.Slice | ast.Subscript | ast.operator)
+        known |= isinstance(node, ast.BinOp | ast.UnaryOp | ast.Compare | ast.cmpop | ast.unaryop)
+        known |= isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS
+        if not known or (isinstance(node, ast.operator | ast.cmpop | ast.unaryop) and type(node) not in OPERATORS):
+            raise BadInput("quantity", text, f"may use + - * / ** < <= > >= and {', '.join(FUNCTIONS)}")
+    return tree
+
+
+def list_names(text: str) -> Iterator[str]:
+    """The metrics and measures that a quantity is made of; raises as :func:`parse_quantity`."""
+    called = (*FUNCTIONS, *OF_RUNS)
+    tree = parse_quantity(text)
+    return (node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and node.id not in called)
+
+
+def check_quantity(text: str, measures: Any = ()) -> None:
+    """Check the names of a quantity before anything is run.
+
+    Raises:
+        BadInput: it is no quantity, or a name is neither a metric nor one of ``measures``.
+    """
+    for name in list_names(text):
+        if name not in ALL_METRICS and name not in measures:
+            allowed = [*OF_RUNS, *measures, *ALL_METRICS]
+            raise BadInput("quantity", text, f"has no metric or measure {name!r}{suggest(name, allowed)}")
+
+
+def compute_quantity(text: str, results: Results) -> Array:
+    """(runs,): the value of a quantity in each run; raises as :func:`parse_quantity` and ``Results.at``."""
+    found = np.broadcast_to(_compute(parse_quantity(text), results), len(results))
+    return np.array(found)
+
+
+def _compute(node: ast.expr, results: Results) -> Any:
+    match node:
+        case ast.Constant(value):
+            return value
+        case ast.Name(name):
+            if name in OF_RUNS:
+                return OF_RUNS[name](results)
+            return results.end(name) if name in ALL_METRICS else results.measure(name)
+        case ast.Subscript(ast.Name(name), ast.Slice(ast.UnaryOp(ast.USub(), ast.Constant(int(count))), None)):
+            return results.end(name, count)
+        case ast.Subscript(ast.Name(name), ast.Constant(int(cycle))):
+            return results.at(cycle, name)
+        case ast.BinOp(left, sign, right) | ast.Compare(left, [sign], [right]):
+            return OPERATORS[type(sign)](_compute(left, results), _compute(right, results))
+        case ast.UnaryOp(sign, value):
+            return OPERATORS[type(sign)](_compute(value, results))
+        case ast.Call(ast.Name(name), values):
+            return FUNCTIONS[name](*(_compute(value, results) for value in values))
+    raise BadInput("quantity", ast.unparse(node), "write a cycle as [5], the last cycles as [-3:]")

@@ -1,0 +1,86 @@
+"""Quantities as text: what stands for a metric in a cycle, at the end, and for runs that ended early."""
+
+import math
+
+import numpy as np
+import pytest
+from support.doors import BadInput
+from support.made_studies import made_row
+
+from cmacexp.study import Criterion, Finding, Results, at_most, between
+from cmacexp.study.declaration import format_overrides, read_limit
+from cmacexp.study.interval import UNPAIRED
+from cmacexp.study.quantity import compute_quantity
+
+
+def made(errors, asked, measures=None, **settings):
+    return made_row({"transfer_rmse_x": errors}, asked, measures, cycles=asked, **settings)
+
+
+WHOLE, FELL = made([4.0, 2.0, 1.0, 3.0], 4, {"mass": 2.0}, seed=0), made([4.0, 2.0], 4, {"mass": 5.0}, seed=1)
+BOTH = Results([WHOLE, FELL])
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("transfer_rmse_x[1]", [4.0, 4.0]),
+        ("transfer_rmse_x[-2:]", [2.0, math.inf]),
+        ("transfer_rmse_x", [2.5, math.inf]),
+        ("transfer_rmse_x / transfer_rmse_x[1]", [0.625, math.inf]),
+        ("transfer_rmse_x[4] / transfer_rmse_x[3]", [3.0, math.inf]),
+        ("1 - abs(-mass) * 2 ** 2", [-7.0, -19.0]),
+        ("max(transfer_rmse_x[2], mass, 3) <= 3", [True, False]),
+        ("completed", [True, False]),
+        ("done", [1.0, 0.5]),
+        ("7", [7.0, 7.0]),
+    ],
+)
+def test_a_quantity_is_a_value_for_each_run(text, expected):
+    np.testing.assert_array_equal(compute_quantity(text, BOTH), expected)
+
+
+@pytest.mark.parametrize(
+    "text", ["open('x')", "mass.real", "[mass]", "mass if mass else 1", "mass[1:2]", "mass @ mass"]
+)
+def test_a_text_that_is_no_quantity_is_refused(text):
+    with pytest.raises(BadInput):
+        compute_quantity(text, BOTH)
+
+
+def test_over_divides_by_the_run_of_the_same_seed_and_counts_failures_apart():
+    """The order of the runs does not matter; a run whose reference fell says nothing."""
+    plain = [made([1.0, error], 2, kind="plain", seed=seed) for seed, error in ((2, 4.0), (0, 2.0))]
+    learns = [made([1.0, error], 2, kind="learns", seed=seed) for seed, error in ((0, 3.0), (2, 1.0))]
+    ratio = Criterion("error", "transfer_rmse_x[-1:]", at_most(1.0), of={"kind": "learns"}, over={"kind": "plain"})
+    assert ratio.take(Results([*plain, *learns])).tolist() == [1.5, 0.25]
+    fell = made([1.0], 2, kind="plain", seed=0)
+    assert ratio.take(Results([plain[0], fell, *learns])).tolist() == [UNPAIRED, 0.25]
+
+
+def test_a_sentence_without_words_is_made_of_quantity_value_interval_n_and_limit():
+    own = Criterion("error", lambda results: [1e-3], at_most(2e-3), unit="mm", scale=1e3)
+    assert Finding([own]).judge(BOTH).sentence == "error: 1 mm [deterministic], n = 1; limit at most 2 mm: yes."
+    asked = Finding(5 * [own], says="It is small").judge(BOTH)
+    assert asked.sentence == "It is small: yes (5 values; limit at most 2 mm)."
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("at most 10 %", (at_most(0.1), "%", 100.0)), ("1 to 3 mm", (between(1e-3, 3e-3), "mm", 1e3)),
+     ("at most -2e-1 N m", (at_most(-0.2), "N m", 1.0))],
+)  # fmt: skip
+def test_a_limit_is_read_in_its_unit(text, expected):
+    assert read_limit(text) == expected
+
+
+def test_overrides_of_a_mapping_are_what_the_command_line_takes():
+    given = {
+        "cmac.inputs": ["angle", "velocity"],
+        "gait.touch_down": None,
+        "learning.lead": "auto",
+        "a": True,
+        "b": 0.5,
+    }
+    texts = ["cmac.inputs=[angle, velocity]", "gait.touch_down=null", "learning.lead=auto", "a=true", "b=0.5"]
+    assert format_overrides(given) == texts
