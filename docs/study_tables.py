@@ -10,7 +10,7 @@ from typing import Any
 from cmacexp.commands.study import FOLDER
 from cmacexp.data.folder import FIGURES, HTML
 from cmacexp.study.statements import NO, UNCLEAR, VERDICTS, YES
-from cmacexp.study.study import StudyFile
+from cmacexp.study.study_file import StudyFile
 from pipelines.quotes import (
     DOCS,
     NOT_MEASURED,

@@ -10,7 +10,7 @@ from cmacexp.commands.study import FOLDER_KEY, Options, command, print_statement
 from cmacexp.data.folder import new_result
 from cmacexp.data.manifest import REPORT
 from cmacexp.study.page import write_page
-from cmacexp.study.study import load_study
+from cmacexp.study.study_file import load_study
 
 STUDIES = ("lead_design", "force_methods", "one_leg_learning", "quadruped_walking", "cmac_size", "assumptions")
 TITLE = "Lin & Song 1997, claim by claim"

@@ -14,7 +14,7 @@ from typing import Any
 
 from cmacexp.study import Claim, Criterion, Finding
 from cmacexp.study.page import build_evidence, count_verdicts
-from cmacexp.study.study import StudyFile, load_study
+from cmacexp.study.study_file import StudyFile, load_study
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
 from pipelines.benchmark.benchmark import make_study
 from pipelines.benchmark.entrants import list_methods

@@ -22,7 +22,8 @@ from cmacexp.errors import BadInput
 from cmacexp.study.page import Evaluated, check_page, count_verdicts, evaluate, evidence_of, format_text, write_page
 from cmacexp.study.provenance import choose_witnesses, digest_study, make_provenance
 from cmacexp.study.results import Results, read_row
-from cmacexp.study.study import Request, StudyFile, load_study
+from cmacexp.study.study import Request
+from cmacexp.study.study_file import StudyFile, load_study
 from cmacexp.terminal.output import print_line
 from cmacexp.typing import RESULTS
 

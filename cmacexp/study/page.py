@@ -32,7 +32,7 @@ from cmacexp.study.statements import (
     CriterionResult,
     FindingResult,
 )
-from cmacexp.study.study import StudyFile
+from cmacexp.study.study_file import StudyFile
 from cmacexp.terminal.tables import GAP, TEXT_WIDTH
 
 QUICK_NOTICE = (

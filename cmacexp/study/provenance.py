@@ -21,7 +21,7 @@ from cmacexp.data.run import Run
 from cmacexp.data.version import __version__
 from cmacexp.jit.sources import PACKAGE, RESULT_ROOMS
 from cmacexp.study.results import Results, RunRow
-from cmacexp.study.study import find_module
+from cmacexp.study.study_file import find_module
 
 PROVENANCE = "provenance.json"
 """Beside the page of a study."""

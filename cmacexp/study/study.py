@@ -1,11 +1,8 @@
 """The declaration of a study: what it runs, measures and says; and how it is found in its file."""
 
-import importlib
 import itertools
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cmacexp.errors import BadInput
@@ -18,10 +15,6 @@ if TYPE_CHECKING:
 
 
 Values = Mapping[str, Sequence[Any] | Mapping[str, Sequence[str]]]
-YAML = (".yaml", ".yml")
-"""Suffixes of a study that is declared without Python."""
-STUDY_VARIABLE = "STUDY"
-"""The variable of a file that holds its study."""
 
 
 @dataclass(frozen=True)
@@ -115,68 +108,3 @@ class Study:
     tables: "Mapping[str, Callable[[Results], pd.DataFrame]]" = field(default_factory=dict)
     values: Callable[[Results], Mapping[str, Any]] = lambda results: {}
     """Further values of the page, by name."""
-
-
-@dataclass(frozen=True)
-class StudyFile:
-    """A study, and where it stands."""
-
-    path: Path
-    study: Study
-
-    @property
-    def name(self) -> str:
-        """The name of the study: that of its file, without the suffix."""
-        return self.path.stem
-
-    @property
-    def page(self) -> Path:
-        """Its text: Markdown with Jinja."""
-        return self.path.with_suffix(".md")
-
-    @property
-    def text(self) -> str:
-        """The text of its page; of a study of YAML without one, all that it declares in order."""
-        if self.page.is_file() or self.path.suffix == ".py":
-            return self.page.read_text(encoding="utf-8")
-        study = self.study
-        figures = [f'{{% call figure("{name}") %}}{name}{{% endcall %}}' for name in study.figures]
-        tables = [f'{{{{ table("{name}", "{name}") }}}}' for name in study.tables]
-        findings = [f'{{{{ finding("{name}") }}}}' for name in study.findings]
-        return "\n\n".join([f"{study.question} Runs: {{{{ runs }}}}.", *figures, *tables, "## Findings", *findings])
-
-
-def find_module(path: Path) -> tuple[Path, str]:
-    """The folder that a study is imported from, that of its file or above its package, and its name there."""
-    if (path.parent / "__init__.py").is_file():
-        return path.parent.parent, f"{path.parent.name}.{path.stem}"
-    return path.parent, path.stem
-
-
-def load_study(path: Path) -> StudyFile:
-    """Import the study of a file.
-
-    Raises BadInput if it, its page or the study in it is missing, or it cannot be imported by its name.
-    """
-    path = path.resolve()
-    if not path.is_file():
-        raise BadInput("study", path, "there is no such file")
-    if path.suffix in YAML:
-        from cmacexp.study.declaration import read_study
-
-        return StudyFile(path, read_study(path))
-    if path.suffix != ".py" or "." in path.stem:
-        raise BadInput("study", path, "must be a file of Python, its name without a dot before .py, or of YAML")
-    root, name = find_module(path)
-    if str(root) not in sys.path:
-        sys.path.insert(0, str(root))
-    module = importlib.import_module(name)
-    if module.__file__ is None or Path(module.__file__).resolve() != path:
-        raise BadInput("study", path, f"another module is called {path.stem}; rename this file and its page")
-    study = getattr(module, STUDY_VARIABLE, None)
-    if not isinstance(study, Study):
-        raise BadInput("study", path, f"must define {STUDY_VARIABLE} = cmacexp.study.Study(...)")
-    found = StudyFile(path, study)
-    if not found.page.is_file():
-        raise BadInput("study", path, f"needs a page of Markdown beside it: {found.page.name}")
-    return found

@@ -26,7 +26,7 @@ from cmacexp.jit.sources import code_hash
 from cmacexp.study.page import evaluate, write_page
 from cmacexp.study.provenance import digest_files, make_provenance, make_witness
 from cmacexp.study.results import Results
-from cmacexp.study.study import StudyFile
+from cmacexp.study.study_file import StudyFile
 from cmacexp.terminal.messages import warn_of_models
 from cmacexp.terminal.output import print_line
 from cmacexp.terminal.tables import print_table

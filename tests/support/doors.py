@@ -68,4 +68,4 @@ from cmacexp.sensors.kernels import new_observation as new_observation
 from cmacexp.study.interval import UNPAIRED as UNPAIRED
 from cmacexp.study.interval import estimate as estimate
 from cmacexp.study.results import RunRow as RunRow
-from cmacexp.study.study import load_study as load_study
+from cmacexp.study.study_file import load_study as load_study
