@@ -1,22 +1,24 @@
 """Desired motion and force of the feet over one cycle."""
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
 from cmacexp.config import Config
 from cmacexp.config.gait import COSINE
 from cmacexp.errors import BadInput
+from cmacexp.jit.compiler import kernel, program, workload
 from cmacexp.models.ground import depression_for
 from cmacexp.models.leg import Leg, inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
-from cmacexp.models.mechanism import POINT_MASS, Mechanism
+from cmacexp.models.mechanism import POINT_MASS, Mechanism, get_leg
 from cmacexp.planning.body_load import BodyLoad
-from cmacexp.planning.columns import AX, AY, MOTION_COLUMNS, VX, VY, X, Y
+from cmacexp.planning.columns import AX, AY, DDQ1, DDQ2, DQ1, DQ2, MOTION_COLUMNS, Q1, Q2, VX, VY, X, Y
 from cmacexp.planning.foot_path import VERTICAL, line, quintic
 from cmacexp.planning.gait import Timing
 from cmacexp.planning.load_sharing import remove_pull, share_load
 from cmacexp.typing import Array
+
+Sample = tuple[float, float, float, float, float, float]
 
 
 def plan_horizontal(config: Config, timing: Timing) -> Array:
@@ -111,18 +113,38 @@ def plan_joints(mechanism: Mechanism, desired: Array, joints: Array) -> None:
     if mechanism.kind == POINT_MASS:
         joints[...] = desired
         return
+    with workload(desired.shape[0] * desired.shape[1]):  # one run does not repay compiling, many do
+        _plan_samples_now(mechanism, desired, joints)
+
+
+@kernel
+def _plan_sample(leg: Leg, x: float, y: float, vx: float, vy: float, ax: float, ay: float) -> Sample:
+    """:func:`plan_joints` for one sample of a leg."""
+    q1, q2 = inverse_kinematics(leg, x, y)
+    trig = trigonometry(q1, q2)
+    dq1, dq2 = joint_velocity(leg, trig, vx, vy)
+    ddq1, ddq2 = joint_acceleration(leg, trig, dq1, dq2, ax, ay)
+    return q1, q2, dq1, dq2, ddq1, ddq2
+
+
+@kernel
+def _plan_samples(mechanism: Mechanism, desired: Array, joints: Array) -> None:
+    """:func:`plan_joints` for planar legs."""
     for i in range(desired.shape[1]):
-        # Python's own numbers are faster than NumPy's.
-        joints[:, i] = _plan_leg(Leg(*mechanism.legs[i].tolist()), tuple(map(tuple, desired[:, i].tolist())))
+        leg = get_leg(mechanism, i)
+        for k in range(desired.shape[0]):
+            x, y, vx, vy, ax, ay = desired[k, i]
+            q1, q2, dq1, dq2, ddq1, ddq2 = _plan_sample(leg, x, y, vx, vy, ax, ay)
+            joints[k, i, Q1], joints[k, i, Q2] = q1, q2
+            joints[k, i, DQ1], joints[k, i, DQ2] = dq1, dq2
+            joints[k, i, DDQ1], joints[k, i, DDQ2] = ddq1, ddq2
 
 
-@lru_cache(64)  # most runs of a sweep have the same plan
-def _plan_leg(leg: Leg, desired: tuple[tuple[float, ...], ...]) -> Array:
-    """:func:`plan_joints` for one leg."""
-    rows = []
-    for x, y, vx, vy, ax, ay in desired:
-        q1, q2 = inverse_kinematics(leg, x, y)
-        trig = trigonometry(q1, q2)
-        dq1, dq2 = joint_velocity(leg, trig, vx, vy)
-        rows.append((q1, q2, dq1, dq2, *joint_acceleration(leg, trig, dq1, dq2, ax, ay)))
-    return np.array(rows)
+def _plan_samples_plainly(mechanism: Mechanism, desired: Array, joints: Array) -> None:
+    """The same in plain Python, whose own numbers are faster than NumPy's."""
+    for i in range(desired.shape[1]):
+        leg = Leg(*mechanism.legs[i].tolist())
+        joints[:, i] = [_plan_sample(leg, *row) for row in desired[:, i].tolist()]
+
+
+_plan_samples_now = program(_plan_samples, _plan_samples_plainly)

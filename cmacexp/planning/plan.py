@@ -1,6 +1,9 @@
 """The plan of a cycle: phases, desired motion and force of every foot, and the reference of the controller."""
 
-from typing import NamedTuple
+import copy
+from collections import deque
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -151,12 +154,32 @@ def _moving_load(walk: _Walk, desired: Array, joints: Array) -> BodyLoad:
     return load
 
 
-def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> Plan:
-    """Plan one cycle; without a feedforward that acts it stays in the stage BEFORE.
+_UNREAD: dict[str, Any] = dict.fromkeys(
+    """plant payload sensors actuator posture plausibility feedforward cmac learning record sweep optimize
+    warn cycles seed scenario""".split()
+)
+"""Fields of a config that a plan does not follow from."""
+_plans: deque[tuple[Config, Plan]] = deque(maxlen=16)
+"""The last plans, and all that each follows from: many of the runs of a sweep share one."""
 
-    Raises BadInput if a foot path leaves the reach of its leg, or the gait is neither statically stable nor one in
-    which a swaying body keeps its balance.
+
+def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> Plan:
+    """Plan one cycle of a config, whose machine is given as ``mechanism``, too.
+
+    Without a feedforward that acts it stays in the stage BEFORE. Raises BadInput if a foot path leaves the reach of
+    its leg, or the gait is neither statically stable nor one in which a swaying body keeps its balance.
     """
+    start = (config.first_learning - 1) * config.steps_per_cycle if feedforward_acts else NEVER
+    read = replace(config, **_UNREAD)
+    plan = next((plan for known, plan in _plans if known == read), None)
+    if plan is None:
+        plan = _make_plan(read, mechanism)
+        _plans.appendleft((read, plan))
+    return copy.deepcopy(plan)._replace(start_step=start)  # a run may change its own
+
+
+def _make_plan(config: Config, mechanism: Mechanism) -> Plan:
+    """:func:`make_plan` of a config that has nothing but what is read here."""
     walk = _start_walk(config, mechanism)
     timing, feet = walk.timing, walk.feet
     planned_margins = margins(feet, timing.support)
@@ -183,7 +206,7 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
         load,
         walk.sway,
         planned_margins,
-        (config.first_learning - 1) * config.steps_per_cycle if feedforward_acts else NEVER,
+        NEVER,
     )
 
 
