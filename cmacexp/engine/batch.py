@@ -1,21 +1,22 @@
 """Many runs as one table: those of a sweep, from disk, or run in memory on all cores."""
 
+import os
 import warnings
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pyarrow as pa
 
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.run import Run, sort_folders
-from cmacexp.engine.equal_results import Outcome, find_idle_keys, make_outcome
+from cmacexp.engine.chunk import RunEnd, run_chunk
+from cmacexp.engine.equal_results import Outcome, find_idle_keys, hash_overrides
 from cmacexp.engine.pool import start_workers
 from cmacexp.engine.sweep_tables import (
     concat_metrics,
     join_runs,
-    join_scores,
     make_labels,
     make_table,
     parse_overrides,
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 METRICS, TRACE = KEPT = ("metrics", "trace")
+MOST_RUNS, CHUNKS_EACH = 16, 4
+"""Runs that a process takes at a time, at most, and how often it comes back at least, if there are enough runs."""
 
 
 def load_sweep(folder: str | Path) -> "pd.DataFrame":
@@ -82,33 +85,25 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
             raise BadInput("runs", overrides, f"must be a list of lists of overrides: [[{overrides!r}]]")
     if not runs:
         raise BadInput("runs", list(runs), "must have at least one run")
-    with start_workers(processes) as parallel_map:
-        done = parallel_map("running", _run, [(list(overrides), keep, len(runs)) for overrides in runs])
-    settings, (ends, tables, outcomes, others) = parse_overrides(runs), zip(*done, strict=True)
-    for other in dict.fromkeys(filter(None, others)):
+    count = processes or len(os.sched_getaffinity(0))
+    size = max(1, min(MOST_RUNS, len(runs) // (CHUNKS_EACH * count)))
+    listed = [list(overrides) for overrides in runs]
+    chunks = [(listed[at : at + size], keep == TRACE, len(runs)) for at in range(0, len(runs), size)]
+    with start_workers(count) as parallel_map:
+        done = parallel_map("running", run_chunk, chunks)
+    ends: list[RunEnd] = [end for chunk, _ in done for end in chunk]
+    for other in dict.fromkeys(filter(None, (end.other_model for end in ends))):
         warnings.warn(other, OtherModel, stacklevel=2)
+    settings = parse_overrides(runs)
+    outcomes = [
+        Outcome(partial(hash_overrides, overrides), end.result) if end.result else None
+        for overrides, end in zip(listed, ends, strict=True)
+    ]
     for kind, text in find_idle_keys(settings, outcomes, list(map(str, range(len(runs)))), "runs"):
         if kind == "warning":
             warnings.warn(text, WithoutEffect, stacklevel=2)
         else:
             print_line(f"{kind}: {text}", error=True)
-    rows = [{"run": i, **values, "status": end} for i, (values, end) in enumerate(zip(settings, ends, strict=True))]
-    return join_runs(make_table(rows), *concat_metrics(tables)).to_pandas()
-
-
-def _run(overrides: list[str], keep: str, runs: int) -> tuple[str, pa.Table, Outcome | None, str]:
-    """How one of so many runs ended, what is kept of it, what shows idle keys, and that its robot is another one."""
-    from cmacexp.config.compose import compose_config
-    from cmacexp.config.machine import describe_other_model
-    from cmacexp.engine.run import score_scenario
-    from cmacexp.jit.compiler import expect_runs
-    from cmacexp.loop.scenario import make_scenario
-
-    expect_runs(runs)
-    traces = list[pa.Table]()
-    config = compose_config(overrides)
-    scenario = make_scenario(config)
-    end, scorer = score_scenario(scenario, lambda new: traces.append(new.table) if keep == TRACE else None)
-    outcome = make_outcome(config, end.status, end.steps, scorer.scores)
-    table = pa.concat_tables(traces) if traces else join_scores(scorer.scores)
-    return end.status, table, outcome, describe_other_model(config.machine)
+    rows = [{"run": i, **own, "status": end.status} for i, (own, end) in enumerate(zip(settings, ends, strict=True))]
+    table, _ = concat_metrics([table for _, table in done])
+    return join_runs(make_table(rows), table, np.repeat(np.arange(len(runs)), [end.rows for end in ends])).to_pandas()

@@ -4,15 +4,14 @@ Nothing is declared for this, so it holds for custom components too. A single ru
 (:mod:`cmacexp.engine.without_effect`), since it has nothing that it could be compared with.
 """
 
-import hashlib
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from cmacexp.config import Config, config_hash, to_plain
-from cmacexp.data.parquet import as_array
+from cmacexp.config import config_hash, to_plain
+from cmacexp.config.compose import compose_config
 from cmacexp.data.run import Run
-from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores
+from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE
 from cmacexp.terminal.output import print_line
 from cmacexp.typing import RESULTS
 
@@ -23,30 +22,33 @@ MOST_NAMES = 5
 class Outcome(NamedTuple):
     """What a run was of, and what it gave; metrics are all that is compared, since every run has them."""
 
-    config: str
-    """Hash of its config, without what cannot change a result: two runs of one config prove nothing."""
+    hash_config: Callable[[], str]
+    """The hash of its config, without what cannot change a result: two runs of one config prove nothing."""
     result: str
     """How it ended, after how many steps, and the hashes of its metrics."""
 
 
-def make_outcome(config: Config, status: str, steps: int, scores: Scores) -> Outcome | None:
-    """The outcome of a run in memory; None if it failed, has no whole cycle, or is not to warn."""
-    if not config.warn or status not in RESULTS or steps < config.steps_per_cycle:
-        return None
-    hashes = [
-        hashlib.sha256(b"".join(as_array(table, name).tobytes() for name in table.column_names)).hexdigest()
-        for table in scores
-        if table is not None
-    ]
-    return Outcome(config_hash(to_plain(config)), repr((status, steps, hashes)))
+def hash_overrides(overrides: Sequence[str]) -> str:
+    """The hash of the config of these overrides."""
+    return config_hash(to_plain(compose_config(overrides)))
 
 
 def read_outcome(run: Run) -> Outcome | None:
-    """The same of a stored run, whose manifest has the hashes of its files; raises BadRun."""
+    """The outcome of a stored run, whose manifest has the hashes of its files; raises BadRun.
+
+    None if it failed, has no whole cycle, or is not to warn.
+    """
     if not run.config.get("warn", True) or run.status not in RESULTS or not run.whole_cycles:
         return None
     hashes = [run.manifest["files"].get(name) for name in (METRICS_FILE, BODY_METRICS_FILE)]
-    return Outcome(run.manifest["config_hash"], repr((run.status, run.manifest["steps"], hashes)))
+    found = run.manifest["config_hash"]
+    return Outcome(lambda: found, repr((run.status, run.manifest["steps"], hashes)))
+
+
+def _has_other_config(group: Sequence[tuple[Outcome, str]]) -> bool:
+    """Whether not all runs of a group are of one config."""
+    first = group[0][0].hash_config()
+    return any(outcome.hash_config() != first for outcome, _ in group[1:])
 
 
 def find_idle_keys(
@@ -61,19 +63,21 @@ def find_idle_keys(
     known = zip(settings, outcomes, names, strict=True)
     runs = [(values, outcome, name) for values, outcome, name in known if outcome is not None]
     for key in settings[0] if settings else ():
-        groups = defaultdict[str, dict[str, tuple[str, str]]](dict)
+        groups = defaultdict[str, list[tuple[Outcome, str]]](list)
         for values, outcome, name in runs:
-            others = repr([value for other, value in values.items() if other != key])
-            groups[others].setdefault(outcome.config, (outcome.result, name))
-        compared = [list(group.values()) for group in groups.values() if len(group) > 1]
-        if not compared or any(result != group[0][0] for group in compared for result, _ in group):
+            groups[repr([value for other, value in values.items() if other != key])].append((outcome, name))
+        alike = [group for group in groups.values() if len(group) > 1]
+        if any(outcome.result != group[0][0].result for group in alike for outcome, _ in group):
             continue
-        listed = [name for _, name in compared[0]]
+        proof = next((group for group in alike if _has_other_config(group)), None)
+        if proof is None:
+            continue
+        listed = [name for _, name in proof]
         if len(listed) > MOST_NAMES:
             listed = [*listed[: MOST_NAMES - 1], "...", listed[-1]]
         equal = f"{what} {', '.join(listed)} gave equal results"
-        if len(compared) > 1:
-            equal += f"; the same in {len(compared) - 1} more group{'s' * (len(compared) > 2)} of {what}"
+        if len(alike) > 1:
+            equal += f"; the same in {len(alike) - 1} more group{'s' * (len(alike) > 2)} of {what}"
         if key.endswith("seed"):
             yield "note", f"{key} changes nothing here, one is enough: {equal}"
         else:

@@ -30,7 +30,7 @@ from cmacexp.data.tables import (
     Scores,
     write_scores,
 )
-from cmacexp.data.trace import Trace, concat_traces, count_steps_by_cycle, trace_writer
+from cmacexp.data.trace import SampledTrace, Trace, concat_traces, count_steps_by_cycle, trace_writer
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.engine.failure import describe_failure
 from cmacexp.engine.stop_cause import explain_stop
@@ -68,7 +68,7 @@ def _known_torque(scenario: Scenario) -> Array | None:
     return feedforward.model_torque if isinstance(feedforward, BuiltInFeedforward) else None
 
 
-def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Trace:
+def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> SampledTrace:
     """The trace of the steps that were sampled."""
     plan, config, legs = scenario.setup.plan, scenario.setup.config, samples.columns()
     period, start = config.sampling_period, samples.start
@@ -77,35 +77,41 @@ def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Trace:
         moves = scenario.first.travel is not None
         body = Trace(assemble_body(scenario.setup, samples.body_columns(), legs, moves, start, columns[1]))
     if samples.memory is not None:
-        memory = Trace(assemble_memory(samples.memory, start // config.steps_per_cycle + 1))
+        memory = assemble_memory(samples.memory, start // config.steps_per_cycle + 1)
     controller, steered = scenario.controller, False
     if isinstance(controller, HybridController) and scenario.fault is None:
         steered = controller.params.steering is not None
-    table = assemble(plan, legs, period, start, columns[0], _known_torque(scenario), steered)
-    return Trace(table, body, memory)
+    return assemble(plan, legs, period, start, columns[0], _known_torque(scenario), steered, body, memory)
 
 
 @exits_caught()
+def sample_scenario(
+    scenario: Scenario,
+    keep: Callable[[SampledTrace], None],
+    watch: Callable[[float], None] = lambda cycles: None,
+) -> End:
+    """Run a new scenario and write nothing; ``keep`` is called with the trace of some cycles at a time."""
+    columns = _columns(scenario)
+    return stream(scenario, lambda samples: keep(_assemble(scenario, columns, samples)), watch)
+
+
 def score_scenario(
     scenario: Scenario,
-    keep: Callable[[Trace], None] = lambda trace: None,
+    keep: Callable[[SampledTrace], None] = lambda trace: None,
     watch: Callable[[float], None] = lambda cycles: None,
     warn: Callable[[Drift], None] = lambda drift: None,
 ) -> tuple[End, RunScorer]:
-    """Run a new scenario and write nothing; how it ended, and what has its metrics.
+    """:func:`sample_scenario`, with what has the metrics; ``watch`` and ``warn`` as by :func:`run_scenario`."""
+    scorer = RunScorer(scenario.setup.config.steps_per_cycle)
 
-    ``keep`` is called with the trace of some cycles at a time; ``watch`` and ``warn`` as by :func:`run_scenario`.
-    """
-    columns, scorer = _columns(scenario), RunScorer(scenario.setup.config.steps_per_cycle)
-
-    def take(samples: Samples) -> None:
-        known, trace = scorer.drift, _assemble(scenario, columns, samples)
+    def take(trace: SampledTrace) -> None:
+        known = scorer.drift
         keep(trace)
         scorer.add(trace)
         if known is None and scorer.drift is not None:
             warn(scorer.drift)
 
-    return stream(scenario, take, watch), scorer
+    return sample_scenario(scenario, take, watch), scorer
 
 
 def _roll_out(

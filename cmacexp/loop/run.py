@@ -221,7 +221,7 @@ class _Stream:
         self.estimates.append(LeadEstimate(self.driver.taken // self.config.steps_per_cycle + 1, lead))
 
     def collect(self, start: int) -> Samples:
-        """The samples since step ``start``."""
+        """The samples since step ``start``, which nothing changes from here on."""
         samples, done = self.samples, self.driver.taken - start
         if self.point_mass:
             samples[:done, :, self.joints] = np.nan
@@ -230,7 +230,10 @@ class _Stream:
             memory = feedforward.collect_memory(-(-done // self.config.steps_per_cycle))
             if memory is not None:
                 memory["guard"] = self._guard_states(start, memory["rows"].shape)
-        return Samples(start, samples[:done], self.body[:done], memory)
+        legs, body = samples[:done], self.body[:done]
+        if self.runs:  # which fills them again
+            legs, body = legs.copy(), body.copy()
+        return Samples(start, legs, body, memory)
 
     def _guard_states(self, start: int, shape: tuple[int, int]) -> Array:
         """States of the guard of learning at the end of the cycles from step ``start`` on; ``shape`` (cycles, L)."""

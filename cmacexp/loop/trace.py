@@ -6,19 +6,19 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.config.machine import QuadrupedMachine, RobotMachine
-from cmacexp.data.parquet import arrow, arrow_strings
+from cmacexp.data.parquet import arrow
 from cmacexp.data.signals import (
     ARRAYS,
     BODY_SIGNALS,
     LEG_SIGNALS,
     MEMORY_SIGNALS,
     MODEL_SIGNALS,
-    PHASES,
     TRUE_MARGINS,
     Signal,
     make_schema,
     select_signals,
 )
+from cmacexp.data.trace import SampledTrace, Trace
 from cmacexp.planning.columns import JOINT_COLUMNS, MOTION_COLUMNS, X, Y, Z
 from cmacexp.planning.plan import Plan
 from cmacexp.planning.robot import find_centres
@@ -37,7 +37,9 @@ def assemble(
     columns: Sequence[Signal] = select_signals(LEG_SIGNALS),
     model: Array | None = None,
     steered: bool = False,
-) -> pa.Table:
+    body: Trace | None = None,
+    memory: Trace | None = None,
+) -> SampledTrace:
     """The trace of a run, or of a part of it, from the ``plan`` of a cycle and the samples of what is not planned.
 
     Samples are (steps, L) by column name. Where the controller keeps a course (``steered``), feet should be where its
@@ -45,35 +47,29 @@ def assemble(
     """
     steps, legs = samples["x"].shape
     period = plan.support.shape[0]
-    step = np.arange(start, start + steps, dtype=np.int32)
-    sample = step % period
+    step = np.arange(start, start + steps, dtype=np.int32)[:, None]
+    sample = step[:, 0] % period
     known = {
-        "step": np.repeat(step, legs),
-        "time": np.repeat(step * sampling_period, legs),
-        "cycle": np.repeat(step // period + 1, legs),
-        "leg": np.tile(np.arange(1, legs + 1, dtype=np.int32), steps),
-        "progress": plan.progress[sample].ravel(),
-        "x_desired": plan.desired[sample, :, X].ravel(),
-        "y_desired": plan.desired[sample, :, Y].ravel(),
-        "force_desired": plan.force_desired[sample].ravel(),
+        "step": step,
+        "time": step * sampling_period,
+        "cycle": step // period + 1,
+        "leg": np.arange(1, legs + 1, dtype=np.int32),
+        "progress": plan.progress[sample],
+        "x_desired": plan.desired[sample, :, X],
+        "y_desired": plan.desired[sample, :, Y],
+        "force_desired": plan.force_desired[sample],
     }
     if plan.desired.shape[2] > MOTION_COLUMNS[2]:
-        known["z_desired"] = plan.desired[sample, :, Z].ravel()
+        known["z_desired"] = plan.desired[sample, :, Z]
         for number, column in enumerate(JOINT_COLUMNS["angle"], start=1):
-            known[f"q{number}_desired"] = plan.joints[sample, :, column].ravel()
+            known[f"q{number}_desired"] = plan.joints[sample, :, column]
     if steered:
-        known |= {f"{axis}_desired": samples[f"{axis}_reference"].flatten() for axis in "xz"}
+        known |= {f"{axis}_desired": samples[f"{axis}_reference"] for axis in "xz"}
     if model is not None:
-        acting = (step >= plan.start_step)[:, None]
+        acting = step >= plan.start_step
         for joint in range(model.shape[2]):
-            known[MODEL_SIGNALS[joint].name] = np.where(acting, model[sample, :, joint], 0.0).ravel()
-    phase = pa.DictionaryArray.from_arrays(arrow(plan.support[sample].ravel(), pa.int8()), arrow_strings(PHASES))
-    arrays = [
-        # flatten() copies: the loop uses the arrays of its samples again.
-        phase if c.name == "phase" else arrow(known[c.name] if c.name in known else samples[c.name].flatten(), c.type)
-        for c in columns
-    ]
-    return pa.Table.from_arrays(arrays, schema=make_schema(columns))
+            known[MODEL_SIGNALS[joint].name] = np.where(acting, model[sample, :, joint], 0.0)
+    return SampledTrace({**samples, **known}, columns, (steps, legs), plan.support[sample], body, memory)
 
 
 def assemble_body(
@@ -100,7 +96,7 @@ def assemble_body(
     masses = Masses(setup.mechanism, body_mass, payload.load, step >= payload.start, centre)
     true = true_margins(masses, legs, samples)
     known = {
-        **{name: values.copy() for name, values in samples.items()},  # the loop uses its arrays again
+        **samples,
         "step": step,
         "time": step * config.sampling_period,
         "cycle": step // config.steps_per_cycle + 1,
@@ -113,13 +109,8 @@ def assemble_body(
     return pa.Table.from_arrays([arrow(known[c.name], c.type) for c in columns], schema=make_schema(columns))
 
 
-def assemble_memory(memory: dict[str, Array], first_cycle: int) -> pa.Table:
+def assemble_memory(memory: dict[str, Array], first_cycle: int) -> SampledTrace:
     """The memory of networks over some cycles, (cycles, L) by column name, with one row per cycle and leg."""
     cycles, legs = next(iter(memory.values())).shape
-    columns = {
-        **memory,
-        "cycle": np.repeat(np.arange(first_cycle, first_cycle + cycles), legs),
-        "leg": np.tile(np.arange(1, legs + 1), cycles),
-    }
-    arrays = [arrow(columns[signal.name].ravel(), signal.type) for signal in MEMORY_SIGNALS]
-    return pa.Table.from_arrays(arrays, schema=make_schema(MEMORY_SIGNALS))
+    numbers = {"cycle": np.arange(first_cycle, first_cycle + cycles)[:, None], "leg": np.arange(1, legs + 1)}
+    return SampledTrace(memory | numbers, MEMORY_SIGNALS, (cycles, legs))

@@ -60,6 +60,8 @@ class Block:
     """(cycles, L, N, J): J^T F_d, N m, where the trace has it apart."""
     joint_error: Array | None = None
     """(cycles, L, N, J): q - q_desired, rad; None where the trace has no planned angles."""
+    machines: int = 1
+    """Machines to which these legs belong, equally many to each, one after the other."""
 
     @cached_property
     def transfer(self) -> Mask:
@@ -104,10 +106,11 @@ class Block:
         return np.where(began & whole, 1.0, np.nan)
 
 
-def split_cycles(trace: Trace, steps_per_cycle: int, before: Block | None = None) -> Block:
+def split_cycles(trace: Trace, steps_per_cycle: int, before: Block | None = None, machines: int = 1) -> Block:
     """Cut the trace of a run, or of a part of it, into cycles of N steps; the last may be short.
 
-    The part ``before`` has the rhythm of the run; None: this is the first part.
+    The part ``before`` has the rhythm of the run; None: this is the first part. The legs may be those of several
+    ``machines`` with the same rhythm.
     """
 
     def split(values: Array) -> Array:
@@ -139,6 +142,7 @@ def split_cycles(trace: Trace, steps_per_cycle: int, before: Block | None = None
         before=before.feedback[-1] if before else None,
         force_torque=force_torque,
         joint_error=joints("q{}") - joints("q{}_desired") if in_space else None,
+        machines=machines,
     )
 
 
@@ -147,10 +151,12 @@ def three_feet(block: Block) -> Mask:
 
     The length of an interval follows from the progress of the legs, even if it straddles cycles or the run stops.
     """
+    cycles, legs, steps = block.support.shape
+    by_machine = (cycles, block.machines, legs // block.machines, steps)
     samples = np.where(block.support, block.rhythm.support_samples, block.rhythm.transfer_samples)
     progress = np.where(block.valid, block.progress, 0.0)
-    done = np.rint(progress * samples).min(axis=1)
-    left = np.rint((1.0 - progress) * samples).min(axis=1)
+    done = np.rint(progress * samples).reshape(by_machine).min(axis=2)
+    left = np.rint((1.0 - progress) * samples).reshape(by_machine).min(axis=2)
     quarter = (done + left) // 4
-    middle = (block.support.sum(axis=1) == 3) & (done >= quarter) & (left > quarter)
-    return block.valid & middle[:, None, :]
+    middle = (block.support.reshape(by_machine).sum(axis=2) == 3) & (done >= quarter) & (left > quarter)
+    return block.valid & np.repeat(middle, by_machine[2], axis=1)

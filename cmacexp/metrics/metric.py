@@ -1,7 +1,7 @@
 """The definition of a metric: unit, meaning, source, pooling over legs, better direction, and appearance."""
 
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import cache, partial
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -113,15 +113,20 @@ def describe(name: str, metric: Metric[Any] | None = None) -> dict[str, str]:
     return {key: getattr(metric, key) for key in ("unit", "meaning", "undefined", "source")}
 
 
+@cache
+def _make_field(name: str, metric: Metric[Any] | None, kind: pa.DataType) -> pa.Field:
+    return pa.field(name, kind, metadata=describe(name, metric))
+
+
 def to_table(
     index: Mapping[str, NDArray[np.integer]],
     values: Mapping[str, Array],
     metrics: Mapping[str, Metric[Any]],
 ) -> pa.Table:
     """A table of metrics: columns of :data:`INDEX`, then values by name, each with its definition as metadata."""
-    fields = [pa.field(name, pa.int32(), metadata=describe(name)) for name in index]
+    fields = [_make_field(name, None, pa.int32()) for name in index]
     arrays = [arrow(numbers, pa.int32()) for numbers in index.values()]
     for name, metric in metrics.items():
-        fields.append(pa.field(name, pa.float64(), metadata=describe(name, metric)))
+        fields.append(_make_field(name, metric, pa.float64()))
         arrays.append(arrow(values[name].ravel(), pa.float64()))
     return pa.Table.from_arrays(arrays, schema=pa.schema(fields))

@@ -1,11 +1,15 @@
 """The metrics of a run, one row per cycle and leg, from its tables, which may come in parts."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from cmacexp.data.run import Run
 from cmacexp.data.tables import Scores
-from cmacexp.data.trace import Trace, read_memory, stream_trace
+from cmacexp.data.trace import SampledTrace, Trace, join_sampled, read_memory, stream_trace
 from cmacexp.metrics.block import Block, split_cycles
 from cmacexp.metrics.body import compute_body
 from cmacexp.metrics.drift import LEARNING, Drift, DriftDetector
@@ -19,8 +23,9 @@ from cmacexp.typing import Array
 class RunScorer:
     """The metrics of a run whose tables come in parts: of some cycles each, the last of the run may be short."""
 
-    def __init__(self, steps_per_cycle: int):
-        self.steps_per_cycle = steps_per_cycle
+    def __init__(self, steps_per_cycle: int, machines: int = 1):
+        """Several ``machines`` are runs side by side, see :func:`score_together`."""
+        self.steps_per_cycle, self.machines = steps_per_cycle, machines
         self._block: Block | None = None
         self._parts: list[dict[str, Array]] = []
         self.memory: list[Trace] = []
@@ -35,7 +40,7 @@ class RunScorer:
 
     def add(self, trace: Trace) -> None:
         """Score the next cycles, with their body and memory."""
-        self._block = block = split_cycles(trace, self.steps_per_cycle, self._block)
+        self._block = block = split_cycles(trace, self.steps_per_cycle, self._block, self.machines)
         known = OF_A_CYCLE if block.joint_error is None else {**OF_A_CYCLE, **SPATIAL}
         part = {name: metric.compute(block) for name, metric in known.items()}
         feedback = part["feedback_rms"]
@@ -50,19 +55,38 @@ class RunScorer:
 
     @property
     def scores(self) -> Scores:
-        """The metrics of all cycles so far; undefined is NaN."""
+        """The metrics of all cycles so far; undefined is NaN. Those of several machines follow one another."""
         values = {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
         cycles, legs = next(iter(values.values())).shape
         values |= {name: metric.compute(values) for name, metric in LEARNING.items()}
         memory = join_memory(self.memory, cycles, legs)
         values |= {name: metric.compute(memory) for name, metric in MEMORY_METRICS.items()}
+        shape = (cycles, self.machines, legs // self.machines)
+
+        def by_machine(of: NDArray[Any]) -> NDArray[Any]:
+            """Values (cycles, legs) machine by machine, then cycle by cycle."""
+            return np.broadcast_to(of, (cycles, legs)).reshape(shape).swapaxes(0, 1).ravel()
+
         index = {
-            "cycle": np.repeat(np.arange(1, cycles + 1), legs),
-            "leg": np.tile(np.arange(1, legs + 1), cycles),
+            "cycle": by_machine(np.arange(1, cycles + 1)[:, None]),
+            "leg": by_machine(np.tile(np.arange(1, shape[2] + 1), self.machines)),
         }
         body = pa.concat_tables(self._body).combine_chunks() if self._body else None
         columns = {**LEG_METRICS, **SPATIAL} if SPATIAL.keys() <= values.keys() else LEG_METRICS
-        return Scores(to_table(index, values, columns), body)
+        return Scores(to_table(index, {name: by_machine(of) for name, of in values.items()}, columns), body)
+
+
+def score_together(traces: Sequence[SampledTrace], steps_per_cycle: int) -> list[Scores]:
+    """The metrics of several whole runs, computed at once, which takes little longer than those of one.
+
+    They must have taken equally many steps of the same gait, and have the same columns.
+    """
+    scorer = RunScorer(steps_per_cycle, len(traces))
+    scorer.add(join_sampled(traces, axis=1))
+    table = scorer.scores.legs
+    rows = table.num_rows // len(traces)
+    bodies = [None if trace.body is None else compute_body(trace.body, steps_per_cycle) for trace in traces]
+    return [Scores(table.slice(number * rows, rows), body) for number, body in enumerate(bodies)]
 
 
 def score_traces(run: Run) -> Scores:

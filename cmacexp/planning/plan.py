@@ -2,7 +2,7 @@
 
 import copy
 from collections import deque
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -154,10 +154,8 @@ def _moving_load(walk: _Walk, desired: Array, joints: Array) -> BodyLoad:
     return load
 
 
-_UNREAD: dict[str, Any] = dict.fromkeys(
-    """plant payload sensors actuator posture plausibility feedforward cmac learning record sweep optimize
-    warn cycles seed scenario""".split()
-)
+_READ = ("machine", "terrain", "gait", "controller", "force_control", "sampling_period", "reference")
+_UNREAD: dict[str, Any] = {field.name: None for field in fields(Config) if field.name not in _READ}
 """Fields of a config that a plan does not follow from."""
 _plans: deque[tuple[Config, Plan]] = deque(maxlen=16)
 """The last plans, and all that each follows from: many of the runs of a sweep share one."""

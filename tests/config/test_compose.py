@@ -18,6 +18,9 @@ COMMANDS = [
     ["force_control=explicit", "terrain.assumed_stiffness=10", "scenario=force_step", "actuator.torque_limit=5.5"],
     ["gait.touch_down=[0.0,0.5,0.8,0.3]", "scenario=quadruped", "record.cycles=[1,2]"],
     ["~posture.gain", "+posture.gain=3"],
+    ["cycles=2", "seed=5", "learning.rate=5e-1", "cycles=3", "scenario=one_leg", "cycles=2"],
+    ["machine.leg.length_1=0.41", "scenario=quadruped", "machine.hip_height=0.5"],
+    ["actuator.torque_limit=3", "terrain.step_time=1.5", "terrain.slope=-0.01"],
 ]
 
 

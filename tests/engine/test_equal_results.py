@@ -8,7 +8,7 @@ SEEDS = [{"seed": seed} for seed in range(8)]
 
 def find(results, settings=RUNS, configs="0123456789"):
     pairs = zip(configs, results, strict=False)
-    outcomes = [None if result is None else Outcome(config, result) for config, result in pairs]
+    outcomes = [None if result is None else Outcome(lambda found=config: found, result) for config, result in pairs]
     return list(find_idle_keys(settings, outcomes, [str(i) for i in range(len(settings))], "jobs"))
 
 

@@ -11,7 +11,8 @@ from support.doors import BadInput, foot_position, foot_velocity, get_leg, make_
 
 from cmacexp.planning.columns import AX, AY, FORCE_DESIRED, VX, VY, X, Y
 from cmacexp.planning.foot_path import cubic, line, quintic, two_cubics
-from cmacexp.planning.motion import check_apex, make_ramp
+from cmacexp.planning.motion import _plan_samples_plainly, check_apex, make_ramp
+from cmacexp.planning.plan import make_plan
 
 PERIOD = 0.005
 lengths, durations = st.floats(-1.0, 1.0), st.floats(0.05, 5.0)
@@ -202,3 +203,23 @@ def test_what_is_out_of_reach_is_refused_and_the_limit_named_is_where_reach_ends
     assert np.isfinite(plan_of(f"{key}={limit * 0.999}", *others).joints).all()
     with pytest.raises(BadInput, match=key):
         plan_of(f"{key}={limit * 1.01}", *others)
+
+
+@pytest.mark.ci
+def test_plans_that_are_compiled_are_those_of_plain_python(make_config, compiled):
+    config = make_config("scenario=quadruped", "gait.stroke=0.123", "machine.legs.right_rear.knee=back")
+    mechanism = make_mechanism(config.machine)
+    plan = make_plan(config, mechanism, True)
+    expected = np.empty_like(plan.joints)
+    _plan_samples_plainly(mechanism, plan.desired, expected)
+    assert_array_equal(plan.joints, expected)
+
+
+def test_a_run_that_changes_its_plan_changes_that_of_no_other(make_config):
+    plans = []
+    for seed in (1, 2):
+        config = make_config("scenario=one_leg", f"seed={seed}", "learning.start_cycle=2")
+        plans.append(make_plan(config, make_mechanism(config.machine), seed == 1))
+        plans[-1].joints[...] = plans[-1].reference[...] = 0.0
+    assert plans[0].start_step == config.steps_per_cycle != plans[1].start_step
+    assert make_plan(config, make_mechanism(config.machine), True).joints.any()
