@@ -90,12 +90,10 @@ def _compose_plain(options: tuple[str, ...]) -> tuple[bytes, frozenset[str]] | N
 
     None if they give no config, or a value follows from others by a rule.
     """
-    from omegaconf.errors import OmegaConfBaseException
-
     try:
         config = _compose_cached(options)[0]
         resolved = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
-    except (OmegaConfBaseException, ValueError):
+    except Exception:  # of whatever kind: the longer way raises it again, and says what is wrong
         return None
     references = re.findall(r"\$\{([^}]*)", str(OmegaConf.to_container(config)))
     if not all(re.fullmatch(r"[a-z]\w*\.[\w.]+", name) for name in references):

@@ -26,7 +26,7 @@ GROUPS = {
     "feedforward": ["cmac", "cmac", "rbf", "ilc", "inverse_dynamics", "none", "cmac_on_model"],
     "learning.rule": ["paper", "normalised", "leakage", "dead_zone", "zero_phase", "decaying_rate"],
     "learning.guard": ["none", "freeze", "refine"],
-    "terrain": ["flat", "patchy"],
+    "terrain": ["soft_flat", "patchy"],
     "plant": ["analytic", "analytic", "mujoco_leg", "mujoco_quadruped"],
     "force_control": ["stiffness", "damping", "explicit"],
     "cmac.addressing": ["hashed", "visited"],
