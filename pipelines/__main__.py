@@ -1,20 +1,25 @@
-"""``python -m pipelines``: lists the studies; ``status`` says which are current, ``--write-docs`` renews pages."""
+"""``python -m pipelines``: lists the studies, or runs one; ``status``: which are current; ``--write-docs``: pages."""
 
+import runpy
 import sys
+from pathlib import Path
 
 from cmacexp.commands.command import COMPLETED, Parser, run_command
-from cmacexp.commands.study import FOLDER
+from cmacexp.commands.study import FOLDER, Options
+from cmacexp.commands.study import main as run_study
 from cmacexp.data.parquet import read_table
 from cmacexp.errors import BadInput
+from cmacexp.study.stages import STAGES_FILE, list_stages
+from cmacexp.study.study_file import YAML
 from pipelines import paper
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
 from pipelines.benchmark.benchmark import QUESTION, TITLE
 from pipelines.benchmark.summary import write_scores
-from pipelines.quotes import PAGES, README, all_claims, all_studies, count_claims, fill, find_outdated
+from pipelines.quotes import PAGES, README, all_claims, all_studies, count_claims, fill, find_outdated, find_study
 from pipelines.readme import renew_readme
 from pipelines.results import CHANGED, RESULTS_FILE, list_states, read_results
 
-STATUS = "status"
+STATUS, PAPER = "status", "paper"
 SHOWN_FILES = 3
 """Changed files of a study that ``status`` names."""
 
@@ -52,6 +57,15 @@ def print_status() -> None:
         print(f"{study:24} {date:10} {state}{witnesses}{changed}")
 
 
+def print_stages() -> None:
+    """Print the stages of every study that has a full report here: what of them is current, and why not."""
+    for file in all_studies():
+        if (FOLDER / file.name / STAGES_FILE).is_file():
+            requests = Options().expand(file.study.runs(False))
+            for stage, state in list_stages(file, requests, FOLDER / file.name):
+                print(f"{file.name:24} {stage:10} {state}")
+
+
 def repeat_witnesses() -> None:
     """Run the witnesses of every changed study again, and note in results.json whose values are the same."""
     results = read_results()
@@ -79,21 +93,27 @@ def _run() -> int:
         if arguments.witnesses:
             repeat_witnesses()
         print_status()
+        print_stages()
         return COMPLETED
     files = all_studies()
     print(f"python -m {paper.__name__}\n    {paper.TITLE}: {paper.QUESTION}")
     for file in files:
         print(f"python -m pipelines.{file.name}\n    {file.study.title}: {file.study.question}")
     print(f"python -m pipelines.{BENCHMARK}\n    {TITLE}: {QUESTION}")
-    if arguments.what is not None:  # a blank instead of a dot
-        known = arguments.what in [file.name for file in files]
-        hint = f"run python -m pipelines.{arguments.what}" if known else "no such study; choose one of this list"
-        raise BadInput("study", arguments.what, hint)
+    if arguments.what is not None:
+        raise BadInput("study", arguments.what, "no such study; choose one of this list")
     return COMPLETED
 
 
 def main() -> int:
-    """Print the name, title and question of every study, or renew the documentation; the exit code."""
+    """Run a study by its name or file, or print all, their state, or renew the documentation; the exit code."""
+    word = sys.argv[1] if len(sys.argv) > 1 else ""
+    if word in (PAPER, BENCHMARK):
+        del sys.argv[1]
+        runpy.run_module(f"pipelines.{word}", run_name="__main__")
+    if (path := Path(word) if Path(word).suffix in (".py", *YAML) else find_study(word)) is not None:
+        del sys.argv[1]
+        run_study(str(path))
     return run_command(_run)
 
 

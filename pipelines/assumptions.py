@@ -249,15 +249,13 @@ CONCLUSIONS: Mapping[str, Mapping[str, Conclusion]] = {
 
 
 def _finding(machine: str, name: str, conclusion: Conclusion) -> Finding:
-    where, mean = (" with which runs complete", " (mean over seeds)") if machine != MASS else ("", "")
+    where = " with which runs complete" if machine != MASS else ""
     own, limit = f"{NAMES[machine]}: ", conclusion.limit.describe(1.0, "")
     what = f"the conclusion on the {name}"
     case, counted = f"{conclusion.quantity}: {limit}", partial(count_changes, conclusion)
     return Finding(
         [Criterion(f"values tried{where} that change", counted, at_most(0.0), of={"machine": machine}, case=case)],
-        yes=f"{own}{what} is the same with every value tried{where}.",
-        no=f"{own}{what} depends on what is assumed: {{value}} of the values tried{where} change it{mean}.",
-        unclear=f"{own}{what} changes with some values tried{where}, but not with every seed.",
+        says=f"{own}{what} is the same with every value tried{where}",
     )
 
 
@@ -265,9 +263,7 @@ ENDS_EARLY = "values tried with which a run ends early"
 FINDINGS = {
     "walks": Finding(
         [Criterion(ENDS_EARLY, ended_early, at_most(0.0), of={"machine": WALK})],
-        yes="The quadruped walks to the end with every value tried.",
-        no="With {value} of the values tried the quadruped's runs end early.",
-        unclear="With some values tried the quadruped's runs end early, but not with every seed.",
+        says="The quadruped walks to the end with every value tried",
     ),
     **{
         f"{machine} {name}": _finding(machine, name, conclusion)

@@ -184,38 +184,25 @@ CLAIMS = {
 FINDINGS = {
     "width_early": Finding(
         [_compared(machine, ELEMENTS, WIDE, EARLY, at_most(FASTER)) for machine in PUBLISHED],
-        yes=f"{WORLDS} {WIDER} learn faster on one leg and on four: in cycle {EARLY} errors are {{value}} and "
-        "{values[1]} times as large.",
-        no=f"{WORLDS} {WIDER} learn faster on one machine at most: in cycle {EARLY} errors are {{value}} times as "
-        "large on one leg and {values[1]} on four.",
+        says=f"{WORLDS} {WIDER} learn faster on one leg and on four",
     ),
     "width_end": Finding(
         [_compared(machine, ELEMENTS, WIDE, None, at_most(AS_GOOD)) for machine in PUBLISHED],
-        yes=f"{WORLDS} CMACs with {WIDER} end at least as accurate as the paper's.",
-        no=f"{WORLDS} CMACs with {WIDER} end less accurate than the paper's: errors are {{value}} times as large on "
-        "one leg and {values[1]} on four.",
+        says=f"{WORLDS} CMACs with {WIDER} end at least as accurate as the paper's",
     ),
     "layers": Finding(
         [_compared(LEG, LAYERS, n, cycle, at_most(AS_GOOD)) for n in (FEW, MANY) for cycle in (EARLY, None)],
-        yes=f"{WORLDS} {FEW} and {MANY} layers are about as accurate on one leg as the paper's {PAPER[LEG][LAYERS]}, "
-        "or more accurate.",
-        no=f"{WORLDS} {FEW} or {MANY} layers are less accurate on one leg than the paper's {PAPER[LEG][LAYERS]}: "
-        f"with {FEW}, errors are {{value}} times as large in cycle {EARLY} and {{values[1]}} times at the end; with "
-        f"{MANY}, {{values[2]}} and {{values[3]}} times.",
+        says=f"{WORLDS} {FEW} and {MANY} layers are about as accurate on one leg as the paper's "
+        f"{PAPER[LEG][LAYERS]}, or more accurate",
     ),
     "inputs": Finding(
         [_compared(LEG, INPUTS, "[angle]", EARLY, at_most(FASTER))],
-        yes=f"{WORLDS} on this one path of one leg, a CMAC of the angles alone learns faster than one of all "
-        f"inputs: in cycle {EARLY} its error is {{value}} times as large.",
-        no=f"{WORLDS} on this one path of one leg, a CMAC of the angles alone learns no faster than one of all "
-        f"inputs: in cycle {EARLY} its error is {{value}} times as large.",
+        says=f"{WORLDS} on this one path of one leg, a CMAC of the angles alone learns faster than one of all inputs",
     ),
     "inputs_end": Finding(
         [_compared(LEG, INPUTS, "[angle]", None, at_most(AS_GOOD))],
-        yes=f"{WORLDS} a CMAC of the angles alone ends about as accurate on this path as one of all inputs, or more "
-        "accurate: its error is {value} times as large.",
-        no=f"{WORLDS} a CMAC of the angles alone ends less accurate on this path than one of all inputs: its error "
-        "is {value} times as large.",
+        says=f"{WORLDS} a CMAC of the angles alone ends about as accurate on this path as one of all "
+        "inputs, or more accurate",
     ),
     "room": Finding(
         [
@@ -228,10 +215,8 @@ FINDINGS = {
                 case="one leg, any number of layers",
             )
         ],
-        yes=f"{WORLDS} with {ROOMY:g} rows of memory for each visited cell or more, collisions cost one leg little "
-        "accuracy.",
-        no=f"{WORLDS} collisions cost one leg accuracy even with {ROOMY:g} rows of memory for each visited cell or "
-        "more: errors are up to {value} times as large.",
+        says=f"{WORLDS} with {ROOMY:g} rows of memory for each visited cell or more, collisions cost "
+        "one leg little accuracy",
     ),
     "weight": Finding(
         [
@@ -243,8 +228,7 @@ FINDINGS = {
                 of={"machine": IN_WORLDS[LEG], "varied": [SIZE, FREE]},
             )
         ],
-        yes=f"{WORLDS} in equally crowded memory, collisions cost {FEW} layers more than {MANY}.",
-        no=f"{WORLDS} in equally crowded memory, collisions cost {FEW} layers about as much as {MANY}, or less.",
+        says=f"{WORLDS} in equally crowded memory, collisions cost {FEW} layers more than {MANY}",
     ),
 }
 

@@ -159,8 +159,7 @@ FINDINGS = {
                 **PERCENT,
             )
         ],
-        yes="A step of the slowest takes {value} of the sampling period: computing time need not decide the choice.",
-        no="A step of the slowest takes {value} of the sampling period: computing time limits the choice.",
+        says="Computing time need not decide the choice",
     ),
 }
 

@@ -150,30 +150,20 @@ WORLDS = "In randomised runs,"
 FINDINGS = {
     "models": Finding(
         [_over(group, CMAC, MODEL, LATE, HALF) for group in MACHINES],
-        yes=f"{WORLDS} the error of CMAC in cycle {LATE} is far below that of inverse dynamics with the planned "
-        "masses: {value} times as large on one leg and {values[1]} on four.",
-        no=f"{WORLDS} the error of CMAC in cycle {LATE} is close to that of inverse dynamics with the planned "
-        "masses, or above it: {value} times as large on one leg, {values[1]} on four.",
+        says=f"{WORLDS} the error of CMAC in cycle {LATE} is far below that of inverse dynamics with "
+        "the planned masses",
     ),
     "on_model": Finding(
         [_over(group, ON_MODEL, CMAC, EARLY, CLEARLY) for group in MACHINES]
         + [_over(group, ON_MODEL, CMAC, LATE, AS_GOOD) for group in MACHINES],
-        yes=f"{WORLDS} a CMAC on a model with the planned masses starts better than a CMAC without a model and "
-        "ends as well: in "
-        f"cycle {EARLY} its error is {{value}} times as large on one leg and {{values[1]}} on four, in cycle {LATE} "
-        "{values[2]} and {values[3]} times.",
-        no=f"{WORLDS} a CMAC on a model with the planned masses starts no better than a CMAC without a model, or "
-        "ends worse: in "
-        f"cycle {EARLY} its error is {{value}} times as large on one leg and {{values[1]}} on four, in cycle {LATE} "
-        "{values[2]} and {values[3]} times.",
+        says=f"{WORLDS} a CMAC on a model with the planned masses starts better than a CMAC without a "
+        "model and ends as well",
     ),
     **{
         f"learners_{name}": Finding(
             [_over(group, CMAC, other, LATE, 1.0) for other in OTHERS],
-            yes=f"{WORLDS} at rate `auto` and unguarded, CMAC ({name}) is more accurate in cycle {LATE} than RBF, "
-            "MLP and ILC: its error is {value}, {values[1]} and {values[2]} times theirs.",
-            no=f"{WORLDS} at rate `auto` and unguarded, one of RBF, MLP and ILC is at least as accurate in cycle "
-            f"{LATE} as CMAC ({name}), whose error is {{value}}, {{values[1]}} and {{values[2]}} times theirs.",
+            says=f"{WORLDS} at rate `auto` and unguarded, CMAC ({name}) is more accurate in cycle {LATE} "
+            "than RBF, MLP and ILC",
         )
         for group, name in NAMES.items()
     },
@@ -188,10 +178,8 @@ FINDINGS = {
             )
             for kind in (MODEL, CMAC)
         ],
-        yes=f"{WORLDS} inverse dynamics with the planned masses and CMAC are both far more accurate on a path "
-        "without jumps: plan such paths first.",
-        no=f"{WORLDS} a path without jumps does not help both inverse dynamics with the planned masses and CMAC: "
-        f"their errors in cycle {LATE} are {{value}} and {{values[1]}} times those with jumps.",
+        says=f"{WORLDS} inverse dynamics with the planned masses and CMAC are both far more accurate "
+        "on a path without jumps: plan such paths first",
     ),
     **{
         name: Finding(
@@ -204,11 +192,8 @@ FINDINGS = {
                     at_most(AS_GOOD),
                 )
             ],
-            yes=f"{WORLDS} with each learner at the rate that is best in other worlds, CMAC is about as accurate in "
-            f"cycle {cycle} as the best of RBF, MLP and ILC, or more accurate: its error is {{value}} times as "
-            "large.",
-            no=f"{WORLDS} with each learner at the rate that is best in other worlds, CMAC is less accurate in cycle "
-            f"{cycle} than the best of RBF, MLP and ILC: its error is {{value}} times as large.",
+            says=f"{WORLDS} with each learner at the rate that is best in other worlds, CMAC is about as "
+            f"accurate in cycle {cycle} as the best of RBF, MLP and ILC, or more accurate",
         )
         for name, cycle in (("best_rate", EARLY), ("best_rate_late", LATE))
     },
@@ -224,10 +209,7 @@ FINDINGS = {
             )
             for kind in LEARN
         ],
-        yes=f"{WORLDS} the guard lets each of these learners learn at rate `auto`.",
-        no=f"{WORLDS} the guard ends the learning of some of these learners at rate `auto`: CMAC learns on in "
-        "{value} of them, CMAC on model in {values[1]}, RBF in {values[2]}, MLP in {values[3]}, ILC in "
-        "{values[4]}.",
+        says=f"{WORLDS} the guard lets each of these learners learn at rate `auto`",
     ),
     "keep": Finding(
         [
@@ -240,10 +222,8 @@ FINDINGS = {
             )
             for change in CHANGES
         ],
-        yes=f"{WORLDS} a CMAC that keeps its weights after a change of stroke or ground has a smaller error over the "
-        f"first {EARLY} cycles than one that starts from nothing: keep them.",
-        no=f"{WORLDS} after some changes of stroke or ground, a CMAC that keeps its weights has no smaller error "
-        f"over the first {EARLY} cycles than one that starts from nothing.",
+        says=f"{WORLDS} a CMAC that keeps its weights after a change of stroke or ground has a smaller "
+        f"error over the first {EARLY} cycles than one that starts from nothing: keep them",
     ),
     "keep_late": Finding(
         [
@@ -256,10 +236,8 @@ FINDINGS = {
             )
             for change in CHANGES
         ],
-        yes=f"Kept weights do no harm later: in cycle {LATE} CMAC is about as accurate as from nothing, or more "
-        "accurate.",
-        no=f"Kept weights do harm later: after some of these changes CMAC is less accurate in cycle {LATE} than from "
-        "nothing.",
+        says=f"Kept weights do no harm later: in cycle {LATE} CMAC is about as accurate as from "
+        "nothing, or more accurate",
     ),
     "carries_most": Finding(
         [
@@ -273,9 +251,7 @@ FINDINGS = {
             )
             for stroke in STROKES
         ],
-        yes=f"{WORLDS} RBF carries most of what it has learnt over to another stroke.",
-        no=f"{WORLDS} RBF loses much of what it has learnt when the stroke changes: {{value}} and {{values[1]}} of "
-        "the error of feedback only are left in the first cycle.",
+        says=f"{WORLDS} RBF carries most of what it has learnt over to another stroke",
     ),
     "carries_more": Finding(
         [
@@ -290,10 +266,7 @@ FINDINGS = {
             )
             for stroke in STROKES
         ],
-        yes=f"{WORLDS} RBF carries more over to another stroke than CMAC: its first error is {{value}} and "
-        "{values[1]} times as large.",
-        no=f"{WORLDS} RBF carries about as much over to another stroke as CMAC, or less: its first error is "
-        "{value} and {values[1]} times as large.",
+        says=f"{WORLDS} RBF carries more over to another stroke than CMAC",
     ),
 }
 

@@ -239,27 +239,22 @@ STILL, MOVES = at_most(0.01), at_least(0.05)
 FINDINGS = {
     "approach": Finding(
         [_speed("stiffness", STILL), _speed("combined", STILL), _speed("damping", MOVES), _speed("explicit", MOVES)],
-        yes="Without ground the methods with a position term come to rest, damping and explicit control do not: "
-        "where one law has to serve approach and contact, take stiffness or combined control.",
-        no="Without ground a position term does not decide which methods come to rest.",
+        says="Without ground the methods with a position term come to rest, damping and explicit "
+        "control do not: where one law has to serve approach and contact, take stiffness or "
+        "combined control",
     ),
     "mismatch": Finding(
         [
             *(_departure(method, WRONG) for method in ("stiffness", "combined")),
             *(_departure(method, EXACT) for method in ("damping", "explicit")),
         ],
-        yes="Methods that press through a position need the stiffness of the ground: where it is twice as stiff as "
-        "assumed, their mean force is wrong by {values[0]} (stiffness) and {values[1]} (combined control), that of "
-        "damping and explicit control by {values[2]} and {values[3]}.",
-        no="A position term does not explain the error on ground twice as stiff as assumed: the mean force is wrong "
-        "by {values[0]} (stiffness), {values[1]} (combined), {values[2]} (damping) and {values[3]} (explicit).",
+        says="Methods that press through a position need the stiffness of the ground, damping and "
+        "explicit control do not",
     ),
     "prediction": Finding(
         [_prediction(factor) for factor in (FACTORS[0], FACTORS[-1])],
-        yes=f"Equations 8 to 15 predict every method's mean force on ground {FACTORS[0]:g} and {FACTORS[-1]:g} times "
-        "as stiff as assumed.",
-        no="Equations 8 to 15 miss the mean force on ground of another stiffness by up to {values[0]} on softer and "
-        "{values[1]} on stiffer ground.",
+        says=f"Equations 8 to 15 predict every method's mean force on ground {FACTORS[0]:g} and "
+        f"{FACTORS[-1]:g} times as stiff as assumed",
     ),
 }
 

@@ -92,10 +92,7 @@ def never_worse(machine: str) -> Finding:
                 partial(no_worse, kind=GUARDED), at_least(ENOUGH), of=of,
             ),
         ],
-        yes=f"{name}: guarded learning ends no worse than feedback only. {{value}} of the runs complete, and "
-        "{values[1]} have no larger error.",
-        no=f"{name}: guarded learning can end worse than feedback only. {{value}} of the runs complete, and "
-        "{values[1]} have no larger error.",
+        says=f"{name}: guarded learning ends no worse than feedback only",
     )  # fmt: skip
 
 

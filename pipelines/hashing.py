@@ -81,29 +81,20 @@ def _find(machine: str) -> dict[str, Finding]:
         )
         for rule in CYCLES
     ]
-    shares = (
-        "{value} with the paper's rule under its own conditions, {values[1]} with `learning=lasting` in randomised "
-        "runs"
-    )
     return {
         f"accurate_{machine}": Finding(
             [_costs("where at least half of the visited cells collide", "colliding", CROWDED, machine)],
-            yes=f"Randomised runs, {who}: with at least half of the visited cells colliding, the final error is "
-            f"at most {LITTLE:g} times that without collisions: {{value}} times.",
-            no=f"Randomised runs, {who}: with at least half of the visited cells colliding, the final error is up to "
-            "{value} times that without collisions.",
+            says=f"Randomised runs, {who}: with at least half of the visited cells colliding, the final "
+            f"error is at most {LITTLE:g} times that without collisions",
         ),
         f"room_{machine}": Finding(
             [_costs(f"with at least {ROOMY:g} rows for each visited cell", "rows_per_cell", ROOMY, machine)],
-            yes=f"Randomised runs, {who}: with {rows} the final error is at most {LITTLE:g} times that without "
-            "collisions: {value} times.",
-            no=f"Randomised runs, {who}: even with {rows} the final error is up to {{value}} times that without "
-            "collisions.",
+            says=f"Randomised runs, {who}: with {rows} the final error is at most {LITTLE:g} times that "
+            "without collisions",
         ),
         f"stable_{machine}": Finding(
             complete,
-            yes=f"Runs of {who} with crowded memory complete: {shares}.",
-            no=f"Many runs of {who} with crowded memory end early. The share that completes is {shares}.",
+            says=f"Runs of {who} with crowded memory complete",
         ),
     }
 

@@ -119,9 +119,7 @@ def _compare_choice(choice: str) -> Finding:
     sample = partial(_over, chosen={"choice": choice}, other={"choice": DEFAULT})
     return Finding(
         _by_world(f"final error with {choice} over that with the defaults", sample, at_most(AS_GOOD), part=CHOICE),
-        yes=f"One leg with {choice} ends as accurate as with the defaults in every world.",
-        no=f"One leg with {choice} ends less accurate than with the defaults in some worlds. Without "
-        "delay its error is {value} times as large.",
+        says=f"One leg with {choice} ends as accurate as with the defaults in every world",
     )
 
 
@@ -135,8 +133,7 @@ FINDINGS = {
     **{
         f"{name}_{machine}": Finding(
             _by_world("final error over the least", over_least, at_most(HELD), machine=machine, **of),
-            yes=f"{name_of(machine)}: the error stays bounded with {what} in every world.",
-            no=f"{name_of(machine)}: the error grows again with {what} in some worlds.",
+            says=f"{name_of(machine)}: the error stays bounded with {what} in every world",
         )
         for machine in MACHINES
         for name, what, of in (
@@ -147,8 +144,7 @@ FINDINGS = {
     **{
         f"{name}_{machine}": Finding(
             _done(what, machine=machine, **of),
-            yes=f"{name_of(machine)}: runs complete with {what} in every world.",
-            no=f"{name_of(machine)}: runs end early with {what} in some worlds.",
+            says=f"{name_of(machine)}: runs complete with {what} in every world",
         )
         for machine in MACHINES
         for name, what, of in (
@@ -163,33 +159,30 @@ FINDINGS = {
             partial(_over, chosen={"learning.rate": PAPER_RATE}, other=AUTO), at_most(AS_GOOD),
             part=RATE, machine=LEG,
         ),
-        yes="With the right lead the error of one leg with the paper's rate is at most 1.25 times that with "
-        "`auto` in every world.",
-        no="In some worlds the error of one leg with the paper's rate is more than 1.25 times that with `auto`.",
+        says="With the right lead the error of one leg with the paper's rate is at most 1.25 times "
+            "that with `auto` in every world",
     ),
     **{
         f"wrong_{machine}": Finding(
             _by_world("final error over feedback only", over_alone, at_most(HARMLESS), part=WRONG, machine=machine),
-            yes=f"{name_of(machine)}: guarded learning with lead 1 ends no worse than feedback only in every world.",
-            no=f"{name_of(machine)}: guarded learning with lead 1 ends worse than feedback only in some worlds.",
+            says=f"{name_of(machine)}: guarded learning with lead 1 ends no worse than feedback only in "
+            "every world",
         )
         for machine in MACHINES
     },
     "rules": Finding(
         _done("every rule", part=CHOICE, choice=[DEFAULT, *OTHER_RULES]),
-        yes="One leg completes with every rule in every world.",
-        no="One leg ends early with some rules in some worlds.",
+        says="One leg completes with every rule in every world",
     ),
     "rule": Finding(
         _by_world("least error of another rule over that of the paper's", _least_rule, at_most(0.9), part=CHOICE),
-        yes="One leg: in every world the error with another rule is at least a tenth smaller than with the paper's.",
-        no="One leg: in some worlds no other rule lowers the error of the paper's rule by a tenth.",
+        says="One leg: in every world the error with another rule is at least a tenth smaller than "
+            "with the paper's",
     ),
     **{
         choice: Finding(
             _by_world("final error over the least", over_least, at_most(HELD), part=CHOICE, choice=choice),
-            yes=f"One leg: the error stays bounded with {choice} in every world.",
-            no=f"One leg: the error grows again with {choice} in some worlds.",
+            says=f"One leg: the error stays bounded with {choice} in every world",
         )
         for choice in LEADS
     },

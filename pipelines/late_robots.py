@@ -62,8 +62,8 @@ def _errors(world: str, kind: str, words: str, limit: float) -> Finding:
             )
             for robot in ROBOTS
         ],
-        yes=f"With {world} and {words} the transfer error of every robot is at most {1e3 * limit:g} mm.",
-        no=f"With {world} and {words} the transfer error of some robots is above {1e3 * limit:g} mm.",
+        says=f"With {world} and {words} the transfer error of every robot is at most "
+            f"{1000.0 * limit:g} mm",
     )  # fmt: skip
 
 
@@ -79,8 +79,7 @@ def _forces(world: str) -> Finding:
                    {"part": ALL, "world": world, "robot": robot, "kind": kind})
             for robot in ROBOTS for kind in BOTH
         ],
-        yes=f"With {world}, learning lowers the force error of every robot.",
-        no=f"With {world}, learning leaves the force error of some robots as it is, or raises it.",
+        says=f"With {world}, learning lowers the force error of every robot",
     )  # fmt: skip
 
 
@@ -91,17 +90,14 @@ def _completed(results: Results) -> list[bool]:
 FINDINGS = {
     "walks": Finding(
         [percent("walks completed", _completed, at_least(0.9), part=ALL)],
-        yes="With delayed feedback the robots walk to the end, with a CMAC and with feedback only: {value} of the "
-        "walks complete.",
-        no="With delayed feedback some robots fall before the end: {value} of the walks complete.",
+        says="With delayed feedback the robots walk to the end, with a CMAC and with feedback only",
     ),
     "lasts": Finding(
         [
             percent("walks completed", _completed, at_least(0.5), case=robot, part=LONG, robot=robot)
             for robot in LASTING
         ],
-        yes="With encoders Go1 and Aliengo complete long walks: {values[0]} and {values[1]} of them.",
-        no="With encoders Go1 or Aliengo falls in long walks: they complete {values[0]} and {values[1]} of them.",
+        says="With encoders Go1 and Aliengo complete long walks",
     ),
     "accurate": Finding(
         [
@@ -111,8 +107,7 @@ FINDINGS = {
             )
             for robot in LASTING
         ],
-        yes="Go1 and Aliengo stay accurate in long walks: their transfer errors end at {values[0]} and {values[1]}.",
-        no="Go1 or Aliengo loses accuracy in long walks: the transfer errors end at {values[0]} and {values[1]}.",
+        says="Go1 and Aliengo stay accurate in long walks",
     ),
     **{f"alone_{world}": _errors(world, ALONE, ALONE, 0.03) for world in WORLDS},
     **{f"position_{world}": _errors(world, CMAC, "a CMAC", ACCURATE) for world in WORLDS},

@@ -151,37 +151,24 @@ FINDINGS = {
             *(_ends(f"{machine}, lead 0", _paper(machine, 0, GRID)) for machine in (LEG, WALK)),
             _steady("one leg, lead 1", _paper(LEG, 1, GRID)),
         ],
-        yes=f"{KNOWN} runs with lead 0, as published, end early: one leg after {{value}} of its cycles, the "
-        "quadruped after {values[1]}. With lead 1 the error of one leg stays bounded.",
-        no=f"{KNOWN} the lead does not decide whether errors stay bounded with the paper's rule: with lead 0 one "
-        "leg completes {value} of its cycles and the quadruped {values[1]}; with lead 1 the largest error of one leg "
-        "in the second half of the run is {values[2]} times the least.",
+        says=f"{KNOWN} runs with lead 0, as published, end early, and with lead 1 the error of one leg stays bounded",
     ),
     "lasts": Finding(
         [
             _steady("one leg, lead auto", _paper(LEG, "auto", WORLD)),
             *(_ends(f"{machine}, lead 0", _paper(machine, 0, WORLD)) for machine in (LEG, WALK)),
         ],
-        yes=f"{UNKNOWN} the error of one leg stays bounded with the paper's rule, lead and rate `auto`; with "
-        "lead 0 one leg ends after {values[1]} of its cycles, the quadruped after {values[2]}.",
-        no=f"{UNKNOWN} the lead does not decide whether errors stay bounded with the paper's rule: with lead and "
-        "rate `auto` the largest error of one leg in the second half of the run is {value} times the least; with "
-        "lead 0 one leg completes {values[1]} of its cycles, the quadruped {values[2]}.",
+        says=f"{UNKNOWN} the error of one leg stays bounded with the paper's rule, lead and rate "
+        "`auto`; with lead 0 runs end early",
     ),
     "body": Finding(
         [_steady("quadruped, lead auto", _paper(WALK, "auto", WORLD), FORCE)],
-        yes=f"{UNKNOWN} lead `auto` is enough under a body too: the largest force error in the second half of the "
-        "run is {value} times the least.",
-        no=f"{UNKNOWN} lead `auto` alone is too little under a body: the largest force error in the second half of "
-        "the run is {value} times the least.",
+        says=f"{UNKNOWN} lead `auto` is enough under a body too",
     ),
     **{
         f"rules_{machine}": Finding(
             [_others(f"{what} error", "auto", name, machine, 0.9)],
-            yes=f"{UNKNOWN} with lead `auto`, the {what} error of {who} with the best other rule is {{value}} times "
-            "that with the paper's rule.",
-            no=f"{UNKNOWN} with lead `auto`, no other rule lowers the {what} error of {who} by a tenth: with the "
-            "best it is {value} times that with the paper's rule.",
+            says=f"{UNKNOWN} with lead `auto`, another rule lowers the {what} error of {who} by a tenth",
         )
         for machine, who, what, name in (
             (LEG, "one leg", "transfer", TRANSFER),
@@ -190,21 +177,15 @@ FINDINGS = {
     },
     "substitute": Finding(
         [_others("error", 0, TRANSFER, LEG, 1.1)],
-        yes=f"{UNKNOWN} a rule can replace the right lead on one leg: with lead 0 the error of the best rule is "
-        "{value} times that of the paper's rule with lead `auto`.",
-        no=f"{UNKNOWN} no rule replaces the right lead on one leg: with lead 0 the error of the best rule is "
-        "{value} times that of the paper's rule with lead `auto`.",
+        says=f"{UNKNOWN} a rule can replace the right lead on one leg",
     ),
     "late": Finding(
         [
             _complete("lead auto", {"part": LATE, "learning.lead": "auto"}, 0.8),
             _ends("lead one less", {"part": LATE}, measures.one_too_short),
         ],
-        yes=f"{UNKNOWN} the lead must be at least the number of samples from torque to feedback, which "
-        "`learning.lead=auto` counts: with it {value} of the runs complete; with one sample less they end after "
-        "{values[1]} of their cycles.",
-        no=f"{UNKNOWN} the number of samples from torque to feedback does not decide: with `learning.lead=auto` "
-        "{value} of the runs complete; with one sample less they complete {values[1]} of their cycles.",
+        says=f"{UNKNOWN} the lead must be at least the number of samples from torque to feedback, "
+        "which `learning.lead=auto` counts",
     ),
     "latest": Finding(
         [
@@ -215,10 +196,8 @@ FINDINGS = {
             )
             for delay in DELAYS
         ],
-        yes=f"{UNKNOWN} one leg needs no guard with lead and rate `auto` and torques delayed by up to {DELAYS[-1]} "
-        f"samples: {{value}}, {{values[1]}} and {{values[2]}} of the runs complete with delays of 0, 1 and 2.",
-        no=f"{UNKNOWN} one leg needs a guard with lead and rate `auto` where torques are delayed: {{value}} of the "
-        "runs complete without delay, {values[1]} and {values[2]} with delays of 1 and 2 samples.",
+        says=f"{UNKNOWN} one leg needs no guard with lead and rate `auto` and torques delayed by up to "
+        f"{DELAYS[-1]} samples",
     ),
     "rate": Finding(
         [
@@ -229,10 +208,8 @@ FINDINGS = {
                 of={"part": RATE},
             )
         ],
-        yes=f"{UNKNOWN} the error of one leg with rate `auto` is at most 1.25 times that with the best of the rates "
-        "tried: {value} times.",
-        no=f"{UNKNOWN} the error of one leg with rate `auto` is {{value}} times that with the best of the rates "
-        "tried.",
+        says=f"{UNKNOWN} the error of one leg with rate `auto` is at most 1.25 times that with the "
+        "best of the rates tried",
     ),
     "fast": Finding(
         [
@@ -245,9 +222,7 @@ FINDINGS = {
             )
             for rate in FAST
         ],
-        yes=f"{UNKNOWN} one leg with lead `auto` completes its cycles at rates of {FAST[0]} and {FAST[1]}.",
-        no=f"{UNKNOWN} one leg with lead `auto` ends early at a rate of {FAST[0]} or {FAST[1]}: it completes "
-        "{value} and {values[1]} of its cycles.",
+        says=f"{UNKNOWN} one leg with lead `auto` completes its cycles at rates of {FAST[0]} and {FAST[1]}",
     ),
     "settings": Finding(
         [
@@ -259,10 +234,8 @@ FINDINGS = {
             ),
             _steady("ramp and stronger force feedback", {"part": SETTING, "settings": FELT}, FORCE),
         ],
-        yes=f"{UNKNOWN} stronger force feedback at least halves the quadruped's force error, to {{value}} times that "
-        "with the ramp alone, and keeps it steady. `scenario=quadruped_lasting` has these settings.",
-        no=f"{UNKNOWN} stronger force feedback does not halve the quadruped's force error, or the error varies: it "
-        "is {value} times that with the ramp alone.",
+        says=f"{UNKNOWN} stronger force feedback, as in `scenario=quadruped_lasting`, at least halves "
+        "the quadruped's force error and keeps it steady",
     ),
     "drift": Finding(
         [
@@ -279,10 +252,7 @@ FINDINGS = {
                 of=WARNED,
             ),
         ],
-        yes="Drift is detected in {value} of the runs that diverge or fall, when errors are {values[1]} times their "
-        "least: learning can be stopped in time.",
-        no="Detection of drift is too late or too rare to rely on alone: it comes in {value} of the runs that "
-        "diverge or fall, when errors are {values[1]} times their least.",
+        says="Drift is detected in time to stop learning in most runs that diverge or fall",
     ),
     **{
         f"growth_{machine}": Finding(
@@ -294,10 +264,8 @@ FINDINGS = {
                     case=machine,
                 )
             ],
-            yes=f"{KNOWN} the linearised loop predicts the growth per cycle of the paper's rule ({machine}) to "
-            "within {value} with every lead: `python -m cmacexp.stability` computes it without a long run.",
-            no=f"{KNOWN} the linearised loop misses the growth per cycle of the paper's rule ({machine}) by up to "
-            "{value}: the prediction does not replace a long run.",
+            says=f"{KNOWN} the linearised loop predicts the growth per cycle of the paper's rule "
+            f"({machine}) with every lead",
         )
         for machine in (LEG, WALK)
     },

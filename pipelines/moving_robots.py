@@ -140,10 +140,8 @@ def _carries(network: str, start: str) -> Finding:
             itself(error, POSITION, first, f"{ground} ground, {part}", of | {"ground": ground, "part": part})
             for ground in GROUNDS for part in (ANEW, CARRIED)
         ],
-        yes=f"With a network addressed by {network}, what was learnt at one speed helps at another when feet start "
-        f"{start}.",
-        no=f"With a network addressed by {network}, what was learnt at one speed is of little use at another when "
-        f"feet start {start}.",
+        says=f"With a network addressed by {network}, what was learnt at one speed helps at another "
+            f"when feet start {start}",
     )  # fmt: skip
 
 
@@ -161,35 +159,30 @@ FINDINGS = {
         [
             percent("walks completed", _completed, at_least(0.9), case=gait, part=GAIT, gait=gait) for gait in GAITS
         ],
-        yes="Every gait walks to the end, with feedback only and while a CMAC learns, with perfect sensors and "
-        "encoders.",
-        no="Some gaits fall before the end, with feedback only or while a CMAC learns.",
+        says="Every gait walks to the end, with feedback only and while a CMAC learns, with perfect "
+            "sensors and encoders",
     ),
     "trot": Finding(
         _within(0.7e-3, part=GAIT, gait=TROT, sensors=PERFECT),
-        yes="In a trot of 0.4 m/s the transfer error ends at 0.7 mm or less.",
-        no="In a trot of 0.4 m/s the transfer error ends above 0.7 mm.",
+        says="In a trot of 0.4 m/s the transfer error ends at 0.7 mm or less",
     ),
     "course": Finding(
         [
             *_on_course("off_course", "relative error of the speed", 0.01, unit="%", scale=100.0),
             *_on_course("drift", "largest distance from the course", 0.1, unit="mm", scale=1e3),
         ],
-        yes="The trot of 0.4 m/s keeps its speed and its course.",
-        no="The trot of 0.4 m/s loses its speed or its course.",
+        says="The trot of 0.4 m/s keeps its speed and its course",
     ),
     "fast": Finding(
         _within(1.5e-3, part=GAIT, gait=FAST, sensors=PERFECT),
-        yes="In a trot of 0.8 m/s the transfer error ends at 1.5 mm or less.",
-        no="In a trot of 0.8 m/s the transfer error ends above 1.5 mm.",
+        says="In a trot of 0.8 m/s the transfer error ends at 1.5 mm or less",
     ),
     "trot_force": Finding(
         [
             *_left(FORCE, at_most(0.8), part=GAIT, gait=TROT, sensors=PERFECT),
             *_beside(FORCE, ALONE, CMAC, part=GAIT, gait=TROT, sensors=PERFECT),
         ],
-        yes="Learning lowers the force error of the trot by at least a fifth.",
-        no="Learning lowers the force error of the trot by less than a fifth, or raises it.",
+        says="Learning lowers the force error of the trot by at least a fifth",
     ),
     "encoders": Finding(
         [
@@ -197,21 +190,18 @@ FINDINGS = {
             *_within(2e-3, part=GAIT, gait=TROT, sensors="encoders"),
             *_beside(POSITION, ALONE, part=GAIT, gait=TROT, sensors="encoders"),
         ],
-        yes="With encoders, too, learning lowers the transfer error of the trot, to 2 mm or less.",
-        no="With encoders, learning leaves the trot a transfer error above 2 mm or above that with feedback only.",
+        says="With encoders, too, learning lowers the transfer error of the trot, to 2 mm or less",
     ),
     "worlds": Finding(
         [
             percent("walks completed", _completed, at_least(0.5), case=world, part=WORLD, world=world, kind=CMAC)
             for world in WORLDS
         ],
-        yes="In every world at least half of the walks with a CMAC complete.",
-        no="In some worlds fewer than half of the walks with a CMAC complete.",
+        says="In every world at least half of the walks with a CMAC complete",
     ),
     "late": Finding(
         _within(1e-3, part=WORLD, world=LATE),
-        yes="Where torques act a sample late, the transfer error ends at 1 mm or less.",
-        no="Where torques act a sample late, the transfer error ends above 1 mm.",
+        says="Where torques act a sample late, the transfer error ends at 1 mm or less",
     ),
     "payload": Finding(
         [
@@ -223,8 +213,8 @@ FINDINGS = {
                    f"{ground} ground, {world}", {"part": WORLD, "world": world, "kind": CMAC, "ground": ground})
             for ground in GROUNDS for world in (AS_MODELLED, PAYLOAD)
         ],
-        yes=f"With an unknown payload the force error of cycle {SOON} is at most 1.3 times that without.",
-        no=f"With an unknown payload the force error of cycle {SOON} is more than 1.3 times that without.",
+        says=f"With an unknown payload the force error of cycle {SOON} is at most 1.3 times that "
+            "without",
     ),
     "push": Finding(
         [
@@ -232,18 +222,15 @@ FINDINGS = {
                     ground=each)
             for each in GROUNDS
         ],
-        yes="Of the robots that are pushed aside, with feedback only or while a CMAC learns, at least half walk on: "
-        "{value} on elastic and {values[1]} on rigid ground.",
-        no="Of the robots that are pushed aside fewer than half walk on: {value} on elastic and {values[1]} on rigid "
-        "ground.",
+        says="Of the robots that are pushed aside, with feedback only or while a CMAC learns, at "
+            "least half walk on",
     ),
     "slope": Finding(
         [
             *_left(FORCE, at_most(1.0), grounds=["elastic"], part=WORLD, world=SLOPE),
             *_beside(FORCE, ALONE, CMAC, grounds=["elastic"], part=WORLD, world=SLOPE),
         ],
-        yes="On a slope learning lowers the force error.",
-        no="On a slope learning leaves the force error as it is, or raises it.",
+        says="On a slope learning lowers the force error",
     ),
     "built_walks": Finding(
         [
@@ -252,36 +239,27 @@ FINDINGS = {
             for kind, limit in ((CMAC, at_least(0.5)), (ALONE, ANY), (MODEL, ANY))
             for ground in GROUNDS
         ],
-        yes="A Go2 as built completes {values[0]} of its walks on elastic and {values[1]} on rigid ground with the "
-        "CMAC, {values[2]} and {values[3]} with feedback only, {values[4]} and {values[5]} with the nominal model.",
-        no="A Go2 as built often falls with the CMAC: it completes {values[0]} of its walks on elastic and "
-        "{values[1]} on rigid ground, {values[2]} and {values[3]} with feedback only, {values[4]} and {values[5]} "
-        "with the nominal model.",
+        says="A Go2 as built completes at least half of its walks with the CMAC",
     ),
     "as_built": Finding(
         _over_feedback(CMAC, {name: at_most(left) for name, left in LEFT.items()}),
-        yes="On a Go2 as built the transfer error with the CMAC is at most 5 %, the force error at most 25 % of that "
-        "with feedback only.",
-        no="On a Go2 as built the transfer error with the CMAC is above 5 %, or the force error above 25 % of that "
-        "with feedback only.",
+        says="On a Go2 as built the transfer error with the CMAC is at most 5 %, the force error at "
+            "most 25 % of that with feedback only",
     ),
     "by_model": Finding(
         _over_feedback(MODEL, dict.fromkeys((POSITION, FORCE), at_least(0.2))),
-        yes="On a Go2 as built both errors with the nominal model are at least 20 % of those with feedback only.",
-        no="On a Go2 as built an error with the nominal model is below 20 % of that with feedback only.",
+        says="On a Go2 as built both errors with the nominal model are at least 20 % of those with "
+            "feedback only",
     ),
     "fixed": Finding(
         _over_feedback(FIXED, {FORCE: at_least(0.5)}),
-        yes="On a Go2 as built the force error with a CMAC and the load of the model is at least half of that with "
-        "feedback only.",
-        no="On a Go2 as built the force error with a CMAC and the load of the model is below half of that with "
-        "feedback only.",
+        says="On a Go2 as built the force error with a CMAC and the load of the model is at least "
+            "half of that with feedback only",
     ),
     **{f"carries_{network}_{start}": _carries(network, start) for network in NETWORKS for start in STARTS},
     "lag": Finding(
         _within(0.5e-3, part=WORLD, world=LAG),
-        yes="On a Go2 as built with the lag of its drives the transfer error ends at 0.5 mm or less.",
-        no="On a Go2 as built with the lag of its drives the transfer error ends above 0.5 mm.",
+        says="On a Go2 as built with the lag of its drives the transfer error ends at 0.5 mm or less",
     ),
 }  # fmt: skip
 

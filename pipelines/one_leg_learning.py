@@ -252,13 +252,11 @@ CLAIMS = {
 
 
 def _versus_exact(variant: str, when: str, sample: Sample) -> Finding:
-    words = f"the error in y {when} is {{value}} times as large with the CMAC as with exact inverse dynamics"
     path = "path as published" if variant == PUBLISHED else "smooth path"
     return Finding(
         [Criterion(f"RMS error in y in transfer {when}: CMAC over exact inverse dynamics",
                    ratio(sample, CMAC, EXACT), LESS, of={"variant": variant})],
-        yes=f"On the {path}, {words}: the CMAC has overtaken the model.",
-        no=f"On the {path}, {words}: the model is still ahead.",
+        says=f"On the {path}, the CMAC has overtaken exact inverse dynamics in y {when}",
     )  # fmt: skip
 
 
@@ -269,14 +267,11 @@ FINDINGS = {
         [of_paper(f"RMS error in the last cycles over that in cycle {FIRST}", _over(_end(name), _at(FIRST, name)),
                   ELIMINATED, case=ERRORS[name])
          for name in ("transfer_rmse_x", "transfer_rmse_y")],
-        yes="By the end of the run both position errors are virtually eliminated: {values[0]} of the first error is "
-        "left in x and {values[1]} in y.",
-        no="By the end of the run at least one error remains: {values[0]} in x and {values[1]} in y.",
+        says="By the end of the run both position errors are virtually eliminated",
     ),
     "statics": Finding(
         [of_paper("difference of the settled force from statics", _statics_deviation, at_most(0.02))],
-        yes="Statics with the weight of the leg give the force at which feedback only settles.",
-        no="Statics with the weight of the leg miss the force at which feedback only settles by {value}.",
+        says="Statics with the weight of the leg give the force at which feedback only settles",
     ),
     "bias": Finding(
         [
@@ -284,22 +279,19 @@ FINDINGS = {
             percent("size of the final force error without the term", _end("force_steady_state_error"),
                     at_most(0.005), of=CMAC, variant=AWARE),
         ],
-        yes="The force error that learning leaves is the bias of eq. 13: it has the predicted size, and without the "
-        "term the error is {values[1]}. Use `reference=aware` where the force is to be exact.",
-        no="The bias of eq. 13 does not explain the force error that learning leaves.",
+        says="The force error that learning leaves is the bias of eq. 13, and `reference=aware` "
+            "removes it",
     ),
     "lead": Finding(
         [Criterion("RMS feedback torque over the last cycles over its least", final_feedback, AT_ITS_LEAST,
                    of={"law": LEAD})],
-        yes="With a lead of one sample the feedback torque ends at {value} times its least.",
-        no="With a lead of one sample the feedback torque grows again: it ends at {value} times its least.",
+        says="With a lead of one sample the feedback torque stays at its least",
     ),
     "lift_off": Finding(
         [percent(f"share of the squared feedback torque in the {trace.SWING_START:g} s after lift-off, in the last "
                  "cycle that was recorded", _measure("lift_off_late"), at_least(0.5), law=NO_LEAD)],
-        yes="Late in the run as published most of the squared feedback torque falls just after lift-off.",
-        no="Late in the run as published most of the squared feedback torque falls elsewhere than just after "
-        "lift-off.",
+        says="Late in the run as published most of the squared feedback torque falls just after "
+            "lift-off",
     ),
     "published_early": _versus_exact(PUBLISHED, *IN_FIFTH),
     "published_late": _versus_exact(PUBLISHED, *AT_END),

@@ -23,7 +23,7 @@ QUESTION = (
 def write(options: Options) -> Path:
     """Run all studies and write one page over them; returns it."""
     folder = Path(__file__).parent
-    studies = write_studies([load_study(folder / f"{name}.py") for name in STUDIES], options)
+    studies = write_studies([load_study(folder / f"{name}.py") for name in STUDIES], options, whole=True)
     print_statements(studies)
     with new_result(options.place("paper"), FOLDER_KEY, REPORT) as place:
         return write_page(TITLE, QUESTION, studies, place, options.quick)

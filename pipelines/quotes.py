@@ -37,14 +37,17 @@ Quotable = Mapping[str, Mapping[str, Any]]
 """Statements by study and name."""
 
 
-def find_study(name: str) -> Path:
-    """The file of a study of this folder, of Python or of YAML."""
-    return next(path for suffix in (".yaml", ".py") if (path := PIPELINES / f"{name}{suffix}").is_file())
+def find_study(name: str) -> Path | None:
+    """The file of a study of this folder, of Python or of YAML; None if there is no such study."""
+    page = PIPELINES / f"{name}.md"
+    return next(
+        (path for suffix in (".yaml", ".py") if (path := page.with_suffix(suffix)).is_file() and page.is_file()), None
+    )
 
 
 def all_studies() -> list[StudyFile]:
     """Every study of this folder, by name."""
-    return [load_study(find_study(page.stem)) for page in sorted(PIPELINES.glob("*.md"))]
+    return [load_study(path) for page in sorted(PIPELINES.glob("*.md")) if (path := find_study(page.stem))]
 
 
 @cache

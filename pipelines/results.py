@@ -10,7 +10,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -107,9 +107,12 @@ class PublishedResults:
         if (study := self.studies.get(name)) is None:
             return State(name, NEVER, "", [])
         changed = self._list_changed(study)
-        models = [f"model of {model}" for model, known in study["models"].items() if _has_changed(model, known)]
+        known = {} if changed else study["models"]  # reading models takes long, and could only add reasons
+        models = [
+            f"model of {model}" for model, digest in known.items() if _find_model_hash(model) not in ("", digest)
+        ]
         again = study.get("confirmed")
-        if changed and again and not models and not self._list_changed(again):
+        if changed and again and not self._list_changed(again):
             return State(name, EQUAL, study["date"], changed, again["date"])
         return State(name, CHANGED if changed or models else CURRENT, study["date"], [*changed, *models])
 
@@ -137,12 +140,13 @@ def _digest(path: Path) -> str:
     return digest_source(path) if path.is_file() else ""
 
 
-def _has_changed(model: str, known: str) -> bool:
-    """Whether an installed model of a robot is not the one of a study."""
+@cache
+def _find_model_hash(model: str) -> str:
+    """The hash of an installed model of a robot; empty if it is not installed."""
     if model not in package_models():
-        return False
+        return ""
     machine = compose_config(["scenario=robot", f"machine={model}"]).machine
-    return isinstance(machine, RobotMachine) and read_model(machine).model_hash != known
+    return read_model(machine).model_hash if isinstance(machine, RobotMachine) else ""
 
 
 def _read(path: Path) -> Any:

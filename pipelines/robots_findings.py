@@ -108,16 +108,14 @@ def _left(name: str, kind: str, part: str = FEEDFORWARDS) -> list[Criterion]:
 def _position(kind: str) -> Finding:
     return Finding(
         _at_end(POSITION, at_most(0.5e-3), kind),
-        yes=f"With “{kind}” the transfer error of every robot is at most 0.5 mm.",
-        no=f"With “{kind}” the transfer error of some robots is above 0.5 mm.",
+        says=f"With “{kind}” the transfer error of every robot is at most 0.5 mm",
     )
 
 
 def _force(kind: str) -> Finding:
     return Finding(
         _left(FORCE, kind),
-        yes=f"With “{kind}” the force error of every robot is at most a quarter of that with feedback only.",
-        no=f"With “{kind}” the force error of some robots is more than a quarter of that with feedback only.",
+        says=f"With “{kind}” the force error of every robot is at most a quarter of that with feedback only",
     )
 
 
@@ -125,8 +123,7 @@ def _beats_model(name: str) -> Finding:
     words = f"{WORDS[name]} error over that with the nominal model"
     return Finding(
         [*_each(percent, words, compared(name, CMAC, EXACT), at_most(1.0)), *_beside(name, EXACT, CMAC)],
-        yes=f"On every robot the {WORDS[name]} error with the CMAC is below that with the nominal model.",
-        no=f"On some robots the {WORDS[name]} error with the CMAC is above that with the nominal model.",
+        says=f"On every robot the {WORDS[name]} error with the CMAC is below that with the nominal model",
     )
 
 
@@ -134,8 +131,7 @@ def _on_rigid(name: str) -> Finding:
     words = f"{100 * LEFT[name]:g} % of that with feedback only"
     return Finding(
         _left(name, CMAC, GROUND),
-        yes=f"On the rigid floor learning lowers the {WORDS[name]} error of every robot to at most {words}.",
-        no=f"On the rigid floor the {WORDS[name]} error of some robots stays above {words}.",
+        says=f"On the rigid floor learning lowers the {WORDS[name]} error of every robot to at most {words}",
     )
 
 
@@ -152,8 +148,7 @@ def _felt(name: str) -> Finding:
             *(itself(words, FORCE, force, case, {**of, "robot": TRIED})
               for case, of in (("with every part", whole), ("without it", without))),
         ],
-        yes=f"The part “{name}” of the method lowers the force error.",
-        no=f"The part “{name}” of the method hardly changes the force error, or raises it.",
+        says=f"The part “{name}” of the method lowers the force error",
     )  # fmt: skip
 
 
@@ -194,25 +189,23 @@ FINDINGS = {
                     part=FEEDFORWARDS, kind=kind)
             for kind in KINDS
         ],
-        yes="With every feedforward at least 70 % of the walks complete.",
-        no="With some feedforwards less than 70 % of the walks complete.",
+        says="With every feedforward at least 70 % of the walks complete",
     ),
     **{f"position_{kind}": _position(kind) for kind in (ALONE, EXACT, HEAVY, CMAC, ON_MODEL, ILC, RBF)},
     **{f"force_{kind}": _force(kind) for kind in (EXACT, HEAVY, CMAC, ON_MODEL, ILC, RBF)},
     "position_left": Finding(
         _left(POSITION, CMAC),
-        yes="With the CMAC the transfer error of every robot is at most 5 % of that with feedback only.",
-        no="With the CMAC the transfer error of some robots is more than 5 % of that with feedback only.",
+        says="With the CMAC the transfer error of every robot is at most 5 % of that with feedback "
+            "only",
     ),
     "posture": Finding(
         [*_at_end(JOINTS, at_most(1e-3)), *_at_end(TILT, at_most(1e-3))],
-        yes="With the CMAC the joint error and the tilt of the trunk are at most 1 mrad on every robot.",
-        no="With the CMAC the joint error or the tilt of the trunk is above 1 mrad on some robots.",
+        says="With the CMAC the joint error and the tilt of the trunk are at most 1 mrad on every "
+            "robot",
     ),
     "share": Finding(
         _each(percent, "feedforward over all torque", partial(judged, name=SHARE, kind=CMAC), at_least(0.95)),
-        yes="The CMAC provides at least 95 % of the torque on every robot.",
-        no="On some robots the CMAC provides less than 95 % of the torque.",
+        says="The CMAC provides at least 95 % of the torque on every robot",
     ),
     "better_position": _beats_model(POSITION),
     "better_force": _beats_model(FORCE),
@@ -225,25 +218,20 @@ FINDINGS = {
                 compared(name, ON_MODEL, CMAC_LIGHT, EARLY), at_most(FELT),
             )
         ],
-        yes=f"By cycle {EARLY}, a CMAC on the wrong model is as accurate as a CMAC without one on every robot.",
-        no=f"By cycle {EARLY}, a CMAC on the wrong model is less accurate than a CMAC without one on some robots.",
+        says=f"By cycle {EARLY}, a CMAC on the wrong model is as accurate as a CMAC without one on "
+            "every robot",
     ),
     "lasts": Finding(
         _completed(part=STARTS, period=SHORT),
-        yes=f"Sampled every millisecond, {{value}} of the walks from disturbed starts complete {LONG} cycles.",
-        no=f"Sampled every millisecond, only {{value}} of the walks from disturbed starts complete {LONG} cycles.",
+        says=f"Sampled every millisecond, walks from disturbed starts complete {LONG} cycles",
     ),
     "lasts_by_rule": Finding(
         _completed(part=STARTS, period=BY_RULE),
-        yes=f"With the sampling period by rule, {{value}} of the walks from disturbed starts complete {LONG} cycles.",
-        no=f"With the sampling period by rule, only {{value}} of the walks from disturbed starts complete {LONG} "
-        "cycles.",
+        says=f"With the sampling period by rule, walks from disturbed starts complete {LONG} cycles",
     ),
     "further": Finding(
         _completed(part=OTHERS),
-        yes="The other robots walk with the same rule, with feedback only and with the CMAC: {value} of the walks "
-        "complete.",
-        no="Some of the other robots fall with the same rule: {value} of the walks complete.",
+        says="The other robots walk with the same rule, with feedback only and with the CMAC",
     ),
     "rigid_position": _on_rigid(POSITION),
     "rigid_force": _on_rigid(FORCE),
@@ -253,22 +241,18 @@ FINDINGS = {
             percent("planned time walked", lambda results: results.measure("walked"), at_most(0.9), part=LEFT_OUT,
                     without=POSTURE_RATE)
         ],
-        yes="Without the posture rate the robot falls while it learns.",
-        no="Without the posture rate the robot keeps walking while it learns.",
+        says="Without the posture rate the robot falls while it learns",
     ),
     "grows": Finding(
         _grows(WITHOUT_LEAD, at_least(FELT)),
-        yes="Without lead the feedback torque grows again.",
-        no="Without lead the feedback torque stays low.",
+        says="Without lead the feedback torque grows again",
     ),
     "holds": Finding(
         _grows(WITH_LEAD, at_most(FELT)),
-        yes="With a lead of one sample the feedback torque stays low.",
-        no="With a lead of one sample the feedback torque grows again, too.",
+        says="With a lead of one sample the feedback torque stays low",
     ),
     "planar": Finding(
         _planar(),
-        yes="The rate of the load lowers the force error of the paper's planar quadruped as well.",
-        no="The rate of the load raises the force error of the paper's planar quadruped.",
+        says="The rate of the load lowers the force error of the paper's planar quadruped as well",
     ),
 }  # fmt: skip

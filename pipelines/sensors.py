@@ -225,20 +225,15 @@ FINDINGS = {
             _survive(f"no check, {WEAK}", NO_CHECK, GAINS[:-1], MOST),
             _survive(f"no check, gain {GAINS[-1]:g}", NO_CHECK, GAINS[-1:], at_most(0.75)),
         ],
-        yes=f"Without the check the machine walks on after {{value}} of the failures with {WEAK}, and after "
-        f"{{values[1]}} with {GAINS[-1]:g}: strong force feedback needs the check.",
-        no=f"Without the check the gain does not decide after which failures the machine walks on: {{value}} of them "
-        f"with {WEAK}, {{values[1]}} with {GAINS[-1]:g}.",
+        says=f"Without the check the machine walks on after failures with {WEAK}, and often falls with "
+        f"{GAINS[-1]:g}: strong force feedback needs it",
     ),
     "checked": Finding(
         [
             _survive("with the check, all gains", CHECK, GAINS, MOST),
             percent("failures that the check detects within a cycle", _rejected_in_time, MOST, part=FAILURES),
         ],
-        yes="With `plausibility=force` the machine walks on after {value} of the failures over all gains; "
-        "{values[1]} are detected within a cycle.",
-        no="`plausibility=force` is no remedy for all failures: the machine walks on after {value}; {values[1]} are "
-        "detected within a cycle.",
+        says="With `plausibility=force` the machine walks on after failures, and they are detected within a cycle",
     ),
     "alarms": Finding(
         [
@@ -246,9 +241,7 @@ FINDINGS = {
             _rejected("with noisy forces", part=WATCH, signal="force"),
             _rejected("in which another one fails", part=BREAK, check=CHECK),
         ],
-        yes="The check never rejects a sound sensor.",
-        no="The check rejects sound sensors: {value} a run without noise, {values[1]} with noisy forces, and "
-        "{values[2]} beside a broken sensor.",
+        says="The check never rejects a sound sensor",
     ),
     "noise_leg": Finding(
         [
@@ -265,10 +258,7 @@ FINDINGS = {
                 of={"part": NOISE, "machine": LEG, "signal": [NONE, "force"], "level": [None, FORCE_NOISE]},
             ),
         ],
-        yes=f"With {LEG_NOISE} one leg still learns: its transfer error in y ends at {{value}} of that of the first "
-        "cycle; its feedback torque is {values[1]} times that without noise.",
-        no=f"With {LEG_NOISE}, {{value}} of the first transfer error in y of one leg is left, and its feedback "
-        "torque is {values[1]} times that without noise.",
+        says=f"With {LEG_NOISE} one leg still learns, with more feedback torque",
     ),
     "torque_first": Finding(
         [
@@ -279,31 +269,20 @@ FINDINGS = {
                 of={"part": NOISE},
             )
         ],
-        yes="If sensor noise has an effect at all, it raises the feedback torque more than the errors, in {value} of "
-        "the runs.",
-        no="If sensor noise has an effect at all, it raises the feedback torque more than the errors in only {value} "
-        "of the runs.",
+        says="If sensor noise has an effect at all, it raises the feedback torque more than the errors",
     ),
     "noise_gain": Finding(
         [_grows("up to", GAINS[:3], at_most(FELT)), _grows("above", GAINS[3:], at_least(FELT))],
-        yes=f"Noisy force sensors limit the gain: up to {NOISY_GAIN:g} noise multiplies the quadruped's feedback "
-        "torque by {value} at most, above it by up to {values[1]}.",
-        no=f"A gain of {NOISY_GAIN:g} does not separate where noise on the forces is felt: up to it the feedback "
-        "torque is {value} times that without noise, above it up to {values[1]} times.",
+        says=f"Noisy force sensors limit the gain of the quadruped's force feedback to {NOISY_GAIN:g}",
     ),
     "late": Finding(
         [_done(["velocity", "torque"], "auto", MOST), _done(["velocity", "torque"], 1, at_most(0.9))],
-        yes="A delayed velocity and a delayed torque need one more sample of lead, which `learning.lead=auto` "
-        "counts: with lead 1 runs end after {values[1]} of their cycles.",
-        no="One more sample of lead does not decide where velocity or torque is delayed: with `learning.lead=auto` "
-        "runs complete {value} of their cycles, with lead 1 {values[1]}.",
+        says="A delayed velocity and a delayed torque need one more sample of lead, which "
+        "`learning.lead=auto` counts",
     ),
     "late_position": Finding(
         [_done("position", 1, MOST), _done("position", 2, at_most(0.9))],
-        yes="A delayed position needs no more lead: with lead 1 runs complete, with lead 2 they end after "
-        "{values[1]} of their cycles.",
-        no="A delayed position does not call for lead 1: with it runs complete {value} of their cycles, with lead 2 "
-        "{values[1]}.",
+        says="A delayed position needs no more lead",
     ),
 }
 

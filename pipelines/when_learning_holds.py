@@ -129,17 +129,12 @@ def _matrix(criterion: str) -> Finding:
         ("said to grow, stayed bounded", partial(_cell, says=GROWS, went=BOUNDED), at_most(0.05)),
         ("undecided", _undecided, at_most(0.2)),
     ]
-    counts = (
-        "of all settings {values[0]} were said to stay bounded and did, {values[1]} were and grew, {values[2]} were "
-        "said to grow and did, {values[3]} were and stayed bounded, {values[4]} were undecided."
-    )
     return Finding(
         [
             percent(quantity, partial(sample, criterion=criterion), limit, case=CRITERIA[criterion], machine=LEG)
             for quantity, sample, limit in cells
         ],
-        yes=f"“{CRITERIA[criterion]}” is seldom wrong or undecided: {counts}",
-        no=f"“{CRITERIA[criterion]}” is often wrong or undecided: {counts}",
+        says=f"“{CRITERIA[criterion]}” is seldom wrong or undecided on one leg",
     )
 
 
@@ -150,47 +145,35 @@ FINDINGS = {
             percent("stays bounded", _stayed_bounded, between(0.2, 0.8), case=machine, machine=machine)
             for machine in (LEG, WALK)
         ],
-        yes="Neither outcome is rare: {values[0]} of the settings of one leg stay bounded, {values[1]} of those of "
-        "the quadruped.",
-        no="One outcome is rare: {values[0]} of the settings of one leg stay bounded, {values[1]} of those of "
-        "the quadruped.",
+        says="Neither outcome is rare",
     ),
     "spared": Finding(
         [percent(SPARED, _spared, at_least(0.99), case=LEG, machine=LEG)],
-        yes="A false “holds” is rare on one leg: {value} of the settings have none.",
-        no="A false “holds” is too frequent on one leg: only {value} of the settings have none.",
+        says="A false “holds” is rare on one leg",
     ),
     "spared_walk": Finding(
         [percent(SPARED, _spared, at_least(0.95), case=WALK, machine=WALK)],
-        yes="A false “holds” is rare on the quadruped: {value} of the settings have none.",
-        no="A false “holds” is too frequent on the quadruped: only {value} of the settings have none.",
+        says="A false “holds” is rare on the quadruped",
     ),
     "decides": Finding(
         [
             percent("undecided", _undecided, at_most(0.2), case=machine, machine=machine) for machine in (LEG, WALK)
         ],
-        yes="The verdict leaves few settings undecided: {values[0]} of one leg, {values[1]} of the quadruped.",
-        no="The verdict leaves many settings undecided: {values[0]} of one leg, {values[1]} of the quadruped.",
+        says="The verdict leaves few settings undecided",
     ),
     "precise": Finding(
         [percent(f"growth within {WITHIN:g} of the measured one", _precise, at_least(0.95), machine=LEG)],
-        yes=f"Where changes stay small, growth per cycle is predicted within {WITHIN:g} in {{value}} of the runs.",
-        no=f"Where changes stay small, growth per cycle is predicted within {WITHIN:g} in only {{value}} of the "
-        "runs.",
+        says=f"Where changes stay small, growth per cycle is predicted within {WITHIN:g}",
     ),
     "condition": Finding(
         [percent("bounded where condition 1 is met", partial(_held_if_said, criterion="condition_1"), at_least(0.95),
                  machine=LEG)],
-        yes="Where condition 1 is met at the places that were computed, learning stays bounded in {value} of the "
-        "settings.",
-        no="Where condition 1 is met at the places that were computed, learning stays bounded in only {value} of the "
-        "settings.",
+        says="Where condition 1 is met at the places that were computed, learning stays bounded",
     ),
     **{
         criterion: Finding(
             [_right_share(criterion)],
-            yes=f"Where it decides, “{CRITERIA[criterion]}” is right in {{value}} of the settings.",
-            no=f"Where it decides, “{CRITERIA[criterion]}” is right in only {{value}} of the settings.",
+            says=f"Where it decides, “{CRITERIA[criterion]}” is right",
         )
         for criterion in CRITERIA
     },

@@ -1,9 +1,9 @@
 """``python -m cmacexp.study FILE.py``: runs what a study asks for, and writes its report."""
 
 import argparse
-import math
+import json
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,19 +13,37 @@ from cmacexp.commands.command import COMPLETED, Parser, run_command
 from cmacexp.data.discovery import require_place
 from cmacexp.data.folder import HTML, new_result
 from cmacexp.data.manifest import REPORT
+from cmacexp.data.parquet import read_table
 from cmacexp.data.run import Run
 from cmacexp.engine.collect import Collected, ensure_runs
 from cmacexp.engine.equal_results import print_idle_keys
 from cmacexp.engine.pool import ParallelMap, start_workers
 from cmacexp.engine.sweep_tables import parse_overrides
 from cmacexp.errors import BadInput
-from cmacexp.study.page import Evaluated, check_page, count_verdicts, evaluate, evidence_of, format_text, write_page
+from cmacexp.study.page import (
+    Evaluated,
+    check_page,
+    count_verdicts,
+    evaluate,
+    evidence_of,
+    format_text,
+    restore,
+    write_page,
+)
 from cmacexp.study.provenance import choose_witnesses, digest_study, make_provenance
 from cmacexp.study.results import Results, read_row
+from cmacexp.study.stages import (
+    MADE_FROM,
+    MEASURES,
+    STAGES_FILE,
+    Measured,
+    describe_stages,
+    measure_runs,
+    read_stages,
+)
 from cmacexp.study.study import Request
 from cmacexp.study.study_file import StudyFile, load_study
 from cmacexp.terminal.output import print_line
-from cmacexp.typing import RESULTS
 
 FOLDER = Path("outputs/studies")
 FOLDER_KEY = "--folder"
@@ -71,21 +89,15 @@ class Options:
         return [request.with_seed(seed) for request in requests for seed in (numbers if request.seeded else [0])]
 
 
-def _measure(path: Path, folder: Path) -> dict[str, float]:
-    """Measures of one run of a study, by name; NaN of a run that failed."""
-    run, measures = Run(folder), load_study(path).study.measures
-    failed = run.status not in RESULTS
-    return {name: math.nan if failed else float(measure(run)) for name, measure in measures.items()}
-
-
 def _write(
     path: Path,
     requests: Sequence[Request],
     collected: Collected,
-    measured: Mapping[Path, Mapping[str, float]],
+    measured: Measured,
     options: Options,
+    whole: bool,
 ) -> Evaluated:
-    """Evaluate one study and write its own page."""
+    """Evaluate one study and write its own page; what is current is read, unless the ``whole`` is asked for."""
     file = load_study(path)
     study, folder = file.study, options.place(file.name)
     keys = list(
@@ -95,37 +107,56 @@ def _write(
     for request in requests:
         run, choices = collected[request]
         found[run, repr(sorted(request.labels.items()))] = (run, request.labels, choices, request.seeded)
+    stages = describe_stages(file, requests, [(run, labels) for run, labels, *_ in found.values()])
+    before = read_stages(folder)
+    if before == stages and not whole:
+        return restore(file, folder, options.quick)
+    current = all(before.get(name) == stages[name] for name in MADE_FROM)
     rows = [
         read_row(run, labels, choices, keys, measured[run], seeded) for run, labels, choices, seeded in found.values()
     ]
     results = Results(rows)
-    results = Results(rows, {name: compute(results) for name, compute in study.computed.items()})
+    tables = {
+        name: read_table(folder / f"{name}.parquet").to_pandas() if current else compute(results)
+        for name, compute in study.computed.items()
+    }
+    results, known = Results(rows, tables), restore(file, folder, options.quick) if current else None
     overrides = {collected[r][0]: r.overrides for r in requests if r.starts_from is None}
     witnesses = choose_witnesses(results, overrides)
     provenance = make_provenance(digest_study(path), results, witnesses, options.seeds)
     with new_result(folder, FOLDER_KEY, REPORT) as place:
-        evaluated = replace(evaluate(file, results, place.part, options.quick), provenance=provenance)
+        evaluated = replace(evaluate(file, results, place.part, options.quick, known), provenance=provenance)
+        place.write_text(STAGES_FILE, json.dumps(stages, indent=1) + "\n")
         write_page(study.title, study.question, [evaluated], place, options.quick)
     return evaluated
 
 
-def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluated]:
-    """Run studies and write a report of each; complete runs are not run again."""
+def write_studies(files: Sequence[StudyFile], options: Options, whole: bool = False) -> list[Evaluated]:
+    """Make what is missing or stale of studies, and no more: runs, measures, claims and a page of each.
+
+    The result has the sections of each page if the ``whole`` is asked for.
+    """
     for file in files:
         check_page(file)
     with options.start_workers() as parallel_map:
         requests = {file.name: options.expand(file.study.runs(options.quick)) for file in files}
         collected = ensure_runs(parallel_map, [r for own in requests.values() for r in own], options.folder / "runs")
         folders = {file.path: list({collected[r][0] for r in requests[file.name]}) for file in files}
-        pairs = [(f.path, folder) for f in files if f.study.measures for folder in folders[f.path]]
-        measured = dict(zip(pairs, parallel_map("measuring", _measure, pairs), strict=True))
+        place = options.folder / MEASURES
+        measured = {
+            file.path: measure_runs(
+                file, folders[file.path], place / f"{options.place(file.name).name}.parquet", parallel_map
+            )
+            for file in files
+        }
         items = [
             (
                 file.path,
                 requests[file.name],
                 {r: collected[r] for r in requests[file.name]},
-                {folder: measured.get((file.path, folder), {}) for folder in folders[file.path]},
+                measured[file.path],
                 options,
+                whole,
             )
             for file in files
         ]

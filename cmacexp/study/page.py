@@ -1,8 +1,9 @@
 """The page of a study: its Markdown with values, figures, tables, findings and claims; and its files beside it."""
 
 import json
+import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cache, partial
 from pathlib import Path
 from textwrap import wrap
@@ -19,7 +20,7 @@ from cmacexp.errors import BadInput
 from cmacexp.report.markdown import find_insertions, render_markdown
 from cmacexp.report.page import HOW_TO_REPORT, Report, find_page, relative, write_report
 from cmacexp.report.page_elements import Renderer, Section
-from cmacexp.study.interval import FEW
+from cmacexp.study.interval import FEW, Interval
 from cmacexp.study.provenance import PROVENANCE
 from cmacexp.study.results import LAST_CYCLES, Results
 from cmacexp.study.statements import (
@@ -47,6 +48,8 @@ Wilson's. That of fewer than {few} values that differ is Student's t of their me
 logarithms (the value is the geometric mean); that of more a percentile bootstrap of their interquartile mean. A value
 that no seed and no case changes is marked “deterministic”, which says nothing of modelling errors.</p>"""
 CLAIMS = "claims.json"
+INTERVAL = tuple(each.name for each in fields(Interval))
+"""Entries of a criterion in that file that are its interval."""
 
 
 class EvidenceRow(NamedTuple):
@@ -168,11 +171,20 @@ def _write_tables(results: Results, folder: Path) -> None:
         write_table(table, folder / name)
 
 
-def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Evaluated:
-    """Judge the statements of a study, write its figures and tables below ``folder``, and render its page."""
+def evaluate(
+    file: StudyFile, results: Results, folder: Path, quick: bool, known: Evaluated | None = None
+) -> Evaluated:
+    """Judge the statements of a study, write its figures and tables below ``folder``, and render its page.
+
+    Statements are not judged again if they are ``known``.
+    """
     study = file.study
-    claims = {} if quick else {name: claim.judge(results) for name, claim in study.claims.items()}
-    findings = {} if quick else {name: finding.judge(results) for name, finding in study.findings.items()}
+    claims = (
+        known.claims if known else {name: each.judge(results) for name, each in study.claims.items() if not quick}
+    )
+    findings = (
+        known.findings if known else {name: each.judge(results) for name, each in study.findings.items() if not quick}
+    )
     sections = render_markdown(
         file.text,
         file.page,
@@ -190,6 +202,28 @@ def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Ev
     )
     _write_tables(results, folder)
     return Evaluated(file.name, claims, findings, sections, {run.folder: run.manifest for run in results.runs})
+
+
+def restore(file: StudyFile, folder: Path, quick: bool) -> Evaluated:
+    """A study as its report in ``folder`` says, without sections and runs; a quick one has no statements."""
+    if quick:
+        return Evaluated(file.name, {}, {}, [], {})
+    known = [json.loads((folder / name).read_text(encoding="utf-8"))[file.name] for name in (CLAIMS, PROVENANCE)]
+    entries = {each["name"]: each["criteria"] for each in known[0]}
+
+    def measured(name: str, criteria: Sequence[Criterion]) -> list[CriterionResult]:
+        return [
+            CriterionResult(
+                each, Interval(*map(entry.get, INTERVAL)), [os.path.normpath(folder / run) for run in entry["runs"]]
+            )
+            for each, entry in zip(criteria, entries[name], strict=True)
+        ]
+
+    claims = {name: ClaimResult(each, measured(name, each.criteria)) for name, each in file.study.claims.items()}
+    findings = {
+        name: FindingResult(each, measured(name, each.criteria)) for name, each in file.study.findings.items()
+    }
+    return Evaluated(file.name, claims, findings, [], {}, known[1])
 
 
 def _format_finding(found: FindingResult) -> str:
@@ -220,6 +254,7 @@ def _entry(measured: CriterionResult, folder: Path) -> dict[str, Any]:
     return {
         "quantity": criterion.quantity, "case": criterion.case, "value": interval.value, "low": interval.low,
         "high": interval.high, "count": interval.count, "size": interval.size, "method": interval.method,
+        "failed": interval.failed, "unpaired": interval.unpaired,
         **{name: [limit.low, limit.high] for name, limit in limits.items() if limit},
         "verdict": measured.verdict, "shown": measured.value, "spread": measured.spread,
         "runs": [relative(Path(run), folder) for run in measured.runs],

@@ -25,7 +25,10 @@ from cmacexp.study.study_file import find_module
 
 PROVENANCE = "provenance.json"
 """Beside the page of a study."""
-STATISTICS = tuple(f"study/{name}.py" for name in ("comparison", "interval", "results", "samples", "statements"))
+STATISTICS = tuple(
+    f"study/{name}.py"
+    for name in ("comparison", "declaration", "interval", "quantity", "results", "samples", "statements")
+)
 """Files that make values of runs."""
 DIGITS = 12
 

@@ -115,103 +115,77 @@ def _findings(machine: str) -> dict[str, Finding]:
             [Criterion(f"{SCORE}, over that of the best model that is not identified, in each world, {kind}",
                         _over_best(machine, name, NOMINAL), at_most(1.0), at_least(1.0), case=name)
              for name in LEARNERS],
-            yes=f"{machine}: every learner ends better than every model that is not identified.",
-            no=f"{machine}: not every learner ends better than every model that is not identified.",
+            says=f"{machine}: every learner ends better than every model that is not identified",
         ),
         f"learners_identified_{machine}": Finding(
             [Criterion(f"{SCORE}, over that of the identified model, {kind}",
                         _over_best(machine, name, [IDENTIFIED]), at_most(1.0), at_least(1.0), case=name)
              for name in LEARNERS],
-            yes=f"{machine}: every learner ends better than the identified model.",
-            no=f"{machine}: not every learner ends better than the identified model.",
+            says=f"{machine}: every learner ends better than the identified model",
         ),
         f"model_{machine}": Finding(
             [Criterion(f"{SCORE}, CMAC over a model", _ratio(machine, CMAC, name), at_most(CLEARLY), at_least(1.0),
                         case=name) for name in MODELS],
-            yes=f"{machine}: the CMAC ends clearly better than every model ({{value}} of the score of the nominal "
-                "one, {values[4]} of that of the identified one).",
-            no=f"{machine}: the CMAC does not end clearly better than every model ({{value}} of the score of the "
-               "nominal one, {values[4]} of that of the identified one).",
+            says=f"{machine}: the CMAC ends clearly better than every model",
         ),
         f"identified_{machine}": Finding(
             [Criterion(f"{SCORE}, identified over nominal model", _ratio(machine, IDENTIFIED, MODEL),
                         at_most(CLEARLY), at_least(1.0))],
-            yes=f"{machine}: a model that is identified from two cycles is clearly better than the nominal one "
-                "({value} of its score).",
-            no=f"{machine}: a model that is identified from two cycles is not clearly better than the nominal one "
-               "({value} of its score).",
+            says=f"{machine}: a model that is identified from two cycles is clearly better than the "
+            "nominal one",
         ),
         f"heavy_{machine}": Finding(
             [Criterion(f"{SCORE}, the model with masses 20 % too heavy over the nominal one",
                         _ratio(machine, HEAVY, MODEL), at_most(0.9), at_least(1.1))],
-            yes=f"{machine}: a model with masses 20 % too heavy is better than the nominal one, though the true "
-                "masses lie evenly around it ({value} of its score).",
-            no=f"{machine}: a model with masses 20 % too heavy is not clearly better than the nominal one ({{value}} "
-               "of its score).",
+            says=f"{machine}: a model with masses 20 % too heavy is better than the nominal one, though "
+            "the true masses lie evenly around it",
         ),
         f"smooth_{machine}": Finding(
             [Criterion(f"{SCORE}, the nominal model along a smooth plan over that along the plan",
                         _ratio(machine, SMOOTH, MODEL), at_most(CLEARLY), at_least(1.0))],
-            yes=f"{machine}: along a plan after a low-pass, which turns jumps of velocity into impulses, the "
-                "nominal model is clearly better ({value} of its score).",
-            no=f"{machine}: along a plan after a low-pass, which turns jumps of velocity into impulses, the "
-               "nominal model is not clearly better ({value} of its score).",
+            says=f"{machine}: along a plan after a low-pass, which turns jumps of velocity into impulses, "
+            "the nominal model is clearly better",
         ),
         f"rbf_{machine}": Finding(
             [Criterion(f"{SCORE}, RBF over CMAC, {kind}", _ratio(machine, RBF, CMAC), at_most(CLEARLY),
                         at_least(1.0))],
-            yes=f"{machine}: RBF ends clearly better than the CMAC ({{value}} of its score).",
-            no=f"{machine}: RBF does not end clearly better than the CMAC ({{value}} of its score).",
+            says=f"{machine}: RBF ends clearly better than the CMAC",
         ),
         f"plain_{machine}": Finding(
             [Criterion(f"{SCORE}, ILC over CMAC, {kind}", _ratio(machine, ILC, CMAC), at_most(1.1),
                         at_least(AS_GOOD))],
-            yes=f"{machine}: where both complete, a torque for each sample of the cycle (ILC) ends as well as the "
-                "CMAC ({value} of its score).",
-            no=f"{machine}: where both complete, a torque for each sample of the cycle (ILC) does not end as well as "
-               "the CMAC ({value} of its score).",
+            says=f"{machine}: where both complete, a torque for each sample of the cycle (ILC) ends as "
+            "well as the CMAC",
         ),
         f"plain_fails_{machine}": Finding(
             [percent("runs that fail", _failures(machine, [name]), at_most(FEW), case=name) for name in (ILC, CMAC)],
-            yes=f"{machine}: neither ILC nor the CMAC fails often ({{value}} and {{values[1]}} of the runs).",
-            no=f"{machine}: ILC or the CMAC fails ({{value}} and {{values[1]}} of the runs).",
+            says=f"{machine}: neither ILC nor the CMAC fails often",
         ),
         f"carries_{machine}": Finding(
             [Criterion(f"first error after another {task} over that of feedback only, CMAC",
                         partial(_first, machine=machine, task=task), at_most(0.5), at_least(1.0))
              for task in (STROKE, SPEED)],
-            yes=f"{machine}: what the CMAC has learnt carries over to another stroke and speed: in the first cycle "
-                "it leaves {value} and {values[1]} of the error of feedback only.",
-            no=f"{machine}: what the CMAC has learnt does not carry over to another stroke and speed: in the "
-               "first cycle it leaves {value} and {values[1]} of the error of feedback only.",
+            says=f"{machine}: what the CMAC has learnt carries over to another stroke and speed",
         ),
         f"on_model_{machine}": Finding(
             [Criterion(f"{SCORE}, CMAC on the model over CMAC alone, default settings",
                         _ratio(machine, ON_MODEL, CMAC, BY_DEFAULT), at_most(CLEARLY), at_least(1.0))],
-            yes=f"{machine}: on top of a model that is wrong the CMAC ends clearly better than alone "
-                "({value} of its score).",
-            no=f"{machine}: on top of a model that is wrong the CMAC does not end clearly better than alone "
-               "({value} of its score).",
+            says=f"{machine}: on top of a model that is wrong the CMAC ends clearly better than alone",
         ),
         f"fails_{machine}": Finding(
             [percent("runs of learners that fail", _failures(machine, LEARNERS), at_most(FEW))],
-            yes=f"{machine}: hardly any learner fails in any task: {{value}} of the runs.",
-            no=f"{machine}: learners fail: {{value}} of the runs.",
+            says=f"{machine}: hardly any learner fails in any task",
         ),
         f"guarded_{machine}": Finding(
             [percent(f"runs of learners that fail, {each}", _failures(machine, LEARNERS, each), at_most(limit))
              for each, limit in ((GUARDED, FEW), (BY_DEFAULT, 1.0))],
-            yes=f"{machine}: with default settings and the guard hardly any learner fails: {{value}} of the runs, "
-                "{values[1]} without it.",
-            no=f"{machine}: with default settings learners fail in spite of the guard: {{value}} of the runs, "
-               "{values[1]} without it.",
+            says=f"{machine}: with default settings and the guard hardly any learner fails",
         ),
         f"guard_costs_{machine}": Finding(
             [Criterion(f"{SCORE}, default settings with over without the guard",
                         partial(_changed, machine=machine, kind=GUARDED, method=name), at_most(1.1),
                         at_least(AS_GOOD), case=name) for name in LEARNERS],
-            yes=f"{machine}: the guard raises the error of no learner by more than a tenth (CMAC: {{value}} times).",
-            no=f"{machine}: the guard raises the error of a learner by more than a tenth (CMAC: {{value}} times).",
+            says=f"{machine}: the guard raises the error of no learner by more than a tenth",
         ),
     }  # fmt: skip
     return found | (_findings_of_tuning(machine) if tuned else {})
@@ -222,34 +196,27 @@ def _findings_of_tuning(machine: str) -> dict[str, Finding]:
         f"rapid_{machine}": Finding(
             [Criterion("cycles to a tenth, CMAC over the fastest other learner without a model in tuning",
                         partial(_fastest, machine=machine), at_most(AS_GOOD))],
-            yes=f"{machine}: after a change the CMAC is about as fast as the learner that was the fastest other one "
-                "in tuning, or faster ({value} of its cycles).",
-            no=f"{machine}: after a change the CMAC is slower than the learner that was the fastest other one in "
-               "tuning ({value} times its cycles).",
+            says=f"{machine}: after a change the CMAC is about as fast as the learner that was the fastest "
+            "other one in tuning, or faster",
         ),
         f"tuning_{machine}": Finding(
             [Criterion(f"{SCORE}, CMAC with {kind} over its default setting",
                         partial(_changed, machine=machine, kind=kind), at_most(CLEARLY))
              for kind in (FOR_ALL, FOR_EACH)],
-            yes=f"{machine}: tuning lowers the score of the CMAC clearly: to {{value}} with one setting for all "
-                "tasks, to {values[1]} with one for each.",
-            no=f"{machine}: tuning does not lower the score of the CMAC clearly: to {{value}} with one setting for "
-               "all tasks, to {values[1]} with one for each.",
+            says=f"{machine}: tuning lowers the score of the CMAC clearly, with one setting for all tasks "
+            "and with one for each",
         ),
         f"overfits_{machine}": Finding(
             [Criterion(f"{SCORE}, RBF with {FOR_EACH} over its default setting",
                         partial(_changed, machine=machine, kind=FOR_EACH, method=RBF), at_least(1.1), at_most(1.0)),
              ],
-            yes=f"{machine}: tuned for each task in a few other worlds RBF ends worse than with its default setting "
-                "({value} times its score).",
-            no=f"{machine}: tuned for each task in a few other worlds RBF does not end worse than with its default "
-               "setting ({value} times its score).",
+            says=f"{machine}: tuned for each task in a few other worlds RBF ends worse than with its "
+            "default setting",
         ),
         f"overfits_fails_{machine}": Finding(
             [percent("runs of RBF that fail", _failures(machine, [RBF], kind), at_least(FEW), at_most(FEW), case=kind)
              for kind in (FOR_EACH,)],
-            yes=f"{machine}: tuned for each task in a few other worlds RBF fails in {{value}} of the runs.",
-            no=f"{machine}: tuned for each task in a few other worlds RBF fails in only {{value}} of the runs.",
+            says=f"{machine}: tuned for each task in a few other worlds RBF fails often",
         ),
     }  # fmt: skip
 
@@ -261,9 +228,8 @@ def _findings_of_all() -> dict[str, Finding]:
         "no_winner": Finding(
             [Criterion(f"{SCORE}, over that of the best rival, {where}", partial(_beaten, method=name),
                         at_least(1.0), at_most(1.0), case=name) for name in LEARNERS],
-            yes="No learner is the best one on all machines: on some machine each of them has a larger error than "
-                "another one.",
-            no="Some learner is as good as any other one on every machine.",
+            says="No learner is the best one on all machines: on some machine each of them has a larger "
+            "error than another one",
         ),
     }  # fmt: skip
 
