@@ -40,7 +40,7 @@ INFINITE = format_number(math.inf)
 UNDECIDED = "Undecided, since an interval contains the limit: {}"
 WORDS = {YES: YES, NO: NO, UNCLEAR: "undecided"}
 """Outcomes in a generated sentence."""
-MOST_SHOWN = 4
+MOST_SHOWN = 5
 """Values of a quantity that a generated sentence shows; of more it gives the number."""
 
 

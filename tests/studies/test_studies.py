@@ -39,7 +39,7 @@ def check_quick(place, study):
     """A report of a quick form is whole, shows every figure, and has neither verdict nor finding."""
     page = re.sub(r'src="data:[^"]*"', "", (place / "report.html").read_text())
     assert "concludes nothing" in page
-    assert not any(finding.yes in page for finding in study.findings.values())
+    assert not any(f"{finding.says}: " in page for finding in study.findings.values())
     assert page.count("<figure") == len(study.figures)
     assert not (place / "claims.json").exists()
 

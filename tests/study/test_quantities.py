@@ -61,8 +61,8 @@ def test_over_divides_by_the_run_of_the_same_seed_and_counts_failures_apart():
 def test_a_sentence_without_words_is_made_of_quantity_value_interval_n_and_limit():
     own = Criterion("error", lambda results: [1e-3], at_most(2e-3), unit="mm", scale=1e3)
     assert Finding([own]).judge(BOTH).sentence == "error: 1 mm [deterministic], n = 1; limit at most 2 mm: yes."
-    asked = Finding(5 * [own], says="It is small").judge(BOTH)
-    assert asked.sentence == "It is small: yes (5 values; limit at most 2 mm)."
+    asked = Finding(6 * [own], says="It is small").judge(BOTH)
+    assert asked.sentence == "It is small: yes (6 values; limit at most 2 mm)."
 
 
 @pytest.mark.parametrize(
