@@ -30,6 +30,9 @@ Clock = Annotated[Array, CLOCK]
 Scratch = Annotated[Array, SCRATCH]
 """Computed in each step before it is read."""
 
+KernelParts = Mapping[str, Any]
+"""Parameters and states by which the loop runs a component without calling it: what ``kernel_parts()`` of the
+component returns after its reset, by the names of the fields of :class:`cmacexp.loop.step.Loop`."""
 Weights = Mapping[str, NDArray[Any]]
 """What a feedforward has learnt, and the law by which it is addressed: arrays by name."""
 

@@ -68,7 +68,16 @@ class Cmac:
             raise ValueError(f"ranges from {ranges.low} to {ranges.high}: {expected}")
         if addressing is None:
             addressing = "dense" if dense_rows * outputs * WORD_BYTES <= memory_bytes else "hashed"
-        given = CmacConfig(layers, cells, memory_bytes, addressing, displacement, [PHASE], 1.0, receptive_field)
+        given = CmacConfig(
+            layers=layers,
+            resolution_elements=cells,
+            memory_bytes=memory_bytes,
+            addressing=addressing,
+            displacement=displacement,
+            inputs=[PHASE],
+            range_factor=1.0,
+            receptive_field=receptive_field,
+        )
         check_size(read_fields(CmacConfig, vars(given), "cmac"), inputs, outputs)
         rows = dense_rows if addressing == "dense" else memory_bytes // (WORD_BYTES * outputs)
         # Column-major, since all layers of one input are read together.

@@ -69,7 +69,9 @@ class Single:
     """A CMAC that takes one input at a time, with the bits of a batch of one."""
 
     def __init__(self, params: Address, receptive_field: int, weights: Array):
-        inputs, outputs, layers = len(params.ranges.low), weights.shape[1], len(params.displacement)
+        inputs = len(params.ranges.low)
+        outputs = weights.shape[1]
+        layers = len(params.displacement)
         self.shape, self.error_shape = (inputs,), (outputs,)
         self.request = Request(
             np.zeros(inputs), np.zeros(outputs), np.zeros(1), np.zeros(outputs),

@@ -16,7 +16,7 @@ from cmacexp.planning.reference import make_gains
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.plants.protocol import Measurement, get_state
 from cmacexp.sensors.kernels import Observation
-from cmacexp.typing import Array
+from cmacexp.typing import Array, KernelParts
 
 
 class HybridController:
@@ -46,18 +46,22 @@ class HybridController:
     def reset(self, setup: Setup, feedforward: Feedforward) -> None:
         """Set the states of the LEAD compensators to zero."""
         self.params = HybridParams(
-            setup.mechanism,
-            METHODS[setup.config.force_control.method],
-            make_gains(setup.config, self.config.position_gain, self.config.velocity_gain),
-            discretise(self.config.lead_omega, self.config.lead_alpha, setup.config.sampling_period),
-            setup.config.posture.gain,
-            setup.config.posture.rate_gain,
-            FaultDetection(**vars(setup.config.plausibility)),
-            new_steering(setup),
+            mechanism=setup.mechanism,
+            method=METHODS[setup.config.force_control.method],
+            gains=make_gains(setup.config, self.config.position_gain, self.config.velocity_gain),
+            lead=discretise(self.config.lead_omega, self.config.lead_alpha, setup.config.sampling_period),
+            posture_gain=setup.config.posture.gain,
+            posture_rate_gain=setup.config.posture.rate_gain,
+            fault_detection=FaultDetection(**vars(setup.config.plausibility)),
+            steering=new_steering(setup),
         )
         self.state = new_hybrid_state(*setup.mechanism.shape)
         self.kinematics = np.zeros((setup.mechanism.shape[0], KINEMATICS_FIELDS[setup.mechanism.axes]))
         self.feedforward = feedforward
+
+    def kernel_parts(self) -> KernelParts:
+        """Parameters and state."""
+        return {"control": self.params, "control_state": self.state}
 
     @property
     def force_trusted(self) -> Array:

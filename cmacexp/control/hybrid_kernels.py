@@ -165,7 +165,9 @@ def control_sideways(
     z += offset_lateral(params.steering, i)
     error = position_error(params, z, vz, foot[i, 2], velocity[i, 2])
     output = lead_step(params.lead, error, state.error[i, 2], state.output[i, 2])
-    state.reference[i, 2], state.error[i, 2], state.output[i, 2] = z, error, output
+    state.reference[i, 2] = z
+    state.error[i, 2] = error
+    state.output[i, 2] = output
 
 
 @kernel
@@ -181,7 +183,9 @@ def hybrid_feedback(
     A leg with ``support`` (L,) is under force control along y, else under position control; ``reference`` (L,
     columns) is a row of the plan, see :mod:`cmacexp.planning.columns`.
     """
-    foot, velocity, kinematics = observation.foot, observation.velocity, observation.kinematics
+    foot = observation.foot
+    velocity = observation.velocity
+    kinematics = observation.kinematics
     pose = make_pose(observation.body) if has_body(params.mechanism) else LEVEL
     for i in range(support.shape[0]):
         scale = scale_longitudinal(params.steering, params.mechanism.hips, i)
@@ -194,7 +198,14 @@ def hybrid_feedback(
             y_reference += posture_term(params, i, pose)
             vy_reference = reference[i, VY] + posture_rate_term(params, i, pose, observation.body_rate)
             y_error = force_error(
-                params, i, reference, y_reference, vy_reference, foot[i, 1], velocity[i, 1], pressed
+                params,
+                i,
+                reference,
+                y_reference=y_reference,
+                vy_reference=vy_reference,
+                y=foot[i, 1],
+                vy=velocity[i, 1],
+                force=pressed,
             )
         else:
             y_error = position_error(params, y_reference, reference[i, VY], foot[i, 1], velocity[i, 1])

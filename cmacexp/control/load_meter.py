@@ -46,7 +46,10 @@ def accumulate_load(meter: LoadMeter | None, support: Mask, observation: Observa
     """Note the forces and places of the feet in a step; ``support`` (L,) are those planned to press."""
     if meter is None:
         return
-    sums, hips, pitch, roll = meter.sums, meter.mechanism.hips, observation.body[1], observation.body[2]
+    sums = meter.sums
+    hips = meter.mechanism.hips
+    pitch = observation.body[1]
+    roll = observation.body[2]
     sums[STEPS] += 1.0
     for i in range(support.shape[0]):
         force, foot = observation.force[i], observation.foot[i]
@@ -72,8 +75,12 @@ def accumulate_load(meter: LoadMeter | None, support: Mask, observation: Observa
 def _find_slopes(sums: Array) -> tuple[float, float]:
     """Slopes of the least-squares plane through the feet, forward and to the left, m/m; 0 where they span none."""
     count = max(1.0, sums[FEET])
-    x, y, depth = sums[X] / count, sums[Y] / count, sums[DEPTH] / count
-    xx, xy, yy = sums[XX] / count - x * x, sums[XY] / count - x * y, sums[YY] / count - y * y
+    x = sums[X] / count
+    y = sums[Y] / count
+    depth = sums[DEPTH] / count
+    xx = sums[XX] / count - x * x
+    xy = sums[XY] / count - x * y
+    yy = sums[YY] / count - y * y
     longitudinal, lateral = sums[X_DEPTH] / count - x * depth, sums[Y_DEPTH] / count - y * depth
     size = xx * yy - xy * xy
     if size < LEAST_SPREAD**2:

@@ -58,18 +58,33 @@ class Steering(NamedTuple):
 
 def new_steering(setup: Setup) -> Steering | None:
     """Steering of a robot; None where nothing is steered."""
-    config, hips, place = setup.config, setup.mechanism.hips, setup.plan.sway.place
+    config = setup.config
+    hips = setup.mechanism.hips
+    place = setup.plan.sway.place
     posture, speed = config.posture, config.body_speed
     gains = posture.course_gain, posture.heading_gain
     if not isinstance(config.machine, RobotMachine) or speed == 0.0 or not any(gains):
         return None
     place = np.ascontiguousarray(place - place[0])  # the body starts at its place of the first sample
-    dynamic, height, radius = PATTERNS[config.gait.pattern].is_dynamic, setup.mechanism.hip_height, np.hypot(*hips.T)
+    dynamic = PATTERNS[config.gait.pattern].is_dynamic
+    height = setup.mechanism.hip_height
+    radius = np.hypot(*hips.T)
     # The body passes its foot for half the support, and falls like an inverted pendulum (Raibert 1986; Pratt 2006).
     capture = config.gait.duty_factor * config.gait.cycle_time / 2.0 + math.sqrt(height / GRAVITY) if dynamic else 0.0
-    most, offset = MOST if dynamic else MOST_STATIC, np.zeros(len(hips))
-    command, period, reach = np.zeros(3), config.sampling_period, float(radius.max())
-    return Steering(*gains, speed, period, reach, place, most, command, capture, height, np.zeros(1), offset)
+    return Steering(
+        course_gain=posture.course_gain,
+        heading_gain=posture.heading_gain,
+        speed=speed,
+        period=config.sampling_period,
+        radius=float(radius.max()),
+        sway=place,
+        most=MOST if dynamic else MOST_STATIC,
+        command=np.zeros(3),
+        capture=capture,
+        farthest=height,
+        lateral=np.zeros(1),
+        offset=np.zeros(len(hips)),
+    )
 
 
 @kernel
@@ -90,7 +105,9 @@ def steer(steering: Steering | None, travel: Array | None, step: int, sample: in
     The body is at ``travel`` (3,): x, y (m) and heading (rad).
     """
     if steering is not None and travel is not None:
-        command, gain, speed = steering.command, steering.course_gain, steering.speed
+        command = steering.command
+        gain = steering.course_gain
+        speed = steering.speed
         longitudinal = step * steering.period * speed + steering.sway[sample, 0] - travel[0]
         command[LONGITUDINAL] = gain * longitudinal / speed
         lateral = travel[1] - steering.sway[sample, 1]

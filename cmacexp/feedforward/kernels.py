@@ -88,7 +88,9 @@ def learn(params: FeedforwardParams, i: int, step: int, sample: int, learning_er
 
     ``step`` counts from 0 over the whole run.
     """
-    weights, cells, how = params.weights[i], params.cells[sample, i], params.learning
+    weights = params.weights[i]
+    cells = params.cells[sample, i]
+    how = params.learning
     if how.is_paper_rule:
         train(weights, cells, learning_error, how.rate)
     elif how.rule.teaches == NEIGHBOURS:

@@ -26,7 +26,7 @@ from cmacexp.feedforward.kernels import (
 from cmacexp.feedforward.weight_log import LOGGED, WeightLog, collect_log, new_log
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Reference, Setup
-from cmacexp.typing import Array, Cells, Weights
+from cmacexp.typing import Array, Cells, KernelParts, Weights
 
 NO_SMOOTHING = Smoothing(np.zeros(0), np.zeros(1))
 
@@ -71,6 +71,10 @@ class BuiltInFeedforward(ABC):
             "rows": np.full(log.shape[:2], float(self.params.weights.shape[1])),
             "cells_colliding": np.broadcast_to(colliding, log.shape[:2]),
         }
+
+    def kernel_parts(self) -> KernelParts:
+        """The params."""
+        return {"feedforward": self.params}
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
         """Learn from the last step's feedback (L, J), N m, then give this step's torque (L, J), N m."""
@@ -122,13 +126,20 @@ def known_torque(setup: Setup, torque: Array) -> FeedforwardParams:
     """Params of a feedforward whose ``torque`` (N, L, J), N m, is known in advance."""
     legs, joints = setup.mechanism.shape
     # One compiled loop serves all feedforwards: arrays that one does not use are minimal.
-    cells, activation, weights = (
-        np.zeros((1, legs, 1), np.uint32),
-        np.zeros((1, legs, 1)),
-        np.zeros((legs, 1, joints)),
-    )
+    cells = np.zeros((1, legs, 1), np.uint32)
+    activation = np.zeros((1, legs, 1))
+    weights = np.zeros((legs, 1, joints))
     learning, log = LearningParams(0.0, 0), new_log(cells)
-    return FeedforwardParams(TABLE, torque, cells, activation, weights, learning, NO_SMOOTHING, log)
+    return FeedforwardParams(
+        kind=TABLE,
+        torque=torque,
+        cells=cells,
+        activation=activation,
+        weights=weights,
+        learning=learning,
+        smoothing=NO_SMOOTHING,
+        log=log,
+    )
 
 
 def resample(cycle: Array, samples: int, axis: int = 0) -> Array:
@@ -174,13 +185,14 @@ def network(
     binary = joints == 2 and (activation is None or bool((activation == 1.0).all()))
     counts = np.broadcast_to(1.0, cells.shape) if activation is None else activation  # which takes no memory
     learning, log = _learning(setup, cells, counts, binary), new_log(cells)
+    smoothing = NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows))
     return FeedforwardParams(
-        CMAC if binary else WEIGHTED,
-        np.zeros((1, legs, joints)),
-        cells,
-        np.zeros((1, legs, 1)) if learning.is_paper_rule else np.ascontiguousarray(counts, dtype=float),
-        _start_weights(setup, (legs, rows, joints), log),
-        learning,
-        NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows)),
-        log,
+        kind=CMAC if binary else WEIGHTED,
+        torque=np.zeros((1, legs, joints)),
+        cells=cells,
+        activation=np.zeros((1, legs, 1)) if learning.is_paper_rule else np.ascontiguousarray(counts, dtype=float),
+        weights=_start_weights(setup, (legs, rows, joints), log),
+        learning=learning,
+        smoothing=smoothing,
+        log=log,
     )

@@ -43,16 +43,20 @@ def new_log(cells: Cells) -> WeightLog:
 def log_weights(log: WeightLog, weights: Array, entry: Array) -> None:
     """Fill ``entry`` (L, 3) with the columns LOGGED of ``weights`` (L, rows, J) now."""
     for i in range(weights.shape[0]):
-        power, largest, count = 0.0, 0.0, 0
+        power = largest = 0.0
+        count = 0
         for k in range(log.used[i]):
-            row, square, peak = weights[i, log.rows[i, k]], 0.0, 0.0
+            row = weights[i, log.rows[i, k]]
+            square = peak = 0.0
             for o in range(row.shape[0]):
                 square += row[o] * row[o]
                 peak = max(peak, abs(row[o]))
             power += square
             largest = max(largest, peak)
             count += 1 if peak > 0.0 else 0
-        entry[i, NORM], entry[i, LARGEST], entry[i, ROWS_USED] = math.sqrt(power), largest, count
+        entry[i, NORM] = math.sqrt(power)
+        entry[i, LARGEST] = largest
+        entry[i, ROWS_USED] = count
 
 
 @kernel

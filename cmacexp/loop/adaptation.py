@@ -32,7 +32,8 @@ class Adaptation:
 
     def __init__(self, setup: Setup, meter: LoadMeter):
         self.setup, self.meter = setup, meter
-        self.nominal, self.known, self.new = copy.deepcopy(setup.plan), NOTHING, NOTHING
+        self.nominal = copy.deepcopy(setup.plan)
+        self.known = self.new = NOTHING
         cycle = setup.config.gait.cycle_time
         self.gain, self.begun = cycle / (cycle + SMOOTHING), False
         """``begun``: a cycle has ended. The first one starts from rest, which moves the centre of the load."""
@@ -46,7 +47,8 @@ class Adaptation:
         """Return to the start of the run, of which nothing is known."""
         if self.known != NOTHING:
             self._follow(self.nominal)
-        self.known, self.new, self.begun = NOTHING, NOTHING, False
+        self.known = self.new = NOTHING
+        self.begun = False
         self.load_history.clear()
 
     def _follow(self, plan: Plan) -> None:

@@ -2,12 +2,11 @@
 
 import copy
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cmacexp.config.schema import ESTIMATE, NONE, REFINE
-from cmacexp.control import HybridController
 from cmacexp.control.actuator import new_actuator
 from cmacexp.control.hybrid_kernels import new_hybrid_state
 from cmacexp.control.load_meter import new_load_meter
@@ -22,17 +21,11 @@ from cmacexp.loop.saved_weights import CustomWeights, NetworkWeights, NoWeights,
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import Loop, Torques
 from cmacexp.loop.stop import StopLimits
-from cmacexp.plants import AnalyticPlant
 from cmacexp.plants.as_built import AsBuiltConfig
-from cmacexp.plants.kernels import PlantState, new_state
-from cmacexp.plants.mujoco_leg import MujocoLeg
-from cmacexp.plants.mujoco_plant import MujocoPlant
-from cmacexp.plants.mujoco_quadruped import MujocoQuadruped
-from cmacexp.plants.mujoco_robot import MujocoRobot
+from cmacexp.plants.kernels import new_state
 from cmacexp.plants.protocol import get_state
-from cmacexp.sensors import PerfectSensors, RealSensors
-from cmacexp.sensors.channel import Sensing
 from cmacexp.sensors.kernels import Observation, new_observation
+from cmacexp.typing import KernelParts
 
 BUILT_IN = "needs feedforward=cmac, rbf or ilc, and the built-in controller"
 
@@ -48,27 +41,31 @@ class External(NamedTuple):
 
 
 def find_external(scenario: Scenario) -> External:
-    """The components that are not built in; an object of a subclass of a built-in class is external."""
-    controller, feedforward = type(scenario.controller) is not HybridController, scenario.feedforward
-    known = isinstance(feedforward, BuiltInFeedforward) and type(feedforward).predict is BuiltInFeedforward.predict
-    return External(
-        type(scenario.plant) not in (AnalyticPlant, MujocoLeg, MujocoQuadruped, MujocoRobot),
-        type(scenario.sensors) not in (PerfectSensors, RealSensors),
-        controller,
-        not controller and not known,
+    """The components that the loop has to call.
+
+    It runs one by itself whose own class declares ``kernel_parts``: a subclass may do something else in a step. Of a
+    built-in feedforward a subclass may declare other params, but not another ``predict``.
+    """
+    plant, sensors, controller = (
+        "kernel_parts" not in vars(type(component))
+        for component in (scenario.plant, scenario.sensors, scenario.controller)
     )
+    feedforward = scenario.feedforward
+    known = isinstance(feedforward, BuiltInFeedforward) and type(feedforward).predict is BuiltInFeedforward.predict
+    return External(plant, sensors, controller, feedforward=not controller and not known)
 
 
-def _make_observation(
-    scenario: Scenario, external: External, machine: PlantState
-) -> tuple[Sensing | None, Observation]:
-    """Channels of the sensors, and the input of the controller: with perfect sensors the arrays of the plant."""
-    sensors = scenario.sensors
-    if external.sensors:
-        return None, new_observation(len(machine.force), scenario.setup.mechanism.axes)
-    if isinstance(sensors, RealSensors) and sensors.sensing is not None:
-        return sensors.sensing, sensors.observation
-    return None, Observation(*(getattr(machine, name) for name in Observation._fields))
+def _get_parts(component: Any) -> KernelParts:
+    return component.kernel_parts()  # type: ignore[no-any-return]
+
+
+def _start_external(scenario: Scenario) -> KernelParts:
+    """A state for the output of an external plant, as it measured itself at the start."""
+    mechanism = scenario.setup.mechanism
+    machine = new_state(mechanism.shape[0], mechanism.axes)
+    for values, start in zip(get_state(machine), get_state(scenario.first), strict=True):
+        values[...] = start
+    return {"plant_state": machine, "travel": copy.copy(scenario.first.travel)}
 
 
 def make_guard(scenario: Scenario, external: External) -> Guard | None:
@@ -78,7 +75,9 @@ def make_guard(scenario: Scenario, external: External) -> Guard | None:
     lead of one whose lead it cannot set, or in a run that ends before.
     """
     setup, feedforward = scenario.setup, scenario.feedforward
-    config, mode, estimates = setup.config, setup.config.learning.guard, setup.config.learning.lead == ESTIMATE
+    config = setup.config
+    mode = setup.config.learning.guard
+    estimates = setup.config.learning.lead == ESTIMATE
     known = isinstance(feedforward, BuiltInFeedforward) and not (external.controller or external.feedforward)
     if not feedforward.acts or (isinstance(feedforward, BuiltInFeedforward) and feedforward.params.kind == TABLE):
         return None
@@ -103,38 +102,32 @@ def make_guard(scenario: Scenario, external: External) -> Guard | None:
 
 def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard: GuardState | None = None) -> Loop:
     """The loop of a scenario: states of built-in components; of external ones only new states for their output."""
-    setup, plant, controller, feedforward = (
-        scenario.setup,
-        None if external.plant else scenario.plant,
-        None if external.controller else scenario.controller,
-        None if external.controller or external.feedforward else scenario.feedforward,
-    )
-    mechanism, actuator, built = setup.mechanism, setup.config.actuator, setup.config.plant
+    setup = scenario.setup
+    mechanism = setup.mechanism
+    actuator = setup.config.actuator
+    built = setup.config.plant
     if isinstance(built, AsBuiltConfig):
         actuator = replace(actuator, delay=actuator.delay + built.delay)
-    engine = plant.engine if isinstance(plant, MujocoPlant) else None
-    if isinstance(plant, AnalyticPlant | MujocoPlant):
-        machine, travel = plant.state, None if engine is None else engine.travel
-    else:
-        machine, travel = new_state(mechanism.shape[0], mechanism.axes), copy.copy(scenario.first.travel)
-        for values, start in zip(machine, get_state(scenario.first), strict=False):
-            values[...] = start
+    parts = dict(_start_external(scenario) if external.plant else _get_parts(scenario.plant))
+    if external.sensors:
+        parts["observation"] = new_observation(mechanism.shape[0], mechanism.axes)
+    else:  # with perfect sensors the controller sees the arrays of the plant
+        machine = parts["plant_state"]
+        parts["observation"] = Observation(*(getattr(machine, name) for name in Observation._fields))
+        parts |= _get_parts(scenario.sensors)
+    parts["control_state"] = new_hybrid_state(*mechanism.shape)
+    if not external.controller:
+        parts |= _get_parts(scenario.controller)
+        parts |= {} if external.feedforward else _get_parts(scenario.feedforward)
     return Loop(
-        setup.plan.support,
-        setup.plan.reference,
-        setup.plan.start_step,
-        mechanism,
-        plant.params if isinstance(plant, AnalyticPlant) else None,
-        engine,
-        travel,
-        machine,
-        *_make_observation(scenario, external, machine),
-        controller.params if isinstance(controller, HybridController) else None,
-        controller.state if isinstance(controller, HybridController) else new_hybrid_state(*mechanism.shape),
-        feedforward.params if isinstance(feedforward, BuiltInFeedforward) else None,
-        new_actuator(actuator, setup.config.sampling_period, mechanism.shape[0], mechanism.torque_limits),
-        Torques(np.zeros(mechanism.shape), np.zeros(mechanism.shape)),
-        limits,
-        guard,
-        new_load_meter(setup.config, mechanism),
+        support=setup.plan.support,
+        reference=setup.plan.reference,
+        start_step=setup.plan.start_step,
+        mechanism=mechanism,
+        actuator=new_actuator(actuator, setup.config.sampling_period, mechanism.shape[0], mechanism.torque_limits),
+        torques=Torques(feedforward=np.zeros(mechanism.shape), total=np.zeros(mechanism.shape)),
+        limits=limits,
+        guard=guard,
+        meter=new_load_meter(setup.config, mechanism),
+        **parts,
     )

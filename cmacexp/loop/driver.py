@@ -23,7 +23,7 @@ from cmacexp.loop.step import FAILED_COMPONENT, Hooks, Loop, step_loop
 from cmacexp.loop.validation import copy_action, copy_measurement, copy_output, require_finite
 from cmacexp.planning.columns import ACTING, BEFORE, Y
 from cmacexp.planning.setup import Reference
-from cmacexp.plants.protocol import STATE, Measurement, get_state
+from cmacexp.plants.protocol import STATE, Measurement, copy_state, get_state
 from cmacexp.typing import Array
 
 _make_reference: Callable[[tuple[object, ...]], Reference] = partial(tuple.__new__, Reference)
@@ -34,20 +34,6 @@ def read_only(values: NDArray[Any]) -> NDArray[Any]:
     view = values.view()
     view.flags.writeable = False
     return view
-
-
-def _copy(measurement: Measurement, travel: Array | None = None) -> Measurement:
-    q, dq, foot, velocity, force, body, body_rate, _ = measurement
-    return Measurement(
-        q.copy(),
-        dq.copy(),
-        foot.copy(),
-        velocity.copy(),
-        force.copy(),
-        body.copy(),
-        body_rate.copy(),
-        None if travel is None else travel.copy(),
-    )
 
 
 def _name(measurement: Measurement) -> Iterable[tuple[str, Array]]:
@@ -61,7 +47,8 @@ class ExternalComponents:
         self.loop, self.external = loop, external
         self.plant, self.sensors = scenario.plant, scenario.sensors
         self.controller, self.feedforward = scenario.controller, scenario.feedforward
-        self.state, self.observation = Measurement(*loop.plant_state[:7]), Measurement(*loop.observation[:7])
+        self.state = Measurement(*get_state(loop.plant_state))
+        self.observation = Measurement(*get_state(loop.observation))
         self.has_fault_status = external.controller and hasattr(scenario.controller, "force_trusted")
         self.divergence = ""
         """Cause that an external plant itself reported, if it has diverged."""
@@ -94,15 +81,15 @@ class ExternalComponents:
         return _make_reference((step, sample, acting, *self.plan_rows[ACTING if acting else BEFORE][sample]))
 
     def _measure(self, step: int) -> None:
-        copy_measurement(self.sensors, "measure", self.sensors.measure(_copy(self.state)), self.observation)
+        copy_measurement(self.sensors, "measure", self.sensors.measure(copy_state(self.state)), self.observation)
 
     def _show(self, feedforward: Observes, step: int) -> None:
         """Show what the sensors show, and what the plant took."""
-        feedforward.observe(self._refer(step), _copy(self.observation), self.loop.torques.total.copy())
+        feedforward.observe(self._refer(step), copy_state(self.observation), self.loop.torques.total.copy())
 
     def _act(self, step: int) -> None:
         reference, state = self._refer(step), self.loop.control_state
-        action = self.controller.act(reference, _copy(self.observation, self.loop.travel))
+        action = self.controller.act(reference, copy_state(self.observation, self.loop.travel))
         if self.has_fault_status:
             state.fault_status.trusted[...] = self.controller.force_trusted  # type: ignore[attr-defined]
         if not copy_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
@@ -152,7 +139,7 @@ class Driver:
             self.hooks = self.hooks._replace(guard=Hook(guard.begin_step))
         self.taken, (legs, joints) = 0, loop.torques.total.shape
         """Steps whose torque the plant has taken, also when a component raised."""
-        self.state = Measurement(*loop.plant_state[:7])
+        self.state = Measurement(*get_state(loop.plant_state))
         self.run(*make_samples(0, legs, False, joints))
 
     @property

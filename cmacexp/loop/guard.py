@@ -92,9 +92,13 @@ class Guard:
 
         Weights that an earlier run has learnt act at once: the first cycle takes the place of that of feedback only.
         """
-        mechanism, plan, config = setup.mechanism, setup.plan, setup.config
+        mechanism = setup.mechanism
+        plan = setup.plan
+        config = setup.config
         shape, self.period = mechanism.shape, len(plan.support)
-        self.refines, self.start_step, self.weights = config.learning.guard == REFINE, plan.start_step, weights
+        self.refines = config.learning.guard == REFINE
+        self.start_step = plan.start_step
+        self.weights = weights
         estimates = config.learning.lead == ESTIMATE
         self.probe = LeadProbe(self.period, shape, config.seed if estimates else None)
         lever = 0.5 * float((mechanism.hips**2).sum()) if has_body(mechanism) else 0.0
@@ -108,11 +112,18 @@ class Guard:
             self.phase, self.state.infers[0] = Phase.LEARNING, 1
         self.baseline_effort = self.baseline_error = 0.0
         """Roots of the sums of squares of a cycle with feedback only."""
-        self.best_cycle, self.best_score, self.best_torque = 0, 1.0, np.zeros_like(self.state.torque)
-        """Of the best cycle; 0: with feedback only."""
-        self.evaluated, self.scores, self.lowest_score, self.last_error = 0, [0.0] * WINDOW, math.inf, 0.0
-        """Cycles evaluated since learning began or the last return to the best cycle; a ring of their last scores;
-        lowest mean of such a ring; error of the last of them."""
+        self.best_cycle = 0
+        """Number of the best cycle; 0: with feedback only."""
+        self.best_score = 1.0
+        self.best_torque = np.zeros_like(self.state.torque)
+        self.evaluated = 0
+        """Cycles evaluated since learning began or the last return to the best cycle."""
+        self.scores = [0.0] * WINDOW
+        """A ring of their last scores."""
+        self.lowest_score = math.inf
+        """Lowest mean of such a ring."""
+        self.last_error = 0.0
+        """Error of the last of them."""
         self.settling = 0
         """Cycles that are not evaluated any more."""
         self.learns_again = False
@@ -218,7 +229,9 @@ class Guard:
 
     def _learn(self) -> None:
         """Learn from now on, from the weights of the best cycle."""
-        self.phase, self.evaluated, self.learns_again = Phase.LEARNING, 0, False
+        self.phase = Phase.LEARNING
+        self.evaluated = 0
+        self.learns_again = False
 
     def _keep_best(self, cycle: int) -> None:
         """Keep torque and weights of the cycle that has ended."""
@@ -235,7 +248,9 @@ class Guard:
         self.phase = Phase.REFINING if refines else repeats
         self.state.torque[...] = self.best_torque
         self.weights.restore()
-        self.settling, self.evaluated, self.lowest_score = SETTLING, 0, math.inf
+        self.settling = SETTLING
+        self.evaluated = 0
+        self.lowest_score = math.inf
         self.probe.repeat(cause is not Cause.CHATTER)
         if len(self.events) < MOST_EVENTS:
             self.events.append(Event(step // self.period + 1, step, str(cause), self.best_cycle))

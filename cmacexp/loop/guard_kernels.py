@@ -30,7 +30,9 @@ class Phase(IntEnum):
     """Nothing any more, since nothing else held."""
 
 
-BASELINE, LEARNING, FEEDBACK_ONLY = int(Phase.BASELINE), int(Phase.LEARNING), int(Phase.FEEDBACK_ONLY)
+BASELINE = int(Phase.BASELINE)
+LEARNING = int(Phase.LEARNING)
+FEEDBACK_ONLY = int(Phase.FEEDBACK_ONLY)
 EFFORT_LIMIT, SPEED_LIMIT, TILT_LIMIT = range(3)
 """Limits of one step, as squares: of the effort, the joint velocities and the tilt of the body."""
 HIGHEST = (3.0, 4.0, 1.4)
@@ -88,7 +90,17 @@ def new_guard_state(
     sums, torque = np.zeros(len(CycleSums._fields)), np.zeros((samples, *shape))
     errors = np.zeros_like(torque) if refines else np.zeros((0, *shape))
     return GuardState(
-        phase, infers, alarm, corrects, sums, np.zeros(3), lever, torque, errors, np.zeros(shape[1]), probe
+        phase=phase,
+        infers=infers,
+        alarm=alarm,
+        corrects=corrects,
+        sums=sums,
+        limits=np.zeros(3),
+        lever=lever,
+        torque=torque,
+        errors=errors,
+        output=np.zeros(shape[1]),
+        probe=probe,
     )
 
 
@@ -125,7 +137,7 @@ def accumulate_cycle(
     if guard is None:
         return
     infers = guard.infers[0] != 0
-    effort, error, speed, demand = 0.0, 0.0, 0.0, 0.0
+    effort = error = speed = demand = 0.0
     for i in range(support.shape[0]):
         for j in range(control.reference.shape[1]):
             effort += control.learning_error[i, j] * control.learning_error[i, j]

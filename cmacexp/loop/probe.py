@@ -83,7 +83,8 @@ class LeadProbe:
     def __init__(self, samples: int, shape: tuple[int, int], seed: int | None):
         """``samples`` of a cycle, ``shape`` (L, J), ``seed`` of the pattern; None: nothing is probed."""
         self.state: ProbeState | None = None
-        self.waits, self.cycles_left, self.ended = seed is not None, 0, 0
+        self.waits = seed is not None
+        self.cycles_left = self.ended = 0
         if seed is not None:
             pattern = np.random.default_rng(seed).choice([-1.0, 1.0], (samples, *shape))
             self.state = ProbeState(pattern, np.zeros_like(pattern), np.zeros(1), np.zeros(1))

@@ -113,7 +113,9 @@ class _Stream:
     def __init__(self, scenario: Scenario, on_progress: Callable[[float], None]):
         setup = scenario.setup
         config, mechanism = setup.config, setup.mechanism
-        self.scenario, self.config, self.point_mass = scenario, config, mechanism.kind == POINT_MASS
+        self.scenario = scenario
+        self.config = config
+        self.point_mass = mechanism.kind == POINT_MASS
         self.on_progress, self.steps_per_call = on_progress, 1
         """``steps_per_call``: steps of the next call of the driver."""
         self.limits = new_limits(mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
@@ -129,7 +131,9 @@ class _Stream:
         self.samples, self.body = make_samples(cycles * config.steps_per_cycle, legs, wide, joints)
         names = ALL_SAMPLES[: self.samples.shape[2]]
         self.joints = [i for i, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
-        self.status, self.cause, self.seconds, self.processor_seconds = Status.COMPLETED, "", 0.0, 0.0
+        self.status = Status.COMPLETED
+        self.cause = ""
+        self.seconds = self.processor_seconds = 0.0
         self.error: Exception | None = None
         self.estimates: list[LeadEstimate] = []
         self.rate = setup.rate
@@ -148,7 +152,9 @@ class _Stream:
 
     def advance(self) -> int:
         """Run until the arrays are full or the run ends, as at an interrupt or an error; returns the first step."""
-        config, driver, start = self.config, self.driver, self.driver.taken
+        config = self.config
+        driver = self.driver
+        start = self.driver.taken
         if self.adaptation is not None:
             self.adaptation.update_plan(start // config.steps_per_cycle + 1)
         steps = min(len(self.samples), config.cycles * config.steps_per_cycle - start)
@@ -272,7 +278,15 @@ def stream(
             if start == 0 or run.driver.taken > start:
                 keep(run.collect(start))
     load_history = run.adaptation.load_history if run.adaptation is not None else []
-    seconds, events = (run.seconds, run.processor_seconds), run.events
     return End(
-        run.driver.taken, run.status, run.cause, run.rate, run.error, *seconds, events, run.estimates, load_history
+        steps=run.driver.taken,
+        status=run.status,
+        cause=run.cause,
+        rate=run.rate,
+        error=run.error,
+        seconds=run.seconds,
+        processor_seconds=run.processor_seconds,
+        events=run.events,
+        estimates=run.estimates,
+        load_history=load_history,
     )

@@ -77,9 +77,13 @@ def write_samples(
     The torques are those that act: of ``control`` and ``feedforward`` (L, J), N m, after the actuator.
     """
     body = machine.body
-    body_samples[k, HEIGHT], body_samples[k, PITCH], body_samples[k, ROLL] = body[0], body[1], body[2]
+    body_samples[k, HEIGHT] = body[0]
+    body_samples[k, PITCH] = body[1]
+    body_samples[k, ROLL] = body[2]
     if travel is not None:
-        body_samples[k, COG_X], body_samples[k, COG_Y], body_samples[k, YAW] = travel[0], travel[1], travel[2]
+        body_samples[k, COG_X] = travel[0]
+        body_samples[k, COG_Y] = travel[1]
+        body_samples[k, YAW] = travel[2]
     for i in range(samples.shape[1]):
         row = samples[k, i]
         row[X], row[Y] = machine.foot[i, 0], machine.foot[i, 1]
@@ -108,10 +112,19 @@ def write_measured(
         row[Q1_MEASURED], row[Q2_MEASURED] = observation.q[i, 0], observation.q[i, 1]
         row[DQ1_MEASURED], row[DQ2_MEASURED] = observation.dq[i, 0], observation.dq[i, 1]
         row[FORCE_TRUSTED] = control.fault_status.trusted[i]
-    row, true, body, rate = body_samples[k], machine.body_rate, observation.body, observation.body_rate
-    row[HEIGHT_RATE], row[PITCH_RATE], row[ROLL_RATE] = true[0], true[1], true[2]
-    row[HEIGHT_MEASURED], row[PITCH_MEASURED], row[ROLL_MEASURED] = body[0], body[1], body[2]
-    row[HEIGHT_RATE_MEASURED], row[PITCH_RATE_MEASURED], row[ROLL_RATE_MEASURED] = rate[0], rate[1], rate[2]
+    row = body_samples[k]
+    true = machine.body_rate
+    body = observation.body
+    rate = observation.body_rate
+    row[HEIGHT_RATE] = true[0]
+    row[PITCH_RATE] = true[1]
+    row[ROLL_RATE] = true[2]
+    row[HEIGHT_MEASURED] = body[0]
+    row[PITCH_MEASURED] = body[1]
+    row[ROLL_MEASURED] = body[2]
+    row[HEIGHT_RATE_MEASURED] = rate[0]
+    row[PITCH_RATE_MEASURED] = rate[1]
+    row[ROLL_RATE_MEASURED] = rate[2]
 
 
 @kernel

@@ -45,26 +45,21 @@ class Torques(NamedTuple):
 
 
 class Loop(NamedTuple):
-    """Parameters and states of the components of a loop; parameters of external ones are None."""
+    """Parameters and states of the components of a loop; parameters of external ones are None.
+
+    Components give their own by ``kernel_parts``, by the names of these fields.
+    """
 
     support: Mask
-    """Of the plan, as the next two."""
+    """(N, L): of the plan, as the next two."""
     reference: Array
+    """(2, N, L, columns)."""
     start_step: int
     mechanism: Mechanism
-    plant: PlantParams | None
-    engine: Engine | None
-    """Of a built-in plant in MuJoCo, which has no other parameters."""
-    travel: Array | None
-    """(3,): of a body that the plant moves, as of a Measurement."""
     plant_state: PlantState
-    sensing: Sensing | None
-    """None also of sensors that alter nothing."""
     observation: Observation
     """Input of the controller: the arrays of the plant itself where no sensor alters anything."""
-    control: HybridParams | None
     control_state: HybridState
-    feedforward: FeedforwardParams | None
     actuator: Actuator
     torques: Torques
     limits: StopLimits
@@ -72,6 +67,15 @@ class Loop(NamedTuple):
     """Of learning; None: nothing guards it."""
     meter: LoadMeter | None
     """Of the load of a body; None: its plan does not adapt."""
+    plant: PlantParams | None = None
+    engine: Engine | None = None
+    """Of a built-in plant in MuJoCo, which has no other parameters."""
+    travel: Array | None = None
+    """(3,): of a body that the plant moves, as of a Measurement."""
+    sensing: Sensing | None = None
+    """None also of sensors that alter nothing."""
+    control: HybridParams | None = None
+    feedforward: FeedforwardParams | None = None
 
 
 class Hooks(NamedTuple):
@@ -213,7 +217,16 @@ def command(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     elif step >= loop.start_step:
         predict(loop.feedforward, loop.guard, step, sample, state.learning_error, feedforward)
     reference = loop.reference[ACTING if acting else BEFORE, sample]
-    control(loop.control, state, loop.travel, step, sample, loop.support[sample], reference, loop.observation)
+    control(
+        loop.control,
+        state,
+        loop.travel,
+        step=step,
+        sample=sample,
+        support=loop.support[sample],
+        reference=reference,
+        observation=loop.observation,
+    )
     return True
 
 
@@ -259,13 +272,24 @@ def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
 @merged_kernel
 def act(loop: Loop, hooks: Hooks, step: int, sample: int, k: int, samples: Array, body_samples: Array) -> bool:
     """The second half of a step: torques, their samples in row ``k``, the plant; False if a component failed."""
-    machine, observation, state = loop.plant_state, loop.observation, loop.control_state
+    machine = loop.plant_state
+    observation = loop.observation
+    state = loop.control_state
     feedforward, total = loop.torques
     if not command(loop, hooks, step, sample):
         return False
     record_torque(loop.guard, sample, feedforward)
     actuate(loop.actuator, step, state.feedback, feedforward, total)
-    write_samples(samples, body_samples, k, loop.travel, machine, observation, state, feedforward)
+    write_samples(
+        samples,
+        body_samples,
+        k=k,
+        travel=loop.travel,
+        machine=machine,
+        observation=observation,
+        control=state,
+        feedforward=feedforward,
+    )
     accumulate_cycle(loop.guard, sample, loop.support[sample], state, observation)
     accumulate_load(loop.meter, loop.support[sample], observation)
     return advance_plant(hooks.plant, loop.plant, loop.engine, step, machine, total)
@@ -279,7 +303,9 @@ def take_steps(loop: Loop, hooks: Hooks, start: int, samples: Array, body_sample
     taken, and RUNNING or why the loop stopped: DIVERGED, FELL, or FAILED_COMPONENT.
     """
     period = loop.support.shape[0]
-    sample, taken, status = start % period, 0, RUNNING
+    sample = start % period
+    taken = 0
+    status = RUNNING
     if start == 0 and samples.shape[0] > 0:
         status = stop_reason(loop.limits, 0, loop.plant_state)
     while status == RUNNING and taken < samples.shape[0]:

@@ -24,7 +24,7 @@ from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits, stop
 from cmacexp.planning.columns import BEFORE
 from cmacexp.planning.stability import STABILITY
 from cmacexp.plants.mujoco_plant import MujocoPlant
-from cmacexp.plants.protocol import Measurement
+from cmacexp.plants.protocol import Measurement, get_state
 from cmacexp.sensors.real import make_keys
 from cmacexp.typing import Array, Mask, Status
 
@@ -41,7 +41,9 @@ def pause_in_steps(loop: Loop, start: int, samples: Array, body_samples: Array) 
     """
     # No local variable holds arrays: each pause would save them, which doubles the time of compiling.
     period = loop.support.shape[0]
-    sample, taken, status = start % period, 0, RUNNING
+    sample = start % period
+    taken = 0
+    status = RUNNING
     if start == 0:
         status = stop_reason(loop.limits, 0, loop.plant_state)
     while status == RUNNING and taken < samples.shape[0]:
@@ -106,7 +108,9 @@ class OpenLoop:
             raise CmacexpError("only built-in plants, sensors and controllers can be stepped from outside")
         scenario.begin()
         self.setup = setup = scenario.setup
-        plan, config, self.shape = setup.plan, setup.config, setup.mechanism.shape
+        plan = setup.plan
+        config = setup.config
+        self.shape = setup.mechanism.shape
         self.sampling_period, self.period = config.sampling_period, config.steps_per_cycle
         self.steps = config.cycles * self.period
         self._limits = new_limits(setup.mechanism, plan.margins[:, STABILITY], config.sampling_period)
@@ -116,8 +120,8 @@ class OpenLoop:
         self._adaptation = None if self._loop.meter is None else Adaptation(setup, self._loop.meter)
         planned = plan.support, plan.reference[BEFORE], plan.desired, plan.force_desired
         self._planned = [read_only(rows) for rows in planned]
-        self._state = Measurement(*self._loop.plant_state[:7], travel=self._loop.travel)
-        self._observed = Measurement(*self._loop.observation[:7], travel=self._loop.travel)
+        self._state = Measurement(*get_state(self._loop.plant_state))._replace(travel=self._loop.travel)
+        self._observed = Measurement(*get_state(self._loop.observation))._replace(travel=self._loop.travel)
         self._samples = make_samples(self.period, self.shape[0], False, self.shape[1])
         self._start = Snapshot(each.array for each in list_arrays(self._loop) if each.role is not None)
         if self._plant is not None:
@@ -185,17 +189,17 @@ class OpenLoop:
         sample, control = step % self.period, self._loop.control_state
         support, reference, desired, force_desired = (rows[sample] for rows in self._planned)
         self.moment = LoopState(
-            step,
-            sample,
-            status,
-            cause,
-            self._state,
-            self._observed,
-            support,
-            reference,
-            desired,
-            force_desired,
-            control.learning_error,
-            control.feedback,
+            step=step,
+            sample=sample,
+            status=status,
+            cause=cause,
+            state=self._state,
+            observed=self._observed,
+            support=support,
+            reference=reference,
+            desired=desired,
+            force_desired=force_desired,
+            learning_error=control.learning_error,
+            feedback=control.feedback,
         )
         return self.moment

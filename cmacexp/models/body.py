@@ -109,11 +109,20 @@ def slope(
 ) -> Slope:
     """Gradient (N and N m) and curvature of the energy; fills ``force`` (L,), N."""
     height, sp, cp, sr, cr = make_pose(body)
-    longitudinal, lateral, tilt = load.weight * load.x, load.weight * load.y, load.weight * load.y * sr
-    h, p, r = load.weight, -(longitudinal * cp + tilt * sp), lateral * cr * cp
-    hh, hp, hr, pp, pr, rr = 0.0, 0.0, 0.0, longitudinal * sp - tilt * cp, -lateral * cr * sp, -tilt * cp
+    longitudinal = load.weight * load.x
+    lateral = load.weight * load.y
+    tilt = load.weight * load.y * sr
+    h = load.weight
+    p = -(longitudinal * cp + tilt * sp)
+    r = lateral * cr * cp
+    hh = hp = hr = 0.0
+    pp = longitudinal * sp - tilt * cp
+    pr = -lateral * cr * sp
+    rr = -tilt * cp
     for i in range(hips.shape[0]):
-        x, y, down = hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]
+        x = hips[i, 0] + foot[i, 0]
+        y = hips[i, 1]
+        down = foot[i, 1]
         below = x * sp + (down * cr - y * sr) * cp
         k, f = stiffness[i], contact_force(stiffness[i], below - height - ground_offset[i])
         force[i] = f
@@ -129,7 +138,7 @@ def slope(
             pp += k * along * along - f * below
             pr += k * along * across + f * (y * cr + down * sr) * sp
             rr += k * across * across + f * (y * sr - down * cr) * cp
-    return Slope(h, p, r, hh, hp, hr, pp, pr, rr)
+    return Slope(h=h, p=p, r=r, hh=hh, hp=hp, hr=hr, pp=pp, pr=pr, rr=rr)
 
 
 @kernel
@@ -138,13 +147,19 @@ def newton_step(at: Slope, damping: float) -> tuple[bool, float, float, float]:
 
     Whether the damped curvature is positive definite, and the step in height, pitch and roll; else zeros.
     """
-    a, b, c = at.hh + damping, at.hp, at.hr
-    d, e, f = at.pp + damping, at.pr, at.rr + damping
+    a = at.hh + damping
+    b = at.hp
+    c = at.hr
+    d = at.pp + damping
+    e = at.pr
+    f = at.rr + damping
     minor = a * d - b * b
     determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
     if not (a > 0.0 and minor > 0.0 and determinant > 0.0):
         return False, 0.0, 0.0, 0.0
-    g, p, r = -at.h, -at.p, -at.r
+    g = -at.h
+    p = -at.p
+    r = -at.r
     return (
         True,
         (g * (d * f - e * e) - b * (p * f - e * r) + c * (p * e - d * r)) / determinant,
@@ -169,15 +184,21 @@ def descend(
 
     On two feet the energy is almost flat along one tilt: an unbounded step would roll the body over.
     """
-    h, p, r = body[0], body[1], body[2]
+    h = body[0]
+    p = body[1]
+    r = body[2]
     before = energy(body, hips, foot, stiffness, ground_offset, load)
     scale = min(1.0, LONGEST_STEP / max(abs(dh), abs(dp), abs(dr)))
     for _ in range(MOST_HALVINGS):
-        body[0], body[1], body[2] = h + scale * dh, p + scale * dp, r + scale * dr
+        body[0] = h + scale * dh
+        body[1] = p + scale * dp
+        body[2] = r + scale * dr
         if energy(body, hips, foot, stiffness, ground_offset, load) <= before + ROUNDING * abs(before):
             return True
         scale *= 0.5
-    body[0], body[1], body[2] = h, p, r
+    body[0] = h
+    body[1] = p
+    body[2] = r
     return False
 
 
@@ -205,12 +226,14 @@ def balance(
         closing, last = closing and out <= CLOSING * last, out
         convex, dh, dp, dr = newton_step(at, 0.0)
         if closing and convex and max(abs(dh), abs(dp), abs(dr)) <= LONGEST_STEP:
-            body[0], body[1], body[2] = body[0] + dh, body[1] + dp, body[2] + dr
+            body[0] += dh
+            body[1] += dp
+            body[2] += dr
             continue
         damping = load.weight
         while not convex:
             convex, dh, dp, dr = newton_step(at, damping)
             damping = 10.0 * damping + load.weight
-        if not descend(body, hips, foot, stiffness, ground_offset, load, dh, dp, dr):
+        if not descend(body, hips, foot, stiffness, ground_offset, load=load, dh=dh, dp=dp, dr=dr):
             return False
     return False

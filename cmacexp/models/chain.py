@@ -97,7 +97,9 @@ def kinematics_at(chain: Array, turn_1: Turn, turn_2: Turn, turn_3: Turn) -> Kin
 
     The foot is turned about the outermost hinge first; each hinge turns what the ones outside it have made.
     """
-    (s1, c1), (s2, c2), (s3, c3) = turn_1, turn_2, turn_3
+    s1, c1 = turn_1
+    s2, c2 = turn_2
+    s3, c3 = turn_3
     first, second = hinge_axis(chain, 0), hinge_axis(chain, 1)
     foot = turn_at(chain, 2, (chain[FOOT], chain[FOOT + 1], chain[FOOT + 2]), s3, c3)
     calf = rotate(rotate(lever(chain, 2, foot), second, s2, c2), first, s1, c1)

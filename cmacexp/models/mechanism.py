@@ -153,7 +153,9 @@ def apply_jacobian_transpose(
     """
     if mechanism.kind == CHAINS_UNDER_BODY:
         for n in range(len(mechanism.axes)):
-            x, y, z = kinematics[i, 3 + 3 * n], kinematics[i, 4 + 3 * n], kinematics[i, 5 + 3 * n]
+            x = kinematics[i, 3 + 3 * n]
+            y = kinematics[i, 4 + 3 * n]
+            z = kinematics[i, 5 + 3 * n]
             torque[i, n] = x * force[i, 0] + y * down + z * force[i, 2]
     elif mechanism.kind == POINT_MASS:
         torque[i, 0], torque[i, 1] = force[i, 0], down
@@ -191,4 +193,13 @@ def chains_under_body(
     chains: Array, hip_height: float, hips: Array, weight: float, torque_limits: tuple[float, ...]
 ) -> Mechanism:
     """A machine of legs of three hinges, ``chains`` (L, 21), under a body that the feet carry, ``weight`` N."""
-    return Mechanism(CHAINS_UNDER_BODY, chains, hip_height, hips, weight, SPACE, torque_limits, chains)
+    return Mechanism(
+        kind=CHAINS_UNDER_BODY,
+        legs=chains,
+        hip_height=hip_height,
+        hips=hips,
+        weight=weight,
+        axes=SPACE,
+        torque_limits=torque_limits,
+        chains=chains,
+    )

@@ -61,8 +61,12 @@ def _find_foot(mujoco: Any, model: Any, data: Any, name: str) -> Sphere | None:
 
 def _touch(mujoco: Any, model: Any, data: Any, geom: int) -> Sphere:
     """Where a geom touches level ground."""
-    kind, kinds, size = model.geom_type[geom], mujoco.mjtGeom, model.geom_size[geom]
-    body, centre, turn = int(model.geom_bodyid[geom]), data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)
+    kind = model.geom_type[geom]
+    kinds = mujoco.mjtGeom
+    size = model.geom_size[geom]
+    body = int(model.geom_bodyid[geom])
+    centre = data.geom_xpos[geom]
+    turn = data.geom_xmat[geom].reshape(3, 3)
     if kind == kinds.mjGEOM_SPHERE:
         return body, centre.copy(), float(size[0])
     if kind == kinds.mjGEOM_CAPSULE:

@@ -86,7 +86,9 @@ def compute_foot_mass(robot: Robot) -> float:
     It is the least eigenvalue of the inertia that a foot shows to a force while the trunk is held, (J M^-1 J^T)^-1,
     M with the inertias of the rotors (Khatib 1987), of all legs.
     """
-    mujoco, model, legs = load_mujoco(), robot.model, robot.legs
+    mujoco = load_mujoco()
+    model = robot.model
+    legs = robot.legs
     data = robot.at(robot.home)
     mujoco.mj_fwdPosition(model, data)
     inertia, jacobian = np.zeros((model.nv, model.nv)), np.zeros((3, model.nv))

@@ -41,8 +41,12 @@ def dynamic_load(mechanism: Mechanism, body_mass: float, desired: Array, joints:
     speed. What accelerates the legs along x is friction at the feet, whose lever arm is the height of the hips. Jumps
     in velocity, as at both ends of one cubic, cause no force here.
     """
-    length, mass_knee, mass_foot = mechanism.legs[:, 0], mechanism.legs[:, 2], mechanism.legs[:, 3]
-    angle, rate, acceleration = joints[..., Q1], joints[..., DQ1], joints[..., DDQ1]
+    length = mechanism.legs[:, 0]
+    mass_knee = mechanism.legs[:, 2]
+    mass_foot = mechanism.legs[:, 3]
+    angle = joints[..., Q1]
+    rate = joints[..., DQ1]
+    acceleration = joints[..., DDQ1]
     sine, cosine = np.sin(angle), np.cos(angle)
     knee_x, knee_y = length * cosine, length * sine
     knee_ax = -length * (sine * acceleration + cosine * rate**2)

@@ -36,14 +36,16 @@ def find_pressure(feet: Array, load_fraction: Array, wanted: Array) -> Array:
     wanted centre, if the feet span it.
     """
     away = feet - wanted[:, None]
-    x, y, weight = away[..., 0], away[..., 1], load_fraction
-    one, sx, sy = weight.sum(axis=1), (weight * x).sum(axis=1), (weight * y).sum(axis=1)
+    x = away[..., 0]
+    y = away[..., 1]
+    weight = load_fraction
+    one = weight.sum(axis=1)
+    sx = (weight * x).sum(axis=1)
+    sy = (weight * y).sum(axis=1)
     ease = EASE**2 * one
-    xx, xy, yy = (
-        (weight * x * x).sum(axis=1) + ease,
-        (weight * x * y).sum(axis=1),
-        (weight * y * y).sum(axis=1) + ease,
-    )
+    xx = (weight * x * x).sum(axis=1) + ease
+    xy = (weight * x * y).sum(axis=1)
+    yy = (weight * y * y).sum(axis=1) + ease
     size = xx * yy - xy * xy
     tilt_x, tilt_y = -(yy * sx - xy * sy) / size, -(xx * sy - xy * sx) / size
     press = np.maximum(weight * (1.0 + tilt_x[:, None] * x + tilt_y[:, None] * y), 0.0)

@@ -195,16 +195,16 @@ def _make_plan(config: Config, mechanism: Mechanism) -> Plan:
         if dynamic:
             _require_balance(walk, load, force)
     return Plan(
-        timing.support,
-        timing.progress,
-        desired,
-        joints,
-        force,
-        plan_reference(config, timing.support, mechanism.hip_height, desired, force),
-        load,
-        walk.sway,
-        planned_margins,
-        NEVER,
+        support=timing.support,
+        progress=timing.progress,
+        desired=desired,
+        joints=joints,
+        force_desired=force,
+        reference=plan_reference(config, timing.support, mechanism.hip_height, desired, force),
+        load=load,
+        sway=walk.sway,
+        margins=planned_margins,
+        start_step=NEVER,
     )
 
 

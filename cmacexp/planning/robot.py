@@ -118,7 +118,9 @@ def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desi
 def find_centres(machine: RobotMachine, q: Array) -> Array:
     """Centres of mass (3, N) of a robot in the body's frame, m, at joint angles ``q`` (N, 4, 3), rad."""
     mujoco, robot = load_mujoco(), read_model(machine)
-    origin, centres, data = find_stance(robot, machine.hip_height).origin, np.empty((3, len(q))), robot.at(robot.home)
+    origin = find_stance(robot, machine.hip_height).origin
+    centres = np.empty((3, len(q)))
+    data = robot.at(robot.home)
     for k, angles in enumerate(q):
         data.qpos[robot.legs.qpos] = angles
         mujoco.mj_kinematics(robot.model, data)

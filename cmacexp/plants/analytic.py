@@ -9,8 +9,8 @@ from cmacexp.planning.setup import Setup
 from cmacexp.plants.as_built import AsBuiltConfig
 from cmacexp.plants.environment import make_ground, make_payload
 from cmacexp.plants.kernels import PlantParams, PlantState, advance, new_state, observe, update_stiffness
-from cmacexp.plants.protocol import Measurement
-from cmacexp.typing import Array
+from cmacexp.plants.protocol import Measurement, copy_state
+from cmacexp.typing import Array, KernelParts
 
 
 class AnalyticPlant:
@@ -59,5 +59,8 @@ class AnalyticPlant:
 
     def measure(self) -> Measurement:
         """A copy of the present state."""
-        state = self.state
-        return Measurement(*(part.copy() for part in state[:7]))
+        return copy_state(self.state)
+
+    def kernel_parts(self) -> KernelParts:
+        """Parameters and state."""
+        return {"plant": self.params, "plant_state": self.state}

@@ -9,16 +9,16 @@ from cmacexp.plants.kernels import Payload
 def make_ground(terrain: TerrainConfig, sampling_period: float) -> Ground:
     """Make the ground that a config describes."""
     return Ground(
-        terrain.stiffness,
-        terrain.patch_size,
-        terrain.patch_spread,
-        terrain.patch_seed,
-        terrain.damping,
-        NEVER if terrain.step_time is None else first_sample(terrain.step_time, sampling_period),
-        terrain.step_factor,
-        ALL_LEGS if terrain.step_legs is None else sum(1 << (leg - 1) for leg in terrain.step_legs),
-        terrain.slope,
-        terrain.slope_start,
+        stiffness=terrain.stiffness,
+        patch_size=terrain.patch_size,
+        patch_spread=terrain.patch_spread,
+        patch_seed=terrain.patch_seed,
+        damping=terrain.damping,
+        step_at=NEVER if terrain.step_time is None else first_sample(terrain.step_time, sampling_period),
+        step_factor=terrain.step_factor,
+        step_legs=ALL_LEGS if terrain.step_legs is None else sum(1 << (leg - 1) for leg in terrain.step_legs),
+        slope=terrain.slope,
+        slope_start=terrain.slope_start,
     )
 
 

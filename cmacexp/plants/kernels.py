@@ -94,18 +94,25 @@ class PlantState(NamedTuple):
 
 def new_state(legs: int, axes: tuple[int, ...] = PLANE) -> PlantState:
     """A state of zeros for ``legs`` legs."""
-    q, dq, foot, velocity = (np.zeros((legs, len(axes))) for _ in range(4))
-    force, stiffness, ground_offset, pressed = (np.zeros(legs) for _ in range(4))
+    motion, kinematics = (legs, len(axes)), (legs, KINEMATICS_FIELDS[axes])
     return PlantState(
-        q, dq, foot, velocity, force, np.zeros(3), np.zeros(3), stiffness, ground_offset,
+        q=np.zeros(motion),
+        dq=np.zeros(motion),
+        foot=np.zeros(motion),
+        velocity=np.zeros(motion),
+        force=np.zeros(legs),
+        body=np.zeros(3),
+        body_rate=np.zeros(3),
+        stiffness=np.zeros(legs),
+        ground_offset=np.zeros(legs),
         spring=np.zeros((2, legs)),
-        pressed=pressed,
+        pressed=np.zeros(legs),
         distance=np.zeros(1),
         clock=np.zeros(1),
-        kinematics=np.zeros((legs, KINEMATICS_FIELDS[axes])),
-        stages=np.zeros((6, legs, len(axes))),
-        stage_kinematics=np.zeros((legs, KINEMATICS_FIELDS[axes])),
-    )  # fmt: skip
+        kinematics=np.zeros(kinematics),
+        stages=np.zeros((6, *motion)),
+        stage_kinematics=np.zeros(kinematics),
+    )
 
 
 @kernel
@@ -142,7 +149,9 @@ def update_ground_offset(ground: Ground, hips: Array, foot: Array, x: float, gro
 @kernel
 def balance_body(params: PlantParams, state: PlantState, time: float) -> bool:
     """Balance the body on the feet in ``state``, some time after the start of the Runge-Kutta step."""
-    mechanism, stiffness, ground_offset = params.mechanism, state.stiffness, state.ground_offset
+    mechanism = params.mechanism
+    stiffness = state.stiffness
+    ground_offset = state.ground_offset
     if params.ground.damping != 0.0:
         stiffness, ground_offset = state.spring[0], state.spring[1]
         for i in range(stiffness.shape[0]):
@@ -229,7 +238,9 @@ def stage(
 
     All arrays are (L, 2). Fills ``ddq``, and ``state.stages[1]``, which may be ``velocity``, with the new velocities.
     """
-    q, dq, kinematics = state.stages[0], state.stages[1], state.stage_kinematics
+    q = state.stages[0]
+    dq = state.stages[1]
+    kinematics = state.stage_kinematics
     for i in range(state.q.shape[0]):
         for j in range(2):
             q[i, j] = state.q[i, j] + time * velocity[i, j]
@@ -247,7 +258,11 @@ def runge_kutta_step(params: PlantParams, state: PlantState, tau: Array) -> None
     Sines, feet and forces in ``state`` must belong to its joints; after the step they do not, until :func:`observe`.
     """
     h, s = params.step, state.stages
-    dq, k1, k2, k3, k4 = s[1], s[2], s[3], s[4], s[5]
+    dq = s[1]
+    k1 = s[2]
+    k2 = s[3]
+    k3 = s[4]
+    k4 = s[5]
     accelerate(params, state, state.dq, state.kinematics, tau, k1)
     stage(params, state, 0.5 * h, state.dq, k1, tau, k2)
     stage(params, state, 0.5 * h, dq, k2, tau, k3)
@@ -262,7 +277,9 @@ def runge_kutta_step(params: PlantParams, state: PlantState, tau: Array) -> None
 @kernel
 def advance(params: PlantParams, state: PlantState, tau: Array) -> None:
     """Move the plant over one sampling period under the held torque ``tau`` (L, 2), N m."""
-    height, pitch, roll = state.body[0], state.body[1], state.body[2]
+    height = state.body[0]
+    pitch = state.body[1]
+    roll = state.body[2]
     for substep in range(params.substeps):
         runge_kutta_step(params, state, tau)
         state.distance[0] += params.speed * params.step

@@ -134,8 +134,12 @@ class Engine(NamedTuple):
 @kernel
 def foot_velocity(bodies: Bodies, feet: Feet, i: int) -> Vector:
     """Velocity of foot ``i`` in the world, m/s."""
-    place, motion, root = bodies.place[feet.point[i]], bodies.motion[feet.body[i]], bodies.centre[feet.root[i]]
-    dx, dy, dz = place[0] - root[0], place[1] - root[1], place[2] - root[2]
+    place = bodies.place[feet.point[i]]
+    motion = bodies.motion[feet.body[i]]
+    root = bodies.centre[feet.root[i]]
+    dx = place[0] - root[0]
+    dy = place[1] - root[1]
+    dz = place[2] - root[2]
     return (
         motion[3] + motion[1] * dz - motion[2] * dy,
         motion[4] + motion[2] * dx - motion[0] * dz,
@@ -176,10 +180,18 @@ def slide_anchor(touch: Touch, place: Array, force: float, anchor: Array) -> Non
 @kernel
 def pull_at(bodies: Bodies, body: int, place: Array | Vector, force: Vector) -> None:
     """Let a ``force``, N, act on ``body`` at ``place``, m, and nothing else."""
-    pull, centre, (x, y, z) = bodies.pull[body], bodies.mass_centre[body], force
-    dx, dy, dz = place[0] - centre[0], place[1] - centre[1], place[2] - centre[2]
-    pull[0], pull[1], pull[2] = x, y, z
-    pull[3], pull[4], pull[5] = dy * z - dz * y, dz * x - dx * z, dx * y - dy * x
+    pull = bodies.pull[body]
+    centre = bodies.mass_centre[body]
+    x, y, z = force
+    dx = place[0] - centre[0]
+    dy = place[1] - centre[1]
+    dz = place[2] - centre[2]
+    pull[0] = x
+    pull[1] = y
+    pull[2] = z
+    pull[3] = dy * z - dz * y
+    pull[4] = dz * x - dx * z
+    pull[5] = dx * y - dy * x
 
 
 @kernel
@@ -234,7 +246,9 @@ def observe_trunk(
     rate[1] = spin[1] * math.cos(roll) - spin[2] * math.sin(roll)
     rate[2] = spin[0] + (spin[1] * math.sin(roll) + spin[2] * math.cos(roll)) * math.tan(pitch)
     if travel is not None:
-        travel[0], travel[1], travel[2] = at[0], at[1], math.atan2(rotation[3], rotation[0])
+        travel[0] = at[0]
+        travel[1] = at[1]
+        travel[2] = math.atan2(rotation[3], rotation[0])
 
 
 @kernel
@@ -242,10 +256,16 @@ def observe_planar_foot(
     hips: Array, bodies: Bodies, feet: Feet, at: Vector, velocity: Vector, i: int, measured: PlantState
 ) -> None:
     """Measure foot ``i`` of a planar leg under a body whose origin is at ``at``, m, with ``velocity``, m/s."""
-    rotation, w, place = bodies.trunk_rotation, bodies.trunk_rate[3:], bodies.place[feet.point[i]]
-    dx, dy, dz = place[0] - at[0], place[1] - at[1], place[2] - at[2]
+    rotation = bodies.trunk_rotation
+    w = bodies.trunk_rate[3:]
+    place = bodies.place[feet.point[i]]
+    dx = place[0] - at[0]
+    dy = place[1] - at[1]
+    dz = place[2] - at[2]
     vx, vy, vz = foot_velocity(bodies, feet, i)
-    vx, vy, vz = vx - velocity[0], vy - velocity[1], vz - velocity[2]
+    vx -= velocity[0]
+    vy -= velocity[1]
+    vz -= velocity[2]
     x = rotation[0] * dx + rotation[3] * dy + rotation[6] * dz
     z = rotation[2] * dx + rotation[5] * dy + rotation[8] * dz
     measured.foot[i, 0], measured.foot[i, 1] = x - hips[i, 0], -z
@@ -257,7 +277,10 @@ def observe_planar_foot(
 @kernel
 def observe(engine: Engine, machine: PlantState) -> None:
     """Measure joints, body and feet of a machine at MuJoCo's present positions and velocities; fills ``machine``."""
-    mechanism, origin, bodies, feet = engine.mechanism, engine.origin, engine.bodies, engine.feet
+    mechanism = engine.mechanism
+    origin = engine.origin
+    bodies = engine.bodies
+    feet = engine.feet
     rotation, spin = bodies.trunk_rotation, bodies.trunk_rate[3:]
     at = transform_point(bodies.trunk_place, rotation, origin[0], origin[1], origin[2])
     velocity = transform_point(

@@ -28,8 +28,8 @@ from cmacexp.plants.mujoco_kernels import (
     pressing,
 )
 from cmacexp.plants.mujoco_library import Callback, find_address, find_variable, ignore_warning
-from cmacexp.plants.protocol import Measurement
-from cmacexp.typing import Array, Counts
+from cmacexp.plants.protocol import Measurement, copy_state
+from cmacexp.typing import Array, Counts, KernelParts
 
 WARNINGS = {
     "mjWARN_BADQPOS": "the position of {} is not finite or huge",
@@ -99,10 +99,14 @@ class MujocoPlant:
 
         Values of MuJoCo's sensors at ``floor`` (L,) are normal forces of its own contacts; None: ``touch`` acts.
         """
-        config, mechanism, mujoco = setup.config, setup.mechanism, load_mujoco()
+        config = setup.config
+        mechanism = setup.mechanism
+        mujoco = load_mujoco()
         model, trunk, joint, foot, origin = made
         data = mujoco.MjData(model)
-        self.mujoco, self.model, self.data = mujoco, model, data
+        self.mujoco = mujoco
+        self.model = model
+        self.data = data
         q, dq = (addresses[joint].astype(np.int64) for addresses in (model.jnt_qposadr, model.jnt_dofadr))
         model.opt.timestep = config.sampling_period / self.config.substeps
         trunk_rate, self._floats = np.zeros(6), int(trunk > 0)
@@ -167,7 +171,7 @@ class MujocoPlant:
             next(self._advancing)
         if self.divergence:
             raise Diverged(self.divergence)
-        return self._copy_state()
+        return copy_state(self.state, self.engine.travel)
 
     def _press_in_stage(self, model: int, data: int) -> None:
         if self._pressing is None:
@@ -209,11 +213,11 @@ class MujocoPlant:
     def measure(self) -> Measurement:
         """The present state of MuJoCo, measured anew."""
         observe(self.engine, self.state)
-        return self._copy_state()
+        return copy_state(self.state, self.engine.travel)
 
-    def _copy_state(self) -> Measurement:
-        measured, travel = Measurement(*[values.copy() for values in self.state[:7]]), self.engine.travel
-        return measured if travel is None else measured._replace(travel=travel.copy())
+    def kernel_parts(self) -> KernelParts:
+        """Machine in MuJoCo and state, and the place of a body that moves."""
+        return {"engine": self.engine, "plant_state": self.state, "travel": self.engine.travel}
 
     @property
     def divergence(self) -> str:

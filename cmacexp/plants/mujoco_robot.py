@@ -101,6 +101,8 @@ class MujocoRobot(MujocoPlant):
 
     config: Config
 
+    kernel_parts = MujocoPlant.kernel_parts
+
     def reset(self, setup: Setup) -> Measurement:
         """Start near the planned joint angles, at rest, the body level at its planned height; raises BadInput."""
         require_machine(setup, "robot", "mujoco_robot", "robot")
@@ -108,7 +110,9 @@ class MujocoRobot(MujocoPlant):
         self.robot = read_model(machine)
         legs, origin = self.robot.legs, find_stance(self.robot, machine.hip_height).origin
         if self.config.contact == ELASTIC:
-            model, feet, floor = copy.copy(self.robot.model), legs.foot_geom, None
+            model = copy.copy(self.robot.model)
+            feet = legs.foot_geom
+            floor = None
             model.opt.disableflags |= self.mujoco.mjtDisableBit.mjDSBL_CONTACT
         else:
             model, feet, floor = self._make_floor()
@@ -157,5 +161,7 @@ class MujocoRobot(MujocoPlant):
         model.geom_friction[touching, 0], model.geom_condim[touching] = self.config.friction, 3
         model.geom_margin[touching], model.geom_gap[touching] = 0.0, 0.0
         model.pair_margin[:] = -1.0  # pairs of geoms that a model lists touch whatever else it says: these never do
-        model.geom_solref[touching], model.geom_solimp[touching], model.geom_priority[touching] = SOLREF, SOLIMP, 0
+        model.geom_solref[touching] = SOLREF
+        model.geom_solimp[touching] = SOLIMP
+        model.geom_priority[touching] = 0
         return model, feet, model.sensor_adr[[sensor.id for sensor in sensors]].astype(np.int64)

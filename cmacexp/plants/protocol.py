@@ -1,6 +1,6 @@
 """The protocol of plants, and the measurement that they return."""
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -34,9 +34,23 @@ STATE = Measurement._fields[:-1]
 """Fields that every plant measures; only a plant that moves the body measures its travel."""
 
 
-def get_state(measurement: Measurement) -> tuple[Array, ...]:
-    """The arrays of a measurement in the order of STATE."""
-    return tuple(measurement[: len(STATE)])  # type: ignore[arg-type]
+def get_state(state: tuple[Any, ...]) -> tuple[Array, ...]:
+    """The arrays in the order of STATE of a measurement, or of a state whose first fields are these."""
+    return state[: len(STATE)]
+
+
+def copy_state(state: Any, travel: Array | None = None) -> Measurement:
+    """A measurement of copies of the arrays that ``state`` has by the names of STATE, and of ``travel`` (3,)."""
+    return Measurement(
+        q=state.q.copy(),
+        dq=state.dq.copy(),
+        foot=state.foot.copy(),
+        velocity=state.velocity.copy(),
+        force=state.force.copy(),
+        body=state.body.copy(),
+        body_rate=state.body_rate.copy(),
+        travel=None if travel is None else travel.copy(),
+    )
 
 
 def new_measurement(legs: int, axes: int = 2) -> Measurement:

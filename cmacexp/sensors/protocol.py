@@ -6,6 +6,7 @@ from typing import Protocol
 from cmacexp.config import ComponentConfig
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement
+from cmacexp.typing import KernelParts
 
 SIGNALS = ("force", "position", "velocity", "height", "tilt", "height_rate", "tilt_rate")
 """What can be altered: the first three of every leg, the rest of a body."""
@@ -39,6 +40,10 @@ class PerfectSensors:
 
     def reset(self, setup: Setup) -> None:
         """Nothing to prepare."""
+
+    def kernel_parts(self) -> KernelParts:
+        """Nothing: the controller sees the arrays of the plant."""
+        return {}
 
     def measure(self, true: Measurement) -> Measurement:
         """The true state, unchanged."""

@@ -7,12 +7,12 @@ import numpy as np
 from cmacexp.models.loop_delay import first_order_share
 from cmacexp.models.mix import mix
 from cmacexp.planning.setup import Setup
-from cmacexp.plants.protocol import Measurement
+from cmacexp.plants.protocol import Measurement, copy_state
 from cmacexp.sensors.channel import CHANNEL, FAULTS, NO_FAULT, Sensing
 from cmacexp.sensors.config import IMPERFECTIONS, FaultConfig, RealSensorsConfig, SignalConfig
 from cmacexp.sensors.kernels import new_observation, read_sensors
 from cmacexp.sensors.protocol import SIGNALS
-from cmacexp.typing import Counts
+from cmacexp.typing import Counts, KernelParts
 
 SENSOR_SEED = 0x53454E53
 """Separates the random numbers of sensors from those of other components under the same seed."""
@@ -95,10 +95,14 @@ class RealSensors:
             np.zeros((len(channels), 3)),
         ) if self.alters else None  # fmt: skip
 
+    def kernel_parts(self) -> KernelParts:
+        """The channels, and the observation that they fill; nothing if no signal is altered."""
+        return {} if self.sensing is None else {"sensing": self.sensing, "observation": self.observation}
+
     def measure(self, true: Measurement) -> Measurement:
         """The readings for the state ``true``."""
         if self.sensing is None:
             return true
         read_sensors(self.sensing, self.mechanism, self.step, true, self.observation)
         self.step += 1
-        return Measurement(*(values.copy() for values in self.observation[:7]))
+        return copy_state(self.observation)
