@@ -30,7 +30,7 @@ def odd_lattice(layers: int, inputs: int) -> Vector:
 
 
 def least_distance(vectors: Vector, layers: int) -> NDArray[np.int64]:
-    """Squared least distance between two cell corners of the lattice that each row of ``vectors`` spans."""
+    """Squared least distance (V,) between two cell corners of the lattice that each of ``vectors`` (V, n) spans."""
     shifts = np.arange(1, layers)[None, :, None] * vectors[:, None, :] % layers
     folded = np.minimum(shifts, layers - shifts)
     squared = (folded * folded).sum(axis=2)

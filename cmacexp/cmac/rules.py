@@ -131,7 +131,10 @@ def compute_divisor(rule: RuleParams, power: float) -> float:
 
 @kernel
 def compute_goal(rule: RuleParams, weights: Array, cells: Cells, activation: Array, power: float, o: int) -> float:
-    """The goal of the active weights of output ``o``; a mean weighs by a_i^2, so that drawing keeps the output."""
+    """The goal of the weights (rows, J) of output ``o``, N m, that are active: at ``cells`` (C,).
+
+    A mean weighs by a_i^2, so that drawing keeps the output.
+    """
     goal = 0.0
     if rule.goal == MEAN:
         for j in range(cells.shape[0]):
@@ -173,6 +176,9 @@ def train_by_rule(
 
 @program
 def train_batch(rule: RuleParams, weights: Array, cells: Cells, activation: Array, error: Array, rate: float) -> None:
-    """:func:`train_by_rule` for a batch, one sample after the other; every array has a first axis of samples."""
+    """:func:`train_by_rule` for a batch, one sample after the other.
+
+    ``weights`` (rows, J) change; ``cells`` and ``activation`` are (samples, C), ``error`` is (samples, J), N m.
+    """
     for k in range(cells.shape[0]):
         train_by_rule(rule, weights, cells[k], activation[k], error[k], rate)

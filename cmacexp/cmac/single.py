@@ -36,7 +36,7 @@ class Request(NamedTuple):
 
 @kernel
 def serve(params: Address, receptive_field: int, rule: RuleParams, weights: Array, request: Request) -> int:
-    """Predict or train at one input; returns as :data:`NOT_FINITE` says."""
+    """Predict or train ``weights`` (rows, outputs) at one input (n,); returns as :data:`NOT_FINITE` says."""
     clipped, trains = 0, request.rate[0] != 0.0
     for d in range(request.inputs.shape[0]):
         value = request.inputs[d]
@@ -60,7 +60,7 @@ def serve(params: Address, receptive_field: int, rule: RuleParams, weights: Arra
 def serving(
     params: Address, receptive_field: int, rule: RuleParams, weights: Array, request: Request
 ) -> Iterator[int]:
-    """:func:`serve` whenever it is resumed."""
+    """:func:`serve` whenever it is resumed, on the same ``weights`` (rows, outputs)."""
     while True:
         yield serve(params, receptive_field, rule, weights, request)
 

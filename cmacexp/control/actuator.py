@@ -81,7 +81,7 @@ def postpone(actuator: Actuator, step: int, feedback: Array, feedforward: Array)
 
 @kernel
 def slow_down(actuator: Actuator, feedback: Array, feedforward: Array, torque: Array) -> None:
-    """Limit the change of every torque to ``change`` N m; the difference is attributed to the feedback."""
+    """Limit the change of every torque, (L, J), to ``change`` N m; the difference is attributed to the feedback."""
     for i in range(torque.shape[0]):
         for j in range(len(actuator.limit)):
             lowest, highest = actuator.last[i, j] - actuator.change, actuator.last[i, j] + actuator.change
@@ -94,7 +94,7 @@ def slow_down(actuator: Actuator, feedback: Array, feedforward: Array, torque: A
 
 @kernel
 def follow(lagged: Array | None, share: float, feedback: Array, feedforward: Array, torque: Array) -> None:
-    """Replace the torques by those of first-order lags, which are linear: each part has its own; all (L, J)."""
+    """Replace the torques, (L, J), N m, by those of first-order lags, which are linear: each part has its own."""
     if lagged is not None:
         for i in range(torque.shape[0]):
             for j in range(torque.shape[1]):

@@ -159,7 +159,7 @@ def control_force(
 def control_sideways(
     params: HybridParams, state: HybridState, i: int, reference: Array, foot: Array, velocity: Array
 ) -> None:
-    """Position control of leg ``i`` along z; fills ``state``."""
+    """Position control of leg ``i`` along z at ``foot``, m, and ``velocity``, m/s, (L, 3) each; fills ``state``."""
     scale = scale_lateral(params.steering, params.mechanism.hips, i)
     z, vz = reference[i, REFERENCE_Z] + scale * reference[i, X], reference[i, REFERENCE_VZ] + scale * reference[i, VX]
     z += offset_lateral(params.steering, i)

@@ -89,7 +89,7 @@ def new_steering(setup: Setup) -> Steering | None:
 
 @kernel
 def place_feet(steering: Steering, support: Mask, lateral: float) -> None:
-    """Feet in transfer go to where they catch a body that leaves its course fast; ``lateral`` is its distance, m."""
+    """Feet not in ``support`` (L,) go to where they catch a body that leaves its course, ``lateral`` m from it."""
     rate, share = (lateral - steering.lateral[0]) / steering.period, min(1.0, steering.period / EASE)
     place = min(max(steering.capture * rate, -steering.farthest), steering.farthest) if abs(rate) > PUSHED else 0.0
     steering.lateral[0] = lateral
@@ -120,7 +120,7 @@ def steer(steering: Steering | None, travel: Array | None, step: int, sample: in
 
 @kernel
 def scale_longitudinal(steering: Steering | None, hips: Array, i: int) -> float:
-    """What the planned x of foot ``i`` is multiplied by."""
+    """Factor of the planned x of foot ``i``; ``hips`` (L, 2), m."""
     if steering is None:
         return 1.0
     return 1.0 + steering.command[LONGITUDINAL] - steering.command[TURN] * hips[i, 1] / steering.radius
@@ -128,7 +128,7 @@ def scale_longitudinal(steering: Steering | None, hips: Array, i: int) -> float:
 
 @kernel
 def scale_lateral(steering: Steering | None, hips: Array, i: int) -> float:
-    """Part of its planned x that is added to its planned z."""
+    """Share of its planned x that is added to the planned z of foot ``i``; ``hips`` (L, 2), m."""
     if steering is None:
         return 0.0
     return steering.command[LATERAL] + steering.command[TURN] * hips[i, 0] / steering.radius

@@ -60,7 +60,7 @@ class BuiltInFeedforward(ABC):
         """Compute everything that the plan determines."""
 
     def collect_memory(self, cycles: int) -> dict[str, Array] | None:
-        """Columns of ``memory.parquet`` for the last ``cycles`` cycles, (cycles, L) by name; None without weights."""
+        """Columns (cycles, L) of ``memory.parquet``, by name, for the last ``cycles``; None without weights."""
         if self.params.kind not in (CMAC, WEIGHTED):
             return None
         log = collect_log(self.params.log, self.params.weights, cycles)
@@ -143,7 +143,10 @@ def known_torque(setup: Setup, torque: Array) -> FeedforwardParams:
 
 
 def resample(cycle: Array, samples: int, axis: int = 0) -> Array:
-    """Values over a ``cycle``, along ``axis``, at as many ``samples``: linear in the phase, periodic."""
+    """Values over a ``cycle`` (..., N, ...), along ``axis``, at as many ``samples``, in the same unit.
+
+    They are linear in the phase between the values given, and periodic.
+    """
     known = cycle.shape[axis]
     if known == samples:
         return cycle

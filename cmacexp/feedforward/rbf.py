@@ -24,7 +24,7 @@ def spread_out(points: Array, number: int) -> Array:
 
 
 def spacing(points: Array) -> float:
-    """Mean distance of each of ``points`` (centres, n) from its nearest neighbour; 1 where that is 0."""
+    """Mean distance of each of ``points`` (centres, n) from its nearest one, in their unit; 1 where that is 0."""
     distance = np.linalg.norm(points[:, None] - points, axis=2)
     np.fill_diagonal(distance, np.inf)
     mean = float(distance.min(axis=1).mean())

@@ -30,7 +30,7 @@ _make_reference: Callable[[tuple[object, ...]], Reference] = partial(tuple.__new
 
 
 def read_only(values: NDArray[Any]) -> NDArray[Any]:
-    """A view of an array that cannot be written to."""
+    """A view of an array, of the same shape and unit, that cannot be written to."""
     view = values.view()
     view.flags.writeable = False
     return view

@@ -130,7 +130,7 @@ def raise_limits(limits: Array, effort: float, speed: float, tilt: float) -> Non
 def accumulate_cycle(
     guard: GuardState | None, sample: int, support: Mask, control: HybridState, observation: Observation
 ) -> None:
-    """Add effort and errors of a step, ``sample`` of its cycle, before the plant moves on; check its limits.
+    """Add effort and errors of ``sample``, a step with ``support`` (L,), before the plant moves on; check its limits.
 
     Arrays that were written a moment before would be read slowly.
     """

@@ -104,7 +104,7 @@ def write_samples(
 def write_measured(
     samples: Array, body_samples: Array, k: int, machine: PlantState, observation: Observation, control: HybridState
 ) -> None:
-    """Write the columns of row ``k`` that sensors and their supervision add."""
+    """Write the columns that sensors and their supervision add, of row ``k`` of (K, L, columns) and (K, columns)."""
     for i in range(samples.shape[1]):
         row = samples[k, i]
         row[X_MEASURED], row[Y_MEASURED] = observation.foot[i, 0], observation.foot[i, 1]
@@ -136,7 +136,7 @@ def write_spatial(
     control: HybridState,
     feedforward: Array,
 ) -> None:
-    """Write the columns of row ``k`` that legs with a third joint add."""
+    """Write the columns that legs with a third joint add, of row ``k`` of (K, L, columns); torques (L, 3) in N m."""
     for i in range(samples.shape[1]):
         row, learning_error = samples[k, i], control.learning_error
         row[Z], row[VZ] = machine.foot[i, 2], machine.velocity[i, 2]

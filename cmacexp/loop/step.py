@@ -97,7 +97,7 @@ class Hooks(NamedTuple):
 
 @kernel
 def is_finite(values: Array) -> bool:
-    """Whether all of ``values`` (L, J) are finite."""
+    """Whether all of ``values`` (L, J), of any unit, are finite."""
     for i in range(values.shape[0]):
         for j in range(values.shape[1]):
             if not math.isfinite(values[i, j]):
@@ -198,7 +198,7 @@ def control(
     reference: Array,
     observation: Observation,
 ) -> None:
-    """The built-in controller, with rows of the plan."""
+    """The built-in controller: ``support`` (L,) and ``reference`` (L, columns) are the plan's of this ``sample``."""
     if params is not None:
         steer(params.steering, travel, step, sample, support)
         hybrid_feedback(params, state, support, reference, observation)
@@ -239,7 +239,7 @@ def advance_plant(
     machine: PlantState,
     torque: Array,
 ) -> bool:
-    """The plant; False if an external one raised."""
+    """The plant under ``torque`` (L, J), N m; False if an external one raised."""
     if hook is not None:
         return hook(step) == DONE
     if params is not None:
@@ -271,7 +271,10 @@ def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
 
 @merged_kernel
 def act(loop: Loop, hooks: Hooks, step: int, sample: int, k: int, samples: Array, body_samples: Array) -> bool:
-    """The second half of a step: torques, their samples in row ``k``, the plant; False if a component failed."""
+    """The second half of a step: torques, their samples, the plant; False if a component failed.
+
+    The samples are row ``k`` of ``samples`` (K, L, columns) and ``body_samples`` (K, columns).
+    """
     machine = loop.plant_state
     observation = loop.observation
     state = loop.control_state

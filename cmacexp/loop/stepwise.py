@@ -37,7 +37,8 @@ OUTSIDE = External(plant=False, sensors=False, controller=False, feedforward=Tru
 def pause_in_steps(loop: Loop, start: int, samples: Array, body_samples: Array) -> Iterator[tuple[int, int]]:
     """:func:`cmacexp.loop.step.take_steps` of built-in components, with a pause in each step before the torques.
 
-    Yields the number of steps taken and RUNNING at each pause; at the end once more, with why the loop stopped.
+    It fills ``samples`` (K, L, columns) and ``body_samples`` (K, columns). It yields the number of steps taken and
+    RUNNING at each pause; at the end once more, with why the loop stopped.
     """
     # No local variable holds arrays: each pause would save them, which doubles the time of compiling.
     period = loop.support.shape[0]

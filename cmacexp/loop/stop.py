@@ -41,7 +41,7 @@ class StopLimits(NamedTuple):
 
 
 def new_limits(mechanism: Mechanism, margin: Array, sampling_period: float) -> StopLimits:
-    """The limits of a run, at its start."""
+    """The limits of a run, at its start; ``margin`` (N,): planned stability margin, m; ``sampling_period`` in s."""
     lowest_hip = LOWEST_HIP if mechanism.chains is None else LOWEST_SHARE * mechanism.hip_height
     longest_unstable = round(LONGEST_UNSTABLE / sampling_period)
     return StopLimits(mechanism, np.ascontiguousarray(margin), lowest_hip, longest_unstable, np.zeros(2))
@@ -49,7 +49,7 @@ def new_limits(mechanism: Mechanism, margin: Array, sampling_period: float) -> S
 
 @kernel
 def has_diverged(mechanism: Mechanism, q: Array, dq: Array, foot: Array) -> bool:
-    """Whether a value is not finite or a joint too fast."""
+    """Whether an angle ``q``, a rate ``dq`` or a ``foot``, (L, J) each, is not finite, or a joint too fast, rad/s."""
     for i in range(q.shape[0]):
         for j in range(len(mechanism.axes)):
             if not (math.isfinite(q[i, j]) and math.isfinite(foot[i, j]) and abs(dq[i, j]) <= FASTEST_JOINT):
@@ -59,7 +59,7 @@ def has_diverged(mechanism: Mechanism, q: Array, dq: Array, foot: Array) -> bool
 
 @kernel
 def has_fallen(limits: StopLimits, body: Array) -> bool:
-    """Whether the body has no static equilibrium, is too steep or low, or has been unstable or unborne too long."""
+    """Whether the ``body`` (3,), m and rad, has no equilibrium, is too steep or low, or was unstable for too long."""
     if not (math.isfinite(body[0]) and abs(body[1]) <= STEEPEST and abs(body[2]) <= STEEPEST):
         return True
     hips, pose = limits.mechanism.hips, make_pose(body)
@@ -71,7 +71,7 @@ def has_fallen(limits: StopLimits, body: Array) -> bool:
 
 @kernel
 def count_unborne(limits: StopLimits, force: Array) -> None:
-    """Count a step in which no foot bears the body."""
+    """Count a step in which no foot bears the body; ``force`` (L,), N."""
     limits.unstable[1] += 1
     for i in range(force.shape[0]):
         if force[i] > 0.0:

@@ -110,7 +110,7 @@ def assemble_body(
 
 
 def assemble_memory(memory: dict[str, Array], first_cycle: int) -> SampledTrace:
-    """The memory of networks over some cycles, (cycles, L) by column name, with one row per cycle and leg."""
+    """The memory of networks, columns (cycles, L) by name from ``first_cycle``, as rows of one cycle and leg each."""
     cycles, legs = next(iter(memory.values())).shape
     numbers = {"cycle": np.arange(first_cycle, first_cycle + cycles)[:, None], "leg": np.arange(1, legs + 1)}
     return SampledTrace(memory | numbers, MEMORY_SIGNALS, (cycles, legs))

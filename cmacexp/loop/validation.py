@@ -27,7 +27,7 @@ def _expected(name: str, shape: tuple[int, ...], unit: str) -> str:
 
 
 def copy_output(component: object, method: str, name: str, output: Any, target: Array) -> None:
-    """Copy an array that a component returned into ``target``, whose shape it must have; raises BadOutput."""
+    """Copy an array that a component returned into ``target``, whose shape and unit it has; raises BadOutput."""
     try:
         if output.dtype is FLOAT and output.shape == target.shape:
             target[...] = output
@@ -48,7 +48,7 @@ def copy_output(component: object, method: str, name: str, output: Any, target: 
 
 
 def require_finite(component: object, method: str, name: str, values: Array) -> None:
-    """Check that all values are finite; raises BadOutput, which names the first that is not."""
+    """Check that ``values``, of any shape and unit, are finite; raises BadOutput that names the first that is not."""
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
         where = ", ".join(map(str, bad[0]))
@@ -74,7 +74,7 @@ def copy_measurement(component: object, method: str, output: Any, target: Measur
 
 
 def copy_action(component: object, output: Any, feedback: Array, feedforward: Array, reference: Array) -> bool:
-    """Copy the action of a controller into the arrays of the loop; raises BadOutput.
+    """Copy the action of a controller into the arrays (L, J) of the loop, N m and m; raises BadOutput.
 
     Returns whether it contains the reference that the controller followed.
     """

@@ -80,7 +80,7 @@ def depth_rate(pose: Pose, rate: Array, x: float, y: float) -> float:
 
 @kernel
 def energy(body: Array, hips: Array, foot: Array, stiffness: Array, ground_offset: Array, load: Load) -> float:
-    """Energy of weight and pressed ground, J."""
+    """Energy of weight and pressed ground, J, of a body (3,) as by :func:`balance`: its arguments are the same."""
     pose = make_pose(body)
     total = -load.weight * depth(pose, load.x, load.y, 0.0)
     for i in range(hips.shape[0]):
@@ -180,7 +180,9 @@ def descend(
     dp: float,
     dr: float,
 ) -> bool:
-    """Take a step, shortened until the energy does not increase; False if it always does.
+    """Take a step ``dh`` (m), ``dp``, ``dr`` (rad) of ``body`` (3,), shortened until the energy does not increase.
+
+    False if it always increases; the other arguments are those of :func:`balance`.
 
     On two feet the energy is almost flat along one tilt: an unbounded step would roll the body over.
     """

@@ -58,21 +58,21 @@ def rotate(v: Vector, axis: Vector, sine: float, cosine: float) -> Vector:
 
 @kernel
 def hinge_point(chain: Array, n: int) -> Vector:
-    """A point of the axis of hinge ``n`` at joint angles of zero, m."""
+    """A point (3,) of the axis of hinge ``n`` of a ``chain`` (21,) at joint angles of zero, m."""
     k = HINGE_FIELDS * n
     return chain[k], chain[k + 1], chain[k + 2]
 
 
 @kernel
 def hinge_axis(chain: Array, n: int) -> Vector:
-    """Direction of the axis of hinge ``n`` at joint angles of zero."""
+    """Direction (3,), of length 1, of the axis of hinge ``n`` of a ``chain`` (21,) at joint angles of zero."""
     k = HINGE_FIELDS * n + 3
     return chain[k], chain[k + 1], chain[k + 2]
 
 
 @kernel
 def turn_at(chain: Array, n: int, place: Vector, sine: float, cosine: float) -> Vector:
-    """``place`` turned about hinge ``n``, m."""
+    """``place`` (3,), m, turned about hinge ``n`` of a ``chain`` (21,) by the angle of ``sine`` and ``cosine``."""
     at = hinge_point(chain, n)
     moved = rotate((place[0] - at[0], place[1] - at[1], place[2] - at[2]), hinge_axis(chain, n), sine, cosine)
     return at[0] + moved[0], at[1] + moved[1], at[2] + moved[2]
@@ -80,20 +80,20 @@ def turn_at(chain: Array, n: int, place: Vector, sine: float, cosine: float) -> 
 
 @kernel
 def lever(chain: Array, n: int, place: Vector) -> Vector:
-    """Velocity of ``place`` per velocity of hinge ``n``, m/rad."""
+    """Velocity of ``place`` (3,), m, per velocity of hinge ``n`` of a ``chain`` (21,): (3,), m/rad."""
     at = hinge_point(chain, n)
     return cross(hinge_axis(chain, n), (place[0] - at[0], place[1] - at[1], place[2] - at[2]))
 
 
 @kernel
 def chain_kinematics(chain: Array, q1: float, q2: float, q3: float) -> Kinematics:
-    """Foot and Jacobian of ``chain`` (CHAIN_FIELDS,) at joint angles, rad."""
+    """Foot (3,), m, and columns of the Jacobian, (3,) each, m/rad, of a ``chain`` (21,) at joint angles, rad."""
     return kinematics_at(chain, sine_cosine(q1), sine_cosine(q2), sine_cosine(q3))
 
 
 @kernel
 def kinematics_at(chain: Array, turn_1: Turn, turn_2: Turn, turn_3: Turn) -> Kinematics:
-    """Foot and Jacobian of ``chain`` from sine and cosine of each joint angle.
+    """Foot (3,), m, and columns of the Jacobian, (3,) each, m/rad, of a ``chain`` (21,) from sines and cosines.
 
     The foot is turned about the outermost hinge first; each hinge turns what the ones outside it have made.
     """

@@ -45,7 +45,10 @@ class Ground(NamedTuple):
 
 @kernel
 def height_at(slope: float, start: float, x: Places) -> Places:
-    """Height at ``x`` in the world of ground that begins to slope (m/m) at ``start``, above its flat part, m."""
+    """Height above the flat part, m, of ground that begins to ``slope`` (m/m) at ``start``, m.
+
+    ``x`` in the world, m, is one place or an array of any shape, which is that of the result.
+    """
     height: Places = slope * np.maximum(x - start, 0.0)
     return height
 
@@ -101,7 +104,7 @@ def damped_spring(stiffness: float, damping: float, before: float, time: float) 
 
 
 def depression_for(stiffness: float, force: Array) -> Array:
-    """D_a = F / K_n, m: the depression at which the ground carries ``force`` N (eq. 1)."""
+    """D_a = F / K_n, m: the depression at which the ground carries ``force``, N, of any shape (eq. 1)."""
     return force / stiffness
 
 

@@ -76,7 +76,7 @@ def get_leg(mechanism: Mechanism, i: int) -> Leg:
 
 @kernel
 def get_trig(kinematics: Array, i: int) -> Trig:
-    """Sines and cosines of the joint angles of planar leg ``i``, from ``kinematics`` (L, 4)."""
+    """Sines and cosines (no unit) of the joint angles of planar leg ``i``, from ``kinematics`` (L, 4)."""
     return kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], kinematics[i, 3]
 
 
@@ -98,7 +98,7 @@ def update_kinematics(mechanism: Mechanism, q: Array, kinematics: Array) -> None
 
 @kernel
 def update_kinematics_near(mechanism: Mechanism, q: Array, kinematics: Array, near_q: Array, near: Array) -> None:
-    """:func:`update_kinematics` of planar legs in less time, from ``near`` of ``near_q`` (L, 2), close to ``q``."""
+    """:func:`update_kinematics` of planar legs, in less time from ``near`` (L, 4) of ``near_q``, near ``q``, rad."""
     if mechanism.kind != POINT_MASS:
         for i in range(q.shape[0]):
             kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], kinematics[i, 3] = trigonometry_near(

@@ -163,7 +163,7 @@ class Robot:
 
 
 def place(model: Any, data: Any, legs: Legs, q: Array) -> Any:
-    """Set joint angles ``q``, rad, under a trunk that is upright at the origin; ``data`` with its kinematics."""
+    """Set joint angles ``q`` (4, 3), rad, under a trunk upright at the origin; ``data`` with its kinematics."""
     data.qpos[legs.base_qpos : legs.base_qpos + 7] = UPRIGHT
     data.qpos[legs.qpos] = q
     load_mujoco().mj_kinematics(model, data)

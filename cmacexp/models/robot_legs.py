@@ -43,7 +43,7 @@ class Legs:
 
 
 def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], angles: Array, home: object) -> None:
-    """Require names for four legs of three joints, and an angle for each of the three, or twelve; raises BadInput."""
+    """Require names (4, 3) of joints, and ``angles`` (3,) or (4, 3), rad, at home; raises BadInput."""
     if len(joints) != LEGS or any(len(leg) != JOINTS for leg in joints):
         raise BadInput("machine.joints", joints, "must be four lists of three names: hip, thigh, calf")
     if angles.shape not in ((JOINTS,), (LEGS, JOINTS)):
@@ -55,7 +55,7 @@ def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], angles: 
 
 
 def find_free(mujoco: Any, model: Any, path: Path, joint: Counts) -> int:
-    """The free joint on which the joints (4, 3) hang; raises BadInput if there is none, or more moves."""
+    """Number of the free joint on which the joints (4, 3) hang; raises BadInput if there is none, or more moves."""
     trunk = int(model.body_rootid[model.jnt_bodyid[joint[0, 0]]])
     free = int(model.body_jntadr[trunk])
     if free < 0 or model.jnt_type[free] != mujoco.mjtJoint.mjJNT_FREE:
@@ -68,7 +68,7 @@ def find_free(mujoco: Any, model: Any, path: Path, joint: Counts) -> int:
 
 
 def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence[str]) -> Legs:
-    """The legs of an MjModel: ``free`` joint of the trunk, joints (4, 3), geoms of the feet (4,), which are spheres.
+    """The legs of an MjModel: numbers of the ``free`` joint, joints (4, 3) and geoms of the feet (4,), spheres.
 
     Raises BadInput if one of ``feet`` does not hang on the trunk by the joints of its leg.
     """

@@ -24,19 +24,19 @@ def _sample(coefficients: Array, s: Array, duration: float) -> Motion:
 
 
 def line(start: float, end: float, s: Array, duration: float) -> Motion:
-    """Constant velocity from ``start`` to ``end``."""
+    """Constant velocity from ``start`` to ``end``, m, at progress ``s`` (N,); ``duration`` in s."""
     return _sample(np.array([start, end - start, 0.0]), s, duration)
 
 
 def quintic(start: float, end: float, velocity: float, s: Array, duration: float) -> Motion:
-    """Fifth order from ``start`` to ``end``, with the same ``velocity`` and no acceleration at both ends."""
+    """Quintic from ``start`` to ``end``, m, at ``s`` (N,); ``velocity``, m/s, and no acceleration at both ends."""
     speed = velocity * duration
     gap = end - start - speed
     return _sample(np.array([start, speed, 0.0, 10.0 * gap, -15.0 * gap, 6.0 * gap]), s, duration)
 
 
 def cubic(start: float, end: float, lift: float, s: Array, duration: float) -> Motion:
-    """Third order through both ends, with its apex at s = 1/2, ``lift`` above ``start`` (y points down).
+    """Third order through both ends, m, at ``s`` (N,), with its apex at s = 1/2, ``lift`` above ``start`` (y down).
 
     With equal ends it is start - 4 lift s (1 - s): its velocity jumps by 4 lift/duration against rest.
     """
@@ -45,7 +45,7 @@ def cubic(start: float, end: float, lift: float, s: Array, duration: float) -> M
 
 
 def two_cubics(start: float, end: float, lift: float, s: Array, duration: float) -> Motion:
-    """Up with one cubic, down with another, at rest at both ends and at the apex at s = 1/2."""
+    """Up with one cubic, down with another, m, at ``s`` (N,), at rest at both ends and at the apex at s = 1/2."""
     apex = start - lift
     rising = s < 0.5
     half = np.where(rising, 2.0 * s, 2.0 * s - 1.0)

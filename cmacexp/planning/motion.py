@@ -64,7 +64,7 @@ def plan_force(config: Config, timing: Timing, feet: Array, load: BodyLoad) -> t
 
 
 def make_ramp(shape: str, elapsed: Array, duration: float) -> tuple[Array, Array]:
-    """Share of a load, 0 to 1, after ``elapsed`` of ``duration`` s, and its rate times the duration."""
+    """Share of a load, 0 to 1, after ``elapsed`` (N, L) of ``duration``, s, and its rate times the duration."""
     within = elapsed < duration
     s = np.where(within, elapsed / (duration or 1.0), 1.0)
     if shape == COSINE:

@@ -50,7 +50,7 @@ def margins(feet: Array, down: Mask | None = None) -> Array:
 
 
 def check_stability(config: Config, support: Mask, planned: Array) -> None:
-    """Check that a gait is statically stable throughout; raises BadInput with the instant."""
+    """Check that a gait of ``support`` (N, L) and ``planned`` margins (N, 3), m, is stable; raises BadInput."""
     gait = config.gait
     if gait.allow_unstable or PATTERNS[gait.pattern].is_dynamic:
         return

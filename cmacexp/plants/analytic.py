@@ -53,7 +53,7 @@ class AnalyticPlant:
         return self.measure()
 
     def step(self, torque: Array) -> Measurement:
-        """Hold ``torque`` (L, 2) over one sampling period."""
+        """Hold ``torque`` (L, 2), N m, over one sampling period."""
         advance(self.params, self.state, torque)
         return self.measure()
 

@@ -253,7 +253,7 @@ def stage(
 
 @kernel
 def runge_kutta_step(params: PlantParams, state: PlantState, tau: Array) -> None:
-    """One classical fourth-order step of ``params.step``; contact forces act inside every stage.
+    """A classical fourth-order step of ``params.step`` under ``tau`` (L, 2), N m; contact forces act in all stages.
 
     Sines, feet and forces in ``state`` must belong to its joints; after the step they do not, until :func:`observe`.
     """

@@ -168,7 +168,7 @@ def ground_force(touch: Touch, stiffness: float, place: Array, velocity: Vector,
 
 @kernel
 def slide_anchor(touch: Touch, place: Array, force: float, anchor: Array) -> None:
-    """Move the point ``anchor`` (2,) where a foot at ``place`` (3,) sticks, if it slides or is in the air."""
+    """Move the point ``anchor`` (2,), m, where a foot at ``place`` (3,) sticks, if it slides or is in the air."""
     if touch.friction > 0.0:
         dx, dy = place[0] - anchor[0], place[1] - anchor[1]
         stretch, longest = math.sqrt(dx * dx + dy * dy), touch.friction * force / touch.stiffness
@@ -179,7 +179,7 @@ def slide_anchor(touch: Touch, place: Array, force: float, anchor: Array) -> Non
 
 @kernel
 def pull_at(bodies: Bodies, body: int, place: Array | Vector, force: Vector) -> None:
-    """Let a ``force``, N, act on ``body`` at ``place``, m, and nothing else."""
+    """Let a ``force`` (3,), N, act on ``body`` at ``place`` (3,), m, and nothing else."""
     pull = bodies.pull[body]
     centre = bodies.mass_centre[body]
     x, y, z = force
@@ -213,7 +213,7 @@ def press(touch: Touch, bodies: Bodies, feet: Feet, machine: PlantState, anchors
 
 @kernel
 def transform_point(at: Array, rotation: Array, x: float, y: float, z: float) -> Vector:
-    """``at`` (3,) plus the vector (x, y, z) turned by the rotation matrix ``rotation`` (9,)."""
+    """``at`` (3,) plus the vector (x, y, z), m or m/s, turned by the rotation matrix ``rotation`` (9,)."""
     return (
         at[0] + rotation[0] * x + rotation[1] * y + rotation[2] * z,
         at[1] + rotation[3] * x + rotation[4] * y + rotation[5] * z,
@@ -223,7 +223,7 @@ def transform_point(at: Array, rotation: Array, x: float, y: float, z: float) ->
 
 @kernel
 def load_trunk(payload: Payload, push: Push, origin: Array, bodies: Bodies, feet: Feet, clock: float) -> None:
-    """Let the payload and the push act on the trunk, while they are there."""
+    """Let payload and push, N, act on the trunk, in whose frame the body is at ``origin`` (3,), m."""
     if clock >= payload.start:
         load = payload.load
         point = transform_point(
@@ -237,7 +237,7 @@ def load_trunk(payload: Payload, push: Push, origin: Array, bodies: Bodies, feet
 def observe_trunk(
     ground: Ground, bodies: Bodies, at: Vector, velocity: Vector, pose: Array, rate: Array, travel: Array | None
 ) -> None:
-    """Measure a body whose origin is at ``at``, m, with ``velocity``, m/s; fills the last three as a Measurement."""
+    """Measure a body at ``at``, m, with ``velocity``, m/s, (3,) each; fills the last three, (3,) each."""
     rotation, spin = bodies.trunk_rotation, bodies.trunk_rate[3:]
     pitch, roll = -math.asin(rotation[6]), math.atan2(rotation[7], rotation[8])
     pose[0] = at[2] - height_at(ground.slope, ground.slope_start, at[0])
@@ -255,7 +255,7 @@ def observe_trunk(
 def observe_planar_foot(
     hips: Array, bodies: Bodies, feet: Feet, at: Vector, velocity: Vector, i: int, measured: PlantState
 ) -> None:
-    """Measure foot ``i`` of a planar leg under a body whose origin is at ``at``, m, with ``velocity``, m/s."""
+    """Measure planar foot ``i``; the body has ``hips`` (L, 2), is at ``at``, m, with ``velocity``, m/s, (3,) each."""
     rotation = bodies.trunk_rotation
     w = bodies.trunk_rate[3:]
     place = bodies.place[feet.point[i]]
@@ -315,7 +315,7 @@ def read_floor(floor: Counts | None, sensors: Array, force: Array) -> None:
 
 @kernel
 def apply_forces(floor: Counts | None, engine: Engine, machine: PlantState, in_stage: bool) -> None:
-    """:func:`press`, without a floor of MuJoCo, and :func:`load_trunk`."""
+    """:func:`press`, N, without a ``floor`` (L,) of MuJoCo, and :func:`load_trunk`."""
     if floor is None:
         press(engine.touch, engine.bodies, engine.feet, machine, engine.anchor, in_stage)
     load_trunk(engine.payload, engine.push, engine.origin, engine.bodies, engine.feet, machine.clock[0])
@@ -379,7 +379,7 @@ def pressing(engine: Engine, machine: PlantState) -> Iterator[int]:
 
 @program
 def advancing(engine: Engine, machine: PlantState, torque: Array) -> Iterator[int]:
-    """:func:`advance_engine` whenever it is resumed."""
+    """:func:`advance_engine` with the present ``torque`` (L, J), N m, whenever it is resumed."""
     while True:
         advance_engine(engine, machine, torque)
         yield 0

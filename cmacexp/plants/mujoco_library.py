@@ -44,7 +44,7 @@ mj_step, mj_step1, mj_step2, mj_kinematics, mj_comPos, mj_comVel = map(
 
 
 def find_variable(name: str) -> Counts:
-    """The variable of the library that holds the address of a function, (1,); 0: none."""
+    """The variable of the library that holds the address of a function, (1,), a number; 0: none."""
     return np.ctypeslib.as_array((ctypes.c_int64 * 1).in_dll(load_library(), name))
 
 

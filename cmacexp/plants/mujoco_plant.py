@@ -190,7 +190,7 @@ class MujocoPlant:
         return self.pack_state()
 
     def pack_state(self) -> Array:
-        """The present state, see :meth:`hold`."""
+        """The present state (n,), in units of MuJoCo: m, rad, m/s, rad/s; see :meth:`hold`."""
         place = self.data.qpos[: 2 * self._floats]
         anchor = self.engine.anchor - (place if self._floats else 0.0)
         return np.concatenate([self.data.qpos[2 * self._floats :], self.data.qvel, anchor.ravel()])

@@ -35,12 +35,12 @@ STATE = Measurement._fields[:-1]
 
 
 def get_state(state: tuple[Any, ...]) -> tuple[Array, ...]:
-    """The arrays in the order of STATE of a measurement, or of a state whose first fields are these."""
+    """The arrays, with their shapes and units, in the order of STATE of a state whose first fields are these."""
     return state[: len(STATE)]
 
 
 def copy_state(state: Any, travel: Array | None = None) -> Measurement:
-    """A measurement of copies of the arrays that ``state`` has by the names of STATE, and of ``travel`` (3,)."""
+    """A measurement of copies of the arrays of ``state`` that STATE names, and of ``travel`` (3,), m and rad."""
     return Measurement(
         q=state.q.copy(),
         dq=state.dq.copy(),

@@ -48,7 +48,7 @@ def _layout(legs: int, joints: int) -> list[tuple[str, int]]:
 
 
 def make_keys(channels: int, seed: int) -> Counts:
-    """(C, 3): a seed for each source of randomness of each channel."""
+    """(C, 3): a seed, a whole number, for each source of randomness of each of C ``channels``."""
     start = mix(SENSOR_SEED, seed)
     return np.array([[mix(mix(start, c), use) for use in range(3)] for c in range(channels)], dtype=np.int64)
 
