@@ -16,6 +16,7 @@ COMMANDS = {
     "score": "computes the metrics of runs again from their traces",
     "verify": "checks which runs are intact",
     "export": "writes a run for other programs: C, wide tables, MCAP",
+    "gap": "compares a log of a robot with its model: identifies, validates, says what learning would gain",
     "robots": "shows what the model of a robot holds, and what follows from it",
     "study": "runs a study and writes its report",
 }

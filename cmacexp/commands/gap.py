@@ -1,0 +1,104 @@
+"""``python -m cmacexp.gap LOG --robot go2``: what a model does not explain of a log, and what learning would."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from cmacexp.commands.command import Parser, run_command
+from cmacexp.data.folder import OUT_KEY, check_place
+from cmacexp.data.manifest import REPORT
+from cmacexp.errors import BadInput
+from cmacexp.terminal.output import print_line, show_progress
+from cmacexp.terminal.tables import print_table
+
+FOLDER = Path("outputs/gap")
+
+
+def _read_pairs(given: Sequence[str], key: str) -> dict[str, str]:
+    """``KEY=VALUE`` by key, several separated by commas; raises BadInput."""
+    pairs = [part for text in given for part in text.split(",") if part]
+    for pair in pairs:
+        if "=" not in pair:
+            raise BadInput(key, pair, "must be NAME=VALUE, several separated by commas")
+    return dict(pair.split("=", 1) for pair in pairs)
+
+
+def _read_gain(text: str | None, key: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")] if text else []
+    except ValueError as error:
+        raise BadInput(key, text, "must be numbers, separated by commas") from error
+
+
+def _show(arguments: argparse.Namespace) -> int:
+    from cmacexp.gap.advice import summarise
+    from cmacexp.gap.analysis import begin
+    from cmacexp.gap.log import load_reader, read_log
+    from cmacexp.gap.machine import read_machine
+    from cmacexp.gap.page import write_page
+    from cmacexp.gap.validation import identify
+
+    out = arguments.out or FOLDER / arguments.log.stem
+    check_place(out, OUT_KEY, REPORT)
+    given = {key: _read_gain(getattr(arguments, key), f"--{key}") for key in ("kp", "kd")}
+    log = read_log(
+        arguments.log,
+        _read_pairs(arguments.names, "--names"),
+        _read_pairs(arguments.units, "--units"),
+        {key: gain for key, gain in given.items() if gain},
+        load_reader(arguments.reader) if arguments.reader else None,
+    )
+    if arguments.leave_out:
+        log = log.leave_out(arguments.leave_out.split(","))
+    machine = read_machine(arguments.robot, log.joints, arguments.joints)
+    with show_progress(f"replaying {arguments.log.name} through {arguments.robot}", 1) as set_done:
+        gap = begin(log, machine, set_done)
+    page = write_page(gap, out)
+    if gap.replays and not arguments.quick:
+        print_line(f"{page}: identification follows, a minute or two")
+        with show_progress("identifying", 1) as set_done:
+            identify(gap, set_done)
+        page = write_page(gap, out)
+    print_line(summarise(gap.values))
+    rows = [
+        [name, f"{own['value']:.1f}", f"{own['low']:.1f}", f"{own['high']:.1f}", f"{own['fastest']['value']:.1f}"]
+        for name, own in sorted(gap.values["left"].items(), key=lambda item: float(item[1]["value"]))
+    ]
+    print_table(["predictor", "left\n%", "from\n%", "to\n%", "fastest\n%"], rows)
+    for note in gap.values["notes"]:
+        print_line(f"note: {note}")
+    print_line(str(page))
+    return 0
+
+
+def main() -> int:
+    """Run the command."""
+    description = (
+        "Read a log of a robot, identify its joints, validate them on strokes that identification did not see, and "
+        "say what learners would remove of its feedback torque."
+    )
+    parser = Parser("cmacexp.gap", description)
+    parser.add_argument("log", type=Path, metavar="LOG", help="Parquet, CSV, NPZ or MCAP, or what --reader reads")
+    parser.add_argument(
+        "--robot", required=True, help="go2 or another option of conf/machine, or an MJCF or URDF file"
+    )
+    parser.add_argument(
+        "--names",
+        action="append",
+        default=[],
+        metavar="WHAT=COLUMN",
+        help="e.g. angle=pos_{joint},command=cmd_{joint}",
+    )
+    parser.add_argument("--units", action="append", default=[], metavar="WHAT=UNIT", help="e.g. angle=deg,time=ms")
+    parser.add_argument(
+        "--joints", action="append", default=[], metavar="LOG=MODEL", help="the joint of the model for one of the log"
+    )
+    parser.add_argument(
+        "--leave-out", metavar="JOINTS", help="joints of the log that are not used, separated by commas"
+    )
+    parser.add_argument("--kp", help="gains of the drives, N m/rad: one number, or one for each joint")
+    parser.add_argument("--kd", help="likewise, N m s/rad")
+    parser.add_argument("--reader", metavar="FILE.py:FUNCTION", help="reads another format: path to columns by name")
+    parser.add_argument("--quick", action="store_true", help="without identification")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help=f"where the page goes; unless given, in {FOLDER}")
+    return run_command(lambda: _show(parser.parse_args()))

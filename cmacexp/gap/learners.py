@@ -1,0 +1,263 @@
+"""What predicts the torque of the next stroke from those before: tables, networks, models, and models below tables.
+
+All that they use is known before the stroke: commands, phase, speed, a model. They learn a stroke after its end.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from cmacexp.cmac.network import Cmac
+from cmacexp.gap.identify import KNOTS, LEVELS, Problem, make_regressors
+from cmacexp.gap.signals import Signals, differentiate, low_pass
+from cmacexp.typing import Array, Counts
+
+RATE, LAYERS, CELLS = 0.2, 16, 9
+"""Of the CMACs."""
+GAIN, HARMONICS = 0.7, 25
+"""Learning gain of iterative learning, and the harmonics of a stroke that its filter passes."""
+BUMPS, FEATURES = 40, 300
+"""Radial basis functions over a stroke; random Fourier features."""
+RIDGE = 0.3
+"""Information of the prior of linear features, (N m)^-2."""
+GRID = 400
+"""Phases of a stroke at which iterative learning has a torque."""
+HIDDEN, EPOCHS = 64, 60
+"""Of the perceptron: hidden units, passes through all samples after each stroke."""
+
+
+class Learner(Protocol):
+    """Predicts the torque of a stroke, and learns it after its end; strokes count from 1."""
+
+    def predict(self, stroke: int) -> Array:
+        """Torque (rows, J) of a stroke, N m."""
+
+    def learn(self, stroke: int, torque: Array) -> None:
+        """Learn what drives and feedforward supplied together in a stroke, (rows, J), N m."""
+
+
+Maker = Callable[[], Learner]
+
+
+def predict_all(learner: Learner, signals: Signals, last: int | None = None) -> Array:
+    """Predictions (n, J) of all strokes, each from those before it; after stroke ``last`` nothing is learnt."""
+    found = np.zeros_like(signals.torque)
+    for stroke in range(1, signals.count + 1):
+        rows = signals.rows(stroke)
+        found[rows] = learner.predict(stroke)
+        if last is None or stroke <= last:
+            learner.learn(stroke, signals.torque[rows])
+    return found
+
+
+@dataclass
+class Fixed:
+    """A torque (n, J) that is known in advance; it learns nothing."""
+
+    signals: Signals
+    torque: Array
+
+    def predict(self, stroke: int) -> Array:
+        """The known torque."""
+        return self.torque[self.signals.rows(stroke)]
+
+    def learn(self, stroke: int, torque: Array) -> None:
+        """Nothing."""
+
+
+class Iterative:
+    """Iterative learning over the phase: u <- Q (u + gain e) (Bristow, Tharayil & Alleyne 2006).
+
+    With gain 1 and all harmonics it repeats the torque of the stroke before.
+    """
+
+    def __init__(self, signals: Signals, gain: float = 1.0, harmonics: int = GRID):
+        self.signals, self.gain = signals, gain
+        self.torque = np.zeros((GRID, signals.torque.shape[1]))
+        self.pass_band = (np.arange(GRID // 2 + 1) <= harmonics)[:, None]
+
+    def predict(self, stroke: int) -> Array:
+        """The torque at the phases of the stroke."""
+        phase = self.signals.phase[self.signals.rows(stroke)]
+        return np.stack([np.interp(phase, np.arange(GRID) / GRID, own, period=1.0) for own in self.torque.T], axis=1)
+
+    def learn(self, stroke: int, torque: Array) -> None:
+        """Correct the torque by the error of the stroke."""
+        phase, error = self.signals.phase[self.signals.rows(stroke)], torque - self.predict(stroke)
+        at_grid = np.stack([np.interp(np.arange(GRID) / GRID, phase, own) for own in error.T], axis=1)
+        passed = np.fft.rfft(self.torque + self.gain * at_grid, axis=0) * self.pass_band
+        self.torque = np.fft.irfft(passed, GRID, axis=0)
+
+
+class CmacLearner:
+    """A CMAC for each block of joints, over inputs (n, m) of the block, trained sample by sample."""
+
+    def __init__(self, signals: Signals, blocks: Sequence[Counts], inputs: Sequence[Array]):
+        self.signals, self.blocks, self.inputs = signals, blocks, inputs
+        self.cmacs = [
+            Cmac(own.min(axis=0) - 1e-6, own.max(axis=0) + 1e-6, len(block), layers=LAYERS, cells=CELLS)
+            for block, own in zip(blocks, inputs, strict=True)
+        ]
+
+    def predict(self, stroke: int) -> Array:
+        """The outputs of the networks."""
+        rows = self.signals.rows(stroke)
+        found = np.empty(self.signals.torque[rows].shape)
+        for block, cmac, own in zip(self.blocks, self.cmacs, self.inputs, strict=True):
+            found[:, block] = cmac.predict(own[rows])
+        return found
+
+    def learn(self, stroke: int, torque: Array) -> None:
+        """Train with every sample of the stroke."""
+        for block, cmac, own in zip(self.blocks, self.cmacs, self.inputs, strict=True):
+            for x, wanted in zip(own[self.signals.rows(stroke)], torque[:, block], strict=True):
+                cmac.update(x, wanted - cmac.predict(x), RATE)
+
+
+class Linear:
+    """Recursive least squares over features (n, 1, F) of all joints, or (n, J, F) of each, from ``prior`` (F,) on."""
+
+    def __init__(self, signals: Signals, features: Array, prior: Array | None = None, ridge: float = RIDGE):
+        joints, size = signals.torque.shape[1], features.shape[2]
+        self.signals = signals
+        self.features = np.broadcast_to(features, (len(features), joints, size))
+        self.information = np.stack([np.eye(size) * ridge] * joints)
+        self.moment = np.zeros((joints, size)) + (0.0 if prior is None else ridge * prior)
+
+    def predict(self, stroke: int) -> Array:
+        """The outputs with the weights so far."""
+        weights = np.linalg.solve(self.information, self.moment[..., None])[..., 0]
+        found: Array = np.einsum("kjf,jf->kj", self.features[self.signals.rows(stroke)], weights)
+        return found
+
+    def learn(self, stroke: int, torque: Array) -> None:
+        """Add the samples of the stroke."""
+        own = self.features[self.signals.rows(stroke)].transpose(1, 2, 0)
+        self.information += own @ own.transpose(0, 2, 1)
+        self.moment += np.einsum("jfk,kj->jf", own, torque)
+
+
+class Perceptron:
+    """A multilayer perceptron over features (n, F), trained on all strokes so far (scikit-learn)."""
+
+    def __init__(self, signals: Signals, features: Array):
+        from sklearn.neural_network import MLPRegressor
+
+        self.signals, self.features, self.strokes = signals, features, list[Array]()
+        # "adam" counts its passes from the first on; each training goes EPOCHS further
+        self.network = MLPRegressor(
+            hidden_layer_sizes=(HIDDEN,), max_iter=EPOCHS, random_state=0, tol=0.0, warm_start=True
+        )
+
+    def predict(self, stroke: int) -> Array:
+        """The outputs of the network; zero in the first stroke."""
+        rows = self.signals.rows(stroke)
+        if not self.strokes:
+            return np.zeros_like(self.signals.torque[rows])
+        found: Array = self.network.predict(self.features[rows])
+        return found.reshape(len(found), -1)
+
+    def learn(self, stroke: int, torque: Array) -> None:
+        """Train on all samples."""
+        import warnings
+
+        self.strokes.append(torque)
+        first = self.signals.rows(stroke - len(self.strokes) + 1).start
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it says that it has not converged
+            self.network.fit(self.features[first : self.signals.rows(stroke).stop], np.concatenate(self.strokes))
+
+
+@dataclass
+class Both:
+    """A known torque and a learner of what it lacks."""
+
+    known: Learner
+    above: Learner
+
+    def predict(self, stroke: int) -> Array:
+        """The sum."""
+        return self.known.predict(stroke) + self.above.predict(stroke)
+
+    def learn(self, stroke: int, torque: Array) -> None:
+        """The learner gets what is left."""
+        self.above.learn(stroke, torque - self.known.predict(stroke))
+
+
+@dataclass(frozen=True)
+class Answer:
+    """How a model of the joints moves under the commands of the log, (n, J) each."""
+
+    angle: Array
+    velocity: Array
+    acceleration: Array
+    torque: Array
+    """Of its drives, by the formula and filter of the log, N m."""
+
+
+def find_answer(problem: Problem, values: Array, delay: float) -> Answer:
+    """The answer of joints with ``values`` (J, 4 + K)."""
+    angle, velocity = problem.replay_all(values, delay)
+    period = problem.signals.log.period
+    acceleration = differentiate(low_pass(velocity, period, 20.0), period)
+    return Answer(angle, velocity, acceleration, problem.signals.compute_torque(angle))
+
+
+def make_tables(problem: Problem) -> Mapping[str, Maker]:
+    """Makers of learners that need no model, by name; those over the phase only where a motion repeats."""
+    signals, blocks = problem.signals, problem.machine.blocks
+    plan = low_pass(signals.command, signals.log.period)
+    rate = differentiate(plan, signals.log.period)
+    by_state = [np.concatenate([plan[:, b], rate[:, b]], axis=1) for b in blocks]
+    found: dict[str, Maker] = {"CMAC over angles and velocities": lambda: CmacLearner(signals, blocks, by_state)}
+    if signals.repeats:
+        turn = np.stack([np.cos(2.0 * np.pi * signals.phase), np.sin(2.0 * np.pi * signals.phase)], axis=1)
+        with_speed = np.column_stack([turn, signals.speed / signals.speed.max()])
+        apart = np.abs((signals.phase[:, None] - np.arange(BUMPS) / BUMPS + 0.5) % 1.0 - 0.5)
+        bumps = np.exp(-0.5 * (apart * BUMPS / 1.2) ** 2)
+        bumps /= bumps.sum(axis=1, keepdims=True)
+        found |= {
+            "stroke before": lambda: Iterative(signals),
+            "ILC": lambda: Iterative(signals, GAIN, HARMONICS),
+            "CMAC over phase": lambda: CmacLearner(signals, blocks, [turn] * len(blocks)),
+            "CMAC over phase and speed": lambda: CmacLearner(signals, blocks, [with_speed] * len(blocks)),
+            "RBF over phase": lambda: Linear(signals, bumps[:, None]),
+        }
+    return found
+
+
+def make_networks(problem: Problem, answer: Answer) -> Mapping[str, Maker]:
+    """Makers of learners over the motion that a model of the joints answers with, by name."""
+    signals = problem.signals
+    motion = (answer.angle, answer.velocity, answer.acceleration)
+    features = np.concatenate(motion, axis=1)
+    features = (features - features.mean(axis=0)) / (features.std(axis=0) + 1e-9)
+    random, size = np.random.default_rng(0), features.shape[1]
+    turns = features @ (random.normal(size=(size, FEATURES)) * 1.5 / np.sqrt(size))
+    waves = np.sqrt(2.0 / FEATURES) * np.cos(turns + random.uniform(0.0, 2.0 * np.pi, FEATURES))
+    fourier = np.concatenate([waves, 0.2 * features, np.ones((len(features), 1))], axis=1)
+    joints = make_regressors(problem, LEVELS[-1], motion)
+    joints[..., 0] *= 0.1  # of a rotor: the prior is of 0.1 kg m^2
+    rigid = problem.machine.compute_torque(*motion, signals.log.orientation)
+    regressor = np.concatenate([joints, rigid[..., None]], axis=-1)
+    prior = np.append(np.zeros(4 + KNOTS), 1.0)
+    return {
+        "random Fourier features": lambda: Linear(signals, fourier[:, None]),
+        "regressor of the model": lambda: Linear(signals, regressor, prior, 1.0),
+        "perceptron": lambda: Perceptron(signals, features),
+    }
+
+
+def place_below(problem: Problem, name: str, torque: Array) -> Mapping[str, Maker]:
+    """Makers of a known torque (n, J), alone and below each table of :func:`make_tables`, by name."""
+    fixed = Fixed(problem.signals, torque)
+    tables = make_tables(problem)
+    chosen = [
+        each for each in tables if each in ("stroke before", "CMAC over phase", "CMAC over angles and velocities")
+    ]
+    return {name: lambda: fixed} | {
+        f"{name} and {table}": lambda table=table: Both(fixed, tables[table]())  # type: ignore[misc]
+        for table in chosen
+    }

@@ -1,0 +1,368 @@
+"""A log of a robot: what was measured and commanded, joint by joint, from Parquet, CSV, NPZ, MCAP or a reader.
+
+A reader is a function from a path to columns by name, arrays (n,) or (n, J); any other format needs one. Names that
+begin with ``#`` are declarations: ``#units``, ``#kp``, ``#kd``.
+"""
+
+import importlib.util
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmacexp.errors import BadInput, require_extra, suggest
+from cmacexp.typing import Array
+
+Columns = Mapping[str, NDArray[Any]]
+Reader = Callable[[Path], Columns]
+
+KEY = "LOG"
+"""What errors call the file."""
+JOINT = "{joint}"
+PATTERNS: dict[str, tuple[str, ...]] = {
+    "time": ("time", "t", "timestamp", "time_s", "stamp"),
+    "angle": (
+        "q_{joint}", "{joint}_q", "pos_{joint}", "{joint}_pos", "position_{joint}", "{joint}_position", "{joint}.pos",
+    ),
+    "command": (
+        "q_des_{joint}", "{joint}_q_des", "cmd_{joint}", "{joint}_cmd", "command_{joint}", "{joint}_command",
+        "target_{joint}", "{joint}_target",
+    ),
+    "velocity": ("dq_{joint}", "qd_{joint}", "{joint}_dq", "vel_{joint}", "{joint}_vel", "velocity_{joint}"),
+    "command_velocity": ("dq_des_{joint}", "qd_des_{joint}", "{joint}_dq_des"),
+    "torque": ("tau_{joint}", "{joint}_tau", "torque_{joint}", "{joint}_torque", "effort_{joint}"),
+    "feedforward": ("tau_ff_{joint}", "{joint}_tau_ff"),
+    "kp": ("kp_{joint}", "kp"),
+    "kd": ("kd_{joint}", "kd"),
+    "orientation": ("quat_{joint}", "q{joint}"),
+}  # fmt: skip
+"""What a log can hold, and the names that are tried for it, of which the first that occurs counts."""
+AXES = ("w", "x", "y", "z")
+"""What stands for the joint in the names of an orientation."""
+ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180.0, "rev": 2.0 * np.pi, "m": 1.0, "mm": 1e-3}
+RATES = {f"{unit}/s": factor for unit, factor in ANGLES.items()}
+TORQUES = {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "mNm": 1e-3, "N": 1.0}
+UNITS = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "angle": ANGLES,
+    "command": ANGLES,
+    "velocity": RATES,
+    "command_velocity": RATES,
+    "torque": TORQUES,
+    "feedforward": TORQUES,
+}
+"""Units that a log may have, in those of the project."""
+
+
+@dataclass(frozen=True)
+class Log:
+    """Signals (n, J) of J joints at n rows."""
+
+    path: Path
+    time: Array
+    """(n,) from 0 on, s."""
+    joints: tuple[str, ...]
+    """Names in the log."""
+    angle: Array
+    """Measured, rad."""
+    command: Array | None
+    """Commanded angle, rad; None: the log has torques only."""
+    velocity: Array | None
+    """Measured, rad/s."""
+    command_velocity: Array
+    """Commanded, rad/s; zero where the log has none."""
+    torque: Array | None
+    """Measured or applied, N m."""
+    feedforward: Array
+    """Torque that the drives added to their feedback, N m; zero where the log has none."""
+    kp: Array
+    """(J,) gains of the drives, N m/rad; NaN: unknown."""
+    kd: Array
+    """(J,) likewise, N m s/rad."""
+    orientation: Array | None
+    """(n, 4) of the base in the world, a quaternion w, x, y, z; None: it was held level."""
+    names: Mapping[str, str] = field(default_factory=dict)
+    """The pattern under which each quantity was found."""
+
+    @property
+    def period(self) -> float:
+        """Median spacing of the rows, s."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def has_gains(self) -> bool:
+        """Whether the gains of all drives are known."""
+        return bool(np.isfinite(self.kp).all() and np.isfinite(self.kd).all())
+
+    def column(self, quantity: str, joint: int) -> str:
+        """The name of the column of a quantity of a joint."""
+        return self.names.get(quantity, quantity).replace(JOINT, self.joints[joint])
+
+    def leave_out(self, joints: Sequence[str]) -> "Log":
+        """The log without some joints; raises BadInput for a name that it does not have."""
+        for name in joints:
+            if name not in self.joints:
+                raise BadInput("--leave-out", name, f"is no joint of the log{suggest(name, self.joints)}")
+        kept = [j for j, name in enumerate(self.joints) if name not in joints]
+        signals = ("angle", "command", "velocity", "command_velocity", "torque", "feedforward")
+        cut: dict[str, Any] = {key: None if (own := getattr(self, key)) is None else own[:, kept] for key in signals}
+        return replace(self, joints=tuple(self.joints[j] for j in kept), kp=self.kp[kept], kd=self.kd[kept], **cut)
+
+
+def read_log(
+    path: Path,
+    names: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    gains: Mapping[str, Sequence[float]] | None = None,
+    reader: Reader | None = None,
+) -> Log:
+    """Read the log in a file.
+
+    Args:
+        path: Parquet, CSV, NPZ or MCAP, by its suffix, or what ``reader`` reads.
+        names: names of columns by quantity, see PATTERNS, with ``{joint}`` for the name of a joint.
+        units: by quantity, see UNITS, over those that the file declares; else s, rad, N m.
+        gains: ``kp`` and ``kd``, one number or one for each joint, over those in the file.
+        reader: of another format.
+
+    Raises:
+        BadInput: the file cannot be read, a column is missing or holds no numbers, a unit is unknown, or the log has
+            neither torques nor commands with the gains of the drives.
+    """
+    if not path.is_file():
+        raise BadInput(KEY, path, "there is no such file")
+    reader = reader or READERS.get(path.suffix.lower())
+    if reader is None:
+        raise BadInput(KEY, path, f"is no {', '.join(READERS)}: name a reader, --reader FILE.py:FUNCTION")
+    try:
+        columns = _flatten({name: np.asarray(values) for name, values in reader(path).items()})
+    except Exception as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise BadInput(KEY, path, f"cannot be read ({reason})") from error
+    for quantity, unit in (units or {}).items():
+        if unit not in UNITS.get(quantity, {}):
+            known = f"is no unit of {quantity}, which are {', '.join(UNITS[quantity])}" if quantity in UNITS else None
+            raise BadInput("--units", f"{quantity}={unit}", known or f"must name one of {', '.join(UNITS)}")
+    for quantity in names or {}:
+        if quantity not in PATTERNS:
+            raise BadInput("--names", quantity, f"is no quantity of a log, which are {', '.join(PATTERNS)}")
+    return _Table(
+        path, columns, PATTERNS | {key: (own,) for key, own in (names or {}).items()}, units or {}
+    ).make_log(gains or {})
+
+
+def _flatten(columns: Columns) -> dict[str, NDArray[Any]]:
+    """Columns (n,): those of an array (n, J) get the names in ``joints`` or ``names``, or numbers."""
+    found: dict[str, NDArray[Any]] = {}
+    listed: list[str] = next((columns[key].tolist() for key in ("joints", "names") if key in columns), [])
+    for name, values in columns.items():
+        if values.ndim == 2:
+            is_orientation = name in ("quat", "orientation") and values.shape[1] == len(AXES)
+            same = len(listed) == values.shape[1]
+            each = AXES if is_orientation else listed if same else range(values.shape[1])
+            prefix = "quat" if is_orientation else name
+            found |= {f"{prefix}_{own}": values[:, j] for j, own in enumerate(each)}
+        elif name not in ("joints", "names"):
+            found[name] = values
+    return found
+
+
+@dataclass(frozen=True)
+class _Table:
+    """The columns of a file, and how they are named and measured."""
+
+    path: Path
+    columns: dict[str, NDArray[Any]]
+    patterns: Mapping[str, tuple[str, ...]]
+    units: Mapping[str, str]
+
+    def make_log(self, gains: Mapping[str, Sequence[float]]) -> Log:
+        """The log; raises BadInput."""
+        joints, names = self._find_joints(), dict[str, str]()
+
+        def read(quantity: str, each: Sequence[str] = joints) -> Array | None:
+            pattern = self._find(quantity, each)
+            if pattern is None:
+                return None
+            names[quantity] = pattern
+            return np.stack([self._read(pattern.replace(JOINT, own), quantity) for own in each], axis=1)
+
+        time, angle = read("time", [""]), read("angle")
+        if time is None or angle is None:
+            raise BadInput(
+                KEY, self.path, f"has no column of time; name it, --names time=NAME; it has {self._list()}"
+            )
+        command, torque = read("command"), read("torque")
+        zero = np.zeros_like(angle)
+        rate, forward = read("command_velocity"), read("feedforward")
+        found = Log(
+            path=self.path,
+            time=time[:, 0] - time[:1, 0].sum(),
+            joints=tuple(joints),
+            angle=angle,
+            command=command,
+            velocity=read("velocity"),
+            command_velocity=zero if rate is None else rate,
+            torque=torque,
+            feedforward=zero if forward is None else forward,
+            kp=self._read_gain("kp", gains, joints),
+            kd=self._read_gain("kd", gains, joints),
+            orientation=read("orientation", AXES),
+            names=names,
+        )
+        if command is None and torque is None:
+            raise BadInput(
+                KEY, self.path, "has neither commanded angles nor torques; name them, --names command=NAME_{joint}"
+            )
+        if torque is None and not found.has_gains:
+            key = "--kd" if np.isfinite(found.kp).all() else "--kp"
+            raise BadInput(key, None, "is missing: the log has neither torques nor the gains of the drives")
+        return found
+
+    def _list(self) -> str:
+        names = [name for name in self.columns if not name.startswith("#")]
+        return ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+
+    def _find(self, quantity: str, joints: Sequence[str]) -> str | None:
+        """The pattern under which a quantity occurs for all joints; None: it does not; raises BadInput."""
+        for pattern in self.patterns[quantity]:
+            missing = [name for own in joints if (name := pattern.replace(JOINT, own)) not in self.columns]
+            if not missing:
+                return pattern
+            is_chosen = (pattern,) == self.patterns[quantity]
+            if is_chosen or (len(missing) < len(joints) and quantity != "orientation"):
+                near = suggest(missing[0], self.columns)
+                raise BadInput(KEY, self.path, f"has no column {missing[0]} for {quantity}{near}")
+        return None
+
+    def _find_joints(self) -> list[str]:
+        """Names of joints: what stands for ``{joint}`` in the columns of angles, and of nothing more specific."""
+
+        def match(pattern: str) -> dict[str, str]:
+            form = re.compile(re.escape(pattern).replace(re.escape(JOINT), "(.+)"))
+            return {name: found[1] for name in self.columns if (found := form.fullmatch(name))}
+
+        others = [each for key, own in self.patterns.items() if key != "angle" for each in own if JOINT in each]
+        for pattern in self.patterns["angle"]:
+            if JOINT not in pattern:
+                raise BadInput("--names", f"angle={pattern}", f"must contain {JOINT}")
+            claimed = {name for other in others if len(other) > len(pattern) for name in match(other)}
+            if joints := [own for name, own in match(pattern).items() if name not in claimed]:
+                return joints
+        tried = " or ".join(self.patterns["angle"])
+        reason = f"has no measured angles under {tried}; name them, --names angle=NAME_{JOINT}; it has {self._list()}"
+        raise BadInput(KEY, self.path, reason)
+
+    def _read(self, name: str, quantity: str) -> Array:
+        """A column (n,) in the units of the project; raises BadInput."""
+        try:
+            values = np.asarray(self.columns[name], dtype=float)
+        except (TypeError, ValueError) as error:
+            raise BadInput(KEY, self.path, f"holds no numbers in column {name} ({error})") from error
+        rows = len(self.columns[self._find("time", [""]) or name])
+        if values.shape != (rows,):
+            raise BadInput(KEY, self.path, f"column {name} has {values.size} values, time has {rows}")
+        known = UNITS.get(quantity, {})
+        declared = re.split(r"\s*[,;]\s*", str(self.columns.get("#units", "")))
+        unit = self.units.get(quantity) or next((each for each in declared if each in known), None)
+        return values * known[unit] if unit else values
+
+    def _read_gain(self, key: str, gains: Mapping[str, Sequence[float]], joints: Sequence[str]) -> Array:
+        """(J,) a gain: given, declared by the file, or in columns; NaN if unknown; raises BadInput."""
+        if given := gains.get(key):
+            values = np.array(given, dtype=float)
+        elif f"#{key}" in self.columns:
+            values = np.array(str(self.columns[f"#{key}"]).split(","), dtype=float)
+        elif pattern := self._find(key, joints):
+            columns = [np.atleast_1d(self.columns[pattern.replace(JOINT, own)]).astype(float) for own in joints]
+            if JOINT in pattern and any(np.ptp(own) > 0.0 for own in columns):
+                raise BadInput(KEY, self.path, f"has gains {key} that change; cut it where they are constant")
+            values = np.array([own[0] for own in columns]) if JOINT in pattern else np.unique(columns[0])
+            if JOINT not in pattern and len(columns[0]) == len(joints):
+                values = columns[0]
+        else:
+            return np.full(len(joints), np.nan)
+        if len(values) not in (1, len(joints)) or not (values >= 0.0).all():
+            allowed = f"must be one number from 0 on, or one for each of {len(joints)} joints"
+            raise BadInput(f"--{key}", ",".join(f"{value:g}" for value in values[:20]), allowed)
+        return np.broadcast_to(values, len(joints)).copy()
+
+
+def read_parquet(path: Path) -> Columns:
+    """Columns of a Parquet file, those of lists as arrays (n, J), with what its schema declares."""
+    import pyarrow.parquet as parquet
+
+    table = parquet.read_table(path)
+    columns = {name: table[name].to_numpy() for name in table.column_names}
+    lists = {
+        name: np.stack(own) for name, own in columns.items() if own.dtype == object and not isinstance(own[0], str)
+    }
+    declared = {f"#{key.decode()}": np.asarray(text.decode()) for key, text in (table.schema.metadata or {}).items()}
+    return columns | lists | declared
+
+
+def read_csv(path: Path) -> Columns:
+    """Columns of a CSV file with a line of names; lines ``# NAME: VALUE`` declare units or gains."""
+    import pandas
+
+    with path.open(encoding="utf-8", errors="replace") as file:
+        lines = [line for line in file if line.startswith("#")]
+        file.seek(0)
+        head = next(line for line in file if not line.startswith("#"))
+    separator = max(",;\t", key=head.count)
+    frame = pandas.read_csv(path, comment="#", sep=separator, skipinitialspace=True)
+    comments = [line[1:].partition(":") for line in lines]
+    declared = {f"#{key.strip()}": np.asarray(value.strip()) for key, _, value in comments if value}
+    return {str(name).strip(): frame[name].to_numpy() for name in frame} | declared
+
+
+def read_npz(path: Path) -> Columns:
+    """Arrays of an NPZ file, without pickles; ``units`` is a declaration."""
+    with np.load(path, allow_pickle=False) as file:
+        return {"#units" if name == "units" else name: file[name] for name in file.files}
+
+
+def read_mcap(path: Path) -> Columns:
+    """Numbers in JSON messages of an MCAP file, as ``TOPIC_FIELD``, at the times of the most frequent topic."""
+    import json
+
+    require_extra("mcap")
+    from mcap.reader import make_reader
+
+    topics: dict[str, list[tuple[float, dict[str, Any]]]] = {}
+    with path.open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            if channel.message_encoding == "json":
+                own = topics.setdefault(channel.topic.strip("/"), [])
+                own.append((message.log_time * 1e-9, json.loads(message.data)))
+    if not topics:
+        raise ValueError("it holds no JSON messages; write a reader for its encoding")
+    time = np.array([at for at, _ in max(topics.values(), key=len)])
+    columns: dict[str, NDArray[Any]] = {"time": time}
+    for topic, messages in topics.items():
+        last = np.clip(np.searchsorted([at for at, _ in messages], time, side="right") - 1, 0, None)
+        numbers = [name for name, value in messages[0][1].items() if isinstance(value, int | float | list)]
+        columns |= {f"{topic}_{name}": np.array([messages[k][1][name] for k in last]) for name in numbers}
+    return columns
+
+
+READERS: dict[str, Reader] = {".parquet": read_parquet, ".csv": read_csv, ".npz": read_npz, ".mcap": read_mcap}
+"""By suffix."""
+
+
+def load_reader(spec: str) -> Reader:
+    """The reader ``FILE.py:FUNCTION`` of a user; raises BadInput."""
+    file, _, name = spec.partition(":")
+    found = importlib.util.spec_from_file_location("reader", file) if Path(file).is_file() else None
+    if found is None or found.loader is None:
+        raise BadInput("--reader", spec, "there is no such file; it must be FILE.py:FUNCTION")
+    module = importlib.util.module_from_spec(found)
+    found.loader.exec_module(module)
+    reader: Reader | None = getattr(module, name, None)
+    if reader is None:
+        raise BadInput("--reader", spec, f"{file} has no function {name}; it must be FILE.py:FUNCTION")
+    return reader

@@ -1,0 +1,141 @@
+"""The page of an analysed log: sentences, tables and figures; and its JSON."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cmacexp.data.folder import OUT_KEY, new_result
+from cmacexp.data.manifest import REPORT
+from cmacexp.gap.advice import advise, summarise
+from cmacexp.gap.analysis import FIRST, GENERIC, Gap
+from cmacexp.gap.signals import WINDOW
+from cmacexp.report.figures import Panel, Series, draw
+from cmacexp.report.markdown import render_markdown
+from cmacexp.report.page import Report, write_report
+from cmacexp.report.page_elements import Renderer
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+JSON, OPTION = "gap.json", "as_built.json"
+SHOWN = 6
+"""Learners in the figure."""
+
+
+def _draw_strokes(gap: Gap) -> "Figure":
+    """Percent left in each stroke for the best learners."""
+    left = gap.values["left"]
+    names = sorted(left, key=lambda name: left[name]["value"])[:SHOWN]
+    strokes = np.arange(2, gap.signals.count + 1)
+    series = [Series(name, strokes, left[name]["strokes"][1:]) for name in names]
+    return draw([Panel("Torque left", "stroke", "left, %", series)], columns=1, height=3.0)
+
+
+def _tabulate(gap: Gap) -> "dict[str, Any]":
+    """Makers of the tables of the page by name."""
+    from pandas import DataFrame
+
+    values = gap.values
+
+    def interval(each: dict[str, Any]) -> str:
+        return f"{each['value']:.1f} [{each['low']:.1f}, {each['high']:.1f}]"
+
+    def make_left() -> "DataFrame":
+        rows = [
+            [name, interval(own), own["n"], interval(own["fastest"]), f"{own['frozen']['fastest']['value']:.1f}"]
+            for name, own in sorted(values["left"].items(), key=lambda item: item[1]["value"])
+        ]
+        return DataFrame(rows, columns=["predictor", "left, %", "strokes", "fastest, %", "fastest if frozen, %"])
+
+    def make_explained() -> "DataFrame":
+        joints = {"all": values["explained"]["all"], **values["explained"]["joints"]}
+        lags = values["lag"]["joints"] if values["lag"] else {}
+        rows = [
+            [name, *own.values(), 1e3 * lags[name]["value"] if name in lags else None] for name, own in joints.items()
+        ]
+        return DataFrame(rows, columns=["joint", *(f"{key}, %" for key in joints["all"]), "lag, ms"])
+
+    def make_validation() -> "DataFrame":
+        found = values["validation"]
+        first, last = found["reverse_fitted_on"]
+        columns = ["plant", f"strokes 1 to {first - 1}", f"{first} to {last - 1}", f"{last}", "all"]
+        return DataFrame([[name, *own.values()] for name, own in found["distance"].items()], columns=columns)
+
+    def make_choice() -> "DataFrame":
+        rows = [[own["model"], own["parameters"], own["mrad"]] for own in values["validation"]["choice"]["models"]]
+        return DataFrame(rows, columns=["model of a joint", "parameters", "unseen, mrad"])
+
+    def make_parameters() -> "DataFrame":
+        rows = []
+        for name, own in values["parameters"].items():
+            cells = [
+                f"{own[key]['value']:.3g} ± {own[key]['deviation']:.2g}" if key in own else "-"
+                for key in ("rotor_inertia", "viscous_friction", "offset", "spring")
+            ]
+            rows.append([name, *cells, ", ".join(f"{each:.2f}" for each in own["coulomb_friction"]["value"])])
+        return DataFrame(
+            rows,
+            columns=["joint", "rotor, kg m²", "viscous, N m s/rad", "offset, N m", "spring, N m", "friction, N m"],
+        )
+
+    def make_acting() -> "DataFrame":
+        columns = [
+            "feedforward",
+            "torque, log predicts, %",
+            "torque, obtained, %",
+            "tracking, mean, %",
+            "tracking, worst, %",
+        ]
+        rows = [
+            [
+                f"{name}{', drives as logged' if mode == 'as_logged' else ''}",
+                own.get("torque_predicted"),
+                own["torque_obtained"]["mean"],
+                own["tracking"]["mean"],
+                own["tracking"]["worst"],
+            ]
+            for mode in ("as_logged", "with_velocity")
+            for name, own in values["acting"][mode].items()
+        ]
+        return DataFrame(rows, columns=columns)
+
+    return {
+        "left": make_left,
+        "explained": make_explained,
+        "validation": make_validation,
+        "choice": make_choice,
+        "parameters": make_parameters,
+        "acting": make_acting,
+    }
+
+
+def make_option(gap: Gap) -> str:
+    """The identified joints by the names of the model, as JSON, which is YAML too."""
+    joints = dict(zip(gap.problem.machine.joints, gap.values["parameters"].values(), strict=True))
+    source = {"log": Path(gap.values["log"]).name, "robot": gap.values["robot"]}
+    return json.dumps({"identified_from": source, "delay": gap.values["delay"], "joints": joints}, indent=1) + "\n"
+
+
+def write_page(gap: Gap, folder: Path) -> Path:
+    """Write page, JSON and, if joints were identified, their option file into ``folder``; returns the page."""
+    values = gap.values | {"summary": summarise(gap.values), "advice": advise(gap)}
+    shown = {"validation": None, "refused": [], **values, "window": WINDOW, "generic": GENERIC, "first": FIRST}
+    with new_result(folder, OUT_KEY, REPORT) as place:
+        place.write_text(JSON, json.dumps(values, indent=1) + "\n")
+        if gap.fitted is not None:
+            place.write_text(OPTION, make_option(gap))
+        template = Path(__file__).with_name("page.md")
+        sections = render_markdown(
+            template.read_text(encoding="utf-8"),
+            template,
+            "What a learner would gain",
+            Renderer(place.part),
+            {"strokes": lambda: _draw_strokes(gap)},
+            _tabulate(gap),
+            shown,
+        )
+        title = f"The gap between {gap.values['robot']} and its log {Path(gap.values['log']).name}"
+        return write_report(Report(title, values["summary"], sections, {"log": gap.values["log"]}), place)

@@ -1,0 +1,217 @@
+"""Commands replayed through a model with its base held, and how the replay depends on the parameters of the joints.
+
+One block of joints at a time, its equations expanded along the log:
+
+    (M + a) dv/dt = kp (c - q) + kd (dc - v) + u + o + s z(q) - b v - F(q) sign(v) - bias(q, v),
+
+with z from -1 to 1 over the range of the joint. Friction is dry: a joint sticks as long as F(q) can hold it.
+Leapfrog: forces at the angles of the middle of a step, damping as the mean of both ends, friction by the new
+velocity; of second order, so that it adds no damping of its own.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cmacexp.gap.machine import Expansion
+from cmacexp.jit.compiler import program
+from cmacexp.typing import Array
+
+SUBSTEP = 1e-3
+"""Longest step of the replay, s."""
+SWEEPS, CONVERGED = 30, 1e-10
+"""Most sweeps of the Gauss-Seidel iteration that decides which joints stick, and the last change of a velocity in it,
+rad/s."""
+OWN = 4
+"""Parameters of a joint beside its friction: rotor inertia, viscous friction, offset, spring."""
+
+
+class Drive(NamedTuple):
+    """What the drives of a block of B joints do; rows are held for one sampling period."""
+
+    command: Array
+    """(N, B) c, rad."""
+    rate: Array
+    """(N, B) dc, rad/s."""
+    torque: Array
+    """(N, B) u, a feedforward beside the feedback, N m."""
+    kp: Array
+    """(B,) N m/rad."""
+    kd: Array
+    """(B,) N m s/rad."""
+
+
+class JointParams(NamedTuple):
+    """Parameters of a block of B joints, as one row each: a, b, o, s and F at K knots over the range."""
+
+    values: Array
+    """(B, 4 + K): kg m^2, N m s/rad, N m, N m, N m."""
+    low: Array
+    """(B,) where the range begins over which friction and spring are given, rad."""
+    high: Array
+    """(B,) where it ends."""
+    delay: float
+    """By which commands act later than their rows, s."""
+
+
+class Replay(NamedTuple):
+    """What a replay gives at each row."""
+
+    angle: Array
+    """(N, B), rad."""
+    velocity: Array
+    """(N, B), rad/s."""
+    angle_by: Array
+    """(N, B, P) derivative over the parameters: (4 + K) of each joint in turn, the delay, those of ``forces``."""
+    velocity_by: Array
+
+
+def replay(
+    expansion: Expansion,
+    drive: Drive,
+    params: JointParams,
+    period: float,
+    start: tuple[Array, Array],
+    forces: Array | None = None,
+    weights: Array | None = None,
+    derive: bool = False,
+) -> Replay:
+    """Replay N rows of ``period`` seconds from angles and velocities ``start`` (B,).
+
+    ``forces`` (N, B, E) are torques for each unit of further parameters, whose values are ``weights`` (E,). With
+    ``derive`` the derivatives over all parameters are computed too.
+    """
+    rows, size = expansion.angle.shape
+    further = np.zeros((rows, size, 0)) if forces is None else np.ascontiguousarray(forces)
+    own = np.zeros(further.shape[2]) if weights is None else weights
+    count = size * params.values.shape[1] + 1 + further.shape[2] if derive else 0
+    substeps = math.ceil(period / SUBSTEP - 1e-9)
+    found = Replay(
+        np.zeros((rows, size)), np.zeros((rows, size)), np.zeros((rows, size, count)), np.zeros((rows, size, count))
+    )
+    q, v = (np.array(each, dtype=float) for each in start)
+    scratch = (np.zeros((size, size)), np.zeros((size, size)), np.zeros((5, size)), np.zeros((4, size, count)))
+    gains = (np.asarray(drive.kp, dtype=float), np.asarray(drive.kd, dtype=float))
+    inputs = tuple(np.ascontiguousarray(each) for each in (drive.command, drive.rate, drive.torque))
+    taken: Any = take_rows
+    taken(expansion, inputs, gains, params, further, own, period / substeps, substeps, (q, v), found, scratch)
+    return found
+
+
+@program
+def take_rows(expansion, inputs, gains, params, further, own, h, substeps, state, found, scratch):  # type: ignore
+    """Take all rows of a replay, see :func:`replay`; fills ``found``, changes ``state`` and ``scratch``."""
+    at, mass_of, bias_of, gradient_of = expansion
+    commands, rates, torques = inputs
+    kp, kd = gains
+    values, low, high, delay = params
+    q, v = state
+    angle, velocity, angle_by, velocity_by = found
+    mass, factor, vectors, by = scratch
+    target, right, slope, side, dry = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
+    dq, dv, new, dtarget = by[0], by[1], by[2], by[3]
+    rows, size = angle.shape
+    width, count, extra = values.shape[1], angle_by.shape[2], further.shape[2]
+    knots = width - 4
+    for k in range(rows):
+        for i in range(size):
+            angle[k, i], velocity[k, i] = q[i], v[i]
+            for p in range(count):
+                angle_by[k, i, p], velocity_by[k, i, p] = dq[i, p], dv[i, p]
+            for j in range(size):
+                mass[i, j] = mass_of[k, i, j]
+            mass[i, i] += values[i, 0]
+        for s in range(substeps):
+            begin = k + (s * h - delay) / (substeps * h)
+            end = begin + 1.0 / substeps
+            first, last = int(np.floor(begin)), int(np.floor(end))
+            part = (last - begin) / (end - begin) if last > first else 1.0
+            first, last = min(max(first, 0), commands.shape[0] - 1), min(max(last, 0), commands.shape[0] - 1)
+            for i in range(size):
+                q[i] += 0.5 * h * v[i]
+                for p in range(count):
+                    dq[i, p] += 0.5 * h * dv[i, p]
+            for i in range(size):
+                command = part * commands[first, i] + (1.0 - part) * commands[last, i]
+                rate = part * rates[first, i] + (1.0 - part) * rates[last, i]
+                own_torque = part * torques[first, i] + (1.0 - part) * torques[last, i]
+                target[i] = kp[i] * (commands[first, i] - commands[last, i]) + torques[first, i] - torques[last, i]
+                target[i] += kd[i] * (rates[first, i] - rates[last, i])  # h d(torque)/d(delay)
+                unit = (q[i] - low[i]) / (high[i] - low[i])
+                total = kp[i] * (command - q[i]) + kd[i] * rate + own_torque - bias_of[k, i]
+                total += values[i, 2] + values[i, 3] * (2.0 * unit - 1.0)
+                for j in range(size):
+                    total -= gradient_of[k, i, j] * (q[j] - at[k, j])
+                for e in range(extra):
+                    total += further[k, i, e] * own[e]
+                right[i] = h * total - 0.5 * h * (values[i, 1] + kd[i]) * v[i]
+                for j in range(size):
+                    right[i] += mass[i, j] * v[j]
+                    factor[i, j] = mass[i, j]
+                factor[i, i] += 0.5 * h * (values[i, 1] + kd[i])
+                place = min(max(unit, 0.0), 1.0) * (knots - 1)
+                below = min(int(place), max(knots - 2, 0))
+                above = min(below + 1, knots - 1)
+                share = place - below
+                dry[i] = h * ((1.0 - share) * values[i, 4 + below] + share * values[i, 4 + above])
+                inside = 0.0 < unit < 1.0
+                slope[i] = (values[i, 4 + above] - values[i, 4 + below]) * (knots - 1) / (high[i] - low[i]) * inside
+                for p in range(count):  # b as in factor @ dv = b, before what the new velocity decides
+                    total = h * (2.0 * values[i, 3] / (high[i] - low[i]) - kp[i]) * dq[i, p]
+                    total -= 0.5 * h * (values[i, 1] + kd[i]) * dv[i, p]
+                    for j in range(size):
+                        total += mass[i, j] * dv[j, p] - h * gradient_of[k, i, j] * dq[j, p]
+                    new[i, p] = total
+                if count:
+                    new[i, i * width] += v[i]
+                    new[i, i * width + 1] -= 0.5 * h * v[i]
+                    new[i, i * width + 2] += h
+                    new[i, i * width + 3] += h * (2.0 * unit - 1.0)
+                    dtarget[i, 0], dtarget[i, 1], dtarget[i, 2] = 1.0 - share, share, below
+                    new[i, size * width] += target[i]
+                    for e in range(extra):
+                        new[i, size * width + 1 + e] += h * further[k, i, e]
+            for _sweep in range(SWEEPS):
+                change = 0.0
+                for i in range(size):
+                    before = v[i]
+                    total = right[i]
+                    for j in range(size):
+                        if j != i:
+                            total -= factor[i, j] * v[j]
+                    side[i] = 0.0
+                    if total > dry[i]:
+                        v[i], side[i] = (total - dry[i]) / factor[i, i], 1.0
+                    elif total < -dry[i]:
+                        v[i], side[i] = (total + dry[i]) / factor[i, i], -1.0
+                    else:
+                        v[i] = 0.0
+                    change = max(change, abs(v[i] - before))
+                if change < CONVERGED:
+                    break
+            if count:
+                for i in range(size):
+                    moves = side[i] != 0.0
+                    for p in range(count):
+                        new[i, p] = (new[i, p] - h * side[i] * slope[i] * dq[i, p]) * moves
+                    new[i, i * width] -= v[i]
+                    new[i, i * width + 1] -= 0.5 * h * v[i]
+                    below = int(dtarget[i, 2])
+                    new[i, i * width + 4 + below] -= h * side[i] * dtarget[i, 0]
+                    new[i, i * width + 4 + min(below + 1, knots - 1)] -= h * side[i] * dtarget[i, 1]
+                for i in range(size):  # Gauss-Jordan elimination among the joints that move; the others stay at rest
+                    if side[i] != 0.0:
+                        for j in range(size):
+                            ratio = factor[j, i] / factor[i, i]
+                            if j != i and side[j] != 0.0:
+                                for m in range(i, size):
+                                    factor[j, m] -= ratio * factor[i, m]
+                                for p in range(count):
+                                    new[j, p] -= ratio * new[i, p]
+                for i in range(size):
+                    for p in range(count):
+                        dv[i, p] = new[i, p] / factor[i, i] * (side[i] != 0.0)
+                        dq[i, p] += 0.5 * h * dv[i, p]
+            for i in range(size):
+                q[i] += 0.5 * h * v[i]

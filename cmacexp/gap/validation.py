@@ -1,0 +1,159 @@
+"""The identified plant: chosen by cross-validation, fitted, compared on unseen strokes; what a log does not show."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from cmacexp.gap.acting import act
+from cmacexp.gap.analysis import FIRST, Gap, Report, add_learner, add_prediction
+from cmacexp.gap.identify import KNOWN, LEVELS, MASS_PRIOR, NAMES, TILT_PRIOR, Fit, Level, Problem, fit
+from cmacexp.gap.learners import Both, Fixed, Iterative
+from cmacexp.gap.signals import Signals
+from cmacexp.typing import Array, Mask
+
+IDENTIFIED = "identified, refitted after every second stroke"
+ABOVE = f"{IDENTIFIED}, and ILC"
+SETTLE = 0.2
+"""Beginning of a log that does not count: the state of the robot before it is unknown, s."""
+CORRELATED = 0.8
+"""Correlation with the rotor inertia from which on a delay is not known apart from it."""
+
+
+def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
+    """Choose a model of joints, fit it, validate it on unseen strokes, and let it predict and act."""
+    problem, count = gap.problem, gap.signals.count
+    train = max(2, round(count * 2 / 3))
+    inner = max(1, train // 2)
+    levels = LEVELS if problem.masses else LEVELS[:-1]
+    steps = len(levels) + 3 + len(range(FIRST, count + 1, 2)) + 1
+    done = iter(range(1, steps + 1))
+
+    def advance() -> None:
+        set_done(next(done) / steps)
+
+    chosen, models = _choose(problem, levels, inner, train, advance)
+    forward = fit(problem, chosen, rows_of(gap.signals, 1, train))
+    advance()
+    reverse = fit(problem, chosen, rows_of(gap.signals, train + 1, count))
+    advance()
+    whole = gap.fitted = fit(problem, chosen, rows_of(gap.signals, 1, count), forward.values)
+    advance()
+    for name, own in {"identified": forward, "identified, the reverse": reverse}.items():
+        gap.replays[name], _ = problem.apply(own).replay_all(own.values, own.delay, 2)
+    middle = max(train + 1, count - 1)
+    parts = {"before": (1, train), "middle": (train + 1, middle), "last": (count, count), "all": (1, count)}
+    gap.values |= {
+        "validation": {
+            "unit": "mrad",
+            "fitted_on": [1, train],
+            "reverse_fitted_on": [train + 1, count],
+            "choice": {
+                "models": models,
+                "chosen": chosen.name,
+                "fitted_on": [1, inner],
+                "scored_on": [inner + 1, train],
+            },
+            "distance": {
+                name: {part: measure_distance(gap.signals, angle, *own) for part, own in parts.items()}
+                for name, angle in gap.replays.items()
+            },
+        },
+        "parameters": describe_parameters(problem, whole),
+        "masses": {
+            problem.machine.find_link(joint)[0]: {"value": value, "deviation": deviation}
+            for joint, (value, deviation) in whole.masses.items()
+        },
+        "delay": {"unit": "s", "value": whole.delay, "deviation": whole.delay_deviation},
+        "covariances": [own.tolist() for own in whole.covariances],
+        "refused": refuse_parameters(problem, whole),
+    }
+    _predict_identified(gap, chosen, advance)
+    gap.values["acting"] = act(gap, whole, forward)
+    advance()
+
+
+def rows_of(signals: Signals, first: int, last: int) -> Mask:
+    """Rows (n,) of strokes ``first`` to ``last``; those before the first stroke, but for SETTLE, belong to it."""
+    rows = np.zeros(len(signals.log.time), dtype=bool)
+    begin = round(SETTLE / signals.log.period) if first == 1 else int(signals.bounds[first - 1])
+    rows[begin : int(signals.bounds[last])] = True
+    return rows
+
+
+def measure_distance(signals: Signals, angle: Array, first: int, last: int) -> float:
+    """RMS distance of angles (n, J) from the measured ones in strokes ``first`` to ``last``, mrad."""
+    rows = slice(int(signals.bounds[first - 1]), int(signals.bounds[last]))
+    return float(1e3 * np.sqrt(((angle - signals.log.angle)[rows] ** 2).mean()))
+
+
+def _choose(
+    problem: Problem, levels: tuple[Level, ...], inner: int, train: int, advance: Callable[[], None]
+) -> tuple[Level, list[dict[str, Any]]]:
+    """The model of joints that predicts strokes ``inner`` + 1 to ``train`` best when fitted to those before."""
+    models = []
+    for level in levels:
+        found = fit(problem, level, rows_of(problem.signals, 1, inner))
+        angle, _ = problem.apply(found).replay_all(found.values, found.delay)
+        distance = measure_distance(problem.signals, angle, inner + 1, train)
+        models.append({"model": level.name, "parameters": int(level.free.sum()), "mrad": distance})
+        advance()
+    best = min(range(len(levels)), key=lambda i: float(models[i]["mrad"]))  # type: ignore[arg-type]
+    return levels[best], models
+
+
+def describe_parameters(problem: Problem, found: Fit) -> dict[str, Any]:
+    """By joint the parameters with their standard errors, and the range over which friction and spring are given."""
+    described = {}
+    for j, joint in enumerate(problem.signals.log.joints):
+        free = [k for k in range(len(NAMES)) if found.level.free[k]]
+        described[joint] = {
+            NAMES[k]: {"value": float(found.values[j, k]), "deviation": float(found.deviation[j, k])} for k in free
+        } | {
+            "coulomb_friction": {
+                "value": found.values[j, len(NAMES) :].tolist(),
+                "deviation": found.deviation[j, len(NAMES) :].tolist(),
+            },
+            "range": [float(problem.low[j]), float(problem.high[j])],
+        }
+    return described
+
+
+def refuse_parameters(problem: Problem, found: Fit) -> list[str]:
+    """What this log does not identify, by name, a sentence each."""
+    machine, joints = problem.machine, problem.signals.log.joints
+    unknown = {machine.find_link(j)[0]: None for j in range(len(joints)) if j not in problem.masses}
+    refused = []
+    if unknown:
+        limit = 100.0 * KNOWN * MASS_PRIOR
+        refused.append(f"masses of {', '.join(unknown)}: beside the joints they are not known to {limit:.0f} %")
+    if (error := problem.tilt_error) > KNOWN * TILT_PRIOR:
+        refused.append(f"tilt of the base: its standard error is {np.degrees(error):.1f} degrees")
+    strongest = found.delay_correlation[np.abs(found.delay_correlation).argmax()]
+    if abs(strongest) > CORRELATED:
+        refused.append(f"delay apart from rotor inertia: their correlation is up to {strongest:.2f}")
+    for j, joint in enumerate(joints):
+        for k, name in enumerate(NAMES[:2]):
+            if found.deviation[j, k] > max(found.values[j, k], 1e-9):
+                refused.append(f"{name.replace('_', ' ')} of {joint}: its standard error exceeds its value")
+        if found.deviation[j, len(NAMES) :].max() > found.values[j, len(NAMES) :].mean():
+            refused.append(f"Coulomb friction of {joint}: its standard error exceeds its mean")
+    return refused
+
+
+def _predict_identified(gap: Gap, level: Level, advance: Callable[[], None]) -> None:
+    """Predict strokes by the plant fitted to those before, refitted after every second one, and frozen at half."""
+    signals, problem, half = gap.signals, gap.problem, gap.signals.count // 2
+    predicted = gap.torques["model"].copy()  # until the first fit
+    frozen, start = predicted, None
+    for stroke in range(FIRST, signals.count + 1, 2):
+        found = fit(problem, level, rows_of(signals, 1, stroke - 1), start)
+        start, own = found.values, problem.apply(found)
+        torque = signals.compute_torque(own.replay_all(found.values, found.delay)[0])
+        predicted[signals.bounds[stroke - 1] :] = torque[signals.bounds[stroke - 1] :]
+        if stroke - 1 <= half:
+            frozen = torque
+        advance()
+    add_prediction(gap, IDENTIFIED, predicted, frozen)
+    if signals.repeats:
+        add_learner(gap, ABOVE, lambda: Both(Fixed(signals, predicted), Iterative(signals, 0.5)))

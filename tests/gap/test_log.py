@@ -1,0 +1,89 @@
+"""Reading a log: the same from every format and under other names and units; one line where something is missing."""
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as parquet
+import pytest
+from support.doors import BadInput
+
+from cmacexp.gap.log import load_reader, read_log
+
+TIME = np.arange(0.0, 0.5, 0.005)
+NAMES = ("shoulder", "elbow", "wrist")
+ANGLE = np.sin(TIME[:, None] + np.arange(3))
+COMMAND = ANGLE + 0.1
+
+
+def columns(angle="q_{}", command="q_des_{}", time="time"):
+    measured = {angle.format(name): ANGLE[:, j] for j, name in enumerate(NAMES)}
+    return {time: TIME, **measured, **{command.format(name): COMMAND[:, j] for j, name in enumerate(NAMES)}}
+
+
+def write_parquet(path):
+    table = pa.table(columns()).replace_schema_metadata({"units": "s, rad", "kp": "20", "kd": "1,2,3"})
+    parquet.write_table(table, path)
+
+
+def write_csv(path):
+    text = pd.DataFrame(columns("pos_{}", "cmd_{}", "t")).to_csv(index=False, sep=";")
+    path.write_text(f"# kp: 20\n# kd: 1,2,3\n{text}")
+
+
+def write_npz(path):
+    np.savez(path, time=TIME, q=ANGLE, q_des=COMMAND, names=NAMES, kp=20.0, kd=[1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(("suffix", "write"), [("parquet", write_parquet), ("csv", write_csv), ("npz", write_npz)])
+def test_a_log_is_the_same_from_every_format(tmp_path, suffix, write):
+    write(path := tmp_path / f"log.{suffix}")
+    log = read_log(path)
+    assert log.joints == NAMES
+    np.testing.assert_allclose([log.angle, log.command], [ANGLE, COMMAND])
+    np.testing.assert_allclose([log.kp, log.kd], [[20.0] * 3, [1.0, 2.0, 3.0]])
+    assert log.leave_out(["elbow"]).kd.tolist() == [1.0, 3.0]
+
+
+def test_names_and_units_are_options_and_another_format_needs_a_reader_of_a_few_lines(tmp_path):
+    path, reader = tmp_path / "log.txt", tmp_path / "reader.py"
+    degrees = {name: np.degrees(own) for name, own in columns("ist_{}", "soll_{}").items()} | {"time": 1e3 * TIME}
+    np.savetxt(path, np.column_stack(list(degrees.values())), header=" ".join(degrees), comments="")
+    reader.write_text(
+        "import numpy as np\n"
+        "def read(path):\n"
+        "    rows = np.loadtxt(path, skiprows=1)\n"
+        "    return dict(zip(path.open().readline().split(), rows.T))\n"
+    )
+    named = {"angle": "ist_{joint}", "command": "soll_{joint}"}
+    units = {"time": "ms", "angle": "deg", "command": "deg"}
+    log = read_log(path, named, units, {"kp": [20.0], "kd": [1.0]}, load_reader(f"{reader}:read"))
+    assert log.joints == NAMES
+    np.testing.assert_allclose([log.angle, log.command], [ANGLE, COMMAND])
+    np.testing.assert_allclose(log.time, TIME)
+
+
+WRONG = {
+    "no such file": ({"path": "nowhere.csv"}, "there is no such file"),
+    "format": ({"path": "log.bag"}, "name a reader"),
+    "no angles": ({"rename": {f"q_{name}": f"x_{name}" for name in NAMES}}, "no measured angles .*--names angle="),
+    "no time": ({"rename": {"time": "clock"}}, "no column of time"),
+    "one command": ({"rename": {"q_des_wrist": "q_dse_wrist"}}, "no column q_des_wrist .*did you mean q_dse_wrist"),
+    "no gains": ({"gains": {"kp": [20.0]}}, "--kd.* is missing"),
+    "gains": ({"gains": {"kp": [20.0, 1.0], "kd": [1.0]}}, "--kp=20,1.* one for each of 3 joints"),
+    "unit": ({"units": {"angle": "grad"}}, "is no unit of angle"),
+    "quantity": ({"names": {"angel": "q_{joint}"}}, "is no quantity"),
+    "text": ({"rename": {"note": "q_wrist", "q_wrist": "other"}}, "holds no numbers in column q_wrist"),
+    "torques only": ({"drop": [f"q_des_{name}" for name in NAMES]}, "neither commanded angles nor torques"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_missing_or_wrong_is_one_line(tmp_path, name):
+    case, words = WRONG[name]
+    path = tmp_path / case.get("path", "log.csv")
+    if path.name != "nowhere.csv":
+        frame = pd.DataFrame({**columns(), "note": "a"}).rename(columns=case.get("rename", {}))
+        frame.drop(columns=case.get("drop", [])).to_csv(path, index=False)
+    with pytest.raises(BadInput, match=words) as caught:
+        read_log(path, case.get("names"), case.get("units"), case.get("gains", {"kp": [20.0], "kd": [1.0]}))
+    assert "\n" not in str(caught.value)
