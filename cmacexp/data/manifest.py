@@ -124,6 +124,9 @@ def _read_checked(path: Path, signature: tuple[int, ...]) -> str:
         if os.fstat(file.fileno()).st_size > MAX_BYTES:
             raise BadRun(f"{path}: larger than {MAX_BYTES >> 20} MB, not the manifest of a run")
         text = file.read().decode()
-    if wrong := find_wrong(json.loads(text)):
+    manifest = json.loads(text)
+    if "\\ud" in text.lower():  # half of a character, which no file and no terminal takes
+        json.dumps(manifest, ensure_ascii=False).encode()
+    if wrong := find_wrong(manifest):
         raise BadRun(f"{path}: not the manifest of a run: {wrong}; run it again")
     return text

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from cmacexp.config import config_hash
 from cmacexp.config.component import COMPONENTS
 from cmacexp.config.machine import LEG_NAMES
+from cmacexp.models.chain import CHAIN_FIELDS
 from cmacexp.typing import ENDS
 
 REPORT, SWEEP = "report", "sweep"
@@ -37,6 +38,16 @@ def _or_null(kind: ValueCheck) -> ValueCheck:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) != math.inf
+
+
+def _of_legs(size: int) -> ValueCheck:
+    def holds(value: Any) -> bool:
+        rows = value if isinstance(value, list) else []
+        return len(rows) == len(LEG_NAMES) and all(
+            isinstance(row, list) and len(row) == size and all(map(_is_number, row)) for row in rows
+        )
+
+    return ValueCheck(f"{len(LEG_NAMES)} lists of {size} finite numbers", holds)
 
 
 ANY = ValueCheck("anything", lambda value: True)
@@ -90,7 +101,7 @@ RUN_FIELDS = {
             **dict.fromkeys(("weight", "x", "y", "slope_x", "slope_y"), NUMBER),
         }
     ],
-    "robot?": {"chains": [[NUMBER]], "hips": [[NUMBER]], "foot_radius": NUMBER},
+    "robot?": {"chains": _of_legs(CHAIN_FIELDS), "hips": _of_legs(2), "foot_radius": NUMBER},
     "model_hash?": _or_null(HASH),
     "traceback?": TEXT,
     "bad_input?": FLAG,

@@ -62,6 +62,20 @@ def _open_table(path: Path) -> Iterator[BufferedReader]:
         raise BadRun(f"{path}: cannot be read ({str(error).splitlines()[0]})") from None
 
 
+@contextmanager
+def _open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
+    """The same as Parquet, whose columns have names of their own, and hold numbers or a few words."""
+    with _open_table(path) as file, pq.ParquetFile(file) as table:
+        schema = table.schema_arrow
+        for field in schema:
+            kind = field.type
+            if len(schema.get_all_field_indices(field.name)) > 1:
+                raise BadRun(f"{path}: two of its columns are called {field.name}: not a table of a run")
+            if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_dictionary(kind)):
+                raise BadRun(f"{path}: its column {field.name} holds {kind}, not numbers: not a table of a run")
+        yield table
+
+
 def read_parts(
     path: Path, columns: list[str] | None = None, cycles: Collection[int] | None = None
 ) -> Iterator[pa.Table]:
@@ -69,7 +83,7 @@ def read_parts(
 
     Parts without a row of the ``cycles`` are left out, if these are given.
     """
-    with _open_table(path) as file, pq.ParquetFile(file) as table:
+    with _open_parquet(path) as table:
         for group in range(table.num_row_groups):
             if cycles is None or _is_in(table.read_row_group(group, ["cycle"]), cycles).any():
                 yield table.read_row_group(group, columns)
@@ -88,13 +102,13 @@ def select_rows(table: pa.Table, rows: NDArray[Any]) -> pa.Table:
 
 def read_table(path: Path) -> pa.Table:
     """The table that :func:`write_table` wrote."""
-    with _open_table(path) as file, pq.ParquetFile(file) as table:
+    with _open_parquet(path) as table:
         return table.read()
 
 
 def read_cycles(path: Path, cycles: Collection[int]) -> pa.Table:
     """Rows of some cycles of a table; the others are never all in memory."""
-    with _open_table(path) as file, pq.ParquetFile(file) as table:
+    with _open_parquet(path) as table:
         kept = [table.read_row_groups([])]
     kept += [select_rows(part, _is_in(part, cycles)) for part in read_parts(path, cycles=cycles)]
     return pa.concat_tables(kept)
@@ -107,7 +121,7 @@ def list_units(schema: pa.Schema) -> dict[str, str]:
 
 def to_frame(table: pa.Table) -> "pd.DataFrame":
     """A table as a DataFrame, whose ``attrs["units"]`` has the unit of each column."""
-    frame: pd.DataFrame = table.to_pandas()
+    frame: pd.DataFrame = table.replace_schema_metadata().to_pandas()  # no file says what its index is
     frame.attrs["units"] = list_units(table.schema)
     return frame
 
@@ -126,8 +140,11 @@ def _contiguous(table: pa.Table, name: str) -> pa.Array:
 
 
 def as_array(table: pa.Table, name: str) -> Array:
-    """One column without nulls as a read-only NumPy array."""
-    values: Array = np.asarray(np.from_dlpack(_contiguous(table, name)))
+    """One column as a read-only NumPy array; raises BadRun if the table lacks it, or some of its values."""
+    column = _contiguous(table, name)
+    if column.null_count:
+        raise BadRun(f"{name}: the table lacks some of its values: not a table of a run")
+    values: Array = np.asarray(np.from_dlpack(column))
     return values
 
 

@@ -190,9 +190,15 @@ class Run:
 
     @cached_property
     def scores(self) -> Scores:
-        """The metrics of every cycle, as Arrow tables."""
+        """The metrics of every cycle, as Arrow tables; raises BadRun unless they have those of all cycles."""
+        path = self.folder / METRICS_FILE
         body = read_table(self.folder / BODY_METRICS_FILE) if self.walks else None
-        return Scores(read_table(self.folder / METRICS_FILE), body)
+        legs = Trace(read_table(path))
+        of_cycle = np.arange(1, self.last_cycle + 1 if self.manifest["steps"] else 1)
+        for table in (legs, None if body is None else Trace(body)):
+            if table is not None and not np.array_equal(table.shared("cycle"), of_cycle):
+                raise BadRun(f"{path}: not the metrics of the run: it must have a row for each cycle, in order")
+        return Scores(legs.table, body)
 
     @cached_property
     def _summary(self) -> tuple[Outcome, dict[str, Array], int]:

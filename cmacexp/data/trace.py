@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from cmacexp.config.machine import LEG_NAMES
 from cmacexp.config.schema import RecordConfig
 from cmacexp.data.hashes import was_written
 from cmacexp.data.parquet import (
@@ -56,8 +57,13 @@ class Trace:
 
     @cached_property
     def legs(self) -> int:
-        """Number of legs; 0 of a body."""
-        return int(as_array(self.table, "leg").max(initial=1)) if "leg" in self.table.column_names else 0
+        """Number of legs; 0 of a body; raises BadRun if not all of them have equally many rows."""
+        if "leg" not in self.table.column_names:
+            return 0
+        legs = int(as_array(self.table, "leg").max(initial=1))
+        if not 1 <= legs <= len(LEG_NAMES) or self.table.num_rows % legs:
+            raise BadRun(f"a table of {self.table.num_rows} rows, one of leg {legs}: not a table of a run")
+        return legs
 
     @property
     def steps(self) -> int:
@@ -194,10 +200,10 @@ def count_steps_by_cycle(folder: Path) -> dict[int, int]:
 
 def _check(path: Path, trace: Trace) -> Trace:
     """Raise BadRun unless a table has a row for each step and leg, in their order."""
-    whole = trace.legs and trace.table.num_rows % trace.legs == 0
-    if whole and (trace["leg"] == np.arange(1, trace.legs + 1)).all():
+    in_order = trace.legs and (trace["leg"] == np.arange(1, trace.legs + 1)).all()
+    if in_order and np.isfinite(trace["time"]).all():
         return trace
-    raise BadRun(f"{path}: not a trace: it must have a row for each step and leg, in their order")
+    raise BadRun(f"{path}: not a trace: it must have a row for each step and leg, in their order, with its time")
 
 
 def stream_trace(folder: Path, cycles: Collection[int] | None = None) -> Iterator[Trace]:

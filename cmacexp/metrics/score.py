@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cmacexp.data.run import Run
 from cmacexp.data.tables import Scores
 from cmacexp.data.trace import SampledTrace, Trace, join_sampled, read_memory, stream_trace
+from cmacexp.errors import BadRun
 from cmacexp.metrics.block import Block, split_cycles
 from cmacexp.metrics.body import compute_body
 from cmacexp.metrics.drift import LEARNING, Drift, DriftDetector
@@ -92,8 +93,14 @@ def score_together(traces: Sequence[SampledTrace], steps_per_cycle: int) -> list
 def score_traces(run: Run) -> Scores:
     """The metrics of a run from its traces, which must hold every step; raises BadRun."""
     scorer = RunScorer(run.steps_per_cycle)
+    steps = 0
     for part in stream_trace(run.folder):
         scorer.add(part)
+        steps += part.steps
+    if steps != run.manifest["steps"]:
+        raise BadRun(f"{run.folder}: its trace has {steps} steps, not all {run.manifest['steps']}")
     if (memory := read_memory(run.folder)) is not None:
+        if memory.steps != run.last_cycle:
+            raise BadRun(f"{run.folder}: its memory has {memory.steps} cycles, not all {run.last_cycle}")
         scorer.memory.append(memory)
     return scorer.scores

@@ -94,9 +94,9 @@ def draw(
 
     All share the axes ``x`` or ``xy`` of ``share``; the legend below the figure is that of all.
     """
-    columns = min(columns, len(panels))
+    columns = min(columns, len(panels)) or 1
     shared = {f"share{axis}": True for axis in share}
-    figure, axes = new_figure(-(-len(panels) // columns), columns, height, **shared)
+    figure, axes = new_figure(-(-len(panels) // columns) or 1, columns, height, **shared)
     for unused in axes[len(panels) :]:
         unused.remove()
     names = list(dict.fromkeys(series.name for panel in panels for series in panel.series))
