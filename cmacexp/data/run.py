@@ -194,9 +194,11 @@ class Run:
         path = self.folder / METRICS_FILE
         body = read_table(self.folder / BODY_METRICS_FILE) if self.walks else None
         legs = Trace(read_table(path))
-        of_cycle = np.arange(1, self.last_cycle + 1 if self.manifest["steps"] else 1)
+        cycles = self.last_cycle if self.manifest["steps"] else 0
         for table in (legs, None if body is None else Trace(body)):
-            if table is not None and not np.array_equal(table.shared("cycle"), of_cycle):
+            if table is None:
+                continue
+            if table.steps != cycles or (table.shared("cycle") != np.arange(1, cycles + 1)).any():
                 raise BadRun(f"{path}: not the metrics of the run: it must have a row for each cycle, in order")
         return Scores(legs.table, body)
 

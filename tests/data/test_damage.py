@@ -10,6 +10,8 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from numpy.lib import format as npy
 from support.command import call
@@ -161,6 +163,8 @@ SHAPES = {
     "no steps": lambda m: {key: value for key, value in m.items() if key != "steps"},
     "memory of nothing": lambda m: {**m, "memory": [{"a": None}]},
     "drift of nothing": lambda m: {**m, "drift": {"a": 1}},
+    "half a character": lambda m: {**m, "cause": "\ud800"},
+    "a chain of a point": lambda m: {**m, "robot": {"chains": [[0.0]] * 4, "hips": [[0, 0]] * 4, "foot_radius": 0}},
     "runs a list": lambda m: {**m, "kind": "report", "runs": [1]},
 }
 USES = {
@@ -182,6 +186,31 @@ def test_a_manifest_of_another_shape_is_refused_by_all_that_read_it(shape, leg):
     for read in USES.values():
         with pytest.raises(CmacexpError):
             read(leg)
+
+
+def set_column(table, name, values):
+    return table.set_column(table.schema.get_field_index(name), name, values)
+
+
+OTHER_TABLES = {
+    "a column twice": lambda table: table.append_column("cycle", table["cycle"]),
+    "texts": lambda table: set_column(table, "cycle", pa.array(["1"] * len(table))),
+    "lists": lambda table: set_column(table, "cycle", pa.array([[1.0]] * len(table))),
+    "nulls": lambda table: set_column(table, "leg", pa.nulls(len(table), pa.int32())),
+    "a leg too many": lambda table: set_column(table, "leg", pa.array([2**31 - 1] * len(table), pa.int32())),
+    "a row less": lambda table: table.slice(1),
+}
+
+
+@pytest.mark.parametrize("name", [TRACE_FILE, METRICS_FILE])
+@pytest.mark.parametrize("form", OTHER_TABLES)
+def test_a_table_of_another_form_is_refused_by_what_reads_it_whoever_wrote_it(name, form, leg):
+    pq.write_table(OTHER_TABLES[form](pq.read_table(leg / name)), leg / name)
+    accept(leg, name)
+    read = {TRACE_FILE: lambda: use("score", leg), METRICS_FILE: lambda: cmacexp.load(leg).scores}[name]
+    with pytest.raises(CmacexpError) as refused:
+        read()
+    assert len(str(refused.value).splitlines()) == 1
 
 
 @pytest.mark.parametrize("name", [manifests.MANIFEST, TRACE_FILE, WEIGHTS])
