@@ -39,7 +39,7 @@ def write_docs() -> None:
         text = fill(text, "claims", lambda: all_claims(statements))
         text = fill(text, "count", lambda: f"\n**{count_claims(statements)}**\n\n")
         if scored.is_file():
-            text = fill(text, "benchmark", lambda: f"{write_scores(read_table(scored).to_pandas())}\n")
+            text = fill(text, "benchmark", lambda: f"{write_scores(read_table(scored, texts=True).to_pandas())}\n")
         text = renew_readme(text, statements) if page == README else text
         page.write_text(text, encoding="utf-8")
         texts[page.name] = text

@@ -117,7 +117,7 @@ def _write(
     ]
     results = Results(rows)
     tables = {
-        name: read_table(folder / f"{name}.parquet").to_pandas() if current else compute(results)
+        name: read_table(folder / f"{name}.parquet", texts=True).to_pandas() if current else compute(results)
         for name, compute in study.computed.items()
     }
     results, known = Results(rows, tables), restore(file, folder, options.quick) if current else None

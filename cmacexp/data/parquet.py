@@ -63,15 +63,16 @@ def _open_table(path: Path) -> Iterator[BufferedReader]:
 
 
 @contextmanager
-def _open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
-    """The same as Parquet, whose columns have names of their own, and hold numbers or a few words."""
+def _open_parquet(path: Path, texts: bool = False) -> Iterator[pq.ParquetFile]:
+    """The same as Parquet, whose columns have names of their own, and hold numbers or a few words, else ``texts``."""
     with _open_table(path) as file, pq.ParquetFile(file) as table:
         schema = table.schema_arrow
         for field in schema:
             kind = field.type
+            holds_numbers = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_dictionary(kind)
             if len(schema.get_all_field_indices(field.name)) > 1:
                 raise BadRun(f"{path}: two of its columns are called {field.name}: not a table of a run")
-            if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_dictionary(kind)):
+            if not (texts or holds_numbers):
                 raise BadRun(f"{path}: its column {field.name} holds {kind}, not numbers: not a table of a run")
         yield table
 
@@ -100,9 +101,9 @@ def select_rows(table: pa.Table, rows: NDArray[Any]) -> pa.Table:
     return table if len(numbers) == table.num_rows else table.take(arrow(numbers, pa.int64()))
 
 
-def read_table(path: Path) -> pa.Table:
-    """The table that :func:`write_table` wrote."""
-    with _open_parquet(path) as table:
+def read_table(path: Path, texts: bool = False) -> pa.Table:
+    """The table that :func:`write_table` wrote, of numbers, or also of ``texts``."""
+    with _open_parquet(path, texts) as table:
         return table.read()
 
 

@@ -73,7 +73,7 @@ def measure_runs(file: StudyFile, folders: Sequence[Path], table: Path, parallel
     source, known = digest_measures(file), {}
     keys = {folder: _digest([_identify(folder), source]) for folder in folders}
     if table.is_file():
-        known = {row.pop("key"): row for row in read_table(table).to_pylist()}
+        known = {row.pop("key"): row for row in read_table(table, texts=True).to_pylist()}
     found = {folder: known[key] for folder, key in keys.items() if key in known}
 
     def write() -> None:

@@ -29,7 +29,7 @@ def _read(path: Path) -> "tuple[pd.DataFrame, dict[str, Any]]":
     try:
         with open_file(beside) as file:
             entry = json.load(file)
-        frame = read_table(path).to_pandas()
+        frame = read_table(path, texts=True).to_pandas()
     except (OSError, ValueError) as error:
         allowed = f"must be a table of results with {beside.name} beside it: {error}"
         raise BadInput("--compare", path, allowed) from error
