@@ -1,6 +1,5 @@
 """``python -m pipelines``: lists the studies, or runs one; ``status``: which are current; ``--write-docs``: pages."""
 
-import runpy
 import sys
 from pathlib import Path
 
@@ -11,15 +10,17 @@ from cmacexp.data.parquet import read_table
 from cmacexp.errors import BadInput
 from cmacexp.study.stages import STAGES_FILE, list_stages
 from cmacexp.study.study_file import YAML
-from pipelines import paper
+from pipelines.benchmark.__main__ import main as run_benchmark
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
 from pipelines.benchmark.benchmark import QUESTION, TITLE
 from pipelines.benchmark.summary import write_scores
-from pipelines.quotes import PAGES, README, all_claims, all_studies, count_claims, fill, find_outdated, find_study
+from pipelines.groups import GROUPS, find_study
+from pipelines.groups import main as run_group
+from pipelines.quotes import PAGES, README, all_claims, all_studies, count_claims, fill, find_outdated
 from pipelines.readme import renew_readme
 from pipelines.results import CHANGED, RESULTS_FILE, list_states, read_results
 
-STATUS, PAPER = "status", "paper"
+STATUS = "status"
 SHOWN_FILES = 3
 """Changed files of a study that ``status`` names."""
 
@@ -96,7 +97,8 @@ def _run() -> int:
         print_stages()
         return COMPLETED
     files = all_studies()
-    print(f"python -m {paper.__name__}\n    {paper.TITLE}: {paper.QUESTION}")
+    for name, group in GROUPS.items():
+        print(f"python -m pipelines.{name}\n    {group.title}: {group.question}\n    {', '.join(group.studies)}")
     for file in files:
         print(f"python -m pipelines.{file.name}\n    {file.study.title}: {file.study.question}")
     print(f"python -m pipelines.{BENCHMARK}\n    {TITLE}: {QUESTION}")
@@ -106,11 +108,11 @@ def _run() -> int:
 
 
 def main() -> int:
-    """Run a study by its name or file, or print all, their state, or renew the documentation; the exit code."""
+    """Run a study, a group or the benchmark; print all, or their state; or renew documents; the exit code."""
     word = sys.argv[1] if len(sys.argv) > 1 else ""
-    if word in (PAPER, BENCHMARK):
+    if word in (BENCHMARK, *GROUPS):
         del sys.argv[1]
-        runpy.run_module(f"pipelines.{word}", run_name="__main__")
+        return run_benchmark() if word == BENCHMARK else run_group(word)
     if (path := Path(word) if Path(word).suffix in (".py", *YAML) else find_study(word)) is not None:
         del sys.argv[1]
         run_study(str(path))

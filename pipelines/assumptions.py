@@ -7,22 +7,29 @@ mass, and evaluates every conclusion again.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.commands.study import main
 from cmacexp.metrics.text import format_number
 from cmacexp.report.style import logarithmic, new_figure
-from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, between, grid
+from cmacexp.study import (
+    Criterion,
+    DataFrame,
+    Figure,
+    Finding,
+    Request,
+    Results,
+    Study,
+    at_least,
+    at_most,
+    between,
+    grid,
+)
 from cmacexp.study.samples import growth
 from cmacexp.study.statements import Limit
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array, Mask
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 LEG, WALK, MASS = "leg", "walk", "mass"
 NAMES = {LEG: "One leg", WALK: "Quadruped", MASS: "Point mass"}
@@ -273,7 +280,7 @@ FINDINGS = {
 }
 
 
-def number_table(results: Results, conclusions: Mapping[str, Conclusion]) -> "pd.DataFrame":
+def number_table(results: Results, conclusions: Mapping[str, Conclusion]) -> DataFrame:
     """Every number, the mean over seeds, marked where it changes a conclusion."""
 
     def cell(conclusion: Conclusion, own: Results) -> str:
@@ -288,7 +295,7 @@ def number_table(results: Results, conclusions: Mapping[str, Conclusion]) -> "pd
     return tabulate(results, {"variant": "value"}, columns)
 
 
-def draw_changes(results: Results, conclusions: Mapping[str, Conclusion]) -> "Figure":
+def draw_changes(results: Results, conclusions: Mapping[str, Conclusion]) -> Figure:
     """Every number over that with the values taken; a dot where the conclusion changes with every seed."""
     from matplotlib.colors import LogNorm
 
@@ -333,6 +340,3 @@ STUDY = Study(
     tables={machine: _of(machine, number_table) for machine in MACHINES},
     values=values,
 )
-
-if __name__ == "__main__":
-    main(__file__)

@@ -6,13 +6,24 @@ are judged, and one thing of them at a time in randomised runs (worlds), unknown
 
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from cmacexp.commands.study import main
 from cmacexp.report.figures import Panel, draw
-from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, grid
+from cmacexp.study import (
+    Claim,
+    Criterion,
+    DataFrame,
+    Figure,
+    Finding,
+    Request,
+    Results,
+    Study,
+    at_least,
+    at_most,
+    grid,
+)
 from cmacexp.study.curves import over_setting
 from cmacexp.study.samples import quotients
 from cmacexp.study.statements import Limit
@@ -30,10 +41,6 @@ from pipelines.common_memory import (
 )
 from pipelines.common_results import percent
 from pipelines.worlds import TESTED, in_worlds
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 LAYERS, ELEMENTS, INPUTS, MEMORY = "cmac.layers", "cmac.resolution_elements", "cmac.inputs", "cmac.memory_bytes"
 SIZE, FREE = "layers and memory", "no collisions"
@@ -249,7 +256,7 @@ def _width(results: Results) -> float:
     return float(results.value("cmac.range_factor") / (results.value(ELEMENTS) - 1))
 
 
-def draw_sizes(results: Results) -> "Figure":
+def draw_sizes(results: Results) -> Figure:
     """Errors in x and y over layers, width of a cell and memory; a line for each cycle."""
     axes: dict[str, tuple[str, Any]] = {
         LAYERS: ("layers", lambda own: own.value(LAYERS)),
@@ -270,7 +277,7 @@ def draw_sizes(results: Results) -> "Figure":
     return draw(panels, columns=3, height=2.2)
 
 
-def size_table(every: Results, machine: str) -> "pd.DataFrame":
+def size_table(every: Results, machine: str) -> DataFrame:
     """Every size: errors early and at the end, use of memory; means over seeds or worlds."""
     results = every.select(machine=machine)
     samples: dict[str, Any] = {
@@ -313,6 +320,3 @@ STUDY = Study(
     tables={name: partial(size_table, machine=machine) for name, machine in TABLES.items()},
     values=values,
 )
-
-if __name__ == "__main__":
-    main(__file__)

@@ -7,13 +7,12 @@ paper's own perfect world, where its claims are judged, and in randomised runs, 
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from cmacexp.commands.study import main
 from cmacexp.report.figures import Panel, Series, draw
-from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most
+from cmacexp.study import Claim, Criterion, DataFrame, Figure, Finding, Request, Results, Study, at_least, at_most
 from cmacexp.study.samples import quotients
 from cmacexp.study.statements import Limit
 from cmacexp.study.study import grid, starting_from
@@ -23,10 +22,6 @@ from pipelines import feedforwards_measures as measures
 from pipelines import feedforwards_worlds as in_worlds
 from pipelines.feedforwards_measures import ALONE, CMAC, ILC, LEARNERS, MLP, MODELS, RBF, error_at, errors
 from pipelines.worlds import TESTED, TUNED
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 LEG, WALK = "one leg", "quadruped"
 STEPS = {
@@ -177,7 +172,7 @@ def _panel(title: str, results: Results, lines: Mapping[str, Mapping[str, str]],
     return Panel(title, "cycle", "transfer error, mm", series, log=log, **more)
 
 
-def draw_learning(results: Results) -> "Figure":
+def draw_learning(results: Results) -> Figure:
     """Transfer error over the cycles, a line for each feedforward."""
     lines = {kind: {"kind": kind} for kind in (*LEARNERS, *MODELS)}
     return draw([_panel("", results, lines, "xy", y_limits=[measures.small_error(results)])], height=4.0)
@@ -189,7 +184,7 @@ def _early_and_late(results: Results) -> dict[str, Any]:
     return {f"cycle {n}, mm": partial(lambda own, cycle: error_at(own, cycle).mean(), cycle=n) for n in cycles}
 
 
-def accuracy_table(results: Results, metric: str, title: str, factor: float) -> "pd.DataFrame":
+def accuracy_table(results: Results, metric: str, title: str, factor: float) -> DataFrame:
     """Errors of every feedforward, when it has learnt, and a further metric of the last cycle; means over seeds."""
     small = measures.small_error(results)
     columns = {
@@ -201,7 +196,7 @@ def accuracy_table(results: Results, metric: str, title: str, factor: float) -> 
     return tabulate(results, {"kind": "feedforward"}, _early_and_late(results) | columns)
 
 
-def cost_table(results: Results) -> "pd.DataFrame":
+def cost_table(results: Results) -> DataFrame:
     """Bytes of weights of one leg, and time of a step over that with feedback only."""
     least = results.computed["cost"].groupby("kind")["seconds_per_step"].min()
 
@@ -262,6 +257,3 @@ STUDY = Study(
     },
     values=values,
 )
-
-if __name__ == "__main__":
-    main(__file__)

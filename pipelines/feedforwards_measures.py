@@ -1,7 +1,6 @@
 """The feedforwards that are compared, and what the study measures of them: learning, bytes, and time of a step."""
 
 import time
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,11 +12,8 @@ from cmacexp.loop import stream
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.final import TRANSFER
 from cmacexp.models.mechanism import PLANE
-from cmacexp.study import Results
+from cmacexp.study import DataFrame, Results
 from cmacexp.typing import Array
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 ALONE, EXACT, CMAC, ANGLES = "feedback only", "exact model", "CMAC", "CMAC of angles"
 RBF, MLP, ILC = "RBF", "MLP", "ILC"
@@ -79,7 +75,7 @@ def bytes_used(run: Run) -> float:
     return bytes_held(run) - float(idle * len(PLANE) * WORD_BYTES)
 
 
-def measure_costs(results: Results) -> "pd.DataFrame":
+def measure_costs(results: Results) -> DataFrame:
     """Processor time of a step of one leg by ``kind`` and ``round``, s; that of other programs is not in it.
 
     The kinds take turns in one process. The perceptron, which works step by step, takes fewer.

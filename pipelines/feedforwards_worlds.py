@@ -3,13 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cmacexp.data.run import Run
 from cmacexp.report.figures import Panel, Series, draw
-from cmacexp.study import Criterion, Finding, Request, Results, at_least, at_most
+from cmacexp.study import Criterion, DataFrame, Figure, Finding, Request, Results, at_least, at_most
 from cmacexp.study.samples import Sample, relative
 from cmacexp.study.statements import Limit
 from cmacexp.study.study import starting_from
@@ -18,10 +18,6 @@ from cmacexp.typing import Array
 from pipelines.common_results import percent
 from pipelines.feedforwards_measures import ALONE, CMAC, ILC, LEARNERS, MLP, MODELS, RBF, error_at, errors
 from pipelines.worlds import TESTED, TUNED, in_worlds
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 MODEL, ON_MODEL = "model", "CMAC on model"
 KINDS = {
@@ -271,7 +267,7 @@ FINDINGS = {
 }
 
 
-def table_kinds(results: Results) -> "pd.DataFrame":
+def table_kinds(results: Results) -> DataFrame:
     """Errors of every kind, and of learners at every rate; estimates over the worlds, and runs that ended early."""
     cycles = [cycle for cycle in (EARLY, LATE) if cycle <= min(results.values("cycles"))]
     columns: dict[str, Any] = {
@@ -292,7 +288,7 @@ def _series(name: str, results: Results) -> Series:
     return Series(name, np.arange(1, found.shape[1] + 1), np.median(found, axis=0), *band)
 
 
-def draw_changes(results: Results) -> "Figure":
+def draw_changes(results: Results) -> Figure:
     """Transfer error after each change, with what was learnt before it; for CMAC also from nothing."""
     lines = {
         ALONE: {"kind": ALONE},

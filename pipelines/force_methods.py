@@ -6,16 +6,27 @@ where there is no ground, and gives it ground that is not as stiff as assumed.
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from cmacexp.commands.study import main
 from cmacexp.control.hybrid_kernels import METHODS as FORCE_METHODS
 from cmacexp.data.run import Run
 from cmacexp.planning.reference import Gains, compute_support_reference
 from cmacexp.report.figures import Panel, Series, draw
-from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, grid
+from cmacexp.study import (
+    Claim,
+    Criterion,
+    DataFrame,
+    Figure,
+    Finding,
+    Request,
+    Results,
+    Study,
+    at_least,
+    at_most,
+    grid,
+)
 from cmacexp.study.curves import over_setting
 from cmacexp.study.samples import quotients
 from cmacexp.study.statements import Limit
@@ -23,10 +34,6 @@ from cmacexp.study.study import Values
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array
 from pipelines.common_results import percent
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 METHODS = {name: [f"force_control={name}"] for name in FORCE_METHODS}
 EQUATIONS = dict(zip(METHODS, ("eq. 9", "eq. 11", "eq. 13", "eq. 15"), strict=True))
@@ -118,7 +125,7 @@ def predicted_force(config: dict[str, Any]) -> float:
     return 1.0 if math.isnan(ratio) else ratio
 
 
-def apparent_stiffness(softer: "pd.DataFrame", stiffer: "pd.DataFrame") -> float:
+def apparent_stiffness(softer: DataFrame, stiffer: DataFrame) -> float:
     """Stiffness of a controlled mass as the ground feels it, N/m: from where it rests on two grounds."""
     force, depth = (stiffer[name].iloc[-1] - softer[name].iloc[-1] for name in ("force", "y"))
     return float(-force / depth)
@@ -259,7 +266,7 @@ FINDINGS = {
 }
 
 
-def draw_forces(results: Results) -> "Figure":
+def draw_forces(results: Results) -> Figure:
     """Contact force after the release, a panel for each method."""
     panels = []
     for method, own in results.by("method").items():
@@ -273,7 +280,7 @@ def draw_forces(results: Results) -> "Figure":
     return draw(panels, height=2.0)
 
 
-def draw_mismatch(results: Results) -> "Figure":
+def draw_mismatch(results: Results) -> Figure:
     """Settled over desired force against true over assumed stiffness, measured and predicted."""
     samples = {"measured": lambda r: r.measure("settled_force"), "eq. 8 to 15": _predicted_forces}
     panels = []
@@ -283,7 +290,7 @@ def draw_mismatch(results: Results) -> "Figure":
     return draw(panels)
 
 
-def table(results: Results) -> "pd.DataFrame":
+def table(results: Results) -> DataFrame:
     """Every method on known ground."""
 
     def shown(name: str, factor: float = 1.0) -> Any:
@@ -325,6 +332,3 @@ STUDY = Study(
     tables={"methods": lambda r: table(r.select({CLEARANCE: CLEARANCES[0]}, part=KNOWN))},
     values=values,
 )
-
-if __name__ == "__main__":
-    main(__file__)

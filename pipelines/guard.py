@@ -7,7 +7,6 @@ unguarded learning. One leg learns on for long with random settings.
 
 from typing import Any
 
-from cmacexp.commands.study import main
 from cmacexp.models.robot_file import package_models
 from cmacexp.study import Finding, Request, Results, Study, at_least, grid
 from pipelines.common_results import percent
@@ -108,6 +107,3 @@ STUDY = Study(
     tables={"worlds": table_worlds},
     values=values,
 )
-
-if __name__ == "__main__":
-    main(__file__)

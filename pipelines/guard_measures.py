@@ -1,23 +1,19 @@
 """What the study of the guard of learning runs and measures: random worlds, with feedback only beside learning."""
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cmacexp.data.run import Run
 from cmacexp.metrics.final import FINAL_CYCLES, compute_final
 from cmacexp.report.figures import Panel, Series
-from cmacexp.study import Finding, Request, Results, at_least, draw, grid
+from cmacexp.study import DataFrame, Figure, Finding, Request, Results, at_least, draw, grid
 from cmacexp.study.interval import UNPAIRED
 from cmacexp.study.samples import Sample, relative
 from cmacexp.typing import Array
 from pipelines.common_results import find_least, percent
 from pipelines.worlds import HARD, draw_hard_world
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 ALONE, GUARDED, UNGUARDED = "feedback only", "guarded", "unguarded"
 KINDS = {ALONE: ("feedforward=none",), GUARDED: ("learning.guard=freeze",), UNGUARDED: ("learning.guard=none",)}
@@ -96,7 +92,7 @@ def never_worse(machine: str) -> Finding:
     )  # fmt: skip
 
 
-def table_worlds(results: Results) -> "pd.DataFrame":
+def table_worlds(results: Results) -> DataFrame:
     """How guarded and unguarded runs end, over feedback only, for every machine."""
     import pandas as pd
 
@@ -120,7 +116,7 @@ def table_worlds(results: Results) -> "pd.DataFrame":
     return pd.DataFrame(rows)
 
 
-def draw_errors(results: Results) -> "Figure":
+def draw_errors(results: Results) -> Figure:
     """Error over that with feedback only, of all worlds in the order of their ratio."""
     panels = []
     for machine, worlds in results.select(part=WORLDS).by("machine").items():

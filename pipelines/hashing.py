@@ -5,10 +5,21 @@ of the paper's rule under its own conditions, and for long, randomised ones of l
 """
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from cmacexp.commands.study import main
-from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
+from cmacexp.study import (
+    Criterion,
+    DataFrame,
+    Figure,
+    Finding,
+    Request,
+    Results,
+    Study,
+    at_least,
+    at_most,
+    draw,
+    grid,
+)
 from cmacexp.study.curves import over_setting
 from cmacexp.study.tables import completed, tabulate
 from cmacexp.typing import Array
@@ -22,10 +33,6 @@ from pipelines.common_memory import (
 )
 from pipelines.common_results import percent
 from pipelines.worlds import FEWER, in_worlds
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 LEG, WALK = "one leg", "quadruped"
 MEMORY = "cmac.memory_bytes"
@@ -108,7 +115,7 @@ def _cost_against(results: Results) -> Any:
     return lambda own: worsening_in_worlds(own, free[own.value("rule")])
 
 
-def draw_memory(results: Results) -> "Figure":
+def draw_memory(results: Results) -> Figure:
     """Collisions, and errors at the end over those without them, over rows per visited cell."""
 
     def place(own: Results) -> float:
@@ -130,7 +137,7 @@ def draw_memory(results: Results) -> "Figure":
     )
 
 
-def table(results: Results) -> "pd.DataFrame":
+def table(results: Results) -> DataFrame:
     """Every memory under every rule."""
     cost = _cost_against(results)
     columns = {
@@ -165,6 +172,3 @@ STUDY = Study(
     tables={"leg": lambda r: table(r.select(machine=LEG)), "walk": lambda r: table(r.select(machine=WALK))},
     values=values,
 )
-
-if __name__ == "__main__":
-    main(__file__)

@@ -4,23 +4,29 @@
 torques and lags, over more cycles than the studies that recommend them.
 """
 
+from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cmacexp.cmac.rules import PAPER_RATE, RULES
-from cmacexp.commands.study import main
 from cmacexp.metrics.final import FINAL_CYCLES, TRANSFER
-from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
+from cmacexp.study import (
+    Criterion,
+    Figure,
+    Finding,
+    Request,
+    Results,
+    Study,
+    at_least,
+    at_most,
+    draw,
+    grid,
+)
 from cmacexp.study.curves import over_cycles
-from cmacexp.study.samples import Sample, per_seed, relative
+from cmacexp.study.samples import per_seed, relative
 from cmacexp.study.statements import Limit
-from cmacexp.study.tables import cross_tabulate
 from cmacexp.typing import Array
-from pipelines.common_results import describe_end, find_least, percent, share_done
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
+from pipelines.common_results import find_least, percent, tabulate_ends
 
 ON_TIME, LATE_TORQUE = "on time", "torque two samples late"
 WORLDS = {
@@ -77,63 +83,37 @@ def runs(quick: bool) -> list[Request]:
     ]
 
 
-def final(results: Results) -> Array:
-    """(runs,): final transfer error, m."""
-    return results.end(TRANSFER)
-
-
 def over_least(results: Results) -> Array:
     """(runs,): final error over the least median of as many cycles in a row; infinite of a run that ended before."""
-    return final(results) / [find_least(error, FINAL_CYCLES) for error in results.history(TRANSFER)]
-
-
-def over_alone(results: Results) -> Array:
-    """(runs,): final error over that of the first cycle, feedback only."""
-    return final(results) / results.at(1, TRANSFER)
-
-
-def _over(results: Results, chosen: dict[str, Any], other: dict[str, Any]) -> Array:
-    """(seeds,): final error of some runs over that of others."""
-    return relative(results.select(chosen), results.select(other), final)
+    return results.end(TRANSFER) / [find_least(error, FINAL_CYCLES) for error in results.history(TRANSFER)]
 
 
 def _least_rule(results: Results) -> Array:
     """(seeds,): least final error of the other rules over that of the paper's."""
-    others = results.select(choice=list(OTHER_RULES))
-    return per_seed(others, relative(others, results.select(choice=DEFAULT), final), min)
+    others, error = results.select(choice=list(OTHER_RULES)), partial(Results.end, name=TRANSFER)
+    return per_seed(others, relative(others, results.select(choice=DEFAULT), error), min)
 
 
-def _by_world(quantity: str, sample: Sample, limit: Limit, **of: Any) -> list[Criterion]:
+def _by_world(
+    quantity: str, sample: Any, limit: Limit, over: Mapping[str, Any] | None = None, **of: Any
+) -> list[Criterion]:
     """A criterion for each world, in their order."""
-    return [Criterion(quantity, sample, limit, of={**of, "world": world}, case=world) for world in WORLDS]
+    return [Criterion(quantity, sample, limit, of={**of, "world": each}, case=each, over=over) for each in WORLDS]
 
 
 def _done(what: str, **of: Any) -> list[Criterion]:
-    return [
-        percent(f"cycles done of those asked for, {what}", share_done, at_least(0.9), case=world, world=world, **of)
-        for world in WORLDS
-    ]
+    quantity = f"cycles done of those asked for, {what}"
+    return [percent(quantity, "done", at_least(0.9), case=each, world=each, **of) for each in WORLDS]
 
 
-def _compare_choice(choice: str) -> Finding:
-    sample = partial(_over, chosen={"choice": choice}, other={"choice": DEFAULT})
-    return Finding(
-        _by_world(f"final error with {choice} over that with the defaults", sample, at_most(AS_GOOD), part=CHOICE),
-        says=f"One leg with {choice} ends as accurate as with the defaults in every world",
-    )
-
-
-def name_of(machine: str) -> str:
-    """A machine at the beginning of a sentence."""
-    return machine[0].upper() + machine[1:]
-
-
-AUTO = {"learning.rate": "auto"}
+AUTO: dict[str, Any] = {"learning.rate": "auto"}
+OVER_FIRST = f"{TRANSFER} / {TRANSFER}[1]"
+IN_MM, BY_WORLD = f"1e3 * {TRANSFER}", ("world", "")
 FINDINGS = {
     **{
         f"{name}_{machine}": Finding(
             _by_world("final error over the least", over_least, at_most(HELD), machine=machine, **of),
-            says=f"{name_of(machine)}: the error stays bounded with {what} in every world",
+            says=f"{machine.capitalize()}: the error stays bounded with {what} in every world",
         )
         for machine in MACHINES
         for name, what, of in (
@@ -144,7 +124,7 @@ FINDINGS = {
     **{
         f"{name}_{machine}": Finding(
             _done(what, machine=machine, **of),
-            says=f"{name_of(machine)}: runs complete with {what} in every world",
+            says=f"{machine.capitalize()}: runs complete with {what} in every world",
         )
         for machine in MACHINES
         for name, what, of in (
@@ -156,16 +136,15 @@ FINDINGS = {
     "paper_rate": Finding(
         _by_world(
             "final error with the paper's rate over that with rate auto",
-            partial(_over, chosen={"learning.rate": PAPER_RATE}, other=AUTO), at_most(AS_GOOD),
-            part=RATE, machine=LEG,
+            TRANSFER, at_most(AS_GOOD), AUTO, part=RATE, machine=LEG, **dict[str, Any]({"learning.rate": PAPER_RATE}),
         ),
         says="With the right lead the error of one leg with the paper's rate is at most 1.25 times "
             "that with `auto` in every world",
     ),
     **{
         f"wrong_{machine}": Finding(
-            _by_world("final error over feedback only", over_alone, at_most(HARMLESS), part=WRONG, machine=machine),
-            says=f"{name_of(machine)}: guarded learning with lead 1 ends no worse than feedback only in "
+            _by_world("final error over feedback only", OVER_FIRST, at_most(HARMLESS), part=WRONG, machine=machine),
+            says=f"{machine.capitalize()}: guarded learning with lead 1 ends no worse than feedback only in "
             "every world",
         )
         for machine in MACHINES
@@ -186,17 +165,18 @@ FINDINGS = {
         )
         for choice in LEADS
     },
-    **{choice: _compare_choice(choice) for choice in SETTINGS},
+    **{
+        choice: Finding(
+            _by_world(f"final error with {choice} over that with the defaults", TRANSFER, at_most(AS_GOOD),
+                      {"choice": DEFAULT}, part=CHOICE, choice=choice),
+            says=f"One leg with {choice} ends as accurate as with the defaults in every world",
+        )
+        for choice in SETTINGS
+    },
 }  # fmt: skip
 
 
-def _table(results: Results, key: str, title: str, **of: str) -> "pd.DataFrame":
-    """Final errors of the runs ``of`` these settings, mm, or how they ended; a column for each world."""
-    chosen = results.select(of)
-    return cross_tabulate(chosen, (key, title), ("world", ""), lambda own: describe_end(own, 1e3 * final(own)))
-
-
-def draw_rates(results: Results) -> "Figure":
+def draw_rates(results: Results) -> Figure:
     """Transfer error in y over the cycles with `auto` in every world, for each machine."""
     chosen = results.select(AUTO, part=RATE)
     return draw(
@@ -220,17 +200,16 @@ STUDY = Study(
     figures={"auto": draw_rates},
     tables={
         **{
-            f"rates_{machine}": partial(_table, key="learning.rate", title="rate", part=RATE, machine=machine)
+            f"rates_{machine}": tabulate_ends(
+                IN_MM, ("learning.rate", "rate"), BY_WORLD, {"part": RATE, "machine": machine}
+            )
             for machine in MACHINES
         },
         **{
-            name: partial(_table, key="machine", title="machine", part=part)
+            name: tabulate_ends(IN_MM, ("machine", "machine"), BY_WORLD, {"part": part})
             for name, part in (("lead", LEAD), ("wrong", WRONG), ("guarded", GUARDED))
         },
-        "choices": partial(_table, key="choice", title="choice", part=CHOICE),
+        "choices": tabulate_ends(IN_MM, ("choice", "choice"), BY_WORLD, {"part": CHOICE}),
     },
     values=values,
 )
-
-if __name__ == "__main__":
-    main(__file__)

@@ -8,19 +8,14 @@ L(s) = (K_ap + K_av s) LEAD(s) / (M s^2). The bandwidth of the open loop is read
 import itertools
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.commands.study import main
 from cmacexp.config.compose import compose_config
-from cmacexp.study import Claim, Criterion, Results, Study, at_most
+from cmacexp.study import Claim, Criterion, DataFrame, Figure, Results, Study, at_most
 from cmacexp.typing import Array
 from pipelines.common_results import percent
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 UNMET = "the loop is unstable, or no pair meets (a)"
 SCENARIOS = {"one leg": "one_leg", "quadruped": "quadruped"}
@@ -70,7 +65,7 @@ def closed_loop(position_gain: float, velocity_gain: float, mass: float, omega: 
     return ClosedLoop(float(magnitude.max()), bandwidth, bool(np.roots(closed).real.max() < 0.0))
 
 
-def compute_loops(results: Results) -> "pd.DataFrame":
+def compute_loops(results: Results) -> DataFrame:
     """Loops with the gains of each scenario: with its own corner frequencies (``default``), and over a scan."""
     import pandas as pd
 
@@ -86,29 +81,29 @@ def compute_loops(results: Results) -> "pd.DataFrame":
     return pd.DataFrame(rows)
 
 
-def distance(loops: "pd.DataFrame") -> Array:
+def distance(loops: DataFrame) -> Array:
     """(loops,): relative distance of the closed loop's bandwidth from the open loop's; infinite if unstable."""
     ratio = loops["bandwidth"] / loops["open_bandwidth"]
     return np.where(loops["stable"], np.abs(ratio - 1.0), np.inf)
 
 
-def resonance(loops: "pd.DataFrame") -> Array:
+def resonance(loops: DataFrame) -> Array:
     """(loops,): largest magnitude of the closed loop above 1; infinite if unstable."""
     return np.where(loops["stable"], loops["resonance"] - 1.0, np.inf)
 
 
-def nearest(loops: "pd.DataFrame") -> Array:
+def nearest(loops: DataFrame) -> Array:
     """(1,): the least :func:`distance` of a loop that meets objective (a); infinite if none does."""
     return np.array([np.min(distance(loops), where=resonance(loops) < MOST_RESONANCE, initial=np.inf)])
 
 
-def _loops(results: Results, scenario: str, default: bool) -> "pd.DataFrame":
+def _loops(results: Results, scenario: str, default: bool) -> DataFrame:
     loops = results.computed["lead_design"]
     return loops[(loops["scenario"] == scenario) & (loops["default"] == default)]
 
 
 def _claim(
-    words: str, where: str, quantity: str, measure: "Callable[[pd.DataFrame], Array]", most: float, default: bool
+    words: str, where: str, quantity: str, measure: Callable[[DataFrame], Array], most: float, default: bool
 ) -> Claim:
     """For the gains of each scenario. Nothing counts as the opposite: mass and open-loop bandwidth are assumed."""
 
@@ -149,7 +144,7 @@ CLAIMS = {
 }
 
 
-def draw_maps(results: Results) -> "Figure":
+def draw_maps(results: Results) -> Figure:
     """One map per scenario: where (a) is met, lines of equal ratio of the bandwidths, and the pair used here."""
     from matplotlib.patches import Patch
 
@@ -192,6 +187,3 @@ STUDY = Study(
     figures={"maps": draw_maps},
     values=values,
 )
-
-if __name__ == "__main__":
-    main(__file__)

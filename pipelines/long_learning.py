@@ -8,26 +8,34 @@ of the quadruped's force feedback.
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cmacexp.cmac.rules import RULES
-from cmacexp.commands.study import main
 from cmacexp.metrics.final import TRANSFER
-from cmacexp.study import Criterion, Finding, Panel, Request, Results, Series, Study, at_least, at_most, draw, grid
+from cmacexp.study import (
+    Criterion,
+    Figure,
+    Finding,
+    Panel,
+    Request,
+    Results,
+    Series,
+    Study,
+    at_least,
+    at_most,
+    draw,
+    grid,
+)
 from cmacexp.study.curves import over_cycles
 from cmacexp.study.samples import ended_in, per_seed, quotients, relative
 from cmacexp.study.tables import cross_tabulate, tabulate
 from cmacexp.typing import Array
 from pipelines import long_learning_measures as measures
-from pipelines.common_results import describe_end, percent, share_done
-from pipelines.long_learning_measures import FORCE, GRID, LEG, PAPER, WALK, final
+from pipelines.common_results import describe_end, percent, tabulate_ends
+from pipelines.long_learning_measures import FORCE, GRID, LAST, LEG, PAPER, WALK, final
 from pipelines.worlds import FEWER, TESTED, in_worlds
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 WORLD, LATE, RATE, SETTING = "rules", "late", "rates", "settings"
 """Parts of the study in worlds, besides GRID in the paper's: column ``part``."""
@@ -122,12 +130,12 @@ def _paper(machine: str, lead: int | str, part: str) -> dict[str, Any]:
     return {"part": part, "machine": machine, "learning.lead": lead, **PAPER}
 
 
-def _ends(case: str, of: Mapping[str, Any], sample: Any = share_done) -> Criterion:
+def _ends(case: str, of: Mapping[str, Any], sample: Any = "done") -> Criterion:
     return percent(DONE, sample, at_most(0.9), None, of, case)
 
 
 def _complete(case: str, of: Mapping[str, Any], least: float) -> Criterion:
-    return percent("runs that complete", lambda results: results.completed, at_least(least), None, of, case)
+    return percent("runs that complete", "completed", at_least(least), None, of, case)
 
 
 def _steady(case: str, of: Mapping[str, Any], name: str = TRANSFER) -> Criterion:
@@ -215,7 +223,7 @@ FINDINGS = {
         [
             percent(
                 DONE,
-                share_done,
+                "done",
                 at_least(0.9),
                 of={"part": RATE, "learning.rate": rate},
                 case=f"lead auto, rate {rate}",
@@ -273,6 +281,9 @@ FINDINGS = {
 
 
 RULE_ERRORS = {"transfer_rmse_x": "transfer error in x", "transfer_rmse_y": "transfer error in y"}
+LEADS_BY, RULES_BY = ("learning.lead", "lead"), ("learning.rule", "rule")
+IN_MM = f"1e3 * {TRANSFER}[-{LAST}:]"
+ENDS = partial(describe_end, quantity=f"1e3 * {TRANSFER}[-{LAST}:]")
 WALK_ERRORS = {FORCE: "force error", "tilt_max": "largest tilt"}
 
 
@@ -282,7 +293,7 @@ def _curves(results: Results, names: Mapping[str, str], by: str, before: str = "
     return [replace(panel, title=before + title) for title, panel in panels.items()]
 
 
-def draw_leads(results: Results) -> "Figure":
+def draw_leads(results: Results) -> Figure:
     """The paper's rule with every lead, on both machines."""
     names = {"transfer_rmse_y": "transfer error in y", "feedback_change": "change of the feedback"}
     machines = results.by("machine").items()
@@ -290,7 +301,7 @@ def draw_leads(results: Results) -> "Figure":
     return draw([panel for own in panels for panel in own])
 
 
-def draw_growth(results: Results) -> "Figure":
+def draw_growth(results: Results) -> Figure:
     """Predicted against measured growth, and the difference."""
     known = {machine: measures.growth_known(results, machine) for machine in (LEG, WALK)}
     axis, panels = "measured growth per cycle", []
@@ -301,14 +312,6 @@ def draw_growth(results: Results) -> "Figure":
         series = [Series(name, own["measured"], own[column]) for name, own in known.items()]
         panels.append(Panel(title, axis, title, series, "scatter", y_limits=limits))
     return draw(panels)
-
-
-def _by_lead(results: Results, key: str, title: str, cell: Any) -> Any:
-    return cross_tabulate(results, (key, title), ("learning.lead", "lead"), cell)
-
-
-def _transfer(results: Results) -> str:
-    return describe_end(results, 1e3 * final(results))
 
 
 def _drift(results: Results) -> str:
@@ -331,13 +334,6 @@ def values(results: Results) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _leads(results: Results, machine: str, name: str) -> "pd.DataFrame":
-    """Errors at the end in worlds, or how runs ended, by rule and lead."""
-    factor = 1e3 if name == TRANSFER else 1.0
-    own = results.select(part=WORLD, machine=machine)
-    return _by_lead(own, "learning.rule", "rule", lambda runs: describe_end(runs, factor * final(runs, name)))
-
-
 STUDY = Study(
     title="Learning over many cycles",
     question="With which rules, leads and rates does learning last, and how early can this be predicted?",
@@ -354,15 +350,14 @@ STUDY = Study(
         "settings": lambda r: draw(_curves(r.select(part=SETTING), WALK_ERRORS, "settings")),
     },
     tables={
-        "leg": lambda r: _leads(r, LEG, TRANSFER),
-        "walk": lambda r: _leads(r, WALK, FORCE),
-        "published": lambda r: _by_lead(r.select(PAPER, part=GRID), "machine", "machine", _transfer),
-        "drift": lambda r: _by_lead(r.select(PAPER, part=GRID), "machine", "machine", _drift),
-        "late": lambda r: _by_lead(r.select(part=LATE), "actuator.delay", "delay, samples", _transfer),
-        "rates": lambda r: tabulate(r.select(part=RATE), {"learning.rate": "rate"}, {"error": _transfer}),
+        "leg": tabulate_ends(IN_MM, RULES_BY, LEADS_BY, {"part": WORLD, "machine": LEG}),
+        "walk": tabulate_ends(f"{FORCE}[-{LAST}:]", RULES_BY, LEADS_BY, {"part": WORLD, "machine": WALK}),
+        "published": tabulate_ends(IN_MM, ("machine", "machine"), LEADS_BY, {**PAPER, "part": GRID}),
+        "drift": lambda r: cross_tabulate(r.select(PAPER, part=GRID), ("machine", "machine"), LEADS_BY, _drift),
+        "late": tabulate_ends(IN_MM, ("actuator.delay", "delay, samples"), LEADS_BY, {"part": LATE}),
+        "rates": lambda r: tabulate(
+            r.select(part=RATE), {"learning.rate": "rate"}, {"error": partial(describe_end, quantity=IN_MM)}
+        ),
     },
     values=values,
 )
-
-if __name__ == "__main__":
-    main(__file__)

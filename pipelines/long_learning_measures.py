@@ -1,7 +1,7 @@
 """What the study of long learning measures: errors at the end, how runs end, drift, and predicted growth."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -17,13 +17,10 @@ from cmacexp.stability.growth import (
     fitted_growth,
     predicted_growth,
 )
-from cmacexp.study import Results
+from cmacexp.study import DataFrame, Results
+from cmacexp.study.quantity import compute_quantity
 from cmacexp.study.results import RunRow
 from cmacexp.typing import Array
-from pipelines.common_results import share_done
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 SMOOTHED = 10
 """Cycles of each median of which errors vary."""
@@ -67,7 +64,7 @@ def one_too_short(results: Results) -> Array:
     """(runs,): share done by runs whose lead is one less than the ``auto`` of their world and delay."""
     right = {_place(row): row.measures["lead"] for row in results.select({"learning.lead": "auto"}).rows}
     fixed = [row for row in results.rows if row.settings["learning.lead"] != "auto"]
-    return share_done(Results([row for row in fixed if row.measures["lead"] == right[_place(row)] - 1]))
+    return compute_quantity("done", Results([row for row in fixed if row.measures["lead"] == right[_place(row)] - 1]))
 
 
 def _place(row: RunRow) -> tuple[int, int]:
@@ -92,7 +89,7 @@ def error_when_detected(results: Results) -> list[float]:
     return [float(each[-1] / each.min()) for each in errors]
 
 
-def growth(results: Results) -> "pd.DataFrame":
+def growth(results: Results) -> DataFrame:
     """Growth of the feedback per cycle, ``predicted`` and ``measured``; NaN where a run is too short for it.
 
     In the paper's world: of its rule for every machine, lead and seed; of other rules for one leg and one seed.
@@ -155,7 +152,7 @@ def predict_and_measure(row: RunRow) -> tuple[float, float]:
     return prediction.over(place.first, place.last), growth_over(change, place)
 
 
-def growth_known(results: Results, machine: str) -> "pd.DataFrame":
+def growth_known(results: Results, machine: str) -> DataFrame:
     """Growths of a machine that are both predicted and measured, and how far the prediction ``misses``."""
     known = results.computed["growth"].dropna(subset=["predicted", "measured"])
     return known[known["machine"] == machine].assign(misses=known["predicted"] - known["measured"])

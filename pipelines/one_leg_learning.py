@@ -7,14 +7,27 @@ the 1/K_ap of eq. 13, on a smooth path, with an exact model instead of a CMAC, a
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from cmacexp.commands.study import main
 from cmacexp.data.run import Run
 from cmacexp.metrics.registry import SHOWN
-from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, between, draw, grid
+from cmacexp.study import (
+    Claim,
+    Criterion,
+    DataFrame,
+    Figure,
+    Finding,
+    Request,
+    Results,
+    Study,
+    at_least,
+    at_most,
+    between,
+    draw,
+    grid,
+)
 from cmacexp.study.curves import over_cycles
 from cmacexp.study.samples import Sample, growth, ratio
 from cmacexp.study.statements import Limit
@@ -22,10 +35,6 @@ from cmacexp.typing import Array
 from pipelines import one_leg_learning_trace as trace
 from pipelines.common_results import draw_cycles, percent
 from pipelines.one_leg_learning_trace import CYCLES, FIFTH, FIRST, SECOND
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 RAMP = 0.2
 """Time over which the foot takes its desired force, s."""
@@ -300,7 +309,7 @@ FINDINGS = {
 }  # fmt: skip
 
 
-def draw_bias(results: Results) -> "Figure":
+def draw_bias(results: Results) -> Figure:
     """Force error with and without the 1/K_ap of eq. 13, and what statics predict."""
     own = results.select(CMAC, variant=[PUBLISHED, AWARE])
     predicted = 100.0 * trace.learned_error(own.run.config)
@@ -308,7 +317,7 @@ def draw_bias(results: Results) -> "Figure":
     return draw([replace(panel, y_limits=[0.0, predicted])])
 
 
-def errors_table(results: Results) -> "pd.DataFrame":
+def errors_table(results: Results) -> DataFrame:
     """Errors and torques in the paper's cycles, mean over seeds."""
     import pandas as pd
 
@@ -333,7 +342,7 @@ def values(results: Results) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _of_first_seed(drawing: "Callable[[Run], Figure]") -> "Callable[[Results], Figure]":
+def _of_first_seed(drawing: Callable[[Run], Figure]) -> Callable[[Results], Figure]:
     return lambda results: drawing(results.select(PAPER).run)
 
 
@@ -359,6 +368,3 @@ STUDY = Study(
     tables={"errors": errors_table},
     values=values,
 )
-
-if __name__ == "__main__":
-    main(__file__)

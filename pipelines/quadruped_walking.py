@@ -5,12 +5,11 @@ longer than the paper, and draws the paper's figures from these runs.
 """
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from cmacexp.commands.study import main
-from cmacexp.study import Request, Results, Study, grid
+from cmacexp.study import DataFrame, Figure, Request, Results, Study, grid
 from cmacexp.study.tables import completed, ends, tabulate
 from pipelines import quadruped_walking_events as measured
 from pipelines import quadruped_walking_figures as figures
@@ -32,10 +31,6 @@ from pipelines.quadruped_walking_statements import (
     PRINTED,
     PUBLISHED,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 CONTROLLERS = {
     FEEDBACK: ["feedforward=none", "posture.gain=0"],
@@ -73,7 +68,7 @@ def runs(quick: bool) -> list[Request]:
     return found + grid(*run, over={"law": LAWS}, seeded=True, part=LONG, controller=ALL)
 
 
-def events(results: Results) -> "pd.DataFrame":
+def events(results: Results) -> DataFrame:
     """The events of the full controller with both references: one row per run and whole cycle."""
     import pandas as pd
 
@@ -85,7 +80,7 @@ def events(results: Results) -> "pd.DataFrame":
     return pd.concat(found, ignore_index=True)
 
 
-def deviations(results: Results) -> "pd.DataFrame":
+def deviations(results: Results) -> DataFrame:
     """What noise changes in the last cycles, by controller, reference and seed: ``feet``, mm, and ``force``, N.
 
     RMS over all samples and legs of the difference from the run with perfect sensors and the same settings; infinite
@@ -126,7 +121,7 @@ def values(results: Results) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def draw_views(results: Results, number: int) -> "Figure":
+def draw_views(results: Results, number: int) -> Figure:
     """Fig. 16 to 20."""
     return figures.views(*shown_walk(results), number)
 
@@ -163,6 +158,3 @@ STUDY = Study(
     },
     values=values,
 )  # fmt: skip
-
-if __name__ == "__main__":
-    main(__file__)

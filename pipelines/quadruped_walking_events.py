@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,12 +15,9 @@ from cmacexp.data.run import Run
 from cmacexp.data.signals import TRUE_MARGINS
 from cmacexp.planning.stability import FRONT, REAR, STABILITY
 from cmacexp.recording.run_view import RunView
-from cmacexp.study import Results
+from cmacexp.study import DataFrame, Results
 from cmacexp.study.samples import Sample
 from cmacexp.typing import Array, Mask
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 DUTY_FACTOR = 0.8
 WAVE = (0.2, 0.7, 0.0, 0.5)
@@ -165,7 +161,7 @@ def four_feet(walk: Walk, cycle: int) -> dict[str, float]:
     return {"four_feet": there / float((error**2).sum()), "diagonal": float((diagonal**2).sum()) / there}
 
 
-def events_in(run: Run) -> "pd.DataFrame":
+def events_in(run: Run) -> DataFrame:
     """One row per whole cycle of a run; some events are only measured in the last :data:`LATE` ones, else NaN."""
     import pandas as pd
 

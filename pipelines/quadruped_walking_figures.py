@@ -8,13 +8,13 @@ import numpy as np
 from cmacexp.planning.stability import FRONT, REAR
 from cmacexp.recording import palette
 from cmacexp.report.style import DESIRED, GROUND, SERIES, add_legend, colour, label, new_figure
+from cmacexp.study import Figure
 from cmacexp.typing import Array
 from pipelines.common_machine import ALOFT, DENT, MM, NEAR, NEAR_SIDE, draw_leg, joints
 from pipelines.quadruped_walking_events import Walk, instants
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 X, Y, Z = range(3)
 NAMES = ("1 left front", "2 right front", "3 left rear", "4 right rear")
@@ -27,7 +27,7 @@ OBLIQUE = 0.5 * np.array([np.cos(np.radians(38.0)), np.sin(np.radians(38.0))])
 BODY, COG, POLYGON = colour(palette.BODY_COLOR), colour(palette.COG), colour(palette.POLYGON)
 
 
-def gait_diagram(walk: Walk, cycles: int = 2) -> "Figure":
+def gait_diagram(walk: Walk, cycles: int = 2) -> Figure:
     """Fig. 14: which foot is planned to be down, and which carries, over the last cycles."""
     rows = walk.view.cycle > walk.view.cycle[-1] - cycles
     time = walk.view.time[rows] - walk.view.time[rows][0]
@@ -141,7 +141,7 @@ def _draw_forces(axes: "Axes", walk: Walk, k: int) -> None:
     label(axes, "foot forces", "leg", "contact force, N")
 
 
-def views(walk: Walk, cycle: int, number: int) -> "Figure":
+def views(walk: Walk, cycle: int, number: int) -> Figure:
     """Fig. 16 to 20: the machine from above, from the right side and the front, and its foot forces."""
     k = ({16: 0} | instants(walk, cycle))[number]
     figure, (plan, forces, side, front) = new_figure(2, 2, 2.75, width_ratios=[1.65, 1.0], height_ratios=[1.0, 1.05])
@@ -163,7 +163,7 @@ def _flat(points: Array) -> Array:
     return MM * (points[:, [X, Z]] + points[:, [Y]] * OBLIQUE)
 
 
-def diagram(walk: Walk) -> "Figure":
+def diagram(walk: Walk) -> Figure:
     """Fig. 15: the quadruped in its initial posture, aslant from the right."""
     links, plate = _links(walk, 0), _plate(walk, 0)
     figure, (axes,) = new_figure(height=4.0)

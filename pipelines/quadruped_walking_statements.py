@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cmacexp.study import Claim, Criterion, Finding, Results, at_least, at_most, between
-from cmacexp.study.samples import Sample, quotients, ratio
+from cmacexp.study.samples import Sample, quotients
 from cmacexp.study.statements import Limit
 from cmacexp.typing import Array
 from pipelines import quadruped_walking_events as measured
-from pipelines.common_results import percent, share_done
+from pipelines.common_results import percent
 from pipelines.quadruped_walking_events import LATE, event, late
 
 LADDER, NOISE, LONG = "ladder", "noise", "long"
@@ -53,16 +53,12 @@ def noise_ratio(column: str) -> Sample:
     return sample
 
 
-def _end(metric: str) -> Sample:
-    return partial(Results.end, name=metric, cycles=LATE)
-
-
 of_ladder = partial(percent, of={"part": LADDER})
 
 
 def _tilt(case: str, holds: Limit, fails: Limit | None = None, **of: Any) -> Criterion:
     quantity = f"largest tilt in a cycle, {LATE_CYCLES}"
-    return Criterion(quantity, _end("tilt_max"), holds, fails, "mrad", 1e3, {"part": LADDER} | of, case)
+    return Criterion(quantity, f"tilt_max[-{LATE}:]", holds, fails, "mrad", 1e3, {"part": LADDER} | of, case)
 
 
 class Said(NamedTuple):
@@ -85,7 +81,7 @@ SAID = {
         "Force/position feedback, posture control, and CMAC provide stable and steady walking",
         "section 6.3",
         lambda reference: [
-            of_ladder("part of the cycles that are walked", share_done, WALKS, FALLS, controller=ALL, **reference),
+            of_ladder("part of the cycles that are walked", "done", WALKS, FALLS, controller=ALL, **reference),
             _tilt("", STEADY, LEANS, controller=ALL, **reference),
             of_ladder(f"largest difference from the planned height in the last {LATE} cycles", measured.height_off,
                       at_most(0.01), at_least(0.05), controller=ALL, **reference),
@@ -152,8 +148,8 @@ SAID = {
         "abstract, section 7",
         lambda reference: [
             Criterion("error at the end over that without CMAC",
-                      ratio(_end(metric), {"controller": ALL}, {"controller": NO_CMAC}), IMPROVED, NOT_IMPROVED,
-                      of={"part": LADDER, "controller": [ALL, NO_CMAC], **reference}, case=name)
+                      f"{metric}[-{LATE}:]", IMPROVED, NOT_IMPROVED, case=name,
+                      of={"part": LADDER, "controller": ALL, **reference}, over={"controller": NO_CMAC})
             for metric, name in ERRORS.items()
         ],
         "the CMAC lowers errors in transfer and of the force",
@@ -176,7 +172,7 @@ SAID = {
         "The foot contact forces depend on the posture of the machine, and posture control obtains the desired one",
         "sections 6, 6.2",
         lambda reference: [
-            of_ladder("part of the cycles that are walked", share_done, *limits, case=name, controller=name,
+            of_ladder("part of the cycles that are walked", "done", *limits, case=name, controller=name,
                       **reference)
             for name, limits in (
                 (FEEDBACK, (FALLS, WALKS)), (NO_POSTURE, (FALLS, WALKS)),
@@ -238,15 +234,15 @@ FINDINGS = {
     "noise_cost": Finding(
         [
             Criterion("transfer error at the end, all sensors noisy over perfect ones",
-                      ratio(_end(f"transfer_rmse_{side}"), {"part": NOISE}, {"part": LADDER}), at_most(1.25),
-                      of={"controller": ALL, **AWARE}, case=f"in {side}")
+                      f"transfer_rmse_{side}[-{LATE}:]", at_most(1.25), case=f"in {side}",
+                      of={"controller": ALL, "part": NOISE, **AWARE}, over={"part": LADDER})
             for side in "xy"
         ],
         says="With CMAC, noise on all sensors costs little accuracy",
     ),
     "lasting": Finding(
         [
-            percent("part of the cycles that are walked", share_done, limit, case=law, part=LONG, law=law)
+            percent("part of the cycles that are walked", "done", limit, case=law, part=LONG, law=law)
             for law, limit in ((PUBLISHED, at_most(0.9)), (LEAD, at_least(0.9)))
         ],
         says="With the law as published the walk ends early, with a lead of one sample "

@@ -19,7 +19,7 @@ from pipelines.benchmark.benchmark import NAME as BENCHMARK
 from pipelines.benchmark.benchmark import make_study
 from pipelines.benchmark.entrants import list_methods
 from pipelines.benchmark.tasks import MACHINES
-from pipelines.paper import STUDIES
+from pipelines.groups import GROUPS, find_study
 
 PIPELINES = Path(__file__).resolve().parent
 DOCS = PIPELINES.parent / "docs"
@@ -35,14 +35,6 @@ COLUMNS = {"measured": "---", "value": "--:", "95 % interval": "--:", "n": "--:"
 NOT_MEASURED = "not measured yet"
 Quotable = Mapping[str, Mapping[str, Any]]
 """Statements by study and name."""
-
-
-def find_study(name: str) -> Path | None:
-    """The file of a study of this folder, of Python or of YAML; None if there is no such study."""
-    page = PIPELINES / f"{name}.md"
-    return next(
-        (path for suffix in (".yaml", ".py") if (path := page.with_suffix(suffix)).is_file() and page.is_file()), None
-    )
 
 
 def all_studies() -> list[StudyFile]:
@@ -173,7 +165,7 @@ def count_claims(results: Quotable) -> str:
 
 def all_claims(results: Quotable) -> str:
     """The claims of every study, in the order of the paper."""
-    order = {name: place for place, name in enumerate(STUDIES)}
+    order = {name: place for place, name in enumerate(GROUPS["paper"].studies)}
     studies = sorted((f for f in all_studies() if f.study.claims), key=lambda f: order.get(f.name, len(order)))
     own = [f"\n### {each.study.title} (`{each.name}`)\n{claims_of(each, results)}" for each in studies]
     return f"{''.join(own)}\n"

@@ -7,23 +7,33 @@ force feedback, with and without fault detection; adds noise to every signal; an
 import random
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from cmacexp.commands.study import main
 from cmacexp.data.run import Run
-from cmacexp.study import Criterion, Finding, Panel, Request, Results, Series, Study, at_least, at_most, draw, grid
+from cmacexp.study import (
+    Criterion,
+    DataFrame,
+    Figure,
+    Finding,
+    Panel,
+    Request,
+    Results,
+    Series,
+    Study,
+    at_least,
+    at_most,
+    draw,
+    grid,
+)
 from cmacexp.study.interval import estimate
-from cmacexp.study.samples import growth, relative
+from cmacexp.study.quantity import compute_quantity
+from cmacexp.study.samples import relative
 from cmacexp.study.statements import Limit
 from cmacexp.study.tables import cross_tabulate, tabulate
 from cmacexp.typing import Array, Mask
-from pipelines.common_results import describe_end, percent, share_done
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
+from pipelines.common_results import percent, tabulate_ends
 
 SOUND, BREAK, SHOWN, WATCH, NOISE, GAIN, LATE = "sound", "failures", "shown", "watched", "noise", "gains", "late"
 """Parts of the study: column ``part``."""
@@ -166,15 +176,10 @@ def _rejected_in_time(results: Results) -> Mask:
     return where_sound_walks(results, CHECK, GAINS).measure("rejected_after") <= results.run.steps_per_cycle
 
 
-def end(results: Results, metric: str) -> Array:
-    """(runs,): a metric at the end; infinite of a run that ended before."""
-    return results.end(metric, LAST)
-
-
 def worsening(results: Results, metric: str) -> Array:
     """(noisy runs,): a metric at the end over that of the run without noise and with the same seed."""
     noisy = [row for row in results.rows if row.settings["signal"] != NONE]
-    return relative(Results(noisy), results.select(signal=NONE), partial(end, metric=metric))
+    return relative(Results(noisy), results.select(signal=NONE), partial(Results.end, name=metric, cycles=LAST))
 
 
 def torque_first(results: Results) -> list[bool]:
@@ -200,7 +205,7 @@ def _survive(case: str, check: str, gains: Sequence[float], limit: Limit) -> Cri
 
 def _rejected(case: str, **of: Any) -> Criterion:
     quantity = "sound sensors that the check rejects in a run"
-    return Criterion(quantity, partial(Results.measure, name="rejected_sound"), at_most(0.0), of=of, case=case)
+    return Criterion(quantity, "rejected_sound", at_most(0.0), of=of, case=case)
 
 
 def _grows(what: str, gains: Sequence[float], limit: Limit) -> Criterion:
@@ -216,7 +221,7 @@ def _grows(what: str, gains: Sequence[float], limit: Limit) -> Criterion:
 def _done(late: Any, lead: Any, limit: Limit) -> Criterion:
     name = f"lead {lead}"
     of = {"part": LATE, "late": late, "learning.lead": lead}
-    return percent("cycles done of those asked for", share_done, limit, None, of, name)
+    return percent("cycles done of those asked for", "done", limit, None, of, name)
 
 
 FINDINGS = {
@@ -247,7 +252,7 @@ FINDINGS = {
         [
             percent(
                 "transfer error in y at the end over that of the first cycle",
-                lambda results: growth(end(results, "transfer_rmse_y"), results.at(1, "transfer_rmse_y")),
+                f"transfer_rmse_y[-{LAST}:] / transfer_rmse_y[1]",
                 at_most(0.25),
                 of={"part": NOISE, "machine": LEG, "signal": "force", "level": FORCE_NOISE},
             ),
@@ -287,7 +292,7 @@ FINDINGS = {
 }
 
 
-def draw_failure(results: Results) -> "Figure":
+def draw_failure(results: Results) -> Figure:
     """Desired, true and measured force of the leg with the broken sensor; the failure, and its detection."""
     panels = []
     for check, own in results.by("check").items():
@@ -301,7 +306,7 @@ def draw_failure(results: Results) -> "Figure":
     return draw(panels, columns=1, height=1.9)
 
 
-def draw_noise(results: Results) -> "Figure":
+def draw_noise(results: Results) -> Figure:
     """Errors and torque over those without noise, over the level of noise on each signal."""
     panels = []
     for signal, noisy in results.by("signal").items():
@@ -323,14 +328,14 @@ def _count_kinds(results: Results) -> str:
     return f"{without}, {checked} of {len(results.select(check=CHECK))}"
 
 
-def _force_noise(results: Results) -> "pd.DataFrame":
+def _force_noise(results: Results) -> DataFrame:
     return tabulate(
         results.select(part=GAIN),
         {"gain": "gain", "signal": "noise on"},
         {
-            "force error, N": partial(end, metric=FORCE),
-            "feedback torque, N m": partial(end, metric=TORQUE),
-            "tilt, mrad": lambda own: 1e3 * end(own, "tilt_max"),
+            "force error, N": partial(Results.end, name=FORCE, cycles=LAST),
+            "feedback torque, N m": partial(Results.end, name=TORQUE, cycles=LAST),
+            "tilt, mrad": partial(compute_quantity, f"1e3 * tilt_max[-{LAST}:]"),
         },
     )
 
@@ -364,15 +369,9 @@ STUDY = Study(
             r.select(part=BREAK, feedforward="cmac"), ("kind", "failure"), ("gain", "gain"), _count_kinds
         ),
         "force_noise": _force_noise,
-        "late": lambda r: cross_tabulate(
-            r.select(part=LATE),
-            ("late", "late"),
-            ("learning.lead", "lead"),
-            lambda own: describe_end(own, 1e3 * end(own, "transfer_rmse_y")),
+        "late": tabulate_ends(
+            f"1e3 * transfer_rmse_y[-{LAST}:]", ("late", "late"), ("learning.lead", "lead"), {"part": LATE}
         ),
     },
     values=values,
 )
-
-if __name__ == "__main__":
-    main(__file__)

@@ -7,26 +7,33 @@ the config alone. The limits of the verdict (``cmacexp/stability/verdict.py``) w
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from cmacexp.commands.study import main
 from cmacexp.models.robot_file import package_models
 from cmacexp.report.figures import Panel, Series
 from cmacexp.stability.growth import MAX_CYCLES_BEFORE
 from cmacexp.stability.verdict import GROWS, HOLDS, MAX_CYCLES, PLACES, UNDECIDED
-from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, between, draw
+from cmacexp.study import (
+    Criterion,
+    DataFrame,
+    Figure,
+    Finding,
+    Request,
+    Results,
+    Study,
+    at_least,
+    at_most,
+    between,
+    draw,
+)
 from cmacexp.study.interval import UNKNOWN, estimate
 from cmacexp.study.statements import Limit
 from cmacexp.typing import Array, Mask
 from pipelines.common_results import percent
 from pipelines.when_learning_holds_measures import LINEAR, MEASURES, REALS, SAID
 from pipelines.worlds import FIRST, LEG, ROBOT, WALK, draw_settings
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 DRAWS, QUICK_DRAWS = {LEG: 1200, WALK: 240, ROBOT: 20}, {LEG: 5, WALK: 4}
 """Settings that are drawn: with some of them feedback alone does not last."""
@@ -181,7 +188,7 @@ FINDINGS = {
 }  # fmt: skip
 
 
-def table_confusion(results: Results) -> "pd.DataFrame":
+def table_confusion(results: Results) -> DataFrame:
     """How many settings each predictor says to stay bounded or to grow, how they went, and how often it was right."""
     import pandas as pd
 
@@ -211,7 +218,7 @@ def table_confusion(results: Results) -> "pd.DataFrame":
     return pd.DataFrame(rows)
 
 
-def table_misses(results: Results) -> "pd.DataFrame":
+def table_misses(results: Results) -> DataFrame:
     """Wrong and undecided verdicts of one leg by single settings."""
     import pandas as pd
 
@@ -237,7 +244,7 @@ def table_misses(results: Results) -> "pd.DataFrame":
     )
 
 
-def draw_growth(results: Results) -> "Figure":
+def draw_growth(results: Results) -> Figure:
     """Predicted over measured growth where changes stay small."""
     series = [
         Series(machine, own.measure("measured"), own.measure("predicted"), style={"ms": 3})
@@ -247,7 +254,7 @@ def draw_growth(results: Results) -> "Figure":
     return draw([panel], columns=1)
 
 
-def draw_places(results: Results) -> "Figure":
+def draw_places(results: Results) -> Figure:
     """Least eigenvalue of Re(z^l T) over frequency at the places of the cycle: median and quartiles over settings."""
     own, place = learning(results.select(machine=LEG)), np.arange(PLACES) / PLACES
     series = []
@@ -293,6 +300,3 @@ STUDY = Study(
     tables={"confusion": table_confusion, "misses": table_misses},
     values=values,
 )
-
-if __name__ == "__main__":
-    main(__file__)

@@ -123,7 +123,7 @@ def _write(
     results, known = Results(rows, tables), restore(file, folder, options.quick) if current else None
     overrides = {collected[r][0]: r.overrides for r in requests if r.starts_from is None}
     witnesses = choose_witnesses(results, overrides)
-    provenance = make_provenance(digest_study(path), results, witnesses, options.seeds)
+    provenance = make_provenance({**digest_study(path), **stages["measures"]}, results, witnesses, options.seeds)
     with new_result(folder, FOLDER_KEY, REPORT) as place:
         evaluated = replace(evaluate(file, results, place.part, options.quick, known), provenance=provenance)
         place.write_text(STAGES_FILE, json.dumps(stages, indent=1) + "\n")

@@ -5,13 +5,15 @@ from cmacexp.study.comparison import Comparison, compare
 from cmacexp.study.curves import over_cycles, over_setting
 from cmacexp.study.results import Results
 from cmacexp.study.statements import ANY, Claim, Criterion, Finding, at_least, at_most, between
-from cmacexp.study.study import Request, Study, grid, starting_from
+from cmacexp.study.study import DataFrame, Figure, Request, Study, grid, starting_from
 
 __all__ = [
     "ANY",
     "Claim",
     "Comparison",
     "Criterion",
+    "DataFrame",
+    "Figure",
     "Finding",
     "Panel",
     "Request",

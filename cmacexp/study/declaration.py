@@ -3,39 +3,41 @@
 ``docs/add-a-study.md`` shows one. The same declarations make parts of studies in Python: see ``read_criteria``.
 """
 
+import importlib
 import itertools
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import yaml
 
+from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, suggest
+from cmacexp.metrics.text import format_number
 from cmacexp.report.figures import draw
 from cmacexp.study.curves import over_cycles, over_setting
+from cmacexp.study.interval import estimate
 from cmacexp.study.quantity import check_quantity, compute_quantity
 from cmacexp.study.results import Results
-from cmacexp.study.statements import Claim, Criterion, Finding, Limit
-from cmacexp.study.study import Request, Study, grid
-from cmacexp.study.tables import cross_tabulate, tabulate
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
+from cmacexp.study.statements import ANY, Claim, Criterion, Finding, Limit
+from cmacexp.study.study import DataFrame, Figure, Request, Study, grid, starting_from
+from cmacexp.study.tables import completed, cross_tabulate, tabulate
+from cmacexp.typing import Array
 
 SCALES = {"%": 100.0, "mm": 1e3, "mrad": 1e3, "ms": 1e3}
 """Factor from the unit of a metric to that of a limit, where it is not 1."""
 LIMIT = re.compile(r"(?:(at most|at least) )?(\S+?)(?: to (\S+?))? ?(%|[a-zA-Zµ]+(?:[ /][a-zA-Z]+)?)?")
 CRITERION = ("quantity", "value", "of", "over", "each", "limit", "opposite", "case")
 FORMS: dict[str, Sequence[str]] = {
-    "study": ("title", "question", "runs", "claims", "findings", "figures", "tables"),
-    "runs": ("set", "quick", "over", "seeds", "labels"),
-    "claims": ("words", "where", "criteria", *CRITERION),
-    "findings": ("says", "criteria", *CRITERION),
+    "study": ("title", "question", "runs", "measures", "claims", "findings", "figures", "tables"),
+    "runs": ("set", "quick", "over", "seeds", "labels", "after"),
+    "claims": ("for", "words", "where", "criteria", *CRITERION),
+    "findings": ("for", "says", "criteria", *CRITERION),
     "criteria": CRITERION,
-    "figures": ("metric", "value", "over", "by", "of", "log", "title"),
+    "figures": ("metric", "value", "over", "by", "of", "log", "title", "y", "kind"),
     "tables": ("rows", "columns", "across", "value", "of"),
 }
 """What each part of a declaration may hold."""
@@ -70,9 +72,13 @@ def format_overrides(values: Any) -> list[str]:
 def read_limit(text: str) -> tuple[Limit, str, float]:
     """A limit, the unit that it is given in, and the factor to it: ``at most 10 %``, ``at least 2``, ``1 to 3 mm``.
 
+    ``any mm`` is of a value that stands beside others and decides nothing.
+
     Raises:
         BadInput: it is none.
     """
+    if (found := re.fullmatch(r"any ?(.*)", str(text))) is not None:
+        return ANY, found[1], SCALES.get(found[1], 1.0)
     found = LIMIT.fullmatch(str(text))
     try:
         side, low, high, unit = found.groups() if found else (None, "", "", "")
@@ -103,16 +109,21 @@ def read_criteria(given: Mapping[str, Any], measures: Collection[str] = ()) -> l
     return [
         Criterion(
             str(own.get("quantity", own["value"])), str(own["value"]), holds, fails, unit, scale,
-            {**(own.get("of") or {}), **dict(chosen)}, str(own.get("case", ", ".join(str(v) for _, v in chosen))),
+            {**(own.get("of") or {}), **dict(chosen)}, _name_case(own.get("case"), dict(chosen)),
             over=own.get("over"),
         )
         for chosen in itertools.product(*values)
     ]  # fmt: skip
 
 
+def _name_case(case: Any, chosen: Mapping[str, Any]) -> str:
+    """The name of a case, with the values of settings in braces; without one, the values."""
+    return ", ".join(map(str, chosen.values())) if case is None else str(case).format(**chosen)
+
+
 def read_requests(parts: Sequence[Any], quick: bool) -> list[Request]:
     """The runs of all parts; a quick form takes what ``quick`` sets, and the first two values of each setting."""
-    found = []
+    found: list[Request] = []
     for given in parts:
         own = _check("runs", given)
         over = {
@@ -122,45 +133,87 @@ def read_requests(parts: Sequence[Any], quick: bool) -> list[Request]:
         if quick:
             over = {k: dict(list(v.items())[:2]) if isinstance(v, dict) else v[:2] for k, v in over.items()}
         more = own.get("quick") if quick else None
-        texts = [*format_overrides(own.get("set")), *format_overrides(more)]
-        found += grid(*texts, over=over, seeded=bool(own.get("seeds")), **(own.get("labels") or {}))
+        requests = grid(
+            *format_overrides(own.get("set")), over=over, seeded=bool(own.get("seeds")), **(own.get("labels") or {})
+        )
+        requests = [replace(each, overrides=(*each.overrides, *format_overrides(more))) for each in requests]
+        if "after" in own:
+            first = [each for each in found if own["after"].items() <= each.labels.items()]
+            first = [replace(each, labels={key: each.labels[key] for key in over}) for each in first]
+            requests = starting_from(first, requests)
+        found += requests
     return found
 
 
-def _sample(text: str) -> Callable[[Results], Any]:
-    return partial(compute_quantity, text)
+def _cell(value: Any) -> Callable[[Results], Any]:
+    """What a cell of a table shows of its runs: a quantity of those that completed, several, or how many did."""
+
+    def describe(results: Results) -> str:
+        found = [estimate(compute_quantity(text, results)) for text in value]
+        errors = " / ".join(format_number(each.value) for each in found)
+        return f"{errors} ({found[-1].size})" if found[-1].failed else errors
+
+    def measure(results: Results) -> Array:
+        done = [row for row in results.rows if row.run.completed] or results.rows
+        return compute_quantity(value, Results(done, results.computed))
+
+    if value == "completed":
+        return completed
+    return describe if isinstance(value, list) else measure
 
 
-def read_figure(given: Any) -> "Callable[[Results], Figure]":
+def read_figure(given: Any) -> Callable[[Results], Figure]:
     """A figure of panels: a ``metric`` over cycles, or a ``value`` over a setting, with a line for each of ``by``."""
     panels = [_check("figures", each, ["by"] if "metric" in each else ["value", "over"]) for each in _list(given)]
 
     def build(own: Mapping[str, Any], results: Results) -> Any:
         chosen, log, title = results.select(own.get("of")), own.get("log", ""), own.get("title", "")
         if "metric" in own:
-            return over_cycles(chosen, own["metric"], own["by"], log, title)
-        y = title or str(own["value"])
-        return over_setting(chosen, own["over"], y, _sample(own["value"]), own.get("by"), title=title, log=log)
+            panel = over_cycles(chosen, own["metric"], own["by"], log)
+            return replace(panel, title=title or panel.title)
+        y, kind = str(own.get("y", title or own["value"])), own.get("kind", "lines")
+        sample = partial(compute_quantity, own["value"])
+        return over_setting(chosen, own["over"], y, sample, own.get("by"), title=title, log=log, kind=kind)
 
-    return lambda results: draw([build(own, results) for own in panels])
+    return lambda results: draw([build(own, results) for own in panels], columns=min(2, len(panels)))
 
 
-def read_table(given: Any) -> "Callable[[Results], pd.DataFrame]":
+def read_table(given: Any) -> Callable[[Results], DataFrame]:
     """A row for each of ``rows``; a column for each quantity of ``columns``, or for each value of ``across``."""
     own = _check("tables", given, ["rows"])
     rows = own["rows"] if isinstance(own["rows"], Mapping) else {key: key for key in _list(own["rows"])}
     if "across" in own:
-        pair, sample = next(iter(rows.items())), _sample(own["value"])
+        pair, sample = next(iter(rows.items())), _cell(own["value"])
         return lambda results: cross_tabulate(results.select(own.get("of")), pair, (own["across"], ""), sample)
-    columns = {title: _sample(text) for title, text in own["columns"].items()}
+    columns = {title: _cell(text) for title, text in own["columns"].items()}
     return lambda results: tabulate(results.select(own.get("of")), rows, columns)
+
+
+def _fill(value: Any, words: Mapping[str, Any]) -> Any:
+    """A part of a declaration whose texts have names in braces replaced."""
+    if isinstance(value, Mapping):
+        return {key: _fill(each, words) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_fill(each, words) for each in value]
+    return value.format(**words) if isinstance(value, str) else value
+
+
+def _expand(part: str, given: Mapping[str, Any], needs: Collection[str] = ()) -> dict[str, dict[str, Any]]:
+    """Statements by name, one for each value that ``for`` gives for a name in braces; raises BadInput."""
+    found = {}
+    for name, own in given.items():
+        values = _check(part, own, needs).get("for") or {}
+        for chosen in itertools.product(*values.values()):
+            words = dict(zip(values, chosen, strict=True))
+            found[_fill(name, words)] = _fill(own, words) if words else own
+    return found
 
 
 def read_findings(given: Mapping[str, Any], measures: Collection[str] = ()) -> dict[str, Finding]:
     """Findings by name; raises as :func:`read_criteria`."""
     return {
-        name: Finding(read_criteria(_check("findings", own), measures), says=str(own.get("says", "")))
-        for name, own in given.items()
+        name: Finding(read_criteria(own, measures), says=str(own.get("says", "")))
+        for name, own in _expand("findings", given).items()
     }
 
 
@@ -168,8 +221,18 @@ def read_claims(given: Mapping[str, Any], measures: Collection[str] = ()) -> dic
     """Claims by name; raises as :func:`read_criteria`."""
     return {
         name: Claim(own["words"], own["where"], read_criteria(own, measures))
-        for name, own in ((name, _check("claims", each, ["words", "where"])) for name, each in given.items())
+        for name, own in _expand("claims", given, ["words", "where"]).items()
     }
+
+
+def _find_measure(target: str) -> Callable[[Run], float]:
+    """A function by its dotted name; raises BadInput."""
+    module, _, name = str(target).rpartition(".")
+    try:
+        function: Callable[[Run], float] = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise BadInput("measures", target, f"must be a function by its dotted name: {error}") from error
+    return function
 
 
 def read_study(path: Path) -> Study:
@@ -184,12 +247,14 @@ def read_study(path: Path) -> Study:
         raise BadInput("study", path, f"is no YAML: {' '.join(str(error).split())}") from error
     own = _check("study", given, ["title", "question", "runs"])
     read_requests(own["runs"], quick=False)
+    measures = {name: _find_measure(target) for name, target in (own.get("measures") or {}).items()}
     return Study(
         title=str(own["title"]),
         question=str(own["question"]),
         runs=partial(read_requests, own["runs"]),
-        claims=read_claims(own.get("claims") or {}),
-        findings=read_findings(own.get("findings") or {}),
+        measures=measures,
+        claims=read_claims(own.get("claims") or {}, measures),
+        findings=read_findings(own.get("findings") or {}, measures),
         figures={name: read_figure(each) for name, each in (own.get("figures") or {}).items()},
         tables={name: read_table(each) for name, each in (own.get("tables") or {}).items()},
     )

@@ -197,6 +197,7 @@ def evaluate(
             "claim": lambda name: "" if quick else _format_claim(claims[name]),
             "last_cycles": LAST_CYCLES,
             "runs": len(results),
+            "setting": lambda key, **of: results.select(of).rows[0].settings[key],
             **study.values(results),
         },
     )

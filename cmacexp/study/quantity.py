@@ -2,8 +2,9 @@
 
 A name is a metric or a measure of the study: ``force_rmse[5]`` its value in cycle 5, ``force_rmse[-3:]`` the median
 of the last 3 cycles, ``force_rmse`` alone its final value (``cmacexp.metrics.final``). ``completed`` says whether a
-run reached its end, ``done`` is the share of its cycles that it did. The text is Python's notation of arithmetic and
-comparisons, with ``abs``, ``hypot``, ``max`` and ``min``; it is read by this file, never executed.
+run reached its end, ``done`` and ``lasted`` are the shares of its cycles and of its time that it did. The text is
+Python's notation of arithmetic and comparisons, with ``abs``, ``hypot``, ``max`` and ``min``;
+``setting("cmac.layers")`` is a number of the config. It is read by this file, never executed.
 """
 
 import ast
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.study.results import Results
@@ -29,11 +31,18 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "abs": np.abs, "hypot": np.hypot, "max": lambda *values: reduce(np.maximum, values),
     "min": lambda *values: reduce(np.minimum, values),
 }  # fmt: skip
+CALLED = (*FUNCTIONS, "setting")
+"""Functions, and that of a dotted key that is a number of the config."""
 OF_RUNS: dict[str, Callable[[Results], Array]] = {
     "completed": lambda results: np.array(results.completed),
     "done": lambda results: np.array([row.run.cycles_done / row.settings["cycles"] for row in results.rows]),
+    "lasted": lambda results: np.array([_share_of_time(run) for run in results.runs]),
 }
 """What every run has besides metrics and measures."""
+
+
+def _share_of_time(run: Run) -> float:
+    return float(run.manifest["steps"] / (run.steps_per_cycle * run.config["cycles"]))
 
 
 def parse_quantity(text: str) -> ast.expr:
@@ -49,7 +58,7 @@ def parse_quantity(text: str) -> ast.expr:
     for node in ast.walk(tree):
         known = isinstance(node, ast.Constant | ast.Name | ast.Load | ast.Slice | ast.Subscript | ast.operator)
         known |= isinstance(node, ast.BinOp | ast.UnaryOp | ast.Compare | ast.cmpop | ast.unaryop)
-        known |= isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS
+        known |= isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in CALLED
         if not known or (isinstance(node, ast.operator | ast.cmpop | ast.unaryop) and type(node) not in OPERATORS):
             raise BadInput("quantity", text, f"may use + - * / ** < <= > >= and {', '.join(FUNCTIONS)}")
     return tree
@@ -57,7 +66,7 @@ def parse_quantity(text: str) -> ast.expr:
 
 def list_names(text: str) -> Iterator[str]:
     """The metrics and measures that a quantity is made of; raises as :func:`parse_quantity`."""
-    called = (*FUNCTIONS, *OF_RUNS)
+    called = (*CALLED, *OF_RUNS)
     tree = parse_quantity(text)
     return (node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and node.id not in called)
 
@@ -96,6 +105,8 @@ def _compute(node: ast.expr, results: Results) -> Any:
             return OPERATORS[type(sign)](_compute(left, results), _compute(right, results))
         case ast.UnaryOp(sign, value):
             return OPERATORS[type(sign)](_compute(value, results))
+        case ast.Call(ast.Name("setting"), [ast.Constant(str(key))]):
+            return np.array([float(row.settings[key]) for row in results.rows])
         case ast.Call(ast.Name(name), values):
             return FUNCTIONS[name](*(_compute(value, results) for value in values))
     raise BadInput("quantity", ast.unparse(node), "write a cycle as [5], the last cycles as [-3:]")

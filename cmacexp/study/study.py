@@ -10,8 +10,10 @@ from cmacexp.study.results import Measures, Results
 from cmacexp.study.statements import Claim, Finding
 
 if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as Figure
+    from pandas import DataFrame as DataFrame
+else:
+    DataFrame = Figure = Any  # for annotations alone: neither library is read before it is needed
 
 
 Values = Mapping[str, Sequence[Any] | Mapping[str, Sequence[str]]]
@@ -100,11 +102,11 @@ class Study:
     """The runs, given whether it is to be quick."""
     measures: Measures = field(default_factory=dict)
     """Measures of a run besides its metrics: columns of the table of results."""
-    computed: "Mapping[str, Callable[[Results], pd.DataFrame]]" = field(default_factory=dict)
+    computed: Mapping[str, Callable[[Results], DataFrame]] = field(default_factory=dict)
     """Tables that are computed besides the runs, and kept beside the page."""
     claims: Mapping[str, Claim] = field(default_factory=dict)
     findings: Mapping[str, Finding] = field(default_factory=dict)
-    figures: "Mapping[str, Callable[[Results], Figure]]" = field(default_factory=dict)
-    tables: "Mapping[str, Callable[[Results], pd.DataFrame]]" = field(default_factory=dict)
+    figures: Mapping[str, Callable[[Results], Figure]] = field(default_factory=dict)
+    tables: Mapping[str, Callable[[Results], DataFrame]] = field(default_factory=dict)
     values: Callable[[Results], Mapping[str, Any]] = lambda results: {}
     """Further values of the page, by name."""

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any, NoReturn
 
 import cmacexp
 from cmacexp.commands.study import FOLDER_KEY, Options, command, study_parser
@@ -23,6 +23,7 @@ from cmacexp.data.folder import HTML, new_result
 from cmacexp.data.manifest import REPORT, git_commit, versions
 from cmacexp.errors import BadInput
 from cmacexp.jit.sources import code_hash
+from cmacexp.study import DataFrame
 from cmacexp.study.page import evaluate, write_page
 from cmacexp.study.provenance import digest_files, make_provenance, make_witness
 from cmacexp.study.results import Results
@@ -38,9 +39,6 @@ from pipelines.benchmark.results import FOR_ALL, Bench, tabulate_tuning, test, t
 from pipelines.benchmark.tasks import LEG, MACHINES, TASKS, VERSION, Machine, hash_tasks, make_quick
 from pipelines.benchmark.trial import Trial
 from pipelines.benchmark.tuning import DEFAULT
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 ALL, TRIALS = "all", "trials"
 """Every machine; the folder of outcomes, which are used again, beside the reports of studies."""
@@ -124,7 +122,7 @@ def _make_witnesses(machine: Machine, methods: list[Method]) -> list[dict[str, A
 
 def _write(done: dict[str, Any], machines: dict[str, Machine], methods: list[Method], options: Options) -> Path:
     """Write table, JSON and page; returns the page."""
-    frame: pd.DataFrame = done["frame"]
+    frame: DataFrame = done["frame"]
     study = make_study(machines, [method.name for method in methods])
     file = StudyFile(Path(__file__).with_name(f"{NAME}.py"), study)
     results = Results([], {NAME: frame, "costs": done["costs"], "settings": done["settings"]})
@@ -162,7 +160,7 @@ def run(arguments: argparse.Namespace, options: Options) -> Path:
     return _write(_run(options, machines, methods), machines, methods, options)
 
 
-def main() -> None:
+def main() -> NoReturn:
     """The command."""
     parser = study_parser("pipelines.benchmark", QUESTION, seeded=False)
     entered = "a feedforward or controller of your own that takes part, as often as needed"

@@ -3,23 +3,21 @@
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cmacexp.data.files import open_file
 from cmacexp.data.parquet import read_table
 from cmacexp.errors import BadInput
+from cmacexp.study import DataFrame
 from cmacexp.study.comparison import Comparison
 from pipelines.benchmark.results import SETTINGS
 from pipelines.benchmark.summary import make_comparison, take
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 SAME = ("version", "tasks_hash")
 """Entries in which results must agree to be compared."""
 
 
-def _read(path: Path) -> "tuple[pd.DataFrame, dict[str, Any]]":
+def _read(path: Path) -> tuple[DataFrame, dict[str, Any]]:
     """A table of results, and the JSON beside it.
 
     Raises:

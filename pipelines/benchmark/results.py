@@ -2,20 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cmacexp.engine.pool import ParallelMap
+from cmacexp.study import DataFrame
 from cmacexp.study.comparison import relative_to
 from cmacexp.typing import Array
 from pipelines.benchmark.entrants import ALONE, Method
 from pipelines.benchmark.tasks import TASKS, Machine
 from pipelines.benchmark.trial import Trial, run_trial
 from pipelines.benchmark.tuning import DEFAULT, Setting, choose_setting, draw_settings
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 BY_DEFAULT, FOR_ALL, FOR_EACH, GUARDED = SETTINGS = (
     "default", "one for all tasks", "one for each task", "default, guarded",
@@ -116,7 +114,7 @@ def tune(bench: Bench) -> dict[tuple[str, str], Chosen]:
     return chosen
 
 
-def test(bench: Bench, chosen: Mapping[tuple[str, str], Chosen]) -> "pd.DataFrame":
+def test(bench: Bench, chosen: Mapping[tuple[str, str], Chosen]) -> DataFrame:
     """A row for each machine, method, kind of setting, task and world; sorted, the same however it was run."""
     places = {
         (machine, method, kind, task): Key(
@@ -137,7 +135,7 @@ def test(bench: Bench, chosen: Mapping[tuple[str, str], Chosen]) -> "pd.DataFram
     return _tabulate(bench, places)
 
 
-def tabulate_tuning(bench: Bench, chosen: Mapping[tuple[str, str], Chosen]) -> "pd.DataFrame":
+def tabulate_tuning(bench: Bench, chosen: Mapping[tuple[str, str], Chosen]) -> DataFrame:
     """Likewise in the worlds of tuning, with the setting that was chosen there for all tasks."""
     machines = dict.fromkeys(machine for machine, _ in chosen)
     places = [*chosen, *((machine, ALONE) for machine in machines)]
@@ -151,7 +149,7 @@ def tabulate_tuning(bench: Bench, chosen: Mapping[tuple[str, str], Chosen]) -> "
     )
 
 
-def _tabulate(bench: Bench, places: Mapping[tuple[str, str, str, str], Key]) -> "pd.DataFrame":
+def _tabulate(bench: Bench, places: Mapping[tuple[str, str, str, str], Key]) -> DataFrame:
     import pandas as pd
 
     return pd.DataFrame(

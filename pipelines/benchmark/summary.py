@@ -1,11 +1,12 @@
 """What the rows of the benchmark say: comparisons, tables and figures."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cmacexp.report.figures import Panel, Series, draw
+from cmacexp.study import DataFrame, Figure
 from cmacexp.study.comparison import Comparison, compare, find_order, profile_panel
 from cmacexp.study.interval import Interval
 from cmacexp.typing import Array, Mask
@@ -14,10 +15,6 @@ from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, GUARDED, SETTINGS
 from pipelines.benchmark.tasks import MACHINES, STRESS, TASKS
 from pipelines.benchmark.trial import COMPLETED
 from pipelines.feedforwards_measures import cycles_to
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 END, WORST, FORCE = "end_error", "worst_error", "force"
 TENTH = 0.1
@@ -28,17 +25,17 @@ UNDEFINED = "n/a"
 """Of what no completed run defines, or is relative to a reference that failed."""
 
 
-def take(frame: "pd.DataFrame", machine: str, setting: str) -> "pd.DataFrame":
+def take(frame: DataFrame, machine: str, setting: str) -> DataFrame:
     """The rows of a machine with a kind of setting."""
     return frame[(frame["machine"] == machine) & (frame["setting"] == setting)]
 
 
-def machines_of(frame: "pd.DataFrame") -> list[str]:
+def machines_of(frame: DataFrame) -> list[str]:
     """The machines that took part."""
     return list(frame["machine"].unique())
 
 
-def tabulate_values(rows: "pd.DataFrame", column: str, tasks: tuple[str, ...] = TASKS) -> dict[str, Array]:
+def tabulate_values(rows: DataFrame, column: str, tasks: tuple[str, ...] = TASKS) -> dict[str, Array]:
     """(tasks, worlds) of a column by method, of the rows of a machine with a kind of setting."""
     return {
         method: own.pivot(index="task", columns="world", values=column).loc[list(tasks)].to_numpy(dtype=float)
@@ -46,18 +43,18 @@ def tabulate_values(rows: "pd.DataFrame", column: str, tasks: tuple[str, ...] = 
     }
 
 
-def make_comparison(frame: "pd.DataFrame", machine: str, setting: str, column: str = END) -> Comparison:
+def make_comparison(frame: DataFrame, machine: str, setting: str, column: str = END) -> Comparison:
     """Methods on a machine over the tasks that count: a column over that of feedback only in the same world."""
     rows = take(frame, machine, setting)
     return compare(tabulate_values(rows, column), ALONE, TASKS, sorted(rows["world"].unique()))
 
 
-def describe_order(frame: "pd.DataFrame", machine: str, setting: str) -> str:
+def describe_order(frame: DataFrame, machine: str, setting: str) -> str:
     """The order of the methods, as far as end error and worst cycle agree on it."""
     return find_order({name: make_comparison(frame, machine, setting, key) for name, key in METRICS.items()}).sentence
 
 
-def count_cycles(rows: "pd.DataFrame") -> dict[str, Array]:
+def count_cycles(rows: DataFrame) -> dict[str, Array]:
     """(tasks, worlds) by method: cycles after the change to a tenth of the end error of feedback only, and on.
 
     Infinite where that is never; NaN where feedback only failed.
@@ -101,7 +98,7 @@ def find_setting(machine: str) -> str:
     return FOR_ALL if MACHINES[machine].draws else BY_DEFAULT
 
 
-def table_scores(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
+def table_scores(frame: DataFrame, machine: str) -> DataFrame:
     """The headline: mean score of completed runs and failures with each kind of setting, worst cycle, cycles."""
     import pandas as pd
 
@@ -125,7 +122,7 @@ def table_scores(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
     )
 
 
-def table_guarded(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
+def table_guarded(frame: DataFrame, machine: str) -> DataFrame:
     """Default settings without and with the guard; and their ratio in the runs that both complete."""
     import pandas as pd
 
@@ -148,7 +145,7 @@ def table_guarded(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
     )
 
 
-def table_absolute(frame: "pd.DataFrame") -> "pd.DataFrame":
+def table_absolute(frame: DataFrame) -> DataFrame:
     """What ratios are relative to: medians of the errors of feedback only, and of the CMAC if it takes part."""
     import pandas as pd
 
@@ -169,7 +166,7 @@ def table_absolute(frame: "pd.DataFrame") -> "pd.DataFrame":
     return pd.DataFrame(rows)
 
 
-def table_statistics(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
+def table_statistics(frame: DataFrame, machine: str) -> DataFrame:
     """Mean score of completed runs, failures, and the comparison with the CMAC in the same tasks and worlds."""
     import pandas as pd
 
@@ -186,7 +183,7 @@ def table_statistics(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
     )
 
 
-def table_tasks(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
+def table_tasks(frame: DataFrame, machine: str) -> DataFrame:
     """Mean score of the completed runs of each method in each task, and how many failed."""
     import pandas as pd
 
@@ -207,7 +204,7 @@ def table_tasks(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
     )
 
 
-def table_costs(frame: "pd.DataFrame", costs: "pd.DataFrame", machine: str) -> "pd.DataFrame":
+def table_costs(frame: DataFrame, costs: DataFrame, machine: str) -> DataFrame:
     """Force error, feedback, largest torque and energy over those of feedback only, medians; time and memory.
 
     Of the runs that both complete.
@@ -235,7 +232,7 @@ def table_costs(frame: "pd.DataFrame", costs: "pd.DataFrame", machine: str) -> "
     )
 
 
-def table_failures(frame: "pd.DataFrame") -> "pd.DataFrame":
+def table_failures(frame: DataFrame) -> DataFrame:
     """Where methods fail, and why: the most frequent cause of each method in each task."""
     failed = frame[(frame["status"] != COMPLETED) & (frame["task"] != STRESS)].copy()
     failed["cause"] = failed["cause"].str.replace(r"[-+]?\d[\d.e+-]*", "N", regex=True)
@@ -244,18 +241,18 @@ def table_failures(frame: "pd.DataFrame") -> "pd.DataFrame":
     return failed.groupby(by, sort=False).agg(**columns).reset_index()
 
 
-def _most_frequent(values: "pd.Series[str]") -> str:
+def _most_frequent(values: Any) -> str:
     return str(values.value_counts().index[0])
 
 
-def draw_profiles(frame: "pd.DataFrame") -> "Figure":
+def draw_profiles(frame: DataFrame) -> Figure:
     """Share of runs that score at most so much, on each machine."""
     machines = machines_of(frame)
     panels = [profile_panel(make_comparison(frame, each, find_setting(each)), each) for each in machines]
     return draw(panels, height=3.2)
 
 
-def draw_worlds(frame: "pd.DataFrame") -> "Figure":
+def draw_worlds(frame: DataFrame) -> Figure:
     """A dot for each world: scores of each method in each task, on the first machine."""
     machine = machines_of(frame)[0]
     comparison = make_comparison(frame, machine, find_setting(machine))
@@ -271,7 +268,7 @@ def draw_worlds(frame: "pd.DataFrame") -> "Figure":
     return draw(panels, height=2.2)
 
 
-def write_scores(frame: "pd.DataFrame") -> str:
+def write_scores(frame: DataFrame) -> str:
     """Absolute errors, and the headline of each machine, in Markdown, for the documentation."""
     parts = [f"**Absolute errors at the end, medians over the worlds**\n\n{_write_table(table_absolute(frame))}\n"]
     for machine in machines_of(frame):
@@ -287,12 +284,12 @@ def write_scores(frame: "pd.DataFrame") -> str:
     return "\n".join(parts)
 
 
-def _write_table(table: "pd.DataFrame") -> str:
+def _write_table(table: DataFrame) -> str:
     rows = [list(table), ["---"] * len(table.columns), *table.itertuples(index=False)]
     return "\n".join("| " + " | ".join(map(str, row)) + " |" for row in rows)
 
 
-def stress(frame: "pd.DataFrame") -> "pd.DataFrame":
+def stress(frame: DataFrame) -> DataFrame:
     """How many worlds each method completes in the stress test, of those in which feedback only does."""
     import pandas as pd
 

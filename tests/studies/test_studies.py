@@ -1,17 +1,26 @@
 """What holds for every study: its runs compose, its page shows all it declares, its quick form concludes nothing."""
 
 import re
+import subprocess
+import sys
 
 import pytest
 from support.command import ROOT, python
 from support.doors import Options, compose_config, load_study, package_models, write_studies
 
+from pipelines.groups import GROUPS, find_study
+
 FILES = {
-    path.stem: load_study(path.with_suffix(".py"))
+    path.stem: load_study(find_study(path.stem))
     for path in sorted((ROOT / "pipelines").glob("*.md"))
     if "robots" not in path.stem or package_models()  # without their models nothing of it can be composed
 }
 IN_CI = "one_leg_learning"
+
+
+def test_every_study_is_in_one_group():
+    names = [name for group in GROUPS.values() for name in group.studies]
+    assert sorted(names) == sorted(path.stem for path in (ROOT / "pipelines").glob("*.md"))
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -59,14 +68,22 @@ def test_the_quick_form_leaves_a_whole_report_without_conclusions(name, folder):
 
 @pytest.mark.nightly
 def test_the_page_over_all_studies_of_the_paper_is_whole(folder):
-    done = python("-m", "pipelines.paper", "--quick", "--folder", str(folder), folder=ROOT)
+    done = python("-m", "pipelines", "paper", "--quick", "--folder", str(folder), folder=ROOT)
     assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.ci
 def test_a_study_that_is_run_again_runs_nothing_again(tmp_path):
-    command = ("-m", f"pipelines.{IN_CI}", "--quick", "--folder", str(tmp_path))
+    command = ("-m", "pipelines", IN_CI, "--quick", "--folder", str(tmp_path))
     done, again = (python(*command, folder=ROOT) for _ in range(2))
     assert (done.returncode, again.returncode) == (0, 0), done.stderr
     assert " 0 of them to be run" in again.stderr
     check_quick(tmp_path / f"{IN_CI}-quick", FILES[IN_CI].study)
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("name", ["lead_design", "late_robots", "learning", "benchmark"])
+def test_a_study_of_python_one_of_yaml_a_group_and_the_benchmark_have_commands_of_their_own(name):
+    command = [sys.executable, "-m", f"pipelines.{name}", "--help"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith(f"usage: python -m pipelines.{name} ")

@@ -1,0 +1,70 @@
+"""Groups of studies, each with one page over all of them: ``python -m pipelines.paper``, ``.learning`` and so on.
+
+``outputs/studies/NAME/report.html`` of a group is a table of what the paper says beside what was measured, if its
+studies have claims, then the sections of each study. The benchmark has a command of its own.
+"""
+
+from pathlib import Path
+from typing import NamedTuple, NoReturn
+
+from cmacexp.commands.study import FOLDER_KEY, Options, command, print_statements, study_parser, write_studies
+from cmacexp.data.folder import new_result
+from cmacexp.data.manifest import REPORT
+from cmacexp.study.page import write_page
+from cmacexp.study.study_file import YAML, load_study
+
+PIPELINES = Path(__file__).resolve().parent
+
+
+class Group(NamedTuple):
+    """Studies that answer one question together."""
+
+    title: str
+    question: str
+    studies: tuple[str, ...]
+    """Names, in the order of the page."""
+
+
+GROUPS = {
+    "paper": Group(
+        "Lin & Song 1997, claim by claim",
+        "Learning Hybrid Position/Force Control of a Quadruped Walking Machine Using a CMAC Neural Network, "
+        "repeated: which of its claims do new runs reproduce?",
+        ("lead_design", "force_methods", "one_leg_learning", "quadruped_walking", "cmac_size", "assumptions"),
+    ),
+    "learning": Group(
+        "Learning that lasts",
+        "Which learners, rules, rates, leads and memories learn fast and for long, also with delayed sensors?",
+        ("feedforwards", "long_learning", "late_learning", "hashing", "sensors"),
+    ),
+    "quadrupeds": Group(
+        "Robots of today",
+        "What does learned feedforward gain on today's quadrupeds, in moving gaits and with delayed feedback?",
+        ("robots", "moving_robots", "late_robots"),
+    ),
+    "bounded": Group(
+        "Guarded learning",
+        "Which configurations stay bounded, and does the guard keep the others from harm?",
+        ("guard", "when_learning_holds"),
+    ),
+}  # fmt: skip
+
+
+def find_study(name: str) -> Path | None:
+    """The file of a study of this folder, of Python or of YAML; None if there is no such study."""
+    files = [PIPELINES / f"{name}{suffix}" for suffix in (*YAML, ".py")]
+    return next((path for path in files if path.is_file() and path.with_suffix(".md").is_file()), None)
+
+
+def write(name: str, options: Options) -> Path:
+    """Make what is missing or stale of the studies of a group, and write one page over them; returns it."""
+    title, question, members = GROUPS[name]
+    studies = write_studies([load_study(path) for each in members if (path := find_study(each))], options, whole=True)
+    print_statements(studies)
+    with new_result(options.place(name), FOLDER_KEY, REPORT) as place:
+        return write_page(title, question, studies, place, options.quick)
+
+
+def main(name: str) -> NoReturn:
+    """Run the command of a group."""
+    command(study_parser(f"pipelines.{name}", GROUPS[name].question), lambda _, options: write(name, options))
