@@ -54,7 +54,7 @@ OWN = {
         "report",
         "stability",
     ),
-    manifests.REPORT: (manifests.MANIFEST, HTML, FIGURES, "*.json", "*.parquet"),
+    manifests.REPORT: (manifests.MANIFEST, HTML, FIGURES, "*.json", "*.yaml", "*.parquet"),
 }
 """What a result consists of, its views included, by its kind; a run has no kind. A new result replaces all of it."""
 LOGS = "*.log"

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
-JSON, OPTION = "gap.json", "as_built.json"
+JSON, OPTION = "gap.json", "as_built.yaml"
 SHOWN = 6
 """Learners in the figure."""
 
@@ -113,10 +113,22 @@ def _tabulate(gap: Gap) -> "dict[str, Any]":
 
 
 def make_option(gap: Gap) -> str:
-    """The identified joints by the names of the model, as JSON, which is YAML too."""
-    joints = dict(zip(gap.problem.machine.joints, gap.values["parameters"].values(), strict=True))
-    source = {"log": Path(gap.values["log"]).name, "robot": gap.values["robot"]}
-    return json.dumps({"identified_from": source, "delay": gap.values["delay"], "joints": joints}, indent=1) + "\n"
+    """The identified joints as an option of ``conf/plant/as_built``, by their names in the model."""
+    import yaml
+
+    joints = {
+        name: {key: _round(value["value"] if isinstance(value, dict) else value) for key, value in own.items()}
+        for name, own in zip(gap.problem.machine.joints, gap.values["parameters"].values(), strict=True)
+    }
+    others: dict[str, float | None] = dict.fromkeys(("joint_friction", "joint_damping", "rotor_inertia"))
+    others |= {"trunk_mass_factor": 1.0, "trunk_inertia_factor": 1.0, "leg_mass_factor": 1.0, "trunk_shift": 0.0}
+    origin = f"# Joints of {Path(gap.values['robot']).name}, identified from {Path(gap.values['log']).name}.\n"
+    return origin + yaml.safe_dump({**others, "joints": joints}, sort_keys=False, default_flow_style=None, width=120)
+
+
+def _round(value: "float | list[float]") -> "float | list[float]":
+    """To four digits."""
+    return [float(f"{each:.4g}") for each in value] if isinstance(value, list) else float(f"{value:.4g}")
 
 
 def write_page(gap: Gap, folder: Path) -> Path:

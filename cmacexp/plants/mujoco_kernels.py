@@ -17,6 +17,7 @@ from cmacexp.models.mechanism import (
     compute_foot_velocity,
     update_kinematics,
 )
+from cmacexp.plants.joint_kernels import Joints, hold_torque
 from cmacexp.plants.kernels import Payload, PlantState
 from cmacexp.plants.mujoco_library import mj_comPos, mj_comVel, mj_kinematics, mj_step, mj_step1, mj_step2
 from cmacexp.typing import Array, Counts
@@ -129,6 +130,8 @@ class Engine(NamedTuple):
     """(L,): those that are normal forces of MuJoCo's own contacts, N; None: they do not act, ``touch`` does."""
     travel: Array | None
     """(3,): as of a Measurement."""
+    joints: Joints | None
+    """What turns joints beside the actuators; None: what the model says."""
 
 
 @kernel
@@ -347,13 +350,11 @@ def integrate(engine: Engine, machine: PlantState) -> None:
 @kernel
 def advance_engine(engine: Engine, machine: PlantState, torque: Array) -> None:
     """Hold ``torque`` (L, J), N m, over one sampling period; joint angles become NaN if MuJoCo warns."""
-    for i in range(torque.shape[0]):
-        for j in range(torque.shape[1]):
-            engine.torque[engine.dq[i, j]] = torque[i, j]
     before, warned = engine.warning[0], False
     engine.warning[0] = engine.ignore
     for substep in range(engine.substeps):
         if not warned:
+            hold_torque(engine.joints, torque, engine.q, engine.dq, engine.position, engine.torque)
             integrate(engine, machine)
             warned = bool(engine.warned.any())
         if not warned:

@@ -14,6 +14,7 @@ from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.as_built import AsBuiltConfig
 from cmacexp.plants.environment import make_ground, make_payload
+from cmacexp.plants.joint_kernels import Joints
 from cmacexp.plants.kernels import new_state
 from cmacexp.plants.mujoco_kernels import (
     NO_PUSH,
@@ -94,10 +95,12 @@ class MujocoPlant:
         floor: Counts | None = None,
         moving: bool = False,
         push: Push = NO_PUSH,
+        joints: Joints | None = None,
     ) -> Measurement:
         """Start with the trunk level, every foot sticking where it is; ``moving`` as planned, else at rest.
 
         Values of MuJoCo's sensors at ``floor`` (L,) are normal forces of its own contacts; None: ``touch`` acts.
+        ``joints`` turn beside the actuators; None: as the model says.
         """
         config = setup.config
         mechanism = setup.mechanism
@@ -155,6 +158,7 @@ class MujocoPlant:
             sensors=data.sensordata,
             floor=floor,
             travel=np.zeros(3) if trunk else None,
+            joints=joints,
         )
         self._torque = np.zeros(mechanism.shape)
         self._advancing: Iterator[int] | None = None

@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 
 from cmacexp.config import Config, choice, number
+from cmacexp.config.fields import listed
 from cmacexp.config.machine import read_model
 from cmacexp.errors import BadInput
 from cmacexp.models.robot import compile_spec, load_mujoco
 from cmacexp.models.robot_legs import Legs
 from cmacexp.planning.robot import find_stance
 from cmacexp.planning.setup import Setup
+from cmacexp.plants.joint_kernels import Joints
 from cmacexp.plants.mujoco_kernels import Push, read_floor
 from cmacexp.plants.mujoco_plant import FrictionConfig, Model, MujocoPlant, require_machine
 from cmacexp.plants.protocol import Measurement
@@ -20,6 +22,7 @@ from cmacexp.typing import Counts
 
 ELASTIC, RIGID = "elastic", "mujoco"
 FLOOR = "floor of cmacexp"
+JOINTS_KEY = "plant.as_built.joints"
 PUSH_DURATION = 0.1
 """s"""
 SOLREF = (0.01, 1.0)
@@ -27,6 +30,24 @@ SOLREF = (0.01, 1.0)
 SOLIMP = (0.99, 0.99, 0.001, 0.5, 2.0)
 """Their impedance, whatever a model says: some have soft feet, and with MuJoCo's default, 0.9 to 0.95, feet sink as
 deep as into the elastic ground."""
+
+
+@dataclass
+class BuiltJoint:
+    """One joint, as :mod:`cmacexp.gap` identifies it from a log of a robot."""
+
+    rotor_inertia: float = number("kg m^2", at_least=0, at_most=1e3)
+    """Inertia of the rotor at the joint."""
+    viscous_friction: float = number("N m s/rad", at_least=0, at_most=1e3)
+    """Damping."""
+    coulomb_friction: list[float] = number("N m", at_least=0, at_most=1e3)
+    """Dry friction at angles at equal distances over ``range``; beyond it that of its ends."""
+    range: list[float] = number("rad", at_least=-100, at_most=100)
+    """The first and the last of these angles."""
+    offset: float = number("N m", at_least=-1e3, at_most=1e3, default=0.0)
+    """Torque at any angle, e.g. of an encoder whose zero differs."""
+    spring: float = number("N m", at_least=-1e3, at_most=1e3, default=0.0)
+    """Torque at the end of ``range``; at its beginning the opposite, between them in proportion."""
 
 
 @dataclass
@@ -47,9 +68,14 @@ class AsBuilt:
     """How far forward of the model's the centre of mass of the trunk is."""
     leg_mass_factor: float = number("", above=0, at_most=10)
     """Mass and inertia of thighs and calves over those of the model."""
+    joints: dict[str, BuiltJoint] = field(default_factory=dict, kw_only=True)
+    """Each leg joint by its name in the model, or none; instead of the values for all joints."""
 
-    def change(self, mujoco: Any, model: Any, legs: Legs) -> None:
-        """Make ``model``, an MjModel, that of the robot as it is."""
+    def change(self, mujoco: Any, model: Any, legs: Legs) -> Joints | None:
+        """Make ``model``, an MjModel, that of the robot as it is; returns what turns its joints beside the actuators.
+
+        Raises BadInput if ``joints`` are not those of its legs.
+        """
         given = (self.joint_friction, self.joint_damping, self.rotor_inertia)
         of_model = (model.dof_frictionloss, model.dof_damping, model.dof_armature)
         for values, value in zip(of_model, given, strict=True):
@@ -61,7 +87,32 @@ class AsBuilt:
         links = model.jnt_bodyid[legs.joint[:, 1:]]
         model.body_mass[links] *= self.leg_mass_factor
         model.body_inertia[links] *= self.leg_mass_factor
+        made = self._make_joints(model, legs) if self.joints else None
         mujoco.mj_setConst(model, mujoco.MjData(model))
+        return made
+
+    def _make_joints(self, model: Any, legs: Legs) -> Joints:
+        names = [model.joint(int(joint)).name for joint in legs.joint.ravel()]
+        if sorted(names) != sorted(self.joints):
+            raise BadInput(JOINTS_KEY, listed(list(self.joints)), f"must be the joints of the legs, {listed(names)}")
+        joints = [self.joints[name] for name in names]
+        if len({len(own.coulomb_friction) for own in joints}) != 1 or not joints[0].coulomb_friction:
+            raise BadInput(JOINTS_KEY, "coulomb_friction", "must have as many values, at least one, for every joint")
+        for name, own in zip(names, joints, strict=True):
+            if len(own.range) != 2 or own.range[0] >= own.range[1]:
+                raise BadInput(f"{JOINTS_KEY}.{name}.range", own.range, "must be two angles, the lower one first")
+        shape = legs.joint.shape
+        model.dof_armature[legs.dof] = np.reshape([own.rotor_inertia for own in joints], shape)
+        model.dof_damping[legs.dof] = np.reshape([own.viscous_friction for own in joints], shape)
+        model.dof_frictionloss[legs.dof] = np.reshape([np.mean(own.coulomb_friction) for own in joints], shape)
+        return Joints(
+            model.dof_frictionloss,
+            np.reshape([own.range[0] for own in joints], shape),
+            np.reshape([own.range[1] for own in joints], shape),
+            np.reshape([own.coulomb_friction for own in joints], (*shape, -1)),
+            np.reshape([own.offset for own in joints], shape),
+            np.reshape([own.spring for own in joints], shape),
+        )
 
 
 class MujocoRobot(MujocoPlant):
@@ -118,14 +169,14 @@ class MujocoRobot(MujocoPlant):
             model, feet, floor = self._make_floor()
         model.body_mass *= self.config.mass_factor
         model.body_inertia *= self.config.mass_factor
-        self.config.as_built.change(self.mujoco, model, legs)
+        joints = self.config.as_built.change(self.mujoco, model, legs)
         model.opt.integrator = self.mujoco.mjtIntegrator.mjINT_EULER
         model.opt.disableflags |= self.mujoco.mjtDisableBit.mjDSBL_AUTORESET
         made = Model(model, legs.base, legs.joint, feet, origin)
         setup, moving = self.config.build(setup), self.config.start_moving
         times = (self.config.push_time, self.config.push_time + PUSH_DURATION)
         push = Push(self.config.push, *(round(time / setup.config.sampling_period) for time in times))
-        measured = self.begin(setup, made, self.config.touch(setup), floor, moving, push)
+        measured = self.begin(setup, made, self.config.touch(setup), floor, moving, push, joints)
         if floor is None:
             return measured
         self.mujoco.mj_forward(self.model, self.data)

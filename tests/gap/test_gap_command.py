@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from support.command import call
 from support.logs import NAMES, Truth, simulate_log
 from support.pages import ROOT
@@ -43,7 +44,7 @@ def test_a_log_becomes_a_page_with_the_joints_that_made_it(tmp_path):
     acting = found["acting"]["with_velocity"]
     assert acting["inverse dynamics of the identified joints"]["tracking"]["worst"] < 15.0
     assert any("exchanged" not in note for note in found["notes"])
-    assert json.loads((folder / "as_built.json").read_text())["joints"].keys() == {"hip_joint", "knee_joint"}
+    assert yaml.safe_load((folder / "as_built.yaml").read_text())["joints"].keys() == {"hip_joint", "knee_joint"}
     wrong = call("gap", "log.csv", "--robot", MODEL, "--kp", "20,15", "--kd", "0.8", folder=tmp_path)
     assert (wrong.returncode, wrong.stderr.count("\n")) == (2, 1)
 

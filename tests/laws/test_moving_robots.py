@@ -5,7 +5,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from support.doors import compose_config, make_mechanism, make_scenario
+from support.doors import BadInput, compose_config, make_mechanism, make_scenario
 from support.robot_walks import EXACT, ROBOT, TWO, walk_robot
 from support.robots import OWN
 from support.rollout import roll_out
@@ -74,6 +74,29 @@ def test_a_robot_as_built_differs_from_what_its_planner_knows():
     thighs_and_calves = one.jnt_bodyid[legs.joint[:, 1:]]
     assert_allclose(one.body_mass[thighs_and_calves], 2.0 * other.body_mass[thighs_and_calves])
     assert one.body_ipos[legs.base, 0] - other.body_ipos[legs.base, 0] == pytest.approx(0.02)
+
+
+def built(joint):
+    """Every leg joint of the project's robot as ``joint`` says, as an override."""
+    names = (f"{leg}_{name}_joint" for leg in ("FL", "FR", "RL", "RR") for name in ("hip", "thigh", "calf"))
+    return f"+plant.as_built.joints={{{','.join(f'{name}: {joint}' for name in names)}}}"
+
+
+def test_joints_as_built_have_friction_and_a_spring_over_their_angle():
+    plain = ("rotor_inertia=0.02", "joint_damping=0.3", "joint_friction=0.2")
+    even = "{rotor_inertia: 0.02, viscous_friction: 0.3, coulomb_friction: [0.2, 0.2], range: [-3.0, 3.0]}"
+    as_all, each = roll(*TWO[:-1], *(f"plant.as_built.{own}" for own in plain)), roll(*TWO[:-1], built(even))
+    for name, values in as_all.columns().items():
+        assert_array_equal(each.columns()[name], values)
+    slanted = make(*TWO, built(even.replace("[0.2, 0.2]", "[0.1, 0.4], offset: 0.05, spring: -0.2")))
+    slanted.plant.step(np.full((4, 3), 0.5))
+    legs, model, data = slanted.plant.robot.legs, slanted.plant.model, slanted.plant.data
+    unit = (slanted.setup.start + 3.0) / 6.0
+    assert_allclose(model.dof_frictionloss[legs.dof], 0.1 + 0.3 * unit, rtol=1e-12)
+    assert_allclose(data.qfrc_applied[legs.dof], 0.5 + 0.05 - 0.2 * (2.0 * unit - 1.0), rtol=1e-12)
+    for joints, words in ((even.replace("-3.0", "4.0"), "the lower one first"), ("", "must be")):
+        with pytest.raises(BadInput, match=words):
+            make(*TWO, built(joints) if joints else f"+plant.as_built.joints={{FL_hip_joint: {even}}}")
 
 
 def test_a_push_moves_the_body_by_its_impulse():
