@@ -1,6 +1,6 @@
 """Feedforwards in randomised runs (worlds): what to choose, what carries over, what the guard ends."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from cmacexp.data.run import Run
+from cmacexp.metrics.final import TRANSFER
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.study import Criterion, DataFrame, Figure, Finding, Request, Results, at_least, at_most
-from cmacexp.study.samples import Sample, relative
+from cmacexp.study.samples import relative
 from cmacexp.study.statements import Limit
 from cmacexp.study.study import starting_from
 from cmacexp.study.tables import tabulate
@@ -93,31 +94,6 @@ def ended_by_guard(run: Run) -> float:
     return float(bool(run.manifest["guard"]))
 
 
-def mean_early(results: Results) -> Array:
-    """(runs,): mean error of the first cycles, mm; infinite of a run that ended in them."""
-    mean: Array = errors(results)[:, :EARLY].mean(axis=1)
-    return mean
-
-
-def compare(chosen: Mapping[str, str], other: Mapping[str, str], measure: Any) -> Sample:
-    """A sample of the worlds: a measure of some runs over that of others in the same world."""
-    return lambda results: relative(results.select(chosen), results.select(other), measure)
-
-
-def _kinds(own: str, other: str, cycle: int) -> Sample:
-    return compare({"kind": own}, {"kind": other}, partial(error_at, cycle=cycle))
-
-
-def _kept(measure: Any) -> Sample:
-    return compare({"kind": CMAC, "start": CARRIED}, {"kind": CMAC, "start": ANEW}, measure)
-
-
-def without_jumps(results: Results, kind: str) -> Array:
-    """(worlds,): late error of a kind on a path without jumps of speed, over that with jumps."""
-    smooth, jumps = (results.select(group=group, kind=kind) for group in (SMOOTH, LEG))
-    return relative(smooth, jumps, partial(error_at, cycle=LATE))
-
-
 def at_best_rate(results: Results, cycle: int) -> Array:
     """(worlds,): error of CMAC in a cycle over the least of the others, each at the rate best in other worlds."""
 
@@ -131,16 +107,21 @@ def at_best_rate(results: Results, cycle: int) -> Array:
     return np.max([relative(tested(CMAC), tested(kind), error) for kind in OTHERS], axis=0)
 
 
-def _criterion(group: Any, quantity: str, sample: Sample, holds: Limit, case: str = "", **unit: Any) -> Criterion:
-    return Criterion(quantity, sample, holds, None, **unit, of={"group": group}, case=case)
+def _criterion(
+    group: Any, quantity: str, sample: Any, holds: Limit, case: str = "", of: Any = None, **more: Any
+) -> Criterion:
+    return Criterion(quantity, sample, holds, None, of={"group": group, **(of or {})}, case=case, **more)
 
 
 def _over(group: str, own: str, other: str, cycle: int, most: float) -> Criterion:
     quantity = f"error in cycle {cycle}: {own} over {other}"
-    return _criterion(group, quantity, _kinds(own, other, cycle), at_most(most), case=NAMES[group])
+    return _criterion(
+        group, quantity, f"{TRANSFER}[{cycle}]", at_most(most), NAMES[group], {"kind": own}, over={"kind": other}
+    )
 
 
 PERCENT: dict[str, Any] = {"unit": "%", "scale": 100.0}
+KEPT_WEIGHTS = {"kind": CMAC, "start": CARRIED}
 NAMES = {LEG: "one leg", WALK: "quadruped"}
 WORLDS = "In randomised runs,"
 FINDINGS = {
@@ -166,11 +147,13 @@ FINDINGS = {
     "jumps": Finding(
         [
             _criterion(
-                [LEG, SMOOTH],
+                SMOOTH,
                 f"error in cycle {LATE} without jumps of the planned speed, over that with them",
-                partial(without_jumps, kind=kind),
+                f"{TRANSFER}[{LATE}]",
                 at_most(HALF),
                 kind,
+                {"kind": kind},
+                over={"group": LEG},
             )
             for kind in (MODEL, CMAC)
         ],
@@ -197,7 +180,7 @@ FINDINGS = {
         [
             percent(
                 "worlds in which the guard lets learning go on",
-                lambda own: own.measure("ended_by_guard") == 0.0,
+                "ended_by_guard <= 0",
                 at_least(LET),
                 case=kind,
                 group=GUARDED,
@@ -212,9 +195,11 @@ FINDINGS = {
             _criterion(
                 change,
                 f"mean error of the first {EARLY} cycles: CMAC with its weights over CMAC from nothing",
-                _kept(mean_early),
+                " + ".join(f"{TRANSFER}[{cycle}]" for cycle in range(1, EARLY + 1)),
                 at_most(1.0),
                 change,
+                KEPT_WEIGHTS,
+                over={"start": ANEW},
             )
             for change in CHANGES
         ],
@@ -226,9 +211,11 @@ FINDINGS = {
             _criterion(
                 change,
                 f"error in cycle {LATE}: CMAC with its weights over CMAC from nothing",
-                _kept(partial(error_at, cycle=LATE)),
+                f"{TRANSFER}[{LATE}]",
                 at_most(AS_GOOD),
                 change,
+                KEPT_WEIGHTS,
+                over={"start": ANEW},
             )
             for change in CHANGES
         ],
@@ -240,9 +227,11 @@ FINDINGS = {
             _criterion(
                 stroke,
                 f"error of {RBF} in its first cycle with a new stroke, over that with feedback only",
-                compare({"kind": RBF, "start": CARRIED}, {"kind": ALONE}, partial(error_at, cycle=1)),
+                f"{TRANSFER}[1]",
                 at_most(LITTLE),
                 stroke,
+                {"kind": RBF, "start": CARRIED},
+                over={"kind": ALONE, "start": ANEW},
                 **PERCENT,
             )
             for stroke in STROKES
@@ -254,11 +243,11 @@ FINDINGS = {
             _criterion(
                 stroke,
                 f"error of {RBF} in its first cycle with a new stroke, over that of {CMAC}",
-                compare(
-                    {"kind": RBF, "start": CARRIED}, {"kind": CMAC, "start": CARRIED}, partial(error_at, cycle=1)
-                ),
+                f"{TRANSFER}[1]",
                 at_most(CLEARLY),
                 stroke,
+                {"kind": RBF, "start": CARRIED},
+                over={"kind": CMAC},
             )
             for stroke in STROKES
         ],

@@ -7,6 +7,7 @@ the 1/K_ap of eq. 13, on a smooth path, with an exact model instead of a CMAC, a
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,6 @@ from cmacexp.study import (
     grid,
 )
 from cmacexp.study.curves import over_cycles
-from cmacexp.study.samples import Sample, growth, ratio
 from cmacexp.study.statements import Limit
 from cmacexp.typing import Array
 from pipelines import one_leg_learning_trace as trace
@@ -90,33 +90,6 @@ MEASURES = {
 }
 
 
-def _measure(name: str) -> Sample:
-    return lambda results: results.measure(name)
-
-
-def _at(cycle: int, name: str) -> Sample:
-    return lambda results: np.abs(results.at(cycle, name))
-
-
-def _end(name: str) -> Sample:
-    return lambda results: np.abs(results.end(name))
-
-
-def _over(top: Sample, bottom: Sample) -> Sample:
-    return lambda results: growth(top(results), bottom(results))
-
-
-def _feedback_share(results: Results, cycle: int = FIFTH) -> Array:
-    """Feedback over feedforward and feedback, absolute torques, in one cycle."""
-    return 1.0 - results.at(cycle, "feedforward_share")
-
-
-def largest_rise_of_share(results: Results) -> Array:
-    """(runs,): feedback's share in a cycle over that in the cycle before, the largest up to the fifth cycle."""
-    shares = np.array([_feedback_share(results, cycle) for cycle in range(FIRST, FIFTH + 1)])
-    return (shares[1:] / shares[:-1]).max(axis=0)
-
-
 def final_share(results: Results) -> Array:
     """(runs,): feedback's share over the last cycles over its least; of a run that ended before it is all."""
     least = [1.0 - np.nanmax(history) for history in results.history("feedforward_share")]
@@ -144,22 +117,28 @@ of_paper = partial(percent, of=PAPER)
 
 def _compare(name: str, cycle: int, before: int, holds: Limit, fails: Limit) -> Criterion:
     """An error in one cycle over that in another."""
-    words, sample = f"error in cycle {cycle} over that in cycle {before}", _over(_at(cycle, name), _at(before, name))
+    words, sample = (
+        f"error in cycle {cycle} over that in cycle {before}",
+        f"abs({name}[{cycle}]) / abs({name}[{before}])",
+    )
     return of_paper(words, sample, holds, fails, case=ERRORS[name])
 
 
-def _ramp_over_step(quantity: str, sample: Sample) -> Criterion:
+def _ramp_over_step(quantity: str, sample: str) -> Criterion:
     """What the runs with a force ramp give over those with a step."""
-    words, of = f"with a force ramp over that with a step, cycle {FIFTH}", {"variant": [PUBLISHED, RAMPED]}
-    return percent(words, ratio(sample, {"variant": RAMPED}, PAPER), LESS, MORE, of, quantity)
+    words = f"with a force ramp over that with a step, cycle {FIFTH}"
+    return percent(words, sample, LESS, MORE, {"variant": RAMPED, **CMAC}, quantity, {"variant": PUBLISHED})
 
 
+FEEDBACK_SHARES = [f"(1 - feedforward_share[{cycle}])" for cycle in range(FIRST, FIFTH + 1)]
+LARGEST_RISE = f"max({', '.join(f'{late} / {early}' for early, late in pairwise(FEEDBACK_SHARES))})"
+"""Feedback's share in a cycle over that in the cycle before, the largest up to the fifth cycle."""
 CLAIMS = {
     "large_errors": Claim(
         "with feedback alone there are fairly large position control errors in both the X and Y directions",
         "section 5, Fig. 10",
         [
-            of_paper(f"largest error in transfer, cycle {FIRST}", _measure(f"peak_{axis}"), at_least(0.05),
+            of_paper(f"largest error in transfer, cycle {FIRST}", f"peak_{axis}", at_least(0.05),
                      at_most(0.01), case=f"in {axis}, over the {extent}")
             for axis, extent in (("x", "stroke"), ("y", "lift"))
         ],
@@ -174,9 +153,9 @@ CLAIMS = {
         "with feedback alone the foot force goes to 1.1 N, then decreases to approximately 0.9 N",
         "section 5, Fig. 12",
         [
-            Criterion(f"force in support, cycle {FIRST}", _measure("force_peak"), between(1.05, 1.15),
+            Criterion(f"force in support, cycle {FIRST}", "force_peak", between(1.05, 1.15),
                       unit="N", of=PAPER, case="largest"),
-            Criterion(f"force in support, cycle {FIRST}", _at(FIRST, "force_settled"),
+            Criterion(f"force in support, cycle {FIRST}", f"force_settled[{FIRST}]",
                       between(0.85, 0.95), unit="N", of=PAPER, case="mean of the second half"),
         ],
     ),
@@ -188,21 +167,21 @@ CLAIMS = {
     "below_5_percent": Claim(
         "in the second cycle the steady-state error of the force is reduced to less than 5 %",
         "section 5, Fig. 12",
-        [of_paper(f"size of the steady-state error, cycle {SECOND}", _at(SECOND, "force_steady_state_error"),
+        [of_paper(f"size of the steady-state error, cycle {SECOND}", f"abs(force_steady_state_error[{SECOND}])",
                   at_most(0.05))],
     ),
     "force_is_steady": Claim(
         "in the second cycle the foot force remains relatively steady during the support phase",
         "section 5, Fig. 12",
         [of_paper(f"standard deviation over mean of the force in the second half of support, cycle {SECOND}",
-                  _over(_at(SECOND, "force_ripple"), _at(SECOND, "force_settled")), at_most(0.02), at_least(0.1))],
+                  f"force_ripple[{SECOND}] / force_settled[{SECOND}]", at_most(0.02), at_least(0.1))],
     ),
     "more_oscillation": Claim(
         "in the fifth cycle the foot forces show more oscillations than in the second",
         "section 5, Fig. 12",
         [of_paper(f"RMS of the force around its mean over {trace.FORCE_WINDOW:g} s, from {trace.LANDED:g} s after "
                   f"touch-down on, cycle {FIFTH} over cycle {SECOND}",
-                  _over(_measure("oscillation_fifth"), _measure("oscillation_second")), MORE, LESS)],
+                  "oscillation_fifth / oscillation_second", MORE, LESS)],
     ),
     "more_learning": Claim(
         "in the fifth cycle more learning does not bring better performance; the steady-state error has increased",
@@ -215,25 +194,25 @@ CLAIMS = {
         "section 5, Fig. 13",
         [Criterion(f"RMS of joint 1's feedforward torque around its mean over {trace.TORQUE_WINDOW:g} s, in the "
                    f"{trace.EVENT:g} s after touch-down over mid support, cycle {FIFTH}",
-                   _measure("torque_oscillation"), at_least(3.0), at_most(1.0), of=PAPER)],
+                   "torque_oscillation", at_least(3.0), at_most(1.0), of=PAPER)],
     ),
     "major_part": Claim(
         "CMAC provides the major part of the overall control torques",
         "section 5, Fig. 13",
-        [of_paper(f"feedforward over all torque, both joints, cycle {FIFTH}", _at(FIFTH, "feedforward_share"),
+        [of_paper(f"feedforward over all torque, both joints, cycle {FIFTH}", f"feedforward_share[{FIFTH}]",
                   at_least(0.5), at_most(0.5))],
     ),
     "ramp_is_milder": Claim(
         "if the force is a ramp rather than a step, the change of torques is expected to be less drastic",
         "section 5",
-        [_ramp_over_step("largest change of joint 1's torque in a sample at touch-down", _measure("torque_step"))],
+        [_ramp_over_step("largest change of joint 1's torque in a sample at touch-down", "torque_step")],
     ),
     "ramp_is_learned_better": Claim(
         "if the force is a ramp rather than a step, CMAC probably provides better approximation",
         "section 5",
         [
-            _ramp_over_step("RMS feedback torque", _at(FIFTH, "feedback_rms")),
-            _ramp_over_step("feedback over all torque", _feedback_share),
+            _ramp_over_step("RMS feedback torque", f"feedback_rms[{FIFTH}]"),
+            _ramp_over_step("feedback over all torque", f"1 - feedforward_share[{FIFTH}]"),
         ],
     ),
     "all_improve": Claim(
@@ -246,7 +225,7 @@ CLAIMS = {
         "section 4",
         [
             of_paper(f"share of feedback over that in the cycle before, largest up to cycle {FIFTH}",
-                     largest_rise_of_share, LESS, MORE),
+                     LARGEST_RISE, LESS, MORE),
             Criterion("share of feedback over the last cycles of the long run over its least", final_share,
                       AT_ITS_LEAST, GROWN, of={"law": NO_LEAD}),
         ],
@@ -260,20 +239,20 @@ CLAIMS = {
 }  # fmt: skip
 
 
-def _versus_exact(variant: str, when: str, sample: Sample) -> Finding:
+def _versus_exact(variant: str, when: str, sample: str) -> Finding:
     path = "path as published" if variant == PUBLISHED else "smooth path"
     return Finding(
         [Criterion(f"RMS error in y in transfer {when}: CMAC over exact inverse dynamics",
-                   ratio(sample, CMAC, EXACT), LESS, of={"variant": variant})],
+                   sample, LESS, of={"variant": variant, **CMAC}, over=EXACT)],
         says=f"On the {path}, the CMAC has overtaken exact inverse dynamics in y {when}",
     )  # fmt: skip
 
 
-IN_FIFTH = (f"in cycle {FIFTH}", _at(FIFTH, "transfer_rmse_y"))
-AT_END = ("over the last cycles", _end("transfer_rmse_y"))
+IN_FIFTH = (f"in cycle {FIFTH}", f"transfer_rmse_y[{FIFTH}]")
+AT_END = ("over the last cycles", "transfer_rmse_y")
 FINDINGS = {
     "eliminated_later": Finding(
-        [of_paper(f"RMS error in the last cycles over that in cycle {FIRST}", _over(_end(name), _at(FIRST, name)),
+        [of_paper(f"RMS error in the last cycles over that in cycle {FIRST}", f"abs({name}) / abs({name}[{FIRST}])",
                   ELIMINATED, case=ERRORS[name])
          for name in ("transfer_rmse_x", "transfer_rmse_y")],
         says="By the end of the run both position errors are virtually eliminated",
@@ -285,7 +264,7 @@ FINDINGS = {
     "bias": Finding(
         [
             of_paper("difference of the final force error from the bias of eq. 13", _bias_deviation, at_most(0.05)),
-            percent("size of the final force error without the term", _end("force_steady_state_error"),
+            percent("size of the final force error without the term", "abs(force_steady_state_error)",
                     at_most(0.005), of=CMAC, variant=AWARE),
         ],
         says="The force error that learning leaves is the bias of eq. 13, and `reference=aware` "
@@ -298,7 +277,7 @@ FINDINGS = {
     ),
     "lift_off": Finding(
         [percent(f"share of the squared feedback torque in the {trace.SWING_START:g} s after lift-off, in the last "
-                 "cycle that was recorded", _measure("lift_off_late"), at_least(0.5), law=NO_LEAD)],
+                 "cycle that was recorded", "lift_off_late", at_least(0.5), law=NO_LEAD)],
         says="Late in the run as published most of the squared feedback torque falls just after "
             "lift-off",
     ),
