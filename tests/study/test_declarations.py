@@ -1,0 +1,61 @@
+"""Studies declared in YAML: statements repeated by names in braces, runs that start from others, measures by name."""
+
+import pytest
+from support.doors import BadInput, load_study
+from support.made_studies import made_row
+
+from cmacexp.study import ANY, Results, at_most
+
+TEXT = """
+title: T
+question: Q?
+runs:
+  - {set: {cycles: 9}, over: &kinds {kind: {a: {feedforward: cmac}, b: {feedforward: rbf}}}, labels: {part: before}}
+  - {set: {cycles: 3}, quick: {cycles: 1}, over: *kinds, labels: {part: after}, after: {part: before}}
+measures: {steps: os.path.getsize}
+findings:
+  "small_{kind}":
+    for: {kind: [a, b]}
+    says: With {kind} it is small
+    criteria:
+      - {value: steps, of: {kind: "{kind}"}, each: {part: [before, after]}, case: "{{part}} it", limit: at most 5 mm}
+      - {value: steps, limit: any mm}
+tables:
+  steps: {rows: {kind: K}, columns: {size: 2 * steps, done: completed, both: [steps, 3 * steps]}}
+"""
+
+
+@pytest.fixture
+def study(tmp_path):
+    (tmp_path / "some.yaml").write_text(TEXT)
+    return load_study(tmp_path / "some.yaml").study
+
+
+def test_runs_of_a_declaration_are_a_grid_and_start_from_those_with_the_same_labels(study):
+    before, after = study.runs(False)[:2], study.runs(False)[2:]
+    assert [each.overrides for each in before] == [("cycles=9", "feedforward=cmac"), ("cycles=9", "feedforward=rbf")]
+    assert [each.starts_from.overrides for each in after] == [each.overrides for each in before]
+    assert study.runs(True)[2].overrides == ("cycles=3", "feedforward=cmac", "cycles=1")
+
+
+def test_names_in_braces_repeat_a_statement_and_name_its_cases(study):
+    finding = study.findings["small_b"]
+    assert (set(study.findings), finding.says) == ({"small_a", "small_b"}, "With b it is small")
+    assert [(each.case, each.of, each.unit) for each in finding.criteria] == [
+        ("before it", {"kind": "b", "part": "before"}, "mm"), ("after it", {"kind": "b", "part": "after"}, "mm"),
+        ("", {}, "mm"),
+    ]  # fmt: skip
+    assert [each.holds for each in finding.criteria[1:]] == [at_most(5e-3), ANY]
+
+
+def test_a_cell_of_a_table_is_of_runs_that_completed_and_may_show_several_values(study):
+    rows = [made_row({"force_rmse": [1.0]}, asked, {"steps": size}, kind="a") for asked, size in ((1, 4.0), (2, 8.0))]
+    (found,) = study.tables["steps"](Results(rows)).to_dict("records")
+    assert found == {"K": "a", "size": 8.0, "done": "1 of 2", "both": "6 / 18"}
+
+
+@pytest.mark.parametrize("target", ["nothing.here", "os.path.nothing", "size"])
+def test_a_measure_that_is_no_function_is_refused(target, tmp_path):
+    (tmp_path / "some.yaml").write_text(TEXT.replace("os.path.getsize", target))
+    with pytest.raises(BadInput, match=r"^measures="):
+        load_study(tmp_path / "some.yaml")
