@@ -20,7 +20,7 @@ from cmacexp.loop.stepwise import LoopState, OpenLoop
 from cmacexp.loop.stop import FASTEST_JOINT, STEEPEST
 from cmacexp.models.chain import chain_points
 from cmacexp.models.ground import height_at
-from cmacexp.models.mechanism import POINT_MASS, has_body
+from cmacexp.models.mechanism import POINT_MASS, get_leg, has_body
 from cmacexp.planning.columns import BEFORE, FORCE_DESIRED, REFERENCE_VZ, REFERENCE_Z, VX, VY, X, Y, Z
 from cmacexp.typing import Array, Status
 
@@ -232,7 +232,7 @@ def _find_points(loop: OpenLoop) -> list[Array]:
     mechanism, state, found = loop.setup.mechanism, loop.moment.state, []
     height, pitch, _ = state.body if has_body(mechanism) else (mechanism.hip_height, 0.0, 0.0)
     for leg in range(loop.shape[0]):
-        foot, angle, thigh = state.foot[leg, :2], state.q[leg, 0], mechanism.legs[leg, 0]
+        foot, angle, thigh = state.foot[leg, :2], state.q[leg, 0], get_leg(mechanism, leg).length_1
         if mechanism.chains is not None:
             points = chain_points(mechanism.chains[leg], state.q[leg])[:, :2]
         elif mechanism.kind == POINT_MASS:

@@ -16,7 +16,7 @@ class CmacFeedforward(BuiltInFeedforward):
     def reset(self, setup: Setup) -> None:
         """Compute the cells of every sample; start with empty memories, or with those of an earlier run."""
         config, learnt = setup.config, setup.learnt
-        inputs = [planned_inputs(setup, i, config.cmac.inputs) for i in range(setup.mechanism.legs.shape[0])]
+        inputs = [planned_inputs(setup, i, config.cmac.inputs) for i in range(setup.mechanism.shape[0])]
         if learnt is None:
             ranges, self.seed = [spanning(own, config.cmac.range_factor) for own in inputs], config.seed
         else:

@@ -41,6 +41,8 @@ def merged_kernel(function: Function) -> Function:
     """A kernel that takes most arrays of a loop: before numba infers types, its statements become its callers'.
 
     To hand over so many arrays takes long to compile. It tests nothing for None, since it has no arguments then.
+    It takes what it needs of tuples of arrays before its first branch: a variable that other blocks read is stored,
+    and each of them would read all of the tuple ("Compiling" in docs/performance.md).
     """
     merged_kernels.add(function)
     return kernel(function)

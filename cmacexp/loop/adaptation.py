@@ -3,10 +3,13 @@
 import copy
 import math
 
+import numpy as np
+
 from cmacexp.control.load_meter import LoadMeter, read_meter
 from cmacexp.errors import BadInput
 from cmacexp.planning.plan import NOTHING, LoadEstimate, Plan, adapt_plan
 from cmacexp.planning.setup import Setup
+from cmacexp.typing import Array
 
 LEAST = LoadEstimate(weight=0.002, x=0.0002, y=0.0002, slope_x=0.0005, slope_y=0.0005)
 """Changes from which on the plan is made anew; the weight over the planned one."""
@@ -14,8 +17,8 @@ SMOOTHING = 2.0
 """Time over which cycles are averaged, s."""
 LEAST_BORNE, MOST_BORNE = 0.5, 3.0
 """Load of the feet in the first cycle over the planned one; beyond, the model is of another robot."""
-MOST_SHIFT, MOST_SLOPE = 0.002, 0.02
-"""Changes from one cycle to the next that the plan follows: of the place of the feet, m, and of the slopes."""
+MOST = LoadEstimate(weight=math.inf, x=0.002, y=0.002, slope_x=0.02, slope_y=0.02)
+"""Changes from one cycle to the next that the plan follows."""
 
 
 def _require_weight(setup: Setup, share: float) -> None:
@@ -63,13 +66,14 @@ class Adaptation:
         """
         met, planned = read_meter(self.meter, self.nominal), self.nominal.load.force.mean()
         self.measured = float(planned) + met.weight
-        least, most = LEAST._replace(weight=LEAST.weight * planned), (math.inf, *[MOST_SHIFT] * 2, *[MOST_SLOPE] * 2)
         if not self.begun:
             _require_weight(self.setup, met.weight / planned + 1.0)
             self.new, self.begun = NOTHING._replace(weight=met.weight), True
-        elif any(abs(a - b) > c for a, b, c in zip(met, self.known, least, strict=True)):
-            steps = (min(max(self.gain * (a - b), -c), c) for a, b, c in zip(met, self.known, most, strict=True))
-            self.new = LoadEstimate(*map(sum, zip(self.known, steps, strict=True)))
+        else:
+            change, least = np.subtract(met, self.known), LEAST._replace(weight=LEAST.weight * planned)
+            if (np.abs(change) > least).any():
+                known: Array = np.add(self.known, np.clip(self.gain * change, np.negative(MOST), MOST))
+                self.new = LoadEstimate(*known.tolist())
         return self.new != self.known
 
     def update_plan(self, cycle: int) -> None:

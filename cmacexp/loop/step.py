@@ -207,25 +207,36 @@ def control(
 @merged_kernel
 def command(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     """Feedforward and feedback torques; False if an external component failed."""
-    state, feedforward = loop.control_state, loop.torques.feedforward
-    if hooks.controller is not None:
-        return call(hooks.controller, step) and is_finite(state.feedback) and is_finite(feedforward)
-    acting = lets_act(loop.guard, loop.start_step, step)
-    if hooks.feedforward is not None:
-        if acting and lets_learn(loop.guard) and not (call(hooks.feedforward, step) and is_finite(feedforward)):
+    controller = hooks.controller
+    external_feedforward = hooks.feedforward
+    control_params = loop.control
+    state = loop.control_state
+    feedforward_params = loop.feedforward
+    feedforward = loop.torques.feedforward
+    guard = loop.guard
+    start_step = loop.start_step
+    support = loop.support
+    plan = loop.reference
+    travel = loop.travel
+    observation = loop.observation
+    if controller is not None:
+        return call(controller, step) and is_finite(state.feedback) and is_finite(feedforward)
+    acting = lets_act(guard, start_step, step)
+    if external_feedforward is not None:
+        if acting and lets_learn(guard) and not (call(external_feedforward, step) and is_finite(feedforward)):
             return False
-    elif step >= loop.start_step:
-        predict(loop.feedforward, loop.guard, step, sample, state.learning_error, feedforward)
-    reference = loop.reference[ACTING if acting else BEFORE, sample]
+    elif step >= start_step:
+        predict(feedforward_params, guard, step, sample, state.learning_error, feedforward)
+    reference = plan[ACTING if acting else BEFORE, sample]
     control(
-        loop.control,
+        control_params,
         state,
-        loop.travel,
+        travel,
         step=step,
         sample=sample,
-        support=loop.support[sample],
+        support=support[sample],
         reference=reference,
-        observation=loop.observation,
+        observation=observation,
     )
     return True
 
@@ -261,12 +272,22 @@ def check(hook: Hook | None, limits: StopLimits, sample: int, machine: PlantStat
 @merged_kernel
 def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     """The first half of a step, before any torque is known: guard and sensors; False if a component failed."""
-    if not begin(hooks.guard, loop.guard, loop.feedforward, step, sample):
+    guard_hook = hooks.guard
+    sensors = hooks.sensors
+    plant = hooks.plant
+    observer = hooks.observer
+    guard = loop.guard
+    feedforward = loop.feedforward
+    sensing = loop.sensing
+    mechanism = loop.mechanism
+    machine = loop.plant_state
+    observation = loop.observation
+    if not begin(guard_hook, guard, feedforward, step, sample):
         return False
-    if not observe(hooks.sensors, loop.sensing, loop.mechanism, step, loop.plant_state, loop.observation):
+    if not observe(sensors, sensing, mechanism, step, machine, observation):
         return False
-    update_given_joints(hooks.plant, hooks.sensors, loop.mechanism, loop.observation)
-    return call(hooks.observer, step)
+    update_given_joints(plant, sensors, mechanism, observation)
+    return call(observer, step)
 
 
 @merged_kernel
@@ -279,23 +300,32 @@ def act(loop: Loop, hooks: Hooks, step: int, sample: int, k: int, samples: Array
     observation = loop.observation
     state = loop.control_state
     feedforward, total = loop.torques
+    actuator = loop.actuator
+    guard = loop.guard
+    meter = loop.meter
+    planned_support = loop.support
+    travel = loop.travel
+    plant = loop.plant
+    engine = loop.engine
+    external_plant = hooks.plant
     if not command(loop, hooks, step, sample):
         return False
-    record_torque(loop.guard, sample, feedforward)
-    actuate(loop.actuator, step, state.feedback, feedforward, total)
+    support = planned_support[sample]
+    record_torque(guard, sample, feedforward)
+    actuate(actuator, step, state.feedback, feedforward, total)
     write_samples(
         samples,
         body_samples,
         k=k,
-        travel=loop.travel,
+        travel=travel,
         machine=machine,
         observation=observation,
         control=state,
         feedforward=feedforward,
     )
-    accumulate_cycle(loop.guard, sample, loop.support[sample], state, observation)
-    accumulate_load(loop.meter, loop.support[sample], observation)
-    return advance_plant(hooks.plant, loop.plant, loop.engine, step, machine, total)
+    accumulate_cycle(guard, sample, support, state, observation)
+    accumulate_load(meter, support, observation)
+    return advance_plant(external_plant, plant, engine, step, machine, total)
 
 
 @kernel
@@ -305,19 +335,22 @@ def take_steps(loop: Loop, hooks: Hooks, start: int, samples: Array, body_sample
     Fills both, with columns as in :mod:`cmacexp.loop.samples`. Returns the number of steps whose torque the plant has
     taken, and RUNNING or why the loop stopped: DIVERGED, FELL, or FAILED_COMPONENT.
     """
+    limits = loop.limits
+    machine = loop.plant_state
+    external_plant = hooks.plant
     period = loop.support.shape[0]
     sample = start % period
     taken = 0
     status = RUNNING
     if start == 0 and samples.shape[0] > 0:
-        status = stop_reason(loop.limits, 0, loop.plant_state)
+        status = stop_reason(limits, 0, machine)
     while status == RUNNING and taken < samples.shape[0]:
         step = start + taken
         if not (sense(loop, hooks, step, sample) and act(loop, hooks, step, sample, taken, samples, body_samples)):
             return taken, FAILED_COMPONENT
         taken += 1
         sample = sample + 1 if sample + 1 < period else 0
-        status = check(hooks.plant, loop.limits, sample, loop.plant_state)
+        status = check(external_plant, limits, sample, machine)
     return taken, status
 
 

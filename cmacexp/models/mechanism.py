@@ -35,6 +35,16 @@ KINEMATICS_FIELDS = {PLANE: 4, SPACE: 12}
 """Numbers that describe a leg at given joint angles; see :func:`update_kinematics`."""
 
 
+class PlanarLegs(NamedTuple):
+    """The fields of :class:`Leg` of L planar legs, (L,) each."""
+
+    length_1: Array
+    length_2: Array
+    mass_1: Array
+    mass_2: Array
+    knee: Array
+
+
 class Mechanism(NamedTuple):
     """Geometry and masses of a machine; L is the number of its legs."""
 
@@ -59,6 +69,11 @@ class Mechanism(NamedTuple):
     def shape(self) -> tuple[int, int]:
         """(L, J)."""
         return len(self.legs), len(self.axes)
+
+    @property
+    def planar_legs(self) -> PlanarLegs:
+        """Views of the columns of ``legs``, by name; of planar legs alone."""
+        return PlanarLegs(*self.legs.T)
 
 
 @kernel

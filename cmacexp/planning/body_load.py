@@ -41,21 +41,19 @@ def dynamic_load(mechanism: Mechanism, body_mass: float, desired: Array, joints:
     speed. What accelerates the legs along x is friction at the feet, whose lever arm is the height of the hips. Jumps
     in velocity, as at both ends of one cubic, cause no force here.
     """
-    length = mechanism.legs[:, 0]
-    mass_knee = mechanism.legs[:, 2]
-    mass_foot = mechanism.legs[:, 3]
+    legs = mechanism.planar_legs
     angle = joints[..., Q1]
     rate = joints[..., DQ1]
     acceleration = joints[..., DDQ1]
     sine, cosine = np.sin(angle), np.cos(angle)
-    knee_x, knee_y = length * cosine, length * sine
-    knee_ax = -length * (sine * acceleration + cosine * rate**2)
-    knee_ay = length * (cosine * acceleration - sine * rate**2)
+    knee_x, knee_y = legs.length_1 * cosine, legs.length_1 * sine
+    knee_ax = -legs.length_1 * (sine * acceleration + cosine * rate**2)
+    knee_ay = legs.length_1 * (cosine * acceleration - sine * rate**2)
     force = np.full(len(desired), GRAVITY * body_mass)
     moment_x, moment_y = np.zeros(len(desired)), np.zeros(len(desired))
     for mass, x, y, ax, ay in (
-        (mass_knee, knee_x, knee_y, knee_ax, knee_ay),
-        (mass_foot, desired[..., X], desired[..., Y], desired[..., AX], desired[..., AY]),
+        (legs.mass_1, knee_x, knee_y, knee_ax, knee_ay),
+        (legs.mass_2, desired[..., X], desired[..., Y], desired[..., AX], desired[..., AY]),
     ):
         down = mass * (GRAVITY - ay)
         force += down.sum(axis=1)

@@ -6,7 +6,7 @@ import numpy as np
 
 from cmacexp.config import Config
 from cmacexp.errors import BadInput
-from cmacexp.models.mechanism import Mechanism
+from cmacexp.models.mechanism import Mechanism, get_leg
 from cmacexp.planning.columns import X, Y
 from cmacexp.typing import Array
 
@@ -24,7 +24,8 @@ def _round_down(value: float) -> str:
 
 def _check_far(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array) -> None:
     """Check that the path (N,) of leg ``i`` is within its full length."""
-    reach = (mechanism.legs[i, 0] + mechanism.legs[i, 1]) * STRAIGHT
+    leg = get_leg(mechanism, i)
+    reach = (leg.length_1 + leg.length_2) * STRAIGHT
     distance = np.hypot(x, y)
     k = int(np.argmax(distance))
     if distance[k] <= reach:
@@ -55,7 +56,8 @@ def _check_far(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array)
 
 def _check_near(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array) -> None:
     """Check that the path (N,) of leg ``i`` is below its hip, and outside the circle of the folded leg."""
-    nearest = float(abs(mechanism.legs[i, 0] - mechanism.legs[i, 1])) + FOLDED
+    leg = get_leg(mechanism, i)
+    nearest = float(abs(leg.length_1 - leg.length_2)) + FOLDED
     ground = float(y.max())
     if ground <= nearest:
         allowed = f"leg {i + 1} cannot fold that far: its foot comes no nearer to the hip than {nearest:.3f} m"
@@ -72,7 +74,7 @@ def _check_near(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array
 
 def check_reach(config: Config, mechanism: Mechanism, desired: Array) -> None:
     """Check that the desired foot path (N, L, 6) is within reach; raises BadInput with a value that is."""
-    for i in range(mechanism.legs.shape[0]):
+    for i in range(mechanism.shape[0]):
         x, y = desired[:, i, X], desired[:, i, Y]
         _check_near(config, mechanism, i, x, y)
         _check_far(config, mechanism, i, x, y)

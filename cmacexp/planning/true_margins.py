@@ -35,9 +35,9 @@ def centre_of_gravity(masses: Masses, q1: Array, feet: Array) -> Array:
     if masses.centre is not None:
         moment = weight * masses.centre
     elif masses.body_mass is not None:
-        (hip_x, hip_y), length = mechanism.hips.T[..., None], mechanism.legs[:, :1]
+        (hip_x, hip_y), legs = mechanism.hips.T[..., None], mechanism.planar_legs
+        length, knee_mass, foot_mass = (each[:, None] for each in (legs.length_1, legs.mass_1, legs.mass_2))
         knees = np.stack([hip_x + length * np.cos(q1), hip_y + 0.0 * q1, -length * np.sin(q1)])
-        knee_mass, foot_mass = mechanism.legs[:, 2:3], mechanism.legs[:, 3:4]
         weight = GRAVITY * (masses.body_mass + knee_mass.sum() + foot_mass.sum())
         moment = GRAVITY * (knee_mass * knees + foot_mass * feet).sum(axis=1)
     load = np.where(masses.carried, payload.weight, 0.0)

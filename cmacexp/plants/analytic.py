@@ -43,7 +43,7 @@ class AnalyticPlant:
         substeps = self.config.substeps
         step = config.sampling_period / substeps
         self.params = PlantParams(mechanism, ground, payload, config.body_speed, step, substeps)
-        self.state = new_state(mechanism.legs.shape[0])
+        self.state = new_state(mechanism.shape[0])
         self.state.q[:] = setup.start
         self.state.body[0] = mechanism.hip_height
         self.state.stiffness[:] = config.terrain.stiffness

@@ -26,8 +26,10 @@ class AsBuiltConfig(ComponentConfig):
         spread = self.start_spread if setup.mechanism.kind else 0.0
         random = np.random.default_rng(self.start_seed)
         start = setup.start + random.uniform(-spread, spread, setup.start.shape)
-        mechanism, legs = setup.mechanism, setup.mechanism.legs.copy()
+        mechanism = setup.mechanism._replace(
+            legs=setup.mechanism.legs.copy(), weight=setup.mechanism.weight * self.mass_factor
+        )
         if mechanism.chains is None:  # chains of a robot have no masses
-            legs[:, 2:4] *= self.mass_factor
-        mechanism = mechanism._replace(legs=legs, weight=mechanism.weight * self.mass_factor)
+            for mass in (mechanism.planar_legs.mass_1, mechanism.planar_legs.mass_2):
+                mass *= self.mass_factor
         return replace(setup, mechanism=mechanism, start=start)
