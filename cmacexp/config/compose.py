@@ -4,6 +4,7 @@ import pickle
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ _composed: dict[tuple[str, ...], bytes] = {}
 Pickled: nothing copies a config faster."""
 Node = DictConfig | Mapping[str, Any]
 _NUMBER = re.compile(r"([a-z]\w*(?:\.\w+)*)=(-?(?:0|[1-9]\d*)(\.\d+)?(e-?\d+)?)")
-"""An override that sets a number: its key, the number, and what makes it a float."""
+"""An override that sets a number: its key, the number, its fraction and its exponent, with which it is a float."""
 
 
 @lru_cache(4096)
@@ -84,44 +85,54 @@ def compose_config(overrides: Sequence[str], config_dir: str | Path | None = Non
     return to_config(compose_untyped(overrides, config_dir)[0])
 
 
-@lru_cache(64)
-def _compose_plain(options: tuple[str, ...]) -> tuple[bytes, frozenset[str]] | None:
-    """What the options alone give, as plain values, pickled, and the groups to which some of its values refer.
+class PlainConfig:
+    """A config as plain values, of which others are made by setting numbers, as in most of many runs.
 
-    None if they give no config, or a value follows from others by a rule.
+    That takes a tenth of the time of Hydra's grammar and of OmegaConf.
     """
+
+    def __init__(self, plain: dict[str, Any], referred: frozenset[str] = frozenset()):
+        """``referred``: groups to which values of it referred, so that no number in them can be set alone."""
+        self._pickled, self._referred = pickle.dumps(plain), referred
+
+    def set_numbers(self, overrides: Iterable[str]) -> dict[str, Any] | None:
+        """A copy with numbers set, such as ``learning.rate=0.5``; None if an override does something else."""
+        plain: dict[str, Any] = pickle.loads(self._pickled)
+        for text in overrides:
+            if (number := _NUMBER.fullmatch(text)) is None:
+                return None
+            *path, name = number[1].split(".")
+            node: Any = plain
+            for key in path:
+                node = node.get(key) if isinstance(node, dict) else None
+            is_value = isinstance(node, dict) and not isinstance(node.get(name, {}), dict | list)
+            if not is_value or {*path[:1]} & self._referred:
+                return None
+            node[name] = float(number[2]) if number[3] or number[4] else int(number[2])
+        return plain
+
+
+@lru_cache(64)
+def _compose_plain(options: tuple[str, ...]) -> PlainConfig | None:
+    """What the options alone give; None if they give no config, or a value follows from others by a rule."""
     try:
         config = _compose_cached(options)[0]
-        resolved = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+        resolved: Any = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     except Exception:  # of whatever kind: the longer way raises it again, and says what is wrong
         return None
     references = re.findall(r"\$\{([^}]*)", str(OmegaConf.to_container(config)))
     if not all(re.fullmatch(r"[a-z]\w*\.[\w.]+", name) for name in references):
         return None
-    return pickle.dumps(resolved), frozenset(name.partition(".")[0] for name in references)
+    return PlainConfig(resolved, frozenset(name.partition(".")[0] for name in references))
 
 
 def _compose_numbers(overrides: Sequence[str]) -> dict[str, Any] | None:
-    """The config as plain values, where overrides choose options and set numbers, as in most of many runs.
-
-    That takes a tenth of the time of Hydra's grammar and of OmegaConf. None where it is not so simple: they decide.
-    """
-    found = [_NUMBER.fullmatch(text) for text in overrides]
-    options = tuple(text for text, number in zip(overrides, found, strict=True) if number is None)
-    if not all((config_folder() / text.partition("=")[0]).is_dir() for text in options):
+    """The config as plain values; None unless overrides only choose options and set numbers."""
+    is_option = [(config_folder() / text.partition("=")[0]).is_dir() for text in overrides]
+    known = _compose_plain(tuple(compress(overrides, is_option)))
+    if known is None:
         return None
-    if (known := _compose_plain(options)) is None:
-        return None
-    plain: dict[str, Any] = pickle.loads(known[0])
-    for number in filter(None, found):
-        *path, name = number[1].split(".")
-        node: Any = plain
-        for key in path:
-            node = node.get(key) if isinstance(node, dict) else None
-        if not isinstance(node, dict) or isinstance(node.get(name, {}), dict | list) or {*path[:1]} & known[1]:
-            return None
-        node[name] = float(number[2]) if number[3] or number[4] else int(number[2])
-    return plain
+    return known.set_numbers(text for text, option in zip(overrides, is_option, strict=True) if not option)
 
 
 def compose_untyped(

@@ -105,14 +105,18 @@ def sync(path: Path) -> None:
 
 
 @contextmanager
-def write_atomically(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside ``path``; rename it to ``path`` when the block succeeds, else remove it."""
+def write_atomically(path: Path, durable: bool = True) -> Iterator[Path]:
+    """Yield a temporary path beside ``path``; rename it to ``path`` when the block succeeds, else remove it.
+
+    A ``durable`` file is on the disk before it has its name.
+    """
     temporary = name_part(path)
     with full_disk_named(path):
         temporary.touch(exist_ok=False)  # never through a link
         try:
             yield temporary
-            sync(temporary)
+            if durable:
+                sync(temporary)
             temporary.replace(path)
         finally:
             temporary.unlink(missing_ok=True)

@@ -188,8 +188,8 @@ def new_result(folder: Path, key: str, kind: str | None = None, durable: bool = 
     """Write a result, which takes the place of ``folder`` when the block has succeeded; else nothing changes.
 
     The files are written to ``part``, the manifest too. ``key`` names the folder on the command line. A power
-    failure can cut short what is not ``durable``, but for the manifest, whose hashes then do not fit. Raises BadInput
-    before the block as :func:`check_place`, or if nothing can be written beside the folder; OSError if the
+    failure can cut short what is not ``durable``, whose manifest then is none, or has hashes that do not fit. Raises
+    BadInput before the block as :func:`check_place`, or if nothing can be written beside the folder; OSError if the
     disk refuses a file.
     """
     check_place(folder, key, kind)

@@ -85,9 +85,9 @@ def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: An
     }
 
 
-def write(folder: Path, manifest: Manifest) -> None:
-    """Write the manifest of a result, in one step."""
-    with write_atomically(folder / MANIFEST) as temporary:
+def write(folder: Path, manifest: Manifest, durable: bool = True) -> None:
+    """Write the manifest of a result, in one step; one that is not ``durable`` may be lost in a power failure."""
+    with write_atomically(folder / MANIFEST, durable) as temporary:
         temporary.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
 
 

@@ -13,7 +13,7 @@ from hydra.types import HydraContext
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
 from cmacexp.config import Config, to_config
-from cmacexp.config.compose import make_record, set_values
+from cmacexp.config.compose import PlainConfig, make_record, set_values
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.folder import RUN_KEY, new_result
@@ -91,9 +91,20 @@ def write_failure(
 
 
 @lru_cache(8)
-def _unpack(packed: bytes) -> tuple[DictConfig, Any, Path, bool]:
-    unpacked: tuple[DictConfig, Any, Path, bool] = pickle.loads(packed)
-    return unpacked
+def _unpack(packed: bytes) -> tuple[DictConfig, Any, Path, PlainConfig | None]:
+    """What was packed; at the end the config as plain values, None where a job needs Hydra to run it."""
+    composed, callbacks, folder, needs_hydra = pickle.loads(packed)
+    plain: Any = None if needs_hydra else OmegaConf.to_container(composed, enum_to_str=True)
+    return composed, callbacks, folder, plain and PlainConfig(plain)
+
+
+def _describe_job(hydra: Any, overrides: list[str], number: int, folder: Path) -> None:
+    """Set what Hydra says of a job in its part of a config, plain or not."""
+    job, how = hydra["job"], hydra["job"]["config"]["override_dirname"]
+    named = sorted(text for text in overrides if text.partition("=")[0] not in how["exclude_keys"])
+    job["override_dirname"] = how["item_sep"].join(named).replace("=", how["kv_sep"])
+    hydra["overrides"]["task"], job["id"], job["num"] = overrides, str(number), number
+    hydra["runtime"]["output_dir"] = str(folder / str(number))
 
 
 def run_packed(packed: bytes, overrides: list[str], values: list[str], number: int, jobs: int) -> JobEnd:
@@ -102,17 +113,16 @@ def run_packed(packed: bytes, overrides: list[str], values: list[str], number: i
     ``packed`` is what Hydra composed for a job of the same keys and options. The ``values`` of this one are set in
     it, all of them, since it holds those of the last one.
     """
-    composed, callbacks, folder, needs_hydra = _unpack(packed)
+    composed, callbacks, folder, plain = _unpack(packed)
+    if plain and (config := plain.set_numbers(values)) is not None:
+        _describe_job(config["hydra"], overrides, number, folder)
+        return _run_job(config, config.pop("hydra"), jobs)
     with read_write(composed.hydra), open_dict(composed.hydra):
         set_values(composed, values)
-        how, job = composed.hydra.job.config.override_dirname, composed.hydra.job
-        named = sorted(text for text in overrides if text.partition("=")[0] not in how.exclude_keys)
-        job.override_dirname = how.item_sep.join(named).replace("=", how.kv_sep)
-        composed.hydra.overrides.task, job.id, job.num = overrides, str(number), number
-        composed.hydra.runtime.output_dir = str(folder / str(number))
-    if not needs_hydra:
-        config: Any = OmegaConf.to_container(composed, enum_to_str=True)
-        return _run_job(config, config.pop("hydra"), jobs)
+        _describe_job(composed.hydra, overrides, number, folder)
+    if plain:
+        unresolved: Any = OmegaConf.to_container(composed, enum_to_str=True)
+        return _run_job(unresolved, unresolved.pop("hydra"), jobs)
     setup_globals()
     JobRuntime.instance().set("name", composed.hydra.job.name)
     returned = run_job(

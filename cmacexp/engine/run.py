@@ -199,20 +199,22 @@ def run_scenario(
     with new_result(folder, RUN_KEY, durable=durable) as writer:
         for name, text in (record or {}).items():
             writer.write_text(f"{HYDRA_FOLDER}/{name}", text)
-        manifest = _write(scenario, writer, watch, warn)
+        manifest, scores = _write(scenario, writer, watch, warn)
         manifest |= {} if overrides is None else {"overrides": list(overrides)}
         manifest["wall_seconds"] = time.perf_counter() - began
-        manifests.write(writer.part, manifest)
+        manifests.write(writer.part, manifest, durable=False)  # but with the whole result, if that is
     if writer.overtook:
         text = f"warning: {folder}: another run was written there meanwhile, which this one has replaced"
         print(in_one_line(text), file=sys.stderr)
-    return Run(folder, manifest)
+    run = Run(folder, manifest)
+    run.scores = scores
+    return run
 
 
 def _write(
     scenario: Scenario, writer: ResultWriter, watch: Callable[[float], None], warn: Callable[[Drift], None]
-) -> manifests.Manifest:
-    """Run, and write everything but the manifest, which is returned."""
+) -> tuple[manifests.Manifest, Scores]:
+    """Run, and write everything but the manifest, which is returned, with the metrics."""
     config, folder = scenario.setup.config, writer.part
     end, scores, names = _roll_out(scenario, folder, watch, warn)
     names += write_scores(folder, scores, config.record.trace)
@@ -245,4 +247,4 @@ def _write(
     }
     if failure is not None and not isinstance(failure, BadOutput | MemoryError):
         entries["traceback"] = format_user_traceback(failure)
-    return manifest | entries
+    return manifest | entries, scores

@@ -50,6 +50,7 @@ def _import_without_blas() -> None:
 
 
 _import_without_blas()
+import_module("numba.experimental.function_type")  # which knows the type of a hook; numba itself imports it late
 types.WrapperAddressProtocol.register(Hook)
 
 

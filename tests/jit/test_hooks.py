@@ -5,6 +5,7 @@ import signal
 import traceback
 
 import pytest
+from support.command import python
 
 from cmacexp.jit.hooks import DONE, FAILED, Hook
 from cmacexp.jit.interrupt import handled, interrupt_held_back, interruptible, raise_if_interrupted
@@ -48,3 +49,11 @@ def test_what_a_signal_handler_of_the_caller_raises_passes_too():
     signal.signal(signal.SIGTERM, before)
     with pytest.raises(SystemExit):
         hook.raise_error()
+
+
+@pytest.mark.ci
+def test_the_first_program_of_a_process_may_be_one_with_hooks(tmp_path):
+    imports = "import cmacexp.jit.numba_private, numba\nfrom cmacexp.jit.hooks import Hook\n"
+    code = imports + "print(numba.typeof(Hook(print)))"
+    done = python("-c", code, folder=tmp_path)
+    assert done.stdout == "FunctionType[int64(int64)]\n", done.stderr
