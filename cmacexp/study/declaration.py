@@ -17,11 +17,11 @@ import yaml
 from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.text import format_number
-from cmacexp.report.figures import draw
+from cmacexp.report.figures import Panel, draw
 from cmacexp.study.curves import over_cycles, over_setting
 from cmacexp.study.interval import estimate
 from cmacexp.study.quantity import check_quantity, compute_quantity
-from cmacexp.study.results import Results
+from cmacexp.study.results import NoSuchRuns, Results
 from cmacexp.study.statements import ANY, Claim, Criterion, Finding, Limit
 from cmacexp.study.study import DataFrame, Figure, Request, Study, grid, starting_from
 from cmacexp.study.tables import completed, cross_tabulate, tabulate
@@ -121,8 +121,13 @@ def _name_case(case: Any, chosen: Mapping[str, Any]) -> str:
     return ", ".join(map(str, chosen.values())) if case is None else str(case).format(**chosen)
 
 
+def _take_ends(values: Sequence[Any]) -> list[Any]:
+    """The first and the last value; the only one once."""
+    return [*values[:1], *values[1:][-1:]]
+
+
 def read_requests(parts: Sequence[Any], quick: bool) -> list[Request]:
-    """The runs of all parts; a quick form takes what ``quick`` sets, and the first two values of each setting."""
+    """The runs of all parts; a quick form takes what ``quick`` sets, and the first and last value of each setting."""
     found: list[Request] = []
     for given in parts:
         own = _check("runs", given)
@@ -131,7 +136,9 @@ def read_requests(parts: Sequence[Any], quick: bool) -> list[Request]:
             for key, values in (own.get("over") or {}).items()
         }
         if quick:
-            over = {k: dict(list(v.items())[:2]) if isinstance(v, dict) else v[:2] for k, v in over.items()}
+            over = {
+                k: dict(_take_ends([*v.items()])) if isinstance(v, dict) else _take_ends(v) for k, v in over.items()
+            }
         more = own.get("quick") if quick else None
         requests = grid(
             *format_overrides(own.get("set")), over=over, seeded=bool(own.get("seeds")), **(own.get("labels") or {})
@@ -145,8 +152,19 @@ def read_requests(parts: Sequence[Any], quick: bool) -> list[Request]:
     return found
 
 
-def _cell(value: Any) -> Callable[[Results], Any]:
-    """What a cell of a table shows of its runs: a quantity of those that completed, several, or how many did."""
+def _cell(value: Any, measures: Collection[str]) -> Callable[[Results], Any]:
+    """What a cell of a table shows of its runs: a quantity of those that completed, several, or how many did.
+
+    A cycle that runs were not to reach, as those of a quick form, is shown as undefined.
+    """
+    for text in _list(value):
+        check_quantity(text, measures)
+
+    def show(results: Results) -> Any:
+        try:
+            return (describe if isinstance(value, list) else measure)(results)
+        except BadInput:
+            return None
 
     def describe(results: Results) -> str:
         found = [estimate(compute_quantity(text, results)) for text in value]
@@ -157,35 +175,43 @@ def _cell(value: Any) -> Callable[[Results], Any]:
         done = [row for row in results.rows if row.run.completed] or results.rows
         return compute_quantity(value, Results(done, results.computed))
 
-    if value == "completed":
-        return completed
-    return describe if isinstance(value, list) else measure
+    return completed if value == "completed" else show
 
 
-def read_figure(given: Any) -> Callable[[Results], Figure]:
-    """A figure of panels: a ``metric`` over cycles, or a ``value`` over a setting, with a line for each of ``by``."""
+def read_figure(given: Any, measures: Collection[str] = ()) -> Callable[[Results], Figure]:
+    """A figure of panels: a ``metric`` over cycles, or a ``value`` over a setting, with a line for each of ``by``.
+
+    Panels of runs that a quick form leaves out are left out.
+    """
     panels = [_check("figures", each, ["by"] if "metric" in each else ["value", "over"]) for each in _list(given)]
 
-    def build(own: Mapping[str, Any], results: Results) -> Any:
-        chosen, log, title = results.select(own.get("of")), own.get("log", ""), own.get("title", "")
+    for own in panels:
+        check_quantity(str(own.get("metric", own.get("value"))), measures)
+
+    def build(own: Mapping[str, Any], results: Results) -> list[Panel]:
+        try:
+            chosen = results.select(own.get("of"))
+        except NoSuchRuns:
+            return []
+        log, title = own.get("log", ""), own.get("title", "")
         if "metric" in own:
             panel = over_cycles(chosen, own["metric"], own["by"], log)
-            return replace(panel, title=title or panel.title)
+            return [replace(panel, title=title or panel.title)]
         y, kind = str(own.get("y", title or own["value"])), own.get("kind", "lines")
         sample = partial(compute_quantity, own["value"])
-        return over_setting(chosen, own["over"], y, sample, own.get("by"), title=title, log=log, kind=kind)
+        return [over_setting(chosen, own["over"], y, sample, own.get("by"), title=title, log=log, kind=kind)]
 
-    return lambda results: draw([build(own, results) for own in panels], columns=min(2, len(panels)))
+    return lambda results: draw([p for own in panels for p in build(own, results)], columns=min(2, len(panels)))
 
 
-def read_table(given: Any) -> Callable[[Results], DataFrame]:
+def read_table(given: Any, measures: Collection[str] = ()) -> Callable[[Results], DataFrame]:
     """A row for each of ``rows``; a column for each quantity of ``columns``, or for each value of ``across``."""
     own = _check("tables", given, ["rows"])
     rows = own["rows"] if isinstance(own["rows"], Mapping) else {key: key for key in _list(own["rows"])}
     if "across" in own:
-        pair, sample = next(iter(rows.items())), _cell(own["value"])
+        pair, sample = next(iter(rows.items())), _cell(own["value"], measures)
         return lambda results: cross_tabulate(results.select(own.get("of")), pair, (own["across"], ""), sample)
-    columns = {title: _cell(text) for title, text in own["columns"].items()}
+    columns = {title: _cell(text, measures) for title, text in own["columns"].items()}
     return lambda results: tabulate(results.select(own.get("of")), rows, columns)
 
 
@@ -255,6 +281,6 @@ def read_study(path: Path) -> Study:
         measures=measures,
         claims=read_claims(own.get("claims") or {}, measures),
         findings=read_findings(own.get("findings") or {}, measures),
-        figures={name: read_figure(each) for name, each in (own.get("figures") or {}).items()},
-        tables={name: read_table(each) for name, each in (own.get("tables") or {}).items()},
+        figures={name: read_figure(each, measures) for name, each in (own.get("figures") or {}).items()},
+        tables={name: read_table(each, measures) for name, each in (own.get("tables") or {}).items()},
     )

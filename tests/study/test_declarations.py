@@ -59,3 +59,14 @@ def test_a_measure_that_is_no_function_is_refused(target, tmp_path):
     (tmp_path / "some.yaml").write_text(TEXT.replace("os.path.getsize", target))
     with pytest.raises(BadInput, match=r"^measures="):
         load_study(tmp_path / "some.yaml")
+
+
+def test_a_quick_form_takes_the_ends_of_each_setting_and_shows_nothing_of_cycles_that_it_does_not_reach(tmp_path):
+    text = TEXT.replace("b: {feedforward: rbf}", "c: {}, b: {feedforward: rbf}").replace(
+        "2 * steps", '"force_rmse[7]"'
+    )
+    (tmp_path / "some.yaml").write_text(text)
+    study = load_study(tmp_path / "some.yaml").study
+    assert [each.labels["kind"] for each in study.runs(True)] == ["a", "b", "a", "b"]
+    row = made_row({"force_rmse": [1.0]}, 1, {"steps": 1.0}, kind="a")
+    assert study.tables["steps"](Results([row]))["size"].tolist() == [None]
