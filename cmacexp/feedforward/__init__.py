@@ -2,6 +2,7 @@
 
 from cmacexp.feedforward.cmac import CmacFeedforward as CmacFeedforward
 from cmacexp.feedforward.cmac_on_model import CmacOnModel as CmacOnModel
+from cmacexp.feedforward.identified import IdentifiedModel as IdentifiedModel
 from cmacexp.feedforward.ilc import IterativeLearning as IterativeLearning
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics as InverseDynamics
 from cmacexp.feedforward.none import NoFeedforward as NoFeedforward
