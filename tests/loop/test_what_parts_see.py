@@ -8,6 +8,7 @@ from support.doors import make_scenario
 from support.rollout import roll_out
 
 from cmacexp.control import HybridController
+from cmacexp.loop.builtin import find_external
 from cmacexp.plants import AnalyticPlant
 
 SHORT = ("gait.cycle_time=0.2", "gait.lift=0.005")
@@ -43,6 +44,19 @@ def test_a_feedforward_that_asks_for_it_is_shown_every_step(make_config, control
     applied = np.stack([columns[f"tau_feedback_{j}"] + columns[f"tau_feedforward_{j}"] for j in (1, 2)], axis=2)
     np.testing.assert_array_equal([torque for _, _, torque in witness.seen], [np.zeros((1, 2)), *applied[:-1]])
     np.testing.assert_array_equal([shown.force for _, shown, _ in witness.seen], columns["force_measured"])
+
+
+def test_a_subclass_is_called_in_every_step_unless_it_declares_its_kernel_parts(make_config):
+    class Called(AnalyticPlant):
+        pass
+
+    class Declared(AnalyticPlant):
+        kernel_parts = AnalyticPlant.kernel_parts
+
+    config = make_config("cycles=1", *SHORT)
+    called, declared = (make_scenario(config, plant=plant(config.plant)) for plant in (Called, Declared))
+    assert (find_external(called).plant, find_external(declared).plant) == (True, False)
+    np.testing.assert_array_equal(roll_out(called).samples, roll_out(declared).samples)
 
 
 def test_the_plant_alone_gets_what_is_true(make_config):
