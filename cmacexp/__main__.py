@@ -19,6 +19,7 @@ COMMANDS = {
     "gap": "compares a log of a robot with its model: identifies, validates, says what learning would gain",
     "robots": "shows what the model of a robot holds, and what follows from it",
     "study": "runs a study and writes its report",
+    "warm": "compiles what usual runs need, before they need it",
 }
 """What each command does. All but the first two have a module of their own, which ``python -m cmacexp.NAME`` runs."""
 RUNS = {"run": [], "sweep": ["-m"]}

@@ -119,3 +119,12 @@ def test_help_lists_the_commands_and_the_package_its_names(monkeypatch, capsys):
     assert issubclass(package.BadInput, ValueError)
     for name in package.__all__:
         assert getattr(package, name)
+
+
+@pytest.mark.ci
+def test_warm_compiles_what_it_names_and_names_what_it_does_not_know(tmp_path):
+    done = call("warm", "one_leg", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert re.fullmatch(r"one_leg: ready after [\d.]+ s\n", done.stdout)
+    done = call("warm", "two_legs", folder=tmp_path)
+    assert (done.returncode, done.stderr.startswith("error: FORM=two_legs: choose from one_leg, ")) == (2, True)

