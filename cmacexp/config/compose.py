@@ -1,9 +1,11 @@
 """From overrides, as typed on the command line, to a checked config; and Hydra's record of it, as texts."""
 
+import copy
 import pickle
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from dataclasses import replace
+from functools import cached_property, lru_cache
 from itertools import compress
 from pathlib import Path
 from typing import Any
@@ -11,11 +13,13 @@ from typing import Any
 import yaml
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-from cmacexp.config.component import config_folder
-from cmacexp.config.load import to_config
+from cmacexp.config.check import check
+from cmacexp.config.component import COMPONENTS, config_folder
+from cmacexp.config.fields import replace_field
+from cmacexp.config.load import read_config, to_config
 from cmacexp.config.robot_rule import find_mistake
 from cmacexp.config.schema import Config
-from cmacexp.errors import CmacexpError
+from cmacexp.errors import BadInput, CmacexpError
 
 _MISSING = object()
 _composed: dict[tuple[str, ...], bytes] = {}
@@ -80,8 +84,8 @@ def compose_config(overrides: Sequence[str], config_dir: str | Path | None = Non
     ``config_dir`` is a folder of custom configs, as ``--config-dir``; its files are read anew by each call. Raises
     CmacexpError with the message of the command line.
     """
-    if config_dir is None and (plain := _compose_numbers(overrides)) is not None:
-        return to_config(plain)
+    if config_dir is None and (config := _compose_numbers(overrides)) is not None:
+        return config
     return to_config(compose_untyped(overrides, config_dir)[0])
 
 
@@ -99,17 +103,42 @@ class PlainConfig:
         """A copy with numbers set, such as ``learning.rate=0.5``; None if an override does something else."""
         plain: dict[str, Any] = pickle.loads(self._pickled)
         for text in overrides:
-            if (number := _NUMBER.fullmatch(text)) is None:
+            if (found := _read_number(text)) is None:
                 return None
-            *path, name = number[1].split(".")
+            (*path, name), value = found
             node: Any = plain
             for key in path:
                 node = node.get(key) if isinstance(node, dict) else None
             is_value = isinstance(node, dict) and not isinstance(node.get(name, {}), dict | list)
             if not is_value or {*path[:1]} & self._referred:
                 return None
-            node[name] = float(number[2]) if number[3] or number[4] else int(number[2])
+            node[name] = value
         return plain
+
+    @cached_property
+    def _config(self) -> Config:
+        return read_config(pickle.loads(self._pickled))
+
+    def make_config(self, overrides: Sequence[str]) -> Config | None:
+        """The checked config with numbers set; None if an override does something else. Raises BadInput."""
+        if (plain := self.set_numbers(overrides)) is None:
+            return None
+        try:
+            own = {group: copy.deepcopy(getattr(self._config, group)) for group in COMPONENTS}
+            config = replace(self._config, **own)  # what a component does to its config stays in its run
+            for path, value in filter(None, map(_read_number, overrides)):
+                config = replace_field(config, path, value)
+        except (BadInput, AttributeError, TypeError, ValueError):  # the first wrong one is named below
+            return to_config(plain)
+        check(config)
+        return config
+
+
+def _read_number(text: str) -> tuple[list[str], float] | None:
+    """The path of a key, and the number that an override sets it to; None if it does something else."""
+    if (found := _NUMBER.fullmatch(text)) is None:
+        return None
+    return found[1].split("."), float(found[2]) if found[3] or found[4] else int(found[2])
 
 
 @lru_cache(64)
@@ -126,13 +155,13 @@ def _compose_plain(options: tuple[str, ...]) -> PlainConfig | None:
     return PlainConfig(resolved, frozenset(name.partition(".")[0] for name in references))
 
 
-def _compose_numbers(overrides: Sequence[str]) -> dict[str, Any] | None:
-    """The config as plain values; None unless overrides only choose options and set numbers."""
+def _compose_numbers(overrides: Sequence[str]) -> Config | None:
+    """The config where overrides only choose options and set numbers, else None; raises BadInput."""
     is_option = [(config_folder() / text.partition("=")[0]).is_dir() for text in overrides]
     known = _compose_plain(tuple(compress(overrides, is_option)))
     if known is None:
         return None
-    return known.set_numbers(text for text, option in zip(overrides, is_option, strict=True) if not option)
+    return known.make_config([text for text, option in zip(overrides, is_option, strict=True) if not option])
 
 
 def compose_untyped(

@@ -8,7 +8,7 @@ import math
 import operator
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import MISSING, field, fields, is_dataclass
+from dataclasses import MISSING, field, fields, is_dataclass, replace
 from functools import cache
 from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -89,6 +89,23 @@ def read_fields(schema: type[T], node: Mapping[str, Any], key: str = "") -> T:
         name: _read_value(given, types[name], declared[name].metadata, before + name) for name, given in node.items()
     }
     return schema(**values)
+
+
+def replace_field(node: T, path: Sequence[str], given: Any, key: str = "") -> T:
+    """A dataclass with another value at the end of a path of fields, checked as by :func:`read_fields`.
+
+    ``key`` leads to this dataclass, for messages. Raises BadInput; AttributeError, TypeError or ValueError if the
+    path does not lead through dataclasses to a field.
+    """
+    name, *rest = path
+    own = f"{key}.{name}" if key else name
+    if rest:
+        value = replace_field(getattr(node, name), rest, given, own)
+    else:
+        (declared,) = (each for each in fields(node) if each.name == name)  # type: ignore[arg-type]
+        schema: Any = type(node)
+        value = _read_value(given, _declared_types(schema)[name], declared.metadata, own)
+    return replace(node, **{name: value})  # type: ignore[type-var]
 
 
 class _OtherType(Exception):

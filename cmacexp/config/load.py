@@ -68,12 +68,19 @@ def _list_groups() -> list[str]:
     return [field.name for field in fields(Config)[1:] if (config_folder() / field.name).is_dir()]
 
 
-@exits_caught()  # of the config class of a component
 def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
     """Type and check what Hydra composed, or plain values, as the ``config`` of a manifest.
 
     Raises BadInput for the first key that is wrong: every value must be in its range, every combination possible.
     """
+    config = read_config(composed)
+    check(config)
+    return config
+
+
+@exits_caught()  # of the config class of a component
+def read_config(composed: DictConfig | Mapping[str, Any]) -> Config:
+    """:func:`to_config` without a check of the combinations."""
     plain: Any = composed
     try:
         if isinstance(composed, DictConfig):
@@ -88,9 +95,7 @@ def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
     with current_folder_importable():
         components = {group: _make_component(group, plain[group]) for group in COMPONENTS}
     machine = _make_machine(plain["machine"], plain["plant"].get("_target_"))
-    config = read_fields(Config, {**plain, **components, "machine": machine})
-    check(config)
-    return config
+    return read_fields(Config, {**plain, **components, "machine": machine})
 
 
 def to_plain(config: Config) -> dict[str, Any]:
