@@ -13,10 +13,9 @@ from typing import Any
 import yaml
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-from cmacexp.config.check import check
 from cmacexp.config.component import COMPONENTS, config_folder
 from cmacexp.config.fields import replace_field
-from cmacexp.config.load import read_config, to_config
+from cmacexp.config.load import check_config, read_config, to_config
 from cmacexp.config.robot_rule import find_mistake
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput, CmacexpError
@@ -130,7 +129,7 @@ class PlainConfig:
                 config = replace_field(config, path, value)
         except (BadInput, AttributeError, TypeError, ValueError):  # the first wrong one is named below
             return to_config(plain)
-        check(config)
+        check_config(config)
         return config
 
 

@@ -74,8 +74,14 @@ def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
     Raises BadInput for the first key that is wrong: every value must be in its range, every combination possible.
     """
     config = read_config(composed)
-    check(config)
+    check_config(config)
     return config
+
+
+@exits_caught()  # of the check of a component
+def check_config(config: Config) -> None:
+    """Check every combination of fields, and what components check themselves; raises BadInput."""
+    check(config)
 
 
 @exits_caught()  # of the config class of a component
