@@ -85,8 +85,8 @@ def test_help_fits_a_screen_and_lists_every_option_of_a_group_that_it_names():
     assert len(lines) <= 24
     assert max(map(len, lines)) <= 80
     for group in ("scenario", "force_control", "feedforward"):
-        (listed,) = [line.split("=")[1].split(" | ") for line in lines if line.startswith(f"  {group}=")]
-        assert set(listed) == {path.stem for path in (config_folder() / group).glob("*.yaml")}
+        (listed,) = re.findall(rf"^  {group}=((?:.*\|\n)*.*)$", "\n".join(lines), re.MULTILINE)
+        assert set(re.findall(r"\w+", listed)) == {path.stem for path in (config_folder() / group).glob("*.yaml")}
 
 
 @pytest.mark.ci
@@ -123,8 +123,6 @@ def test_help_lists_the_commands_and_the_package_its_names(monkeypatch, capsys):
 
 @pytest.mark.ci
 def test_warm_compiles_what_it_names_and_names_what_it_does_not_know(tmp_path):
-    done = call("warm", "one_leg", folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert re.fullmatch(r"one_leg: ready after [\d.]+ s\n", done.stdout)
+    assert re.fullmatch(r"one_leg: ready after [\d.]+ s\n", call("warm", "one_leg", folder=tmp_path).stdout)
     done = call("warm", "two_legs", folder=tmp_path)
     assert (done.returncode, done.stderr.startswith("error: FORM=two_legs: choose from one_leg, ")) == (2, True)
