@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from support.doors import CmacexpError
+from support.robots import OWN
 
 from cmacexp import run
 from cmacexp.engine.chunk import run_chunk
@@ -63,7 +64,7 @@ def test_runs_that_are_made_together_have_the_metrics_of_those_made_alone(tmp_pa
 @pytest.mark.ci
 def test_bodies_and_machines_of_several_kinds_are_made_together(tmp_path):
     walk = ["scenario=quadruped", "cycles=1"]
-    robot = ["scenario=robot", "cycles=1"]
+    robot = ["scenario=robot", "machine=mjcf", f"machine.path={OWN}", "cycles=1"]
     walks = [walk, [*walk, "seed=2"], [*walk, "payload.weight=300"], robot, [*robot, "seed=3"], [*SHORT]]
     assert "completed" in compare(walks, tmp_path)[0]
 
