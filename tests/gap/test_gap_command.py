@@ -22,7 +22,7 @@ def write(path, log):
     pd.DataFrame({"time": log.time, **angles, **commands}).to_csv(path, index=False)
 
 
-@pytest.mark.ci
+@pytest.mark.nightly
 def test_a_log_becomes_a_page_with_the_joints_that_made_it(tmp_path):
     write(tmp_path / "log.csv", simulate_log(parts=50))
     units = ["--units", "angle=deg,command=deg"]
