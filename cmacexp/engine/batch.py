@@ -1,6 +1,5 @@
 """Many runs as one table: those of a sweep, from disk, or run in memory on all cores."""
 
-import os
 import warnings
 from collections.abc import Sequence
 from functools import partial
@@ -13,7 +12,7 @@ from cmacexp.data.discovery import runs_below
 from cmacexp.data.run import Run, sort_folders
 from cmacexp.engine.chunk import RunEnd, run_chunk
 from cmacexp.engine.equal_results import Outcome, find_idle_keys, hash_overrides
-from cmacexp.engine.pool import start_workers
+from cmacexp.engine.pool import count_processes, start_workers
 from cmacexp.engine.sweep_tables import (
     concat_metrics,
     join_runs,
@@ -85,7 +84,7 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
             raise BadInput("runs", overrides, f"must be a list of lists of overrides: [[{overrides!r}]]")
     if not runs:
         raise BadInput("runs", list(runs), "must have at least one run")
-    count = processes or len(os.sched_getaffinity(0))
+    count = count_processes(processes)
     size = max(1, min(MOST_RUNS, len(runs) // (CHUNKS_EACH * count)))
     listed = [list(overrides) for overrides in runs]
     chunks = [(listed[at : at + size], keep == TRACE, len(runs)) for at in range(0, len(runs), size)]

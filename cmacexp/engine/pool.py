@@ -51,6 +51,11 @@ def is_first_worker() -> bool:
     return _Progress.place == 0
 
 
+def count_processes(asked: int | None) -> int:
+    """The number of processes that is asked for; None: one for each core that this process may use."""
+    return asked or len(os.sched_getaffinity(0))
+
+
 def make_context() -> Any:
     """What starts processes, as copies of a first one, which is started now."""
     context = multiprocessing.get_context("forkserver")
@@ -111,7 +116,7 @@ def start_workers(processes: int | None = None) -> Iterator[ParallelMap]:
     That raises what ``work`` raises, and ChildProcessError if a process was killed. Work that goes on when the
     context is left is ended at once: the files of runs are whole or absent.
     """
-    count = processes or len(os.sched_getaffinity(0))
+    count = count_processes(processes)
     others, context = set(multiprocessing.active_children()), make_context()
     shared = context.RawArray("d", count)
     executor = ProcessPoolExecutor(count, context, _begin, (shared, dict(os.environ)))

@@ -133,8 +133,8 @@ class _Listener(event.Listener):
 def before_compiling(call: Callable[[], None], again: Callable[[], None]) -> Iterator[None]:
     """Have ``call`` called before anything is compiled that the cache does not hold; what it raises prevents that.
 
-    ``again`` is called many times meanwhile, and may end that likewise. LLVM optimises little; "Compiling": a quarter
-    less, the loop runs as fast.
+    ``again`` is called many times meanwhile, and may end that likewise. LLVM optimises little: "Compiling"
+    says what that saves, and what it costs in each step.
     """
     before = config.OPT
     with install_listener("numba:compile", _Listener(call)), install_listener("numba:run_pass", _Listener(again)):

@@ -258,8 +258,8 @@ def stream(
 ) -> End:
     """Run a scenario, whose components are reset, some cycles at a time; raises CmacexpError if it has run before.
 
-    ``keep`` is called with the samples of these cycles, whose arrays are used again for the next ones;
-    ``on_progress`` several times a second with the number of cycles done so far.
+    ``keep`` is called with the samples of these cycles, which it may keep; ``on_progress`` several times a second
+    with the number of cycles done so far.
 
     Returns how it ended; samples are kept up to there, whether it diverged, failed or was interrupted.
     """

@@ -82,8 +82,7 @@ def test_odd_lattice_whose_layers_coincide_is_refused(layers, inputs):
 
 def least_distance_by_hand(vector, layers):
     """Smallest squared distance from the origin to another corner, by trying all of them."""
-    shifts = ([j * c % layers for c in vector] for j in range(1, layers))
-    return min(sum(min(s, layers - s) ** 2 for s in shift) for shift in shifts)
+    return min(sum(min(j * c % layers, -j * c % layers) ** 2 for c in vector) for j in range(1, layers))
 
 
 @pytest.mark.parametrize(("layers", "inputs"), [(5, 2), (7, 3), (8, 3), (12, 3), (16, 2), (13, 2)])
