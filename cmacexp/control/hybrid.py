@@ -78,8 +78,8 @@ class HybridController:
         """Feedback from this step's errors; feedforward from the plan, trained by the last step's feedback."""
         last: Array = self.state.learning_error.copy()
         update_kinematics(self.params.mechanism, measurement.q, self.kinematics)
-        steer(self.params.steering, measurement.travel, reference.step, reference.sample, reference.support)
-        observation = Observation._make((*get_state(measurement), self.kinematics))
+        observation = Observation._make((*get_state(measurement), self.kinematics, measurement.travel))
+        steer(self.params.steering, observation.travel, reference.step, reference.sample, reference.support)
         hybrid_feedback(self.params, self.state, reference.support, reference.values, observation)
         feedforward = self.feedforward.predict(reference, last) if reference.acting else np.zeros_like(last)
         return Action(self.state.feedback.copy(), feedforward, self.state.reference.copy())

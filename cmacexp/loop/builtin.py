@@ -25,6 +25,7 @@ from cmacexp.plants.as_built import AsBuiltConfig
 from cmacexp.plants.kernels import new_state
 from cmacexp.plants.protocol import get_state
 from cmacexp.sensors.kernels import Observation, new_observation
+from cmacexp.sensors.protocol import TRAVEL, find_altered
 from cmacexp.typing import KernelParts
 
 BUILT_IN = "needs feedforward=cmac, rbf or ilc, and the built-in controller"
@@ -110,11 +111,15 @@ def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard:
         actuator = replace(actuator, delay=actuator.delay + built.delay)
     parts = dict(_start_external(scenario) if external.plant else _get_parts(scenario.plant))
     if external.sensors:
-        parts["observation"] = new_observation(mechanism.shape[0], mechanism.axes)
+        parts["observation"] = new_observation(mechanism.shape[0], mechanism.axes)._replace(
+            travel=copy.copy(parts.get("travel"))
+        )
     else:  # with perfect sensors the controller sees the arrays of the plant
         machine = parts["plant_state"]
-        parts["observation"] = Observation(*(getattr(machine, name) for name in Observation._fields))
+        parts["observation"] = Observation._make((*get_state(machine), machine.kinematics, None))
         parts |= _get_parts(scenario.sensors)
+        if TRAVEL not in find_altered(scenario.sensors):
+            parts["observation"] = parts["observation"]._replace(travel=parts.get("travel"))
     parts["control_state"] = new_hybrid_state(*mechanism.shape)
     if not external.controller:
         parts |= _get_parts(scenario.controller)

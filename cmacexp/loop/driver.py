@@ -47,8 +47,8 @@ class ExternalComponents:
         self.loop, self.external = loop, external
         self.plant, self.sensors = scenario.plant, scenario.sensors
         self.controller, self.feedforward = scenario.controller, scenario.feedforward
-        self.state = Measurement(*get_state(loop.plant_state))
-        self.observation = Measurement(*get_state(loop.observation))
+        self.state = Measurement(*get_state(loop.plant_state))._replace(travel=loop.travel)
+        self.observation = Measurement(*get_state(loop.observation))._replace(travel=loop.observation.travel)
         self.has_fault_status = external.controller and hasattr(scenario.controller, "force_trusted")
         self.divergence = ""
         """Cause that an external plant itself reported, if it has diverged."""
@@ -81,7 +81,10 @@ class ExternalComponents:
         return _make_reference((step, sample, acting, *self.plan_rows[ACTING if acting else BEFORE][sample]))
 
     def _measure(self, step: int) -> None:
-        copy_measurement(self.sensors, "measure", self.sensors.measure(copy_state(self.state)), self.observation)
+        true, seen = copy_state(self.state, self.loop.travel), self.observation.travel
+        if seen is not None:  # unless they measure that too
+            seen[...] = self.loop.travel
+        copy_measurement(self.sensors, "measure", self.sensors.measure(true), self.observation)
 
     def _show(self, feedforward: Observes, step: int) -> None:
         """Show what the sensors show, and what the plant took."""
@@ -89,7 +92,7 @@ class ExternalComponents:
 
     def _act(self, step: int) -> None:
         reference, state = self._refer(step), self.loop.control_state
-        action = self.controller.act(reference, copy_state(self.observation, self.loop.travel))
+        action = self.controller.act(reference, copy_state(self.observation, self.observation.travel))
         if self.has_fault_status:
             state.fault_status.trusted[...] = self.controller.force_trusted  # type: ignore[attr-defined]
         if not copy_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
@@ -109,8 +112,6 @@ class ExternalComponents:
             self.state.q[...] = np.nan  # for which the check of this step stops the run
             return
         copy_measurement(self.plant, "step", measured, self.state)
-        if self.loop.travel is not None and measured.travel is not None:
-            self.loop.travel[...] = measured.travel
         if step == 0:
             for name, values in _name(self.state):
                 require_finite(self.plant, "step", name, values)

@@ -44,6 +44,7 @@ HEIGHT_RATE_MEASURED, PITCH_RATE_MEASURED, ROLL_RATE_MEASURED = _body_columns(
 )
 COG_X, COG_Y, YAW = TRAVEL = [BODY_SAMPLES.index(name) for name in ARRAYS["travel"]]
 """Columns of the position of the body in the world; those of the plan unless the plant measures them."""
+COG_X_MEASURED, COG_Y_MEASURED, YAW_MEASURED = _body_columns("cog_x_measured cog_y_measured yaw_measured")
 
 
 def name_samples(samples: Array, names: tuple[str, ...] = ALL_SAMPLES) -> dict[str, Array]:
@@ -96,6 +97,7 @@ def write_samples(
         row[TAU_FEEDFORWARD_1], row[TAU_FEEDFORWARD_2] = feedforward[i, 0], feedforward[i, 1]
     if samples.shape[2] > len(SAMPLES):
         write_measured(samples, body_samples, k, machine, observation, control)
+        write_measured_travel(body_samples, k, observation.travel)
     if samples.shape[2] > len(WIDE_SAMPLES):
         write_spatial(samples, k, machine, observation, control, feedforward)
 
@@ -125,6 +127,16 @@ def write_measured(
     row[HEIGHT_RATE_MEASURED] = rate[0]
     row[PITCH_RATE_MEASURED] = rate[1]
     row[ROLL_RATE_MEASURED] = rate[2]
+
+
+@kernel
+def write_measured_travel(body_samples: Array, k: int, travel: Array | None) -> None:
+    """Write the measured place and heading ``travel`` (3,), m and rad, of row ``k`` of (K, columns), if any."""
+    if travel is not None:
+        row = body_samples[k]
+        row[COG_X_MEASURED] = travel[0]
+        row[COG_Y_MEASURED] = travel[1]
+        row[YAW_MEASURED] = travel[2]
 
 
 @kernel

@@ -71,7 +71,7 @@ class Loop(NamedTuple):
     engine: Engine | None = None
     """Of a built-in plant in MuJoCo, which has no other parameters."""
     travel: Array | None = None
-    """(3,): of a body that the plant moves, as of a Measurement."""
+    """(3,): true, of a body that the plant moves, as of a Measurement."""
     sensing: Sensing | None = None
     """None also of sensors that alter nothing."""
     control: HybridParams | None = None
@@ -191,7 +191,6 @@ def predict(
 def control(
     params: HybridParams | None,
     state: HybridState,
-    travel: Array | None,
     step: int,
     sample: int,
     support: Mask,
@@ -200,7 +199,7 @@ def control(
 ) -> None:
     """The built-in controller: ``support`` (L,) and ``reference`` (L, columns) are the plan's of this ``sample``."""
     if params is not None:
-        steer(params.steering, travel, step, sample, support)
+        steer(params.steering, observation.travel, step, sample, support)
         hybrid_feedback(params, state, support, reference, observation)
 
 
@@ -217,7 +216,6 @@ def command(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     start_step = loop.start_step
     support = loop.support
     plan = loop.reference
-    travel = loop.travel
     observation = loop.observation
     if controller is not None:
         return call(controller, step) and is_finite(state.feedback) and is_finite(feedforward)
@@ -231,7 +229,6 @@ def command(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     control(
         control_params,
         state,
-        travel,
         step=step,
         sample=sample,
         support=support[sample],

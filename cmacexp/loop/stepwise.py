@@ -122,7 +122,8 @@ class OpenLoop:
         planned = plan.support, plan.reference[BEFORE], plan.desired, plan.force_desired
         self._planned = [read_only(rows) for rows in planned]
         self._state = Measurement(*get_state(self._loop.plant_state))._replace(travel=self._loop.travel)
-        self._observed = Measurement(*get_state(self._loop.observation))._replace(travel=self._loop.travel)
+        observation = self._loop.observation
+        self._observed = Measurement(*get_state(observation))._replace(travel=observation.travel)
         self._samples = make_samples(self.period, self.shape[0], False, self.shape[1])
         self._start = Snapshot(each.array for each in list_arrays(self._loop) if each.role is not None)
         if self._plant is not None:

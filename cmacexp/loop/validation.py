@@ -71,6 +71,8 @@ def copy_measurement(component: object, method: str, output: Any, target: Measur
         travel = np.empty(3)
         copy_output(component, method, "travel", output.travel, travel)
         require_finite(component, method, "travel", travel)
+        if target.travel is not None:
+            target.travel[...] = travel
 
 
 def copy_action(component: object, output: Any, feedback: Array, feedforward: Array, reference: Array) -> bool:

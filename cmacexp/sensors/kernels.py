@@ -1,6 +1,6 @@
 """All sensors of a machine in one step, as kernels."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from cmacexp.models.mechanism import (
 from cmacexp.plants.kernels import PlantState
 from cmacexp.plants.protocol import Measurement, get_state, new_measurement
 from cmacexp.sensors.channel import Sensing, read_channel
-from cmacexp.typing import Scratch
+from cmacexp.typing import SCRATCH, Array, Scratch
 
 
 class Observation(NamedTuple):
@@ -32,13 +32,14 @@ class Observation(NamedTuple):
     body_rate: Scratch
     kinematics: Scratch
     """Of the joint angles, see :func:`cmacexp.models.mechanism.update_kinematics`."""
+    travel: Annotated[Array | None, SCRATCH] = None
+    """(3,): as of a Measurement; the array of the plant itself where the sensors do not alter it."""
 
 
 def new_observation(legs: int, axes: tuple[int, ...] = PLANE) -> Observation:
     """An observation of zeros of ``legs`` legs."""
-    return Observation._make(
-        (*get_state(new_measurement(legs, len(axes))), np.zeros((legs, KINEMATICS_FIELDS[axes])))
-    )
+    kinematics = np.zeros((legs, KINEMATICS_FIELDS[axes]))
+    return Observation._make((*get_state(new_measurement(legs, len(axes))), kinematics, None))
 
 
 @kernel

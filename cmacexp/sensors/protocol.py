@@ -10,13 +10,16 @@ from cmacexp.typing import KernelParts
 
 SIGNALS = ("force", "position", "velocity", "height", "tilt", "height_rate", "tilt_rate")
 """What can be altered: the first three of every leg, the rest of a body."""
+TRAVEL = "travel"
+"""Place and heading of a body that the plant moves: what an estimator, or external sensors, can alter besides."""
 
 
 class Sensors(Protocol):
     """Measure the true state; the measurement is the input of the controller.
 
-    Sensors may also have ``alters``, the names of the ``SIGNALS`` that they can change; these get ``*_measured``
-    columns in the trace. Without it all signals do. ``learning.lead=auto`` counts ``feedback_delay(uses_velocity)``,
+    Sensors may also have ``alters``, the names of the ``SIGNALS`` that they can change, and ``TRAVEL`` if they do;
+    these get ``*_measured`` columns in the trace. Without it all signals do. A measurement without ``travel`` leaves
+    place and heading as they are. ``learning.lead=auto`` counts ``feedback_delay(uses_velocity)``,
     samples, and ``feedback_lag(uses_velocity)``, s, of sensors that have them.
     """
 

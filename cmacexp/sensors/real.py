@@ -105,4 +105,4 @@ class RealSensors:
             return true
         read_sensors(self.sensing, self.mechanism, self.step, true, self.observation)
         self.step += 1
-        return copy_state(self.observation)
+        return copy_state(self.observation, true.travel)
