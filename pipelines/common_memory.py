@@ -62,6 +62,12 @@ def cost_of_collisions(results: Results) -> Array:
     return worsening(hashed(results), results.select({"cmac.addressing": "visited"}))
 
 
+def cost_against(results: Results) -> Callable[[Results], Array]:
+    """A sample of hashed runs with one rule: errors over those of the run of the same world without collisions."""
+    free = results.select({"cmac.addressing": "visited"}).by("rule")
+    return lambda own: worsening_in_worlds(own, free[own.value("rule")])
+
+
 def worst_in_worlds(results: Results, measure: str, least: float) -> Array:
     """(worlds,): the largest cost of collisions of the hashed runs in which a measure is at least so large."""
     chosen = Results([row for row in hashed(results).rows if row.measures[measure] >= least])

@@ -18,11 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.study import Request, grid
-from cmacexp.study.study import Values
-
-WORLDS = "world"
-"""The label of their runs."""
 STIFFNESS = {"one_leg": 10.0, "quadruped": 1e4, "quadruped_lasting": 1e4}
 """That the plan assumes, N/m, by scenario; robots' follows from their model."""
 PATCH = {"one_leg": 0.1, "quadruped": 0.15, "quadruped_lasting": 0.15, "robot": 0.1}
@@ -88,26 +83,9 @@ def draw_world(scenario: str, number: int, stiffer: float = 1.0) -> tuple[str, .
     )
 
 
-def in_worlds(
-    scenario: str,
-    numbers: Iterable[int],
-    *overrides: str,
-    over: Values | None = None,
-    stiffer: float = 1.0,
-    **labels: Any,
-) -> list[Request]:
-    """A request for every combination of values in each world, as :func:`cmacexp.study.grid` makes them."""
-    return [
-        request
-        for number in numbers
-        for request in grid(
-            f"scenario={scenario}",
-            *draw_world(scenario, number, stiffer),
-            *overrides,
-            over=over,
-            **{WORLDS: number, **labels},
-        )
-    ]
+def draw_worlds(scenario: str, numbers: Iterable[int], stiffer: float = 1.0) -> dict[int, list[str]]:
+    """Overrides of worlds by their number: values of the setting ``world`` of runs, see :func:`draw_world`."""
+    return {number: [*draw_world(scenario, number, stiffer)] for number in numbers}
 
 
 ONE_LEG, QUADRUPED, GO1, ALIENGO = "one leg", "quadruped", "Go1", "Aliengo"

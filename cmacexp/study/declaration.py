@@ -1,6 +1,7 @@
-"""A study declared in YAML: runs, claims, findings, figures and tables, without Python.
+"""A study declared: runs, claims, findings, figures and tables, in YAML, or in Python where a part needs code.
 
-``docs/add-a-study.md`` shows one. The same declarations make parts of studies in Python: see ``read_criteria``.
+``docs/add-a-study.md`` shows one of each. In Python, :func:`declare` takes the same declaration; there a value, a cell
+of a table, a figure or all runs may be functions too.
 """
 
 import importlib
@@ -30,9 +31,9 @@ from cmacexp.typing import Array
 SCALES = {"%": 100.0, "mm": 1e3, "mrad": 1e3, "ms": 1e3}
 """Factor from the unit of a metric to that of a limit, where it is not 1."""
 LIMIT = re.compile(r"(?:(at most|at least) )?(\S+?)(?: to (\S+?))? ?(%|[a-zA-Zµ]+(?:[ /][a-zA-Z]+)?)?")
-CRITERION = ("quantity", "value", "of", "over", "each", "limit", "opposite", "case")
+CRITERION = ("quantity", "value", "of", "over", "each", "limit", "opposite", "case", "infinite")
 FORMS: dict[str, Sequence[str]] = {
-    "study": ("title", "question", "runs", "measures", "claims", "findings", "figures", "tables"),
+    "study": ("title", "question", "runs", "measures", "computed", "claims", "findings", "figures", "tables", "values"),
     "runs": ("set", "quick", "over", "seeds", "labels", "after"),
     "claims": ("for", "words", "where", "criteria", *CRITERION),
     "findings": ("for", "says", "criteria", *CRITERION),
@@ -102,15 +103,16 @@ def read_criteria(given: Mapping[str, Any], measures: Collection[str] = ()) -> l
     for key in ("value", "limit"):
         if key not in own:
             raise BadInput("criteria", dict(given), f"needs {key}")
-    check_quantity(own["value"], measures)
+    sample, more = own["value"], {key: own[key] for key in ("over", "infinite") if key in own}
+    if not callable(sample):
+        check_quantity(sample := str(sample), measures)
     holds, unit, scale = read_limit(own["limit"])
     fails = read_limit(own["opposite"])[0] if "opposite" in own else None
     values = [[(key, value) for value in _list(each)] for key, each in (own.get("each") or {}).items()]
     return [
         Criterion(
-            str(own.get("quantity", own["value"])), str(own["value"]), holds, fails, unit, scale,
-            {**(own.get("of") or {}), **dict(chosen)}, _name_case(own.get("case"), dict(chosen)),
-            over=own.get("over"),
+            str(own.get("quantity", sample)), sample, holds, fails, unit, scale,
+            {**(own.get("of") or {}), **dict(chosen)}, _name_case(own.get("case"), dict(chosen)), **more,
         )
         for chosen in itertools.product(*values)
     ]  # fmt: skip
@@ -155,8 +157,10 @@ def read_requests(parts: Sequence[Any], quick: bool) -> list[Request]:
 def _cell(value: Any, measures: Collection[str]) -> Callable[[Results], Any]:
     """What a cell of a table shows of its runs: a quantity of those that completed, several, or how many did.
 
-    A cycle that runs were not to reach, as those of a quick form, is shown as undefined.
+    A cycle that runs were not to reach, as those of a quick form, is shown as undefined. A function shows what it gives.
     """
+    if callable(value):
+        return value  # type: ignore[no-any-return]
     for text in _list(value):
         check_quantity(text, measures)
 
@@ -181,8 +185,10 @@ def _cell(value: Any, measures: Collection[str]) -> Callable[[Results], Any]:
 def read_figure(given: Any, measures: Collection[str] = ()) -> Callable[[Results], Figure]:
     """A figure of panels: a ``metric`` over cycles, or a ``value`` over a setting, with a line for each of ``by``.
 
-    Panels of runs that a quick form leaves out are left out.
+    Panels of runs that a quick form leaves out are left out. A function draws it by itself.
     """
+    if callable(given):
+        return given  # type: ignore[no-any-return]
     panels = [_check("figures", each, ["by"] if "metric" in each else ["value", "over"]) for each in _list(given)]
 
     for own in panels:
@@ -205,12 +211,18 @@ def read_figure(given: Any, measures: Collection[str] = ()) -> Callable[[Results
 
 
 def read_table(given: Any, measures: Collection[str] = ()) -> Callable[[Results], DataFrame]:
-    """A row for each of ``rows``; a column for each quantity of ``columns``, or for each value of ``across``."""
+    """A row for each of ``rows``; a column for each quantity of ``columns``, or for each value of ``across``.
+
+    ``across`` is a setting, or a mapping of one to what its titles begin with. A function makes the table by itself.
+    """
+    if callable(given):
+        return given  # type: ignore[no-any-return]
     own = _check("tables", given, ["rows"])
     rows = own["rows"] if isinstance(own["rows"], Mapping) else {key: key for key in _list(own["rows"])}
     if "across" in own:
-        pair, sample = next(iter(rows.items())), _cell(own["value"], measures)
-        return lambda results: cross_tabulate(results.select(own.get("of")), pair, (own["across"], ""), sample)
+        across = own["across"] if isinstance(own["across"], Mapping) else {own["across"]: ""}
+        pairs, sample = [next(iter(each.items())) for each in (rows, across)], _cell(own["value"], measures)
+        return lambda results: cross_tabulate(results.select(own.get("of")), *pairs, sample)
     columns = {title: _cell(text, measures) for title, text in own["columns"].items()}
     return lambda results: tabulate(results.select(own.get("of")), rows, columns)
 
@@ -251,14 +263,38 @@ def read_claims(given: Mapping[str, Any], measures: Collection[str] = ()) -> dic
     }
 
 
-def _find_measure(target: str) -> Callable[[Run], float]:
-    """A function by its dotted name; raises BadInput."""
+def _find_measure(target: Any) -> Callable[[Run], float]:
+    """A function, or that of a dotted name; raises BadInput."""
     module, _, name = str(target).rpartition(".")
     try:
-        function: Callable[[Run], float] = getattr(importlib.import_module(module), name)
+        function: Callable[[Run], float] = (
+            target if callable(target) else getattr(importlib.import_module(module), name)
+        )
     except (ImportError, AttributeError, ValueError) as error:
         raise BadInput("measures", target, f"must be a function by its dotted name: {error}") from error
     return function
+
+
+def declare(**given: Any) -> Study:
+    """The study of a declaration: ``title``, ``question``, ``runs`` and what else :data:`FORMS` has of a study.
+
+    Raises:
+        BadInput: some part of it is not as it must be.
+    """
+    own = _check("study", given, ["title", "question", "runs"])
+    runs = own["runs"] if callable(own["runs"]) else partial(read_requests, own["runs"])
+    measures = {name: _find_measure(target) for name, target in (own.get("measures") or {}).items()}
+    return Study(
+        title=str(own["title"]),
+        question=str(own["question"]),
+        runs=runs,
+        measures=measures,
+        claims=read_claims(own.get("claims") or {}, measures),
+        findings=read_findings(own.get("findings") or {}, measures),
+        figures={name: read_figure(each, measures) for name, each in (own.get("figures") or {}).items()},
+        tables={name: read_table(each, measures) for name, each in (own.get("tables") or {}).items()},
+        **{name: own[name] for name in ("computed", "values") if name in own},
+    )
 
 
 def read_study(path: Path) -> Study:
@@ -271,16 +307,4 @@ def read_study(path: Path) -> Study:
         given = yaml.safe_load(path.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         raise BadInput("study", path, f"is no YAML: {' '.join(str(error).split())}") from error
-    own = _check("study", given, ["title", "question", "runs"])
-    read_requests(own["runs"], quick=False)
-    measures = {name: _find_measure(target) for name, target in (own.get("measures") or {}).items()}
-    return Study(
-        title=str(own["title"]),
-        question=str(own["question"]),
-        runs=partial(read_requests, own["runs"]),
-        measures=measures,
-        claims=read_claims(own.get("claims") or {}, measures),
-        findings=read_findings(own.get("findings") or {}, measures),
-        figures={name: read_figure(each, measures) for name, each in (own.get("figures") or {}).items()},
-        tables={name: read_table(each, measures) for name, each in (own.get("tables") or {}).items()},
-    )
+    return declare(**_check("study", given))
