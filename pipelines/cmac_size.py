@@ -154,10 +154,14 @@ def tabulate_sizes(results: Results, machine: str) -> DataFrame:
 
 def find_room(results: Results) -> dict[str, Any]:
     """Width of a cell with the paper's sizes, and the memory that a row for each visited cell would take, KB."""
-    own = {machine: results.select({"machine": machine, "varied": MEMORY, MEMORY: size[MEMORY]}) for machine, size in PAPER.items()}
+    own = {
+        machine: results.select({"machine": machine, "varied": MEMORY, MEMORY: size[MEMORY]})
+        for machine, size in PAPER.items()
+    }
     return {
         "width": {machine: _compute_width(base) for machine, base in own.items()},
-        "room": {machine: PAPER[machine][MEMORY] / 1024 / float(base.measure("rows_per_cell").mean()) for machine, base in own.items()},
+        "room": {machine: PAPER[machine][MEMORY] / 1024 / float(base.measure("rows_per_cell").mean()) for machine,
+        base in own.items()},
     }  # fmt: skip
 
 
@@ -169,7 +173,8 @@ STUDY = declare(
     measures={"colliding": colliding, "rows_per_cell": rows_per_cell},
     claims={
         "rate": {
-            "words": "by choosing proper generalisation size and memory the rate of collision stays below a noticeable level",
+            "words": "by choosing proper generalisation size and memory the rate of collision stays below a "
+            "noticeable level",
             "where": "section 4",
             "criteria": [
                 {
@@ -183,7 +188,8 @@ STUDY = declare(
         "robust": {
             "words": "CMAC learning is robust to collisions",
             "where": "section 4",
-            "quantity": "error at the end where at least half of the visited cells collide, over that without collisions",
+            "quantity": "error at the end where at least half of the visited cells collide, over that without "
+            "collisions",
             "value": where_hashed("colliding", 0.5), "of": {"varied": [MEMORY, FREE]}, "each": {"machine": [*PAPER]},
             "limit": "at most 1.25", "opposite": "at least 2",
         },
@@ -194,7 +200,8 @@ STUDY = declare(
                 {
                     "quantity": "error at the end with a sixteenth of the paper's memory, over that with all of it",
                     "value": _use_sixteenth, "of": {"machine": machine, "varied": MEMORY},
-                    "case": f"{machine}, {size[MEMORY] // 16} bytes", "limit": "at most 1.25", "opposite": "at least 2",
+                    "case": f"{machine}, {size[MEMORY] // 16} bytes", "limit": "at most 1.25",
+                    "opposite": "at least 2",
                 }
                 for machine, size in PAPER.items()
             ],
@@ -210,31 +217,39 @@ STUDY = declare(
             "criteria": [_compare(machine, ELEMENTS, 9, None, "at most 1.25") for machine in PAPER],
         },
         "layers": {
-            "says": "In randomised runs, 8 and 128 layers are about as accurate on one leg as the paper's 32, or more accurate",
+            "says": "In randomised runs, 8 and 128 layers are about as accurate on one leg as the paper's 32, or "
+            "more accurate",
             "criteria": [
-                _compare("one leg", LAYERS, layers, cycle, "at most 1.25") for layers in CROWDED for cycle in (5, None)
+                _compare("one leg", LAYERS, layers, cycle, "at most 1.25") for layers in CROWDED for cycle in (5,
+                None)
             ],
         },
         "inputs": {
-            "says": "In randomised runs, on this one path of one leg, a CMAC of the angles alone learns faster than one of all "
+            "says": "In randomised runs, on this one path of one leg, a CMAC of the angles alone learns faster than "
+            "one of all "
             "inputs",
             **_compare("one leg", INPUTS, "[angle]", 5, "at most 0.8"),
         },
         "inputs_end": {
-            "says": "In randomised runs, a CMAC of the angles alone ends about as accurate on this path as one of all inputs, or "
+            "says": "In randomised runs, a CMAC of the angles alone ends about as accurate on this path as one of "
+            "all inputs, or "
             "more accurate",
             **_compare("one leg", INPUTS, "[angle]", None, "at most 1.25"),
         },
         "room": {
-            "says": "In randomised runs, with 2 rows of memory for each visited cell or more, collisions cost one leg little "
+            "says": "In randomised runs, with 2 rows of memory for each visited cell or more, collisions cost one "
+            "leg little "
             "accuracy",
-            "quantity": "largest error at the end with at least 2 rows for each visited cell, over that without collisions",
-            "value": cost_with_room, "of": {"machine": "one leg in worlds", "varied": [MEMORY, "layers and memory", FREE]},
+            "quantity": "largest error at the end with at least 2 rows for each visited cell, over that without "
+            "collisions",
+            "value": cost_with_room, "of": {"machine": "one leg in worlds",
+            "varied": [MEMORY, "layers and memory", FREE]},
             "case": "one leg, any number of layers", "limit": "at most 1.25",
         },
         "weight": {
             "says": "In randomised runs, in equally crowded memory, collisions cost 8 layers more than 128",
-            "quantity": "what collisions cost 8 layers in crowded memory, over what they cost 128 (error at the end over that "
+            "quantity": "what collisions cost 8 layers in crowded memory, over what they cost 128 (error at the end "
+            "over that "
             "without collisions)",
             "value": weigh_collisions, "of": {"machine": "one leg in worlds", "varied": ["layers and memory", FREE]},
             "limit": "at least 1.25",

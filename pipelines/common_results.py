@@ -34,6 +34,14 @@ def find_least(values: Array, cycles: int) -> float:
     return float(np.median(sliding_window_view(values, min(cycles, len(values))), axis=1).min())
 
 
+def cycles_to(errors: Array, level: float) -> Array:
+    """(runs,): first cycle from which on errors (runs, cycles) stay at most ``level``; infinite if there is none."""
+    above = errors > level
+    last = above.shape[1] - above[:, ::-1].argmax(axis=1)
+    first = np.where(above.any(axis=1), last + 1.0, 1.0)
+    return np.where(first > above.shape[1], np.inf, first)
+
+
 def describe_end(results: Results, quantity: str) -> str:
     """The estimate of a quantity, or the cycle in which the runs ended."""
     ends, completed = ended_in(results), sum(results.completed)

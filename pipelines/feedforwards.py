@@ -1,259 +1,340 @@
 """Alternatives to the CMAC: models, radial basis functions, a perceptron, iterative learning.
 
 ``python -m pipelines.feedforwards`` lets each of them learn the same steps of one leg and the same walk in the
-paper's own perfect world, where its claims are judged, and in randomised runs, called worlds
-(``feedforwards_worlds.py``). It takes some minutes, most of them for the perceptron.
+paper's own perfect world, where its claims are judged, and in randomised runs, called worlds. It takes some minutes,
+most of them for the perceptron. The benchmark tunes learners, and measures their memory and time.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from cmacexp.report.figures import Panel, Series, draw
-from cmacexp.study import Claim, Criterion, DataFrame, Figure, Finding, Request, Results, Study, at_least, at_most
+from cmacexp.data.run import Run
+from cmacexp.metrics.final import TRANSFER
+from cmacexp.report import curves
+from cmacexp.study import DataFrame, Figure, Results, declare, draw, over_cycles
 from cmacexp.study.samples import quotients
-from cmacexp.study.statements import Limit
-from cmacexp.study.study import grid, starting_from
-from cmacexp.study.tables import tabulate
+from cmacexp.study.tables import completed, tabulate
 from cmacexp.typing import Array
-from pipelines import feedforwards_measures as measures
-from pipelines import feedforwards_worlds as in_worlds
-from pipelines.feedforwards_measures import ALONE, CMAC, ILC, LEARNERS, MLP, MODELS, RBF, error_at, errors
-from pipelines.worlds import TESTED, TUNED
+from pipelines.common_results import cycles_to
+from pipelines.worlds import TESTED, draw_worlds
 
-LEG, WALK = "one leg", "quadruped"
-STEPS = {
-    LEG: (("scenario=one_leg",), 100, 6),
-    WALK: (("scenario=quadruped",), 40, 5),
+ALONE, CMAC, RBF = (
+    {"feedback only": ["feedforward=none"]},
+    {"CMAC": ["feedforward=cmac"]},
+    {"RBF": ["feedforward=rbf"]},
+)
+MLP, ILC = {"MLP": ["feedforward._target_=pipelines.perceptron.Perceptron"]}, {"ILC": ["feedforward=ilc"]}
+KNOWN = ["feedforward=inverse_dynamics"]
+UNSEEDED = {
+    **ALONE,
+    "exact model": KNOWN,
+    "masses 20 % too light": [*KNOWN, "feedforward.mass_factor=0.8"],
+    "masses 20 % too heavy": [*KNOWN, "feedforward.mass_factor=1.2"],
+    **RBF,
+    **ILC,
 }
-"""Overrides of each group, its cycles, and those of its quick form."""
-STROKES = {"another stroke: 150 mm": "gait.stroke=0.15", "another stroke: 250 mm": "gait.stroke=0.25"}
-AS_GOOD, LITTLE = 1.25, 0.25
-"""Largest ratios that count as as good, of cycles, and as little left, of an error."""
+SEEDED = {**CMAC, "CMAC of angles": ["feedforward=cmac", "cmac.inputs=[angle]"], **MLP}
+"""What depends on the seed of a hash or of initial weights."""
+MODEL, ON_MODEL = {"model": KNOWN}, {"CMAC on model": ["feedforward=cmac_on_model"]}
+"""The model in worlds has the masses of the plan, not the true ones."""
+KEPT = {**CMAC, **ON_MODEL, **RBF}
+"""Learners whose weights are carried over."""
+LEG, WALK = "one leg", "quadruped"
+CHANGES: dict[str, tuple[float, list[str]]] = {
+    "stroke 150 mm": (1.0, ["gait.stroke=0.15"]),
+    "stroke 250 mm": (1.0, ["gait.stroke=0.25"]),
+    "ground stiffer, known": (1.5, ["terrain.assumed_stiffness=15"]),
+    "ground stiffer, unknown": (1.5, []),
+}
+"""What becomes of path and ground after the first runs: how many times as stiff the ground is; overrides."""
+AS_PRINTED = ["reference=literal", "learning.lead=0", "record.cycles=[1]"]
+WEIGHTS, AT_ONCE = "record.weights=true", "learning.start_cycle=1"
 
 
-def _each(kinds: Sequence[str], *overrides: str, **labels: Any) -> list[Request]:
-    """A request for each kind, repeated for each seed where a hash or the initial weights depend on it."""
-    common = ("reference=literal", "learning.lead=0", "record.cycles=[1]")  # as printed, since claims are judged
-    every, seeded = {**MODELS, **LEARNERS}, (CMAC, measures.ANGLES, MLP)
-    return [
-        request
-        for kind in kinds
-        for request in grid(*common, *every[kind], *overrides, seeded=kind in seeded, kind=kind, **labels)
-    ]
+def _learn(scenario: str, cycles: int, group: str, kinds: dict[str, list[str]], *more: str, **part: Any) -> Any:
+    """Runs in the paper's world; those that depend on a seed for each."""
+    words = [*AS_PRINTED, f"scenario={scenario}", f"cycles={cycles}", *more]
+    seeds = not kinds.keys() & UNSEEDED.keys()
+    return {
+        "set": words,
+        "over": {"kind": kinds},
+        "seeds": seeds,
+        "labels": {"group": group},
+        "quick": {"cycles": 6},
+        **part,
+    }
 
 
-def runs(quick: bool) -> list[Request]:
-    """Every kind on one leg and on four in the paper's world, CMAC after another stroke; and all runs in worlds."""
-    found: list[Request] = []
-    weights = "record.weights=true"
-    for group, (overrides, cycles, quick_cycles) in STEPS.items():
-        more = (*overrides, f"cycles={quick_cycles if quick else cycles}")
-        found += _each(tuple(MODELS), *more, group=group)
-        found += _each(tuple(LEARNERS), *more, *([weights] if group == LEG else []), group=group)
-    _, cycles, quick_cycles = STEPS[LEG]
-    before = _each((CMAC,), "scenario=one_leg", f"cycles={quick_cycles if quick else cycles}", weights)
-    for stroke, override in STROKES.items():
-        after = ("scenario=one_leg", "cycles=3", override)
-        found += _each((ALONE,), *after, group=stroke)
-        found += starting_from(before, _each((CMAC,), *after, "learning.start_cycle=1", group=stroke))
-    return [*found, *in_worlds.runs(quick)]
+def _in_worlds(
+    group: str, kinds: dict[str, list[str]], *words: str, scenario: str = "one_leg", stiffer: float = 1.0, **part: Any
+) -> dict[str, Any]:
+    """Runs in worlds, unguarded unless ``words`` say otherwise."""
+    common = {"one_leg": ["reference=aware", "learning=lasting"]}.get(scenario, [])
+    labels = {"group": group, **part.pop("labels", {})}
+    return {
+        "set": [f"scenario={scenario}", *common, "learning.guard=none", "cycles=20", "record.cycles=[1]"],
+        "quick": {"cycles": 5},
+        "over": {
+            "world": draw_worlds(scenario, TESTED, stiffer),
+            "kind": {k: [*words, *own] for k, own in kinds.items()},
+        },
+        "labels": labels,
+        **part,
+    }
 
 
-def cycles_to_tenth(results: Results, kind: str, **settings: str) -> Array:
-    """(seeds,): cycles that a kind needs to a tenth of the error of feedback only."""
-    return measures.cycles_to(errors(results.select(settings, kind=kind)), measures.small_error(results))
+IN_LEG, IN_WALK, SMOOTH, GUARDED = "worlds, one leg", "worlds, quadruped", "worlds, without jumps", "worlds, guarded"
+LEARNERS = {**CMAC, **ON_MODEL, **RBF, **MLP, **ILC}
+AFTER: list[tuple[dict[str, list[str]], list[str], dict[str, Any]]] = [
+    (ALONE, [], {"labels": {"start": "from nothing"}}),
+    (KEPT, [AT_ONCE], {"labels": {"start": "from nothing"}}),
+    (KEPT, [AT_ONCE], {"labels": {"start": "carried over"}, "after": {"group": IN_LEG}}),
+]
+"""Learners, overrides and further parts of the runs after a change."""
+RUNS = [
+    _learn("one_leg", 100, LEG, UNSEEDED),
+    _learn("one_leg", 100, LEG, SEEDED, WEIGHTS),
+    _learn("quadruped", 40, WALK, UNSEEDED),
+    _learn("quadruped", 40, WALK, SEEDED),
+    *(
+        _learn("one_leg", 3, f"another stroke: {1000 * stroke:g} mm", kinds, f"gait.stroke={stroke}", quick={},
+        **part)
+        for stroke in (0.15, 0.25)
+        for kinds, part in ((ALONE, {}), ({"CMAC": [*CMAC["CMAC"], AT_ONCE]}, {"after": {"group": LEG}}))
+    ),
+    _in_worlds(IN_LEG, KEPT, WEIGHTS),
+    _in_worlds(IN_LEG, {**ALONE, **MODEL, **MLP, **ILC}),
+    _in_worlds(IN_WALK, {**ALONE, **MODEL, **LEARNERS}, scenario="quadruped_lasting"),
+    _in_worlds(SMOOTH, {**MODEL, **CMAC}, "gait.vertical=two_cubics"),
+    _in_worlds(GUARDED, LEARNERS, "learning.guard=freeze"),
+    *(
+        _in_worlds(change, kinds, *words, *more, stiffer=stiffer, **part)
+        for change, (stiffer, words) in CHANGES.items()
+        for kinds, more, part in AFTER
+    ),
+]  # fmt: skip
 
 
-def _mean(results: Results, kind: str, cycle: int) -> float:
-    return float(error_at(results.select(kind=kind), cycle).mean())
+def find_small_error(results: Results) -> float:
+    """A tenth of the transfer error of feedback only in its last cycle, m."""
+    return 0.1 * float(results.select(kind="feedback only").measure(TRANSFER)[0])
 
 
-def against_fastest(results: Results) -> Array:
-    """(seeds,): cycles that CMAC needs over those of the fastest of the others; infinite if it never learns."""
-    fastest = min(float(cycles_to_tenth(results, kind).mean()) for kind in (RBF, MLP, ILC))
-    return quotients(cycles_to_tenth(results, CMAC), fastest)
+def count_cycles(results: Results, small: float) -> Array:
+    """(runs,): cycles to an error that stays at most ``small``; infinite if there is none."""
+    asked = results.value("cycles")
+    padded = [np.append(h, np.full(asked - len(h), np.inf)) for h in (row.history(TRANSFER) for row in results.rows)]
+    return cycles_to(np.array(padded), small)
 
 
-def training_time(results: Results) -> Array:
-    """(seeds,): cycles that the perceptron needs over those of CMAC; infinite if it alone never learns."""
-    return quotients(cycles_to_tenth(results, MLP), cycles_to_tenth(results, CMAC).mean())
+def cycles_over(results: Results, kind: str, others: list[str]) -> Array:
+    """(seeds,): cycles to a tenth of the error of feedback only, over those of the fastest of others, in the mean."""
+    small = find_small_error(results)
+    fastest = min(float(count_cycles(results.select(kind=other), small).mean()) for other in others)
+    return quotients(count_cycles(results.select(kind=kind), small), fastest)
 
 
 def left_at_first(results: Results) -> Array:
     """(seeds,): error of CMAC in the first cycle after a change, with its weights, over that with feedback only."""
-    return quotients(error_at(results.select(kind=CMAC), 1), _mean(results, ALONE, 1))
+    own, alone = (results.select(kind=kind).at(1, TRANSFER) for kind in ("CMAC", "feedback only"))
+    return quotients(own, float(alone.mean()))
 
 
-def _slowest_step(results: Results) -> Array:
-    """(rounds,): time of a step of the slowest feedforward over the sampling period."""
-    seconds = results.computed["cost"].groupby("kind")["seconds_per_step"]
-    slowest: Array = seconds.get_group(seconds.median().idxmax()).to_numpy()
-    return slowest / float(results.value("sampling_period"))
-
-
-TENTH = "cycles to a tenth of the error of feedback only"
-LEFT = "error of {} in its first cycle with a new stroke, over that with feedback only"
-PERCENT: dict[str, Any] = {"unit": "%", "scale": 100.0}
-
-
-def _criterion(
-    group: str | list[str], quantity: str, sample: Any, holds: Limit, fails: Limit | None = None, **unit: Any
-) -> Criterion:
-    return Criterion(
-        quantity,
-        sample,
-        holds,
-        fails,
-        **unit,
-        of={"group": group},
-        case=group.removeprefix("another ") if isinstance(group, str) else LEG,
-    )
-
-
-CLAIMS = {
-    "rapid": Claim(
-        "CMAC is suited to real-time control by its simple design and rapid learning",
-        "section 1",
-        [
-            _criterion(
-                group,
-                f"{TENTH}, CMAC over the fastest of RBF, MLP, ILC",
-                against_fastest,
-                at_most(AS_GOOD),
-                at_least(2.0),
-            )
-            for group in (LEG, WALK)
-        ],
-    ),
-    "training": Claim(
-        "the drawback of a neural network that is trained to compensate for the model is its long training time",
-        "section 1, of its reference 17",
-        [_criterion(LEG, f"{TENTH}, MLP over CMAC", training_time, at_least(2.0), at_most(1.0))],
-    ),
-    "generalises": Claim(
-        "CMAC generalises: it generates similar outputs for similar inputs",
-        "section 1",
-        [
-            _criterion(stroke, LEFT.format(CMAC), left_at_first, at_most(LITTLE), at_least(1.0), **PERCENT)
-            for stroke in STROKES
-        ],
-    ),
-}
-FINDINGS = {
-    **in_worlds.FINDINGS,
-    "time": Finding(
-        [
-            _criterion(
-                LEG,
-                "time of a step of the slowest over the sampling period",
-                _slowest_step,
-                at_most(0.1),
-                **PERCENT,
-            )
-        ],
-        says="Computing time need not decide the choice",
-    ),
-}
-
-
-def _series(name: str, results: Results) -> Series:
-    """The mean over seeds, and their range as a band."""
-    found = errors(results)
-    found[np.isinf(found)] = np.nan
-    band = (found.min(axis=0), found.max(axis=0)) if len(found) > 1 else (None, None)
-    return Series(name, np.arange(1, found.shape[1] + 1), found.mean(axis=0), *band)
-
-
-def _panel(title: str, results: Results, lines: Mapping[str, Mapping[str, str]], log: str, **more: Any) -> Panel:
-    series = [_series(name, results.select(settings)) for name, settings in lines.items()]
-    return Panel(title, "cycle", "transfer error, mm", series, log=log, **more)
+def ended_by_guard(run: Run) -> float:
+    """Whether the guard ended learning: 1 or 0."""
+    return float(bool(run.manifest["guard"]))
 
 
 def draw_learning(results: Results) -> Figure:
     """Transfer error over the cycles, a line for each feedforward."""
-    lines = {kind: {"kind": kind} for kind in (*LEARNERS, *MODELS)}
-    return draw([_panel("", results, lines, "xy", y_limits=[measures.small_error(results)])], height=4.0)
+    panel = over_cycles(results, TRANSFER, "kind", log="xy")
+    return draw([replace(panel, y_limits=[1e3 * find_small_error(results)])], height=4.0)
 
 
-def _early_and_late(results: Results) -> dict[str, Any]:
-    """Columns of the error in the plane in the cycles compared, mean over seeds."""
-    cycles = [cycle for cycle in (in_worlds.EARLY, in_worlds.LATE) if cycle <= min(results.values("cycles"))]
-    return {f"cycle {n}, mm": partial(lambda own, cycle: error_at(own, cycle).mean(), cycle=n) for n in cycles}
+def draw_changes(results: Results) -> Figure:
+    """Transfer error after each change, with what was learnt before it; for CMAC also from nothing."""
+    lines: dict[str, dict[str, str]] = {
+        "feedback only": {"kind": "feedback only"},
+        **{f"{kind}, carried over": {"kind": kind, "start": "carried over"} for kind in KEPT},
+        "CMAC, from nothing": {"kind": "CMAC", "start": "from nothing"},
+    }
+    panels = []
+    for change, own in results.select(group=[*CHANGES]).by("group").items():
+        histories = {name: own.select(chosen).history(TRANSFER) for name, chosen in lines.items()}
+        panels.append(curves.over_cycles(TRANSFER, histories, "y", change))
+    return draw(panels)
 
 
-def accuracy_table(results: Results, metric: str, title: str, factor: float) -> DataFrame:
+def _mean(results: Results, cycle: int) -> float:
+    return 1e3 * float(results.at(cycle, TRANSFER).mean())
+
+
+def _tabulate_learning(group: str, metric: str, title: str, factor: float) -> Callable[[Results], DataFrame]:
     """Errors of every feedforward, when it has learnt, and a further metric of the last cycle; means over seeds."""
-    small = measures.small_error(results)
-    columns = {
-        "cycles to a tenth": lambda own: measures.cycles_to(errors(own), small).mean(),
-        "force RMS at the end, N": lambda own: own.end("force_rmse").mean(),
-        title: lambda own: factor * own.end(metric).mean(),
-        "ended early": lambda own: f"{len(own) - sum(own.completed)} of {len(own)}",
-    }
-    return tabulate(results, {"kind": "feedforward"}, _early_and_late(results) | columns)
+
+    def tabulate_group(results: Results) -> DataFrame:
+        own = results.select(group=group)
+        small = find_small_error(own)
+        cycles = [cycle for cycle in (5, 20) if cycle <= own.value("cycles")]
+        columns: dict[str, Callable[[Results], Any]] = {
+            **{f"cycle {n}, mm": partial(_mean, cycle=n) for n in cycles},
+            "cycles to a tenth": lambda part: count_cycles(part, small).mean(),
+            "force RMS at the end, N": lambda part: part.end("force_rmse").mean(),
+            title: lambda part: factor * part.end(metric).mean(),
+            "completed": completed,
+        }
+        return tabulate(own, {"kind": "feedforward"}, columns)
+
+    return tabulate_group
 
 
-def cost_table(results: Results) -> DataFrame:
-    """Bytes of weights of one leg, and time of a step over that with feedback only."""
-    least = results.computed["cost"].groupby("kind")["seconds_per_step"].min()
-
-    def kilobytes(name: str) -> Callable[[Results], float]:
-        return lambda own: np.nan_to_num(own.measure(name)).mean() / 1024  # models have no weights
-
-    columns = {
-        "weights, KB": kilobytes("held"),
-        "of them used, KB": kilobytes("used"),
-        "time of a step": lambda own: least[own.value("kind")] / least[ALONE],
-    }
-    return tabulate(results, {"kind": "feedforward"}, columns)
+MANY: dict[str, Any] = {
+    "rows": {"kind": "feedforward"},
+    "columns": {f"cycle {cycle}, mm": f"1e3 * {TRANSFER}[{cycle}]" for cycle in (5, 20)} | {"completed": "completed"},
+}
+EARLY, LATE = f"{TRANSFER}[5]", f"{TRANSFER}[20]"
+TENTH = "cycles to a tenth of the error of feedback only"
+FIRST = "error of {} in its first cycle with a new stroke, over that "
+CASES = {IN_LEG: LEG, IN_WALK: WALK}
+CARRIED, ANEW = {"start": "carried over"}, {"start": "from nothing"}
 
 
-def values(results: Results) -> dict[str, Any]:
-    """Cycles of each group, what the learners are like, and the time of a step of feedback only on this machine."""
-    took = results.computed["cost"].set_index("kind").loc[ALONE, "seconds_per_step"].min()
-    return {
-        "cycles": {
-            name: results.select(group=group).value("cycles") for name, group in (("leg", LEG), ("walk", WALK))
-        },
-        "centres": results.select(kind=RBF).value("feedforward.centres"),
-        "cutoff": results.select(kind=ILC).value("feedforward.cutoff"),
-        "rate": results.select(group=LEG).value("learning.rate"),
-        "step": 1e6 * float(took),
-        "worlds": len(TESTED),
-        "tuned": len(TUNED),
-        "late": in_worlds.LATE,
-        "stiffer": in_worlds.STIFFER,
-    }
+def _over(own: str, other: str, cycle: int, limit: float, groups: Any = CASES) -> list[dict[str, Any]]:
+    """The error of one feedforward in a cycle over that of another."""
+    return [
+        {"quantity": f"error in cycle {cycle}: {own} over {other}", "value": f"{TRANSFER}[{cycle}]",
+         "of": {"group": group, "kind": own}, "over": {"kind": other}, "case": CASES[group],
+         "limit": f"at most {limit}"}
+        for group in groups
+    ]  # fmt: skip
 
 
-STUDY = Study(
+def _after(changes: list[str], kind: str, over: dict[str, str], **own: Any) -> dict[str, Any]:
+    """What is measured after changes with the weights from before them."""
+    return {**own, "of": {"kind": kind, **CARRIED}, "over": over, "each": {"group": changes}}
+
+
+STROKES = list(CHANGES)[:2]
+STUDY = declare(
     title="Alternatives to the CMAC",
     question="How do models, CMAC, radial basis functions, a perceptron and iterative learning control compare in "
-    "accuracy, speed of learning, memory and time, and how much of what they learn is of use after a change?",
-    runs=runs,
-    measures={
-        "held": measures.bytes_held,
-        "used": measures.bytes_used,
-        "ended_by_guard": in_worlds.ended_by_guard,
+             "accuracy "
+    "and speed of learning, and how much of what they learn is of use after a change?",
+    runs=RUNS,
+    measures={"ended_by_guard": ended_by_guard},
+    claims={
+        "rapid": {
+            "words": "CMAC is suited to real-time control by its simple design and rapid learning",
+            "where": "section 1",
+            "quantity": f"{TENTH}, CMAC over the fastest of RBF, MLP, ILC",
+            "value": partial(cycles_over, kind="CMAC", others=["RBF", "MLP", "ILC"]), "each": {"group": [LEG, WALK]},
+            "limit": "at most 1.25", "opposite": "at least 2",
+        },
+        "training": {
+            "words": "the drawback of a neural network that is trained to compensate for the model is its long "
+            "training time",
+            "where": "section 1, of its reference 17",
+            "quantity": f"{TENTH}, MLP over CMAC", "value": partial(cycles_over, kind="MLP", others=["CMAC"]),
+            "each": {"group": LEG}, "limit": "at least 2", "opposite": "at most 1",
+        },
+        "generalises": {
+            "words": "CMAC generalises: it generates similar outputs for similar inputs",
+            "where": "section 1",
+            "criteria": [
+                {"quantity": FIRST.format("CMAC") + "with feedback only", "value": left_at_first,
+                 "of": {"group": f"another {stroke}"}, "case": stroke, "limit": "at most 25 %",
+                 "opposite": "at least 100 %"}
+                for stroke in ("stroke: 150 mm", "stroke: 250 mm")
+            ],
+        },
     },
-    computed={"cost": measures.measure_costs},
-    claims=CLAIMS,
-    findings=FINDINGS,
+    findings={
+        "models": {
+            "says": "In randomised runs, the error of CMAC in cycle 20 is far below that of inverse dynamics with "
+            "the planned "
+            "masses",
+            "criteria": _over("CMAC", "model", 20, 0.5),
+        },
+        "on_model": {
+            "says": "In randomised runs, a CMAC on a model with the planned masses starts better than a CMAC "
+            "without a model and "
+            "ends as well",
+            "criteria": [*_over("CMAC on model", "CMAC", 5, 0.8), *_over("CMAC on model", "CMAC", 20, 1.25)],
+        },
+        **{
+            f"learners_{case}": {
+                "says": f"In randomised runs, at rate `auto` and unguarded, CMAC ({case}) is more accurate in cycle "
+                "20 than RBF, "
+                "MLP and ILC",
+                "criteria": [each for other in ("RBF", "MLP", "ILC") for each in _over("CMAC", other, 20, 1.0,
+                [group])],
+            }
+            for group, case in CASES.items()
+        },
+        "jumps": {
+            "says": "In randomised runs, inverse dynamics with the planned masses and CMAC are both far more "
+            "accurate on a path "
+            "without jumps: plan such paths first",
+            "quantity": "error in cycle 20 without jumps of the planned speed, over that with them", "value": LATE,
+            "of": {"group": SMOOTH}, "over": {"group": IN_LEG}, "each": {"kind": ["model", "CMAC"]},
+            "limit": "at most 0.5",
+        },
+        "guard": {
+            "says": "In randomised runs, the guard lets each of these learners learn at rate `auto`",
+            "quantity": "worlds in which the guard lets learning go on", "value": "ended_by_guard <= 0",
+            "of": {"group": GUARDED}, "each": {"kind": list(LEARNERS)}, "limit": "at least 75 %",
+        },
+        "keep": {
+            "says": "In randomised runs, a CMAC that keeps its weights after a change of stroke or ground has a "
+            "smaller error "
+            "over the first 5 cycles than one that starts from nothing: keep them",
+            **_after(
+                list(CHANGES), "CMAC", ANEW, limit="at most 1",
+                quantity="mean error of the first 5 cycles: CMAC with its weights over CMAC from nothing",
+                value=" + ".join(f"{TRANSFER}[{cycle}]" for cycle in range(1, 6)),
+            ),
+        },
+        "keep_late": {
+            "says": "Kept weights do no harm later: in cycle 20 CMAC is about as accurate as from nothing, or more "
+            "accurate",
+            **_after(
+                list(CHANGES), "CMAC", ANEW, limit="at most 1.25", value=LATE,
+                quantity="error in cycle 20: CMAC with its weights over CMAC from nothing",
+            ),
+        },
+        "carries_most": {
+            "says": "In randomised runs, RBF carries most of what it has learnt over to another stroke",
+            **_after(
+                STROKES, "RBF", {"kind": "feedback only", **ANEW}, limit="at most 25 %", value=f"{TRANSFER}[1]",
+                quantity=FIRST.format("RBF") + "with feedback only",
+            ),
+        },
+        "carries_more": {
+            "says": "In randomised runs, RBF carries more over to another stroke than CMAC",
+            **_after(
+                STROKES, "RBF", {"kind": "CMAC"}, limit="at most 0.8", value=f"{TRANSFER}[1]",
+                quantity=FIRST.format("RBF") + "of CMAC",
+            ),
+        },
+    },
     figures={
-        "leg": lambda r: draw_learning(r.select(group=LEG)),
-        "walk": lambda r: draw_learning(r.select(group=WALK)),
-        **in_worlds.FIGURES,
+        "leg": lambda results: draw_learning(results.select(group=LEG)),
+        "walk": lambda results: draw_learning(results.select(group=WALK)),
+        "changes": draw_changes,
     },
     tables={
-        "leg": lambda r: accuracy_table(
-            r.select(group=LEG), "force_steady_state_error", "settled force error at the end, %", 100.0
-        ),
-        "walk": lambda r: accuracy_table(r.select(group=WALK), "tilt_max", "largest tilt at the end, mrad", 1e3),
-        "cost": lambda r: cost_table(r.select(group=LEG)),
-        **in_worlds.TABLES,
+        "leg": _tabulate_learning(LEG, "force_steady_state_error", "settled force error at the end, %", 100.0),
+        "walk": _tabulate_learning(WALK, "tilt_max", "largest tilt at the end, mrad", 1e3),
+        "leg_worlds": {**MANY, "of": {"group": IN_LEG}},
+        "walk_worlds": {**MANY, "of": {"group": IN_WALK}},
+        "guarded": {
+            **MANY, "of": {"group": GUARDED},
+            "columns": {**MANY["columns"],
+            "ended by the guard": lambda own: f"{own.measure('ended_by_guard').sum():.0f} of {len(own)}"},
+        },
     },
-    values=values,
-)
+)  # fmt: skip

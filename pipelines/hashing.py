@@ -26,7 +26,8 @@ MACHINES: dict[str, tuple[str, str, list[str], list[int]]] = {
     "one leg": ("one_leg", "one_leg", ["reference=aware"], [2**18, 2**20]),
     "quadruped": ("quadruped", "quadruped_lasting", [], [2**18]),
 }
-"""Scenario of the paper's rule; of learning that lasts, and further overrides; largest memories, the last the paper's."""
+"""Scenario of the paper's rule; of learning that lasts, and further overrides; largest memories, the last the "
+"paper's."""
 
 
 def _runs(machine: str) -> list[dict[str, Any]]:
@@ -36,11 +37,19 @@ def _runs(machine: str) -> list[dict[str, Any]]:
     """
     published, scenario, more, largest = MACHINES[machine]
     memories = {f"{n}": [f"{MEMORY}={n}"] for n in (*(2**n for n in range(9, 17)), *largest)}
-    words = [f"scenario={scenario}", "learning=lasting", "learning.guard=none", *more, "cycles=300", "record.cycles=[1]"]
+    words = [
+        f"scenario={scenario}",
+        "learning=lasting",
+        "learning.guard=none",
+        *more,
+        "cycles=300",
+        "record.cycles=[1]",
+    ]
     over, quick = {"memory": {**memories, "visited": ["cmac.addressing=visited"]}}, {"cycles": 4}
     paper, lasting = ({"machine": machine, "rule": rule} for rule in (PAPER, LASTING))
     return [
-        {"set": [f"scenario={published}", "cycles=20", "record.cycles=[1]"], "quick": quick, "over": over, "seeds": True,
+        {"set": [f"scenario={published}", "cycles=20", "record.cycles=[1]"], "quick": quick, "over": over,
+         "seeds": True,
          "labels": paper},
         {"set": words, "quick": quick, "over": {"world": draw_worlds(scenario, FEWER), **over}, "labels": lasting},
     ]  # fmt: skip
@@ -49,7 +58,8 @@ def _runs(machine: str) -> list[dict[str, Any]]:
 def draw_memory(results: Results) -> Figure:
     """Collisions, and errors at the end over those without them, over rows per visited cell."""
     axes: dict[str, Any] = {
-        "by": "rule", "axis": "rows per visited cell", "place": lambda own: float(own.measure("rows_per_cell").mean()),
+        "by": "rule", "axis": "rows per visited cell",
+        "place": lambda own: float(own.measure("rows_per_cell").mean()),
     }  # fmt: skip
     panels = (
         ("visited cells that collide", "share, %", lambda own: 100.0 * own.measure("colliding"), "x"),
@@ -86,15 +96,18 @@ STUDY = declare(
         for machine, who in WHO.items()
         for name, finding in {
             "accurate": {
-                "says": f"Randomised runs, {who}: with at least half of the visited cells colliding, the final error is at "
+                "says": f"Randomised runs, {who}: with at least half of the visited cells colliding, the final "
+                "error is at "
                 "most 1.25 times that without collisions",
-                "quantity": "largest error at the end where at least half of the visited cells collide, over that without "
+                "quantity": "largest error at the end where at least half of the visited cells collide, over that "
+                "without "
                 "collisions",
                 "value": partial(worst_in_worlds, measure="colliding", least=0.5),
                 "of": {"machine": machine, "rule": LASTING}, "limit": "at most 1.25",
             },
             "room": {
-                "says": f"Randomised runs, {who}: with 2 rows of memory for each visited cell or more the final error is at "
+                "says": f"Randomised runs, {who}: with 2 rows of memory for each visited cell or more the final "
+                "error is at "
                 "most 1.25 times that without collisions",
                 "quantity": "largest error at the end with at least 2 rows for each visited cell, over that without "
                 "collisions",

@@ -70,7 +70,8 @@ STUDY = declare(
     findings={
         **{
             f"{name}_{machine}": {
-                "says": f"{machine.capitalize()}: the error stays bounded with lead and rate `auto`, {guarded}, in every world",
+                "says": f"{machine.capitalize()}: the error stays bounded with lead and rate `auto`, {guarded}, in "
+                "every world",
                 "quantity": "final error over the least", "value": over_least, "limit": "at most 1.5",
                 "of": {"machine": machine, **of}, "each": EVERYWHERE,
             }
@@ -91,7 +92,8 @@ STUDY = declare(
             )
         },
         "paper_rate": {
-            "says": "With the right lead the error of one leg with the paper's rate is at most 1.25 times that with `auto` in "
+            "says": "With the right lead the error of one leg with the paper's rate is at most 1.25 times that with "
+            "`auto` in "
             "every world",
             "quantity": "final error with the paper's rate over that with rate auto", "value": TRANSFER, "over": AUTO,
             "of": {"part": "rate", "machine": "one leg", "learning.rate": PAPER_RATE}, "each": EVERYWHERE,
@@ -99,7 +101,8 @@ STUDY = declare(
         },
         **{
             f"wrong_{machine}": {
-                "says": f"{machine.capitalize()}: guarded learning with lead 1 ends no worse than feedback only in every world",
+                "says": f"{machine.capitalize()}: guarded learning with lead 1 ends no worse than feedback only in "
+                "every world",
                 "quantity": "final error over feedback only", "value": f"{TRANSFER} / {TRANSFER}[1]",
                 "of": {"part": "lead 1, guarded", "machine": machine}, "each": EVERYWHERE, "limit": "at most 1.05",
             }
@@ -111,7 +114,8 @@ STUDY = declare(
             "of": {"part": "choice", "choice": ["default", *OTHER_RULES]}, "limit": "at least 90 %",
         },
         "rule": {
-            "says": "One leg: in every world the error with another rule is at least a tenth smaller than with the paper's",
+            "says": "One leg: in every world the error with another rule is at least a tenth smaller than with the "
+            "paper's",
             "quantity": "least error of another rule over that of the paper's", "value": find_least_rule,
             "of": {"part": "choice"}, "each": EVERYWHERE, "limit": "at most 0.9",
         },
@@ -131,13 +135,15 @@ STUDY = declare(
     },
     figures={
         "auto": [
-            {"metric": "transfer_rmse_y", "by": "world", "of": {"machine": machine, **AUTO}, "log": "y", "title": machine}
+            {"metric": "transfer_rmse_y", "by": "world", "of": {"machine": machine, **AUTO}, "log": "y",
+             "title": machine}
             for machine in MACHINES
         ]
     },
     tables={
         **{
-            f"rates_{machine}": {"rows": {"learning.rate": "rate"}, "of": {"part": "rate", "machine": machine}, **IN_MM}
+            f"rates_{machine}": {"rows": {"learning.rate": "rate"}, "of": {"part": "rate", "machine": machine},
+            **IN_MM}
             for machine in MACHINES
         },
         **{

@@ -1,97 +1,85 @@
-"""Learning over many cycles: which rules, leads and rates last, and whether drift and growth predict it.
+"""Learning over many cycles: which rules, leads and rates last, and whether drift is detected in time.
 
 ``python -m pipelines.long_learning`` runs the paper's rule with several leads in the paper's own world; and, in
 worlds that nobody in the loop knows, every rule on one leg and on the quadruped, late actuators, rates, and settings
 of the quadruped's force feedback.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from cmacexp.cmac.rules import RULES
+from cmacexp.data.run import Run
 from cmacexp.metrics.final import TRANSFER
-from cmacexp.study import (
-    Criterion,
-    Figure,
-    Finding,
-    Panel,
-    Request,
-    Results,
-    Series,
-    Study,
-    at_least,
-    at_most,
-    draw,
-    grid,
-)
-from cmacexp.study.curves import over_cycles
+from cmacexp.study import Results, declare
+from cmacexp.study.quantity import compute_quantity
+from cmacexp.study.results import RunRow
 from cmacexp.study.samples import ended_in, per_seed, quotients, relative
-from cmacexp.study.tables import cross_tabulate, tabulate
 from cmacexp.typing import Array
-from pipelines import long_learning_measures as measures
-from pipelines.common_results import describe_end, percent, tabulate_ends
-from pipelines.long_learning_measures import FORCE, GRID, LAST, LEG, PAPER, WALK, final
-from pipelines.worlds import FEWER, TESTED, in_worlds
+from pipelines.common_results import describe_end
+from pipelines.worlds import FEWER, TESTED, draw_worlds
 
-WORLD, LATE, RATE, SETTING = "rules", "late", "rates", "settings"
-"""Parts of the study in worlds, besides GRID in the paper's: column ``part``."""
-RATES = ("auto", 0.05, 0.1, 0.1953125, 0.4, 0.8, 1.5)
-AUTO, FAST = RATES[0], RATES[-3:-1]
-DELAYS = (0, 1, 2)
-"""Of the actuator, besides what sensors delay, samples."""
-THIN = "record.every_nth_step=600"
-"""Metrics are of every step; of the traces little is kept."""
-RAMP = "gait.load_ramp=0.12"
-FEEDBACK = ("force_control.elasticity=0.001", "force_control.admittance=0.001")
+FORCE, RAMP = "force_rmse_cycle", "gait.load_ramp=0.12"
+FEEDBACK = ["force_control.elasticity=0.001", "force_control.admittance=0.001"]
 """Force feedback ten times the paper's."""
-PUBLISHED, RAMPED, FELT = "as published", "ramp", "ramp, force feedback"
-SETTINGS = {PUBLISHED: [], RAMPED: [RAMP], "force feedback": FEEDBACK, FELT: [RAMP, *FEEDBACK]}
-MACHINES: dict[str, tuple[str, tuple[str, ...]]] = {
-    LEG: ("one_leg", ("reference=aware",)),
-    WALK: ("quadruped", ()),
-}
-"""Scenario and further overrides in worlds."""
-NEAR = 0.01
-"""Difference of two growths up to which one predicts the other."""
+OTHERS = [rule for rule in RULES if rule != "paper"]
 
 
-def runs(quick: bool) -> list[Request]:
-    """All parts; those in the paper's world for every seed, or other rules once, the rest in every world."""
-    others = [rule for rule in RULES if rule != "paper"][: 1 if quick else None]
-    leads, worlds = (0, 1) if quick else (-1, 0, 1, 2), FEWER[:1] if quick else FEWER
-    lasting = ("learning=lasting", "learning.guard=none", THIN)
-    rules = {"learning.rule": ("paper", *others)}
+def final(results: Results, name: str = TRANSFER) -> Array:
+    """(runs,): final value of an error, over 100 cycles; infinite of a run that ended before."""
+    return results.end(name, 100)
 
-    def cycles(machine: str, number: int) -> str:
-        return f"cycles={(40 if machine == LEG else 12) if quick else number}"
 
-    def published(machine: str, scenario: str, number: int, *more: str, rules: Sequence[str], seeded: bool) -> Any:
-        common = (f"scenario={scenario}", cycles(machine, number), THIN, *more)
-        over = {"learning.rule": rules, "learning.lead": leads}
-        return grid(*common, over=over, seeded=seeded, part=GRID, machine=machine)
+def variation(results: Results, name: str = TRANSFER) -> Array:
+    """(runs,): largest error over the least in the second half; infinite of a run that ended before.
 
-    def part(
-        name: str, machine: str, number: int, over: Mapping[str, Any], *more: str, worlds: Sequence[int] = worlds
-    ) -> list[Request]:
-        scenario, overrides = MACHINES[machine]
-        words = (*lasting, *overrides, cycles(machine, number), *more)
-        return in_worlds(scenario, worlds, *words, over=over, part=name, machine=machine)
+    Of medians over 10 cycles, since noise alone varies the error of single cycles.
+    """
+    halves = [row.history(name)[row.run.cycles_done // 2 :] if row.run.completed else None for row in results.rows]
+    return np.array([np.inf if half is None else _spread(half) for half in halves])
 
-    late = {"actuator.delay": DELAYS[:2] if quick else DELAYS, "learning.lead": (0, 1, 2, 3, 4, "auto")}
-    return [
-        *published(LEG, "one_leg", 2_000, rules=["paper"], seeded=True),
-        *published(WALK, "quadruped", 500, RAMP, rules=["paper"], seeded=True),
-        *published(LEG, "one_leg", 1_000, rules=others, seeded=False),
-        *part(WORLD, LEG, 500, {"learning.lead": (0, "auto"), **rules}),
-        *part(WORLD, WALK, 500, {"learning.lead": (0, "auto"), **rules}, RAMP),
-        *part(LATE, LEG, 300, late),
-        *part(RATE, LEG, 500, {"learning.rate": (AUTO, *FAST) if quick else RATES}),
-        *part(SETTING, WALK, 500, {"settings": SETTINGS}, worlds=worlds if quick else TESTED),
-    ]
+
+def _spread(errors: Array) -> float:
+    medians = np.median(sliding_window_view(errors, min(10, len(errors))), axis=1)
+    return float(medians.max() / medians.min())
+
+
+def learning_lead(run: Run) -> float:
+    """The lead that a run learnt with, also where the config says ``auto``; NaN if nothing learnt."""
+    lead = run.manifest.get("learning_lead")
+    return np.nan if lead is None else float(lead)
+
+
+def detected(run: Run) -> float:
+    """Cycle in which drift was detected; infinite if it was not."""
+    drift = run.manifest["drift"]
+    return float(drift["named"]) if drift else np.inf
+
+
+def one_too_short(results: Results) -> Array:
+    """(runs,): share done by runs whose lead is one less than the ``auto`` of their world and delay."""
+
+    def place(row: RunRow) -> tuple[int, int]:
+        return int(row.settings["seed"]), int(row.settings["actuator.delay"])
+
+    right = {place(row): row.measures["lead"] for row in results.select({"learning.lead": "auto"}).rows}
+    fixed = [row for row in results.rows if row.settings["learning.lead"] != "auto"]
+    return compute_quantity("done", Results([row for row in fixed if row.measures["lead"] == right[place(row)] - 1]))
+
+
+def detected_if_ended(results: Results) -> list[bool]:
+    """Of each run that ended before its time, whether drift was detected."""
+    return [bool(np.isfinite(row.measures["detected"])) for row in results.rows if not row.run.completed]
+
+
+def error_when_detected(results: Results) -> list[float]:
+    """Of each such run with drift: the error in the cycle of detection over the least up to it."""
+    drifted = [row for row in results.rows if not row.run.completed and np.isfinite(row.measures["detected"])]
+    errors = [row.history(TRANSFER)[: int(row.measures["detected"])] for row in drifted]
+    return [float(each[-1] / each.min()) for each in errors]
 
 
 def best_of_others(results: Results, lead: int | str, name: str) -> Array:
@@ -99,8 +87,8 @@ def best_of_others(results: Results, lead: int | str, name: str) -> Array:
 
     In each world the rule is the one whose median is least in all other worlds: not chosen by what it is judged by.
     """
-    own = results.select({**PAPER, "learning.lead": "auto"})
-    rules = results.select({"learning.rule": [rule for rule in RULES if rule != "paper"], "learning.lead": lead})
+    own = results.select({"learning.rule": "paper", "learning.lead": "auto"})
+    rules = results.select({"learning.rule": OTHERS, "learning.lead": lead})
     ratios = np.array([relative(rule, own, partial(final, name=name)) for rule in rules.by("learning.rule").values()])
     worlds = range(ratios.shape[1])
     elsewhere = [np.delete(ratios, world, axis=1) if len(worlds) > 1 else ratios for world in worlds]
@@ -109,255 +97,209 @@ def best_of_others(results: Results, lead: int | str, name: str) -> Array:
 
 def over_best_rate(results: Results) -> Array:
     """(worlds,): error at the end with rate ``auto`` over the least with another rate."""
-    auto = results.select({"learning.rate": AUTO})
-    others = results.select({"learning.rate": list(RATES[1:])})
-    errors = final(others)
-    least = dict(zip(others.values("seed"), per_seed(others, errors, min), strict=True))
+    auto = results.select({"learning.rate": "auto"})
+    others = results.select({"learning.rate": [rate for rate in results.values("learning.rate") if rate != "auto"]})
+    least = dict(zip(others.values("seed"), per_seed(others, final(others), min), strict=True))
     return quotients(final(auto), np.array([least[row.settings["seed"]] for row in auto.rows]))
 
 
-def _with_feedback(results: Results) -> Array:
-    """(worlds,): force error at the end with stronger force feedback over that without."""
-    felt, ramped = (results.select(settings=name) for name in (FELT, RAMPED))
-    return relative(felt, ramped, partial(final, name=FORCE))
-
-
-DONE = "cycles done of those asked for"
-WARNED = {"part": [WORLD, LATE, RATE]}
-
-
-def _paper(machine: str, lead: int | str, part: str) -> dict[str, Any]:
-    return {"part": part, "machine": machine, "learning.lead": lead, **PAPER}
-
-
-def _ends(case: str, of: Mapping[str, Any], sample: Any = "done") -> Criterion:
-    return percent(DONE, sample, at_most(0.9), None, of, case)
-
-
-def _complete(case: str, of: Mapping[str, Any], least: float) -> Criterion:
-    return percent("runs that complete", "completed", at_least(least), None, of, case)
-
-
-def _steady(case: str, of: Mapping[str, Any], name: str = TRANSFER) -> Criterion:
-    quantity = f"largest {'force ' * (name == FORCE)}error over the least in the second half of the run"
-    return Criterion(quantity, partial(measures.variation, name=name), at_most(1.25), of=of, case=case)
-
-
-def _others(what: str, lead: int | str, name: str, machine: str, limit: float) -> Criterion:
-    return Criterion(
-        f"{what} of the rule that is best in other worlds, lead {lead}, over that of the paper's rule with lead auto",
-        partial(best_of_others, lead=lead, name=name),
-        at_most(limit),
-        of={"part": WORLD, "machine": machine},
-    )
-
-
-KNOWN, UNKNOWN = "Under the paper's conditions,", "In randomised runs,"
-FINDINGS = {
-    "lead": Finding(
-        [
-            *(_ends(f"{machine}, lead 0", _paper(machine, 0, GRID)) for machine in (LEG, WALK)),
-            _steady("one leg, lead 1", _paper(LEG, 1, GRID)),
-        ],
-        says=f"{KNOWN} runs with lead 0, as published, end early, and with lead 1 the error of one leg stays bounded",
-    ),
-    "lasts": Finding(
-        [
-            _steady("one leg, lead auto", _paper(LEG, "auto", WORLD)),
-            *(_ends(f"{machine}, lead 0", _paper(machine, 0, WORLD)) for machine in (LEG, WALK)),
-        ],
-        says=f"{UNKNOWN} the error of one leg stays bounded with the paper's rule, lead and rate "
-        "`auto`; with lead 0 runs end early",
-    ),
-    "body": Finding(
-        [_steady("quadruped, lead auto", _paper(WALK, "auto", WORLD), FORCE)],
-        says=f"{UNKNOWN} lead `auto` is enough under a body too",
-    ),
-    **{
-        f"rules_{machine}": Finding(
-            [_others(f"{what} error", "auto", name, machine, 0.9)],
-            says=f"{UNKNOWN} with lead `auto`, another rule lowers the {what} error of {who} by a tenth",
-        )
-        for machine, who, what, name in (
-            (LEG, "one leg", "transfer", TRANSFER),
-            (WALK, "the quadruped", "force", FORCE),
-        )
-    },
-    "substitute": Finding(
-        [_others("error", 0, TRANSFER, LEG, 1.1)],
-        says=f"{UNKNOWN} a rule can replace the right lead on one leg",
-    ),
-    "late": Finding(
-        [
-            _complete("lead auto", {"part": LATE, "learning.lead": "auto"}, 0.8),
-            _ends("lead one less", {"part": LATE}, measures.one_too_short),
-        ],
-        says=f"{UNKNOWN} the lead must be at least the number of samples from torque to feedback, "
-        "which `learning.lead=auto` counts",
-    ),
-    "latest": Finding(
-        [
-            _complete(
-                f"lead auto, torque {delay} samples late",
-                {"part": LATE, "learning.lead": "auto", "actuator.delay": delay},
-                0.75,
-            )
-            for delay in DELAYS
-        ],
-        says=f"{UNKNOWN} one leg needs no guard with lead and rate `auto` and torques delayed by up to "
-        f"{DELAYS[-1]} samples",
-    ),
-    "rate": Finding(
-        [
-            Criterion(
-                "error at the end with rate auto over the least with another rate, lead auto",
-                over_best_rate,
-                at_most(1.25),
-                of={"part": RATE},
-            )
-        ],
-        says=f"{UNKNOWN} the error of one leg with rate `auto` is at most 1.25 times that with the "
-        "best of the rates tried",
-    ),
-    "fast": Finding(
-        [
-            percent(
-                DONE,
-                "done",
-                at_least(0.9),
-                of={"part": RATE, "learning.rate": rate},
-                case=f"lead auto, rate {rate}",
-            )
-            for rate in FAST
-        ],
-        says=f"{UNKNOWN} one leg with lead `auto` completes its cycles at rates of {FAST[0]} and {FAST[1]}",
-    ),
-    "settings": Finding(
-        [
-            Criterion(
-                "force error at the end with ramp and stronger force feedback, over that with the ramp alone",
-                _with_feedback,
-                at_most(0.5),
-                of={"part": SETTING},
-            ),
-            _steady("ramp and stronger force feedback", {"part": SETTING, "settings": FELT}, FORCE),
-        ],
-        says=f"{UNKNOWN} stronger force feedback, as in `scenario=quadruped_lasting`, at least halves "
-        "the quadruped's force error and keeps it steady",
-    ),
-    "drift": Finding(
-        [
-            percent(
-                "runs that end before their time in which drift is detected",
-                measures.detected_if_ended,
-                at_least(0.8),
-                of=WARNED,
-            ),
-            Criterion(
-                "error in the cycle of detection over the least up to it",
-                measures.error_when_detected,
-                at_most(1.25),
-                of=WARNED,
-            ),
-        ],
-        says="Drift is detected in time to stop learning in most runs that diverge or fall",
-    ),
-    **{
-        f"growth_{machine}": Finding(
-            [
-                Criterion(
-                    "largest difference between predicted and measured growth per cycle, paper's rule",
-                    partial(measures.growth_miss, machine=machine),
-                    at_most(NEAR),
-                    case=machine,
-                )
-            ],
-            says=f"{KNOWN} the linearised loop predicts the growth per cycle of the paper's rule "
-            f"({machine}) with every lead",
-        )
-        for machine in (LEG, WALK)
-    },
-}
-
-
-RULE_ERRORS = {"transfer_rmse_x": "transfer error in x", "transfer_rmse_y": "transfer error in y"}
-LEADS_BY, RULES_BY = ("learning.lead", "lead"), ("learning.rule", "rule")
-IN_MM = f"1e3 * {TRANSFER}[-{LAST}:]"
-ENDS = partial(describe_end, quantity=f"1e3 * {TRANSFER}[-{LAST}:]")
-WALK_ERRORS = {FORCE: "force error", "tilt_max": "largest tilt"}
-
-
-def _curves(results: Results, names: Mapping[str, str], by: str, before: str = "") -> list[Panel]:
-    """Metrics over cycles, by their titles."""
-    panels = {title: over_cycles(results, name, by, log="xy", title=title) for name, title in names.items()}
-    return [replace(panel, title=before + title) for title, panel in panels.items()]
-
-
-def draw_leads(results: Results) -> Figure:
-    """The paper's rule with every lead, on both machines."""
-    names = {"transfer_rmse_y": "transfer error in y", "feedback_change": "change of the feedback"}
-    machines = results.by("machine").items()
-    panels = [_curves(own, names, "learning.lead", f"{machine}, by lead: ") for machine, own in machines]
-    return draw([panel for own in panels for panel in own])
-
-
-def draw_growth(results: Results) -> Figure:
-    """Predicted against measured growth, and the difference."""
-    known = {machine: measures.growth_known(results, machine) for machine in (LEG, WALK)}
-    axis, panels = "measured growth per cycle", []
-    for column, title, limits in (
-        ("predicted", "predicted growth per cycle", ()),
-        ("misses", "predicted - measured", (-NEAR, NEAR)),
-    ):
-        series = [Series(name, own["measured"], own[column]) for name, own in known.items()]
-        panels.append(Panel(title, axis, title, series, "scatter", y_limits=limits))
-    return draw(panels)
-
-
-def _drift(results: Results) -> str:
+def _describe_drift(results: Results) -> str:
     medians = {"detected": np.median(results.measure("detected")), "ended": np.median(ended_in(results))}
     return "; ".join(f"{what} in {cycle:.0f}" for what, cycle in medians.items() if np.isfinite(cycle)) or "-"
 
 
-def values(results: Results) -> dict[str, Any]:
-    """Cycles of each part, and settings that the page names."""
-    published, felt = (results.select(settings=name) for name in (PUBLISHED, FELT))
-    gain = "force_control.elasticity"
-    grid_cycles = {machine: results.select(PAPER, part=GRID, machine=machine).value("cycles") for machine in MACHINES}
+def _part(name: str, machine: str, cycles: int, over: dict[str, Any], *more: str, worlds: range = FEWER) -> Any:
+    """Runs in worlds."""
+    scenario, *words = {"one leg": ("one_leg", "reference=aware"), "quadruped": ("quadruped",)}[machine]
+    thin = ("learning=lasting", "learning.guard=none", "record.every_nth_step=600")
     return {
-        "cycles": {part: results.select(part=part).values("cycles")[0] for part in (WORLD, LATE, RATE, SETTING)},
-        "walk_cycles": results.select(part=WORLD, machine=WALK).value("cycles"),
-        "grid_cycles": {name: f"{number:,}" for name, number in grid_cycles.items()},
-        "ramp": felt.value("gait.load_ramp"), "gain": felt.value(gain), "published_gain": published.value(gain),
-        "worlds": len(FEWER), "setting_worlds": len(TESTED), "last": measures.LAST, "near": NEAR,
-        "smoothed": measures.SMOOTHED,
-    }  # fmt: skip
+        "set": [f"scenario={scenario}", *thin, *words, f"cycles={cycles}", *more],
+        "quick": {"cycles": 40 if machine == "one leg" else 12},
+        "over": {"world": draw_worlds(scenario, worlds), **over},
+        "labels": {"part": name, "machine": machine},
+    }
 
 
-STUDY = Study(
+def _published(machine: str, quick: int, *words: str) -> dict[str, Any]:
+    """Runs of the paper's rule in its own world, with every lead and seed."""
+    return {
+        "set": [*words, "record.every_nth_step=600", "learning.rule=paper"],
+        "quick": {"cycles": quick},
+        "over": {"learning.lead": [-1, 0, 1, 2]},
+        "seeds": True,
+        "labels": {"part": "paper's world", "machine": machine},
+    }
+
+
+LEADS = {"learning.lead": [0, "auto"], "learning.rule": ["paper", *OTHERS]}
+SETTINGS = {"as published": [], "ramp": [RAMP], "force feedback": FEEDBACK, "ramp, force feedback": [RAMP, *FEEDBACK]}
+DONE = {"quantity": "cycles done of those asked for", "value": "done"}
+ENDS = {**DONE, "limit": "at most 90 %"}
+MADE = {"part": "paper's world", "learning.rule": "paper"}
+OWN = {"part": "rules", "learning.rule": "paper"}
+STEADY = {
+    "quantity": "largest error over the least in the second half of the run", "value": variation,
+    "limit": "at most 1.25",
+}  # fmt: skip
+FORCE_STEADY = {
+    **STEADY, "value": partial(variation, name=FORCE),
+    "quantity": "largest force error over the least in the second half of the run",
+}  # fmt: skip
+
+
+def _others(what: str, lead: int | str, name: str, machine: str, limit: float) -> dict[str, Any]:
+    return {
+        "quantity": f"{what} of the rule that is best in other worlds, lead {lead}, over that of the paper's rule "
+        "with lead auto",
+        "value": partial(best_of_others, lead=lead, name=name),
+        "of": {"part": "rules", "machine": machine},
+        "limit": f"at most {limit}",
+    }
+
+
+IN_MM = partial(describe_end, quantity=f"1e3 * {TRANSFER}[-100:]")
+BY_LEAD: dict[str, Any] = {"across": {"learning.lead": "lead"}, "value": IN_MM}
+STUDY = declare(
     title="Learning over many cycles",
     question="With which rules, leads and rates does learning last, and how early can this be predicted?",
-    runs=runs,
-    measures={"detected": measures.detected, "lead": measures.learning_lead},
-    computed={"growth": measures.growth},
-    findings=FINDINGS,
+    runs=[
+        _published("one leg", 40, "scenario=one_leg", "cycles=2000"),
+        _published("quadruped", 12, "scenario=quadruped", "cycles=500", RAMP),
+        _part("rules", "one leg", 500, LEADS),
+        _part("rules", "quadruped", 500, LEADS, RAMP),
+        _part("late", "one leg", 300, {"actuator.delay": [0, 1, 2], "learning.lead": [0, 1, 2, 3, 4, "auto"]}),
+        _part("rates", "one leg", 500, {"learning.rate": ["auto", 0.05, 0.1, 0.1953125, 0.4, 0.8, 1.5]}),
+        _part("settings", "quadruped", 500, {"settings": SETTINGS}, worlds=TESTED),
+    ],
+    measures={"detected": detected, "lead": learning_lead},
+    findings={
+        "lead": {
+            "says": "Under the paper's conditions, runs with lead 0, as published, end early, and with lead 1 the "
+            "error of one "
+            "leg stays bounded",
+            "criteria": [
+                {**ENDS, "of": {**MADE, "learning.lead": 0}, "each": {"machine": ["one leg", "quadruped"]},
+                 "case": "{machine}, lead 0"},
+                {**STEADY, "of": {**MADE, "machine": "one leg", "learning.lead": 1}, "case": "one leg, lead 1"},
+            ],
+        },
+        "lasts": {
+            "says": "In randomised runs, the error of one leg stays bounded with the paper's rule, lead and rate "
+            "`auto`; with "
+            "lead 0 runs end early",
+            "criteria": [
+                {**STEADY, "of": {**OWN, "machine": "one leg", "learning.lead": "auto"},
+                 "case": "one leg, lead auto"},
+                {**ENDS, "of": {**OWN, "learning.lead": 0}, "each": {"machine": ["one leg", "quadruped"]},
+                 "case": "{machine}, lead 0"},
+            ],
+        },
+        "body": {
+            "says": "In randomised runs, lead `auto` is enough under a body too",
+            **FORCE_STEADY, "of": {**OWN, "machine": "quadruped", "learning.lead": "auto"},
+            "case": "quadruped, lead auto",
+        },
+        "rules_one leg": {
+            "says": "In randomised runs, with lead `auto`, another rule lowers the transfer error of one leg by a "
+            "tenth",
+            **_others("transfer error", "auto", TRANSFER, "one leg", 0.9),
+        },
+        "rules_quadruped": {
+            "says": "In randomised runs, with lead `auto`, another rule lowers the force error of the quadruped by "
+            "a tenth",
+            **_others("force error", "auto", FORCE, "quadruped", 0.9),
+        },
+        "substitute": {
+            "says": "In randomised runs, a rule can replace the right lead on one leg",
+            **_others("error", 0, TRANSFER, "one leg", 1.1),
+        },
+        "late": {
+            "says": "In randomised runs, the lead must be at least the number of samples from torque to feedback, "
+            "which "
+            "`learning.lead=auto` counts",
+            "criteria": [
+                {"quantity": "runs that complete", "value": "completed",
+                 "of": {"part": "late", "learning.lead": "auto"},
+                 "case": "lead auto", "limit": "at least 80 %"},
+                {**ENDS, "value": one_too_short, "of": {"part": "late"}, "case": "lead one less"},
+            ],
+        },
+        "latest": {
+            "says": "In randomised runs, one leg needs no guard with lead and rate `auto` and torques delayed by up "
+            "to 2 samples",
+            "criteria": [
+                {"quantity": "runs that complete", "value": "completed",
+                 "case": f"lead auto, torque {delay} samples late",
+                 "of": {"part": "late", "learning.lead": "auto", "actuator.delay": delay}, "limit": "at least 75 %"}
+                for delay in (0, 1, 2)
+            ],
+        },
+        "rate": {
+            "says": "In randomised runs, the error of one leg with rate `auto` is at most 1.25 times that with the "
+            "best of the "
+            "rates tried",
+            "quantity": "error at the end with rate auto over the least with another rate, lead auto",
+            "value": over_best_rate, "of": {"part": "rates"}, "limit": "at most 1.25",
+        },
+        "fast": {
+            "says": "In randomised runs, one leg with lead `auto` completes its cycles at rates of 0.4 and 0.8",
+            "criteria": [
+                {**DONE, "of": {"part": "rates", "learning.rate": rate}, "case": f"lead auto, rate {rate}",
+                 "limit": "at least 90 %"}
+                for rate in (0.4, 0.8)
+            ],
+        },
+        "settings": {
+            "says": "In randomised runs, stronger force feedback, as in `scenario=quadruped_lasting`, at least "
+            "halves the "
+            "quadruped's force error and keeps it steady",
+            "criteria": [
+                {"quantity": "force error at the end with ramp and stronger force feedback, over that with the ramp "
+                             "alone",
+                 "value": f"{FORCE}[-100:]", "of": {"part": "settings", "settings": "ramp, force feedback"},
+                 "over": {"settings": "ramp"}, "limit": "at most 0.5"},
+                {**FORCE_STEADY, "of": {"part": "settings", "settings": "ramp, force feedback"},
+                 "case": "ramp and stronger force feedback"},
+            ],
+        },
+        "drift": {
+            "says": "Drift is detected in time to stop learning in most runs that diverge or fall",
+            "criteria": [
+                {"quantity": "runs that end before their time in which drift is detected", "value": detected_if_ended,
+                 "of": {"part": ["rules", "late", "rates"]}, "limit": "at least 80 %"},
+                {"quantity": "error in the cycle of detection over the least up to it", "value": error_when_detected,
+                 "of": {"part": ["rules", "late", "rates"]}, "limit": "at most 1.25"},
+            ],
+        },
+    },
     figures={
-        "leads": lambda r: draw_leads(r.select(PAPER, part=GRID)),
-        "rules": lambda r: draw(
-            _curves(r.select({"learning.lead": "auto"}, part=WORLD, machine=LEG), RULE_ERRORS, "learning.rule")
-        ),
-        "growth": draw_growth,
-        "settings": lambda r: draw(_curves(r.select(part=SETTING), WALK_ERRORS, "settings")),
+        "leads": [
+            {"metric": name, "by": "learning.lead", "of": {**MADE, "machine": machine}, "log": "xy",
+             "title": f"{machine}, by lead: {title}"}
+            for machine in ("one leg", "quadruped")
+            for name, title in (("transfer_rmse_y", "transfer error in y"),
+            ("feedback_change", "change of the feedback"))
+        ],
+        "rules": [
+            {"metric": f"transfer_rmse_{side}", "by": "learning.rule", "log": "xy",
+             "title": f"transfer error in {side}",
+             "of": {"part": "rules", "machine": "one leg", "learning.lead": "auto"}}
+            for side in "xy"
+        ],
+        "settings": [
+            {"metric": name, "by": "settings", "of": {"part": "settings"}, "log": "xy", "title": title}
+            for name, title in ((FORCE, "force error"), ("tilt_max", "largest tilt"))
+        ],
     },
     tables={
-        "leg": tabulate_ends(IN_MM, RULES_BY, LEADS_BY, {"part": WORLD, "machine": LEG}),
-        "walk": tabulate_ends(f"{FORCE}[-{LAST}:]", RULES_BY, LEADS_BY, {"part": WORLD, "machine": WALK}),
-        "published": tabulate_ends(IN_MM, ("machine", "machine"), LEADS_BY, {**PAPER, "part": GRID}),
-        "drift": lambda r: cross_tabulate(r.select(PAPER, part=GRID), ("machine", "machine"), LEADS_BY, _drift),
-        "late": tabulate_ends(IN_MM, ("actuator.delay", "delay, samples"), LEADS_BY, {"part": LATE}),
-        "rates": lambda r: tabulate(
-            r.select(part=RATE), {"learning.rate": "rate"}, {"error": partial(describe_end, quantity=IN_MM)}
-        ),
+        "leg": {"rows": {"learning.rule": "rule"}, "of": {"part": "rules", "machine": "one leg"}, **BY_LEAD},
+        "walk": {
+            "rows": {"learning.rule": "rule"}, "of": {"part": "rules", "machine": "quadruped"}, **BY_LEAD,
+            "value": partial(describe_end, quantity=f"{FORCE}[-100:]"),
+        },
+        "published": {"rows": "machine", "of": MADE, **BY_LEAD},
+        "drift": {"rows": "machine", "of": MADE, **BY_LEAD, "value": _describe_drift},
+        "late": {"rows": {"actuator.delay": "delay, samples"}, "of": {"part": "late"}, **BY_LEAD},
+        "rates": {"rows": {"learning.rate": "rate"}, "columns": {"error": IN_MM}, "of": {"part": "rates"}},
     },
-    values=values,
-)
+)  # fmt: skip

@@ -26,8 +26,8 @@ START = {"one_leg": 0.05, "quadruped": 0.01, "quadruped_lasting": 0.01, "robot":
 """Largest difference of the joint angles at the start from the planned ones, rad."""
 FIRST_TUNING = 1_000_000
 """Number of the first world that settings are tuned in: none of those that they are tested in."""
-TESTED, TUNED = range(24), range(FIRST_TUNING, FIRST_TUNING + 4)
-"""Numbers of the worlds that studies test in, and tune in."""
+TESTED = range(24)
+"""Numbers of the worlds that studies test in."""
 FEWER = TESTED[:12]
 """Those in which long runs are tested."""
 

@@ -1,7 +1,7 @@
 """A study declared: runs, claims, findings, figures and tables, in YAML, or in Python where a part needs code.
 
-``docs/add-a-study.md`` shows one of each. In Python, :func:`declare` takes the same declaration; there a value, a cell
-of a table, a figure or all runs may be functions too.
+``docs/add-a-study.md`` shows one of each. In Python, :func:`declare` takes the same declaration; there a value, a
+cell of a table, a figure or all runs may be functions too.
 """
 
 import importlib
@@ -33,7 +33,18 @@ SCALES = {"%": 100.0, "mm": 1e3, "mrad": 1e3, "ms": 1e3}
 LIMIT = re.compile(r"(?:(at most|at least) )?(\S+?)(?: to (\S+?))? ?(%|[a-zA-Zµ]+(?:[ /][a-zA-Z]+)?)?")
 CRITERION = ("quantity", "value", "of", "over", "each", "limit", "opposite", "case", "infinite")
 FORMS: dict[str, Sequence[str]] = {
-    "study": ("title", "question", "runs", "measures", "computed", "claims", "findings", "figures", "tables", "values"),
+    "study": (
+        "title",
+        "question",
+        "runs",
+        "measures",
+        "computed",
+        "claims",
+        "findings",
+        "figures",
+        "tables",
+        "values",
+    ),
     "runs": ("set", "quick", "over", "seeds", "labels", "after"),
     "claims": ("for", "words", "where", "criteria", *CRITERION),
     "findings": ("for", "says", "criteria", *CRITERION),
@@ -148,7 +159,9 @@ def read_requests(parts: Sequence[Any], quick: bool) -> list[Request]:
         requests = [replace(each, overrides=(*each.overrides, *format_overrides(more))) for each in requests]
         if "after" in own:
             first = [each for each in found if own["after"].items() <= each.labels.items()]
-            first = [replace(each, labels={key: each.labels[key] for key in over}) for each in first]
+            first = [
+                replace(each, labels={k: each.labels[k] for k in over if k not in own["after"]}) for each in first
+            ]
             requests = starting_from(first, requests)
         found += requests
     return found
@@ -157,7 +170,8 @@ def read_requests(parts: Sequence[Any], quick: bool) -> list[Request]:
 def _cell(value: Any, measures: Collection[str]) -> Callable[[Results], Any]:
     """What a cell of a table shows of its runs: a quantity of those that completed, several, or how many did.
 
-    A cycle that runs were not to reach, as those of a quick form, is shown as undefined. A function shows what it gives.
+    A cycle that runs were not to reach, as those of a quick form, is shown as undefined. A function shows what it
+    gives.
     """
     if callable(value):
         return value  # type: ignore[no-any-return]
@@ -221,8 +235,8 @@ def read_table(given: Any, measures: Collection[str] = ()) -> Callable[[Results]
     rows = own["rows"] if isinstance(own["rows"], Mapping) else {key: key for key in _list(own["rows"])}
     if "across" in own:
         across = own["across"] if isinstance(own["across"], Mapping) else {own["across"]: ""}
-        pairs, sample = [next(iter(each.items())) for each in (rows, across)], _cell(own["value"], measures)
-        return lambda results: cross_tabulate(results.select(own.get("of")), *pairs, sample)
+        (row, column), sample = (next(iter(each.items())) for each in (rows, across)), _cell(own["value"], measures)
+        return lambda results: cross_tabulate(results.select(own.get("of")), row, column, sample)
     columns = {title: _cell(text, measures) for title, text in own["columns"].items()}
     return lambda results: tabulate(results.select(own.get("of")), rows, columns)
 

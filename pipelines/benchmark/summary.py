@@ -14,7 +14,7 @@ from pipelines.benchmark.entrants import ALONE, CMAC
 from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, GUARDED, SETTINGS
 from pipelines.benchmark.tasks import MACHINES, STRESS, TASKS
 from pipelines.benchmark.trial import COMPLETED
-from pipelines.feedforwards_measures import cycles_to
+from pipelines.common_results import cycles_to
 
 END, WORST, FORCE = "end_error", "worst_error", "force"
 TENTH = 0.1

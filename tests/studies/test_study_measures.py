@@ -9,12 +9,9 @@ from support.made_studies import made_row
 
 from cmacexp.study import Results, at_most
 from pipelines.assumptions import TAKEN, Conclusion, count_changes, ratio
-from pipelines.feedforwards_measures import CMAC, ILC, MLP, RBF
-from pipelines.feedforwards_worlds import EARLY, at_best_rate
 from pipelines.force_methods import predicted_force
 from pipelines.lead_design import nearest
 from pipelines.one_leg_learning_trace import feedback_force, learned_error, reference_depth, weight_at_foot
-from pipelines.worlds import TESTED, TUNED
 
 INF = math.inf
 
@@ -71,30 +68,6 @@ def test_the_nearest_bandwidth_is_that_of_a_stable_loop_whose_resonance_is_low(l
     columns = ("resonance", "bandwidth", "open_bandwidth", "stable")
     table = pd.DataFrame([rows[name] for name in loops.split()], columns=columns)
     assert nearest(table) == pytest.approx([expected])
-
-
-# The walk
-
-
-# Learning
-
-
-def in_plane(*errors, **settings):
-    """A run with these errors of the foot, at 3 : 4 in x and y."""
-    sides = {f"transfer_rmse_{side}": part * np.array(errors) for side, part in (("x", 0.6), ("y", 0.8))}
-    return made_row(sides, **settings)
-
-
-def test_a_rate_is_chosen_in_worlds_that_it_is_not_tested_in():
-    """The rate 2 is best in the worlds of the tests, but 1 is in those it is chosen in."""
-    found = {(CMAC, 1): (4.0, 9.0), (CMAC, 2): (5.0, 1.0), (RBF, 1): (3.0, 6.0), (MLP, 1): (3.0, 90.0),
-             (ILC, 1): (3.0, 12.0)}  # fmt: skip
-    rows = [
-        in_plane(*[1e-3 * error] * 6, kind=kind, start="anew", cycles=6, world=worlds[0], seed=worlds[0],
-                 **{"learning.rate": rate, "learning.start_cycle": 2})
-        for (kind, rate), errors in found.items() for worlds, error in zip((TUNED, TESTED), errors, strict=True)
-    ]  # fmt: skip
-    assert at_best_rate(Results(rows), EARLY) == pytest.approx([9.0 / 6.0])
 
 
 # What counts
