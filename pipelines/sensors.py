@@ -12,34 +12,12 @@ from typing import Any
 import numpy as np
 
 from cmacexp.data.run import Run
-from cmacexp.study import (
-    Criterion,
-    DataFrame,
-    Figure,
-    Finding,
-    Panel,
-    Request,
-    Results,
-    Series,
-    Study,
-    at_least,
-    at_most,
-    draw,
-    grid,
-)
+from cmacexp.study import Figure, Panel, Results, Series, declare, draw
 from cmacexp.study.interval import estimate
-from cmacexp.study.quantity import compute_quantity
 from cmacexp.study.samples import relative
-from cmacexp.study.statements import Limit
-from cmacexp.study.tables import cross_tabulate, tabulate
 from cmacexp.typing import Array, Mask
-from pipelines.common_results import percent, tabulate_ends
+from pipelines.common_results import describe_end
 
-SOUND, BREAK, SHOWN, WATCH, NOISE, GAIN, LATE = "sound", "failures", "shown", "watched", "noise", "gains", "late"
-"""Parts of the study: column ``part``."""
-LEG, WALK = "one leg", "quadruped"
-CHECK, NO_CHECK, NONE = "check", "no check", "none"
-CHECKS = {NO_CHECK: ["plausibility=none"], CHECK: ["plausibility=force"]}
 KINDS = {
     "stuck at zero": ("zero", 0.0),
     "stuck at its last reading": ("last", 0.0),
@@ -48,34 +26,25 @@ KINDS = {
     "white noise of 20 N": ("noise", 20.0),
 }
 """Failures: the kind of fault, and its value in N."""
-GAINS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
+GAINS = {
+    gain: [f"force_control.elasticity={gain}", f"force_control.admittance={gain}"]
+    for gain in ("0.0001", "0.0003", "0.001", "0.003", "0.01")
+}
 """P_fn in m/N and V_fn in m/(N s) alike; the first is the scenario's."""
-GAIN_KEY, NOISY_GAIN = "force_control.elasticity", GAINS[2]
-SHOWN_LEG, SHOWN_GAIN = 3, GAINS[3]
+CHECKS = {"no check": ["plausibility=none"], "check": ["plausibility=force"]}
+NOISY = {"none": [], "force": ["sensors=noisy_force"]}
 THIN = "record.every_nth_step=600"
 """Metrics are of every step; of the traces little is kept."""
-LEGGED = ("scenario=quadruped", "learning.lead=1", "gait.load_ramp=0.12")
-WALKING = (*LEGGED, THIN, "cycles=12")
-NOISY = {NONE: [], "force": ["sensors=noisy_force"]}
-FORCE_NOISE = 0.2
-LATENESS = {
-    "velocity": ["sensors=real", "sensors.velocity.delay=1"],
-    "torque": ["actuator.delay=1"],
-    "position": ["sensors=real", "sensors.position.delay=1"],
-}
-"""What is a sample late."""
-FORCE, TORQUE = "force_rmse_cycle", "feedback_rms"
+LEGGED = ["scenario=quadruped", "learning.lead=1", "gait.load_ramp=0.12"]
+WALKING = [*LEGGED, THIN, "cycles=12"]
+LEG, WALK = "one leg", "quadruped"
 ERRORS = {
-    LEG: {"transfer error in y": "transfer_rmse_y", "force error": "force_rmse", "feedback torque": TORQUE},
-    WALK: {"tilt": "tilt_max", "force error": FORCE, "feedback torque": TORQUE},
+    LEG: {"transfer error in y": "transfer_rmse_y", "force error": "force_rmse", "feedback torque": "feedback_rms"},
+    WALK: {"tilt": "tilt_max", "force error": "force_rmse_cycle", "feedback torque": "feedback_rms"},
 }
-"""Metrics that noise may worsen, by machine and name."""
-LAST = 3
-"""Cycles whose median is an error at the end."""
+"""Metrics that noise may worsen, by machine and name; the torque last."""
 FELT = 1.5
 """An error or torque that is at least so many times that without noise is felt."""
-
-
 SIGNALS: dict[str, tuple[str, str, float, Sequence[float], Sequence[float]]] = {
     "force": ("noise_relative", "% of the force", 100.0, (0.05, 0.1, 0.2, 0.4), (0.05, 0.1, 0.2, 0.4)),
     "position": ("noise", "mrad", 1e3, (1e-4, 3e-4, 1e-3, 3e-3), (1e-5, 3e-5, 1e-4, 3e-4)),
@@ -86,72 +55,50 @@ SIGNALS: dict[str, tuple[str, str, float, Sequence[float], Sequence[float]]] = {
 """Field of the noise on each signal; the unit shown, with its factor; levels for one leg and for the quadruped."""
 
 
-def _gain(value: float) -> list[str]:
-    return [f"force_control.elasticity={value}", f"force_control.admittance={value}"]
-
-
-def _fault(kind: str, value: float, leg: int, start: float) -> list[str]:
+def _break(kind: str, value: float, leg: int, start: float) -> list[str]:
     settings = f"kind={kind}", f"value={value}", f"legs=[{leg}]", f"start={start}"
     return ["sensors=force_stuck", *(f"sensors.force.fault.{setting}" for setting in settings)]
 
 
-def failures() -> dict[str, dict[str, list[str]]]:
-    """By kind: a failure of every leg, each at a moment and with a seed of its own, as overrides by name."""
-    drawn, found = random.Random(1997), {}
+def _draw_failures() -> list[dict[str, Any]]:
+    """Failures of every kind and leg, each at a moment and with a seed of its own, with and without the check."""
+    drawn, seed, found = random.Random(1997), 0, []
     for name, (kind, value) in KINDS.items():
         moments = {leg: round(drawn.uniform(12.0, 18.0), 3) for leg in (1, 2, 3, 4)}  # the fifth or sixth cycle
-        found[name] = {f"leg {leg}": _fault(kind, value, leg, start) for leg, start in moments.items()}
-    for seed, overrides in enumerate(each for legs in found.values() for each in legs.values()):
-        overrides.append(f"seed={seed}")
-    return found
-
-
-def _break(gains: dict[str, list[str]], quick: bool) -> list[Request]:
-    """All failures with and without fault detection, the same machines unbroken, and one failure step by step."""
-    found = grid(*WALKING, over={"gain": gains, "feedforward": ("cmac", "none")}, seeded=True, part=SOUND)
-    for kind, legs in list(failures().items())[:: 4 if quick else 1]:
-        cases = dict(list(legs.items())[: 1 if quick else None])
+        broken = {
+            f"leg {leg}": [*_break(kind, value, leg, start), f"seed={seed + leg - 1}"]
+            for leg, start in moments.items()
+        }
+        seed += len(broken)
         for feedforward, step in (("cmac", 1), ("none", 2)):
-            over = {"gain": dict(list(gains.items())[::step]), "check": CHECKS, "broken": cases}
-            found += grid(*WALKING, f"feedforward={feedforward}", over=over, part=BREAK, kind=kind)
-    shown = (*_gain(SHOWN_GAIN), *_fault("zero", 0.0, SHOWN_LEG, 12.2), "cycles=6", "record.cycles=[4, 5, 6]")
-    return found + grid(*LEGGED, *shown, over={"check": CHECKS}, part=SHOWN)
-
-
-def _noise(machine: str, common: Sequence[str], quick: bool) -> list[Request]:
-    """A machine without noise, and with every level of noise on every signal."""
-    found = grid(*common, seeded=True, part=NOISE, machine=machine, signal=NONE)
-    for signal, (field, *_, leg, walk) in list(SIGNALS.items())[: 1 if quick else None]:
-        levels = leg if machine == LEG else walk
-        for level in levels[2:3] if quick else levels:
-            noisy = ("sensors=real", f"sensors.{signal}.{field}={level}")
-            found += grid(*common, *noisy, seeded=True, part=NOISE, machine=machine, signal=signal, level=level)
+            over = {"gain": dict(list(GAINS.items())[::step]), "check": CHECKS, "broken": broken}
+            labels = {"part": "failures", "kind": name}
+            quick = {"cycles": 6} if name == "stuck at zero" else None
+            found.append(
+                {"set": [*WALKING, f"feedforward={feedforward}"], "over": over, "labels": labels, "quick": quick}
+            )
     return found
 
 
-def runs(quick: bool) -> list[Request]:
-    """All parts."""
-    gains = {f"{value:g}": _gain(value) for value in (GAINS[2:3] if quick else GAINS)}
-    watched = (*LEGGED, THIN, *_gain(NOISY_GAIN), "plausibility=force", f"cycles={20 if quick else 500}")
-    late: dict[str, Any] = {"late": LATENESS, "learning.lead": (1, 2, "auto")}
-    return [
-        *_break(gains, quick),
-        *grid(*watched, over={"signal": NOISY}, seeded=True, part=WATCH),
-        *_noise(LEG, ("scenario=one_leg", THIN, "cycles=10"), quick),
-        *_noise(WALK, (*WALKING, *_gain(NOISY_GAIN)), quick),
-        *grid(*WALKING, over={"gain": gains, "signal": NOISY}, seeded=True, part=GAIN),
-        *grid("scenario=one_leg", THIN, f"cycles={60 if quick else 2000}", over=late, seeded=True, part=LATE),
-    ]
+def _add_noise(machine: str, words: list[str], own: int) -> list[dict[str, Any]]:
+    """A machine without noise, and with every level of noise on every signal; ``own`` is the place of its levels."""
+    labels = {"part": "noise", "machine": machine}
+    found: list[dict[str, Any]] = [{"set": words, "seeds": True, "labels": {**labels, "signal": "none"}}]
+    for signal, (field, _, _, *levels_of) in SIGNALS.items():
+        levels = {level: ["sensors=real", f"sensors.{signal}.{field}={level}"] for level in levels_of[own]}
+        quick: dict[str, Any] | None = {} if signal == "force" else None
+        found.append({**found[0], "over": {"level": levels}, "labels": {**labels, "signal": signal}, "quick": quick})
+    return found
 
 
-def _broken_legs(run: Run) -> Sequence[int]:
+def _find_broken(run: Run) -> Sequence[int]:
     fault = run.config["sensors"].get("force", {}).get("fault", {})
     return fault["legs"] if fault.get("kind", "none") != "none" else ()
 
 
 def rejected_after(run: Run) -> float:
     """Samples from the failure of a force sensor until it is rejected; infinite if it is not, or none fails."""
-    own = [dropped["step"] for dropped in run.manifest["dropped"] if dropped["leg"] in _broken_legs(run)]
+    own = [dropped["step"] for dropped in run.manifest["dropped"] if dropped["leg"] in _find_broken(run)]
     if not own:
         return np.inf
     return float(min(own) - round(run.config["sensors"]["force"]["fault"]["start"] / run.config["sampling_period"]))
@@ -159,12 +106,12 @@ def rejected_after(run: Run) -> float:
 
 def rejected_sound(run: Run) -> float:
     """Number of sound force sensors that are rejected."""
-    return float(sum(dropped["leg"] not in _broken_legs(run) for dropped in run.manifest["dropped"]))
+    return float(sum(dropped["leg"] not in _find_broken(run) for dropped in run.manifest["dropped"]))
 
 
-def where_sound_walks(results: Results, check: str, gains: Sequence[float]) -> Results:
-    """The failures with a controller and a gain with which all machines of part SOUND complete."""
-    sound, broken = results.select(part=SOUND), results.select({"part": BREAK, "check": check, GAIN_KEY: list(gains)})
+def where_sound_walks(results: Results, check: str, gains: Sequence[str]) -> Results:
+    """The failures with a controller and a gain with which all machines with sound sensors complete."""
+    sound, broken = results.select(part="sound"), results.select(part="failures", check=check, gain=list(gains))
 
     def walks(feedforward: str, gain: str) -> bool:
         return all(sound.select(feedforward=feedforward, gain=gain).completed)
@@ -172,14 +119,14 @@ def where_sound_walks(results: Results, check: str, gains: Sequence[float]) -> R
     return Results([row for row in broken.rows if walks(row.settings["feedforward"], row.settings["gain"])])
 
 
-def _rejected_in_time(results: Results) -> Mask:
-    return where_sound_walks(results, CHECK, GAINS).measure("rejected_after") <= results.run.steps_per_cycle
+def _find_rejected(results: Results) -> Mask:
+    return where_sound_walks(results, "check", [*GAINS]).measure("rejected_after") <= results.run.steps_per_cycle
 
 
-def worsening(results: Results, metric: str) -> Array:
+def worsening(results: Results, metric: str = "feedback_rms") -> Array:
     """(noisy runs,): a metric at the end over that of the run without noise and with the same seed."""
-    noisy = [row for row in results.rows if row.settings["signal"] != NONE]
-    return relative(Results(noisy), results.select(signal=NONE), partial(Results.end, name=metric, cycles=LAST))
+    noisy = [row for row in results.rows if row.settings["signal"] != "none"]
+    return relative(Results(noisy), results.select(signal="none"), partial(Results.end, name=metric, cycles=3))
 
 
 def torque_first(results: Results) -> list[bool]:
@@ -192,112 +139,17 @@ def torque_first(results: Results) -> list[bool]:
     return found
 
 
-FAILURES = [SOUND, BREAK]
-MOST = at_least(0.9)
-WEAK = f"gains up to {GAINS[-2]:g}"
-LEG_NOISE = f"noise of {100 * FORCE_NOISE:g} % on the force"
-
-
-def _survive(case: str, check: str, gains: Sequence[float], limit: Limit) -> Criterion:
-    quantity = "failures after which the machine walks on"
-    return percent(quantity, lambda r: where_sound_walks(r, check, gains).completed, limit, case=case, part=FAILURES)
-
-
-def _rejected(case: str, **of: Any) -> Criterion:
-    quantity = "sound sensors that the check rejects in a run"
-    return Criterion(quantity, "rejected_sound", at_most(0.0), of=of, case=case)
-
-
-def _grows(what: str, gains: Sequence[float], limit: Limit) -> Criterion:
-    return Criterion(
-        "largest feedback torque over that without noise",
-        lambda results: np.max([worsening(own, TORQUE) for own in results.by("gain").values()], axis=0),
-        limit,
-        of={"part": GAIN, GAIN_KEY: list(gains)},
-        case=f"gains {what} {NOISY_GAIN:g}",
-    )
-
-
-def _done(late: Any, lead: Any, limit: Limit) -> Criterion:
-    name = f"lead {lead}"
-    of = {"part": LATE, "late": late, "learning.lead": lead}
-    return percent("cycles done of those asked for", "done", limit, None, of, name)
-
-
-FINDINGS = {
-    "unchecked": Finding(
-        [
-            _survive(f"no check, {WEAK}", NO_CHECK, GAINS[:-1], MOST),
-            _survive(f"no check, gain {GAINS[-1]:g}", NO_CHECK, GAINS[-1:], at_most(0.75)),
-        ],
-        says=f"Without the check the machine walks on after failures with {WEAK}, and often falls with "
-        f"{GAINS[-1]:g}: strong force feedback needs it",
-    ),
-    "checked": Finding(
-        [
-            _survive("with the check, all gains", CHECK, GAINS, MOST),
-            percent("failures that the check detects within a cycle", _rejected_in_time, MOST, part=FAILURES),
-        ],
-        says="With `plausibility=force` the machine walks on after failures, and they are detected within a cycle",
-    ),
-    "alarms": Finding(
-        [
-            _rejected("without noise", part=WATCH, signal=NONE),
-            _rejected("with noisy forces", part=WATCH, signal="force"),
-            _rejected("in which another one fails", part=BREAK, check=CHECK),
-        ],
-        says="The check never rejects a sound sensor",
-    ),
-    "noise_leg": Finding(
-        [
-            percent(
-                "transfer error in y at the end over that of the first cycle",
-                f"transfer_rmse_y[-{LAST}:] / transfer_rmse_y[1]",
-                at_most(0.25),
-                of={"part": NOISE, "machine": LEG, "signal": "force", "level": FORCE_NOISE},
-            ),
-            Criterion(
-                "feedback torque over that without noise",
-                partial(worsening, metric=TORQUE),
-                at_least(FELT),
-                of={"part": NOISE, "machine": LEG, "signal": [NONE, "force"], "level": [None, FORCE_NOISE]},
-            ),
-        ],
-        says=f"With {LEG_NOISE} one leg still learns, with more feedback torque",
-    ),
-    "torque_first": Finding(
-        [
-            percent(
-                "runs with noise that is felt in which the torque grows by more than any error",
-                torque_first,
-                at_least(0.8),
-                of={"part": NOISE},
-            )
-        ],
-        says="If sensor noise has an effect at all, it raises the feedback torque more than the errors",
-    ),
-    "noise_gain": Finding(
-        [_grows("up to", GAINS[:3], at_most(FELT)), _grows("above", GAINS[3:], at_least(FELT))],
-        says=f"Noisy force sensors limit the gain of the quadruped's force feedback to {NOISY_GAIN:g}",
-    ),
-    "late": Finding(
-        [_done(["velocity", "torque"], "auto", MOST), _done(["velocity", "torque"], 1, at_most(0.9))],
-        says="A delayed velocity and a delayed torque need one more sample of lead, which "
-        "`learning.lead=auto` counts",
-    ),
-    "late_position": Finding(
-        [_done("position", 1, MOST), _done("position", 2, at_most(0.9))],
-        says="A delayed position needs no more lead",
-    ),
-}
+def worst_gain(results: Results) -> Array:
+    """(seeds,): largest feedback torque over that without noise, of all gains."""
+    return np.max([worsening(own) for own in results.by("gain").values()], axis=0)
 
 
 def draw_failure(results: Results) -> Figure:
     """Desired, true and measured force of the leg with the broken sensor; the failure, and its detection."""
     panels = []
-    for check, own in results.by("check").items():
+    for check, own in results.select(part="shown").by("check").items():
         run = own.run
-        trace = run.trace[run.trace["leg"] == SHOWN_LEG]
+        trace = run.trace[run.trace["leg"] == 3]
         columns = {"desired": "force_desired", "true": "force", "measured": "force_measured"}
         series = [Series(name, trace["time"], trace[column]) for name, column in columns.items()]
         rejected = [dropped["step"] * run.config["sampling_period"] for dropped in run.manifest["dropped"]]
@@ -306,17 +158,15 @@ def draw_failure(results: Results) -> Figure:
     return draw(panels, columns=1, height=1.9)
 
 
-def draw_noise(results: Results) -> Figure:
+def draw_noise(results: Results, machine: str) -> Figure:
     """Errors and torque over those without noise, over the level of noise on each signal."""
-    panels = []
-    for signal, noisy in results.by("signal").items():
-        if signal == NONE:
-            continue
-        levels, (_, unit, factor, *_) = noisy.values("level"), SIGNALS[signal]
-        pairs = [results.select(signal=[NONE, signal], level=[None, level]) for level in levels]
+    panels, own = [], results.select(part="noise", machine=machine)
+    for signal in [name for name in own.values("signal") if name != "none"]:
+        levels, (_, unit, factor, *_) = own.select(signal=signal).values("level"), SIGNALS[signal]
+        pairs = [own.select(signal=["none", signal], level=[None, level]) for level in levels]
         series = [
             Series(name, factor * np.array(levels), [estimate(worsening(pair, metric)).value for pair in pairs])
-            for name, metric in ERRORS[results.value("machine")].items()
+            for name, metric in ERRORS[machine].items()
         ]
         axes = (f"noise, {unit}", "value over that without noise")
         panels.append(Panel(f"noise on the {signal}", *axes, series, log="x", y_limits=[FELT]))
@@ -324,54 +174,145 @@ def draw_noise(results: Results) -> Figure:
 
 
 def _count_kinds(results: Results) -> str:
-    without, checked = (sum(results.select(check=check).completed) for check in (NO_CHECK, CHECK))
-    return f"{without}, {checked} of {len(results.select(check=CHECK))}"
+    without, checked = (sum(results.select(check=check).completed) for check in CHECKS)
+    return f"{without}, {checked} of {len(results.select(check='check'))}"
 
 
-def _force_noise(results: Results) -> DataFrame:
-    return tabulate(
-        results.select(part=GAIN),
-        {"gain": "gain", "signal": "noise on"},
-        {
-            "force error, N": partial(Results.end, name=FORCE, cycles=LAST),
-            "feedback torque, N m": partial(Results.end, name=TORQUE, cycles=LAST),
-            "tilt, mrad": partial(compute_quantity, f"1e3 * tilt_max[-{LAST}:]"),
-        },
-    )
-
-
-def values(results: Results) -> dict[str, Any]:
-    """Numbers and settings that the page names."""
-    broken, watched, late = (results.select(part=part) for part in (BREAK, WATCH, LATE))
-    noise = results.select(part=GAIN, signal="force").value("sensors.force.noise_relative")
+def _survive(case: str, check: str, gains: Sequence[str], limit: str) -> dict[str, Any]:
     return {
-        "failures": len(broken.select(feedforward="cmac", check=CHECK)) // len(broken.values("gain")),
-        "kinds": broken.values("kind"), "cycles": broken.value("cycles"), "ramp": broken.value("gait.load_ramp"),
-        "watched_cycles": watched.value("cycles"), "noisy_gain": watched.value(GAIN_KEY),
-        "late_cycles": late.value("cycles"), "last": LAST, "felt": FELT, "shown_leg": SHOWN_LEG,
-        "shown_gain": SHOWN_GAIN, "force_noise": f"{100 * noise:g} %",
-    }  # fmt: skip
+        "quantity": "failures after which the machine walks on",
+        "value": lambda results: where_sound_walks(results, check, gains).completed,
+        "of": {"part": ["sound", "failures"]},
+        "case": case,
+        "limit": limit,
+    }
 
 
-STUDY = Study(
+SOFT = [*GAINS][:-1]
+REJECTED = {
+    "quantity": "sound sensors that the check rejects in a run", "value": "rejected_sound", "limit": "at most 0",
+}  # fmt: skip
+DONE = {"quantity": "cycles done of those asked for", "value": "done"}
+STUDY = declare(
     title="Faulty sensors",
     question="What do failures, noise and delays of sensors do to walking and learning, and what helps?",
-    runs=runs,
+    runs=[
+        {"set": WALKING, "over": {"gain": GAINS, "feedforward": ["cmac", "none"]}, "seeds": True,
+         "labels": {"part": "sound"}},
+        *_draw_failures(),
+        {"set": [*LEGGED, *GAINS["0.003"], *_break("zero", 0.0, 3, 12.2), "cycles=6", "record.cycles=[4, 5, 6]"],
+         "over": {"check": CHECKS}, "labels": {"part": "shown"}},
+        {"set": [*LEGGED, THIN, *GAINS["0.001"], "plausibility=force", "cycles=500"], "quick": {"cycles": 20},
+         "over": {"signal": NOISY}, "seeds": True, "labels": {"part": "watched"}},
+        *_add_noise(LEG, ["scenario=one_leg", THIN, "cycles=10"], 0),
+        *_add_noise(WALK, [*WALKING, *GAINS["0.001"]], 1),
+        {"set": WALKING, "over": {"gain": GAINS, "signal": NOISY}, "seeds": True, "labels": {"part": "gains"}},
+        {"set": ["scenario=one_leg", THIN, "cycles=2000"], "quick": {"cycles": 60}, "seeds": True,
+         "over": {
+             "late": {
+                 "velocity": ["sensors=real", "sensors.velocity.delay=1"],
+                 "torque": ["actuator.delay=1"],
+                 "position": ["sensors=real", "sensors.position.delay=1"],
+             },
+             "learning.lead": [1, 2, "auto"],
+         },
+         "labels": {"part": "late"}},
+    ],
     measures={"rejected_after": rejected_after, "rejected_sound": rejected_sound},
-    findings=FINDINGS,
+    findings={
+        "unchecked": {
+            "says": "Without the check the machine walks on after failures with gains up to 0.003, and often falls "
+            "with "
+            "0.01: strong force feedback needs it",
+            "criteria": [
+                _survive("no check, gains up to 0.003", "no check", SOFT, "at least 90 %"),
+                _survive("no check, gain 0.01", "no check", ["0.01"], "at most 75 %"),
+            ],
+        },
+        "checked": {
+            "says": "With `plausibility=force` the machine walks on after failures, and they are detected within a "
+            "cycle",
+            "criteria": [
+                _survive("with the check, all gains", "check", [*GAINS], "at least 90 %"),
+                {"quantity": "failures that the check detects within a cycle", "value": _find_rejected,
+                 "of": {"part": ["sound", "failures"]}, "limit": "at least 90 %"},
+            ],
+        },
+        "alarms": {
+            "says": "The check never rejects a sound sensor",
+            "criteria": [
+                {**REJECTED, "of": {"part": "watched", "signal": "none"}, "case": "without noise"},
+                {**REJECTED, "of": {"part": "watched", "signal": "force"}, "case": "with noisy forces"},
+                {**REJECTED, "of": {"part": "failures", "check": "check"}, "case": "in which another one fails"},
+            ],
+        },
+        "noise_leg": {
+            "says": "With noise of 20 % on the force one leg still learns, with more feedback torque",
+            "criteria": [
+                {"quantity": "transfer error in y at the end over that of the first cycle",
+                 "value": "transfer_rmse_y[-3:] / transfer_rmse_y[1]", "limit": "at most 25 %",
+                 "of": {"part": "noise", "machine": LEG, "signal": "force", "level": 0.2}},
+                {"quantity": "feedback torque over that without noise", "value": worsening, "limit": "at least 1.5",
+                 "of": {"part": "noise", "machine": LEG, "signal": ["none", "force"], "level": [None, 0.2]}},
+            ],
+        },
+        "torque_first": {
+            "says": "If sensor noise has an effect at all, it raises the feedback torque more than the errors",
+            "quantity": "runs with noise that is felt in which the torque grows by more than any error",
+            "value": torque_first, "of": {"part": "noise"}, "limit": "at least 80 %",
+        },
+        "noise_gain": {
+            "says": "Noisy force sensors limit the gain of the quadruped's force feedback to 0.001",
+            "criteria": [
+                {"quantity": "largest feedback torque over that without noise", "value": worst_gain,
+                 "of": {"part": "gains", "gain": gains}, "case": f"gains {what} 0.001", "limit": limit}
+                for what, gains, limit in (
+                    ("up to", [*GAINS][:3], "at most 1.5"), ("above", [*GAINS][3:], "at least 1.5"),
+                )
+            ],
+        },
+        "late": {
+            "says": "A delayed velocity and a delayed torque need one more sample of lead, which "
+            "`learning.lead=auto` "
+            "counts",
+            "criteria": [
+                {**DONE, "of": {"part": "late", "late": ["velocity", "torque"], "learning.lead": lead},
+                 "case": f"lead {lead}", "limit": limit}
+                for lead, limit in (("auto", "at least 90 %"), (1, "at most 90 %"))
+            ],
+        },
+        "late_position": {
+            "says": "A delayed position needs no more lead",
+            "criteria": [
+                {**DONE, "of": {"part": "late", "late": "position", "learning.lead": lead}, "case": f"lead {lead}",
+                 "limit": limit}
+                for lead, limit in ((1, "at least 90 %"), (2, "at most 90 %"))
+            ],
+        },
+    },
     figures={
-        "failure": lambda r: draw_failure(r.select(part=SHOWN)),
-        "noise_leg": lambda r: draw_noise(r.select(part=NOISE, machine=LEG)),
-        "noise_walk": lambda r: draw_noise(r.select(part=NOISE, machine=WALK)),
+        "failure": draw_failure,
+        "noise_leg": partial(draw_noise, machine=LEG),
+        "noise_walk": partial(draw_noise, machine=WALK),
     },
     tables={
-        "kinds": lambda r: cross_tabulate(
-            r.select(part=BREAK, feedforward="cmac"), ("kind", "failure"), ("gain", "gain"), _count_kinds
-        ),
-        "force_noise": _force_noise,
-        "late": tabulate_ends(
-            f"1e3 * transfer_rmse_y[-{LAST}:]", ("late", "late"), ("learning.lead", "lead"), {"part": LATE}
-        ),
+        "kinds": {
+            "rows": {"kind": "failure"}, "across": {"gain": "gain"}, "value": _count_kinds,
+            "of": {"part": "failures", "feedforward": "cmac"},
+        },
+        "force_noise": {
+            "rows": {"gain": "gain", "signal": "noise on"},
+            "columns": {
+                "force error, N": "force_rmse_cycle[-3:]",
+                "feedback torque, N m": "feedback_rms[-3:]",
+                "tilt, mrad": "1e3 * tilt_max[-3:]",
+                "completed": "completed",
+            },
+            "of": {"part": "gains"},
+        },
+        "late": {
+            "rows": "late", "across": {"learning.lead": "lead"}, "of": {"part": "late"},
+            "value": partial(describe_end, quantity="1e3 * transfer_rmse_y[-3:]"),
+        },
     },
-    values=values,
-)
+)  # fmt: skip

@@ -140,10 +140,14 @@ def _take_ends(values: Sequence[Any]) -> list[Any]:
 
 
 def read_requests(parts: Sequence[Any], quick: bool) -> list[Request]:
-    """The runs of all parts; a quick form takes what ``quick`` sets, and the first and last value of each setting."""
+    """The runs of all parts; a quick form takes what ``quick`` sets, and the first and last value of each setting.
+
+    A part whose ``quick`` is null is left out of it.
+    """
     found: list[Request] = []
-    for given in parts:
-        own = _check("runs", given)
+    for own in (_check("runs", given) for given in parts):
+        if quick and own.get("quick", {}) is None:
+            continue
         over = {
             key: {name: format_overrides(v) for name, v in values.items()} if isinstance(values, Mapping) else values
             for key, values in (own.get("over") or {}).items()
