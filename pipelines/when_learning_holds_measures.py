@@ -119,7 +119,7 @@ def _measure(folder: Path) -> Mapping[str, float]:
         SAID[verdict.verdict],
         verdict.growth,
         _measure_growth(changes, float(learning.min(initial=np.inf)), verdict.cycle),
-        float(resolve_lead(replace(config, learning=automatic), scenario.sensors) - setup.lead),
+        float(resolve_lead(replace(config, learning=automatic), scenario.sensors, scenario.controller) - setup.lead),
     )
     return {**outcome._asdict(), **dict(zip(REALS, reals, strict=False))}
 

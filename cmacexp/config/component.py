@@ -89,7 +89,8 @@ def config_class(component: Callable[..., object]) -> type[ComponentConfig] | No
 def _fields_taken(component: Callable[..., object]) -> dict[str, bool] | None:
     """Names of the fields that a component takes, and whether each is required; None: it may take any."""
     if (schema := config_class(component)) is not None:
-        return {each.name: each.default is MISSING for each in fields(schema) if each.name != "_target_"}
+        declared = [each for each in fields(schema) if each.name != "_target_"]
+        return {each.name: each.default is each.default_factory is MISSING for each in declared}
     try:
         parameters = inspect.signature(component).parameters.values()
     except (TypeError, ValueError):  # a class that is not written in Python

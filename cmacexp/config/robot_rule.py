@@ -21,8 +21,10 @@ from cmacexp.models.loop_delay import LoopDelay, add_delays
 from cmacexp.models.robot_gains import (
     PERIOD_WITHOUT_ROTORS,
     Basis,
+    DriveGains,
     Gains,
     derive_basis,
+    derive_drive_gains,
     derive_gains,
     recommend_period,
 )
@@ -45,13 +47,13 @@ DIGITS = 6
 
 
 def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
-    """The value of ``${rule:NAME}``: one of :data:`PERIODS` or :data:`STRIDE`, a field of ``Basis`` or ``Gains``.
+    """The value of ``${rule:NAME}``: of :data:`PERIODS` or :data:`STRIDE`, or of Basis, Gains or DriveGains.
 
     Raises BadInput if there is no such name, the machine is no robot, or the rule does not serve it.
     """
     if name in STRIDE:
         return STRIDE[name](_root_)
-    names = (*PERIODS, *STRIDE, *Basis._fields, *Gains._fields)
+    names = (*PERIODS, *STRIDE, *Basis._fields, *Gains._fields, *DriveGains._fields)
     if name not in names:
         raise BadInput("${rule:...}", name, f"choose from {', '.join(names)}")
     robot = read_model(read_machine(_root_))
@@ -59,6 +61,8 @@ def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
     if name in PERIODS:
         value = recommend_period(basis.ratio, _read_loop_delay(_root_), _find_pattern(_root_).gain)
         value = min(value, PERIODS[name], math.inf if robot.armature.any() else PERIOD_WITHOUT_ROTORS)
+    elif name in DriveGains._fields:
+        value = getattr(derive_drive_gains(robot), name)
     else:
         value = getattr(basis if name in Basis._fields else _derive_gains(basis, _root_), name)
     return float(f"{value:.{DIGITS}g}")

@@ -8,6 +8,19 @@ from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array
 
 
+class Drive(NamedTuple):
+    """What drives with loops of their own are to do until the next command: torque + K (q - q_true) + D (...)."""
+
+    q: Array
+    """(L, J): angles, rad."""
+    dq: Array
+    """(L, J): velocities, rad/s."""
+    stiffness: Array
+    """(L, J): K, N m/rad."""
+    damping: Array
+    """(L, J): D, N m s/rad."""
+
+
 class Action(NamedTuple):
     """Joint torques of feedback and feedforward, apart, so that the trace shows the share of each."""
 
@@ -17,6 +30,10 @@ class Action(NamedTuple):
     """(L, J), N m."""
     reference: Array | None = None
     """(L, J): position that the controller used, m; None: those of the plan."""
+    drive: Drive | None = None
+    """For the drives, of a controller with ``sends_drives``; its torques are sent beside it. None: torques alone."""
+    learning_error: Array | None = None
+    """(L, J): what teaches, for the guard of learning, N m; None: the feedback."""
 
 
 class Controller(Protocol):

@@ -13,7 +13,7 @@ import numpy as np
 from cmacexp.config import Config, to_plain
 from cmacexp.config.component import COMPONENTS
 from cmacexp.config.machine import RobotMachine, read_model
-from cmacexp.control import HybridController
+from cmacexp.control import DriveController, HybridController
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.files import sha256, write_atomically
@@ -79,7 +79,7 @@ def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Sampled
     if samples.memory is not None:
         memory = assemble_memory(samples.memory, start // config.steps_per_cycle + 1)
     controller, steered = scenario.controller, False
-    if isinstance(controller, HybridController) and scenario.fault is None:
+    if isinstance(controller, HybridController | DriveController) and scenario.fault is None:
         steered = controller.params.steering is not None
     return assemble(plan, legs, period, start, columns[0], _known_torque(scenario), steered, body, memory)
 

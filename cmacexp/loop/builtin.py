@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.config.schema import ESTIMATE, NONE, REFINE
+from cmacexp.config.component import find_option
+from cmacexp.config.schema import ESTIMATE, NONE, REFINE, ActuatorConfig, read_component
 from cmacexp.control.actuator import new_actuator
 from cmacexp.control.hybrid_kernels import new_hybrid_state
 from cmacexp.control.load_meter import new_load_meter
@@ -22,7 +23,9 @@ from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import Loop, Torques
 from cmacexp.loop.stop import StopLimits
 from cmacexp.plants.as_built import AsBuiltConfig
+from cmacexp.plants.drives import Drives, new_drives
 from cmacexp.plants.kernels import new_state
+from cmacexp.plants.mujoco_robot import MujocoRobot
 from cmacexp.plants.protocol import get_state
 from cmacexp.sensors.kernels import Observation, new_observation
 from cmacexp.sensors.protocol import TRAVEL, find_altered
@@ -101,6 +104,21 @@ def make_guard(scenario: Scenario, external: External) -> Guard | None:
     return Guard(setup, weights)
 
 
+def _make_drives(scenario: Scenario, external: External, actuator: ActuatorConfig) -> Drives | None:
+    """The drives that a controller commands, with the delay and lag of ``actuator``; None: it gives torques.
+
+    Raises BadInput if the plant has none.
+    """
+    if not getattr(scenario.controller, "sends_drives", False):
+        return None
+    built = scenario.setup.config.plant
+    if external.plant or not isinstance(built, MujocoRobot.Config):
+        plant = find_option("plant", read_component(built)["_target_"])
+        raise BadInput("plant", plant, "must be mujoco_robot or mujoco_robot_rigid with controller=drives")
+    mechanism, period = scenario.setup.mechanism, scenario.setup.config.sampling_period
+    return new_drives(actuator, built.bus, period, built.substeps, mechanism.torque_limits, mechanism.shape[0])
+
+
 def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard: GuardState | None = None) -> Loop:
     """The loop of a scenario: states of built-in components; of external ones only new states for their output."""
     setup = scenario.setup
@@ -109,6 +127,9 @@ def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard:
     built = setup.config.plant
     if isinstance(built, AsBuiltConfig):
         actuator = replace(actuator, delay=actuator.delay + built.delay)
+    drives = _make_drives(scenario, external, actuator)
+    if drives is not None:  # which delay their commands themselves
+        actuator = replace(actuator, delay=0, lag=0.0)
     parts = dict(_start_external(scenario) if external.plant else _get_parts(scenario.plant))
     if external.sensors:
         parts["observation"] = new_observation(mechanism.shape[0], mechanism.axes)._replace(
@@ -134,5 +155,6 @@ def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard:
         limits=limits,
         guard=guard,
         meter=new_load_meter(setup.config, mechanism),
+        drives=drives,
         **parts,
     )

@@ -23,6 +23,7 @@ from cmacexp.loop.step import FAILED_COMPONENT, Hooks, Loop, step_loop
 from cmacexp.loop.validation import copy_action, copy_measurement, copy_output, require_finite
 from cmacexp.planning.columns import ACTING, BEFORE, Y
 from cmacexp.planning.setup import Reference
+from cmacexp.plants.drives import ANGLE
 from cmacexp.plants.protocol import STATE, Measurement, copy_state, get_state
 from cmacexp.typing import Array
 
@@ -98,7 +99,9 @@ class ExternalComponents:
         if not copy_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
             state.reference[...] = reference.values[:, : Y + 1]
         if self.loop.guard is not None:  # what teaches is known to the controller alone
-            state.learning_error[...] = state.feedback
+            state.learning_error[...] = state.feedback if action.learning_error is None else action.learning_error
+        if self.loop.drives is not None and action.drive is not None:
+            self.loop.drives.command[ANGLE:] = action.drive
 
     def _predict(self, step: int) -> None:
         torque = self.feedforward.predict(self._refer(step), self.loop.control_state.learning_error.copy())

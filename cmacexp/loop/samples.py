@@ -5,6 +5,7 @@ import numpy as np
 from cmacexp.control.hybrid_kernels import HybridState
 from cmacexp.data.signals import ARRAYS, BODY_SIGNALS, LEG_SIGNALS, SPATIAL_SIGNALS, list_samples
 from cmacexp.jit.compiler import kernel
+from cmacexp.plants.drives import DRIVE, FEEDFORWARD, TORQUE, Drives
 from cmacexp.plants.kernels import PlantState
 from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array
@@ -160,3 +161,26 @@ def write_spatial(
         row[TAU_FORCE_1] = control.feedback[i, 0] - learning_error[i, 0]
         row[TAU_FORCE_2] = control.feedback[i, 1] - learning_error[i, 1]
         row[TAU_FORCE_3] = control.feedback[i, 2] - learning_error[i, 2]
+
+
+@kernel
+def write_drives(samples: Array, k: int, drives: Drives | None) -> None:
+    """Write what ``drives`` gave in the step of row ``k`` of samples (K, L, columns), in their mean, N m.
+
+    Their feedback is the torque that the controller sent, which does not teach, and what the gains add.
+    """
+    if drives is None:
+        return
+    for i in range(samples.shape[1]):
+        row, acted = samples[k, i], drives.acted
+        row[TAU_FORCE_1], row[TAU_FORCE_2], row[TAU_FORCE_3] = (
+            acted[TORQUE, i, 0],
+            acted[TORQUE, i, 1],
+            acted[TORQUE, i, 2],
+        )
+        row[TAU_FEEDBACK_1] = acted[TORQUE, i, 0] + acted[DRIVE, i, 0]
+        row[TAU_FEEDBACK_2] = acted[TORQUE, i, 1] + acted[DRIVE, i, 1]
+        row[TAU_FEEDBACK_3] = acted[TORQUE, i, 2] + acted[DRIVE, i, 2]
+        row[TAU_FEEDFORWARD_1] = acted[FEEDFORWARD, i, 0]
+        row[TAU_FEEDFORWARD_2] = acted[FEEDFORWARD, i, 1]
+        row[TAU_FEEDFORWARD_3] = acted[FEEDFORWARD, i, 2]

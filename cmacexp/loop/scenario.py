@@ -77,13 +77,15 @@ def require_margin(config: Config, control: HybridController.Config, loop_delay:
     return find_delay_margin(foot_mass, control.velocity_gain, lead.b0, config.sampling_period, loop_delay)
 
 
-def resolve_lead(config: Config, sensors: Sensors) -> int:
+def resolve_lead(config: Config, sensors: Sensors, controller: Controller) -> int:
     """``learning.lead`` in samples; ``auto`` is their number from a torque to the feedback that it causes.
 
-    Until the first estimate of ``estimate``, that is the same.
+    Until the first estimate of ``estimate``, that is the same. A controller may have a ``response``, samples that
+    pass besides.
     """
     if isinstance(config.learning.lead, str):
-        return 1 + count_loop_delay(config, sensors).count_samples(config.sampling_period)
+        response = int(getattr(controller, "response", 0))
+        return 1 + response + count_loop_delay(config, sensors).count_samples(config.sampling_period)
     return int(config.learning.lead)
 
 
@@ -163,7 +165,7 @@ def _prepare(config: Config, learnt: Weights | None, given: dict[str, Any]) -> S
     components = {**made, **given}
     check_weights(config, components["feedforward"])
     plan = make_plan(config.nominal, mechanism, components["feedforward"].acts)
-    lead = resolve_lead(config, components["sensors"])
+    lead = resolve_lead(config, components["sensors"], components["controller"])
     loop_delay = count_loop_delay(config, components["sensors"])
     if isinstance(config.machine, RobotMachine) and isinstance(components["controller"], HybridController):
         require_margin(config, components["controller"].config, loop_delay)

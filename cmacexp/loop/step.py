@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 from cmacexp.control.actuator import Actuator, actuate
+from cmacexp.control.drive_kernels import DriveParams, command_drives
 from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_feedback
 from cmacexp.control.load_meter import LoadMeter, accumulate_load
 from cmacexp.control.steering import steer
@@ -23,10 +24,11 @@ from cmacexp.loop.guard_kernels import (
     lets_learn,
     record_torque,
 )
-from cmacexp.loop.samples import write_samples
+from cmacexp.loop.samples import write_drives, write_samples
 from cmacexp.loop.stop import DIVERGED, RUNNING, StopLimits, stop_reason
 from cmacexp.models.mechanism import Mechanism, update_kinematics
 from cmacexp.planning.columns import ACTING, BEFORE
+from cmacexp.plants.drives import Drives, send_command
 from cmacexp.plants.kernels import PlantParams, PlantState, advance
 from cmacexp.plants.mujoco_kernels import Engine, advance_engine
 from cmacexp.sensors.channel import Sensing
@@ -75,6 +77,10 @@ class Loop(NamedTuple):
     sensing: Sensing | None = None
     """None also of sensors that alter nothing."""
     control: HybridParams | None = None
+    drive_control: DriveParams | None = None
+    """Of a built-in controller that commands drives, which has no ``control``."""
+    drives: Drives | None = None
+    """None where the plant gets torques."""
     feedforward: FeedforwardParams | None = None
 
 
@@ -190,7 +196,9 @@ def predict(
 @kernel
 def control(
     params: HybridParams | None,
+    drive_params: DriveParams | None,
     state: HybridState,
+    drives: Drives | None,
     step: int,
     sample: int,
     support: Mask,
@@ -201,6 +209,9 @@ def control(
     if params is not None:
         steer(params.steering, observation.travel, step, sample, support)
         hybrid_feedback(params, state, support, reference, observation)
+    if drive_params is not None and drives is not None:
+        steer(drive_params.steering, observation.travel, step, sample, support)
+        command_drives(drive_params, state, drives.command, sample, support, reference, observation)
 
 
 @merged_kernel
@@ -209,6 +220,8 @@ def command(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     controller = hooks.controller
     external_feedforward = hooks.feedforward
     control_params = loop.control
+    drive_params = loop.drive_control
+    drives = loop.drives
     state = loop.control_state
     feedforward_params = loop.feedforward
     feedforward = loop.torques.feedforward
@@ -228,7 +241,9 @@ def command(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     reference = plan[ACTING if acting else BEFORE, sample]
     control(
         control_params,
+        drive_params,
         state,
+        drives,
         step=step,
         sample=sample,
         support=support[sample],
@@ -246,14 +261,15 @@ def advance_plant(
     step: int,
     machine: PlantState,
     torque: Array,
+    drives: Drives | None,
 ) -> bool:
-    """The plant under ``torque`` (L, J), N m; False if an external one raised."""
+    """The plant under ``torque`` (L, J), N m, or under ``drives``; False if an external one raised."""
     if hook is not None:
         return hook(step) == DONE
     if params is not None:
         advance(params, machine, torque)
     if engine is not None:
-        advance_engine(engine, machine, torque)
+        advance_engine(engine, machine, torque, drives)
     return True
 
 
@@ -304,12 +320,14 @@ def act(loop: Loop, hooks: Hooks, step: int, sample: int, k: int, samples: Array
     travel = loop.travel
     plant = loop.plant
     engine = loop.engine
+    drives = loop.drives
     external_plant = hooks.plant
     if not command(loop, hooks, step, sample):
         return False
     support = planned_support[sample]
     record_torque(guard, sample, feedforward)
     actuate(actuator, step, state.feedback, feedforward, total)
+    send_command(drives, step, state.feedback, feedforward)
     write_samples(
         samples,
         body_samples,
@@ -322,7 +340,10 @@ def act(loop: Loop, hooks: Hooks, step: int, sample: int, k: int, samples: Array
     )
     accumulate_cycle(guard, sample, support, state, observation)
     accumulate_load(meter, support, observation)
-    return advance_plant(external_plant, plant, engine, step, machine, total)
+    if not advance_plant(external_plant, plant, engine, step, machine, total, drives):
+        return False
+    write_drives(samples, k, drives)
+    return True
 
 
 @kernel

@@ -15,6 +15,7 @@ from cmacexp.models.leg import GRAVITY
 from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.models.robot_legs import LEGS
+from cmacexp.typing import Array
 
 STABLE_SHARE, MOST_SHARE = 0.3, 0.5
 """Feedback of the velocity over that from which on the lightest foot is unstable: by rule, and at most; with 0.5 two
@@ -25,6 +26,10 @@ DECAY_TIME = 0.1
 """K_av / K_ap, and V_fn / P_fn as well, s."""
 BODY_RATE = 27.0
 """Angular frequency of the body on its legs, rad/s."""
+DRIVEN_RATE = 34.0
+"""Likewise on drives with loops of their own: with 27 a trot learns as well, a crawl sags more before it has."""
+DRIVEN_DECAY = 0.075
+"""Damping over stiffness of a drive, s: five times the lag of a Go2's torques."""
 YIELD = 0.25
 """Part of the force error that the reference gives way, as a force of the position gain."""
 DEPTH = 0.003
@@ -80,12 +85,17 @@ class Gains(NamedTuple):
     """V_fn, m/(N s)."""
 
 
-def compute_foot_mass(robot: Robot) -> float:
-    """The lightest that a foot of the robot can feel at home, kg.
+class DriveGains(NamedTuple):
+    """Gains of drives that close loops of their own."""
 
-    It is the least eigenvalue of the inertia that a foot shows to a force while the trunk is held, (J M^-1 J^T)^-1,
-    M with the inertias of the rotors (Khatib 1987), of all legs.
-    """
+    drive_stiffness: float
+    """K, N m/rad."""
+    drive_damping: float
+    """D, N m s/rad."""
+
+
+def _list_jacobians(robot: Robot) -> list[tuple[Array, Array]]:
+    """Of each leg at home, the inertia of its joints (3, 3), kg m^2, and the Jacobian (3, 3) of its foot, m/rad."""
     mujoco = load_mujoco()
     model = robot.model
     legs = robot.legs
@@ -94,13 +104,29 @@ def compute_foot_mass(robot: Robot) -> float:
     inertia, jacobian = np.zeros((model.nv, model.nv)), np.zeros((3, model.nv))
     for row, unit in zip(inertia, np.eye(model.nv), strict=True):
         mujoco.mj_mulM(model, data, row, unit)
-    lightest = math.inf
+    listed = []
     for dof, geom in zip(legs.dof, legs.foot_geom, strict=True):
         mujoco.mj_jacGeom(model, data, jacobian, None, int(geom))
-        foot = jacobian[:, dof]
-        mobility = foot @ np.linalg.solve(inertia[np.ix_(dof, dof)], foot.T)
-        lightest = min(lightest, 1.0 / float(np.linalg.eigvalsh(mobility)[-1]))
-    return lightest
+        listed.append((inertia[np.ix_(dof, dof)], jacobian[:, dof]))
+    return listed
+
+
+def compute_foot_mass(robot: Robot) -> float:
+    """The lightest that a foot of the robot can feel at home, kg.
+
+    It is the least eigenvalue of the inertia that a foot shows to a force while the trunk is held, (J M^-1 J^T)^-1,
+    M with the inertias of the rotors (Khatib 1987), of all legs.
+    """
+    mobilities = [foot @ np.linalg.solve(inertia, foot.T) for inertia, foot in _list_jacobians(robot)]
+    return min(1.0 / float(np.linalg.eigvalsh(mobility)[-1]) for mobility in mobilities)
+
+
+@lru_cache(maxsize=16)
+def derive_drive_gains(robot: Robot) -> DriveGains:
+    """Gains of drives on whose legs, at home, the body is a mass on springs of DRIVEN_RATE."""
+    vertical = [float(np.linalg.inv(foot @ foot.T)[2, 2]) for _, foot in _list_jacobians(robot)]
+    stiffness = DRIVEN_RATE**2 * robot.mass / sum(vertical)
+    return DriveGains(stiffness, DRIVEN_DECAY * stiffness)
 
 
 def choose_feedback(loop_delay: LoopDelay, period: float) -> float:

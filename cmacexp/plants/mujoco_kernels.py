@@ -17,6 +17,7 @@ from cmacexp.models.mechanism import (
     compute_foot_velocity,
     update_kinematics,
 )
+from cmacexp.plants.drives import Drives, drive_joints
 from cmacexp.plants.joint_kernels import Joints, hold_torque
 from cmacexp.plants.kernels import Payload, PlantState
 from cmacexp.plants.mujoco_library import mj_comPos, mj_comVel, mj_kinematics, mj_step, mj_step1, mj_step2
@@ -348,13 +349,26 @@ def integrate(engine: Engine, machine: PlantState) -> None:
 
 
 @kernel
-def advance_engine(engine: Engine, machine: PlantState, torque: Array) -> None:
-    """Hold ``torque`` (L, J), N m, over one sampling period; joint angles become NaN if MuJoCo warns."""
+def turn_joints(engine: Engine, torque: Array, drives: Drives | None) -> None:
+    """Let ``torque`` (L, J), N m, act on the joints, or what ``drives`` give in this inner step."""
+    held = torque
+    if drives is not None:
+        drive_joints(drives, engine.q, engine.dq, engine.position, engine.velocity)
+        held = drives.torque
+    hold_torque(engine.joints, held, engine.q, engine.dq, engine.position, engine.torque)
+
+
+@kernel
+def advance_engine(engine: Engine, machine: PlantState, torque: Array, drives: Drives | None) -> None:
+    """Hold ``torque`` (L, J), N m, over one sampling period, or what ``drives`` make of their commands instead.
+
+    Joint angles become NaN if MuJoCo warns.
+    """
     before, warned = engine.warning[0], False
     engine.warning[0] = engine.ignore
     for substep in range(engine.substeps):
         if not warned:
-            hold_torque(engine.joints, torque, engine.q, engine.dq, engine.position, engine.torque)
+            turn_joints(engine, torque, drives)
             integrate(engine, machine)
             warned = bool(engine.warned.any())
         if not warned:
@@ -382,5 +396,5 @@ def pressing(engine: Engine, machine: PlantState) -> Iterator[int]:
 def advancing(engine: Engine, machine: PlantState, torque: Array) -> Iterator[int]:
     """:func:`advance_engine` with the present ``torque`` (L, J), N m, whenever it is resumed."""
     while True:
-        advance_engine(engine, machine, torque)
+        advance_engine(engine, machine, torque, None)
         yield 0

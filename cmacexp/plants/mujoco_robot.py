@@ -14,6 +14,7 @@ from cmacexp.models.robot import compile_spec, load_mujoco
 from cmacexp.models.robot_legs import Legs
 from cmacexp.planning.robot import find_stance
 from cmacexp.planning.setup import Setup
+from cmacexp.plants.drives import BusConfig
 from cmacexp.plants.joint_kernels import Joints
 from cmacexp.plants.mujoco_kernels import Push, read_floor
 from cmacexp.plants.mujoco_plant import FrictionConfig, Model, MujocoPlant, require_machine
@@ -140,6 +141,8 @@ class MujocoRobot(MujocoPlant):
         """When it begins."""
         as_built: AsBuilt = field(kw_only=True)
         """In what the robot differs from its model."""
+        bus: BusConfig = field(default_factory=BusConfig, kw_only=True)
+        """What reaches drives with loops of their own (``controller=drives``)."""
 
         def check(self, config: Config) -> None:
             """Check that MuJoCo's floor is asked for nothing but to be flat and rigid."""

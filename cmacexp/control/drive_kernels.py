@@ -1,0 +1,116 @@
+"""Commands of one step to drives that close loops of their own, as kernels: angles, velocities, and J^T F_d.
+
+The reference is that of the hybrid controller, steered alike, but half a sampling period ahead: a command is held for
+a whole one. What teaches a feedforward is what the drives' law gives at the sample, and the force that is missing:
+J^T (F_d - F), which no drive knows (docs/theory.md).
+"""
+
+from typing import NamedTuple
+
+from cmacexp.control.hybrid_kernels import HybridState
+from cmacexp.control.steering import Steering, offset_lateral, scale_lateral, scale_longitudinal
+from cmacexp.jit.compiler import kernel
+from cmacexp.models.chain import Kinematics, Vector, chain_kinematics, cross
+from cmacexp.planning.columns import (
+    FORCE_ADDED,
+    FORCE_DESIRED,
+    REFERENCE_VZ,
+    REFERENCE_Z,
+    VX,
+    VY,
+    X,
+    Y,
+)
+from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY
+from cmacexp.sensors.kernels import Observation
+from cmacexp.typing import Array, Mask
+
+NEWTON_STEPS = 3
+"""From the planned angles, which are those of the reference but for steering and half a sampling period."""
+
+
+class DriveParams(NamedTuple):
+    """Parameters of the controller of drives."""
+
+    hips: Array
+    """(L, 2): in the body frame, x forward and y left, m."""
+    chains: Array
+    """(L, 21): legs, see :mod:`cmacexp.models.chain`."""
+    angles: Array
+    """(N, L, 3): of the plan, where the search for angles starts, rad."""
+    stiffness: float
+    """K, N m/rad."""
+    damping: float
+    """D, N m s/rad."""
+    force_weight: float
+    """Of the force that is missing, in what teaches."""
+    ahead: float
+    """Time by which commands are ahead of the plan, s."""
+    steering: Steering | None = None
+    """None where nothing is steered."""
+
+
+@kernel
+def dot(a: Vector, b: Vector) -> float:
+    """a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def solve_rates(kinematics: Kinematics, velocity: Vector) -> Vector:
+    """Joint velocities (3,), rad/s, that move the foot with ``velocity`` (3,), m/s, by Cramer's rule."""
+    hip, thigh, calf = kinematics.hip, kinematics.thigh, kinematics.calf
+    size = dot(hip, cross(thigh, calf))
+    return (
+        dot(velocity, cross(thigh, calf)) / size,
+        dot(velocity, cross(calf, hip)) / size,
+        dot(velocity, cross(hip, thigh)) / size,
+    )
+
+
+@kernel
+def command_drives(
+    params: DriveParams,
+    state: HybridState,
+    command: Array,
+    sample: int,
+    support: Mask,
+    reference: Array,
+    observation: Observation,
+) -> None:
+    """Fill the ``command`` (6, L, 3) of a step but for its torques, and torques and learning error of ``state``.
+
+    A leg with ``support`` (L,) also presses with its desired force; ``reference`` (L, columns) is a row of the plan.
+    """
+    stiffness, damping = params.stiffness, params.damping
+    hips = params.hips
+    chains = params.chains
+    for i in range(support.shape[0]):
+        row = reference[i]
+        scale, aside = scale_longitudinal(params.steering, hips, i), scale_lateral(params.steering, hips, i)
+        x, y = scale * row[X], row[Y]
+        z = row[REFERENCE_Z] + aside * row[X] + offset_lateral(params.steering, i)
+        velocity = (scale * row[VX], row[VY], row[REFERENCE_VZ] + aside * row[VX])
+        state.reference[i, 0], state.reference[i, 1], state.reference[i, 2] = x, y, z
+        x += params.ahead * velocity[0]
+        y += params.ahead * velocity[1]
+        z += params.ahead * velocity[2]
+        start = params.angles[sample, i]
+        q1, q2, q3 = start[0], start[1], start[2]
+        for _ in range(NEWTON_STEPS):
+            at = chain_kinematics(chains[i], q1, q2, q3)
+            step = solve_rates(at, (x - at.foot[0], y - at.foot[1], z - at.foot[2]))
+            q1 += step[0]
+            q2 += step[1]
+            q3 += step[2]
+        at = chain_kinematics(chains[i], q1, q2, q3)
+        rates = solve_rates(at, velocity)
+        down = (at.hip[1], at.thigh[1], at.calf[1])
+        missing = params.force_weight * (row[FORCE_DESIRED] - observation.force[i]) if support[i] else 0.0
+        for j, angle in enumerate((q1, q2, q3)):
+            command[ANGLE, i, j], command[VELOCITY, i, j] = angle, rates[j]
+            command[STIFFNESS, i, j], command[DAMPING, i, j] = stiffness, damping
+            off = angle - params.ahead * rates[j] - observation.q[i, j]
+            law = stiffness * off + damping * (rates[j] - observation.dq[i, j])
+            state.learning_error[i, j] = law + down[j] * missing
+            state.feedback[i, j] = down[j] * row[FORCE_ADDED]

@@ -1,0 +1,94 @@
+"""The controller of a robot whose drives close loops of their own: it sends angles, velocities, gains and torques."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cmacexp.config import ComponentConfig, Config, number
+from cmacexp.control.drive_kernels import DriveParams, command_drives
+from cmacexp.control.hybrid_kernels import HybridState, new_hybrid_state
+from cmacexp.control.protocol import Action, Drive
+from cmacexp.control.steering import new_steering, steer
+from cmacexp.errors import BadInput
+from cmacexp.feedforward.protocol import Feedforward
+from cmacexp.models.mechanism import KINEMATICS_FIELDS
+from cmacexp.planning.columns import JOINT_COLUMNS
+from cmacexp.planning.setup import Reference, Setup
+from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY
+from cmacexp.plants.protocol import Measurement, get_state
+from cmacexp.sensors.kernels import Observation
+from cmacexp.typing import Array, KernelParts
+
+
+class DriveController:
+    """Sends drives the planned motion of their joints, and in support J^T F_d; the drives give K (q_d - q) + D (...).
+
+    The force that is missing in support enters what teaches, and no feedback: the law reads no force in between.
+    """
+
+    @dataclass
+    class Config(ComponentConfig):
+        """Gains of the drives, and what teaches."""
+
+        stiffness: float = number("N m/rad", above=0, at_most=1e6)
+        """K of every joint, which its drive applies."""
+        damping: float = number("N m s/rad", above=0, at_most=1e5)
+        """D of every joint; above ``actuator.lag`` times the stiffness."""
+        force_weight: float = number("", at_least=0, at_most=10)
+        """Of J^T (F_d - F) in support, in what teaches, beside what the drives' law gives; 0: that alone."""
+
+        def check(self, config: Config) -> None:
+            """Check that the drives are stable behind their lag (Routh, of one joint without friction)."""
+            least = config.actuator.lag * self.stiffness
+            if self.damping <= least:
+                reason = f"must be above actuator.lag times controller.stiffness, {least:.4g}, or joints shake"
+                raise BadInput("controller.damping", self.damping, reason)
+
+    sends_drives = True
+    response = 1
+    """Samples that pass beyond delays and lags until a torque shows in what teaches: the law answers a motion."""
+    state: HybridState = new_hybrid_state(0)
+    params: DriveParams
+    feedforward: Feedforward
+
+    def __init__(self, config: Config):
+        self.config = config
+
+    def reset(self, setup: Setup, feedforward: Feedforward) -> None:
+        """Prepare the commands of a robot; raises BadInput of another machine."""
+        if setup.mechanism.chains is None:
+            kind = setup.config.machine.kind
+            raise BadInput("machine.kind", kind, "must be robot with controller=drives: use scenario=robot")
+        angles = setup.plan.joints[:, :, JOINT_COLUMNS["angle"]]
+        self.params = DriveParams(
+            hips=setup.mechanism.hips,
+            chains=setup.mechanism.chains,
+            angles=np.ascontiguousarray(angles),
+            stiffness=self.config.stiffness,
+            damping=self.config.damping,
+            force_weight=self.config.force_weight,
+            ahead=setup.config.sampling_period / 2.0,
+            steering=new_steering(setup),
+        )
+        legs, joints = setup.mechanism.shape
+        self.state = new_hybrid_state(legs, joints)
+        self.command = np.zeros((6, legs, joints))
+        self.kinematics = np.full((legs, KINEMATICS_FIELDS[setup.mechanism.axes]), math.nan)
+        self.feedforward = feedforward
+
+    def kernel_parts(self) -> KernelParts:
+        """Parameters and state."""
+        return {"drive_control": self.params, "control_state": self.state}
+
+    def act(self, reference: Reference, measurement: Measurement) -> Action:
+        """The command of this step; feedforward from the plan, trained by the last step's learning error."""
+        last: Array = self.state.learning_error.copy()
+        observation = Observation._make((*get_state(measurement), self.kinematics, measurement.travel))
+        steer(self.params.steering, observation.travel, reference.step, reference.sample, reference.support)
+        values, sample = reference.values, reference.sample
+        command_drives(self.params, self.state, self.command, sample, reference.support, values, observation)
+        feedforward = self.feedforward.predict(reference, last) if reference.acting else np.zeros_like(last)
+        drive = Drive(*(self.command[part].copy() for part in (ANGLE, VELOCITY, STIFFNESS, DAMPING)))
+        state = self.state
+        return Action(state.feedback.copy(), feedforward, state.reference.copy(), drive, state.learning_error.copy())
