@@ -161,6 +161,24 @@ class SampledTrace(Trace):
         return pa.Table.from_arrays(columns, schema=make_schema(self.signals))
 
 
+class _Joined(Mapping[str, NDArray[Any]]):
+    """Signals of several traces, which are joined when they are first asked for: metrics read half of them."""
+
+    def __init__(self, traces: Sequence[SampledTrace], axis: int):
+        self._traces, self._axis, self._known = traces, axis, dict[str, NDArray[Any]]()
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        if name not in self._known:
+            self._known[name] = np.concatenate([trace[name] for trace in self._traces], self._axis)
+        return self._known[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._traces[0].arrays)
+
+    def __len__(self) -> int:
+        return len(self._traces[0].arrays)
+
+
 def join_sampled(traces: Sequence[SampledTrace], axis: int) -> SampledTrace:
     """Traces with the same columns as one: parts of a run (``axis`` 0), or runs of equally many steps (1).
 
@@ -169,7 +187,7 @@ def join_sampled(traces: Sequence[SampledTrace], axis: int) -> SampledTrace:
     first = traces[0]
     if len(traces) == 1:
         return first
-    arrays = {name: np.concatenate([trace[name] for trace in traces], axis) for name in first.arrays}
+    arrays = _Joined(traces, axis)
     support = np.concatenate([trace.support for trace in traces], axis) if "support" in vars(first) else None
     steps, legs = first.shape
     shape = (sum(trace.steps for trace in traces), legs) if axis == 0 else (steps, sum(t.legs for t in traces))

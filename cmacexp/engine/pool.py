@@ -1,5 +1,6 @@
 """Worker processes: copies of one that has imported what they need, which end with the one that they work for."""
 
+import ctypes
 import gc
 import multiprocessing
 import os
@@ -17,6 +18,8 @@ from typing import Any, ClassVar
 
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
 
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
+"""Of ``mallopt`` (glibc)."""
 PRELOADED = ["cmacexp.engine.job", "cmacexp.engine.sweep_tables", "cmacexp.jit.numba_private"]
 """Modules that workers need."""
 ParallelMap = Callable[..., list[Any]]
@@ -80,6 +83,10 @@ def _begin(shared: Any, environment: Mapping[str, str]) -> None:
     Thread(target=_end_with_parent, daemon=True).start()
     os.environ.update(environment)
     gc.freeze()  # what has been imported is no garbage
+    if set_option := getattr(ctypes.CDLL(None), "mallopt", None):
+        # What a run frees is for the next one: to get it from the system again took a tenth of many short runs.
+        set_option(M_MMAP_THRESHOLD, 1 << 20)
+        set_option(M_TRIM_THRESHOLD, 1 << 27)
     number = multiprocessing.current_process().name.rpartition("-")[2]  # consecutive
     _Progress.shared, _Progress.place = shared, int(number) % len(shared)
 

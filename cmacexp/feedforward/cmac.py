@@ -1,13 +1,47 @@
 """One CMAC per leg as a feedforward."""
 
+import copy
+from collections import deque
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from cmacexp.cmac.addressing import InputRange, spanning
-from cmacexp.cmac.network import Cmac, memory_use
+from cmacexp.cmac.network import Cmac, MemoryUse, memory_use
 from cmacexp.cmac.receptive_field import RECTANGULAR
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
+from cmacexp.feedforward.weight_log import WeightLog, new_log
 from cmacexp.planning.setup import Setup
-from cmacexp.typing import Weights
+from cmacexp.typing import Array, Cells, Weights
+
+
+class _Path(NamedTuple):
+    """CMACs, one for each leg, and what they find along the planned inputs of their legs."""
+
+    cmacs: list[Cmac]
+    cells: Cells
+    """(N, L, C): active rows at each sample."""
+    activation: Array | None
+    """(N, L, C): of these cells; None if all are 1."""
+    log: WeightLog
+    """Empty, of these cells."""
+    memory: list[MemoryUse]
+    """Of each leg."""
+
+
+_paths: deque[tuple[Any, _Path]] = deque(maxlen=16)
+"""The last paths, and all that each follows from: many of the runs of a sweep share one."""
+
+
+def _follow(cmacs: list[Cmac], inputs: Sequence[Array]) -> _Path:
+    """What new CMACs find along their inputs (N, n); one with addressing ``visited`` notes its cells."""
+    of_legs = list(zip(cmacs, inputs, strict=True))
+    cells, activation = np.stack([cmac.cells(own) for cmac, own in of_legs], axis=1), None
+    if cmacs[0].receptive_field != RECTANGULAR:
+        activation = np.stack([cmac.activation(own) for cmac, own in of_legs], axis=1)
+    memory = [memory_use(cmac, own, cells[:, i]) for i, (cmac, own) in enumerate(of_legs)]
+    return _Path(cmacs, cells, activation, new_log(cells), memory)
 
 
 class CmacFeedforward(BuiltInFeedforward):
@@ -21,18 +55,27 @@ class CmacFeedforward(BuiltInFeedforward):
             ranges, self.seed = [spanning(own, config.cmac.range_factor) for own in inputs], config.seed
         else:
             ranges, self.seed = [InputRange(*ends) for ends in learnt["ranges"]], int(learnt["seed"])
-        self.cmacs = [Cmac.from_config(config.cmac, own, setup.mechanism.shape[1], self.seed) for own in ranges]
-        for i, cmac in enumerate(self.cmacs):
-            if learnt is not None and cmac.visited is not None:
-                cmac.visited.positions = learnt[f"visited_{i + 1}"]
-        of_legs = list(zip(self.cmacs, inputs, strict=True))
-        cells, activation = np.stack([cmac.cells(own) for cmac, own in of_legs], axis=1), None
-        if self.cmacs[0].receptive_field != RECTANGULAR:
-            activation = np.stack([cmac.activation(own) for cmac, own in of_legs], axis=1)
-        self.params = network(setup, cells, self.cmacs[0].address.rows, activation)
+        path = self._find_path(setup, inputs, ranges)
+        self.cmacs, self.memory = path.cmacs, path.memory
+        self.params = network(setup, path.cells, self.cmacs[0].address.rows, path.activation, log=path.log)
         for cmac, own in zip(self.cmacs, self.params.weights, strict=True):
             cmac.weights = own
-        self.memory = [memory_use(cmac, own, cells[:, i]) for i, (cmac, own) in enumerate(of_legs)]
+
+    def _find_path(self, setup: Setup, inputs: Sequence[Array], ranges: Sequence[InputRange]) -> _Path:
+        """The path along inputs (N, n) of given ranges, of each leg; it belongs to this run."""
+        config, joints = setup.config.cmac, setup.mechanism.shape[1]
+        known = self.seed, [values.tobytes() for values in (*inputs, *np.array(ranges))], joints, config
+        path = next((path for other, path in _paths if other == known), None)
+        if path is None:
+            cmacs = [Cmac.from_config(config, own, joints, self.seed) for own in ranges]
+            for i, cmac in enumerate(cmacs):
+                if setup.learnt is not None and cmac.visited is not None:
+                    cmac.visited.positions = setup.learnt[f"visited_{i + 1}"]
+            path = _follow(cmacs, inputs)
+            if cmacs[0].visited is not None:  # which follows from what was learnt, too
+                return path
+            _paths.appendleft((known, path))
+        return _Path(list(map(copy.copy, path.cmacs)), *copy.deepcopy(path[1:]))
 
     def learnt(self) -> Weights:
         """``weights`` (L, rows, J), N m; ``ranges`` (L, 2, n) of the inputs, low and high; ``seed`` of the hash.

@@ -172,13 +172,19 @@ def _start_weights(setup: Setup, shape: tuple[int, ...], log: WeightLog) -> Arra
 
 
 def network(
-    setup: Setup, cells: Cells, rows: int, activation: Array | None = None, taps: Array | None = None
+    setup: Setup,
+    cells: Cells,
+    rows: int,
+    activation: Array | None = None,
+    taps: Array | None = None,
+    log: WeightLog | None = None,
 ) -> FeedforwardParams:
     """Params of one network per leg, linear in its weights, which are zero at first or those of an earlier run.
 
     ``cells`` (N, L, C) are the rows of the weights that are active at each sample of the cycle, ``rows`` the number
     of weights of one leg for each of its joints, ``activation`` (N, L, C) those of the cells, 0 or more; None: all 1,
     as in a CMAC. ``taps`` (K,) are of a symmetric filter along the rows, once a cycle, from the middle outwards.
+    ``log`` is the :func:`new_log` of these cells, if it is known.
 
     Raises BadInput if the learning rule or the earlier weights do not fit the network.
     """
@@ -187,7 +193,7 @@ def network(
     # The paper's law is written for the two joints of a planar leg.
     binary = joints == 2 and (activation is None or bool((activation == 1.0).all()))
     counts = np.broadcast_to(1.0, cells.shape) if activation is None else activation  # which takes no memory
-    learning, log = _learning(setup, cells, counts, binary), new_log(cells)
+    learning, log = _learning(setup, cells, counts, binary), log or new_log(cells)
     smoothing = NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows))
     return FeedforwardParams(
         kind=CMAC if binary else WEIGHTED,
