@@ -28,6 +28,8 @@ SETTINGS = (
     "controller.velocity_gain",
     "controller.lead_omega",
     "controller.lead_alpha",
+    "controller.stiffness",
+    "controller.damping",
     "posture.gain",
     "posture.rate_gain",
     "force_control.elasticity",
@@ -41,6 +43,9 @@ SETTINGS = (
     "gait.duty_factor",
 )
 """Fields of the config that follow from the model, and those beside which they are read."""
+
+BUS_DELAY = 0.004
+"""Delay that a setting should bear beyond what is counted, s."""
 
 
 def _choose(robot: str) -> list[str]:
@@ -100,16 +105,25 @@ def list_settings(config: Config) -> list[list[str]]:
     return [[key, described[key].unit, format_number(values[key])] for key in SETTINGS if key in values]
 
 
-def _count_margin(config: Config) -> int | None:
-    """Samples of further delay that the gains allow; None with a controller of the user's own."""
-    from cmacexp.control import HybridController
+def _describe_margin(config: Config) -> str:
+    """Delay of the feedback, or lag of drives, that the gains allow; empty with a controller of the user's own."""
+    from cmacexp.control import DriveController, HybridController
     from cmacexp.loop.factory import make_component
     from cmacexp.loop.scenario import count_loop_delay, require_margin
 
     controller, sensors = (make_component(group, getattr(config, group)) for group in ("controller", "sensors"))
+    if isinstance(controller, DriveController):
+        drives = controller.config
+        most, lag = (
+            format_number(1e3 * time, "ms") for time in (drives.damping / drives.stiffness, config.actuator.lag)
+        )
+        return f"lag of the drives: {lag}, must stay below {most}"
     if not isinstance(controller, HybridController):
-        return None
-    return require_margin(config, controller.config, count_loop_delay(config, sensors))
+        return ""
+    margin = require_margin(config, controller.config, count_loop_delay(config, sensors))
+    time = margin * config.sampling_period
+    advice = "; a bus may take more: controller=drives needs no margin" if time < BUS_DELAY else ""
+    return f"margin of delay: {margin} samples, {format_number(1e3 * time, 'ms')}{advice}"
 
 
 def _show(arguments: argparse.Namespace) -> int:
@@ -127,9 +141,8 @@ def _show(arguments: argparse.Namespace) -> int:
     print(f"fingerprint {robot.fingerprint}")
     warn_of_models([config.machine])
     print(f"a foot feels {format_number(basis.foot_mass, 'kg')} at least, {basis.ratio:.3g} of the mass")
-    if (margin := _count_margin(config)) is not None:
-        time = format_number(1e3 * margin * config.sampling_period, "ms")
-        print(f"margin of delay: {margin} samples, {time}")
+    if margin := _describe_margin(config):
+        print_line(margin)
     print_table(["", "unit", "hip", "thigh", "calf"], list_joints(robot))
     print_table(["", "unit", "value"], list_settings(config))
     return 0

@@ -93,6 +93,8 @@ class ActuatorConfig:
 
 STEERED = ("machine.kind == 'robot'", "gait.stroke > 0")
 """What keeping a course needs."""
+HYBRID = ("option.controller != 'drives'",)
+"""What the posture of a body needs; loops in drives hold it."""
 
 
 @dataclass
@@ -101,9 +103,9 @@ class PostureConfig:
 
     needs: ClassVar[tuple[str, ...]] = HAS_BODY
 
-    gain: float = number("", at_least=0)
+    gain: float = number("", at_least=0, needs=HYBRID)
     """Depth that a supporting foot is pushed down, over the height that its hip lacks; 0 switches it off."""
-    rate_gain: float = number("", at_least=0)
+    rate_gain: float = number("", at_least=0, needs=HYBRID)
     """Speed at which a supporting foot is pushed down, over the speed at which its hip sinks; 0 as in the paper."""
     course_gain: float = number("1/s", at_least=0, at_most=100, needs=STEERED)
     """Speed of a robot towards its planned place, over the distance from it; 0 switches it off."""

@@ -44,6 +44,13 @@ class DriveController:
             if self.damping <= least:
                 reason = f"must be above actuator.lag times controller.stiffness, {least:.4g}, or joints shake"
                 raise BadInput("controller.damping", self.damping, reason)
+            for name in ("elasticity", "admittance"):
+                value = getattr(config.force_control, name)
+                if value:
+                    reason = (
+                        "must be 0 with controller=drives: the reference would give way to a force that none reads"
+                    )
+                    raise BadInput(f"force_control.{name}", value, reason)
 
     sends_drives = True
     response = 1

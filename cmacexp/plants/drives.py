@@ -6,7 +6,7 @@ times in a sampling period. Commands arrive late, jitter, or are lost, and a dri
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,8 @@ BUS_SEED = 0x42555321
 @dataclass(kw_only=True)
 class BusConfig:
     """How commands reach the drives, and what these measure, as nothing but the plant knows."""
+
+    needs: ClassVar[tuple[str, ...]] = ("option.controller != 'hybrid'",)
 
     jitter: float = number("s", at_least=0, at_most=1, default=0.0)
     """Most by which a command is later than ``actuator.delay`` and ``plant.delay`` say, each at random."""

@@ -1,0 +1,73 @@
+"""The controller of drives with loops of their own: what it sends, and what teaches."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from support.doors import BadInput, compose_config, make_scenario
+from support.robot_walks import RIGID, ROBOT, SHORT
+from support.robots import OWN
+from support.rollout import roll_out
+from support.views import ROBOT_HIPS, make_chain
+
+from cmacexp.control import DriveController
+from cmacexp.control import drive_kernels as drives
+from cmacexp.control.hybrid_kernels import new_hybrid_state
+
+AHEAD = 0.001
+WALK = (*ROBOT, f"machine.path={OWN}", "controller=drives", *SHORT, "record=trace")
+
+
+def test_a_command_leads_the_foot_along_its_reference_and_missing_force_teaches():
+    chains = np.array([make_chain(side) for _, side in np.sign(ROBOT_HIPS)])
+    angles = np.tile([0.1, 0.7, -1.4], (1, 4, 1))
+    params = drives.DriveParams(
+        ROBOT_HIPS, chains, angles, stiffness=80.0, damping=6.0, force_weight=0.5, ahead=AHEAD
+    )
+    reference = np.zeros((4, 9))
+    observation = SimpleNamespace(q=np.zeros((4, 3)), dq=np.zeros((4, 3)), force=np.full(4, 30.0))
+    place, velocity = np.array([0.03, 0.29, -0.02]), np.array([0.4, -0.2, 0.1])
+    reference[:, [drives.X, drives.Y, drives.REFERENCE_Z]] = place
+    reference[:, [drives.VX, drives.VY, drives.REFERENCE_VZ]] = velocity
+    reference[:, [drives.FORCE_DESIRED, drives.FORCE_ADDED]] = 40.0
+    state, command = new_hybrid_state(4, 3), np.zeros((6, 4, 3))
+    support = np.array([True, True, False, False])
+    drives.command_drives(params, state, command, 0, support, reference, observation)
+    for i, chain in enumerate(chains):
+        kinematics = drives.chain_kinematics(chain, *command[drives.ANGLE, i])
+        jacobian = np.stack(kinematics[1:], axis=1)
+        assert_allclose(kinematics.foot, place + AHEAD * velocity, atol=1e-6)
+        assert_allclose(jacobian @ command[drives.VELOCITY, i], velocity, atol=1e-12)
+        assert_allclose(state.feedback[i], 40.0 * jacobian[1])
+        at_sample = command[drives.ANGLE, i] - AHEAD * command[drives.VELOCITY, i]
+        law = 80.0 * at_sample + 6.0 * command[drives.VELOCITY, i]
+        assert_allclose(state.learning_error[i], law + (5.0 * jacobian[1] if support[i] else 0.0))
+
+
+@pytest.mark.parametrize(
+    ("lag", "elasticity", "key"), [(0.1, 0, "controller.damping"), (0, 0.1, "force_control.elasticity")]
+)
+def test_what_drives_cannot_do_is_refused(lag, elasticity, key):
+    given = {
+        "actuator": SimpleNamespace(lag=lag),
+        "force_control": SimpleNamespace(elasticity=elasticity, admittance=0),
+    }
+    with pytest.raises(BadInput) as refused:
+        DriveController.Config(stiffness=80.0, damping=6.0, force_weight=1.0).check(SimpleNamespace(**given))
+    assert refused.value.key == key
+
+
+class Outside(DriveController):
+    """The same by its ``act``."""
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("plant", [RIGID, "plant=mujoco_robot"])
+def test_a_controller_of_ones_own_walks_on_drives_with_the_same_bits(plant):
+    config = compose_config([*WALK, plant, "plant.delay=1", "plant.bus.loss=0.01", "actuator.lag=0.005"])
+    own = Outside(config.controller)
+    own_run, built_in = (roll_out(make_scenario(config, **given)).columns() for given in ({"controller": own}, {}))
+    for name, values in built_in.items():
+        assert_allclose(own_run[name], values, rtol=0.0, atol=0.0, err_msg=name)
+    assert np.abs(built_in["tau_feedback_2"] - built_in["tau_force_2"]).max() > 0.1
