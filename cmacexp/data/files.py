@@ -6,7 +6,7 @@ import os
 import shutil
 import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from glob import escape
 from io import BufferedReader
@@ -82,7 +82,16 @@ def _begin_part(path: Path) -> str:
 
 def remove_dead_parts(path: Path) -> None:
     """Remove what killed processes of this machine left beside ``path``; those of other machines may be alive."""
-    for part in path.parent.glob(f"{escape(_begin_part(path))}*.????????.part"):
+    _remove_dead(path.parent.glob(f"{escape(_begin_part(path))}*.????????.part"))
+
+
+def remove_dead_parts_in(folder: Path) -> None:
+    """Remove what they left beside any of the results in a folder."""
+    _remove_dead(folder.glob(f".*.{escape(os.uname().nodename)}.*.????????.part"))
+
+
+def _remove_dead(parts: Iterable[Path]) -> None:
+    for part in parts:
         process = part.name.split(".")[-3]
         if process.isdecimal() and not _is_alive(int(process)):
             shutil.rmtree(part, ignore_errors=True)

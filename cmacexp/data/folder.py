@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER, require_place
-from cmacexp.data.files import full_disk_named, name_part, remove_dead_parts, sha256, sync
+from cmacexp.data.files import full_disk_named, name_part, remove_dead_parts, remove_dead_parts_in, sha256, sync
 from cmacexp.data.tables import (
     BODY_FILE,
     BODY_METRICS_FILE,
@@ -188,9 +188,10 @@ def new_result(folder: Path, key: str, kind: str | None = None, durable: bool = 
     """Write a result, which takes the place of ``folder`` when the block has succeeded; else nothing changes.
 
     The files are written to ``part``, the manifest too. ``key`` names the folder on the command line. A power
-    failure can cut short what is not ``durable``, whose manifest then is none, or has hashes that do not fit. Raises
-    BadInput before the block as :func:`check_place`, or if nothing can be written beside the folder; OSError if the
-    disk refuses a file.
+    failure can cut short what is not ``durable``, whose manifest then is none, or has hashes that do not fit. Such a
+    result is one of a :func:`collection`, which has removed what was left beside it: to look for that beside each of
+    many results takes longer the more there are. Raises BadInput before the block as :func:`check_place`, or if
+    nothing can be written beside the folder; OSError if the disk refuses a file.
     """
     check_place(folder, key, kind)
     place = folder.resolve()
@@ -204,7 +205,8 @@ def new_result(folder: Path, key: str, kind: str | None = None, durable: bool = 
                     sync(path)
             with interrupt_held_back():
                 _finish(result, place, kind, before)
-                remove_dead_parts(place)
+                if durable:
+                    remove_dead_parts(place)
     finally:
         shutil.rmtree(result.part, ignore_errors=True)
 
@@ -212,6 +214,8 @@ def new_result(folder: Path, key: str, kind: str | None = None, durable: bool = 
 @contextmanager
 def collection(folder: Path, key: str) -> Iterator[Path]:
     """A folder for the results of a sweep, made if missing, and removed if it stays empty.
+
+    What killed sweeps of this machine left in it is removed.
 
     Raises BadInput if it cannot be written, or if it holds another result, or tables that no sweep wrote.
     """
@@ -221,6 +225,7 @@ def collection(folder: Path, key: str) -> Iterator[Path]:
         for name in (TABLE, TABLE_CSV):
             if os.path.lexists(folder / name):
                 _refuse(folder, key, name)
+    remove_dead_parts_in(folder)
     try:
         yield folder
     finally:

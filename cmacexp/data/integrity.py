@@ -58,7 +58,7 @@ def is_finished(folder: Path, config: Config) -> bool:
     as_thin = all(kept.get(key) == plain["record"][key] for key in ("every_nth_step", "cycles"))
     has_trace = (TRACE_FILE in manifest["files"] and as_thin) or not config.record.trace
     has_weights = WEIGHTS in manifest["files"] or not config.record.weights
-    return same and has_trace and has_weights and manifest["status"] in RESULTS and not faults(folder)
+    return same and has_trace and has_weights and manifest["status"] in RESULTS and not list_faults(folder, manifest)
 
 
 def _list_missing(manifest: manifests.Manifest) -> list[str]:
@@ -76,9 +76,13 @@ def _list_missing(manifest: manifests.Manifest) -> list[str]:
 def faults(folder: Path) -> list[str]:
     """Reasons why a run is not intact; empty if it is."""
     try:
-        manifest = manifests.read(folder)
+        return list_faults(folder, manifests.read(folder))
     except BadRun as error:
         return [str(error).removeprefix(f"{folder}: ")]
+
+
+def list_faults(folder: Path, manifest: manifests.Manifest) -> list[str]:
+    """:func:`faults` of a run whose manifest has been read."""
     reasons = _list_missing(manifest)
     reasons += [
         f"{name}: {fault}"

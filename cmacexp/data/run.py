@@ -16,7 +16,7 @@ from cmacexp.config import Config, to_config
 from cmacexp.config.describe import flatten_config
 from cmacexp.config.schema import count_steps
 from cmacexp.data import manifest as manifests
-from cmacexp.data.integrity import faults
+from cmacexp.data.integrity import list_faults
 from cmacexp.data.parquet import as_array, list_units, read_cycles, read_schema, read_table, to_frame
 from cmacexp.data.tables import BODY_FILE, BODY_METRICS_FILE, METRICS_FILE, TABLES, TRACE_FILE, Scores
 from cmacexp.data.trace import Trace, read_trace
@@ -208,7 +208,8 @@ class Run:
         try:
             manifest, pooled, legs = self.manifest, {}, 1
             checked = manifest["files"] or self.status in RESULTS
-            wrong = [fault for fault in faults(self.folder) if fault.split(":")[0] in TABLES] if checked else []
+            found = list_faults(self.folder, manifest) if checked else []
+            wrong = [fault for fault in found if fault.split(":")[0] in TABLES]
             if wrong:
                 return Outcome(Status.NOT_INTACT, "; ".join(wrong)), {}, 1
             if self.wrote(METRICS_FILE):

@@ -11,6 +11,7 @@ from support.doors import BadInput, CmacexpError, Report, compose_config, run_sc
 
 import cmacexp
 from cmacexp.data.files import name_part, write_atomically
+from cmacexp.data.folder import collection
 from cmacexp.data.integrity import faults
 
 JOB = ("scenario=force_step", "gait.cycle_time=1.0", "record=trace")
@@ -70,14 +71,19 @@ def test_of_two_runs_in_one_folder_the_last_one_stays_and_says_so(tmp_path, caps
     assert (faults(tmp_path / "run"), hidden_in(tmp_path), capsys.readouterr().err) == ([], [], "")
 
 
-def test_what_killed_writers_left_goes_and_what_others_write_stays(tmp_path):
+@pytest.mark.parametrize("of_sweep", [False, True])
+def test_what_killed_writers_left_goes_and_what_others_write_stays(of_sweep, tmp_path):
     own, here = name_part(tmp_path / "run"), f".{os.uname().nodename}."
     left = own.with_name(own.name.replace(f".{os.getpid()}.", f".{NOBODY}."))
     elsewhere = left.with_name(left.name.replace(here, ".another."))
     for part in (own, left, elsewhere):
         part.mkdir()
         (part / "trace.parquet").touch()
-    run(tmp_path / "run")
+    if of_sweep:
+        with collection(tmp_path, "hydra.sweep.dir"):
+            pass
+    else:
+        run(tmp_path / "run")
     assert [part.exists() for part in (own, left, elsewhere)] == [True, False, True]
 
 
