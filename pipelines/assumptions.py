@@ -4,135 +4,78 @@
 mass, and evaluates every conclusion again.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from cmacexp.metrics.text import format_number
 from cmacexp.report.style import logarithmic, new_figure
-from cmacexp.study import (
-    Criterion,
-    DataFrame,
-    Figure,
-    Finding,
-    Request,
-    Results,
-    Study,
-    at_least,
-    at_most,
-    between,
-    grid,
-)
-from cmacexp.study.samples import growth
-from cmacexp.study.statements import Limit
+from cmacexp.study import DataFrame, Figure, Results, declare
+from cmacexp.study.declaration import read_limit
+from cmacexp.study.quantity import compute_quantity
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array, Mask
 
-LEG, WALK, MASS = "leg", "walk", "mass"
-NAMES = {LEG: "One leg", WALK: "Quadruped", MASS: "Point mass"}
-CYCLES, QUICK_CYCLES = 20, 5
-CYCLE = 5
-"""Cycle in which the paper shows one leg."""
 TAKEN = "assumed values"
 """The variant without a change."""
+LEG, WALK, MASS = "leg", "walk", "mass"
 
 
-class Assumption(NamedTuple):
-    """A value that is taken, and others that could have been."""
-
-    name: str
-    keys: Sequence[str]
-    """Of the config, all set to the same value."""
-    values: Sequence[str]
-    """Others than the one taken, as the command line takes them."""
-    quick: bool = False
-    """Whether the quick form tries its first value."""
-
-    def overrides(self, value: str) -> list[str]:
-        """Of the command line."""
-        return [f"{key}={value}" for key in self.keys]
+def _try(name: str, key: str, *values: str) -> dict[str, list[str]]:
+    """Values that could have been taken for keys of the config, which are all set to the same value, by name."""
+    return {f"{name} {value}": [f"{each}={value}" for each in key.split()] for value in values}
 
 
-def _lead(*omegas: str) -> list[Assumption]:
-    """Corner frequencies of the compensator."""
-    return [
-        Assumption("LEAD omega", ["controller.lead_omega"], omegas, quick=True),
-        Assumption("LEAD alpha", ["controller.lead_alpha"], ["5", "20"]),
-    ]
-
-
-VERTICAL = Assumption("vertical path", ["gait.vertical"], ["two_cubics"])
-
-
-def _cmac(inputs: Sequence[str], ranges: Sequence[str], shifts: Sequence[str], memory: int) -> list[Assumption]:
+def _try_cmac(inputs: str, ranges: str, shifts: str, memory: int) -> dict[str, list[str]]:
     """What the paper leaves open of its CMAC; words of half the length give as many rows as twice the memory."""
-    return [
-        Assumption("CMAC inputs", ["cmac.inputs"], inputs),
-        Assumption("CMAC range", ["cmac.range_factor"], ranges, quick=True),
-        Assumption("CMAC displacement", ["cmac.displacement"], shifts),
-        Assumption("memory of 4-byte words", ["cmac.memory_bytes"], [str(2 * memory)]),
-    ]
-
-
-ONE_LEG = [
-    Assumption("knee", ["machine.leg.knee"], ["forward"]),
-    Assumption("stroke", ["gait.stroke"], ["0.1", "0.15", "0.25", "0.3"]),
-    Assumption("lift", ["gait.lift"], ["0.12", "0.2"], quick=True),
-    VERTICAL,
-    *_lead("2.5", "10", "20"),
-    *_cmac(["[angle]", "[angle,velocity]"], ["2", "3", "10"], ["odd_lattice", "parks_militzer"], 2**20),
-]
-QUADRUPED = [
-    Assumption("front knees", ["machine.legs.left_front.knee", "machine.legs.right_front.knee"], ["back"]),
-    Assumption("rear knees", ["machine.legs.left_rear.knee", "machine.legs.right_rear.knee"], ["forward"]),
-    Assumption("cycle time", ["gait.cycle_time"], ["2", "4"]),
-    Assumption("stroke", ["gait.stroke"], ["0.2", "0.25", "0.35"]),
-    Assumption("lift", ["gait.lift"], ["0.05", "0.15"]),
-    VERTICAL,
-    Assumption("touch-down", ["gait.touch_down"], ["[0.5,0,0.3,0.8]", "[0.1,0.6,0.9,0.4]", "[0,0.5,0.75,0.25]"]),
-    Assumption("load ramp", ["gait.load_ramp"], ["0.12"]),
-    Assumption("hip height", ["machine.hip_height"], ["0.45", "0.55"]),
-    Assumption("weight", ["machine.weight"], ["49.05"], quick=True),
-    Assumption("reference", ["reference"], ["literal"]),
-    Assumption("learns from cycle", ["learning.start_cycle"], ["3"]),
-    *_lead("5", "20"),
-    *_cmac(["[angle]", "[angle,velocity,acceleration]"], ["2", "5"], ["odd_lattice"], 2**18),
-]
-POINT_MASS = [
-    Assumption("start clearance", ["machine.start_clearance"], ["0.02", "0.1"], quick=True),
-    *_lead("2.5", "10"),
-]
-MACHINES: dict[str, tuple[str, Sequence[Assumption]]] = {
-    LEG: ("one_leg", ONE_LEG),
-    WALK: ("quadruped", QUADRUPED),
-    MASS: ("force_step", POINT_MASS),
-}
-
-
-def runs(quick: bool) -> list[Request]:
-    """Every value of every assumption, and the values taken; of the point mass, with each method."""
-    found = []
-    for machine, (scenario, assumptions) in MACHINES.items():
-        common = [f"scenario={scenario}"]
-        if machine != MASS:
-            common += [f"cycles={QUICK_CYCLES if quick else CYCLES}", "record.cycles=[1]"]
-        variants = {TAKEN: [], **_variants(assumptions, quick)}
-        methods = {"force_control": ("stiffness", "damping", "combined")} if machine == MASS else {}
-        found += grid(*common, over={"variant": variants, **methods}, seeded=machine != MASS, machine=machine)
-    return found
-
-
-def _variants(assumptions: Sequence[Assumption], quick: bool) -> dict[str, list[str]]:
-    """The overrides of each value that is tried, by name."""
     return {
-        f"{each.name} {value}": each.overrides(value)
-        for each in assumptions
-        if each.quick or not quick
-        for value in (each.values[:1] if quick else each.values)
+        **_try("CMAC inputs", "cmac.inputs", *inputs.split()),
+        **_try("CMAC range", "cmac.range_factor", *ranges.split()),
+        **_try("CMAC displacement", "cmac.displacement", *shifts.split()),
+        **_try("memory of 4-byte words", "cmac.memory_bytes", str(2 * memory)),
     }
+
+
+VARIANTS = {
+    LEG: {
+        TAKEN: [],
+        **_try("knee", "machine.leg.knee", "forward"),
+        **_try("stroke", "gait.stroke", "0.1", "0.15", "0.25", "0.3"),
+        **_try("lift", "gait.lift", "0.12", "0.2"),
+        **_try("vertical path", "gait.vertical", "two_cubics"),
+        **_try("LEAD omega", "controller.lead_omega", "2.5", "10", "20"),
+        **_try("LEAD alpha", "controller.lead_alpha", "5", "20"),
+        **_try_cmac("[angle] [angle,velocity]", "2 3 10", "odd_lattice parks_militzer", 2**20),
+    },
+    WALK: {
+        TAKEN: [],
+        **_try("front knees", "machine.legs.left_front.knee machine.legs.right_front.knee", "back"),
+        **_try("rear knees", "machine.legs.left_rear.knee machine.legs.right_rear.knee", "forward"),
+        **_try("cycle time", "gait.cycle_time", "2", "4"),
+        **_try("stroke", "gait.stroke", "0.2", "0.25", "0.35"),
+        **_try("lift", "gait.lift", "0.05", "0.15"),
+        **_try("vertical path", "gait.vertical", "two_cubics"),
+        **_try("touch-down", "gait.touch_down", "[0.5,0,0.3,0.8]", "[0.1,0.6,0.9,0.4]", "[0,0.5,0.75,0.25]"),
+        **_try("load ramp", "gait.load_ramp", "0.12"),
+        **_try("hip height", "machine.hip_height", "0.45", "0.55"),
+        **_try("weight", "machine.weight", "49.05"),
+        **_try("reference", "reference", "literal"),
+        **_try("learns from cycle", "learning.start_cycle", "3"),
+        **_try("LEAD omega", "controller.lead_omega", "5", "20"),
+        **_try("LEAD alpha", "controller.lead_alpha", "5", "20"),
+        **_try_cmac("[angle] [angle,velocity,acceleration]", "2 5", "odd_lattice", 2**18),
+    },
+    MASS: {
+        TAKEN: [],
+        **_try("start clearance", "machine.start_clearance", "0.02", "0.1"),
+        **_try("LEAD omega", "controller.lead_omega", "2.5", "10"),
+        **_try("LEAD alpha", "controller.lead_alpha", "5", "20"),
+    },
+}
+"""The values that are tried, by machine."""
 
 
 @dataclass(frozen=True)
@@ -141,29 +84,29 @@ class Conclusion:
 
     quantity: str
     """What is measured, with its unit."""
-    sample: Callable[[Results], Array]
+    sample: str | Callable[[Results], Array]
     """(runs,): of runs that differ in their seed; one that ended early has the worst value, or NaN."""
-    limit: Limit
+    limit: str
+
+    def compute(self, results: Results) -> Array:
+        """(runs,): the number of each run."""
+        return compute_quantity(self.sample, results) if isinstance(self.sample, str) else self.sample(results)
 
     def holds(self, results: Results) -> Mask:
         """(runs,): whether it holds; never of NaN."""
-        values = self.sample(results)
-        return (self.limit.low <= values) & (values <= self.limit.high)
+        values, limit = self.compute(results), read_limit(self.limit)[0]
+        return (limit.low <= values) & (values <= limit.high)
 
 
-def _tried(results: Results) -> dict[str, Results]:
+def _list_tried(results: Results) -> dict[str, Results]:
     """The runs of each value tried."""
     return {name: group for name, group in results.by("variant").items() if name != TAKEN}
 
 
 def ended_early(results: Results) -> Array:
     """(seeds,): number of values tried with which a run ended early."""
-    return np.array([sum(not all(g.completed) for g in _tried(s).values()) for s in results.by("seed").values()])
-
-
-def completing(results: Results) -> Results:
-    """The runs with the values taken, and with those tried with which the runs of all seeds complete."""
-    return results.select(variant=[TAKEN, *(name for name, group in _tried(results).items() if all(group.completed))])
+    seeds = results.by("seed").values()
+    return np.array([sum(not all(group.completed) for group in _list_tried(own).values()) for own in seeds])
 
 
 def differs(conclusion: Conclusion, results: Results, variant: str) -> Mask:
@@ -172,25 +115,13 @@ def differs(conclusion: Conclusion, results: Results, variant: str) -> Mask:
     return np.not_equal(here, before)
 
 
-def count_changes(conclusion: Conclusion, results: Results) -> Array:
-    """(seeds,): number of values tried, of those with which runs complete, that change a conclusion."""
-    kept = completing(results)
-    changed: Array = np.sum([differs(conclusion, kept, name) for name in _tried(kept)], axis=0)
-    return changed
+def count_changes(results: Results, conclusion: Conclusion) -> Array:
+    """(seeds,): number of values tried, of those with which the runs of all seeds complete, that change it."""
+    kept = [name for name, group in _list_tried(results).items() if all(group.completed)]
+    return np.sum([differs(conclusion, results, name) for name in kept], axis=0)
 
 
-def value(name: str, cycle: int | None) -> Callable[[Results], Array]:
-    """A metric in ``cycle``, or in the last one."""
-    return lambda results: results.at(cycle or results.value("cycles"), name)
-
-
-def ratio(name: str, cycle: int | None) -> Callable[[Results], Array]:
-    """A metric in ``cycle``, or in the last one, over that of the first; infinite if a run ended before."""
-
-    return lambda results: growth(value(name, cycle)(results), results.at(1, name))
-
-
-def against(name: str, method: str) -> Callable[[Results], Array]:
+def _over_method(name: str, method: str) -> Callable[[Results], Array]:
     """A metric of combined control over that of another method; what is undefined counts as infinite."""
 
     def sample(results: Results) -> Array:
@@ -200,114 +131,85 @@ def against(name: str, method: str) -> Callable[[Results], Array]:
     return sample
 
 
-def _conclusions(when: str, cycle: int | None) -> dict[str, Conclusion]:
-    """Those of a machine that learns, in ``cycle``, or in the last one."""
-    share = value("feedforward_share", cycle)
+def _conclude(when: str, at: str) -> dict[str, Conclusion]:
+    """Conclusions on a machine that learns, in a cycle."""
+    over, share = f"{when}, over that of the first cycle", f"feedforward_share{at}"
     return {
         **{
             f"{side} error": Conclusion(
-                f"transfer error in {side}, {when}, over that of the first cycle",
-                ratio(f"transfer_rmse_{side}", cycle),
-                at_most(0.1),
+                f"transfer error in {side}, {over}",
+                f"transfer_rmse_{side}{at} / transfer_rmse_{side}[1]",
+                "at most 0.1",
             )
-            for side in ("x", "y")
+            for side in "xy"
         },
-        "CMAC share": Conclusion(f"share of the CMAC in the torque, {when}", share, at_least(0.5)),
+        "CMAC share": Conclusion(f"share of the CMAC in the torque, {when}", share, "at least 0.5"),
     }
 
 
-def _percent(results: Results) -> Array:
-    return 100.0 * results.at(CYCLE, "force_steady_state_error")
-
-
-CONCLUSIONS: Mapping[str, Mapping[str, Conclusion]] = {
+CONCLUSIONS = {
     LEG: {
-        **_conclusions(f"cycle {CYCLE}", CYCLE),
-        "force error": Conclusion(f"error of the settled force, cycle {CYCLE}, %", _percent, between(-5.0, 5.0)),
+        **_conclude("cycle 5", "[5]"),
+        "force error": Conclusion(
+            "error of the settled force, cycle 5, %", "100 * force_steady_state_error[5]", "-5 to 5"
+        ),
         "force alone": Conclusion(
-            "settled force of the first cycle, with feedback only, N", value("force_settled", 1), between(0.8, 1.0)
+            "settled force of the first cycle, with feedback only, N", "force_settled[1]", "0.8 to 1"
         ),
     },
     WALK: {
-        **_conclusions("last cycle", None),
+        **_conclude("last cycle", "[-1:]"),
         "force error": Conclusion(
             "RMS force error with three feet down, last cycle, over that of the first cycle",
-            ratio("force_rmse_three_feet", None),
-            at_most(0.25),
+            "force_rmse_three_feet[-1:] / force_rmse_three_feet[1]",
+            "at most 0.25",
         ),
         "tilt": Conclusion(
-            "largest tilt, last cycle, over that of the first cycle", ratio("tilt_max", None), at_most(0.25)
+            "largest tilt, last cycle, over that of the first cycle", "tilt_max[-1:] / tilt_max[1]", "at most 0.25"
         ),
     },
     MASS: {
         "overshoot": Conclusion(
             "overshoot of combined over that of stiffness control",
-            against("force_overshoot", "stiffness"),
-            at_most(1.0),
+            _over_method("force_overshoot", "stiffness"),
+            "at most 1",
         ),
         "settling time": Conclusion(
             "settling time of combined over that of damping control",
-            against("force_settling_time", "damping"),
-            at_most(1.0),
+            _over_method("force_settling_time", "damping"),
+            "at most 1",
         ),
     },
 }
 """By machine: of section 5, of section 6, and of section 3."""
 
 
-def _finding(machine: str, name: str, conclusion: Conclusion) -> Finding:
-    where = " with which runs complete" if machine != MASS else ""
-    own, limit = f"{NAMES[machine]}: ", conclusion.limit.describe(1.0, "")
-    what = f"the conclusion on the {name}"
-    case, counted = f"{conclusion.quantity}: {limit}", partial(count_changes, conclusion)
-    return Finding(
-        [Criterion(f"values tried{where} that change", counted, at_most(0.0), of={"machine": machine}, case=case)],
-        says=f"{own}{what} is the same with every value tried{where}",
-    )
-
-
-ENDS_EARLY = "values tried with which a run ends early"
-FINDINGS = {
-    "walks": Finding(
-        [Criterion(ENDS_EARLY, ended_early, at_most(0.0), of={"machine": WALK})],
-        says="The quadruped walks to the end with every value tried",
-    ),
-    **{
-        f"{machine} {name}": _finding(machine, name, conclusion)
-        for machine, conclusions in CONCLUSIONS.items()
-        for name, conclusion in conclusions.items()
-    },
-}
-
-
-def number_table(results: Results, conclusions: Mapping[str, Conclusion]) -> DataFrame:
+def tabulate_numbers(results: Results, machine: str) -> DataFrame:
     """Every number, the mean over seeds, marked where it changes a conclusion."""
+    whole = results.select(machine=machine)
 
-    def cell(conclusion: Conclusion, own: Results) -> str:
-        changed = differs(conclusion, results, own.value("variant"))
+    def cell(own: Results, conclusion: Conclusion) -> str:
+        changed = differs(conclusion, whole, own.value("variant"))
         mark = " ≠" if changed.all() else " (≠)" if changed.any() else ""
-        return format_number(float(conclusion.sample(own).mean())) + mark
+        return format_number(float(conclusion.compute(own).mean())) + mark
 
     columns: dict[str, Callable[[Results], str]] = {
-        **{name: partial(cell, conclusion) for name, conclusion in conclusions.items()},
+        **{name: partial(cell, conclusion=each) for name, each in CONCLUSIONS[machine].items()},
         "ended early": lambda own: f"{len(own) - sum(own.completed)} of {len(own)}",
     }
-    return tabulate(results, {"variant": "value"}, columns)
+    return tabulate(whole, {"variant": "value"}, columns)
 
 
-def draw_changes(results: Results, conclusions: Mapping[str, Conclusion]) -> Figure:
+def draw_changes(results: Results, machine: str) -> Figure:
     """Every number over that with the values taken; a dot where the conclusion changes with every seed."""
     from matplotlib.colors import LogNorm
 
-    names = [*_tried(results)][::-1]  # the first row is the lowest
-
-    def numbers(variant: str) -> list[float]:
-        own = results.select(variant=variant)
-        return [float(one.sample(own).mean()) for one in conclusions.values()]
-
-    ratios = np.abs(np.array([numbers(name) for name in names]) / numbers(TAKEN))
+    own, conclusions = results.select(machine=machine), CONCLUSIONS[machine]
+    groups = {TAKEN: own.select(variant=TAKEN), **dict(reversed(_list_tried(own).items()))}  # the first row is lowest
+    taken, *tried = ([float(one.compute(group).mean()) for one in conclusions.values()] for group in groups.values())
+    names, ratios = [*groups][1:], np.abs(np.array(tried) / taken)
     ratios[~np.isfinite(ratios) | (ratios <= 0.0)] = np.nan
-    changed = [[differs(one, results, name).all() for one in conclusions.values()] for name in names]
+    changed = [[differs(one, own, name).all() for one in conclusions.values()] for name in names]
     figure, (axes,) = new_figure(height=1.2 + 0.17 * len(names))
     norm = LogNorm(np.nanmin(ratios), np.nanmax(ratios))
     image = axes.imshow(ratios, cmap="cividis", norm=norm, aspect="auto", origin="lower")
@@ -321,22 +223,39 @@ def draw_changes(results: Results, conclusions: Mapping[str, Conclusion]) -> Fig
     return figure
 
 
-def values(results: Results) -> dict[str, Any]:
-    """Number of values tried, by machine, and of cycles."""
-    tried = {machine: {"tried": len(_tried(own))} for machine, own in results.by("machine").items()}
-    return {**tried, "cycles": results.select(machine=LEG).value("cycles")}
-
-
-def _of(machine: str, work: Callable[[Results, Mapping[str, Conclusion]], Any]) -> Callable[[Results], Any]:
-    return lambda results: work(results.select(machine=machine), CONCLUSIONS[machine])
-
-
-STUDY = Study(
+COMMON: dict[str, Any] = {"quick": {"cycles": 5}, "seeds": True}
+NAMES = {LEG: ("One leg", " with which runs complete"), WALK: ("Quadruped", " with which runs complete"),
+         MASS: ("Point mass", "")}  # fmt: skip
+STUDY = declare(
     title="What the assumed values change",
     question="Which of the paper's conclusions change when one of the values that it does not give is changed?",
-    runs=runs,
-    findings=FINDINGS,
-    figures={machine: _of(machine, draw_changes) for machine in (LEG, WALK)},
-    tables={machine: _of(machine, number_table) for machine in MACHINES},
-    values=values,
-)
+    runs=[
+        {"set": ["scenario=one_leg", "cycles=20", "record.cycles=[1]"], "over": {"variant": VARIANTS[LEG]},
+         "labels": {"machine": LEG}, **COMMON},
+        {"set": ["scenario=quadruped", "cycles=20", "record.cycles=[1]"], "over": {"variant": VARIANTS[WALK]},
+         "labels": {"machine": WALK}, **COMMON},
+        {"set": ["scenario=force_step"], "labels": {"machine": MASS},
+         "over": {"variant": VARIANTS[MASS], "force_control": ["stiffness", "damping", "combined"]}, "quick": {}},
+    ],
+    findings={
+        "walks": {
+            "says": "The quadruped walks to the end with every value tried",
+            "quantity": "values tried with which a run ends early", "value": ended_early, "of": {"machine": WALK},
+            "limit": "at most 0",
+        },
+        **{
+            f"{machine} {name}": {
+                "says": f"{NAMES[machine][0]}: the conclusion on the {name} is the same with every value "
+                f"tried{NAMES[machine][1]}",
+                "quantity": f"values tried{NAMES[machine][1]} that change",
+                "value": partial(count_changes, conclusion=conclusion),
+                "of": {"machine": machine}, "case": f"{conclusion.quantity}: {conclusion.limit}",
+                "limit": "at most 0",
+            }
+            for machine, conclusions in CONCLUSIONS.items()
+            for name, conclusion in conclusions.items()
+        },
+    },
+    figures={machine: partial(draw_changes, machine=machine) for machine in (LEG, WALK)},
+    tables={machine: partial(tabulate_numbers, machine=machine) for machine in CONCLUSIONS},
+)  # fmt: skip

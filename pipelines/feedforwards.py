@@ -157,14 +157,14 @@ def draw_learning(results: Results) -> Figure:
 
 def draw_changes(results: Results) -> Figure:
     """Transfer error after each change, with what was learnt before it; for CMAC also from nothing."""
-    lines: dict[str, dict[str, str]] = {
-        "feedback only": {"kind": "feedback only"},
-        **{f"{kind}, carried over": {"kind": kind, "start": "carried over"} for kind in KEPT},
-        "CMAC, from nothing": {"kind": "CMAC", "start": "from nothing"},
-    }
     panels = []
     for change, own in results.select(group=[*CHANGES]).by("group").items():
-        histories = {name: own.select(chosen).history(TRANSFER) for name, chosen in lines.items()}
+        histories = {
+            f"{kind}, {start}": group.history(TRANSFER)
+            for kind, part in own.by("kind").items()
+            for start, group in part.by("start").items()
+            if start == "carried over" or kind in (*ALONE, *CMAC)
+        }
         panels.append(curves.over_cycles(TRANSFER, histories, "y", change))
     return draw(panels)
 

@@ -5,7 +5,6 @@ where there is no ground, and gives it ground that is not as stiff as assumed.
 """
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,63 +13,19 @@ from cmacexp.control.hybrid_kernels import METHODS as FORCE_METHODS
 from cmacexp.data.run import Run
 from cmacexp.planning.reference import Gains, compute_support_reference
 from cmacexp.report.figures import Panel, Series, draw
-from cmacexp.study import (
-    Claim,
-    Criterion,
-    DataFrame,
-    Figure,
-    Finding,
-    Request,
-    Results,
-    Study,
-    at_least,
-    at_most,
-    grid,
-)
-from cmacexp.study.curves import over_setting
+from cmacexp.study import DataFrame, Figure, Results, declare
+from cmacexp.study.quantity import compute_quantity
 from cmacexp.study.samples import quotients
-from cmacexp.study.statements import Limit
-from cmacexp.study.study import Values
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array
-from pipelines.common_results import percent
 
 METHODS = {name: [f"force_control={name}"] for name in FORCE_METHODS}
 EQUATIONS = dict(zip(METHODS, ("eq. 9", "eq. 11", "eq. 13", "eq. 15"), strict=True))
-ASSUMED, STIFFER = 10.0, 1.1
-"""Ground stiffness of section 5, N/m, which the references are made for; the factor of a stiffer ground, from both of
-which the stiffness of the controlled mass follows."""
-FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)
-"""True over assumed ground stiffness."""
-HEAVIER = "machine.mass=1.0"
-CLEARANCE = "machine.start_clearance"
-CLEARANCES = (0.05, 0.02, 0.035, 0.075, 0.1)
-"""Heights of the release over known ground, m, first that of the scenario; the paper gives none."""
-KNOWN, FREE, MISMATCH, SPRING = "known ground", "no ground", "ground not as assumed", "spring"
-GROUNDS = {f"{stiffness:g} N/m": [f"terrain.stiffness={stiffness}"] for stiffness in (ASSUMED, 100.0)}
-EXACT, WRONG = at_most(0.02), at_least(0.1)
-"""Departures from the desired force, as a part of it."""
+GROUNDS = {f"{stiffness:g} N/m": [f"terrain.stiffness={stiffness}"] for stiffness in (10.0, 100.0)}
+"""Ground stiffness of section 5, which the references are made for, and ground ten times as stiff."""
+CLEARANCE, HEAVIER, PRINTED = "machine.start_clearance", "machine.mass=1.0", {"machine.mass": 0.5}
 DIGITS = 6
 """Decimals of measures: what is below is rounding of the simulation."""
-MOST_FORCE = 4.0
-"""Drawn, N."""
-
-
-def runs(quick: bool) -> list[Request]:
-    """Known ground, soft and hard; no ground; ground not as stiff as assumed; other elasticities."""
-    step, assumed = "scenario=force_step", f"terrain.assumed_stiffness={ASSUMED}"
-    stiffness = {"terrain.stiffness": [ASSUMED * factor for factor in (FACTORS[1:4] if quick else FACTORS)]}
-    elasticity = {"force_control.elasticity": (0.0, 0.1) if quick else (0.0, 0.01, 0.03, 0.1, 0.3)}
-    grounds = {"terrain.stiffness": [ASSUMED, ASSUMED * STIFFER]}
-    resting = METHODS | {"explicit": [*METHODS["explicit"], HEAVIER]}
-    known: Values = {"ground": GROUNDS, CLEARANCE: CLEARANCES[: 2 if quick else None]}
-    return [
-        *grid(step, over={"method": METHODS, **known}, part=KNOWN),
-        *grid(step, HEAVIER, over={"method": {"explicit": METHODS["explicit"]}, **known}, part=KNOWN),
-        *grid(step, assumed, "terrain.stiffness=0.001", over={"method": METHODS}, part=FREE),
-        *grid(step, assumed, over={"method": resting, **stiffness}, part=MISMATCH),
-        *grid(step, assumed, "force_control=stiffness", over={**elasticity, **grounds}, part=SPRING),
-    ]
 
 
 def settled_force(run: Run) -> float:
@@ -93,18 +48,6 @@ def end_speed(run: Run) -> float:
     return round(abs(float(run.trace["vy"].iloc[-1])), DIGITS) if run.status == "completed" else math.inf
 
 
-def over_best_other(results: Results, metric: str) -> Array:
-    """(clearances,): a metric of combined control over the least of others that come to rest; inf if it does not."""
-    return np.concatenate([_over_best_other(own, metric) for own in results.by(CLEARANCE).values()])
-
-
-def _over_best_other(results: Results, metric: str) -> Array:
-    rests = np.isfinite(results.at(1, metric)) & (results.measure("rest_error") <= EXACT.high)
-    values = np.where(rests, results.at(1, metric), np.inf)
-    combined = np.array([row.settings["method"] == "combined" for row in results.rows])
-    return quotients(values[combined], float(values[~combined].min()))
-
-
 def predicted_force(config: dict[str, Any]) -> float:
     """Settled over desired force on ground that is not as stiff as assumed.
 
@@ -121,214 +64,188 @@ def predicted_force(config: dict[str, Any]) -> float:
         )  # fmt: skip
         return compute_support_reference(control["method"], gains, True).depression
 
-    ratio = depression(ground["assumed_stiffness"]) / depression(ground["stiffness"])
+    ratio = depression(ground["assumed_stiffness"] or ground["stiffness"]) / depression(ground["stiffness"])
     return 1.0 if math.isnan(ratio) else ratio
 
 
-def apparent_stiffness(softer: DataFrame, stiffer: DataFrame) -> float:
-    """Stiffness of a controlled mass as the ground feels it, N/m: from where it rests on two grounds."""
-    force, depth = (stiffer[name].iloc[-1] - softer[name].iloc[-1] for name in ("force", "y"))
-    return float(-force / depth)
+def over_best_other(results: Results, metric: str) -> Array:
+    """(clearances,): a metric of combined control over the least of others that come to rest; inf if it does not."""
+    found = []
+    for own in results.by(CLEARANCE).values():
+        rests = np.isfinite(own.at(1, metric)) & (own.measure("rest_error") <= 0.02)
+        values = np.where(rests, own.at(1, metric), np.inf)
+        combined = np.array([row.settings["method"] == "combined" for row in own.rows])
+        found.append(quotients(values[combined], float(values[~combined].min())))
+    return np.concatenate(found)
 
 
-def _predicted_forces(results: Results) -> Array:
-    return np.array([predicted_force(run.config) for run in results.runs])
+def _find_springs(results: Results) -> tuple[Array, Array]:
+    """Stiffness under stiffness control as the ground feels it for each elasticity, rising, N/m: measured, by eq. 8.
 
-
-def _springs(results: Results) -> tuple[Array, Array]:
-    """Apparent stiffness under stiffness control for each elasticity, rising, N/m: measured, and after eq. 8."""
+    It is measured from where the mass rests on two grounds.
+    """
     groups = dict(sorted(results.by("force_control.elasticity").items()))
-    traces = [[run.trace for run in group.runs] for group in groups.values()]  # on two grounds
-    gain = float(results.value("controller.position_gain"))
-    measured = np.array([round(apparent_stiffness(softer, stiffer), DIGITS) for softer, stiffer in traces])
-    return measured, np.array([gain / (1.0 + gain * float(elasticity)) for elasticity in groups])
+    gain, measured = float(results.value("controller.position_gain")), []
+    for own in groups.values():
+        softer, stiffer = (run.trace.iloc[-1] for run in own.runs)
+        measured.append(round(-(stiffer["force"] - softer["force"]) / (stiffer["y"] - softer["y"]), DIGITS))
+    return np.array(measured), np.array([gain / (1.0 + gain * float(elasticity)) for elasticity in groups])
 
 
-def _softening(results: Results) -> Array:
-    measured, _ = _springs(results)
+def _find_softening(results: Results) -> Array:
+    measured, _ = _find_springs(results)
     return measured[1:] / measured[:-1]
 
 
-def _as_printed(results: Results) -> Results:
-    """The runs with the mass of the scenario."""
-    return results.select({"machine.mass": min(results.values("machine.mass"))})
-
-
-def _rest(method: str, ground: str, mass: float | None = None) -> Criterion:
-    def sample(results: Results) -> Array:
-        own = results.select({"machine.mass": mass}) if mass else _as_printed(results)
-        return own.measure("rest_error")
-
-    quantity = "RMS force error over the second half of the run, over the desired force"
-    of = {"part": KNOWN, "method": method, "ground": ground}
-    return percent(quantity, sample, EXACT, WRONG, of, f"{ground}, {mass:g} kg" if mass else ground)
-
-
-def _best(metric: str, name: str, ground: str) -> Criterion:
-    return Criterion(
-        f"{name} of combined control over the least of the other methods that come to rest",
-        lambda results: over_best_other(_as_printed(results), metric),
-        at_most(1.0),
-        at_least(1.0),
-        of={"part": KNOWN, "ground": ground},
-        case=ground,
-    )
-
-
-CLAIMS = {
-    **{
-        method: Claim(
-            f"With the reference of {equation} {method} control presses with the desired force in steady state",
-            "section 3",
-            [_rest(method, ground) for ground in GROUNDS]
-            + ([_rest(method, ground, 1.0) for ground in GROUNDS] if method == "explicit" else []),
-        )
-        for method, equation in EQUATIONS.items()
-    },
-    "combined_best": Claim(
-        "Combined stiffness and damping control provides the best dynamic behaviour",
-        "sections 3, 7",
-        [
-            _best(metric, name, ground)
-            for metric, name in (("force_overshoot", "overshoot"), ("force_itae", "ITAE"))
-            for ground in GROUNDS
-        ],
-    ),
-    "spring": Claim(
-        "Stiffness control behaves like a spring; the smaller the elasticity, the stiffer it is",
-        "section 3.1, eq. 8",
-        [
-            Criterion(
-                "apparent stiffness over that at the next smaller elasticity",
-                _softening,
-                at_most(0.9),
-                at_least(1.0),
-                of={"part": SPRING},
-            ),
-            percent(
-                "difference of the apparent stiffness from eq. 8",
-                lambda results: abs(np.divide(*_springs(results)) - 1.0),
-                EXACT,
-                WRONG,
-                of={"part": SPRING},
-            ),
-        ],
-    ),
-}
-
-
-def _speed(method: str, limit: Limit) -> Criterion:
-    of = {"part": FREE, "method": method}
-    quantity = "speed at the end without ground"
-    return Criterion(
-        quantity, lambda results: results.measure("end_speed"), limit, unit="m/s", of=of, case=method,
-        infinite="the run diverged",
-    )  # fmt: skip
-
-
-def _departure(method: str, limit: Limit) -> Criterion:
-    of = {"part": MISMATCH, "method": method, "terrain.stiffness": 2.0 * ASSUMED}
-    quantity = "error of the mean force on ground twice as stiff as assumed"
-    return percent(quantity, lambda r: abs(r.measure("settled_force") - 1.0), limit, None, of, method)
-
-
-def _prediction(factor: float) -> Criterion:
-    def largest(results: Results) -> Array:
-        return abs(results.measure("settled_force") / _predicted_forces(results) - 1.0).max(keepdims=True)
-
-    of = {"part": MISMATCH, "terrain.stiffness": factor * ASSUMED}
-    quantity = "difference of the mean force from eq. 8 to 15, largest of all methods"
-    return percent(quantity, largest, EXACT, None, of, f"{factor:g} times the assumed stiffness")
-
-
-STILL, MOVES = at_most(0.01), at_least(0.05)
-"""Speeds, m/s."""
-FINDINGS = {
-    "approach": Finding(
-        [_speed("stiffness", STILL), _speed("combined", STILL), _speed("damping", MOVES), _speed("explicit", MOVES)],
-        says="Without ground the methods with a position term come to rest, damping and explicit "
-        "control do not: where one law has to serve approach and contact, take stiffness or "
-        "combined control",
-    ),
-    "mismatch": Finding(
-        [
-            *(_departure(method, WRONG) for method in ("stiffness", "combined")),
-            *(_departure(method, EXACT) for method in ("damping", "explicit")),
-        ],
-        says="Methods that press through a position need the stiffness of the ground, damping and "
-        "explicit control do not",
-    ),
-    "prediction": Finding(
-        [_prediction(factor) for factor in (FACTORS[0], FACTORS[-1])],
-        says=f"Equations 8 to 15 predict every method's mean force on ground {FACTORS[0]:g} and "
-        f"{FACTORS[-1]:g} times as stiff as assumed",
-    ),
-}
+def _largest_miss(results: Results) -> Array:
+    return compute_quantity("abs(settled_force / predicted - 1)", results).max(keepdims=True)
 
 
 def draw_forces(results: Results) -> Figure:
     """Contact force after the release, a panel for each method."""
     panels = []
-    for method, own in results.by("method").items():
+    for method, own in results.select({CLEARANCE: 0.05, "part": "known ground", **PRINTED}).by("method").items():
         series = []
         for ground, group in own.by("ground").items():
             trace = group.run.trace
-            shown = trace[(trace["time"] <= 2.0) & (trace["force"] <= MOST_FORCE)]
+            shown = trace[(trace["time"] <= 2.0) & (trace["force"] <= 4.0)]
             series.append(Series(f"ground {ground}", shown["time"].to_numpy(), shown["force"].to_numpy()))
         desired = [own.value("force_control.desired_force")]
         panels.append(Panel(method, "time since the release, s", "force, N", series, y_limits=desired))
     return draw(panels, height=2.0)
 
 
-def draw_mismatch(results: Results) -> Figure:
-    """Settled over desired force against true over assumed stiffness, measured and predicted."""
-    samples = {"measured": lambda r: r.measure("settled_force"), "eq. 8 to 15": _predicted_forces}
-    panels = []
-    for title, sample in samples.items():
-        panel = over_setting(results, "terrain.stiffness", "settled over desired force", sample, "method", log="x")
-        panels.append(replace(panel, title=title, x="true stiffness, N/m", x_limits=[ASSUMED]))
-    return draw(panels)
-
-
-def table(results: Results) -> DataFrame:
+def tabulate_methods(results: Results) -> DataFrame:
     """Every method on known ground."""
-
-    def shown(name: str, factor: float = 1.0) -> Any:
-        return lambda own: round(factor * own.measure(name)[0], DIGITS)
-
     columns = {
-        "settled / desired": shown("settled_force"),
-        "ripple, N": shown("force_ripple"),
-        "overshoot, %": shown("force_overshoot", 100.0),
-        "2 % settling, s": shown("force_settling_time"),
-        "ITAE, N s²": shown("force_itae"),
-        "ends": lambda own: own.rows[0].run.outcome.status,
+        "settled / desired": "settled_force",
+        "ripple, N": "force_ripple[1]",
+        "overshoot, %": "100 * force_overshoot[1]",
+        "2 % settling, s": "force_settling_time[1]",
+        "ITAE, N s²": "force_itae[1]",
     }
-    return tabulate(results, {"ground": "ground", "method": "method", "machine.mass": "mass, kg"}, columns)
+    shown: dict[str, Any] = {
+        title: lambda own, text=text: round(compute_quantity(text, own)[0], DIGITS) for title, text in columns.items()
+    }
+    shown["ends"] = lambda own: own.rows[0].run.outcome.status
+    own = results.select({CLEARANCE: 0.05}, part="known ground")
+    return tabulate(own, {"ground": "ground", "method": "method", "machine.mass": "mass, kg"}, shown)
 
 
-def values(results: Results) -> dict[str, Any]:
-    """Settings of the runs."""
-    known = _as_printed(results.select(part=KNOWN))
-    return {
-        "mass": known.value("machine.mass"), "clearance": 1e3 * CLEARANCES[0],
-        "lowest": 1e3 * min(known.values(CLEARANCE)), "highest": 1e3 * max(known.values(CLEARANCE)),
-        "assumed": ASSUMED, "desired": known.value("force_control.desired_force"), "most_force": MOST_FORCE,
-    }  # fmt: skip
+def _rest(method: str, mass: float = 0.5) -> list[dict[str, Any]]:
+    """Whether a method comes to rest with the desired force on each ground."""
+    return [
+        {
+            "quantity": "RMS force error over the second half of the run, over the desired force",
+            "value": "rest_error",
+            "of": {"part": "known ground", "method": method, "ground": ground, "machine.mass": mass},
+            "case": ground if mass == 0.5 else f"{ground}, {mass:g} kg", "limit": "at most 2 %",
+            "opposite": "at least 10 %",
+        }
+        for ground in GROUNDS
+    ]  # fmt: skip
 
 
-STUDY = Study(
+ASSUMED = ["scenario=force_step", "terrain.assumed_stiffness=10.0"]
+KNOWN: dict[str, Any] = {"ground": GROUNDS, CLEARANCE: [0.05, 0.02, 0.035, 0.075, 0.1]}
+"""Heights of the release over known ground, m, first that of the scenario; the paper gives none."""
+EXPLICIT = {"explicit": [*METHODS["explicit"], HEAVIER]}
+FREE = {"quantity": "speed at the end without ground", "value": "end_speed", "infinite": "the run diverged"}
+MISMATCH = {"part": "ground not as assumed", "terrain.stiffness": 20.0}
+FORCE_MISS = {
+    "quantity": "error of the mean force on ground twice as stiff as assumed", "value": "abs(settled_force - 1)",
+    "of": MISMATCH,
+}  # fmt: skip
+STUDY = declare(
     title="Four methods of force control",
     question="How do stiffness, damping, combined and explicit force control press on soft, hard and no ground, and "
-    "on ground that is not as stiff as assumed?",
-    runs=runs,
-    measures={"rest_error": rest_error, "settled_force": settled_force, "end_speed": end_speed},
-    claims=CLAIMS,
-    findings=FINDINGS,
-    figures={
-        "forces": lambda r: draw_forces(_as_printed(r.select({CLEARANCE: CLEARANCES[0]}, part=KNOWN))),
-        "mismatch": lambda r: draw_mismatch(r.select(part=MISMATCH)),
+             "on "
+    "ground that is not as stiff as assumed?",
+    runs=[
+        {"set": ["scenario=force_step"], "over": {"method": METHODS, **KNOWN}, "labels": {"part": "known ground"}},
+        {"set": ["scenario=force_step"], "over": {"method": EXPLICIT, **KNOWN}, "labels": {"part": "known ground"}},
+        {"set": [*ASSUMED, "terrain.stiffness=0.001"], "over": {"method": METHODS}, "labels": {"part": "no ground"}},
+        {"set": ASSUMED, "over": {"method": METHODS | EXPLICIT, "terrain.stiffness": [2.5, 5.0, 10.0, 20.0, 40.0]},
+         "labels": {"part": "ground not as assumed"}},
+        {"set": [*ASSUMED, "force_control=stiffness"], "labels": {"part": "spring"},
+         "over": {"force_control.elasticity": [0.0, 0.01, 0.03, 0.1, 0.3], "terrain.stiffness": [10.0, 11.0]}},
+    ],
+    measures={
+        "rest_error": rest_error, "settled_force": settled_force, "end_speed": end_speed,
+        "predicted": lambda run: predicted_force(run.config),
     },
-    tables={"methods": lambda r: table(r.select({CLEARANCE: CLEARANCES[0]}, part=KNOWN))},
-    values=values,
-)
+    claims={
+        **{
+            method: {
+                "words": f"With the reference of {equation} {method} control presses with the desired force in "
+                "steady state",
+                "where": "section 3",
+                "criteria": [*_rest(method), *(_rest(method, 1.0) if method == "explicit" else [])],
+            }
+            for method, equation in EQUATIONS.items()
+        },
+        "combined_best": {
+            "words": "Combined stiffness and damping control provides the best dynamic behaviour",
+            "where": "sections 3, 7",
+            "criteria": [
+                {"quantity": f"{name} of combined control over the least of the other methods that come to rest",
+                 "value": lambda results, metric=metric: over_best_other(results, metric),
+                 "of": {"part": "known ground", **PRINTED}, "each": {"ground": [*GROUNDS]},
+                 "limit": "at most 1", "opposite": "at least 1"}
+                for metric, name in (("force_overshoot", "overshoot"), ("force_itae", "ITAE"))
+            ],
+        },
+        "spring": {
+            "words": "Stiffness control behaves like a spring; the smaller the elasticity, the stiffer it is",
+            "where": "section 3.1, eq. 8",
+            "criteria": [
+                {"quantity": "apparent stiffness over that at the next smaller elasticity", "value": _find_softening,
+                 "of": {"part": "spring"}, "limit": "at most 0.9", "opposite": "at least 1"},
+                {"quantity": "difference of the apparent stiffness from eq. 8",
+                 "value": lambda results: abs(np.divide(*_find_springs(results)) - 1.0),
+                 "of": {"part": "spring"}, "limit": "at most 2 %", "opposite": "at least 10 %"},
+            ],
+        },
+    },
+    findings={
+        "approach": {
+            "says": "Without ground the methods with a position term come to rest, damping and explicit control do "
+            "not: "
+            "where one law has to serve approach and contact, take stiffness or combined control",
+            "criteria": [
+                {**FREE, "of": {"part": "no ground"}, "each": {"method": methods}, "limit": limit}
+                for methods, limit in (
+                    (["stiffness", "combined"], "at most 0.01 m/s"), (["damping", "explicit"], "at least 0.05 m/s"),
+                )
+            ],
+        },
+        "mismatch": {
+            "says": "Methods that press through a position need the stiffness of the ground, damping and explicit "
+            "control "
+            "do not",
+            "criteria": [
+                {**FORCE_MISS, "each": {"method": ["stiffness", "combined"]}, "limit": "at least 10 %"},
+                {**FORCE_MISS, "each": {"method": ["damping", "explicit"]}, "limit": "at most 2 %"},
+            ],
+        },
+        "prediction": {
+            "says": "Equations 8 to 15 predict every method's mean force on ground 0.25 and 4 times as stiff as "
+            "assumed",
+            "criteria": [
+                {"quantity": "difference of the mean force from eq. 8 to 15, largest of all methods",
+                 "value": _largest_miss, "of": {"part": "ground not as assumed", "terrain.stiffness": 10.0 * factor},
+                 "case": f"{factor:g} times the assumed stiffness", "limit": "at most 2 %"}
+                for factor in (0.25, 4.0)
+            ],
+        },
+    },
+    figures={
+        "forces": draw_forces,
+        "mismatch": [
+            {"value": value, "over": "terrain.stiffness", "by": "method", "of": {"part": "ground not as assumed"},
+             "log": "x", "title": title, "y": "settled over desired force"}
+            for title, value in (("measured", "settled_force"), ("eq. 8 to 15", "predicted"))
+        ],
+    },
+    tables={"methods": tabulate_methods},
+)  # fmt: skip

@@ -5,105 +5,168 @@ one leg, of the quadruped and of two robots by chance, and runs each with feedba
 unguarded learning. One leg learns on for long with random settings.
 """
 
+from functools import partial
 from typing import Any
 
+import numpy as np
+
+from cmacexp.data.run import Run
+from cmacexp.metrics.final import FINAL_CYCLES, compute_final
 from cmacexp.models.robot_file import package_models
-from cmacexp.study import Finding, Request, Results, Study, at_least, grid
-from pipelines.common_results import percent
-from pipelines.guard_measures import (
-    ALONE,
-    ENOUGH,
-    ERROR,
-    GUARDED,
-    KINDS,
-    LEVEL,
-    QUICK,
-    QUICK_NUMBER,
-    count_worlds,
-    draw_errors,
-    measure_error,
-    measure_level,
-    never_worse,
-    request_worlds,
-    table_worlds,
-)
-from pipelines.worlds import ALIENGO, GO1, HARD, ONE_LEG, QUADRUPED, draw_long
+from cmacexp.report.figures import Panel, Series
+from cmacexp.study import DataFrame, Figure, Results, declare, draw
+from cmacexp.study.interval import UNPAIRED
+from cmacexp.study.samples import Sample, relative
+from cmacexp.typing import Array
+from pipelines.common_results import find_least
+from pipelines.worlds import ALIENGO, GO1, HARD, ONE_LEG, QUADRUPED, draw_hard_world, draw_long
 
-NUMBER = {ONE_LEG: 240, QUADRUPED: 480, GO1: 45, ALIENGO: 45}
-"""Worlds that are drawn: in some feedback only does not complete."""
-CYCLES = {ONE_LEG: 100, QUADRUPED: 100, GO1: 40, ALIENGO: 40}
-LASTING, LONG_NUMBER, LONG = "long", 110, 10_000
-"""The part of the study in which one leg learns for long; its settings, with some of which feedback only fails, and
-their cycles."""
-ALONE_CYCLES = 20
-"""Cycles for which feedback only has to walk with these settings."""
-STEADY = 1.2
-"""Level over that of the best cycle that counts as kept."""
+KINDS = {
+    "feedback only": ["feedforward=none"],
+    "guarded": ["learning.guard=freeze"],
+    "unguarded": ["learning.guard=none"],
+}
+WORLDS = {ONE_LEG: (240, 100), QUADRUPED: (480, 100), GO1: (45, 40), ALIENGO: (45, 40)}
+"""Worlds that are drawn, in some of which feedback only does not complete; and their cycles."""
+IN_PLANE, FORCE = partial(Results.measure, name="error"), partial(Results.end, name="force_rmse")
+"""Errors that are compared."""
+WORSE = 1.05
+"""Error over that with feedback only up to which it counts as no worse."""
 
 
-def runs(quick: bool) -> list[Request]:
-    """Every world with feedback only, guarded and unguarded; the long runs.
+def _draw(machine: str) -> dict[str, Any]:
+    """Runs of a machine in random worlds, each with feedback only, guarded and unguarded."""
+    number, cycles = WORLDS[machine]
+    worlds = {world: [*draw_hard_world(machine, world), "warn=false"] for world in range(number)}
+    skipped = machine == ALIENGO or (machine == GO1 and not package_models())
+    return {
+        "set": [*HARD[machine], f"cycles={cycles}", f"record.cycles=[{cycles}]"],
+        "quick": None if skipped else {"cycles": 4, "record.cycles": [4]},
+        "over": {"world": worlds, "kind": KINDS},
+        "labels": {"part": "worlds", "machine": machine},
+    }
 
-    Raises:
-        BadInput: the models of the robots are not installed; says how to install them.
-    """
-    requests = []
-    for machine, number in NUMBER.items():
-        if not quick:
-            requests += request_worlds(machine, number, CYCLES[machine])
-        elif machine != ALIENGO and (machine != GO1 or package_models()):
-            requests += request_worlds(machine, QUICK_NUMBER, QUICK)
-    cycles = 3 * QUICK if quick else LONG
-    for number in range(QUICK_NUMBER if quick else LONG_NUMBER):
-        common = (*HARD[ONE_LEG], *draw_long(number), "warn=false")
-        of: dict[str, Any] = {"part": LASTING, "machine": ONE_LEG, "world": number}
-        for kind, count in {GUARDED: cycles, ALONE: ALONE_CYCLES}.items():
-            lasts = (f"cycles={count}", f"record.cycles=[{count}]")
-            requests += grid(*common, *KINDS[kind], *lasts, kind=kind, **of)
-    return requests
+
+def _learn_long(kind: str, cycles: int, quick: int) -> dict[str, Any]:
+    """Runs of one leg with random settings; feedback only has to walk with them for a few cycles."""
+    return {
+        "set": [*HARD[ONE_LEG], f"cycles={cycles}", f"record.cycles=[{cycles}]", "warn=false"],
+        "quick": {"cycles": quick, "record.cycles": [quick]},
+        "over": {"world": {number: [*draw_long(number)] for number in range(110)}, "kind": {kind: KINDS[kind]}},
+        "labels": {"part": "long", "machine": ONE_LEG},
+    }
+
+
+def measure_error(run: Run) -> float:
+    """Final transfer error in the plane of the legs, also of robots, m; infinite of a run that ended before."""
+    sides = [run.pooled[f"transfer_rmse_{axis}"] for axis in "xy"] if run.status == "completed" else []
+    return compute_final(np.hypot(*sides)) if sides else np.inf
+
+
+def measure_level(run: Run) -> float:
+    """Feedback torque at the end over that of the cycle whose torque acts; without one, over its least."""
+    if run.status != "completed":
+        return np.inf
+    feedback = run.pooled["feedback_rms"]
+    restored = [event["restored"] for event in run.manifest["guard"]]
+    best = feedback[max(restored[-1], 1) - 1] if restored else find_least(feedback[1:], FINAL_CYCLES)
+    return float(compute_final(feedback) / best)
+
+
+def compare(results: Results, kind: str = "guarded", sample: Sample = IN_PLANE) -> Array:
+    """(worlds,): a final error over that with feedback only in the same world, where that completes."""
+    ratios = relative(results.select(kind=kind), results.select(kind="feedback only"), sample)
+    return np.array(ratios[ratios != UNPAIRED])
 
 
 def find_long(results: Results) -> Results:
     """The long runs with settings with which feedback only walks."""
-    alone, guarded = (results.select(part=LASTING, kind=kind).rows for kind in (ALONE, GUARDED))
+    alone, guarded = (results.select(part="long", kind=kind).rows for kind in ("feedback only", "guarded"))
     walks = {row.settings["world"] for row in alone if row.run.completed}
     return Results([row for row in guarded if row.settings["world"] in walks], results.computed)
 
 
-FINDINGS = {
-    **{f"guarded_{machine}": never_worse(machine) for machine in NUMBER},
-    "lasts": Finding(
-        [
-            percent("long runs that complete", lambda results: find_long(results).completed, at_least(ENOUGH)),
-            percent(
-                f"long runs whose feedback ends at most {STEADY:g} times as high as in the best cycle",
-                lambda results: find_long(results).measure(LEVEL) <= STEADY, at_least(ENOUGH),
-            ),
-        ],
-        says="Guarded learning of one leg lasts with random settings: long runs complete and keep "
-            "their feedback low",
-    ),
-}  # fmt: skip
+def table_worlds(results: Results) -> DataFrame:
+    """How guarded and unguarded runs end, over feedback only, for every machine."""
+    import pandas as pd
+
+    rows: list[dict[str, Any]] = []
+    for machine, worlds in results.select(part="worlds").by("machine").items():
+        for kind in ("guarded", "unguarded"):
+            error, force = compare(worlds, kind), compare(worlds, kind, FORCE)
+            rows.append(
+                {
+                    "machine": machine,
+                    "learning": kind,
+                    "worlds": len(error),
+                    "complete": int(np.isfinite(error).sum()),
+                    "no worse": int((error <= WORSE).sum()),
+                    "error over feedback only, median": float(np.median(error)),
+                    "largest": float(error.max()),
+                    "force error, median": float(np.median(force)),
+                    "greater force error": int((force > WORSE).sum()),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def draw_errors(results: Results) -> Figure:
+    """Error over that with feedback only, of all worlds in the order of their ratio."""
+    panels = []
+    for machine, worlds in results.select(part="worlds").by("machine").items():
+        series = []
+        for kind in ("guarded", "unguarded"):
+            ratio = np.sort(compare(worlds, kind))
+            known = np.isfinite(ratio)
+            series.append(Series(kind, np.arange(1.0, len(ratio) + 1)[known], ratio[known]))
+        panels.append(Panel(machine, "worlds, in order", "error over feedback only", series, log="y"))
+    return draw(panels, columns=2)
 
 
 def values(results: Results) -> dict[str, Any]:
     """Counts that the page names."""
-    lasting = find_long(results)
+    alone, lasting = results.select(part="worlds", kind="feedback only").by("machine"), find_long(results)
     return {
-        **count_worlds(results),
+        "drawn": {machine: len(part) for machine, part in alone.items()},
+        "walked": {machine: sum(part.completed) for machine, part in alone.items()},
         "long": lasting.value("cycles"),
         "settings": len(lasting),
         "acted": sum(bool(run.manifest["guard"]) for run in lasting.runs),
     }
 
 
-STUDY = Study(
+STUDY = declare(
     title="The guard of learning",
     question="Can a run that learns end worse than with feedback only, when its learning is guarded?",
-    runs=runs,
-    measures={ERROR: measure_error, LEVEL: measure_level},
-    findings=FINDINGS,
+    runs=[*map(_draw, WORLDS), _learn_long("guarded", 10_000, 12), _learn_long("feedback only", 20, 20)],
+    measures={"error": measure_error, "level": measure_level},
+    findings={
+        **{
+            f"guarded_{machine}": {
+                "says": f"{machine[0].upper()}{machine[1:]}: guarded learning ends no worse than feedback only",
+                "criteria": [
+                    {"quantity": "guarded runs that complete, of those that do with feedback only",
+                     "value": lambda results: np.isfinite(compare(results)),
+                     "of": {"part": "worlds", "machine": machine}, "limit": "at least 95 %"},
+                    {"quantity": "guarded runs whose error is at most 1.05 times that with feedback only",
+                     "value": lambda results: compare(results) <= WORSE,
+                     "of": {"part": "worlds", "machine": machine}, "limit": "at least 95 %"},
+                ],
+            }
+            for machine in WORLDS
+        },
+        "lasts": {
+            "says": "Guarded learning of one leg lasts with random settings: long runs complete and keep their "
+            "feedback low",
+            "criteria": [
+                {"quantity": "long runs that complete", "value": lambda results: find_long(results).completed,
+                 "limit": "at least 95 %"},
+                {"quantity": "long runs whose feedback ends at most 1.2 times as high as in the best cycle",
+                 "value": lambda results: find_long(results).measure("level") <= 1.2, "limit": "at least 95 %"},
+            ],
+        },
+    },
     figures={"errors": draw_errors},
     tables={"worlds": table_worlds},
     values=values,
-)
+)  # fmt: skip

@@ -22,7 +22,6 @@ METHODS = {
     "adaptive": f"feedforward._target_={FOLDER}.adaptive.AdaptiveRegressor",
     "repetitive": f"feedforward._target_={FOLDER}.repetitive.Repetitive",
     "identified": f"feedforward._target_={FOLDER}.identified.Identified",
-    "torque_library": f"feedforward._target_={FOLDER}.torque_library.TorqueLibrary",
 }
 SLOTINE_LI = (f"controller._target_={FOLDER}.slotine_li.SlotineLi", "feedforward=none")
 LEG = ("scenario=one_leg", "reference=aware", "learning=lasting", "learning.guard=none")
