@@ -14,79 +14,26 @@ import numpy as np
 
 from cmacexp.data.run import Run
 from cmacexp.metrics.registry import SHOWN
-from cmacexp.study import (
-    Claim,
-    Criterion,
-    DataFrame,
-    Figure,
-    Finding,
-    Request,
-    Results,
-    Study,
-    at_least,
-    at_most,
-    between,
-    draw,
-    grid,
-)
-from cmacexp.study.curves import over_cycles
-from cmacexp.study.statements import Limit
+from cmacexp.study import DataFrame, Figure, Results, declare, draw, over_cycles
 from cmacexp.typing import Array
 from pipelines import one_leg_learning_trace as trace
-from pipelines.common_results import draw_cycles, percent
-from pipelines.one_leg_learning_trace import CYCLES, FIFTH, FIRST, SECOND
 
-RAMP = 0.2
-"""Time over which the foot takes its desired force, s."""
-PUBLISHED, RAMPED, AWARE, SMOOTH = "as published", "force ramp", "without 1/K_ap", "smooth path, without 1/K_ap"
+PUBLISHED, SMOOTH = "as published", "smooth path, without 1/K_ap"
+EXACT = {PUBLISHED: [], SMOOTH: ["gait.vertical=two_cubics", "reference=aware"]}
 VARIANTS = {
-    PUBLISHED: (),
-    RAMPED: (f"gait.load_ramp={RAMP}",),
-    AWARE: ("reference=aware",),
-    SMOOTH: ("gait.vertical=two_cubics", "reference=aware"),
+    PUBLISHED: [],
+    "force ramp": ["gait.load_ramp=0.2"],
+    "without 1/K_ap": ["reference=aware"],
+    SMOOTH: EXACT[SMOOTH],
 }
-NO_LEAD, LEAD = "as published (lead 0)", "one sample earlier (lead 1)"
-LAWS = {NO_LEAD: ("learning.lead=0",), LEAD: ("learning.lead=1",)}
-CMAC, EXACT = {"feedforward": "cmac"}, {"feedforward": "inverse_dynamics"}
-PAPER = {"variant": PUBLISHED, **CMAC}
+LAWS = {"as published (lead 0)": ["learning.lead=0"], "one sample earlier (lead 1)": ["learning.lead=1"]}
+PAPER = {"variant": PUBLISHED, "feedforward": "cmac"}
 ERRORS = {
     "transfer_rmse_x": "in x in transfer",
     "transfer_rmse_y": "in y in transfer",
     "support_rmse_x": "in x in support",
     "force_rmse": "force, RMS",
     "force_steady_state_error": "force, steady state",
-}
-LESS, MORE = at_most(1.0), at_least(1.0)
-ELIMINATED = at_most(0.10)
-"""Position errors over those of the first cycle: virtually eliminated."""
-AT_ITS_LEAST, GROWN = at_most(1.1), at_least(2.0)
-"""A value at the end over its least: it stayed there, and the opposite."""
-
-
-def runs(quick: bool) -> list[Request]:
-    """The paper's run and what differs from it, an exact model on two paths, and long runs with and without lead."""
-    shown = f"record.cycles=[{','.join(map(str, CYCLES))}]"
-    short = ("scenario=one_leg", f"cycles={6 if quick else 20}", shown)
-    late = f"record.cycles=[{FIFTH},{12 if quick else 100}]"
-    long = ("scenario=one_leg", f"cycles={12 if quick else 250}", late)
-    exact = {name: VARIANTS[name] for name in (PUBLISHED, SMOOTH)}
-    return [
-        *grid(*short, over={"variant": VARIANTS}, seeded=True),
-        *grid(*short, "feedforward=inverse_dynamics", over={"variant": exact}),
-        *grid(*long, over={"law": LAWS}, seeded=True),
-    ]
-
-
-MEASURES = {
-    "peak_x": trace.in_cycle(FIRST, trace.peak_error("x", "stroke")),
-    "peak_y": trace.in_cycle(FIRST, trace.peak_error("y", "lift")),
-    "force_peak": trace.in_cycle(FIRST, trace.force_peak),
-    "weight": trace.in_cycle(FIRST, trace.weight_at_foot),
-    "oscillation_second": trace.in_cycle(SECOND, trace.force_oscillation),
-    "oscillation_fifth": trace.in_cycle(FIFTH, trace.force_oscillation),
-    "torque_oscillation": trace.in_cycle(FIFTH, trace.torque_oscillation),
-    "torque_step": trace.in_cycle(FIFTH, trace.torque_step),
-    "lift_off_late": trace.in_last_recorded(trace.feedback_at_lift_off),
 }
 
 
@@ -104,7 +51,7 @@ def final_feedback(results: Results) -> Array:
 def _statics_deviation(results: Results) -> Array:
     """Settled force of the first cycle against statics with the leg's weight, relative."""
     expected = [trace.feedback_force(results.run.config, weight) for weight in results.measure("weight")]
-    return np.abs(results.at(FIRST, "force_settled") / expected - 1.0)
+    return np.abs(results.at(1, "force_settled") / expected - 1.0)
 
 
 def _bias_deviation(results: Results) -> Array:
@@ -112,185 +59,9 @@ def _bias_deviation(results: Results) -> Array:
     return np.abs(results.end("force_steady_state_error") / trace.learned_error(results.run.config) - 1.0)
 
 
-of_paper = partial(percent, of=PAPER)
-
-
-def _compare(name: str, cycle: int, before: int, holds: Limit, fails: Limit) -> Criterion:
-    """An error in one cycle over that in another."""
-    words, sample = (
-        f"error in cycle {cycle} over that in cycle {before}",
-        f"abs({name}[{cycle}]) / abs({name}[{before}])",
-    )
-    return of_paper(words, sample, holds, fails, case=ERRORS[name])
-
-
-def _ramp_over_step(quantity: str, sample: str) -> Criterion:
-    """What the runs with a force ramp give over those with a step."""
-    words = f"with a force ramp over that with a step, cycle {FIFTH}"
-    return percent(words, sample, LESS, MORE, {"variant": RAMPED, **CMAC}, quantity, {"variant": PUBLISHED})
-
-
-FEEDBACK_SHARES = [f"(1 - feedforward_share[{cycle}])" for cycle in range(FIRST, FIFTH + 1)]
-LARGEST_RISE = f"max({', '.join(f'{late} / {early}' for early, late in pairwise(FEEDBACK_SHARES))})"
-"""Feedback's share in a cycle over that in the cycle before, the largest up to the fifth cycle."""
-CLAIMS = {
-    "large_errors": Claim(
-        "with feedback alone there are fairly large position control errors in both the X and Y directions",
-        "section 5, Fig. 10",
-        [
-            of_paper(f"largest error in transfer, cycle {FIRST}", f"peak_{axis}", at_least(0.05),
-                     at_most(0.01), case=f"in {axis}, over the {extent}")
-            for axis, extent in (("x", "stroke"), ("y", "lift"))
-        ],
-    ),
-    "errors_vanish": Claim(
-        "with CMAC (after 12 s of learning) the position errors during the transfer phase are virtually eliminated, "
-        "without increasing the gains",
-        "section 5, Fig. 11",
-        [_compare(f"transfer_rmse_{axis}", FIFTH, FIRST, ELIMINATED, at_least(0.5)) for axis in ("x", "y")],
-    ),
-    "force_of_feedback": Claim(
-        "with feedback alone the foot force goes to 1.1 N, then decreases to approximately 0.9 N",
-        "section 5, Fig. 12",
-        [
-            Criterion(f"force in support, cycle {FIRST}", "force_peak", between(1.05, 1.15),
-                      unit="N", of=PAPER, case="largest"),
-            Criterion(f"force in support, cycle {FIRST}", f"force_settled[{FIRST}]",
-                      between(0.85, 0.95), unit="N", of=PAPER, case="mean of the second half"),
-        ],
-    ),
-    "some_improvement": Claim(
-        "as CMAC is applied in the second cycle, some improvement of the force can be observed",
-        "section 5, Fig. 12",
-        [_compare(name, SECOND, FIRST, LESS, MORE) for name in ("force_rmse", "force_steady_state_error")],
-    ),
-    "below_5_percent": Claim(
-        "in the second cycle the steady-state error of the force is reduced to less than 5 %",
-        "section 5, Fig. 12",
-        [of_paper(f"size of the steady-state error, cycle {SECOND}", f"abs(force_steady_state_error[{SECOND}])",
-                  at_most(0.05))],
-    ),
-    "force_is_steady": Claim(
-        "in the second cycle the foot force remains relatively steady during the support phase",
-        "section 5, Fig. 12",
-        [of_paper(f"standard deviation over mean of the force in the second half of support, cycle {SECOND}",
-                  f"force_ripple[{SECOND}] / force_settled[{SECOND}]", at_most(0.02), at_least(0.1))],
-    ),
-    "more_oscillation": Claim(
-        "in the fifth cycle the foot forces show more oscillations than in the second",
-        "section 5, Fig. 12",
-        [of_paper(f"RMS of the force around its mean over {trace.FORCE_WINDOW:g} s, from {trace.LANDED:g} s after "
-                  f"touch-down on, cycle {FIFTH} over cycle {SECOND}",
-                  "oscillation_fifth / oscillation_second", MORE, LESS)],
-    ),
-    "more_learning": Claim(
-        "in the fifth cycle more learning does not bring better performance; the steady-state error has increased",
-        "section 5, Fig. 12",
-        [_compare(name, FIFTH, SECOND, MORE, LESS) for name in ("force_rmse", "force_steady_state_error")],
-    ),
-    "torque_oscillates": Claim(
-        "the learning torques oscillate where the torque function has abrupt changes, for example where "
-        "the foot force jumps from 0 to 1 N, and are relatively smooth during the support phase",
-        "section 5, Fig. 13",
-        [Criterion(f"RMS of joint 1's feedforward torque around its mean over {trace.TORQUE_WINDOW:g} s, in the "
-                   f"{trace.EVENT:g} s after touch-down over mid support, cycle {FIFTH}",
-                   "torque_oscillation", at_least(3.0), at_most(1.0), of=PAPER)],
-    ),
-    "major_part": Claim(
-        "CMAC provides the major part of the overall control torques",
-        "section 5, Fig. 13",
-        [of_paper(f"feedforward over all torque, both joints, cycle {FIFTH}", f"feedforward_share[{FIFTH}]",
-                  at_least(0.5), at_most(0.5))],
-    ),
-    "ramp_is_milder": Claim(
-        "if the force is a ramp rather than a step, the change of torques is expected to be less drastic",
-        "section 5",
-        [_ramp_over_step("largest change of joint 1's torque in a sample at touch-down", "torque_step")],
-    ),
-    "ramp_is_learned_better": Claim(
-        "if the force is a ramp rather than a step, CMAC probably provides better approximation",
-        "section 5",
-        [
-            _ramp_over_step("RMS feedback torque", f"feedback_rms[{FIFTH}]"),
-            _ramp_over_step("feedback over all torque", f"1 - feedforward_share[{FIFTH}]"),
-        ],
-    ),
-    "all_improve": Claim(
-        "CMAC improves force control and position control, in the free space and in the compliant space",
-        "section 5",
-        [_compare(name, FIFTH, FIRST, LESS, MORE) for name in list(ERRORS)[:4]],
-    ),
-    "feedback_fades": Claim(
-        "as CMAC progresses in learning, the share of feedback in the control output decreases",
-        "section 4",
-        [
-            of_paper(f"share of feedback over that in the cycle before, largest up to cycle {FIFTH}",
-                     LARGEST_RISE, LESS, MORE),
-            Criterion("share of feedback over the last cycles of the long run over its least", final_share,
-                      AT_ITS_LEAST, GROWN, of={"law": NO_LEAD}),
-        ],
-    ),
-    "law_converges": Claim(
-        "the learning law is convergent, and the learning control system has complete stability",
-        "section 4",
-        [Criterion("RMS feedback torque over the last cycles of the long run over its least", final_feedback,
-                   AT_ITS_LEAST, GROWN, of={"law": NO_LEAD})],
-    ),
-}  # fmt: skip
-
-
-def _versus_exact(variant: str, when: str, sample: str) -> Finding:
-    path = "path as published" if variant == PUBLISHED else "smooth path"
-    return Finding(
-        [Criterion(f"RMS error in y in transfer {when}: CMAC over exact inverse dynamics",
-                   sample, LESS, of={"variant": variant, **CMAC}, over=EXACT)],
-        says=f"On the {path}, the CMAC has overtaken exact inverse dynamics in y {when}",
-    )  # fmt: skip
-
-
-IN_FIFTH = (f"in cycle {FIFTH}", f"transfer_rmse_y[{FIFTH}]")
-AT_END = ("over the last cycles", "transfer_rmse_y")
-FINDINGS = {
-    "eliminated_later": Finding(
-        [of_paper(f"RMS error in the last cycles over that in cycle {FIRST}", f"abs({name}) / abs({name}[{FIRST}])",
-                  ELIMINATED, case=ERRORS[name])
-         for name in ("transfer_rmse_x", "transfer_rmse_y")],
-        says="By the end of the run both position errors are virtually eliminated",
-    ),
-    "statics": Finding(
-        [of_paper("difference of the settled force from statics", _statics_deviation, at_most(0.02))],
-        says="Statics with the weight of the leg give the force at which feedback only settles",
-    ),
-    "bias": Finding(
-        [
-            of_paper("difference of the final force error from the bias of eq. 13", _bias_deviation, at_most(0.05)),
-            percent("size of the final force error without the term", "abs(force_steady_state_error)",
-                    at_most(0.005), of=CMAC, variant=AWARE),
-        ],
-        says="The force error that learning leaves is the bias of eq. 13, and `reference=aware` "
-            "removes it",
-    ),
-    "lead": Finding(
-        [Criterion("RMS feedback torque over the last cycles over its least", final_feedback, AT_ITS_LEAST,
-                   of={"law": LEAD})],
-        says="With a lead of one sample the feedback torque stays at its least",
-    ),
-    "lift_off": Finding(
-        [percent(f"share of the squared feedback torque in the {trace.SWING_START:g} s after lift-off, in the last "
-                 "cycle that was recorded", "lift_off_late", at_least(0.5), law=NO_LEAD)],
-        says="Late in the run as published most of the squared feedback torque falls just after "
-            "lift-off",
-    ),
-    "published_early": _versus_exact(PUBLISHED, *IN_FIFTH),
-    "published_late": _versus_exact(PUBLISHED, *AT_END),
-    "smooth_early": _versus_exact(SMOOTH, *IN_FIFTH),
-    "smooth_late": _versus_exact(SMOOTH, *AT_END),
-}  # fmt: skip
-
-
 def draw_bias(results: Results) -> Figure:
     """Force error with and without the 1/K_ap of eq. 13, and what statics predict."""
-    own = results.select(CMAC, variant=[PUBLISHED, AWARE])
+    own = results.select(feedforward="cmac", variant=[PUBLISHED, "without 1/K_ap"])
     predicted = 100.0 * trace.learned_error(own.run.config)
     panel = over_cycles(own, "force_steady_state_error", "variant", title="steady-state error of the force")
     return draw([replace(panel, y_limits=[0.0, predicted])])
@@ -305,17 +76,16 @@ def errors_table(results: Results) -> DataFrame:
     return pd.DataFrame(
         {"cycle": cycle}
         | {f"{each.title}, {each.unit}": each.factor * own.at(cycle, name).mean() for name, each in shown.items()}
-        for cycle in CYCLES
+        for cycle in (1, 2, 5)
     )
 
 
 def values(results: Results) -> dict[str, Any]:
-    """What the page says of settings and statics."""
-    paper, published = results.select(PAPER), results.select(law=NO_LEAD)
+    """What the page says of statics, and in which cycles the long runs ended."""
+    paper = results.select(PAPER)
     config, weight = paper.run.config, float(paper.measure("weight")[0])
     return {
-        "first": FIRST, "second": SECOND, "fifth": FIFTH, "ramp": RAMP, "band": 100.0 * trace.BAND,
-        "long": published.value("cycles"), "ended": ", ".join(map(str, published.cycles)),
+        "ended": ", ".join(map(str, results.select(law=next(iter(LAWS))).cycles)),
         "depth": 1e3 * trace.reference_depth(config), "bias": 100.0 * trace.learned_error(config), "weight": weight,
         "statics": trace.feedback_force(config, weight), "weightless": trace.feedback_force(config, 0.0),
     }  # fmt: skip
@@ -325,25 +95,227 @@ def _of_first_seed(drawing: Callable[[Run], Figure]) -> Callable[[Results], Figu
     return lambda results: drawing(results.select(PAPER).run)
 
 
-STUDY = Study(
+LESS: dict[str, Any] = {"limit": "at most 100 %", "opposite": "at least 100 %", "of": PAPER}
+MORE: dict[str, Any] = {"limit": "at least 100 %", "opposite": "at most 100 %", "of": PAPER}
+STAYS = {"limit": "at most 1.1", "opposite": "at least 2"}
+"""A value at the end over its least: it stayed there, and the opposite."""
+RAMP = {**LESS, "quantity": "with a force ramp over that with a step, cycle 5",
+"of": {**PAPER, "variant": "force ramp"},
+        "over": {"variant": PUBLISHED}}  # fmt: skip
+FEEDBACK_SHARES = [f"(1 - feedforward_share[{cycle}])" for cycle in range(1, 6)]
+LARGEST_RISE = f"max({', '.join(f'{late} / {early}' for early, late in pairwise(FEEDBACK_SHARES))})"
+"""Feedback's share in a cycle over that in the cycle before, the largest up to the fifth cycle."""
+
+
+def _compare(limits: dict[str, Any], cycle: int, before: int, *names: str) -> list[dict[str, Any]]:
+    """Errors in one cycle over those in another."""
+    return [
+        {"quantity": f"error in cycle {cycle} over that in cycle {before}", "case": ERRORS[name],
+         "value": f"abs({name}[{cycle}]) / abs({name}[{before}])", "of": PAPER, **limits}
+        for name in names
+    ]  # fmt: skip
+
+
+RUN: dict[str, Any] = {"set": ["scenario=one_leg", "record.cycles=[1,2,5]", "cycles=20"], "quick": {"cycles": 6}}
+STUDY = declare(
     title="One leg learns to step and to press",
     question="What does a CMAC learn on one leg that steps and presses, and what errors remain?",
-    runs=runs,
-    measures=MEASURES,
-    claims=CLAIMS,
-    findings=FINDINGS,
+    runs=[
+        {**RUN, "over": {"variant": VARIANTS}, "seeds": True},
+        {**RUN, "set": [*RUN["set"], "feedforward=inverse_dynamics"], "over": {"variant": EXACT}},
+        {"set": ["scenario=one_leg", "cycles=250", "record.cycles=[5,100]"], "over": {"law": LAWS}, "seeds": True,
+         "quick": {"cycles": 12, "record.cycles": [5, 12]}},
+    ],
+    measures={
+        "peak_x": trace.in_cycle(1, trace.peak_error("x", "stroke")),
+        "peak_y": trace.in_cycle(1, trace.peak_error("y", "lift")),
+        "force_peak": trace.in_cycle(1, trace.force_peak),
+        "weight": trace.in_cycle(1, trace.weight_at_foot),
+        "oscillation_second": trace.in_cycle(2, trace.force_oscillation),
+        "oscillation_fifth": trace.in_cycle(5, trace.force_oscillation),
+        "torque_oscillation": trace.in_cycle(5, trace.torque_oscillation),
+        "torque_step": trace.in_cycle(5, trace.torque_step),
+        "lift_off_late": trace.in_last_recorded(trace.feedback_at_lift_off),
+    },
+    claims={
+        "large_errors": {
+            "words": "with feedback alone there are fairly large position control errors in both the X and Y "
+            "directions",
+            "where": "section 5, Fig. 10",
+            "criteria": [
+                {"quantity": "largest error in transfer, cycle 1", "value": f"peak_{axis}", "of": PAPER,
+                 "case": f"in {axis}, over the {extent}", "limit": "at least 5 %", "opposite": "at most 1 %"}
+                for axis, extent in (("x", "stroke"), ("y", "lift"))
+            ],
+        },
+        "errors_vanish": {
+            "words": "with CMAC (after 12 s of learning) the position errors during the transfer phase are virtually "
+            "eliminated, without increasing the gains",
+            "where": "section 5, Fig. 11",
+            "criteria": _compare({"limit": "at most 10 %", "opposite": "at least 50 %"}, 5, 1, *list(ERRORS)[:2]),
+        },
+        "force_of_feedback": {
+            "words": "with feedback alone the foot force goes to 1.1 N, then decreases to approximately 0.9 N",
+            "where": "section 5, Fig. 12",
+            "criteria": [
+                {"quantity": "force in support, cycle 1", "value": value, "of": PAPER, "case": case, "limit": limit}
+                for value, case, limit in (
+                    ("force_peak", "largest", "1.05 to 1.15 N"),
+                    ("force_settled[1]", "mean of the second half", "0.85 to 0.95 N"),
+                )
+            ],
+        },
+        "some_improvement": {
+            "words": "as CMAC is applied in the second cycle, some improvement of the force can be observed",
+            "where": "section 5, Fig. 12",
+            "criteria": _compare(LESS, 2, 1, "force_rmse", "force_steady_state_error"),
+        },
+        "below_5_percent": {
+            "words": "in the second cycle the steady-state error of the force is reduced to less than 5 %",
+            "where": "section 5, Fig. 12",
+            "quantity": "size of the steady-state error, cycle 2", "value": "abs(force_steady_state_error[2])",
+            "of": PAPER, "limit": "at most 5 %",
+        },
+        "force_is_steady": {
+            "words": "in the second cycle the foot force remains relatively steady during the support phase",
+            "where": "section 5, Fig. 12",
+            "quantity": "standard deviation over mean of the force in the second half of support, cycle 2",
+            "value": "force_ripple[2] / force_settled[2]", "of": PAPER, "limit": "at most 2 %",
+            "opposite": "at least 10 %",
+        },
+        "more_oscillation": {
+            "words": "in the fifth cycle the foot forces show more oscillations than in the second",
+            "where": "section 5, Fig. 12",
+            "quantity": "RMS of the force around its mean over 0.2 s, from 0.2 s after touch-down on, cycle 5 over "
+            "cycle 2",
+            "value": "oscillation_fifth / oscillation_second", **MORE,
+        },
+        "more_learning": {
+            "words": "in the fifth cycle more learning does not bring better performance; the steady-state error has "
+            "increased",
+            "where": "section 5, Fig. 12",
+            "criteria": _compare(MORE, 5, 2, "force_rmse", "force_steady_state_error"),
+        },
+        "torque_oscillates": {
+            "words": "the learning torques oscillate where the torque function has abrupt changes, for example "
+            "where the "
+            "foot force jumps from 0 to 1 N, and are relatively smooth during the support phase",
+            "where": "section 5, Fig. 13",
+            "quantity": "RMS of joint 1's feedforward torque around its mean over 0.1 s, in the 0.3 s after "
+            "touch-down "
+            "over mid support, cycle 5",
+            "value": "torque_oscillation", "of": PAPER, "limit": "at least 3", "opposite": "at most 1",
+        },
+        "major_part": {
+            "words": "CMAC provides the major part of the overall control torques",
+            "where": "section 5, Fig. 13",
+            "quantity": "feedforward over all torque, both joints, cycle 5", "value": "feedforward_share[5]",
+            "of": PAPER,
+            "limit": "at least 50 %", "opposite": "at most 50 %",
+        },
+        "ramp_is_milder": {
+            "words": "if the force is a ramp rather than a step, the change of torques is expected to be less "
+            "drastic",
+            "where": "section 5",
+            **RAMP, "value": "torque_step", "case": "largest change of joint 1's torque in a sample at touch-down",
+        },
+        "ramp_is_learned_better": {
+            "words": "if the force is a ramp rather than a step, CMAC probably provides better approximation",
+            "where": "section 5",
+            "criteria": [
+                {**RAMP, "value": "feedback_rms[5]", "case": "RMS feedback torque"},
+                {**RAMP, "value": "1 - feedforward_share[5]", "case": "feedback over all torque"},
+            ],
+        },
+        "all_improve": {
+            "words": "CMAC improves force control and position control, in the free space and in the compliant space",
+            "where": "section 5",
+            "criteria": _compare(LESS, 5, 1, *list(ERRORS)[:4]),
+        },
+        "feedback_fades": {
+            "words": "as CMAC progresses in learning, the share of feedback in the control output decreases",
+            "where": "section 4",
+            "criteria": [
+                {"quantity": "share of feedback over that in the cycle before, largest up to cycle 5",
+                 "value": LARGEST_RISE, **LESS},
+                {"quantity": "share of feedback over the last cycles of the long run over its least", **STAYS,
+                 "value": final_share, "of": {"law": "as published (lead 0)"}},
+            ],
+        },
+        "law_converges": {
+            "words": "the learning law is convergent, and the learning control system has complete stability",
+            "where": "section 4",
+            "quantity": "RMS feedback torque over the last cycles of the long run over its least",
+            "value": final_feedback, "of": {"law": "as published (lead 0)"}, **STAYS,
+        },
+    },
+    findings={
+        "eliminated_later": {
+            "says": "By the end of the run both position errors are virtually eliminated",
+            "criteria": [
+                {"quantity": "RMS error in the last cycles over that in cycle 1",
+                 "value": f"abs({name}) / abs({name}[1])",
+                 "of": PAPER, "case": ERRORS[name], "limit": "at most 10 %"}
+                for name in list(ERRORS)[:2]
+            ],
+        },
+        "statics": {
+            "says": "Statics with the weight of the leg give the force at which feedback only settles",
+            "quantity": "difference of the settled force from statics", "value": _statics_deviation, "of": PAPER,
+            "limit": "at most 2 %",
+        },
+        "bias": {
+            "says": "The force error that learning leaves is the bias of eq. 13, and `reference=aware` removes it",
+            "criteria": [
+                {"quantity": "difference of the final force error from the bias of eq. 13", "value": _bias_deviation,
+                 "of": PAPER, "limit": "at most 5 %"},
+                {"quantity": "size of the final force error without the term",
+                 "value": "abs(force_steady_state_error)",
+                 "of": {**PAPER, "variant": "without 1/K_ap"}, "limit": "at most 0.5 %"},
+            ],
+        },
+        "lead": {
+            "says": "With a lead of one sample the feedback torque stays at its least",
+            "quantity": "RMS feedback torque over the last cycles over its least", "value": final_feedback,
+            "of": {"law": "one sample earlier (lead 1)"}, "limit": "at most 1.1",
+        },
+        "lift_off": {
+            "says": "Late in the run as published most of the squared feedback torque falls just after lift-off",
+            "quantity": "share of the squared feedback torque in the 0.1 s after lift-off, in the last cycle that "
+            "was "
+            "recorded",
+            "value": "lift_off_late", "of": {"law": "as published (lead 0)"}, "limit": "at least 50 %",
+        },
+        **{
+            f"{name}_{time}": {
+                "says": f"On the {path}, the CMAC has overtaken exact inverse dynamics in y {when}",
+                "quantity": f"RMS error in y in transfer {when}: CMAC over exact inverse dynamics", "value": value,
+                "of": {"feedforward": "cmac", "variant": variant}, "over": {"feedforward": "inverse_dynamics"},
+                "limit": "at most 1",
+            }
+            for name, path, variant in (
+                ("published", "path as published", PUBLISHED), ("smooth", "smooth path", SMOOTH),
+            )
+            for time, when, value in (
+                ("early", "in cycle 5", "transfer_rmse_y[5]"), ("late", "over the last cycles", "transfer_rmse_y"),
+            )
+        },
+    },
     figures={
         "one_leg": _of_first_seed(trace.glance),
         "fig_07": _of_first_seed(trace.trajectory),
         "fig_08": _of_first_seed(partial(trace.motion, order=1, name="velocity", unit="m/s")),
         "fig_09": _of_first_seed(partial(trace.motion, order=2, name="acceleration", unit="m/s²")),
-        "fig_10": _of_first_seed(partial(trace.tracking, cycle=FIRST)),
-        "fig_11": _of_first_seed(partial(trace.tracking, cycle=FIFTH)),
+        "fig_10": _of_first_seed(partial(trace.tracking, cycle=1)),
+        "fig_11": _of_first_seed(partial(trace.tracking, cycle=5)),
         "fig_12": _of_first_seed(trace.forces),
         "fig_13": _of_first_seed(trace.torques),
         "bias": draw_bias,
-        "growth": lambda r: draw_cycles(r.select(law=list(LAWS)), ("feedback_rms", "transfer_rmse_x"), by="law"),
+        "growth": [
+            {"metric": name, "by": "law", "of": {"law": [*LAWS]}, "log": None}
+            for name in ("feedback_rms", "transfer_rmse_x")
+        ],
     },
     tables={"errors": errors_table},
     values=values,
-)
+)  # fmt: skip

@@ -9,74 +9,54 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.study import DataFrame, Figure, Request, Results, Study, grid
-from cmacexp.study.tables import completed, ends, tabulate
+from cmacexp.study import DataFrame, Figure, Results, declare
+from cmacexp.study.samples import Sample, quotients
+from cmacexp.typing import Array
 from pipelines import quadruped_walking_events as measured
 from pipelines import quadruped_walking_figures as figures
-from pipelines.common_results import draw_cycles
-from pipelines.quadruped_walking_events import LATE, Walk, instants
-from pipelines.quadruped_walking_statements import (
-    ALL,
-    AWARE,
-    CLAIMS,
-    ERRORS,
-    FEEDBACK,
-    FINDINGS,
-    LADDER,
-    LEAD,
-    LONG,
-    NO_CMAC,
-    NO_POSTURE,
-    NOISE,
-    PRINTED,
-    PUBLISHED,
-)
+from pipelines.quadruped_walking_events import LATE, Walk, event, instants, late
 
-CONTROLLERS = {
-    FEEDBACK: ["feedforward=none", "posture.gain=0"],
-    NO_POSTURE: ["posture.gain=0", "learning.start_cycle=1"],
-    NO_CMAC: ["feedforward=none"],
-    ALL: [],
-}
-REFERENCES = {"reference": [reference["reference"] for reference in (PRINTED, AWARE)]}
-UNSEEDED = (FEEDBACK, NO_CMAC)
+FEEDBACK, NO_CMAC = {"feedback": ["feedforward=none", "posture.gain=0"]}, {"feedback + posture": ["feedforward=none"]}
+NO_POSTURE = {"feedback + CMAC": ["posture.gain=0", "learning.start_cycle=1"]}
+ALL: dict[str, list[str]] = {"all": []}
+UNSEEDED = FEEDBACK | NO_CMAC
 """Controllers that learn nothing, so that with perfect sensors no seed matters."""
-LAWS = {PUBLISHED: ["learning.lead=0"], LEAD: ["learning.lead=1"]}
-NOISES = {
-    "force.noise_relative": 0.2,
-    "position.noise": 1e-4,
-    "velocity.noise": 0.02,
-    "height.noise": 1e-4,
-    "tilt.noise": 1e-4,
-}
+NOISES = [
+    "force.noise_relative=0.2",
+    "position.noise=1e-4",
+    "velocity.noise=0.02",
+    "height.noise=1e-4",
+    "tilt.noise=1e-4",
+]
 """White noise of sensors, in the fields' units."""
+WALK: dict[str, Any] = {"set": ["scenario=quadruped", "cycles=20"], "quick": {"cycles": 5}, "seeds": True}
+NOISY: dict[str, Any] = {
+    **WALK,
+    "set": [
+        *WALK["set"],
+        "sensors=real",
+        *(f"sensors.{noise}" for noise in NOISES),
+        "record.cycles=[16,17,18,19,20]",
+    ],
+    "quick": {"cycles": 5, "record.cycles": [1, 2, 3, 4, 5]},
+}
+LADDER = {"part": "ladder", "controller": "all"}
+"""The runs of the full controller."""
 
 
-def runs(quick: bool) -> list[Request]:
-    """The ladder of controllers; noisy sensors with and without CMAC; and two learning laws for long."""
-    short, long = (5, 8) if quick else (20, 500)
-    walk = ("scenario=quadruped", f"cycles={short}")
-    found = []
-    for name, overrides in CONTROLLERS.items():
-        found += grid(*walk, *overrides, over=REFERENCES, seeded=name not in UNSEEDED, part=LADDER, controller=name)
-    last = ",".join(str(cycle) for cycle in range(max(1, short - LATE + 1), short + 1))
-    noisy = ["sensors=real", *(f"sensors.{key}={level}" for key, level in NOISES.items())]
-    for name in (NO_CMAC, ALL):
-        own = (*walk, *CONTROLLERS[name], *noisy, f"record.cycles=[{last}]")
-        found += grid(*own, over=REFERENCES, seeded=True, part=NOISE, controller=name)
-    run = ("scenario=quadruped", f"cycles={long}", "record.cycles=[1]")
-    return found + grid(*run, over={"law": LAWS}, seeded=True, part=LONG, controller=ALL)
+def _request(part: str, controllers: dict[str, list[str]], **own: Any) -> dict[str, Any]:
+    """Runs of controllers with both references: eq. 24 as printed, and without its term F_d/K_ap once a CMAC acts."""
+    return {**own, "over": {"controller": controllers, "reference": ["literal", "aware"]}, "labels": {"part": part}}
 
 
 def events(results: Results) -> DataFrame:
     """The events of the full controller with both references: one row per run and whole cycle."""
     import pandas as pd
 
-    own = results.select(part=LADDER, controller=ALL)
-    labels = [{name: row.settings[name] for name in ("reference", "seed")} for row in own.rows]
-    found = [
-        measured.events_in(run).assign(run=str(run.folder), **by) for run, by in zip(own.runs, labels, strict=True)
-    ]
+    found = []
+    for row in results.select(LADDER).rows:
+        labels = {name: row.settings[name] for name in ("reference", "seed")}
+        found.append(measured.events_in(row.run).assign(run=str(row.run.folder), **labels))
     return pd.concat(found, ignore_index=True)
 
 
@@ -88,11 +68,11 @@ def deviations(results: Results) -> DataFrame:
     """
     import pandas as pd
 
-    noisy, rows = results.select(part=NOISE), []
-    for row, run in zip(noisy.rows, noisy.runs, strict=True):
-        by = {name: row.settings[name] for name in ("controller", "reference", "seed")}
+    rows = []
+    for row in results.select(part="noise").rows:
+        by, run = {name: row.settings[name] for name in ("controller", "reference", "seed")}, row.run
         same = {**by, "seed": 0} if by["controller"] in UNSEEDED else by
-        reference = results.select(same, part=LADDER).run
+        reference = results.select(same, part="ladder").run
         feet = force = np.inf
         if run.status == reference.status == "completed":
             cycles, columns = range(max(1, run.whole_cycles - LATE + 1), run.whole_cycles + 1), ["x", "y", "force"]
@@ -102,23 +82,30 @@ def deviations(results: Results) -> DataFrame:
     return pd.DataFrame(rows)
 
 
+def noise_ratio(column: str) -> Sample:
+    """What noise changes with CMAC, over what they change without; one value for each seed."""
+
+    def sample(results: Results) -> Array:
+        table = results.computed["noise"]
+        own = table[table["reference"] == results.value("reference")]
+        by_seed = own.pivot_table(index="seed", columns="controller", values=column)
+        return quotients(by_seed["all"].to_numpy(), by_seed["feedback + posture"].to_numpy())
+
+    return sample
+
+
 def shown_walk(results: Results) -> tuple[Walk, int]:
     """The walk that the paper's figures are drawn from, and the cycle: its last."""
-    run = results.select(AWARE, part=LADDER, controller=ALL).run
+    run = results.select(LADDER, reference="aware").run
     return measured.walk_in(run.folder), run.whole_cycles
 
 
 def values(results: Results) -> dict[str, Any]:
-    """Settings of the runs, and when Fig. 17 to 20 are."""
-    printed, (walk, cycle) = results.select(PRINTED, part=LADDER, controller=ALL), shown_walk(results)
+    """When Fig. 17 to 20 are, and the length of the body."""
+    walk, cycle = shown_walk(results)
     began = walk.view.time[walk.view.cycle == cycle][0]
     times = {f"fig{n}": float(walk.view.time[k] - began) for n, k in instants(walk, cycle).items()}
-    return times | {
-        "last": cycle, "late": LATE, "depth": figures.DEPRESSION_SCALE, "cycles": printed.value("cycles"),
-        "long": results.select(part=LONG).value("cycles"), "cmac_from": printed.value("learning.start_cycle"),
-        "noises": ", ".join(f"`sensors.{key}={level}`" for key, level in NOISES.items()),
-        "hip_height": 1e3 * printed.value("machine.hip_height"), "length": 1e3 * walk.length,
-    }  # fmt: skip
+    return {**times, "last": cycle, "length": 1e3 * walk.length}
 
 
 def draw_views(results: Results, number: int) -> Figure:
@@ -126,32 +113,251 @@ def draw_views(results: Results, number: int) -> Figure:
     return figures.views(*shown_walk(results), number)
 
 
-STUDY = Study(
+AT_END, OF_BODY = "median of the last 5 cycles", "over the length of the body, median of the last 5 cycles"
+SHORT = {"limit": "0 to 10 %", "opposite": "at most 0 %"}
+"""A margin as a part of the length of the body."""
+LESS = {"limit": "at most 0.8", "opposite": "at least 1"}
+"""What is to be less, over what it is to be less than: of errors, of the feedback and of what noise changes."""
+NEAR = {"limit": "at most 5 %", "opposite": "at least 10 %"}
+"""Departures from the gait as parts of a cycle: a quarter and half of a transfer."""
+STEADY = {
+    "quantity": f"largest tilt in a cycle, {AT_END}", "value": "tilt_max[-5:]",
+    "limit": "at most 20 mrad", "opposite": "at least 50 mrad",
+}  # fmt: skip
+WALKS = {
+    "quantity": "part of the cycles that are walked", "value": "done",
+    "limit": "at least 90 %", "opposite": "at most 50 %",
+}  # fmt: skip
+FALLS = {**WALKS, "limit": "at most 50 %", "opposite": "at least 90 %"}
+ERRORS = {
+    "transfer_rmse_x": "transfer, in x",
+    "transfer_rmse_y": "transfer, in y",
+    "force_rmse_three_feet": "force, three feet down",
+    "force_rmse_cycle": "force, whole cycle",
+}
+SAID: dict[str, tuple[str, str, str, list[dict[str, Any]]]] = {
+    "walks": (
+        "Force/position feedback, posture control, and CMAC provide stable and steady walking",
+        "section 6.3",
+        "the machine walks to the end, level and at the planned height",
+        [
+            WALKS,
+            STEADY,
+            {"quantity": "largest difference from the planned height in the last 5 cycles",
+             "value": measured.height_off, "limit": "at most 1 %", "opposite": "at least 5 %"},
+        ],
+    ),
+    "rear": (
+        "When foot 3 is lifted the COG remains in the support pattern, the rear margin is very short",
+        "section 6.3, Fig. 17",
+        "the rear margin is short when foot 3 is lifted",
+        [{"quantity": f"rear margin {OF_BODY}", "value": late("rear", -np.inf), **SHORT}],
+    ),
+    "late": (
+        "Immediately after foot 3 touches down F_n1 is not 0 although F_d1 = 0, due to the delay of leg 1; the "
+        "delay has no adverse effect on stability",
+        "section 6.3, Fig. 18",
+        "foot 1 still carries when foot 3 touches down, and the margin stays above the least planned one",
+        [
+            {"quantity": "part of the cycles in which foot 1 carries then",
+             "value": event("force_1", lambda force: float((force > 0.0).mean())),
+             "limit": "at least 50 %", "opposite": "at most 5 %"},
+            {"quantity": "least margin until foot 1 lifts, over the least planned margin",
+             "value": measured.margin_while_late, "limit": "at least 1", "opposite": "at most 0"},
+        ],
+    ),
+    "front": (
+        "While foot 2 is still in transfer the COG is close to the front support boundary",
+        "section 6.3, Fig. 19",
+        "the front margin is short while foot 2 is in transfer",
+        [{"quantity": f"front margin {OF_BODY}", "value": late("front", -np.inf), **SHORT}],
+    ),
+    "restored": (
+        "Stability is immediately restored by leg 2, which is gaining a firm support",
+        "section 6.3, Fig. 20",
+        "leg 2 restores the front margin at once",
+        [
+            {"quantity": f"time from the contact of foot 2 until the margin is restored, {AT_END}",
+             "value": late("restored", np.inf), "limit": "at most 0.1 s",
+             "opposite": "at least 0.3 s"},  # transfer: 0.6 s
+            {"quantity": f"least front margin after the contact over that before it, {AT_END}",
+             "value": late("front_gain", -np.inf), "limit": "at least 1", "opposite": "at most 0"},
+        ],
+    ),
+    "feedback": (
+        "The contribution from the feedback control diminishes",
+        "section 6.3",
+        "the share of feedback in the torque falls clearly",
+        [{"quantity": "share of feedback in the torque at the end over that in the first cycle with CMAC",
+          "value": measured.feedback_left, **LESS}],
+    ),
+    "improves": (
+        "Learning improves the accuracy of position and force control, also of the quadruped",
+        "abstract, section 7",
+        "the CMAC lowers errors in transfer and of the force",
+        [
+            {"quantity": "error at the end over that without CMAC", "value": f"{metric}[-5:]", "case": name,
+             "over": {"controller": "feedback + posture"}, **LESS}
+            for metric, name in ERRORS.items()
+        ],
+    ),
+    "wave": (
+        "Wave gait with a duty factor of 0.8: foot lifting propagates from the hind to the front legs, the sides are "
+        "half a cycle out of phase, at least three feet are on the ground",
+        "sections 6, 6.1, Fig. 14",
+        "feet touch down and lift as the wave gait plans, and at least three of them carry",
+        [
+            {"quantity": f"largest difference of a leg's contact from the duty factor, {AT_END}",
+             "value": late("duty_factor_off", np.inf), **NEAR},
+            {"quantity": f"largest difference of a leg's lifting from the wave, of a cycle, {AT_END}",
+             "value": late("wave_off", np.inf), **NEAR},
+            {"quantity": "part of the time in which fewer than three feet carry", "value": event("two_feet", np.mean),
+             "limit": "at most 0 %", "opposite": "at least 1 %"},
+        ],
+    ),
+    "posture": (
+        "The foot contact forces depend on the posture of the machine, and posture control obtains the desired one",
+        "sections 6, 6.2",
+        "the machine walks with posture control and falls without it",
+        [
+            {**FALLS, "each": {"controller": [*FEEDBACK, *NO_POSTURE]}},
+            {**WALKS, "each": {"controller": [*NO_CMAC, *ALL]}},
+        ],
+    ),
+    "indicator": (
+        "The foot force F_n2 is another indicator for stability; when it is 0 the system is likely to fail",
+        "section 6.3, Fig. 17",
+        "the force of foot 2 follows the rear margin, and a supporting foot carries nothing when the machine falls",
+        [
+            {"quantity": f"correlation of F_n2 with the rear margin while foot 3 is aloft, {AT_END}",
+             "value": late("correlation"), "limit": "at least 0.9", "opposite": "at most 0"},
+            {"quantity": "least force of a supporting foot as the machine falls, over the weight",
+             "value": measured.least_force_at_fall, "of": {"controller": [*FEEDBACK, *NO_POSTURE]},
+             "limit": "at most 2 %", "opposite": "at least 10 %"},
+        ],
+    ),
+    "noise": (
+        "Improved robustness toward the sensor noises because the input of CMAC comes directly from trajectory "
+        "planning, not from measurement",
+        "section 6.3",
+        "the CMAC makes the walk more robust to noise",
+        [
+            {"quantity": "change by noise with CMAC over that without, last 5 cycles", "value": noise_ratio(column),
+             "of": {"part": "noise", "controller": [*NO_CMAC, *ALL]}, "case": what, **LESS}
+            for what, column in (("the feet's positions", "feet"), ("the contact forces", "force"))
+        ],
+    ),
+}  # fmt: skip
+"""What the paper says of its quadruped: its words, where, and the finding after "With `reference=aware`"; criteria.
+
+It is a claim with the reference as printed, and a finding with the other one.
+"""
+
+
+def _with(reference: str, criteria: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [{**own, "of": {**LADDER, **own.get("of", {}), "reference": reference}} for own in criteria]
+
+
+SHARE = "part of the squared force error {}, last 5 cycles"
+LONG = {"set": ["scenario=quadruped", "record.cycles=[1]", "cycles=500"], "quick": {"cycles": 8}, "seeds": True}
+STUDY = declare(
     title="Quadruped walking",
     question="How do posture control and a CMAC for each leg change the walk of four legs on soft ground, with "
     "perfect and with noisy sensors, and for how long?",
-    runs=runs,
+    runs=[
+        _request("ladder", UNSEEDED, **{**WALK, "seeds": False}),
+        _request("ladder", NO_POSTURE | ALL, **WALK),
+        _request("noise", NO_CMAC | ALL, **NOISY),
+        {**LONG, "over": {"law": {"as published": ["learning.lead=0"], "lead of one sample": ["learning.lead=1"]}},
+         "labels": {"part": "long", "controller": "all"}},
+    ],
     computed={"events": events, "noise": deviations},
-    claims=CLAIMS,
-    findings=FINDINGS,
+    claims={
+        name: {"words": words, "where": where, "criteria": _with("literal", criteria)}
+        for name, (words, where, _, criteria) in SAID.items()
+    },
+    findings={
+        **{
+            f"aware_{name}": {"says": f"With `reference=aware` {says}", "criteria": _with("aware", criteria)}
+            for name, (_, _, says, criteria) in SAID.items()
+        },
+        "lean": {
+            "says": "Once the CMAC has learnt, the body leans under eq. 24 as printed, and does not with "
+            "`reference=aware`",
+            "criteria": [
+                {"quantity": STEADY["quantity"], "value": STEADY["value"], "of": {**LADDER, "reference": reference},
+                 "case": case, "limit": limit}
+                for reference, case, limit in (
+                    ("literal", "eq. 24 as printed", "at least 50 mrad"),
+                     ("aware", "aware reference", "at most 20 mrad"),
+                )
+            ],
+        },
+        "rocking": {
+            "says": "Most of the force error that is left falls where four feet are planned to be down, and most of "
+            "that "
+            "moves load from one diagonal pair of feet to the other",
+            "criteria": [
+                {"quantity": SHARE.format(what), "value": late(column), "of": {**LADDER, "reference": "aware"},
+                 "limit": "at least 50 %"}
+                for what, column in (
+                    ("where four feet are planned to be down", "four_feet"),
+                    ("there that moves load between the diagonal pairs of feet", "diagonal"),
+                )
+            ],
+        },
+        "noise_cost": {
+            "says": "With CMAC, noise on all sensors costs little accuracy",
+            "criteria": [
+                {"quantity": "transfer error at the end, all sensors noisy over perfect ones",
+                 "value": f"transfer_rmse_{side}[-5:]", "of": {**LADDER, "part": "noise", "reference": "aware"},
+                 "over": {"part": "ladder"}, "case": f"in {side}", "limit": "at most 1.25"}
+                for side in "xy"
+            ],
+        },
+        "lasting": {
+            "says": "With the law as published the walk ends early, with a lead of one sample (`learning.lead=1`) it "
+            "completes",
+            "criteria": [
+                {"quantity": WALKS["quantity"], "value": "done", "of": {"part": "long"}, "each": {"law": law},
+                 "limit": limit}
+                for law, limit in (("as published", "at most 90 %"), ("lead of one sample", "at least 90 %"))
+            ],
+        },
+        "bursts": {
+            "says": "Even with the lead, errors grow again",
+            "quantity": "largest transfer error in x in the last fifth of the cycles over the median of the second "
+            "fifth",
+            "value": measured.bursts, "of": {"part": "long", "law": "lead of one sample"}, "limit": "at least 2",
+        },
+    },
     figures={
-        "fig14": lambda r: figures.gait_diagram(shown_walk(r)[0]),
-        "fig15": lambda r: figures.diagram(shown_walk(r)[0]),
+        "fig14": lambda results: figures.gait_diagram(shown_walk(results)[0]),
+        "fig15": lambda results: figures.diagram(shown_walk(results)[0]),
         **{f"fig{number}": partial(draw_views, number=number) for number in range(16, 21)},
-        "learning": lambda r: draw_cycles(
-            r.select(part=LADDER, controller=ALL),
-            ("feedforward_share", "tilt_max", "transfer_rmse_y", "force_rmse_three_feet"), by="reference",
-        ),
-        "long": lambda r: draw_cycles(
-            r.select(part=LONG), ("transfer_rmse_x", "transfer_rmse_y", "feedback_rms"), by="law", columns=3
-        ),
+        "learning": [
+            {"metric": name, "by": "reference", "of": LADDER, "log": None}
+            for name in ("feedforward_share", "tilt_max", "transfer_rmse_y", "force_rmse_three_feet")
+        ],
+        "long": [
+            {"metric": name, "by": "law", "of": {"part": "long"}, "log": None}
+            for name in ("transfer_rmse_x", "transfer_rmse_y", "feedback_rms")
+        ],
     },
     tables={
-        "ladder": lambda r: tabulate(
-            r.select(part=LADDER), {"controller": "controller", "reference": "reference"},
-            {"walk to the end": completed, **ends((*ERRORS, "feedforward_share", "tilt_max"), LATE)},
-        ),
-        "noise": lambda r: r.computed["noise"]
+        "ladder": {
+            "rows": ["controller", "reference"], "of": {"part": "ladder"},
+            "columns": {
+                "walk to the end": "completed",
+                "x error, mm": "1e3 * transfer_rmse_x[-5:]",
+                "y error, mm": "1e3 * transfer_rmse_y[-5:]",
+                "force error, three feet down, N": "force_rmse_three_feet[-5:]",
+                "force error, whole cycle, N": "force_rmse_cycle[-5:]",
+                "CMAC share, %": "100 * feedforward_share[-5:]",
+                "largest tilt, mrad": "1e3 * tilt_max[-5:]",
+            },
+        },
+        "noise": lambda results: results.computed["noise"]
         .drop(columns="seed")
         .groupby(["controller", "reference"], as_index=False)
         .mean(),

@@ -1,13 +1,12 @@
 """Tables of results: a row for each group of runs."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.report.curves import appearance
 from cmacexp.study.interval import estimate
-from cmacexp.study.results import LAST_CYCLES, Results
+from cmacexp.study.results import Results
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,18 +51,3 @@ def _show(value: Any) -> Any:
 def completed(results: Results) -> str:
     """How many runs reached their end, e.g. ``2 of 3``."""
     return f"{sum(results.completed)} of {len(results)}"
-
-
-def ends(names: Sequence[str], cycles: int = LAST_CYCLES) -> dict[str, Callable[[Results], float]]:
-    """Columns with metrics over the last cycles, mean over the completed runs, in the units that are shown."""
-
-    def column(name: str, factor: float) -> Callable[[Results], float]:
-        def compute(results: Results) -> float:
-            values = results.end(name, cycles)
-            done = values[results.completed]
-            return factor * float(done.mean() if done.size else values.mean())
-
-        return compute
-
-    shown = {name: appearance(name) for name in names}
-    return {f"{each.title}, {each.unit}": column(name, each.factor) for name, each in shown.items()}
