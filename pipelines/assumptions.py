@@ -234,8 +234,11 @@ STUDY = declare(
          "labels": {"machine": LEG}, **COMMON},
         {"set": ["scenario=quadruped", "cycles=20", "record.cycles=[1]"], "over": {"variant": VARIANTS[WALK]},
          "labels": {"machine": WALK}, **COMMON},
-        {"set": ["scenario=force_step"], "labels": {"machine": MASS},
-         "over": {"variant": VARIANTS[MASS], "force_control": ["stiffness", "damping", "combined"]}, "quick": {}},
+        *(
+            {"set": ["scenario=force_step"], "labels": {"machine": MASS},
+             "over": {"variant": VARIANTS[MASS], "force_control": methods}}
+            for methods in (["stiffness", "damping"], ["combined"])
+        ),
     ],
     findings={
         "walks": {

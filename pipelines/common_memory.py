@@ -28,6 +28,10 @@ def _sum(run: Run, key: str) -> int:
     return sum(int(leg[key]) for leg in run.manifest["memory"])
 
 
+def _errors(results: Results, side: str, cycle: int | None) -> Array:
+    return results.end(side) if cycle is None else results.at(cycle, side)
+
+
 def worsening(own: Results, base: Results, cycle: int | None = None) -> Array:
     """(runs of ``own``,): transfer errors over the mean of ``base``, in x or y, the larger.
 
@@ -36,20 +40,12 @@ def worsening(own: Results, base: Results, cycle: int | None = None) -> Array:
         base: runs to compare with.
         cycle: whose errors; None: at the end.
     """
-
-    def errors(results: Results, side: str) -> Array:
-        return results.end(side) if cycle is None else results.at(cycle, side)
-
-    return np.max([quotients(errors(own, side), errors(base, side).mean()) for side in SIDES], axis=0)
+    return np.max([quotients(_errors(own, side, cycle), _errors(base, side, cycle).mean()) for side in SIDES], axis=0)
 
 
 def worsening_in_worlds(own: Results, base: Results, cycle: int | None = None) -> Array:
     """(runs of ``own``,): as :func:`worsening`, over the run of ``base`` in the same world, or of the same seed."""
-
-    def errors(results: Results, side: str) -> Array:
-        return results.end(side) if cycle is None else results.at(cycle, side)
-
-    return np.max([relative(own, base, partial(errors, side=side)) for side in SIDES], axis=0)
+    return np.max([relative(own, base, partial(_errors, side=side, cycle=cycle)) for side in SIDES], axis=0)
 
 
 def hashed(results: Results) -> Results:

@@ -7,17 +7,14 @@ L(s) = (K_ap + K_av s) LEAD(s) / (M s^2). The bandwidth of the open loop is read
 
 import itertools
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cmacexp.config.compose import compose_config
-from cmacexp.study import Claim, Criterion, DataFrame, Figure, Results, Study, at_most
+from cmacexp.study import DataFrame, Figure, Results, declare
 from cmacexp.typing import Array
-from pipelines.common_results import percent
 
-UNMET = "the loop is unstable, or no pair meets (a)"
 SCENARIOS = {"one leg": "one_leg", "quadruped": "quadruped"}
 OMEGAS, ALPHAS, POINTS = (0.2, 200.0), (1.0, 100.0), 30
 """Range of omega (rad/s) and of alpha in a scan, and points of each."""
@@ -102,48 +99,6 @@ def _loops(results: Results, scenario: str, default: bool) -> DataFrame:
     return loops[(loops["scenario"] == scenario) & (loops["default"] == default)]
 
 
-def _claim(
-    words: str, where: str, quantity: str, measure: Callable[[DataFrame], Array], most: float, default: bool
-) -> Claim:
-    """For the gains of each scenario. Nothing counts as the opposite: mass and open-loop bandwidth are assumed."""
-
-    def criterion(name: str) -> Criterion:
-        def sample(results: Results) -> Array:
-            return measure(_loops(results, name, default))
-
-        return replace(percent(quantity, sample, at_most(most), case=name), infinite=UNMET)
-
-    return Claim(words, where, [criterion(name) for name in SCENARIOS])
-
-
-CLAIMS = {
-    "resonance": _claim(
-        "(a) the resonant magnitude M_r of the closed loop is less than 110 %",
-        "section 2",
-        "excess of M_r over 100 % with the gains and corner frequencies used here",
-        resonance,
-        MOST_RESONANCE,
-        default=True,
-    ),
-    "bandwidth": _claim(
-        "(b) the bandwidth of the closed loop remains the same as the open loop",
-        "section 2",
-        "relative difference of the bandwidths with the gains and corner frequencies used here",
-        distance,
-        SAME,
-        default=True,
-    ),
-    "both": _claim(
-        "these objectives can be achieved through the proper placement of the dominant roots of the closed loop",
-        "section 2, eq. 5",
-        "least relative difference of the bandwidths over all pairs that meet (a)",
-        nearest,
-        SAME,
-        default=False,
-    ),
-}
-
-
 def draw_maps(results: Results) -> Figure:
     """One map per scenario: where (a) is met, lines of equal ratio of the bandwidths, and the pair used here."""
     from matplotlib.patches import Patch
@@ -178,12 +133,47 @@ def values(results: Results) -> dict[str, Any]:
     return {**scan, "same": 100.0 * SAME, "both": int(both.sum())}
 
 
-STUDY = Study(
+def _claim(words: str, where: str, quantity: str, measure: Callable[[DataFrame], Array], default: bool) -> Any:
+    """For the gains of each scenario. Nothing counts as the opposite: mass and open-loop bandwidth are assumed."""
+    criteria = [
+        {
+            "quantity": quantity, "value": lambda results, name=name: measure(_loops(results, name, default)),
+            "case": name,
+            "limit": "at most 10 %", "infinite": "the loop is unstable, or no pair meets (a)",
+        }
+        for name in SCENARIOS
+    ]  # fmt: skip
+    return {"words": words, "where": where, "criteria": criteria}
+
+
+STUDY = declare(
     title="Which LEAD compensator meets the paper's objectives",
     question="Which corner frequencies give a resonance below 110 % and an unchanged bandwidth?",
-    runs=lambda quick: [],
+    runs=[],
     computed={"lead_design": compute_loops},
-    claims=CLAIMS,
+    claims={
+        "resonance": _claim(
+            "(a) the resonant magnitude M_r of the closed loop is less than 110 %",
+            "section 2",
+            "excess of M_r over 100 % with the gains and corner frequencies used here",
+            resonance,
+            default=True,
+        ),
+        "bandwidth": _claim(
+            "(b) the bandwidth of the closed loop remains the same as the open loop",
+            "section 2",
+            "relative difference of the bandwidths with the gains and corner frequencies used here",
+            distance,
+            default=True,
+        ),
+        "both": _claim(
+            "these objectives can be achieved through the proper placement of the dominant roots of the closed loop",
+            "section 2, eq. 5",
+            "least relative difference of the bandwidths over all pairs that meet (a)",
+            nearest,
+            default=False,
+        ),
+    },
     figures={"maps": draw_maps},
     values=values,
 )

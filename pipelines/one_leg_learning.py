@@ -302,7 +302,6 @@ STUDY = declare(
         },
     },
     figures={
-        "one_leg": _of_first_seed(trace.glance),
         "fig_07": _of_first_seed(trace.trajectory),
         "fig_08": _of_first_seed(partial(trace.motion, order=1, name="velocity", unit="m/s")),
         "fig_09": _of_first_seed(partial(trace.motion, order=2, name="acceleration", unit="m/s²")),

@@ -184,24 +184,6 @@ def _path(run: Run, cycle: int, end: str = "") -> tuple[Array, Array]:
     return 1e3 * rows[f"x{end}"].to_numpy(), _height(run, rows[f"y{end}"])
 
 
-def glance(run: Run) -> Figure:
-    """Foot path and force in the paper's cycles, and torques in the last."""
-    first, last = rows_of(run, FIRST), rows_of(run, FIFTH)
-    since = first["time"].to_numpy() - first["time"].iloc[0]
-    paths = [Series("desired", *_path(run, FIRST, "_desired"))]
-    forces = [Series("desired", since, first["force_desired"].to_numpy())]
-    for cycle in CYCLES:
-        paths.append(Series(f"cycle {cycle}", *_path(run, cycle)))
-        forces.append(Series(f"cycle {cycle}", since, rows_of(run, cycle)["force"].to_numpy()))
-    torques = [Series(f"from {who}", since, last[f"tau_{who}_1"].to_numpy()) for who in ("feedforward", "feedback")]
-    panels = [
-        Panel("foot", FORWARD, HEIGHT, paths, y_limits=[0.0]),
-        Panel("contact force", "time in the cycle, s", "force, N", forces),
-        Panel(f"torque of joint 1, cycle {FIFTH}", "time in the cycle, s", "torque, N m", torques),
-    ]
-    return draw(panels, columns=3, height=2.7)
-
-
 def trajectory(run: Run) -> Figure:
     """Fig. 7: desired path in transfer and reference positions in support, in the plane and over a cycle."""
     rows, links = rows_of(run, FIRST), run.config["machine"]["leg"]
