@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from cmacexp.data import signals
-from cmacexp.metrics.body import BODY_METRICS
+from cmacexp.metrics.body import BODY_METRICS, ESTIMATE_METRICS
 from cmacexp.metrics.leg import SPATIAL
 from cmacexp.metrics.metric import describe
 from cmacexp.metrics.registry import LEG_METRICS
@@ -19,7 +19,7 @@ DECLARED = re.compile(r"^## (.+)$|^\{\{ declared \}\}$", re.MULTILINE)
 COLUMNS = {
     "`metrics.parquet`": {"cycle": None, "leg": None, **LEG_METRICS},
     "`metrics.parquet` of a robot": SPATIAL,
-    "`body_metrics.parquet`": {"cycle": None, **BODY_METRICS},
+    "`body_metrics.parquet`": {"cycle": None, **BODY_METRICS, **ESTIMATE_METRICS},
 }
 SIGNALS = {
     "`trace.parquet`": signals.LEG_SIGNALS,

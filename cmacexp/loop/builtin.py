@@ -69,7 +69,8 @@ def _start_external(scenario: Scenario) -> KernelParts:
     machine = new_state(mechanism.shape[0], mechanism.axes)
     for values, start in zip(get_state(machine), get_state(scenario.first), strict=True):
         values[...] = start
-    return {"plant_state": machine, "travel": copy.copy(scenario.first.travel)}
+    first = scenario.first
+    return {"plant_state": machine, "travel": copy.copy(first.travel), "signals": copy.deepcopy(first.signals)}
 
 
 def make_guard(scenario: Scenario, external: External) -> Guard | None:
@@ -139,6 +140,9 @@ def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard:
         machine = parts["plant_state"]
         parts["observation"] = Observation._make((*get_state(machine), machine.kinematics, None))
         parts |= _get_parts(scenario.sensors)
+        if "estimator" in parts and parts.get("signals") is None:
+            reason = "needs a plant that gives RobotSignals; use plant=mujoco_robot"
+            raise BadInput("sensors", "proprioceptive", reason)
         if TRAVEL not in find_altered(scenario.sensors):
             parts["observation"] = parts["observation"]._replace(travel=parts.get("travel"))
     parts["control_state"] = new_hybrid_state(*mechanism.shape)

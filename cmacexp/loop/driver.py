@@ -24,7 +24,7 @@ from cmacexp.loop.validation import copy_action, copy_measurement, copy_output, 
 from cmacexp.planning.columns import ACTING, BEFORE, Y
 from cmacexp.planning.setup import Reference
 from cmacexp.plants.drives import ANGLE
-from cmacexp.plants.protocol import STATE, Measurement, copy_state, get_state
+from cmacexp.plants.protocol import STATE, Measurement, copy_state, get_state, view_state
 from cmacexp.typing import Array
 
 _make_reference: Callable[[tuple[object, ...]], Reference] = partial(tuple.__new__, Reference)
@@ -48,8 +48,8 @@ class ExternalComponents:
         self.loop, self.external = loop, external
         self.plant, self.sensors = scenario.plant, scenario.sensors
         self.controller, self.feedforward = scenario.controller, scenario.feedforward
-        self.state = Measurement(*get_state(loop.plant_state))._replace(travel=loop.travel)
-        self.observation = Measurement(*get_state(loop.observation))._replace(travel=loop.observation.travel)
+        self.state = view_state(loop.plant_state, loop.travel)
+        self.observation = view_state(loop.observation, loop.observation.travel)
         self.has_fault_status = external.controller and hasattr(scenario.controller, "force_trusted")
         self.divergence = ""
         """Cause that an external plant itself reported, if it has diverged."""
@@ -82,7 +82,7 @@ class ExternalComponents:
         return _make_reference((step, sample, acting, *self.plan_rows[ACTING if acting else BEFORE][sample]))
 
     def _measure(self, step: int) -> None:
-        true, seen = copy_state(self.state, self.loop.travel), self.observation.travel
+        true, seen = copy_state(self.state, self.loop.travel, self.loop.signals), self.observation.travel
         if seen is not None:  # unless they measure that too
             seen[...] = self.loop.travel
         copy_measurement(self.sensors, "measure", self.sensors.measure(true), self.observation)
@@ -115,6 +115,9 @@ class ExternalComponents:
             self.state.q[...] = np.nan  # for which the check of this step stops the run
             return
         copy_measurement(self.plant, "step", measured, self.state)
+        if self.loop.signals is not None and measured.signals is not None:
+            for values, given in zip(self.loop.signals, measured.signals, strict=True):
+                values[...] = given
         if step == 0:
             for name, values in _name(self.state):
                 require_finite(self.plant, "step", name, values)
@@ -143,7 +146,7 @@ class Driver:
             self.hooks = self.hooks._replace(guard=Hook(guard.begin_step))
         self.taken, (legs, joints) = 0, loop.torques.total.shape
         """Steps whose torque the plant has taken, also when a component raised."""
-        self.state = Measurement(*get_state(loop.plant_state))
+        self.state = view_state(loop.plant_state)
         self.run(*make_samples(0, legs, False, joints))
 
     @property

@@ -139,7 +139,7 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     if not isinstance(plant, AnalyticPlant):  # its body may have no equilibrium: it has fallen, which is a result
         for name, values in zip(STATE, get_state(first), strict=True):
             require_finite(plant, "reset", name, values)
-    return first._replace(travel=measured.travel)
+    return first._replace(travel=measured.travel, signals=measured.signals)
 
 
 @exits_caught()  # of what is asked of components besides

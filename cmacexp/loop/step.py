@@ -4,7 +4,6 @@ A step has two halves, :func:`sense` and :func:`act`. :func:`take_steps` runs bo
 the same bits; :mod:`cmacexp.loop.stepwise` pauses between them. External components are called by hooks.
 """
 
-import math
 from typing import NamedTuple
 
 from cmacexp.control.actuator import Actuator, actuate
@@ -16,6 +15,7 @@ from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
 from cmacexp.feedforward.weight_log import log_cycle
 from cmacexp.jit.compiler import kernel, merged_kernel, program
 from cmacexp.jit.hooks import DONE, Hook
+from cmacexp.loop.finite import is_finite, moves_finite, observes_finite
 from cmacexp.loop.guard_kernels import (
     GuardState,
     accumulate_cycle,
@@ -31,7 +31,9 @@ from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.plants.drives import Drives, send_command
 from cmacexp.plants.kernels import PlantParams, PlantState, advance
 from cmacexp.plants.mujoco_kernels import Engine, advance_engine
+from cmacexp.plants.robot_signals import RobotSignals
 from cmacexp.sensors.channel import Sensing
+from cmacexp.sensors.estimator import Estimator, estimate
 from cmacexp.sensors.kernels import Observation, read_sensors
 from cmacexp.typing import Array, Mask, Scratch
 
@@ -72,10 +74,14 @@ class Loop(NamedTuple):
     plant: PlantParams | None = None
     engine: Engine | None = None
     """Of a built-in plant in MuJoCo, which has no other parameters."""
+    signals: RobotSignals | None = None
+    """What a robot measures by itself."""
     travel: Array | None = None
     """(3,): true, of a body that the plant moves, as of a Measurement."""
     sensing: Sensing | None = None
     """None also of sensors that alter nothing."""
+    estimator: Estimator | None = None
+    """Of sensors that know the true state no better than a robot does."""
     control: HybridParams | None = None
     drive_control: DriveParams | None = None
     """Of a built-in controller that commands drives, which has no ``control``."""
@@ -102,42 +108,6 @@ class Hooks(NamedTuple):
 
 
 @kernel
-def is_finite(values: Array) -> bool:
-    """Whether all of ``values`` (L, J), of any unit, are finite."""
-    for i in range(values.shape[0]):
-        for j in range(values.shape[1]):
-            if not math.isfinite(values[i, j]):
-                return False
-    return True
-
-
-@kernel
-def observes_finite(observation: Observation) -> bool:
-    """Whether all values of an observation are finite."""
-    for i in range(observation.force.shape[0]):
-        if not math.isfinite(observation.force[i]):
-            return False
-    for n in range(3):
-        if not (math.isfinite(observation.body[n]) and math.isfinite(observation.body_rate[n])):
-            return False
-    return (
-        is_finite(observation.q)
-        and is_finite(observation.dq)
-        and is_finite(observation.foot)
-        and is_finite(observation.velocity)
-    )
-
-
-@kernel
-def moves_finite(machine: PlantState) -> bool:
-    """Whether the velocities of body and feet are finite."""
-    for n in range(3):
-        if not math.isfinite(machine.body_rate[n]):
-            return False
-    return is_finite(machine.velocity)
-
-
-@kernel
 def call(hook: Hook | None, step: int) -> bool:
     """Let Python do its part of a step; False if it raised."""
     return hook is None or hook(step) == DONE
@@ -159,15 +129,23 @@ def begin(
 def observe(
     hook: Hook | None,
     sensing: Sensing | None,
+    estimator: Estimator | None,
     mechanism: Mechanism,
     step: int,
     machine: PlantState,
+    signals: RobotSignals | None,
+    support: Mask,
     observation: Observation,
 ) -> bool:
-    """The sensors; False if external ones failed: they raised, or gave a value that is not finite."""
+    """The sensors; False if external ones failed: they raised, or gave a value that is not finite.
+
+    Those of a robot know its ``signals`` and the feet planned in ``support`` (L,), the others the ``machine``.
+    """
     if hook is not None:
         return hook(step) == DONE and observes_finite(observation)
-    if sensing is not None:
+    if estimator is not None and sensing is not None and signals is not None:
+        estimate(estimator, sensing, mechanism, signals, step, support, observation)
+    elif sensing is not None:
         read_sensors(sensing, mechanism, step, machine, observation)
     return True
 
@@ -292,12 +270,25 @@ def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     guard = loop.guard
     feedforward = loop.feedforward
     sensing = loop.sensing
+    estimator = loop.estimator
+    signals = loop.signals
+    support = loop.support
     mechanism = loop.mechanism
     machine = loop.plant_state
     observation = loop.observation
     if not begin(guard_hook, guard, feedforward, step, sample):
         return False
-    if not observe(sensors, sensing, mechanism, step, machine, observation):
+    if not observe(
+        sensors,
+        sensing,
+        estimator,
+        mechanism,
+        step=step,
+        machine=machine,
+        signals=signals,
+        support=support[sample],
+        observation=observation,
+    ):
         return False
     update_given_joints(plant, sensors, mechanism, observation)
     return call(observer, step)

@@ -24,7 +24,7 @@ from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits, stop
 from cmacexp.planning.columns import BEFORE
 from cmacexp.planning.stability import STABILITY
 from cmacexp.plants.mujoco_plant import MujocoPlant
-from cmacexp.plants.protocol import Measurement, get_state
+from cmacexp.plants.protocol import Measurement, view_state
 from cmacexp.sensors.real import make_keys
 from cmacexp.typing import Array, Mask, Status
 
@@ -121,9 +121,9 @@ class OpenLoop:
         self._adaptation = None if self._loop.meter is None else Adaptation(setup, self._loop.meter)
         planned = plan.support, plan.reference[BEFORE], plan.desired, plan.force_desired
         self._planned = [read_only(rows) for rows in planned]
-        self._state = Measurement(*get_state(self._loop.plant_state))._replace(travel=self._loop.travel)
+        self._state = view_state(self._loop.plant_state, self._loop.travel)
         observation = self._loop.observation
-        self._observed = Measurement(*get_state(observation))._replace(travel=observation.travel)
+        self._observed = view_state(observation, observation.travel)
         self._samples = make_samples(self.period, self.shape[0], False, self.shape[1])
         self._start = Snapshot(each.array for each in list_arrays(self._loop) if each.role is not None)
         if self._plant is not None:

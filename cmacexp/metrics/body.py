@@ -77,15 +77,35 @@ BODY_METRICS: dict[str, BodyMetric] = {
     "true_margin_front_min": _margin("true_margin_front"),
     "true_margin_rear_min": _margin("true_margin_rear"),
 }
-"""All columns of ``body_metrics.parquet`` but ``cycle``, in their order."""
+"""Columns of ``body_metrics.parquet`` after ``cycle``, in their order."""
+
+
+def _measure_drift(block: BodyBlock) -> Array:
+    ends = np.array([*block.starts[1:], block.body.steps]) - 1
+    ahead, aside = (block.body[f"{name}_measured"][ends] - block.body[name][ends] for name in ("cog_x", "cog_y"))
+    return np.asarray(np.sqrt(ahead * ahead + aside * aside))
+
+
+ESTIMATE_METRICS: dict[str, BodyMetric] = {
+    "place_drift": Metric(
+        "m",
+        "distance of the measured place from the true one at the end",
+        "never",
+        _measure_drift,
+        BODY_POOLING,
+        SMALL,
+    ),
+}
+"""Columns that follow where the sensors alter the place of the body."""
 
 
 def compute_body(body: Trace, steps_per_cycle: int, first_cycle: int = 1) -> pa.Table:
-    """One row per cycle, the columns of :data:`BODY_METRICS`; the last cycle may be short."""
+    """One row per cycle, the columns of :data:`BODY_METRICS`, and others; the last cycle may be short."""
     block = BodyBlock(body, np.arange(0, body.steps, steps_per_cycle))
-    values = {name: metric.compute(block) for name, metric in BODY_METRICS.items()}
+    metrics = {**BODY_METRICS, **(ESTIMATE_METRICS if "cog_x_measured" in body.table.column_names else {})}
+    values = {name: metric.compute(block) for name, metric in metrics.items()}
     cycles = np.arange(first_cycle, first_cycle + len(block.starts))
-    return to_table({"cycle": cycles}, values, BODY_METRICS)
+    return to_table({"cycle": cycles}, values, metrics)
 
 
 def describe_load(manifest: Mapping[str, Any]) -> str:

@@ -3,7 +3,7 @@
 from typing import Any
 
 from cmacexp.metrics.block import Block
-from cmacexp.metrics.body import BODY_METRICS
+from cmacexp.metrics.body import BODY_METRICS, ESTIMATE_METRICS
 from cmacexp.metrics.drift import LEARNING
 from cmacexp.metrics.leg import FORCE, SPATIAL, TORQUE, TRACKING
 from cmacexp.metrics.memory import MEMORY_METRICS
@@ -13,7 +13,7 @@ OF_A_CYCLE: dict[str, Metric[Block]] = {**TRACKING, **FORCE, **TORQUE}
 """Those that follow from the trace of one cycle."""
 LEG_METRICS: dict[str, Metric[Any]] = {**OF_A_CYCLE, **LEARNING, **MEMORY_METRICS}
 """Columns of ``metrics.parquet`` after ``cycle`` and ``leg``; of a robot those of SPATIAL follow."""
-ALL_METRICS: dict[str, Metric[Any]] = {**TRACKING, **SPATIAL, **LEG_METRICS, **BODY_METRICS}
+ALL_METRICS: dict[str, Metric[Any]] = {**TRACKING, **SPATIAL, **LEG_METRICS, **BODY_METRICS, **ESTIMATE_METRICS}
 """All of these, and those of ``body_metrics.parquet``."""
 SHOWN: dict[str, MetricDisplay] = {name: metric.shown for name, metric in ALL_METRICS.items() if metric.shown}
 """How metrics appear in tables and figures."""

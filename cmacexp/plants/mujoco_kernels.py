@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from cmacexp.jit.compiler import kernel, program
-from cmacexp.models.ground import Ground, damped_force, grade_at, height_at, stiffness_under
+from cmacexp.models.ground import Ground, grade_at, height_at, stiffness_under
 from cmacexp.models.mechanism import (
     CHAINS_UNDER_BODY,
     Mechanism,
@@ -21,21 +21,11 @@ from cmacexp.plants.drives import Drives, drive_joints
 from cmacexp.plants.joint_kernels import Joints, hold_torque
 from cmacexp.plants.kernels import Payload, PlantState
 from cmacexp.plants.mujoco_library import mj_comPos, mj_comVel, mj_kinematics, mj_step, mj_step1, mj_step2
+from cmacexp.plants.robot_signals import Instruments, read_instruments
+from cmacexp.plants.touch import Touch, ground_force, slide_anchor
 from cmacexp.typing import Array, Counts
 
 Vector = tuple[float, float, float]
-
-
-class Touch(NamedTuple):
-    """The contact of a foot with the ground."""
-
-    ground: Ground
-    friction: float = 0.0
-    """Largest tangential over normal force; 0: the foot slides freely."""
-    stiffness: float = 0.0
-    """Stiffness of the spring that holds a sticking foot, N/m."""
-    damping: float = 0.0
-    """Damping beside that spring, N s/m."""
 
 
 class Push(NamedTuple):
@@ -133,6 +123,8 @@ class Engine(NamedTuple):
     """(3,): as of a Measurement."""
     joints: Joints | None
     """What turns joints beside the actuators; None: what the model says."""
+    instruments: Instruments | None = None
+    """Of a robot."""
 
 
 @kernel
@@ -149,36 +141,6 @@ def foot_velocity(bodies: Bodies, feet: Feet, i: int) -> Vector:
         motion[4] + motion[2] * dx - motion[0] * dz,
         motion[5] + motion[0] * dy - motion[1] * dx,
     )
-
-
-@kernel
-def ground_force(touch: Touch, stiffness: float, place: Array, velocity: Vector, anchor: Array) -> Vector:
-    """Force of the ground on a foot at ``place`` (3,), m, that sticks at ``anchor`` (2,), N."""
-    ground, (vx, vy, vz) = touch.ground, velocity
-    depression = height_at(ground.slope, ground.slope_start, place[0]) - place[2]
-    rate = grade_at(ground, place[0]) * vx - vz
-    normal = damped_force(stiffness, ground.damping, depression, rate)
-    longitudinal, lateral = 0.0, 0.0
-    if touch.friction > 0.0:
-        longitudinal = -touch.stiffness * (place[0] - anchor[0]) - touch.damping * vx
-        lateral = -touch.stiffness * (place[1] - anchor[1]) - touch.damping * vy
-        # Not math.hypot, whose compiled form rounds otherwise.
-        size, most = math.sqrt(longitudinal * longitudinal + lateral * lateral), touch.friction * normal
-        if size > most:
-            longitudinal *= most / size
-            lateral *= most / size
-    return longitudinal, lateral, normal
-
-
-@kernel
-def slide_anchor(touch: Touch, place: Array, force: float, anchor: Array) -> None:
-    """Move the point ``anchor`` (2,), m, where a foot at ``place`` (3,) sticks, if it slides or is in the air."""
-    if touch.friction > 0.0:
-        dx, dy = place[0] - anchor[0], place[1] - anchor[1]
-        stretch, longest = math.sqrt(dx * dx + dy * dy), touch.friction * force / touch.stiffness
-        if stretch > longest:
-            anchor[0] = place[0] - dx * longest / stretch
-            anchor[1] = place[1] - dy * longest / stretch
 
 
 @kernel
@@ -279,8 +241,8 @@ def observe_planar_foot(
 
 
 @kernel
-def observe(engine: Engine, machine: PlantState) -> None:
-    """Measure joints, body and feet of a machine at MuJoCo's present positions and velocities; fills ``machine``."""
+def observe(engine: Engine, machine: PlantState, torque: Array) -> None:
+    """Measure a machine whose motors held ``torque`` (L, J), N m, where MuJoCo has it now; fills ``machine``."""
     mechanism = engine.mechanism
     origin = engine.origin
     bodies = engine.bodies
@@ -300,6 +262,7 @@ def observe(engine: Engine, machine: PlantState) -> None:
             machine.dq[i, j] = engine.velocity[engine.dq[i, j]]
     if feet.trunk > 0:
         observe_trunk(engine.touch.ground, bodies, at, velocity, machine.body, machine.body_rate, engine.travel)
+        read_instruments(engine.instruments, machine, torque, engine.travel, rotation, spin, velocity)
     update_kinematics(mechanism, machine.q, machine.kinematics)
     for i in range(machine.q.shape[0]):
         if mechanism.kind == CHAINS_UNDER_BODY:
@@ -377,7 +340,7 @@ def advance_engine(engine: Engine, machine: PlantState, torque: Array, drives: D
             apply_forces(engine.floor, engine, machine, False)
     engine.warning[0] = before
     if not warned:
-        observe(engine, machine)
+        observe(engine, machine, torque)
     else:
         for i in range(torque.shape[0]):
             for j in range(torque.shape[1]):

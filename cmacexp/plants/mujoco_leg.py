@@ -2,10 +2,10 @@
 
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.environment import make_ground
-from cmacexp.plants.mujoco_kernels import Touch
 from cmacexp.plants.mujoco_model import make_planar
 from cmacexp.plants.mujoco_plant import MujocoConfig, MujocoPlant, require_machine
 from cmacexp.plants.protocol import Measurement
+from cmacexp.plants.touch import Touch
 
 
 class MujocoLeg(MujocoPlant):

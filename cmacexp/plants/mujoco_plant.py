@@ -22,7 +22,6 @@ from cmacexp.plants.mujoco_kernels import (
     Engine,
     Feet,
     Push,
-    Touch,
     advancing,
     apply_forces,
     observe,
@@ -30,6 +29,8 @@ from cmacexp.plants.mujoco_kernels import (
 )
 from cmacexp.plants.mujoco_library import Callback, find_address, find_variable, ignore_warning
 from cmacexp.plants.protocol import Measurement, copy_state
+from cmacexp.plants.robot_signals import new_instruments
+from cmacexp.plants.touch import Touch
 from cmacexp.typing import Array, Counts, KernelParts
 
 WARNINGS = {
@@ -159,7 +160,11 @@ class MujocoPlant:
             floor=floor,
             travel=np.zeros(3) if trunk else None,
             joints=joints,
+            instruments=new_instruments(*mechanism.shape, config.sampling_period)
+            if mechanism.chains is not None
+            else None,
         )
+        self.signals = None if self.engine.instruments is None else self.engine.instruments.signals
         self._torque = np.zeros(mechanism.shape)
         self._advancing: Iterator[int] | None = None
         self._pressing: Iterator[int] | None = None
@@ -175,7 +180,7 @@ class MujocoPlant:
             next(self._advancing)
         if self.divergence:
             raise Diverged(self.divergence)
-        return copy_state(self.state, self.engine.travel)
+        return copy_state(self.state, self.engine.travel, self.signals)
 
     def _press_in_stage(self, model: int, data: int) -> None:
         if self._pressing is None:
@@ -215,13 +220,15 @@ class MujocoPlant:
         return self.measure()
 
     def measure(self) -> Measurement:
-        """The present state of MuJoCo, measured anew."""
-        observe(self.engine, self.state)
-        return copy_state(self.state, self.engine.travel)
+        """The present state of MuJoCo, measured anew, as if it did not change."""
+        for _ in range(2):  # an acceleration is the difference of two velocities
+            observe(self.engine, self.state, np.zeros(self.state.q.shape))
+        return copy_state(self.state, self.engine.travel, self.signals)
 
     def kernel_parts(self) -> KernelParts:
-        """Machine in MuJoCo and state, and the place of a body that moves."""
-        return {"engine": self.engine, "plant_state": self.state, "travel": self.engine.travel}
+        """Machine in MuJoCo and state, the place of a body that moves, and what a robot measures."""
+        parts = {"engine": self.engine, "plant_state": self.state}
+        return {**parts, "travel": self.engine.travel, "signals": self.signals}
 
     @property
     def divergence(self) -> str:

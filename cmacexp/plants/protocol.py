@@ -5,6 +5,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from cmacexp.planning.setup import Setup
+from cmacexp.plants.robot_signals import RobotSignals
 from cmacexp.typing import Array
 
 
@@ -28,10 +29,12 @@ class Measurement(NamedTuple):
     travel: Array | None = None
     """(3,): position in the world of a body that the plant moves, x and y, m, and its yaw, rad, positive to the left;
     None if the body moves as planned."""
+    signals: RobotSignals | None = None
+    """What a robot measures by itself; None of plants that do not give it."""
 
 
-STATE = Measurement._fields[:-1]
-"""Fields that every plant measures; only a plant that moves the body measures its travel."""
+STATE = Measurement._fields[:7]
+"""Fields that every plant measures; only a plant that moves the body measures its travel, that of a robot signals."""
 
 
 def get_state(state: tuple[Any, ...]) -> tuple[Array, ...]:
@@ -39,8 +42,22 @@ def get_state(state: tuple[Any, ...]) -> tuple[Array, ...]:
     return state[: len(STATE)]
 
 
-def copy_state(state: Any, travel: Array | None = None) -> Measurement:
-    """A measurement of copies of the arrays of ``state`` that STATE names, and of ``travel`` (3,), m and rad."""
+def view_state(state: Any, travel: Array | None = None) -> Measurement:
+    """A measurement of the arrays of ``state`` that STATE names, and of ``travel`` (3,), m and rad, themselves."""
+    return Measurement(
+        q=state.q,
+        dq=state.dq,
+        foot=state.foot,
+        velocity=state.velocity,
+        force=state.force,
+        body=state.body,
+        body_rate=state.body_rate,
+        travel=travel,
+    )
+
+
+def copy_state(state: Any, travel: Array | None = None, signals: RobotSignals | None = None) -> Measurement:
+    """A measurement of copies of what :func:`view_state` has, and of ``signals``."""
     return Measurement(
         q=state.q.copy(),
         dq=state.dq.copy(),
@@ -50,6 +67,7 @@ def copy_state(state: Any, travel: Array | None = None) -> Measurement:
         body=state.body.copy(),
         body_rate=state.body_rate.copy(),
         travel=None if travel is None else travel.copy(),
+        signals=None if signals is None else RobotSignals(*(values.copy() for values in signals)),
     )
 
 

@@ -1,6 +1,6 @@
 """The config of real sensors: the imperfections and faults of each signal, with their checks."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from cmacexp.config import ComponentConfig, Config, choice, number
 from cmacexp.config.machine import HAS_BODY
@@ -103,7 +103,28 @@ class LegSignalConfig(SignalConfig):
 
 
 @dataclass
-class RealSensorsConfig(ComponentConfig):
+class ChannelsConfig(ComponentConfig):
+    """Some signals, each with imperfections of its own."""
+
+    @property
+    def signals(self) -> dict[str, SignalConfig]:
+        """Signals by their names."""
+        return {name: value for name, value in vars(self).items() if isinstance(value, SignalConfig)}
+
+    @property
+    def draws(self) -> bool:  # type: ignore[override]
+        """Whether any signal is noisy, or loses samples."""
+        signals = self.signals.values()
+        return any(s.noise or s.noise_relative or s.dropout or s.fault.kind == "noise" for s in signals)
+
+    def check(self, config: Config) -> None:
+        """Check each signal against the machine and the run."""
+        for name, signal in self.signals.items():
+            signal.check(f"sensors.{name}", config)
+
+
+@dataclass
+class RealSensorsConfig(ChannelsConfig):
     """Imperfections of each signal; the measured foot follows from the measured joints."""
 
     force: LegSignalConfig
@@ -121,17 +142,10 @@ class RealSensorsConfig(ComponentConfig):
     tilt_rate: SignalConfig
     """rad/s."""
 
-    @property
-    def draws(self) -> bool:  # type: ignore[override]
-        """Whether any signal is noisy, or loses samples."""
-        signals = [getattr(self, each.name) for each in fields(self)[1:]]
-        return any(s.noise or s.noise_relative or s.dropout or s.fault.kind == "noise" for s in signals)
-
     def check(self, config: Config) -> None:
         """Check each signal against the machine and the run."""
-        for each in fields(self)[1:]:
-            key, signal = f"sensors.{each.name}", getattr(self, each.name)
+        for name, signal in self.signals.items():
             if signal.alters and not config.has_body and not isinstance(signal, LegSignalConfig):
                 allowed = f"must be unaltered with machine.kind={config.machine.kind}, which has no body"
-                raise BadInput(key, "altered", allowed)
-            signal.check(key, config)
+                raise BadInput(f"sensors.{name}", "altered", allowed)
+        super().check(config)

@@ -9,7 +9,7 @@ from cmacexp.models.mix import mix
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement, copy_state
 from cmacexp.sensors.channel import CHANNEL, FAULTS, NO_FAULT, Sensing
-from cmacexp.sensors.config import IMPERFECTIONS, FaultConfig, RealSensorsConfig, SignalConfig
+from cmacexp.sensors.config import IMPERFECTIONS, ChannelsConfig, FaultConfig, RealSensorsConfig, SignalConfig
 from cmacexp.sensors.kernels import new_observation, read_sensors
 from cmacexp.sensors.protocol import SIGNALS
 from cmacexp.typing import Counts, KernelParts
@@ -53,6 +53,30 @@ def make_keys(channels: int, seed: int) -> Counts:
     return np.array([[mix(mix(start, c), use) for use in range(3)] for c in range(channels)], dtype=np.int64)
 
 
+def make_sensing(config: ChannelsConfig, layout: list[tuple[str, int]], setup: Setup) -> Sensing:
+    """Channels, one for each signal and leg, 0 for the body, of the ``layout``, before their first reading."""
+    period = setup.config.sampling_period
+    channels = np.array([_channel(getattr(config, name), leg, period) for name, leg in layout], CHANNEL)
+    altered = {name for (name, _), alters in zip(layout, channels["alters"], strict=True) if alters}
+    return Sensing(
+        ("position" in altered, "velocity" in altered),
+        channels,
+        make_keys(len(channels), setup.config.seed),
+        np.zeros((len(channels), int(channels["delay"].max()) + 1)),
+        np.zeros((len(channels), 3)),
+    )
+
+
+def feedback_signal(config: Any, uses_velocity: bool) -> SignalConfig:
+    """The signal that delays the feedback of sensors.
+
+    With velocity feedback the delay of positions does not count: velocities outweigh them at the frequencies that
+    a wrong lead amplifies.
+    """
+    signal: SignalConfig = config.velocity if uses_velocity else config.position
+    return signal
+
+
 class RealSensors:
     """Sensors that alter their readings, each signal in its own way; see ``conf/sensors/real.yaml``.
 
@@ -68,32 +92,19 @@ class RealSensors:
         self.alters: tuple[str, ...] = ()
 
     def feedback_delay(self, uses_velocity: bool) -> int:
-        """Samples by which the feedback is delayed.
-
-        With velocity feedback the delay of positions does not count: velocities outweigh them at the frequencies that
-        a wrong lead amplifies.
-        """
-        return (self.config.velocity if uses_velocity else self.config.position).delay
+        """Samples by which the feedback is delayed."""
+        return feedback_signal(self.config, uses_velocity).delay
 
     def feedback_lag(self, uses_velocity: bool) -> float:
         """Time constant by which the feedback lags, s, likewise."""
-        return (self.config.velocity if uses_velocity else self.config.position).lag
+        return feedback_signal(self.config, uses_velocity).lag
 
     def reset(self, setup: Setup) -> None:
         """Prepare every channel; forget earlier readings."""
-        layout, period = _layout(*setup.mechanism.shape), setup.config.sampling_period
-        channels = np.array([_channel(getattr(self.config, name), leg, period) for name, leg in layout], CHANNEL)
-        altered = {name for (name, _), alters in zip(layout, channels["alters"], strict=True) if alters}
-        self.alters = tuple(name for name in SIGNALS if name in altered)
+        self.alters = tuple(name for name in SIGNALS if getattr(self.config, name).alters)
         self.mechanism, self.step = setup.mechanism, 0
         self.observation = new_observation(setup.mechanism.shape[0], setup.mechanism.axes)
-        self.sensing = Sensing(
-            ("position" in self.alters, "velocity" in self.alters),
-            channels,
-            make_keys(len(channels), setup.config.seed),
-            np.zeros((len(channels), int(channels["delay"].max()) + 1)),
-            np.zeros((len(channels), 3)),
-        ) if self.alters else None  # fmt: skip
+        self.sensing = make_sensing(self.config, _layout(*setup.mechanism.shape), setup) if self.alters else None
 
     def kernel_parts(self) -> KernelParts:
         """The channels, and the observation that they fill; nothing if no signal is altered."""

@@ -127,9 +127,3 @@ def test_the_trace_and_the_manifest_say_when_a_sensor_was_dropped(stored):
     (dropped,), lost = run.manifest["dropped"], run.trace[run.trace["force_trusted"] == 0]
     assert (dropped["leg"], dropped["step"]) == (1, lost["step"].min())
     assert len(lost) == len(run.trace) - dropped["step"]
-
-
-def test_legs_are_counted_from_one_where_their_sensors_are_reported(make_config):
-    controller = make_scenario(make_config("scenario=quadruped", "feedforward=none")).controller
-    controller.state.fault_status.trusted[2], controller.state.fault_status.steps[2] = 0.0, 17
-    assert controller.dropped == {3: 17}

@@ -5,7 +5,8 @@ import pytest
 from support.doors import Hook, make_mechanism, make_scenario, new_measurement, new_observation, new_state
 from support.rollout import roll_out
 
-from cmacexp.loop.step import check, is_finite, observes_finite
+from cmacexp.loop.finite import observes_finite
+from cmacexp.loop.step import check
 from cmacexp.loop.stop import (
     DIVERGED,
     FASTEST_JOINT,
@@ -62,15 +63,6 @@ def test_every_value_that_is_not_finite_is_found_in_every_entry(limits):
     spoil(
         measured, lambda: check(CALLED, limits, 300, measured), DIVERGED, [name for name in STATE if name != "body"]
     )
-
-
-def test_a_matrix_is_checked_whole():
-    values = np.arange(6.0).reshape(3, 2)
-    for entry in np.ndindex(values.shape):
-        for value in NOT_FINITE:
-            spoilt = values.copy()
-            spoilt[entry] = value
-            assert (is_finite(values), is_finite(spoilt)) == (True, False)
 
 
 def test_a_joint_may_be_as_fast_as_the_limit_and_no_faster_either_way(limits):

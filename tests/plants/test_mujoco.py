@@ -26,10 +26,11 @@ from support.rollout import roll_out
 
 from cmacexp.planning import Setup
 from cmacexp.plants.kernels import new_state
-from cmacexp.plants.mujoco_kernels import Bodies, Feet, Touch, press
+from cmacexp.plants.mujoco_kernels import Bodies, Feet, press
 from cmacexp.plants.mujoco_leg import MujocoLeg
 from cmacexp.plants.mujoco_model import make_planar
 from cmacexp.plants.mujoco_plant import MujocoConfig, MujocoPlant
+from cmacexp.plants.touch import Touch
 
 pytestmark = pytest.mark.ci
 LEG = Leg(0.35, 0.30, 0.5, 0.4, -1.0)

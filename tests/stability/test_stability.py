@@ -48,6 +48,7 @@ RUNS = {
     "leg in MuJoCo": (*LEG, "plant=mujoco_leg"),
     "walk in MuJoCo": ("scenario=quadruped", "plant=mujoco_quadruped", "sensors=noisy_force"),
     "robot": (*ROBOT, f"machine.path={OWN}", *SHORT, "sensors=encoders"),
+    "robot by itself": (*ROBOT, f"machine.path={OWN}", *SHORT, "sensors=proprioceptive"),
 }
 
 

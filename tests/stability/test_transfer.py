@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.doors import make_scenario, read, train
+from support.doors import make_scenario
 
 from cmacexp.stability.transfer import Local, compute_spectrum, locals_along, transfer
 
@@ -29,23 +29,16 @@ def respond(responses):
 
 
 def test_eigenvalues_with_positive_real_parts_do_not_suffice():
-    """Two joints that act on each other at other frequencies, and cells that all even samples share."""
+    """Two joints that act on each other at other frequencies."""
     slow, fast = (np.poly1d([1.0, sign]) ** 4 / 16.0 for sign in (1.0, -1.0))
     responses = np.zeros((5, 2, 2))
     responses[0] = np.eye(2)
     responses[:, 0, 1], responses[:, 1, 0] = 3.0 * slow.c, 3.0 * fast.c
-    local, rate, samples, steps = respond(responses), 0.05, 16, 3000
+    local, rate = respond(responses), 0.05
     z = np.exp(2j * np.pi * FREQUENCIES * PERIOD)
     turned = z[:, None] * np.linalg.eigvals(transfer(local, FREQUENCIES, PERIOD))
     assert (turned.real - 1.5 * rate * np.abs(turned) ** 2).min() > 0.1  # condition 2 of eigenvalues, with lead 1
     assert compute_spectrum(local, FREQUENCIES, PERIOD).least(1) < -0.1
-    weights, torques = np.random.default_rng(0).standard_normal((samples, 2)), np.zeros((steps, 2))
-    cells = np.array([[k * (k % 2)] for k in range(samples)], dtype=np.uint32)
-    for n in range(6, steps):
-        read(weights, cells[n % samples], torques[n])
-        error = -np.einsum("ijk,ik", responses, torques[n - 1 : n - 6 : -1])
-        train(weights, cells[(n - 1) % samples], error, rate)
-    assert np.abs(torques[-samples:]).max() > 100.0 * np.abs(torques[: 2 * samples]).max()
 
 
 def test_a_weight_of_joints_whose_inertia_couples_them_keeps_learning_positive():
