@@ -63,13 +63,18 @@ def main() -> None:
     expect_runs(math.inf)  # else short runs are not compiled
     parts = [f"On {machine()}."]
     print(parts[0], file=sys.stderr)
+    wrong: list[str] = []
     for name in chosen.names or ALL:
         found: list[Table] = importlib.import_module(f"benchmarks.{name}").tables(chosen.quick)
         for table in found:
             parts.append(markdown(table))
+            above = [row for row in table.rows if row.ratio is not None and not row.ratio <= row.limit]
+            wrong += [f"{row.what}: {row.ratio:.3g} is above {row.limit}" for row in above]
             print(f"\n{parts[-1]}", flush=True)
         if chosen.write:  # after each, so that an interrupted session keeps its results
             chosen.write.write_text(replace_results(chosen.write.read_text(), "\n\n".join(parts)))
+    if wrong:
+        sys.exit("\n".join(wrong))
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ A disturbance only makes a measurement longer: a time is the best of its rounds,
 """
 
 import ctypes
+import math
 import os
 import platform
 import resource
@@ -57,6 +58,8 @@ class Row(NamedTuple):
     """What it is compared with, and the time of that."""
     ratio: float | None
     target: str
+    limit: float = math.inf
+    """A ratio above it fails the benchmark."""
 
 
 class Table(NamedTuple):
@@ -91,10 +94,12 @@ def format_time(seconds: float) -> str:
     return f"{seconds * 1e9:.3g} ns"
 
 
-def compared(times: Times, what: str, name: str, base: str, against: str, target: str = "") -> Row:
-    """The row that sets ``name`` against ``base``."""
+def compared(
+    times: Times, what: str, name: str, base: str, against: str, target: str = "", limit: float = math.inf
+) -> Row:
+    """The row that sets ``name`` against ``base``; the ratio is not to be above ``limit``."""
     other = f"{against}: {format_time(min(times[base]))}"
-    return Row(what, format_time(min(times[name])), other, ratio(times, name, base), target)
+    return Row(what, format_time(min(times[name])), other, ratio(times, name, base), target, limit)
 
 
 def stopwatch(work: Callable[[], object]) -> Callable[[], float]:

@@ -73,7 +73,7 @@ def run_chunk(chunk: Sequence[list[str]], keeps_trace: bool, runs: int) -> tuple
             tables[number].num_rows,
         )
         for number, (config, end) in enumerate(zip(configs, ends, strict=True))
-    ], concat_metrics(tables)[0]
+    ], concat_metrics(tables)[0].combine_chunks()  # a slice is pickled with all that it is a slice of
 
 
 def _group(configs: Sequence[Config], traces: Mapping[int, SampledTrace]) -> Iterable[list[int]]:

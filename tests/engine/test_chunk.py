@@ -41,6 +41,7 @@ GROUPS = {
 def compare(runs, folder):
     """The statuses of runs made together, which have the metrics of those made alone."""
     ends, table = run_chunk(runs, False, len(runs))
+    assert table["cycle"].num_chunks == 1  # else each run is handed over with the metrics of all
     first = 0
     for number, (end, overrides) in enumerate(zip(ends, runs, strict=True)):
         alone = run([*overrides, "record=metrics", "warn=false"], folder / str(number))
