@@ -12,6 +12,7 @@ COMMANDS = {
     "sweep": "simulates variants: cmacexp sweep cmac.layers=8,16,32",
     "report": "writes a page of figures and tables of runs, or of a sweep",
     "replay": "shows a run in the Rerun viewer",
+    "video": "draws a run, or several side by side, as a moving picture",
     "stability": "says whether learning holds, and with which lead",
     "score": "computes the metrics of runs again from their traces",
     "verify": "checks which runs are intact",

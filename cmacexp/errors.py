@@ -16,6 +16,7 @@ EXTRAS = {
     "datafusion": "catalog",
     "rerun_notebook": "notebook",
     "mcap": "mcap",
+    "imageio_ffmpeg": "video",
     "xarray": "xarray",
     "hydra/sweeper/optuna": "optuna",
     "hydra/launcher/joblib": "cores",

@@ -7,10 +7,10 @@ import numpy as np
 
 from cmacexp.planning.stability import FRONT, REAR
 from cmacexp.recording import palette
+from cmacexp.report.machine_drawing import ALOFT, DENT, MM, NEAR, NEAR_SIDE, draw_leg, joints
 from cmacexp.report.style import DESIRED, GROUND, SERIES, add_legend, colour, label, new_figure
 from cmacexp.study import Figure
 from cmacexp.typing import Array
-from pipelines.common_machine import ALOFT, DENT, MM, NEAR, NEAR_SIDE, draw_leg, joints
 from pipelines.quadruped_walking_events import Walk, instants
 
 if TYPE_CHECKING:

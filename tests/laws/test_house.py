@@ -22,7 +22,7 @@ LAYERS = f"{ROOMS} terminal recording report stability study export gap engine g
 """Each imports only from its own layer and those before it."""
 READERS = {"metrics", "recording", "report", "study", "export"}
 """Rooms that read what is on disk and never reach the loop."""
-MAINS = {"replay", "robots", "score", "verify", "warm"}
+MAINS = {"replay", "robots", "score", "verify", "video", "warm"}
 """Modules beside the rooms that run the command of their name."""
 NUMBERED = Counter({number: 1 for number in (1, 2, *range(5, 22))}) + Counter({23: 2})
 """Equations of the paper that the code computes, and how often: M of 23 in one function, C and G in another."""

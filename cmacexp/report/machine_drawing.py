@@ -1,4 +1,4 @@
-"""The legs of a machine drawn from the side."""
+"""The legs of a machine drawn from its right side."""
 
 from typing import TYPE_CHECKING
 

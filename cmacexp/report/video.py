@@ -1,7 +1,5 @@
-"""``python -m docs.draw_walk DIR...``: cycles of one run, or several runs, side by side as a moving picture."""
+"""Cycles of one run, or several runs, side by side as a moving picture; a robot as its model shows it."""
 
-import argparse
-import sys
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
@@ -9,18 +7,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.files import write_atomically
 from cmacexp.data.run import Run
 from cmacexp.data.trace import count_steps_by_cycle
-from cmacexp.errors import BadInput, BadRun
+from cmacexp.errors import BadInput, BadRun, require_extra
+from cmacexp.models.robot import Robot
 from cmacexp.recording import palette
 from cmacexp.recording.run_view import RunView
 from cmacexp.report.figures import Panel, Series, draw_panel
+from cmacexp.report.machine_drawing import DENT, MM, NEAR, NEAR_SIDE, draw_leg, in_travel, joints
+from cmacexp.report.robot_picture import RobotPicture
 from cmacexp.report.style import DESIRED, GROUND, STYLE, colour
-from cmacexp.terminal.output import print_line
 from cmacexp.typing import Array
-from pipelines.common_machine import DENT, MM, NEAR, NEAR_SIDE, draw_leg, in_travel, joints
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,6 +41,10 @@ BORDER = 60.0
 """Around the machine, mm."""
 BODY_THICKNESS = 24.0
 """Drawn thickness of the body, mm."""
+PIXELS = 640
+"""Width of a rendered robot."""
+FORMATS = (".gif", ".webp", ".mp4")
+"""Endings of the file; the last needs the extra ``video``."""
 
 
 class Cycle(NamedTuple):
@@ -55,6 +57,8 @@ class Cycle(NamedTuple):
     """Where the feet should be, (steps, legs, 3), mm."""
     ink: str
     title: str
+    picture: RobotPicture | None = None
+    """None: drawn as lines."""
 
     @property
     def error(self) -> Array:
@@ -63,27 +67,57 @@ class Cycle(NamedTuple):
         return distances.max(axis=1)
 
 
-def _make_cycle(view: RunView, ink: str, title: str) -> Cycle:
-    return Cycle(view, joints(view), in_travel(view, view.feet("_desired")), ink, title)
+def _make_cycle(view: RunView, ink: str, title: str, picture: RobotPicture | None) -> Cycle:
+    return Cycle(view, joints(view), in_travel(view, view.feet("_desired")), ink, title, picture)
 
 
-def _draw_machine(axes: "Axes", cycle: Cycle, k: int) -> None:
-    """The machine from its right side in step ``k``; each foot's desired path, and its own up to now."""
+def _find_window(cycles: Sequence[Cycle]) -> tuple[Array, Array]:
+    """Lower and upper bounds (3,) of all that is drawn of the machines, mm."""
+    drawn = np.concatenate([points.reshape(-1, 3) for c in cycles for points in (c.places, c.desired)])
+    low, high = drawn.min(axis=0) - BORDER, drawn.max(axis=0) + BORDER
+    low[2] = min(low[2], -40.0 - BORDER)
+    if any(cycle.picture for cycle in cycles):  # heads and rumps stand out of the legs
+        low[0], high[[0, 2]] = low[0] - 2.0 * BORDER, high[[0, 2]] + 2.0 * BORDER
+    return low, high
+
+
+def _render(axes: "Axes", cycle: Cycle, picture: RobotPicture, k: int, window: tuple[Array, Array]) -> None:
+    """The robot in step ``k`` as its model shows it, within the ``window``, mm."""
+    view, (low, high) = cycle.view, window
+    offset = view.joints[0, 0, 0] - picture.robot.hinges[0, 0, :3]  # of the trunk's frame from the body's
+    place = in_travel(view, np.tile(offset, (view.trace.steps, 1)))[k] / MM
+    middle = (low + high) / 2.0 / MM
+    image = picture.draw(view.trace.stack_joints("q{}")[k], place, view.turn()[k], middle, (high[2] - low[2]) / MM)
+    axes.imshow(image, extent=(low[0], high[0], low[2], high[2]), zorder=4, interpolation="lanczos")
+
+
+def _draw_legs(axes: "Axes", cycle: Cycle, k: int) -> None:
+    """The machine in step ``k`` as lines."""
     view, places = cycle.view, cycle.places
-    surface = -MM * view.foot_radius
-    depression = MM * view.depression_scale / float(view.run.config["terrain"]["stiffness"])
     for i in range(view.trace.legs):
         is_near = i + 1 in NEAR_SIDE or view.hips[i, 1] == 0.0
         draw_leg(axes, places[k, i][:, [0, 2]], is_near, not view.trace.support[k, i])
-        x, deep = places[k, i, -1, 0], surface - depression * view.trace["force"][k, i]
-        axes.fill([x - DENT, x, x + DENT], [surface, deep, surface], color=GROUND, lw=0.0, zorder=3)
-        axes.plot(*cycle.desired[:, i, [0, 2]].T, color=DESIRED, lw=1.0, zorder=5)
-        axes.plot(*places[: k + 1, i, -1][:, [0, 2]].T, color=cycle.ink, lw=1.6, zorder=6)
     if view.walks:
         hips = places[k][:, 0, [0, 2]]
         ends = hips[[hips[:, 0].argmin(), hips[:, 0].argmax()]] + [0.0, BODY_THICKNESS / 2.0]
         for ink, width in ((NEAR, 9.0), (colour(palette.BODY_COLOR), 7.0)):
             axes.plot(*ends.T, color=ink, lw=width, solid_capstyle="round", zorder=3.5)
+
+
+def _draw_machine(axes: "Axes", cycle: Cycle, k: int, window: tuple[Array, Array]) -> None:
+    """The machine from its right side in step ``k``; each foot's desired path, and its own up to now."""
+    view, places = cycle.view, cycle.places
+    if cycle.picture is None:
+        _draw_legs(axes, cycle, k)
+    else:
+        _render(axes, cycle, cycle.picture, k, window)
+    surface = -MM * view.foot_radius
+    depression = MM * view.depression_scale / float(view.run.config["terrain"]["stiffness"])
+    for i in range(view.trace.legs):
+        x, deep = places[k, i, -1, 0], surface - depression * view.trace["force"][k, i]
+        axes.fill([x - DENT, x, x + DENT], [surface, deep, surface], color=GROUND, lw=0.0, zorder=3)
+        axes.plot(*cycle.desired[:, i, [0, 2]].T, color=DESIRED, lw=1.0, zorder=5)
+        axes.plot(*places[: k + 1, i, -1][:, [0, 2]].T, color=cycle.ink, lw=1.6, zorder=6)
     axes.axhline(surface, color=GROUND, lw=1.2, zorder=1)
     axes.set(aspect="equal", xticks=[], yticks=[])
     axes.axis("off")
@@ -108,13 +142,12 @@ def _panels(cycle: Cycle, k: int) -> list[Panel]:
     return panels
 
 
-def _set_limits(axes: "NDArray[Any]", cycles: Sequence[Cycle]) -> None:
+def _set_limits(axes: "NDArray[Any]", cycles: Sequence[Cycle], window: tuple[Array, Array]) -> None:
     """Give the axes of all cycles, a row each of machines, forces and path errors, ranges that hold every frame."""
-    drawn = np.concatenate([points.reshape(-1, 3) for c in cycles for points in (c.places, c.desired)])
-    low, high = drawn.min(axis=0) - BORDER, drawn.max(axis=0) + BORDER
+    low, high = window
     force = max(float(c.view.trace[name].max()) for c in cycles for name in ("force", "force_desired"))
     error = max(float(cycle.error.max()) for cycle in cycles)
-    y = ((min(low[2], -40.0 - BORDER), high[2]), (0.0, 1.5 * force), (0.0, 1.1 * error or 1.0))
+    y = ((low[2], high[2]), (0.0, 1.5 * force), (0.0, 1.1 * error or 1.0))
     for row, y_range in zip(axes, y, strict=False):
         for ax in row:
             ax.set_ylim(y_range)
@@ -134,6 +167,7 @@ def draw_frame(cycles: Sequence[Cycle], part: float) -> "Image":
     from PIL import Image
 
     matplotlib.rcParams.update(STYLE)
+    window = _find_window(cycles)
     heights = [2.2, 1.0, 1.0] if cycles[0].view.walks else [2.7, 1.0]
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DPI)
     place = {"left": 0.075, "right": 0.985, "top": 0.94, "bottom": 0.1, "hspace": 0.3, "wspace": 0.1}
@@ -142,14 +176,14 @@ def draw_frame(cycles: Sequence[Cycle], part: float) -> "Image":
     for column, cycle in enumerate(cycles):
         since = cycle.view.time - cycle.view.time[0]
         k = int(np.abs(since - part * since[-1]).argmin())  # rows of a thinned trace need not be evenly spaced
-        _draw_machine(axes[0, column], cycle, k)
+        _draw_machine(axes[0, column], cycle, k, window)
         for ax, panel in zip(axes[1:, column], _panels(cycle, k), strict=True):
             draw_panel(ax, panel, [series.name for series in panel.series])
             ax.set(xlabel=panel.x, ylabel="" if column else panel.y)
             ax.tick_params(labelleft=column == 0)
         if column == len(cycles) - 1:
             axes[1, column].legend(loc="upper right", ncols=2, borderaxespad=0.0)
-    _set_limits(axes, cycles)
+    _set_limits(axes, cycles, window)
     memory = BytesIO()
     figure.savefig(memory, format="png", dpi=DPI)
     return Image.open(memory).convert("RGB")
@@ -162,83 +196,77 @@ def view_cycles(run: Run, asked: Sequence[int]) -> list[RunView]:
         BadInput: the trace does not have them whole, or they are too many.
         BadRun: the trace has no whole cycle.
     """
-    whole = _whole_cycles(run)
+    whole = list_whole_cycles(run)
     cycles = sorted(set(asked) or {whole[0], whole[-1]})
     if len(cycles) > MOST_CYCLES or not set(cycles) <= set(whole):
         raise BadInput("--cycles", ",".join(map(str, asked)), f"write up to {MOST_CYCLES} whole cycles")
-    return [_view(run, cycle) for cycle in cycles]
+    return [view_cycle(run, cycle) for cycle in cycles]
 
 
-def _whole_cycles(run: Run) -> list[int]:
+def list_whole_cycles(run: Run) -> list[int]:
+    """Cycles that the trace has whole; raises BadRun if there is none."""
     whole = run.select_whole(sorted(count_steps_by_cycle(run.folder)))
     if not whole:
         raise BadRun(f"{run.folder}: its trace has no whole cycle, there is nothing to show")
     return whole
 
 
-def _view(run: Run, cycle: int) -> RunView:
+def view_cycle(run: Run, cycle: int) -> RunView:
+    """A view of one cycle of a run."""
     return RunView(run, run.read_trace([cycle]))
 
 
-def write_animation(views: Sequence[RunView], path: Path, titles: Sequence[str] = ()) -> int:
-    """Write cycles side by side as a GIF that plays one cycle in its own time, again and again.
+def make_picture(view: RunView, robot: Robot) -> RobotPicture:
+    """What renders the robot of a run; raises CmacexpError if MuJoCo cannot draw here."""
+    low, high = _find_window([_make_cycle(view, "", "", None)])
+    return RobotPicture(robot, PIXELS, round(PIXELS * float((high - low)[2] / (high - low)[0])))
+
+
+def write_video(
+    views: Sequence[RunView], path: Path, titles: Sequence[str] = (), pictures: Sequence[RobotPicture | None] = ()
+) -> int:
+    """Write cycles side by side as a moving picture that plays one cycle in its own time, again and again.
 
     Args:
         views: one cycle each.
-        path: of the ``.gif`` file.
+        path: of the file, whose ending is one of FORMATS.
         titles: one above each cycle; empty: the numbers of the cycles.
+        pictures: one for each cycle; empty: all machines are drawn as lines.
 
     Returns:
         The number of frames.
     """
-    from PIL.Image import Dither
-
     shown = titles or [f"cycle {view.cycle[0]}" for view in views]
     inks = [PATHS[0]] * (len(views) - 1) + [PATHS[1]]
-    cycles = [_make_cycle(*each) for each in zip(views, inks, shown, strict=True)]
+    cycles = [_make_cycle(*each) for each in zip(views, inks, shown, pictures or [None] * len(views), strict=True)]
     seconds = max(float(view.time[-1] - view.time[0]) for view in views)
     count = max(2, round(seconds * FRAMES_PER_SECOND))
     frames = [draw_frame(cycles, number / (count - 1)) for number in range(count)]
-    colours = frames[count // 2].quantize(COLOURS)
-    shared = [frame.quantize(palette=colours, dither=Dither.NONE) for frame in frames]
     with write_atomically(path) as temporary:
-        shared[0].save(
-            temporary,
-            format="GIF",
-            save_all=True,
-            append_images=shared[1:],
-            duration=1000 / FRAMES_PER_SECOND,
-            loop=0,
-        )
+        _write_mp4(frames, temporary) if path.suffix == ".mp4" else _write_picture(frames, temporary, path.suffix)
     return count
 
 
-def _draw(arguments: argparse.Namespace) -> int:
-    runs = [Run(folder) for folder in arguments.folders]
-    titles = arguments.titles.split(",") if arguments.titles else []
-    if len(runs) == 1:
-        asked = [int(number) for number in arguments.cycles.split(",")] if arguments.cycles else []
-        views = view_cycles(runs[0], asked)
-    else:
-        views = [_view(run, _whole_cycles(run)[-1]) for run in runs[:MOST_CYCLES]]
-    if titles and len(titles) != len(views):
-        raise BadInput("--titles", arguments.titles, f"write {len(views)}, separated by commas")
-    write_animation(views, arguments.out, titles)
-    print_line(str(arguments.out))
-    return 0
+def _write_picture(frames: "Sequence[Image]", path: Path, suffix: str) -> None:
+    """Frames as GIF, with one palette for all, or as WebP."""
+    from PIL.Image import Dither
+
+    options: dict[str, Any] = {"quality": 80}
+    if suffix == ".gif":
+        colours, options = frames[len(frames) // 2].quantize(COLOURS), {}
+        frames = [frame.quantize(palette=colours, dither=Dither.NONE) for frame in frames]
+    duration = 1000 / FRAMES_PER_SECOND
+    frames[0].save(path, suffix[1:], save_all=True, append_images=frames[1:], duration=duration, loop=0, **options)
 
 
-def main() -> int:
-    """Draw one run or several."""
-    parser = Parser(
-        "docs.draw_walk", "Cycles of a run, or the last cycles of runs, side by side as a moving picture."
-    )
-    parser.add_argument("folders", type=Path, metavar="DIR", nargs="+", help=f"a run, or up to {MOST_CYCLES}")
-    parser.add_argument("--cycles", metavar="1,10", help="of one run (default: the first and the last)")
-    parser.add_argument("--titles", metavar="A,B", help="above the cycles (default: their numbers)")
-    parser.add_argument("--out", type=Path, default=Path("walk.gif"), metavar="FILE.gif")
-    return run_command(lambda: _draw(parser.parse_args()))
+def _write_mp4(frames: "Sequence[Image]", path: Path) -> None:
+    """Frames as MP4; raises CmacexpError without the extra that has an encoder."""
+    require_extra("imageio_ffmpeg")
+    import imageio_ffmpeg
 
-
-if __name__ == "__main__":
-    sys.exit(main())
+    size, options = frames[0].size, {"macro_block_size": 2, "output_params": ["-f", "mp4"]}
+    writer = imageio_ffmpeg.write_frames(path, size, fps=FRAMES_PER_SECOND, **options)
+    writer.send(None)
+    for frame in frames:
+        writer.send(frame.tobytes())
+    writer.close()

@@ -1,0 +1,76 @@
+"""``cmacexp video DIR...``: cycles of one run, or the last cycles of several, side by side as a moving picture."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from cmacexp.commands.command import Parser, run_command
+from cmacexp.data.run import Run
+from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.recording.run_view import RunView
+from cmacexp.report.robot_picture import RobotPicture, require_rendering
+from cmacexp.report.video import (
+    FORMATS,
+    MOST_CYCLES,
+    list_whole_cycles,
+    make_picture,
+    view_cycle,
+    view_cycles,
+    write_video,
+)
+from cmacexp.terminal.output import print_line, show_activity
+
+
+def _make_pictures(views: Sequence[RunView]) -> list[RobotPicture | None]:
+    """What renders each robot; lines, and why, where nothing can."""
+    try:
+        if any(view.robot for view in views):
+            require_rendering()
+        from cmacexp.recording.meshes import read_shown_model
+
+        return [make_picture(view, read_shown_model(view.run)) if view.robot else None for view in views]
+    except CmacexpError as error:
+        print_line(f"drawn as lines: {error}")
+        return [None] * len(views)
+
+
+def _choose(arguments: argparse.Namespace) -> list[RunView]:
+    """The cycles to be shown; raises BadInput if the run does not have them."""
+    runs = [Run(folder) for folder in arguments.folders]
+    if len(runs) == 1:
+        numbers = arguments.cycles.split(",") if arguments.cycles else []
+        if not all(number.isdigit() for number in numbers):
+            raise BadInput("--cycles", arguments.cycles, "must be whole numbers, separated by commas")
+        return view_cycles(runs[0], [int(number) for number in numbers])
+    if arguments.cycles:
+        raise BadInput("--cycles", arguments.cycles, "is for one run; of several their last cycles are shown")
+    if len(runs) > MOST_CYCLES:
+        raise BadInput("DIR", len(runs), f"must be at most {MOST_CYCLES} runs")
+    return [view_cycle(run, list_whole_cycles(run)[-1]) for run in runs]
+
+
+def _video(arguments: argparse.Namespace) -> int:
+    out = arguments.out
+    if out.suffix not in FORMATS:
+        raise BadInput("--out", out, f"must end in {', '.join(FORMATS)}")
+    if not out.parent.is_dir():
+        raise BadInput("--out", out, "must lie in a folder that exists")
+    titles = arguments.titles.split(",") if arguments.titles else []
+    views = _choose(arguments)
+    if titles and len(titles) != len(views):
+        raise BadInput("--titles", arguments.titles, f"must be {len(views)} texts, separated by commas")
+    with show_activity("drawing"):
+        write_video(views, out, titles, [] if arguments.lines else _make_pictures(views))
+    print_line(str(out))
+    return 0
+
+
+def main() -> int:
+    """Run the command."""
+    parser = Parser("cmacexp.video", "Cycles of a run, or the last cycles of runs, side by side as a moving picture.")
+    parser.add_argument("folders", type=Path, metavar="DIR", nargs="+", help=f"a run, or up to {MOST_CYCLES}")
+    parser.add_argument("--cycles", metavar="1,10", help="of one run (default: the first and the last)")
+    parser.add_argument("--titles", metavar="A,B", help="above the cycles (default: their numbers)")
+    parser.add_argument("--lines", action="store_true", help="draw a robot as lines, without its model")
+    parser.add_argument("--out", type=Path, default=Path("walk.gif"), metavar="FILE", help=", ".join(FORMATS))
+    return run_command(lambda: _video(parser.parse_args()))
