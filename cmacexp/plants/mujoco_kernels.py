@@ -21,7 +21,7 @@ from cmacexp.plants.drives import Drives, drive_joints
 from cmacexp.plants.joint_kernels import Joints, hold_torque
 from cmacexp.plants.kernels import Payload, PlantState
 from cmacexp.plants.mujoco_library import mj_comPos, mj_comVel, mj_kinematics, mj_step, mj_step1, mj_step2
-from cmacexp.plants.robot_signals import Instruments, read_instruments
+from cmacexp.plants.robot_signals import Instruments, read_drives, read_instruments
 from cmacexp.plants.touch import Touch, ground_force, slide_anchor
 from cmacexp.typing import Array, Counts
 
@@ -341,6 +341,7 @@ def advance_engine(engine: Engine, machine: PlantState, torque: Array, drives: D
     engine.warning[0] = before
     if not warned:
         observe(engine, machine, torque)
+        read_drives(engine.instruments, drives)
     else:
         for i in range(torque.shape[0]):
             for j in range(torque.shape[1]):

@@ -6,6 +6,7 @@ import numpy as np
 
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.leg import GRAVITY
+from cmacexp.plants.drives import Drives
 from cmacexp.plants.kernels import PlantState
 from cmacexp.typing import Array, Clock, State
 
@@ -86,3 +87,13 @@ def read_instruments(
             signals.gyroscope[n] = spin[n]
             signals.accelerometer[n] = rotation[n] * x + rotation[n + 3] * y + rotation[n + 6] * z
         signals.tick[0] += 1.0
+
+
+@kernel
+def read_drives(instruments: Instruments | None, drives: Drives | None) -> None:
+    """Measure the torques of ``drives``, their means over the last sampling period; fills signals."""
+    if instruments is not None and drives is not None:
+        torque = instruments.signals.torque
+        for i in range(torque.shape[0]):
+            for j in range(torque.shape[1]):
+                torque[i, j] = drives.acted[0, i, j] + drives.acted[1, i, j] + drives.acted[2, i, j]

@@ -45,9 +45,9 @@ def test_a_robot_walks_with_the_same_bits_where_all_that_it_does_not_measure_is_
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize("plant", ["mujoco_robot", "mujoco_robot_rigid"])
-def test_without_imperfections_the_estimate_is_near_the_truth(make_config, plant):
-    run = roll_out(make_scenario(make_config(*ROBOT, f"plant={plant}", "cycles=1", "feedforward=none", *EXACT)))
+@pytest.mark.parametrize("overrides", [(), ("plant=mujoco_robot_rigid",), ("controller=drives",)])
+def test_without_imperfections_the_estimate_is_near_the_truth(make_config, overrides):
+    run = roll_out(make_scenario(make_config(*ROBOT, *overrides, "cycles=1", "feedforward=none", *EXACT)))
     body, legs = run.body_columns(), run.columns()
     for name, most in {"height": 1e-3, "height_rate": 0.03, "cog_x": 2e-3, "cog_y": 1e-3, "yaw": 1e-12}.items():
         assert np.abs(body[f"{name}_measured"] - body[name])[500:].max() < most, name
