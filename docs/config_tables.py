@@ -25,7 +25,7 @@ SCENARIOS = ("one_leg", "force_step", "quadruped")
 MODEL = Path(__file__).parents[1] / "tests" / "support" / "robot.xml"
 """Stands for models of robots that are not installed."""
 ROBOT = ("scenario=robot", "machine=mjcf", f"machine.path={MODEL}")
-OF_ROBOTS = ("walk", "amble", "trot", "pace", "mujoco_robot_rigid")
+OF_ROBOTS = ("walk", "amble", "trot", "pace", "mujoco_robot_rigid", "drives", "proprioceptive")
 """Options that no other machine can have."""
 GROUPS = [
     name for name, kind in Config.__annotations__.items() if kind is not str and (config_folder() / name).is_dir()
