@@ -94,7 +94,7 @@ class ActuatorConfig:
 STEERED = ("machine.kind == 'robot'", "gait.stroke > 0")
 """What keeping a course needs."""
 HYBRID = ("option.controller != 'drives'",)
-"""What the posture of a body needs; loops in drives hold it."""
+"""What the posture of a body and checks of force sensors need; loops in drives hold it, and read no force."""
 
 
 @dataclass
@@ -137,6 +137,8 @@ class ForceControlConfig:
 @dataclass
 class PlausibilityConfig:
     """Fault detection: whether the controller checks its force sensors, and ignores those that are implausible."""
+
+    needs: ClassVar[tuple[str, ...]] = HYBRID
 
     enabled: bool
     """Whether it is on."""

@@ -44,6 +44,9 @@ class DriveController:
             if self.damping <= least:
                 reason = f"must be above actuator.lag times controller.stiffness, {least:.4g}, or joints shake"
                 raise BadInput("controller.damping", self.damping, reason)
+            if (method := config.force_control.method) not in ("stiffness", "combined"):
+                reason = "must be stiffness or combined with controller=drives: other plans have no depth to follow"
+                raise BadInput("force_control.method", method, reason)
             for name in ("elasticity", "admittance"):
                 value = getattr(config.force_control, name)
                 if value:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.errors import Diverged
+from cmacexp.errors import BadOutput, Diverged
 from cmacexp.feedforward import Observes
 from cmacexp.jit.hooks import Hook
 from cmacexp.jit.interrupt import interruptible
@@ -20,10 +20,16 @@ from cmacexp.loop.guard_kernels import lets_act
 from cmacexp.loop.samples import make_samples
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import FAILED_COMPONENT, Hooks, Loop, step_loop
-from cmacexp.loop.validation import copy_action, copy_measurement, copy_output, require_finite
-from cmacexp.planning.columns import ACTING, BEFORE, Y
+from cmacexp.loop.validation import (
+    copy_action,
+    copy_drive,
+    copy_measurement,
+    copy_output,
+    copy_signals,
+    require_finite,
+)
+from cmacexp.planning.columns import ACTING, BEFORE, REFERENCE_PLACE
 from cmacexp.planning.setup import Reference
-from cmacexp.plants.drives import ANGLE
 from cmacexp.plants.protocol import STATE, Measurement, copy_state, get_state, view_state
 from cmacexp.typing import Array
 
@@ -97,11 +103,15 @@ class ExternalComponents:
         if self.has_fault_status:
             state.fault_status.trusted[...] = self.controller.force_trusted  # type: ignore[attr-defined]
         if not copy_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
-            state.reference[...] = reference.values[:, : Y + 1]
+            state.reference[...] = reference.values[:, REFERENCE_PLACE[: state.reference.shape[1]]]
         if self.loop.guard is not None:  # what teaches is known to the controller alone
-            state.learning_error[...] = state.feedback if action.learning_error is None else action.learning_error
-        if self.loop.drives is not None and action.drive is not None:
-            self.loop.drives.command[ANGLE:] = action.drive
+            error = state.feedback if action.learning_error is None else action.learning_error
+            copy_output(self.controller, "act", "learning_error", error, state.learning_error)
+        if self.loop.drives is not None:
+            copy_drive(self.controller, action.drive, self.loop.drives.command)
+        elif action.drive is not None:
+            name = type(self.controller).__name__
+            raise BadOutput(f"{name}.act returned a drive, which nothing takes: give {name} sends_drives = True")
 
     def _predict(self, step: int) -> None:
         torque = self.feedforward.predict(self._refer(step), self.loop.control_state.learning_error.copy())
@@ -115,9 +125,8 @@ class ExternalComponents:
             self.state.q[...] = np.nan  # for which the check of this step stops the run
             return
         copy_measurement(self.plant, "step", measured, self.state)
-        if self.loop.signals is not None and measured.signals is not None:
-            for values, given in zip(self.loop.signals, measured.signals, strict=True):
-                values[...] = given
+        if self.loop.signals is not None:
+            copy_signals(self.plant, "step", measured.signals, self.loop.signals)
         if step == 0:
             for name, values in _name(self.state):
                 require_finite(self.plant, "step", name, values)

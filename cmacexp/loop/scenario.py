@@ -18,7 +18,7 @@ from cmacexp.feedforward import Feedforward, Learns
 from cmacexp.jit.compiler import workload
 from cmacexp.jit.interrupt import exits_caught
 from cmacexp.loop.factory import PROTOCOLS, make_component, require_members
-from cmacexp.loop.validation import copy_measurement, require_finite
+from cmacexp.loop.validation import copy_measurement, copy_signals, require_finite
 from cmacexp.models.lead import discretise
 from cmacexp.models.loop_delay import LoopDelay, add_delays
 from cmacexp.models.robot_gains import derive_basis, find_delay_margin
@@ -27,6 +27,7 @@ from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.machine import check_load_sharing, make_mechanism
 from cmacexp.plants import AnalyticPlant, Measurement, Plant
 from cmacexp.plants.protocol import STATE, get_state, new_measurement
+from cmacexp.plants.robot_signals import new_instruments
 from cmacexp.sensors import Sensors
 from cmacexp.typing import Array, Weights
 
@@ -139,7 +140,11 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     if not isinstance(plant, AnalyticPlant):  # its body may have no equilibrium: it has fallen, which is a result
         for name, values in zip(STATE, get_state(first), strict=True):
             require_finite(plant, "reset", name, values)
-    return first._replace(travel=measured.travel, signals=measured.signals)
+    signals = None
+    if measured.signals is not None:
+        signals = new_instruments(*setup.mechanism.shape, setup.config.sampling_period).signals
+        copy_signals(plant, "reset", measured.signals, signals)
+    return first._replace(travel=measured.travel, signals=signals)
 
 
 @exits_caught()  # of what is asked of components besides

@@ -4,14 +4,21 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.control.protocol import Action
+from cmacexp.control.protocol import Action, Drive
 from cmacexp.data.signals import list_units
 from cmacexp.errors import BadOutput
+from cmacexp.plants.drives import ANGLE
 from cmacexp.plants.protocol import STATE, Measurement, get_state
+from cmacexp.plants.robot_signals import RobotSignals
 from cmacexp.typing import Array
 
 UNITS = list_units()
-UNITS["torque"] = UNITS["feedback"]
+UNITS["torque"] = UNITS["learning_error"] = UNITS["signals.torque"] = UNITS["feedback"]
+UNITS |= {
+    f"drive.{name}": unit for name, unit in zip(Drive._fields, ("rad", "rad/s", "N m/rad", "N m s/rad"), strict=True)
+}
+UNITS |= {"signals.q": "rad", "signals.dq": "rad/s", "signals.attitude": "rad", "signals.gyroscope": "rad/s"}
+UNITS |= {"signals.accelerometer": "m/s^2", "signals.tick": "samples"}
 
 FLOAT = np.dtype(np.float64)
 
@@ -91,6 +98,35 @@ def copy_action(component: object, output: Any, feedback: Array, feedforward: Ar
         return False
     copy_output(component, "act", "reference", output[2], reference)
     return True
+
+
+def copy_drive(component: object, drive: Any, command: Array) -> None:
+    """Copy what a controller sends to drives beside its torques into their ``command`` (6, L, J).
+
+    None: torques alone, with gains of 0. Raises BadOutput.
+    """
+    if drive is None:
+        command[ANGLE:] = 0.0
+        return
+    if not isinstance(drive, Drive):
+        raise BadOutput(
+            f"{_method(component, 'act')} returned drive={_describe(drive)}: "
+            f"expected cmacexp.control.Drive({', '.join(Drive._fields)}), or None"
+        )
+    for name, values, target in zip(Drive._fields, drive, command[ANGLE:], strict=True):
+        copy_output(component, "act", f"drive.{name}", values, target)
+        require_finite(component, "act", f"drive.{name}", target)
+
+
+def copy_signals(component: object, method: str, signals: Any, target: RobotSignals) -> None:
+    """Copy what a plant says that a robot measures by itself into the arrays of ``target``; raises BadOutput."""
+    if not isinstance(signals, RobotSignals):
+        raise BadOutput(
+            f"{_method(component, method)} returned signals={_describe(signals)}: "
+            f"expected cmacexp.plants.RobotSignals({', '.join(RobotSignals._fields)})"
+        )
+    for name, values, array in zip(RobotSignals._fields, signals, target, strict=True):
+        copy_output(component, method, f"signals.{name}", values, array)
 
 
 def _describe(output: Any) -> str:

@@ -8,6 +8,8 @@ FORCE_REFERENCE, FORCE_ADDED, FORCE_DESIRED = range(4, 7)
 """Further ones of ``Plan.reference``, N: F_r, force added to the feedback, desired contact force."""
 REFERENCE_Z, REFERENCE_VZ = range(7, 9)
 """Of ``Plan.reference`` where feet move in space."""
+REFERENCE_PLACE = (X, Y, REFERENCE_Z)
+"""Of ``Plan.reference`` where a foot should be, those that there are."""
 REFERENCE_COLUMNS = {2: 7, 3: 9}
 """By the number of axes."""
 Q1, Q2, DQ1, DQ2, DDQ1, DDQ2 = range(6)

@@ -100,8 +100,7 @@ class RestorableLoop:
         """Remember this step as the one that :meth:`put` returns to; its state, (n,)."""
         self._clocks = Snapshot(self._clocks.arrays)
         self._held = self.run.taken
-        if self.plant is not None:
-            self.plant.hold()
+        self._plant_size = 0 if self.plant is None else len(self.plant.hold())
         return self.state()
 
     def state(self) -> Array:
@@ -112,6 +111,8 @@ class RestorableLoop:
 
     def put(self, state: Array) -> None:
         """Return to the step of :meth:`hold`, with this state (n,)."""
+        if self.plant is not None:  # which measures, as if nothing had moved before: what was measured then follows
+            self.plant.put(state[-self._plant_size :])
         done = 0
         for part in self._parts:
             _write(part, self._held, state[done : done + part.array.size])
@@ -122,8 +123,6 @@ class RestorableLoop:
             done += size
         self._clocks.restore()
         self.run.taken = self._held
-        if self.plant is not None:
-            self.plant.put(state[done:])
 
     def derivative(self, about: Array, along: Array, observe: Callable[[], Array], steps: int) -> tuple[Array, Array]:
         """Directional derivative of the state (n,), and of an observation, after steps that must not end the run."""

@@ -46,12 +46,17 @@ def test_a_command_leads_the_foot_along_its_reference_and_missing_force_teaches(
 
 
 @pytest.mark.parametrize(
-    ("lag", "elasticity", "key"), [(0.1, 0, "controller.damping"), (0, 0.1, "force_control.elasticity")]
+    ("lag", "elasticity", "method", "key"),
+    [
+        (0.1, 0, "combined", "controller.damping"),
+        (0, 0.1, "combined", "force_control.elasticity"),
+        (0, 0, "damping", "force_control.method"),
+    ],
 )
-def test_what_drives_cannot_do_is_refused(lag, elasticity, key):
+def test_what_drives_cannot_do_is_refused(lag, elasticity, method, key):
     given = {
         "actuator": SimpleNamespace(lag=lag),
-        "force_control": SimpleNamespace(elasticity=elasticity, admittance=0),
+        "force_control": SimpleNamespace(elasticity=elasticity, admittance=0, method=method),
     }
     with pytest.raises(BadInput) as refused:
         DriveController.Config(stiffness=80.0, damping=6.0, force_weight=1.0).check(SimpleNamespace(**given))
