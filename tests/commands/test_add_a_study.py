@@ -46,11 +46,6 @@ def test_the_study_of_the_page_leaves_a_finding_with_its_interval_and_quick_find
     assert len(table) == 3 * table["seed"].nunique()
     assert "concludes nothing" in (quick / "report.html").read_text()
     assert not (quick / "claims.json").exists()
-    page = tmp_path / "my_study.md"
-    page.write_text(page.read_text().replace("One leg learns", "A leg learns"))
-    done = python("-m", "cmacexp.study", "my_study.py", *TWO, folder=tmp_path)
-    assert " 0 of them to be run" in done.stderr
-    assert "A leg learns" in (whole / "report.html").read_text()
 
 
 @pytest.mark.ci

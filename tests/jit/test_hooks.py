@@ -8,7 +8,6 @@ import pytest
 from support.command import python
 
 from cmacexp.jit.hooks import DONE, FAILED, Hook
-from cmacexp.jit.interrupt import handled, interrupt_held_back, interruptible, raise_if_interrupted
 
 
 def test_a_hook_gives_a_status_and_keeps_what_its_function_raised():
@@ -22,22 +21,6 @@ def test_a_hook_gives_a_status_and_keeps_what_its_function_raised():
         hook.raise_error()
     assert "work" in [frame.name for frame in traceback.extract_tb(raised.value.__traceback__)]
     hook.raise_error()  # it is raised once
-
-
-def test_an_interrupt_that_waits_is_raised_in_a_hook_and_one_after_it_waits_again():
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    done, hook = [], Hook(interruptible(lambda step: done.append(step)))
-    with handled(), interrupt_held_back():
-        assert hook(0) == DONE
-        os.kill(os.getpid(), signal.SIGINT)
-        assert hook(1) == FAILED
-        with pytest.raises(KeyboardInterrupt):
-            hook.raise_error()
-        os.kill(os.getpid(), signal.SIGINT)  # waits again
-        with pytest.raises(KeyboardInterrupt):
-            raise_if_interrupted()
-    signal.signal(signal.SIGINT, before)
-    assert done == [0]
 
 
 def test_what_a_signal_handler_of_the_caller_raises_passes_too():

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from support.doors import make_rows
 
-from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.leg import FORCE
-from cmacexp.metrics.metric import LARGE
 from cmacexp.metrics.pooling import BETWEEN, ENDS, MOST_ROWS, shorten
 from cmacexp.metrics.registry import ALL_METRICS, MAIN, SHOWN
 from cmacexp.metrics.text import find_numeric
@@ -28,16 +26,6 @@ def test_metrics_are_shown_in_their_units_by_the_factor_between_them():
         assert shown.factor == FACTORS.get((ALL_METRICS[name].unit, shown.unit), 1.0), name
     assert list(MAIN) == MAIN_METRICS.split()
     assert {name for name, shown in SHOWN.items() if not shown.over_legs} == OF_ONE_LEG <= FORCE.keys()
-
-
-def test_heights_and_margins_say_which_they_are():
-    heights = [BODY_METRICS[f"height_{which}"].shown.title for which in ("mean", "min", "max")]
-    assert heights == ["height", "least height", "largest height"]
-    edges = {"stability_margin": "nearest edge", "margin_front": "front", "true_margin_rear": "rear"}
-    for name, edge in edges.items():
-        metric = BODY_METRICS[f"{name}_min"]
-        assert metric.meaning.startswith(f"least margin to the {edge} of the ")
-        assert metric.better == LARGE
 
 
 @pytest.mark.parametrize("more", [0, 1, 40, 977])

@@ -24,9 +24,7 @@ from cmacexp.models.ground import (
     ALL_LEGS,
     NEVER,
     Ground,
-    contact_force,
     damped_depression,
-    damped_force,
     depression_for,
     first_sample,
     grade_at,
@@ -82,16 +80,6 @@ def test_a_depression_lags_behind_its_force_as_a_first_order_filter_does(stiffne
 def test_a_change_acts_from_the_first_sample_that_is_not_before_it(sample, period):
     assert first_sample(sample * period, period) == sample
     assert first_sample((sample + 0.01) * period, period) == sample + 1
-
-
-def test_ground_is_flat_up_to_its_slope():
-    assert_allclose(height_at(0.1, 2.0, np.array([-1.0, 2.0, 3.0])), [0.0, 0.0, 0.1])
-
-
-@pytest.mark.parametrize(("depth", "rate", "force"), [(0.02, 0.5, 250.0), (0.02, -9.0, 0.0), (-1e-9, 9.0, 0.0)])
-def test_ground_presses_a_foot_that_is_in_it_and_never_pulls(depth, rate, force):
-    assert damped_force(1e4, 100.0, depth, rate) == pytest.approx(force)
-    assert contact_force(1e4, depth) == pytest.approx(1e4 * max(0.0, depth))
 
 
 @given(st.floats(0.0, 1e9))

@@ -35,19 +35,6 @@ def test_ground_with_damping_carries_a_body_at_rest_by_its_stiffness_alone(make_
     assert state.force.sum() == pytest.approx(compute_load(plant.params, 0).weight)
 
 
-def test_rates_of_a_body_add_up_to_its_motion(walking):
-    params, state = walking.plant.params, walking.plant.state
-    before, period, moved = state.body.copy(), params.step * params.substeps, np.zeros(3)
-    rng = np.random.default_rng(0)
-    for _ in range(5):
-        advance(params, state, rng.normal(size=(4, 2)))
-        moved += period * state.body_rate
-    assert (np.abs(moved) > 1e-9).all()
-    assert_allclose(moved, state.body - before, atol=1e-14)
-    assert state.clock[0] == 5
-    assert state.distance[0] == pytest.approx(5 * period * params.speed)
-
-
 def test_a_point_mass_is_accelerated_in_the_air_and_swings_on_the_ground(make_config):
     plant = make_scenario(make_config("scenario=force_step")).plant
     params, state, push = plant.params, plant.state, np.array([[0.3, -0.2]])

@@ -47,11 +47,9 @@ from cmacexp.models.leg import jacobian as jacobian
 from cmacexp.models.leg import joint_torque as joint_torque
 from cmacexp.models.leg import trigonometry as trigonometry
 from cmacexp.models.loop_delay import LoopDelay as LoopDelay
-from cmacexp.models.mechanism import Mechanism as Mechanism
 from cmacexp.models.mechanism import get_leg as get_leg
 from cmacexp.models.mechanism import legs_on_stand as legs_on_stand
 from cmacexp.models.mechanism import legs_under_body as legs_under_body
-from cmacexp.models.mechanism import point_mass as point_mass
 from cmacexp.models.robot_file import package_models as package_models
 from cmacexp.models.robot_gains import derive_basis as derive_basis
 from cmacexp.models.robot_gains import derive_gains as derive_gains
