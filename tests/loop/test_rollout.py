@@ -73,11 +73,15 @@ def test_a_diverging_run_stops_at_once_and_says_where(make_config):
     assert 0.1 * FASTEST_JOINT < speeds[-1].max() <= speeds.max() <= FASTEST_JOINT
 
 
-class Faulty:
-    """A part that does what another does, until its ``method`` is called for the given time."""
+def breaks(inner, *arguments):
+    raise RuntimeError("cable cut")
 
-    def __init__(self, part, method, calls, fault):
-        self.part, self.method, self.calls, self.fault = part, method, calls, fault
+
+class External:
+    """Does what a built-in part does, counts how often its ``method`` is called, and has a fault at that call."""
+
+    def __init__(self, part, method, at=0, fault=breaks):
+        self.part, self.method, self.at, self.fault, self.calls = part, method, at, fault, 0
 
     def __getattr__(self, name):
         inner = getattr(self.part, name)
@@ -85,19 +89,15 @@ class Faulty:
             return inner
 
         def counted(*arguments):
-            self.calls -= 1
-            return self.fault(inner, *arguments) if self.calls == 0 else inner(*arguments)
+            self.calls += 1
+            return self.fault(inner, *arguments) if self.calls == self.at else inner(*arguments)
 
         return counted
 
 
-def breaks(inner, *arguments):
-    raise RuntimeError("cable cut")
-
-
-def run_with_faulty(make_config, part, method, calls, fault):
+def run_with_faulty(make_config, part, method, at, fault):
     scenario = make_scenario(make_config(*SHORT, "cycles=2"))
-    return roll_out(dataclasses.replace(scenario, **{part: Faulty(getattr(scenario, part), method, calls, fault)}))
+    return roll_out(dataclasses.replace(scenario, **{part: External(getattr(scenario, part), method, at, fault)}))
 
 
 @pytest.mark.parametrize("step", [10, 50])
@@ -142,24 +142,6 @@ def test_an_interrupt_between_cycles_keeps_the_cycles_done_and_an_exception_fail
 CALLED = {"sensors": "measure", "controller": "act", "feedforward": "predict", "plant": "step"}
 
 
-class External:
-    """Does what a built-in component does, and counts its calls."""
-
-    def __init__(self, component):
-        self.component, self.calls = component, dict.fromkeys(CALLED.values(), 0)
-
-    def __getattr__(self, name):
-        inner = getattr(self.component, name)
-        if name not in CALLED.values():
-            return inner
-
-        def counted(*arguments):
-            self.calls[name] += 1
-            return inner(*arguments)
-
-        return counted
-
-
 @pytest.mark.parametrize(
     ("scenario", "groups"),
     [
@@ -175,7 +157,7 @@ def test_a_run_has_the_same_bits_whichever_components_are_external(make_config, 
     short = ("gait.cycle_time=0.2", "gait.lift=0.005", "cycles=3", "learning.start_cycle=2")
     config = make_config(f"scenario={scenario}", *short, *sensors)
     built_in, inside = roll_out(make_scenario(config)), make_scenario(config)
-    external = {group: External(getattr(inside, group)) for group in groups}
+    external = {group: External(getattr(inside, group), CALLED[group]) for group in groups}
     mixed, steps = roll_out(dataclasses.replace(inside, **external)), len(built_in.samples)
     assert steps == (120 if scenario == "one_leg" else 42)  # four legs cannot walk so fast: they fall
     assert mixed.status == built_in.status
@@ -186,4 +168,4 @@ def test_a_run_has_the_same_bits_whichever_components_are_external(make_config, 
         asked = steps
         if group == "feedforward":  # not before it acts; and a controller calls the one that it was given
             asked = 0 if "controller" in groups else steps - 40
-        assert component.calls[CALLED[group]] == asked
+        assert component.calls == asked

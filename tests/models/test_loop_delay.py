@@ -62,12 +62,13 @@ def test_gains_of_a_robot_follow_and_its_body_stays_as_stiff():
     assert stiffness[0] == pytest.approx(stiffness[1])
 
 
-@pytest.mark.parametrize("ratio", [0.0041, 0.01, 0.018, 0.03, 0.2])
-@pytest.mark.parametrize("late", [LoopDelay(1), LoopDelay(2), LoopDelay(1, (0.0003, 0.0002))])
+@pytest.mark.parametrize("ratio", [0.0041, 0.01, 0.0169, 0.0171, 0.018, 0.03, 0.2])
+@pytest.mark.parametrize("late", [LoopDelay(), LoopDelay(1), LoopDelay(2), LoopDelay(1, (0.0003, 0.0002))])
 def test_the_recommended_period_is_allowed_and_not_longer_than_with_feedback_on_time(ratio, late):
     period = recommend_period(ratio, late)
     require_period(ratio, period, late)
     assert period <= recommend_period(ratio)
+    assert 1.0 / period == pytest.approx(round(1.0 / period))
 
 
 def test_lags_that_no_period_makes_up_for_are_refused():

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.doors import BadInput
 from support.robots import MODELS, change, read
 
 from cmacexp.models.chain import chain_kinematics
 from cmacexp.models.leg import GRAVITY
 from cmacexp.models.robot import load_mujoco
-from cmacexp.models.robot_gains import Basis, derive_basis, derive_gains, recommend_period, require_period
+from cmacexp.models.robot_gains import Basis, derive_basis, derive_gains
 
 TURN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """From the frame of the trunk (x forward, y left, z up) to that of a chain (x forward, y down, z left)."""
@@ -71,16 +70,6 @@ def test_a_shorter_period_or_a_smaller_lead_allows_larger_gains():
     slow, fast, plain = (derive_gains(BASIS, *each) for each in ((0.002, 3.0), (0.001, 3.0), (0.001, 1.0)))
     assert slow.velocity_gain < fast.velocity_gain < plain.velocity_gain
     assert slow.position_gain / slow.velocity_gain == pytest.approx(plain.position_gain / plain.velocity_gain)
-
-
-@pytest.mark.parametrize("ratio", [1e-9, 1e-4, 0.003, 0.0042, 0.01, 0.0169, 0.0171, 0.2])
-def test_the_recommended_period_is_allowed_and_one_much_longer_is_not_unless_feet_are_heavy(ratio):
-    period = recommend_period(ratio)
-    require_period(ratio, period)
-    assert 1.0 / period == pytest.approx(round(1.0 / period))
-    if ratio < 0.017:
-        with pytest.raises(BadInput, match=f"^sampling_period={10.0 * period}: .* use {period:g},"):
-            require_period(ratio, 10.0 * period)
 
 
 @pytest.mark.ci
