@@ -57,6 +57,8 @@ def _video(arguments: argparse.Namespace) -> int:
         raise BadInput("--out", out, "must lie in a folder that exists")
     titles = arguments.titles.split(",") if arguments.titles else []
     views = _choose(arguments)
+    if len({view.walks for view in views}) > 1:
+        raise BadInput("DIR", ", ".join(map(str, arguments.folders)), "must be all of machines that walk, or none")
     if titles and len(titles) != len(views):
         raise BadInput("--titles", arguments.titles, f"must be {len(views)} texts, separated by commas")
     with show_activity("drawing"):

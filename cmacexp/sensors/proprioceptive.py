@@ -73,6 +73,11 @@ class ProprioceptiveConfig(ChannelsConfig):
         if config.machine.kind != "robot":
             allowed = "must be robot with sensors=proprioceptive: use scenario=robot"
             raise BadInput("machine.kind", config.machine.kind, allowed)
+        if config.plausibility.enabled:
+            allowed = (
+                "must be false with sensors=proprioceptive, whose forces are estimates and lag behind a touch-down"
+            )
+            raise BadInput("plausibility.enabled", True, allowed)
         super().check(config)
 
 
