@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 from support.doors import BadInput, make_scenario
+from support.robot_walks import ROBOT
+from support.robots import OWN
 from support.rollout import roll_out
 
 from cmacexp.sensors import ProprioceptiveSensors
 
-ROBOT = ("scenario=robot", "sensors=proprioceptive", "sampling_period=0.001")
+WALK = (*ROBOT, f"machine.path={OWN}", "sensors=proprioceptive", "sampling_period=0.001")
 SHORT = ("gait.cycle_time=0.6", "gait.lift=0.02")
 EXACT = (
     *(f"sensors.{name}.noise=0" for name in ("position", "velocity", "torque", "tilt", "heading")),
@@ -32,7 +34,7 @@ class Blinding(ProprioceptiveSensors):
 
 @pytest.mark.ci
 def test_a_robot_walks_with_the_same_bits_where_all_that_it_does_not_measure_is_unknown(make_config):
-    config = make_config(*ROBOT, *SHORT, "cycles=2", "learning.start_cycle=1", "learning.guard=none")
+    config = make_config(*WALK, *SHORT, "cycles=2", "learning.start_cycle=1", "learning.guard=none")
     blind = Blinding(config.sensors)
     scenario = make_scenario(config, sensors=blind)
     blind.plant = scenario.plant
@@ -47,7 +49,7 @@ def test_a_robot_walks_with_the_same_bits_where_all_that_it_does_not_measure_is_
 @pytest.mark.ci
 @pytest.mark.parametrize("overrides", [(), ("plant=mujoco_robot_rigid",), ("controller=drives",)])
 def test_without_imperfections_the_estimate_is_near_the_truth(make_config, overrides):
-    run = roll_out(make_scenario(make_config(*ROBOT, *overrides, "cycles=1", "feedforward=none", *EXACT)))
+    run = roll_out(make_scenario(make_config(*WALK, *overrides, "cycles=1", "feedforward=none", *EXACT)))
     body, legs = run.body_columns(), run.columns()
     for name, most in {"height": 1e-3, "height_rate": 0.03, "cog_x": 2e-3, "cog_y": 1e-3, "yaw": 1e-12}.items():
         assert np.abs(body[f"{name}_measured"] - body[name])[500:].max() < most, name
@@ -58,7 +60,7 @@ def test_without_imperfections_the_estimate_is_near_the_truth(make_config, overr
 @pytest.mark.ci
 def test_a_dead_torque_sensor_leaves_its_leg_without_force(make_config):
     dead = [f"sensors.torque.fault.{each}" for each in ("kind=zero", "legs=[2]")]
-    measured = roll_out(make_scenario(make_config(*ROBOT, *SHORT, "cycles=1", *EXACT, *dead))).columns()[
+    measured = roll_out(make_scenario(make_config(*WALK, *SHORT, "cycles=1", *EXACT, *dead))).columns()[
         "force_measured"
     ]
     assert measured[100:, 1].max() < 8.0 < measured[100:, 0].max()
