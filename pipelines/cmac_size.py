@@ -226,20 +226,17 @@ STUDY = declare(
         },
         "inputs": {
             "says": "In randomised runs, on this one path of one leg, a CMAC of the angles alone learns faster than "
-            "one of all "
-            "inputs",
+            "one of all inputs",
             **_compare("one leg", INPUTS, "[angle]", 5, "at most 0.8"),
         },
         "inputs_end": {
             "says": "In randomised runs, a CMAC of the angles alone ends about as accurate on this path as one of "
-            "all inputs, or "
-            "more accurate",
+            "all inputs, or more accurate",
             **_compare("one leg", INPUTS, "[angle]", None, "at most 1.25"),
         },
         "room": {
             "says": "In randomised runs, with 2 rows of memory for each visited cell or more, collisions cost one "
-            "leg little "
-            "accuracy",
+            "leg little accuracy",
             "quantity": "largest error at the end with at least 2 rows for each visited cell, over that without "
             "collisions",
             "value": cost_with_room, "of": {"machine": "one leg in worlds",
@@ -249,8 +246,7 @@ STUDY = declare(
         "weight": {
             "says": "In randomised runs, in equally crowded memory, collisions cost 8 layers more than 128",
             "quantity": "what collisions cost 8 layers in crowded memory, over what they cost 128 (error at the end "
-            "over that "
-            "without collisions)",
+            "over that without collisions)",
             "value": weigh_collisions, "of": {"machine": "one leg in worlds", "varied": ["layers and memory", FREE]},
             "limit": "at least 1.25",
         },

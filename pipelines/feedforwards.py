@@ -222,8 +222,7 @@ STROKES = list(CHANGES)[:2]
 STUDY = declare(
     title="Alternatives to the CMAC",
     question="How do models, CMAC, radial basis functions, a perceptron and iterative learning control compare in "
-             "accuracy "
-    "and speed of learning, and how much of what they learn is of use after a change?",
+             "accuracy and speed of learning, and how much of what they learn is of use after a change?",
     runs=RUNS,
     measures={"ended_by_guard": ended_by_guard},
     claims={
@@ -255,21 +254,18 @@ STUDY = declare(
     findings={
         "models": {
             "says": "In randomised runs, the error of CMAC in cycle 20 is far below that of inverse dynamics with "
-            "the planned "
-            "masses",
+            "the planned masses",
             "criteria": _over("CMAC", "model", 20, 0.5),
         },
         "on_model": {
-            "says": "In randomised runs, a CMAC on a model with the planned masses starts better than a CMAC "
-            "without a model and "
-            "ends as well",
+            "says": "In randomised runs, a CMAC on a model with the planned masses starts better than a CMAC without "
+            "a model and ends as well",
             "criteria": [*_over("CMAC on model", "CMAC", 5, 0.8), *_over("CMAC on model", "CMAC", 20, 1.25)],
         },
         **{
             f"learners_{case}": {
                 "says": f"In randomised runs, at rate `auto` and unguarded, CMAC ({case}) is more accurate in cycle "
-                "20 than RBF, "
-                "MLP and ILC",
+                "20 than RBF, MLP and ILC",
                 "criteria": [each for other in ("RBF", "MLP", "ILC") for each in _over("CMAC", other, 20, 1.0,
                 [group])],
             }
@@ -277,8 +273,7 @@ STUDY = declare(
         },
         "jumps": {
             "says": "In randomised runs, inverse dynamics with the planned masses and CMAC are both far more "
-            "accurate on a path "
-            "without jumps: plan such paths first",
+            "accurate on a path without jumps: plan such paths first",
             "quantity": "error in cycle 20 without jumps of the planned speed, over that with them", "value": LATE,
             "of": {"group": SMOOTH}, "over": {"group": IN_LEG}, "each": {"kind": ["model", "CMAC"]},
             "limit": "at most 0.5",
@@ -290,8 +285,7 @@ STUDY = declare(
         },
         "keep": {
             "says": "In randomised runs, a CMAC that keeps its weights after a change of stroke or ground has a "
-            "smaller error "
-            "over the first 5 cycles than one that starts from nothing: keep them",
+            "smaller error over the first 5 cycles than one that starts from nothing: keep them",
             **_after(
                 list(CHANGES), "CMAC", ANEW, limit="at most 1",
                 quantity="mean error of the first 5 cycles: CMAC with its weights over CMAC from nothing",

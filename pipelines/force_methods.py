@@ -159,8 +159,7 @@ FORCE_MISS = {
 STUDY = declare(
     title="Four methods of force control",
     question="How do stiffness, damping, combined and explicit force control press on soft, hard and no ground, and "
-             "on "
-    "ground that is not as stiff as assumed?",
+             "on ground that is not as stiff as assumed?",
     runs=[
         {"set": ["scenario=force_step"], "over": {"method": METHODS, **KNOWN}, "labels": {"part": "known ground"}},
         {"set": ["scenario=force_step"], "over": {"method": EXPLICIT, **KNOWN}, "labels": {"part": "known ground"}},
@@ -210,8 +209,7 @@ STUDY = declare(
     findings={
         "approach": {
             "says": "Without ground the methods with a position term come to rest, damping and explicit control do "
-            "not: "
-            "where one law has to serve approach and contact, take stiffness or combined control",
+            "not: where one law has to serve approach and contact, take stiffness or combined control",
             "criteria": [
                 {**FREE, "of": {"part": "no ground"}, "each": {"method": methods}, "limit": limit}
                 for methods, limit in (
@@ -221,8 +219,7 @@ STUDY = declare(
         },
         "mismatch": {
             "says": "Methods that press through a position need the stiffness of the ground, damping and explicit "
-            "control "
-            "do not",
+            "control do not",
             "criteria": [
                 {**FORCE_MISS, "each": {"method": ["stiffness", "combined"]}, "limit": "at least 10 %"},
                 {**FORCE_MISS, "each": {"method": ["damping", "explicit"]}, "limit": "at most 2 %"},

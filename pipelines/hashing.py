@@ -97,18 +97,15 @@ STUDY = declare(
         for name, finding in {
             "accurate": {
                 "says": f"Randomised runs, {who}: with at least half of the visited cells colliding, the final "
-                "error is at "
-                "most 1.25 times that without collisions",
+                "error is at most 1.25 times that without collisions",
                 "quantity": "largest error at the end where at least half of the visited cells collide, over that "
-                "without "
-                "collisions",
+                "without collisions",
                 "value": partial(worst_in_worlds, measure="colliding", least=0.5),
                 "of": {"machine": machine, "rule": LASTING}, "limit": "at most 1.25",
             },
             "room": {
                 "says": f"Randomised runs, {who}: with 2 rows of memory for each visited cell or more the final "
-                "error is at "
-                "most 1.25 times that without collisions",
+                "error is at most 1.25 times that without collisions",
                 "quantity": "largest error at the end with at least 2 rows for each visited cell, over that without "
                 "collisions",
                 "value": partial(worst_in_worlds, measure="rows_per_cell", least=2.0),

@@ -93,8 +93,7 @@ STUDY = declare(
         },
         "paper_rate": {
             "says": "With the right lead the error of one leg with the paper's rate is at most 1.25 times that with "
-            "`auto` in "
-            "every world",
+            "`auto` in every world",
             "quantity": "final error with the paper's rate over that with rate auto", "value": TRANSFER, "over": AUTO,
             "of": {"part": "rate", "machine": "one leg", "learning.rate": PAPER_RATE}, "each": EVERYWHERE,
             "limit": "at most 1.25",

@@ -175,8 +175,7 @@ STUDY = declare(
     findings={
         "lead": {
             "says": "Under the paper's conditions, runs with lead 0, as published, end early, and with lead 1 the "
-            "error of one "
-            "leg stays bounded",
+            "error of one leg stays bounded",
             "criteria": [
                 {**ENDS, "of": {**MADE, "learning.lead": 0}, "each": {"machine": ["one leg", "quadruped"]},
                  "case": "{machine}, lead 0"},
@@ -185,8 +184,7 @@ STUDY = declare(
         },
         "lasts": {
             "says": "In randomised runs, the error of one leg stays bounded with the paper's rule, lead and rate "
-            "`auto`; with "
-            "lead 0 runs end early",
+            "`auto`; with lead 0 runs end early",
             "criteria": [
                 {**STEADY, "of": {**OWN, "machine": "one leg", "learning.lead": "auto"},
                  "case": "one leg, lead auto"},
@@ -205,8 +203,8 @@ STUDY = declare(
             **_others("transfer error", "auto", TRANSFER, "one leg", 0.9),
         },
         "rules_quadruped": {
-            "says": "In randomised runs, with lead `auto`, another rule lowers the force error of the quadruped by "
-            "a tenth",
+            "says": "In randomised runs, with lead `auto`, another rule lowers the force error of the quadruped by a "
+            "tenth",
             **_others("force error", "auto", FORCE, "quadruped", 0.9),
         },
         "substitute": {
@@ -215,8 +213,7 @@ STUDY = declare(
         },
         "late": {
             "says": "In randomised runs, the lead must be at least the number of samples from torque to feedback, "
-            "which "
-            "`learning.lead=auto` counts",
+            "which `learning.lead=auto` counts",
             "criteria": [
                 {"quantity": "runs that complete", "value": "completed",
                  "of": {"part": "late", "learning.lead": "auto"},
@@ -236,8 +233,7 @@ STUDY = declare(
         },
         "rate": {
             "says": "In randomised runs, the error of one leg with rate `auto` is at most 1.25 times that with the "
-            "best of the "
-            "rates tried",
+            "best of the rates tried",
             "quantity": "error at the end with rate auto over the least with another rate, lead auto",
             "value": over_best_rate, "of": {"part": "rates"}, "limit": "at most 1.25",
         },
@@ -251,8 +247,7 @@ STUDY = declare(
         },
         "settings": {
             "says": "In randomised runs, stronger force feedback, as in `scenario=quadruped_lasting`, at least "
-            "halves the "
-            "quadruped's force error and keeps it steady",
+            "halves the quadruped's force error and keeps it steady",
             "criteria": [
                 {"quantity": "force error at the end with ramp and stronger force feedback, over that with the ramp "
                              "alone",

@@ -197,13 +197,11 @@ STUDY = declare(
             "criteria": _compare(MORE, 5, 2, "force_rmse", "force_steady_state_error"),
         },
         "torque_oscillates": {
-            "words": "the learning torques oscillate where the torque function has abrupt changes, for example "
-            "where the "
-            "foot force jumps from 0 to 1 N, and are relatively smooth during the support phase",
+            "words": "the learning torques oscillate where the torque function has abrupt changes, for example where "
+            "the foot force jumps from 0 to 1 N, and are relatively smooth during the support phase",
             "where": "section 5, Fig. 13",
             "quantity": "RMS of joint 1's feedforward torque around its mean over 0.1 s, in the 0.3 s after "
-            "touch-down "
-            "over mid support, cycle 5",
+            "touch-down over mid support, cycle 5",
             "value": "torque_oscillation", "of": PAPER, "limit": "at least 3", "opposite": "at most 1",
         },
         "major_part": {
@@ -282,8 +280,7 @@ STUDY = declare(
         "lift_off": {
             "says": "Late in the run as published most of the squared feedback torque falls just after lift-off",
             "quantity": "share of the squared feedback torque in the 0.1 s after lift-off, in the last cycle that "
-            "was "
-            "recorded",
+            "was recorded",
             "value": "lift_off_late", "of": {"law": "as published (lead 0)"}, "limit": "at least 50 %",
         },
         **{

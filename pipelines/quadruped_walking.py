@@ -154,8 +154,8 @@ SAID: dict[str, tuple[str, str, str, list[dict[str, Any]]]] = {
         [{"quantity": f"rear margin {OF_BODY}", "value": late("rear", -np.inf), **SHORT}],
     ),
     "late": (
-        "Immediately after foot 3 touches down F_n1 is not 0 although F_d1 = 0, due to the delay of leg 1; the "
-        "delay has no adverse effect on stability",
+        "Immediately after foot 3 touches down F_n1 is not 0 although F_d1 = 0, due to the delay of leg 1; the delay "
+        "has no adverse effect on stability",
         "section 6.3, Fig. 18",
         "foot 1 still carries when foot 3 touches down, and the margin stays above the least planned one",
         [
@@ -295,8 +295,7 @@ STUDY = declare(
         },
         "rocking": {
             "says": "Most of the force error that is left falls where four feet are planned to be down, and most of "
-            "that "
-            "moves load from one diagonal pair of feet to the other",
+            "that moves load from one diagonal pair of feet to the other",
             "criteria": [
                 {"quantity": SHARE.format(what), "value": late(column), "of": {**LADDER, "reference": "aware"},
                  "limit": "at least 50 %"}

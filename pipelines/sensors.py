@@ -222,8 +222,7 @@ STUDY = declare(
     findings={
         "unchecked": {
             "says": "Without the check the machine walks on after failures with gains up to 0.003, and often falls "
-            "with "
-            "0.01: strong force feedback needs it",
+            "with 0.01: strong force feedback needs it",
             "criteria": [
                 _survive("no check, gains up to 0.003", "no check", SOFT, "at least 90 %"),
                 _survive("no check, gain 0.01", "no check", ["0.01"], "at most 75 %"),
@@ -273,8 +272,7 @@ STUDY = declare(
         },
         "late": {
             "says": "A delayed velocity and a delayed torque need one more sample of lead, which "
-            "`learning.lead=auto` "
-            "counts",
+            "`learning.lead=auto` counts",
             "criteria": [
                 {**DONE, "of": {"part": "late", "late": ["velocity", "torque"], "learning.lead": lead},
                  "case": f"lead {lead}", "limit": limit}

@@ -175,8 +175,7 @@ CELLS: dict[str, tuple[Callable[[Mask, Mask, Mask], Mask], str]] = {
 STUDY = declare(
     title="When learning stays bounded",
     question="What do frequency tests, the cycle map, a short simulation and `stability` say of random "
-             "configurations, "
-    "and are they right?",
+             "configurations, and are they right?",
     runs=runs,
     measures=MEASURES,
     findings={

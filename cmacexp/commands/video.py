@@ -6,14 +6,14 @@ from pathlib import Path
 
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.run import Run
-from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.errors import BadInput, CmacexpError, require_extra
 from cmacexp.recording.run_view import RunView
-from cmacexp.report.robot_picture import RobotPicture, require_rendering
+from cmacexp.report.robot_picture import require_rendering
 from cmacexp.report.video import (
     FORMATS,
     MOST_CYCLES,
+    MP4,
     list_whole_cycles,
-    make_picture,
     view_cycle,
     view_cycles,
     write_video,
@@ -21,17 +21,17 @@ from cmacexp.report.video import (
 from cmacexp.terminal.output import print_line, show_activity
 
 
-def _make_pictures(views: Sequence[RunView]) -> list[RobotPicture | None]:
-    """What renders each robot; lines, and why, where nothing can."""
+def _draw(views: Sequence[RunView], out: Path, titles: Sequence[str]) -> None:
+    """Draw robots as their models show them; as lines, and say why, where that cannot be."""
     try:
         if any(view.robot for view in views):
             require_rendering()
         from cmacexp.recording.meshes import read_shown_model
 
-        return [make_picture(view, read_shown_model(view.run)) if view.robot else None for view in views]
+        write_video(views, out, titles, [read_shown_model(view.run) if view.robot else None for view in views])
     except CmacexpError as error:
         print_line(f"drawn as lines: {error}")
-        return [None] * len(views)
+        write_video(views, out, titles)
 
 
 def _choose(arguments: argparse.Namespace) -> list[RunView]:
@@ -61,8 +61,10 @@ def _video(arguments: argparse.Namespace) -> int:
         raise BadInput("DIR", ", ".join(map(str, arguments.folders)), "must be all of machines that walk, or none")
     if titles and len(titles) != len(views):
         raise BadInput("--titles", arguments.titles, f"must be {len(views)} texts, separated by commas")
+    if out.suffix == MP4:
+        require_extra("imageio_ffmpeg")
     with show_activity("drawing"):
-        write_video(views, out, titles, [] if arguments.lines else _make_pictures(views))
+        write_video(views, out, titles) if arguments.lines else _draw(views, out, titles)
     print_line(str(out))
     return 0
 

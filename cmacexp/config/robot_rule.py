@@ -148,7 +148,7 @@ def read_machine(root: DictConfig) -> RobotModel:
     """The fields of a config that say which robot it is, of the types that they must have; raises BadInput."""
     kind = OmegaConf.select(root, "machine.kind")
     if kind != "robot":
-        raise BadInput("machine.kind", kind, "must be robot where settings follow from its model: choose machine=go1")
+        raise BadInput("machine.kind", kind, "must be robot where settings follow from its model: use scenario=robot")
     names = [field.name for field in fields(RobotModel)]
     given: Any = OmegaConf.to_container(OmegaConf.masked_copy(root.machine, names), resolve=True)
     model = read_fields(RobotModel, given, "machine")

@@ -8,19 +8,10 @@ J^T (F_d - F), which no drive knows (docs/theory.md).
 from typing import NamedTuple
 
 from cmacexp.control.hybrid_kernels import HybridState
-from cmacexp.control.steering import Steering, offset_lateral, scale_lateral, scale_longitudinal
+from cmacexp.control.steering import Steering, steer_lateral, steer_longitudinal
 from cmacexp.jit.compiler import kernel
-from cmacexp.models.chain import Kinematics, Vector, chain_kinematics, cross
-from cmacexp.planning.columns import (
-    FORCE_ADDED,
-    FORCE_DESIRED,
-    REFERENCE_VZ,
-    REFERENCE_Z,
-    VX,
-    VY,
-    X,
-    Y,
-)
+from cmacexp.models.chain import chain_kinematics, joint_velocity
+from cmacexp.planning.columns import FORCE_ADDED, FORCE_DESIRED, VY, Y
 from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY
 from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array, Mask
@@ -51,24 +42,6 @@ class DriveParams(NamedTuple):
 
 
 @kernel
-def dot(a: Vector, b: Vector) -> float:
-    """a . b."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@kernel
-def solve_rates(kinematics: Kinematics, velocity: Vector) -> Vector:
-    """Joint velocities (3,), rad/s, that move the foot with ``velocity`` (3,), m/s, by Cramer's rule."""
-    hip, thigh, calf = kinematics.hip, kinematics.thigh, kinematics.calf
-    size = dot(hip, cross(thigh, calf))
-    return (
-        dot(velocity, cross(thigh, calf)) / size,
-        dot(velocity, cross(calf, hip)) / size,
-        dot(velocity, cross(hip, thigh)) / size,
-    )
-
-
-@kernel
 def command_drives(
     params: DriveParams,
     state: HybridState,
@@ -87,10 +60,9 @@ def command_drives(
     chains = params.chains
     for i in range(support.shape[0]):
         row = reference[i]
-        scale, aside = scale_longitudinal(params.steering, hips, i), scale_lateral(params.steering, hips, i)
-        x, y = scale * row[X], row[Y]
-        z = row[REFERENCE_Z] + aside * row[X] + offset_lateral(params.steering, i)
-        velocity = (scale * row[VX], row[VY], row[REFERENCE_VZ] + aside * row[VX])
+        x, vx = steer_longitudinal(params.steering, hips, i, row)
+        z, vz = steer_lateral(params.steering, hips, i, row)
+        y, velocity = row[Y], (vx, row[VY], vz)
         state.reference[i, 0], state.reference[i, 1], state.reference[i, 2] = x, y, z
         x += params.ahead * velocity[0]
         y += params.ahead * velocity[1]
@@ -99,12 +71,12 @@ def command_drives(
         q1, q2, q3 = start[0], start[1], start[2]
         for _ in range(NEWTON_STEPS):
             at = chain_kinematics(chains[i], q1, q2, q3)
-            step = solve_rates(at, (x - at.foot[0], y - at.foot[1], z - at.foot[2]))
+            step = joint_velocity(at, (x - at.foot[0], y - at.foot[1], z - at.foot[2]))
             q1 += step[0]
             q2 += step[1]
             q3 += step[2]
         at = chain_kinematics(chains[i], q1, q2, q3)
-        rates = solve_rates(at, velocity)
+        rates = joint_velocity(at, velocity)
         down = (at.hip[1], at.thigh[1], at.calf[1])
         missing = params.force_weight * (row[FORCE_DESIRED] - observation.force[i]) if support[i] else 0.0
         for j, angle in enumerate((q1, q2, q3)):

@@ -16,22 +16,12 @@ from cmacexp.control.fault_detection import (
     new_fault_status,
     update_status,
 )
-from cmacexp.control.steering import Steering, offset_lateral, scale_lateral, scale_longitudinal
+from cmacexp.control.steering import Steering, steer_lateral, steer_longitudinal
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import LEVEL, Pose, depth, depth_rate, make_pose
 from cmacexp.models.lead import Lead, lead_step
 from cmacexp.models.mechanism import PLANE, Mechanism, apply_jacobian_transpose, has_body
-from cmacexp.planning.columns import (
-    FORCE_ADDED,
-    FORCE_DESIRED,
-    FORCE_REFERENCE,
-    REFERENCE_VZ,
-    REFERENCE_Z,
-    VX,
-    VY,
-    X,
-    Y,
-)
+from cmacexp.planning.columns import FORCE_ADDED, FORCE_DESIRED, FORCE_REFERENCE, VY, Y
 from cmacexp.planning.reference import Gains
 from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array, Mask, Scratch, State
@@ -160,9 +150,7 @@ def control_sideways(
     params: HybridParams, state: HybridState, i: int, reference: Array, foot: Array, velocity: Array
 ) -> None:
     """Position control of leg ``i`` along z at ``foot``, m, and ``velocity``, m/s, (L, 3) each; fills ``state``."""
-    scale = scale_lateral(params.steering, params.mechanism.hips, i)
-    z, vz = reference[i, REFERENCE_Z] + scale * reference[i, X], reference[i, REFERENCE_VZ] + scale * reference[i, VX]
-    z += offset_lateral(params.steering, i)
+    z, vz = steer_lateral(params.steering, params.mechanism.hips, i, reference[i])
     error = position_error(params, z, vz, foot[i, 2], velocity[i, 2])
     output = lead_step(params.lead, error, state.error[i, 2], state.output[i, 2])
     state.reference[i, 2] = z
@@ -188,9 +176,8 @@ def hybrid_feedback(
     kinematics = observation.kinematics
     pose = make_pose(observation.body) if has_body(params.mechanism) else LEVEL
     for i in range(support.shape[0]):
-        scale = scale_longitudinal(params.steering, params.mechanism.hips, i)
-        x_reference = scale * reference[i, X]
-        x_error = position_error(params, x_reference, scale * reference[i, VX], foot[i, 0], velocity[i, 0])
+        x_reference, vx_reference = steer_longitudinal(params.steering, params.mechanism.hips, i, reference[i])
+        x_error = position_error(params, x_reference, vx_reference, foot[i, 0], velocity[i, 0])
         y_reference = reference[i, Y]
         force, desired = observation.force[i], reference[i, FORCE_DESIRED]
         pressed = control_force(params, state.fault_status, i, force, desired, foot, pose)

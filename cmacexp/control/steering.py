@@ -15,6 +15,7 @@ from cmacexp.config.gait import PATTERNS
 from cmacexp.config.machine import RobotMachine
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.leg import GRAVITY
+from cmacexp.planning.columns import REFERENCE_VZ, REFERENCE_Z, VX, X
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Array, Mask, Scratch
 
@@ -135,6 +136,15 @@ def scale_lateral(steering: Steering | None, hips: Array, i: int) -> float:
 
 
 @kernel
-def offset_lateral(steering: Steering | None, i: int) -> float:
-    """What is added to its planned z besides, m."""
-    return 0.0 if steering is None else steering.offset[i]
+def steer_longitudinal(steering: Steering | None, hips: Array, i: int, row: Array) -> tuple[float, float]:
+    """x, m, and vx, m/s, of the reference of foot ``i``, planned as ``row`` (columns,); ``hips`` (L, 2), m."""
+    scale = scale_longitudinal(steering, hips, i)
+    return scale * row[X], scale * row[VX]
+
+
+@kernel
+def steer_lateral(steering: Steering | None, hips: Array, i: int, row: Array) -> tuple[float, float]:
+    """z, m, and vz, m/s, likewise, where feet move in space."""
+    scale = scale_lateral(steering, hips, i)
+    offset = 0.0 if steering is None else steering.offset[i]
+    return row[REFERENCE_Z] + scale * row[X] + offset, row[REFERENCE_VZ] + scale * row[VX]

@@ -86,7 +86,7 @@ class LoopState(NamedTuple):
     learning_error: Array
     """(L, J): what a feedforward would learn from, J^T U of the last step, N m."""
     feedback: Array
-    """(L, J): torque of the controller in the last step, as it acted, N m."""
+    """(L, J): torque of the controller in the last step, as it acted, or as it was sent to drives, N m."""
 
 
 class OpenLoop:

@@ -45,6 +45,12 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 @kernel
+def dot(a: Vector, b: Vector) -> float:
+    """a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
 def rotate(v: Vector, axis: Vector, sine: float, cosine: float) -> Vector:
     """``v`` turned about an ``axis`` of length 1 through the origin (Rodrigues)."""
     along = (axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2]) * (1.0 - cosine)
@@ -107,6 +113,19 @@ def kinematics_at(chain: Array, turn_1: Turn, turn_2: Turn, turn_3: Turn) -> Kin
     thigh = rotate(lever(chain, 1, foot), first, s1, c1)
     foot = turn_at(chain, 0, foot, s1, c1)
     return Kinematics(foot, lever(chain, 0, foot), thigh, calf)
+
+
+@kernel
+def joint_velocity(kinematics: Kinematics, velocity: Vector) -> Vector:
+    """Joint velocities (3,), rad/s, that move the foot with ``velocity`` (3,), m/s, by Cramer's rule."""
+    hip, thigh, calf = kinematics.hip, kinematics.thigh, kinematics.calf
+    across = cross(thigh, calf)
+    volume = dot(hip, across)
+    return (
+        dot(velocity, across) / volume,
+        dot(velocity, cross(calf, hip)) / volume,
+        dot(velocity, cross(hip, thigh)) / volume,
+    )
 
 
 def _solve(columns: Array, vectors: Array) -> Array:

@@ -42,18 +42,9 @@ def get_state(state: tuple[Any, ...]) -> tuple[Array, ...]:
     return state[: len(STATE)]
 
 
-def view_state(state: Any, travel: Array | None = None) -> Measurement:
+def view_state(state: tuple[Any, ...], travel: Array | None = None) -> Measurement:
     """A measurement of the arrays of ``state`` that STATE names, and of ``travel`` (3,), m and rad, themselves."""
-    return Measurement(
-        q=state.q,
-        dq=state.dq,
-        foot=state.foot,
-        velocity=state.velocity,
-        force=state.force,
-        body=state.body,
-        body_rate=state.body_rate,
-        travel=travel,
-    )
+    return Measurement._make((*get_state(state), travel, None))
 
 
 def copy_state(state: Any, travel: Array | None = None, signals: RobotSignals | None = None) -> Measurement:

@@ -1,6 +1,7 @@
 """Cycles of one run, or several runs, side by side as a moving picture; a robot as its model shows it."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -10,7 +11,7 @@ import numpy as np
 from cmacexp.data.files import write_atomically
 from cmacexp.data.run import Run
 from cmacexp.data.trace import count_steps_by_cycle
-from cmacexp.errors import BadInput, BadRun, require_extra
+from cmacexp.errors import BadInput, BadRun
 from cmacexp.models.robot import Robot
 from cmacexp.recording import palette
 from cmacexp.recording.run_view import RunView
@@ -43,7 +44,8 @@ BODY_THICKNESS = 24.0
 """Drawn thickness of the body, mm."""
 PIXELS = 640
 """Width of a rendered robot."""
-FORMATS = (".gif", ".webp", ".mp4")
+MP4 = ".mp4"
+FORMATS = (".gif", ".webp", MP4)
 """Endings of the file; the last needs the extra ``video``."""
 
 
@@ -57,7 +59,7 @@ class Cycle(NamedTuple):
     """Where the feet should be, (steps, legs, 3), mm."""
     ink: str
     title: str
-    picture: RobotPicture | None = None
+    robot: "ShownRobot | None" = None
     """None: drawn as lines."""
 
     @property
@@ -67,27 +69,44 @@ class Cycle(NamedTuple):
         return distances.max(axis=1)
 
 
-def _make_cycle(view: RunView, ink: str, title: str, picture: RobotPicture | None) -> Cycle:
-    return Cycle(view, joints(view), in_travel(view, view.feet("_desired")), ink, title, picture)
+class ShownRobot(NamedTuple):
+    """A robot over a cycle, as its model shows it."""
+
+    picture: RobotPicture
+    q: Array
+    """(steps, 4, 3): joint angles, rad."""
+    place: Array
+    """(steps, 3): of the trunk's frame, m."""
+    turn: Array
+    """(steps, 4): of the trunk, quaternions x y z w."""
 
 
-def _find_window(cycles: Sequence[Cycle]) -> tuple[Array, Array]:
+def _make_cycle(view: RunView, ink: str, title: str) -> Cycle:
+    return Cycle(view, joints(view), in_travel(view, view.feet("_desired")), ink, title)
+
+
+def _show_robot(view: RunView, robot: Robot, size: tuple[int, int]) -> ShownRobot:
+    """The robot of a cycle, in pictures of a ``size``, pixels; raises CmacexpError if MuJoCo cannot draw here."""
+    offset = view.joints[0, 0, 0] - robot.hinges[0, 0, :3]  # of the trunk's frame from the body's
+    place = in_travel(view, np.tile(offset, (view.trace.steps, 1))) / MM
+    return ShownRobot(RobotPicture(robot, *size), view.trace.stack_joints("q{}"), place, view.turn())
+
+
+def _find_window(cycles: Sequence[Cycle], rendered: bool) -> tuple[Array, Array]:
     """Lower and upper bounds (3,) of all that is drawn of the machines, mm."""
     drawn = np.concatenate([points.reshape(-1, 3) for c in cycles for points in (c.places, c.desired)])
     low, high = drawn.min(axis=0) - BORDER, drawn.max(axis=0) + BORDER
     low[2] = min(low[2], -40.0 - BORDER)
-    if any(cycle.picture for cycle in cycles):  # heads and rumps stand out of the legs
+    if rendered:  # heads and rumps stand out of the legs
         low[0], high[[0, 2]] = low[0] - 2.0 * BORDER, high[[0, 2]] + 2.0 * BORDER
     return low, high
 
 
-def _render(axes: "Axes", cycle: Cycle, picture: RobotPicture, k: int, window: tuple[Array, Array]) -> None:
+def _render(axes: "Axes", robot: ShownRobot, k: int, window: tuple[Array, Array]) -> None:
     """The robot in step ``k`` as its model shows it, within the ``window``, mm."""
-    view, (low, high) = cycle.view, window
-    offset = view.joints[0, 0, 0] - picture.robot.hinges[0, 0, :3]  # of the trunk's frame from the body's
-    place = in_travel(view, np.tile(offset, (view.trace.steps, 1)))[k] / MM
-    middle = (low + high) / 2.0 / MM
-    image = picture.draw(view.trace.stack_joints("q{}")[k], place, view.turn()[k], middle, (high[2] - low[2]) / MM)
+    low, high = window
+    middle, tall = (low + high) / 2.0 / MM, (high[2] - low[2]) / MM
+    image = robot.picture.draw(robot.q[k], robot.place[k], robot.turn[k], middle, tall)
     axes.imshow(image, extent=(low[0], high[0], low[2], high[2]), zorder=4, interpolation="lanczos")
 
 
@@ -107,10 +126,10 @@ def _draw_legs(axes: "Axes", cycle: Cycle, k: int) -> None:
 def _draw_machine(axes: "Axes", cycle: Cycle, k: int, window: tuple[Array, Array]) -> None:
     """The machine from its right side in step ``k``; each foot's desired path, and its own up to now."""
     view, places = cycle.view, cycle.places
-    if cycle.picture is None:
+    if cycle.robot is None:
         _draw_legs(axes, cycle, k)
     else:
-        _render(axes, cycle, cycle.picture, k, window)
+        _render(axes, cycle.robot, k, window)
     surface = -MM * view.foot_radius
     depression = MM * view.depression_scale / float(view.run.config["terrain"]["stiffness"])
     for i in range(view.trace.legs):
@@ -155,11 +174,12 @@ def _set_limits(axes: "NDArray[Any]", cycles: Sequence[Cycle], window: tuple[Arr
         ax.set_xlim(low[0], high[0])
 
 
-def draw_frame(cycles: Sequence[Cycle], part: float) -> "Image":
+def draw_frame(cycles: Sequence[Cycle], window: tuple[Array, Array], part: float) -> "Image":
     """A frame of the picture.
 
     Args:
         cycles: side by side.
+        window: bounds (3,) of what is drawn of the machines, mm.
         part: of the cycle that has passed, from 0 to 1.
     """
     import matplotlib
@@ -167,7 +187,6 @@ def draw_frame(cycles: Sequence[Cycle], part: float) -> "Image":
     from PIL import Image
 
     matplotlib.rcParams.update(STYLE)
-    window = _find_window(cycles)
     heights = [2.2, 1.0, 1.0] if cycles[0].view.walks else [2.7, 1.0]
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DPI)
     place = {"left": 0.075, "right": 0.985, "top": 0.94, "bottom": 0.1, "hspace": 0.3, "wspace": 0.1}
@@ -216,14 +235,8 @@ def view_cycle(run: Run, cycle: int) -> RunView:
     return RunView(run, run.read_trace([cycle]))
 
 
-def make_picture(view: RunView, robot: Robot) -> RobotPicture:
-    """What renders the robot of a run; raises CmacexpError if MuJoCo cannot draw here."""
-    low, high = _find_window([_make_cycle(view, "", "", None)])
-    return RobotPicture(robot, PIXELS, round(PIXELS * float((high - low)[2] / (high - low)[0])))
-
-
 def write_video(
-    views: Sequence[RunView], path: Path, titles: Sequence[str] = (), pictures: Sequence[RobotPicture | None] = ()
+    views: Sequence[RunView], path: Path, titles: Sequence[str] = (), robots: Sequence[Robot | None] = ()
 ) -> int:
     """Write cycles side by side as a moving picture that plays one cycle in its own time, again and again.
 
@@ -231,19 +244,30 @@ def write_video(
         views: one cycle each.
         path: of the file, whose ending is one of FORMATS.
         titles: one above each cycle; empty: the numbers of the cycles.
-        pictures: one for each cycle; empty: all machines are drawn as lines.
+        robots: the model that each cycle shows, None for lines; empty: all machines are drawn as lines.
 
     Returns:
         The number of frames.
+
+    Raises:
+        CmacexpError: MuJoCo cannot draw here.
     """
     shown = titles or [f"cycle {view.cycle[0]}" for view in views]
     inks = [PATHS[0]] * (len(views) - 1) + [PATHS[1]]
-    cycles = [_make_cycle(*each) for each in zip(views, inks, shown, pictures or [None] * len(views), strict=True)]
-    seconds = max(float(view.time[-1] - view.time[0]) for view in views)
-    count = max(2, round(seconds * FRAMES_PER_SECOND))
-    frames = [draw_frame(cycles, number / (count - 1)) for number in range(count)]
+    cycles = [_make_cycle(*each) for each in zip(views, inks, shown, strict=True)]
+    low, high = window = _find_window(cycles, rendered=any(robots))
+    size = PIXELS, round(PIXELS * float((high - low)[2] / (high - low)[0]))
+    with ExitStack() as pictures:
+        for number, robot in enumerate(robots):
+            if robot is not None:
+                seen = _show_robot(views[number], robot, size)
+                pictures.callback(seen.picture.close)
+                cycles[number] = cycles[number]._replace(robot=seen)
+        seconds = max(float(view.time[-1] - view.time[0]) for view in views)
+        count = max(2, round(seconds * FRAMES_PER_SECOND))
+        frames = [draw_frame(cycles, window, number / (count - 1)) for number in range(count)]
     with write_atomically(path) as temporary:
-        _write_mp4(frames, temporary) if path.suffix == ".mp4" else _write_picture(frames, temporary, path.suffix)
+        _write_mp4(frames, temporary) if path.suffix == MP4 else _write_picture(frames, temporary, path.suffix)
     return count
 
 
@@ -260,8 +284,7 @@ def _write_picture(frames: "Sequence[Image]", path: Path, suffix: str) -> None:
 
 
 def _write_mp4(frames: "Sequence[Image]", path: Path) -> None:
-    """Frames as MP4; raises CmacexpError without the extra that has an encoder."""
-    require_extra("imageio_ffmpeg")
+    """Frames as MP4, by an encoder that an extra has."""
     import imageio_ffmpeg
 
     size, options = frames[0].size, {"macro_block_size": 2, "output_params": ["-f", "mp4"]}

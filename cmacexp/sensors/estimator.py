@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from cmacexp.jit.compiler import kernel
-from cmacexp.models.chain import Turn, Vector, cross, hinge_axis, kinematics_at, rotate
+from cmacexp.models.chain import Turn, Vector, cross, dot, hinge_axis, kinematics_at, rotate
 from cmacexp.models.leg import GRAVITY
 from cmacexp.models.mechanism import Mechanism, compute_foot_position, compute_foot_velocity, update_kinematics
 from cmacexp.models.sine import sine_cosine
@@ -153,12 +153,6 @@ def link_torque(estimator: Estimator, i: int, turns: Turns, up: Vector) -> Vecto
             total[2] + (weight * dot(at.calf, up) if m > 1 else 0.0),
         )
     return total
-
-
-@kernel
-def dot(a: Vector, b: Vector) -> float:
-    """a b."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel

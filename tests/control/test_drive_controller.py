@@ -11,7 +11,7 @@ from support.robots import OWN
 from support.rollout import roll_out
 from support.views import ROBOT_HIPS, make_chain
 
-from cmacexp.control import DriveController
+from cmacexp.control import DriveController, steering
 from cmacexp.control import drive_kernels as drives
 from cmacexp.control.hybrid_kernels import new_hybrid_state
 
@@ -28,8 +28,8 @@ def test_a_command_leads_the_foot_along_its_reference_and_missing_force_teaches(
     reference = np.zeros((4, 9))
     observation = SimpleNamespace(q=np.zeros((4, 3)), dq=np.zeros((4, 3)), force=np.full(4, 30.0))
     place, velocity = np.array([0.03, 0.29, -0.02]), np.array([0.4, -0.2, 0.1])
-    reference[:, [drives.X, drives.Y, drives.REFERENCE_Z]] = place
-    reference[:, [drives.VX, drives.VY, drives.REFERENCE_VZ]] = velocity
+    reference[:, [steering.X, drives.Y, steering.REFERENCE_Z]] = place
+    reference[:, [steering.VX, drives.VY, steering.REFERENCE_VZ]] = velocity
     reference[:, [drives.FORCE_DESIRED, drives.FORCE_ADDED]] = 40.0
     state, command = new_hybrid_state(4, 3), np.zeros((6, 4, 3))
     support = np.array([True, True, False, False])
