@@ -9,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
+from cmacexp.config.schema import FREEZE
 from cmacexp.control import HybridController
 from cmacexp.feedforward import CmacFeedforward
 from cmacexp.feedforward.network import planned_inputs as of_leg
 from cmacexp.loop.scenario import Scenario
 from cmacexp.models.mechanism import LEGS_ON_STAND
-from cmacexp.planning.columns import FORCE_DESIRED
+from cmacexp.models.trend import WINDOW
+from cmacexp.planning.columns import DQ1, DQ2, FORCE_DESIRED
 from cmacexp.plants import AnalyticPlant
 from cmacexp.typing import Array
 
@@ -29,9 +31,17 @@ FLAGS = ["-O2", "-ffp-contract=off", "-shared", "-fPIC"]
 NUMBERS = (
     "length_1", "length_2", "mass_1", "mass_2", "hip_height", "stiffness", "step",
     "position_gain", "velocity_gain", "elasticity", "admittance", "b0", "b1", "a1", "torque_limit", "rate",
+    "planned_motion", "fastest_planned",
 )  # fmt: skip
-COUNTS = ("period", "start_step", "resolution_elements", "rows", "seed")
-TABLES = ("support", "reference", "inputs", "low", "high", "shift", "weights")
+COUNTS = ("period", "start_step", "resolution_elements", "rows", "seed", "delay", "lead", "guarded")
+TABLES = ("support", "reference", "inputs", "low", "high", "shift", "weights", "torque")
+MOST_DELAY, MOST_LEAD = 7, 30
+"""Of one_leg.c, samples."""
+GUARD_NUMBERS = (
+    "effort_limit", "speed_limit", "effort", "off", "motion",
+    "baseline_effort", "baseline_off", "best_score", "lowest_score", "last_off",
+)  # fmt: skip
+GUARD_COUNTS = ("alarm", "evaluated", "settling", "best_cycle", "cause", "acted")
 
 
 class CLaw(ctypes.Structure):
@@ -51,7 +61,10 @@ class CState(ctypes.Structure):
         *((name, ctypes.c_double * 2) for name in ("q", "dq", "foot", "velocity")),
         ("force", ctypes.c_double),
         *((name, ctypes.c_double * 2) for name in ("error", "output", "learning_error")),
-        ("taken", ctypes.c_int64),
+        ("commanded", ctypes.c_double * (4 * (MOST_DELAY + 1))),
+        *((name, ctypes.c_double) for name in GUARD_NUMBERS),
+        ("scores", ctypes.c_double * WINDOW),
+        *((name, ctypes.c_int64) for name in ("taken", "phase", *GUARD_COUNTS)),
     ]
 
 
@@ -78,7 +91,8 @@ def planned_inputs(scenario: Scenario) -> Array:
     return np.ascontiguousarray(of_leg(scenario.setup, 0, scenario.setup.config.cmac.inputs))
 
 
-def _tables(scenario: Scenario) -> dict[str, np.ndarray]:
+def make_tables(scenario: Scenario) -> dict[str, np.ndarray]:
+    """The arrays of ``Law`` of a fresh scenario, by the names in TABLES."""
     plan, address = scenario.setup.plan, scenario.feedforward.cmacs[0].address
     tables = {
         "support": plan.support[:, 0].astype(np.uint8),
@@ -88,20 +102,35 @@ def _tables(scenario: Scenario) -> dict[str, np.ndarray]:
         "high": address.ranges.high,
         "shift": address.displacement.astype(np.int64),
         "weights": np.zeros((address.rows, 2)),
+        "torque": np.zeros((2, len(plan.support), 2)),
     }
     return {name: np.ascontiguousarray(table) for name, table in tables.items()}
 
 
-def _law(scenario: Scenario, tables: dict[str, np.ndarray]) -> CLaw:
+def make_law(scenario: Scenario, tables: dict[str, np.ndarray]) -> CLaw:
+    """``Law`` of a fresh scenario, with pointers to its ``tables``."""
     config, plan, address = scenario.setup.config, scenario.setup.plan, scenario.feedforward.cmacs[0].address
     leg, gains, lead = config.machine.leg, scenario.controller.params.gains, scenario.controller.params.lead
+    motion = (plan.joints[:, 0, [DQ1, DQ2]] ** 2).sum(axis=1)
     numbers = (
         leg.length_1, leg.length_2, leg.mass_1, leg.mass_2, config.machine.hip_height, config.terrain.stiffness,
         config.sampling_period, gains.position_gain, gains.velocity_gain, gains.elasticity,
-        gains.admittance, lead.b0, lead.b1, lead.a1, config.actuator.limit, config.learning.rate,
+        gains.admittance, lead.b0, lead.b1, lead.a1, config.actuator.limit, scenario.setup.rate,
+        motion.sum(), motion.max(),
     )  # fmt: skip
-    counts = (len(plan.support), plan.start_step, address.resolution_elements, address.rows, address.seed)
+    counts = (
+        len(plan.support), plan.start_step, address.resolution_elements, address.rows, address.seed,
+        config.actuator.delay, scenario.setup.lead, config.learning.guard == FREEZE,
+    )  # fmt: skip
     return CLaw(*numbers, *counts, *(tables[name].ctypes.data for name in TABLES))
+
+
+def make_state(scenario: Scenario) -> CState:
+    """``State`` of a fresh scenario."""
+    state = CState(force=scenario.first.force[0])
+    for name in ("q", "dq", "foot", "velocity"):
+        setattr(state, name, tuple(getattr(scenario.first, name)[0]))
+    return state
 
 
 def run_in_c(library: ctypes.CDLL, scenario: Scenario) -> tuple[Array, float]:
@@ -116,13 +145,11 @@ def run_in_c(library: ctypes.CDLL, scenario: Scenario) -> tuple[Array, float]:
     assert isinstance(scenario.feedforward, CmacFeedforward)
     assert scenario.setup.mechanism.kind == LEGS_ON_STAND
     assert config.force_control.method == "combined"
-    assert (plant.config.substeps, config.learning.lead, config.terrain.patch_spread) == (1, 0, 0.0)
-    tables = _tables(scenario)
-    params = _law(scenario, tables)
-    first = scenario.first
-    state = CState(force=first.force[0])
-    for name in ("q", "dq", "foot", "velocity"):
-        setattr(state, name, tuple(getattr(first, name)[0]))
+    assert (plant.config.substeps, config.terrain.patch_spread, config.actuator.lag) == (1, 0.0, 0.0)
+    assert config.actuator.delay <= MOST_DELAY
+    assert scenario.setup.lead <= MOST_LEAD
+    tables = make_tables(scenario)
+    params, state = make_law(scenario, tables), make_state(scenario)
     samples = np.full((config.cycles * config.steps_per_cycle, len(COLUMNS)), np.nan)
     count, room = ctypes.c_int64(len(samples)), ctypes.c_void_p(samples.ctypes.data)
     began = time.perf_counter()
