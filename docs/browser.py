@@ -26,7 +26,7 @@ FLAGS = (
     "-Wl,--no-entry,--export=one_leg,--export=__heap_base,--strip-all",
 )  # fmt: skip
 SCENARIO = ("scenario=one_leg", "reference=aware")
-STIFFNESSES = (7, 10, 14, 20, 30, 50, 100)
+STIFFNESSES = (8, 10, 14, 20, 30, 50, 100)
 """Of the ground that the page offers, N/m: each has a plan of its own."""
 DELAYS = range(5)
 """Of the torques that the page offers, samples."""

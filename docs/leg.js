@@ -68,9 +68,10 @@ class Leg {
     });
     const number = (name, value) => this.view.setFloat64(this.lawAt + law[name], value, true);
     const count = (name, value) => this.view.setBigInt64(this.lawAt + law[name], BigInt(value), true);
+    this.rate = model.actingRate(settings);
     number("mass_1", settings.mass);
     number("mass_2", settings.mass);
-    number("rate", model.actingRate(settings));
+    number("rate", this.rate);
     count("delay", settings.delay);
     count("lead", settings.lead);
     const learns = settings.learns !== false;

@@ -52,5 +52,5 @@ def test_the_leg_of_the_page_gives_the_bits_of_python(data, settings):
 
 
 def test_the_page_is_small(data):
-    names = data, "leg.js"
+    names = data, "browser.md", "browser.js", "browser.css", "leg.js"
     assert sum(browser.DOCS.joinpath(name).stat().st_size for name in names) < 400_000
