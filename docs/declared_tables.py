@@ -84,9 +84,9 @@ def arrays_table() -> str:
 
 
 TABLES = {
-    **{("metrics", heading): metrics_table(columns) for heading, columns in COLUMNS.items()},
-    **{("signals", heading): signals_table(columns) for heading, columns in SIGNALS.items()},
-    ("signals", "Arrays of components"): arrays_table(),
+    **{("files", heading): metrics_table(columns) for heading, columns in COLUMNS.items()},
+    **{("files", heading): signals_table(columns) for heading, columns in SIGNALS.items()},
+    ("files", "Arrays of components"): arrays_table(),
 }
 """By the name of a page, and the heading in it."""
 

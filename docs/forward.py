@@ -3,7 +3,26 @@
 from pathlib import Path
 from typing import Any
 
-FORWARD: dict[str, str] = {}
+FORWARD: dict[str, str] = {
+    "symbols": "concepts#symbols",
+    "quick-reference": "concepts#quick-reference",
+    "change": "runs",
+    "sweeps": "runs#sweep",
+    "compare-settings": "runs#compare-two-settings",
+    "add-a-plant": "components#a-plant",
+    "add-a-controller": "components#a-controller",
+    "cmac": "components#the-cmac-without-a-leg",
+    "make-a-figure": "figures#a-figure-for-a-paper",
+    "look": "figures",
+    "recordings": "figures#recordings",
+    "other-tools": "figures#other-programs",
+    "signals": "files#signals",
+    "metrics": "files#metrics",
+    "reproducibility": "files#the-same-results-again",
+    "api": "commands#python-api",
+    "security": "commands#security",
+    "changelog": "contributing#changelog",
+}
 """Old address and new one, without ``.html``; the new one may name a part of its page: ``page#part``."""
 PAGE = (
     '<!doctype html><meta charset="utf-8"><title>Moved</title><meta http-equiv="refresh" content="0; url={0}">'

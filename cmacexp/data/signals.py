@@ -1,7 +1,7 @@
 """The table of signals: every column of the tables that a run writes, declared once.
 
 The schemas of the files, the layout of the loop's samples, the ``*_measured`` columns, the arrays that components
-exchange and ``docs/signals.md`` derive from it.
+exchange and ``docs/files.md`` derive from it.
 """
 
 from collections.abc import Collection, Sequence

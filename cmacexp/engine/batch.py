@@ -39,7 +39,7 @@ def load_sweep(folder: str | Path) -> "pd.DataFrame":
     Returns:
         A row for each job, cycle and leg: ``run``, the number of the job; ``folder``, its place below ``folder``; a
         column for each key that some job overrides; ``status``; the columns of ``metrics.parquet`` and of
-        ``body_metrics.parquet``, see ``docs/metrics.md``. A job without metrics has one row, which lacks them. Runs
+        ``body_metrics.parquet``, see ``docs/files.md``. A job without metrics has one row, which lacks them. Runs
         whose folders are not numbered, as jobs are, have the numbers 0, 1, ... in the order of their folders.
 
     Raises:
@@ -75,7 +75,7 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
 
     Warns:
         OtherModel: of each robot whose model is not the one that results were measured with.
-        WithoutEffect: of each key without effect, see ``docs/sweeps.md``; runs with ``warn=false`` do not count.
+        WithoutEffect: of each key without effect, see ``docs/runs.md``; runs with ``warn=false`` do not count.
     """
     if keep not in KEPT:
         raise BadInput("keep", keep, f"choose from {', '.join(KEPT)}")

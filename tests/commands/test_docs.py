@@ -67,14 +67,13 @@ def test_it_runs_as_printed(code, added, exit_code, folder):
     printed[code] = done.stdout
 
 
-def test_the_notebook_runs_and_is_stored_without_results(folder):
-    cells = json.loads((ROOT / "docs" / "tutorial.ipynb").read_text())["cells"]
+def test_the_notebook_is_its_example_and_is_stored_without_results():
+    """``jupytext --to ipynb examples/01_one_leg.py`` makes it."""
+    cells = json.loads((ROOT / "examples" / "01_one_leg.ipynb").read_text())["cells"]
     assert not any(cell.get("outputs") or cell.get("execution_count") for cell in cells)
-    (folder / "notebook.py").write_text(
-        "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
-    )
-    done = python("-m", "notebook", folder=folder)
-    assert done.returncode == 0, done.stderr
+    code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    script = (ROOT / "examples" / "01_one_leg.py").read_text()
+    assert code.split() == re.sub(r"^# .*$", "", script, flags=re.MULTILINE).split()
 
 
 def test_the_table_of_the_readme_is_what_its_command_prints():
@@ -92,13 +91,13 @@ def test_the_components_of_the_pages_control_and_are_learned(folder):
 
 def test_twenty_questions_are_answered_as_their_page_says(folder):
     """Learning stops, the torque is limited, more cycles repeat the first ones."""
-    stopped, limited, ten, first = (
-        cmacexp.load(folder / "outputs" / name).metrics for name in ("stopped", "limited", "ten", "first")
+    stopped, limited, ten, paper = (
+        cmacexp.load(folder / "outputs" / name).metrics for name in ("stopped", "limited", "ten", "paper")
     )
     assert stopped.weight_norm.nunique() == 1
     assert limited.torque_peak.max() == 10.0
     columns = ["transfer_rmse_x", "force_rmse", "weight_norm"]
-    assert ten[columns].head(5).equals(first[columns])
+    assert ten[columns].head(5).equals(paper[columns])
 
 
 @pytest.mark.nightly
@@ -113,7 +112,7 @@ def test_what_the_pages_say_to_type_is_a_config(make_config):
     """Commands within the text, overrides of the quick reference, and what is typed for one's own robot."""
     texts = {page: path.read_text() for page, path in PAGES.items()}
     typed = [words for text in texts.values() for words in re.findall(r"`python -m cmacexp ([^`]+)`", text)]
-    quick = re.findall(r"`([\w.]+=[^`]+)`", texts["quick-reference.md"].partition("| look |")[0])
+    quick = re.findall(r"`([\w.]+=[^`]+)`", texts["concepts.md"].partition("| run |")[2].partition("| look |")[0])
     typed += [words if "scenario" in words else f"scenario=quadruped {words}" for words in quick]
     own = "\n".join(block.code for block in blocks("questions.md") if block.language == "text").splitlines()
     typed += [line.removeprefix("python -m cmacexp ").replace("my_robot.urdf", str(OWN)) for line in own]
