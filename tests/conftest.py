@@ -8,6 +8,7 @@ takes long.
 import math
 import os
 from functools import cache
+from importlib import import_module
 from tempfile import TemporaryDirectory
 
 import numpy as np
@@ -52,8 +53,9 @@ def pytest_sessionstart(session):
 
 @pytest.fixture(scope="session", autouse=True)
 def imported():
-    """What a scenario imports is nobody's time."""
+    """What scenarios and intervals import is nobody's time."""
     make_scenario(compose_config([]))
+    import_module("scipy.stats")
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -63,12 +65,19 @@ def one_step():
         yield
 
 
-@pytest.fixture
-def compiled():
-    """Programs are compiled, however short the run is."""
-    expect_runs(math.inf)
+@pytest.fixture(autouse=True)
+def one_run():
+    """A command in this process may have announced many runs, for which the next test would compile its own."""
     yield
     expect_runs(1)
+
+
+@pytest.fixture
+def compiled():
+    """Programs are compiled, or read from the cache, however little they do."""
+    expect_runs(math.inf)
+    with workload(math.inf):
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -102,3 +111,15 @@ def stored(request):
     """
     folder = runs_folder(request.config)
     return cache(lambda *overrides: make_stored(folder, overrides))
+
+
+@pytest.fixture(scope="session")
+def leg(stored):
+    """The run of a leg that learns, with its weights, for tests that need a run and no particular one."""
+    return stored("scenario=one_leg", "cycles=3", "record.weights=true")
+
+
+@pytest.fixture(scope="session")
+def walk(stored):
+    """The run of a machine of four legs, likewise."""
+    return stored("scenario=quadruped", "cycles=1")

@@ -5,13 +5,12 @@ import re
 import shutil
 import signal
 import sys
-import time
 
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from support.command import call, cmacexp, started
+from support.command import call, cmacexp, interrupted
 
 import cmacexp as package
 from cmacexp.__main__ import COMMANDS, main
@@ -30,33 +29,31 @@ METRICS = {
 KEPT = {"seed", "config", "config_hash", "versions", "git_commit", "rollout_seconds", "wall_seconds"}
 
 
-@pytest.fixture(scope="module")
-def run(stored):
-    return stored("scenario=one_leg", "cycles=3", "record.weights=true")
-
-
-def test_a_run_has_the_files_and_columns_of_the_contract(run):
-    schema = pq.read_schema(run.folder / "trace.parquet")
+def test_a_run_has_the_files_and_columns_of_the_contract(leg):
+    schema = pq.read_schema(leg.folder / "trace.parquet")
     assert schema.names == TRACE
     assert all(field.metadata[b"meaning"] for field in schema)
     assert schema.field("tau_feedback_1").metadata[b"unit"] == b"N m"
-    assert run.trace.cycle.tolist() == np.repeat([1, 2, 3], 600).tolist()
-    assert (run.trace.phase == np.tile(np.repeat(["transfer", "support"], [120, 480]), 3)).all()
-    assert set(run.metrics.columns) >= METRICS
-    pd.testing.assert_frame_equal(run.metrics, pd.read_csv(run.folder / "metrics.csv"), check_dtype=False)
-    manifest = json.loads((run.folder / "manifest.json").read_text())
+    assert leg.trace.cycle.tolist() == np.repeat([1, 2, 3], 600).tolist()
+    assert (leg.trace.phase == np.tile(np.repeat(["transfer", "support"], [120, 480]), 3)).all()
+    assert set(leg.metrics.columns) >= METRICS
+    pd.testing.assert_frame_equal(leg.metrics, pd.read_csv(leg.folder / "metrics.csv"), check_dtype=False)
+    manifest = json.loads((leg.folder / "manifest.json").read_text())
     assert (manifest["status"], manifest["steps"]) == ("completed", 1800)
     files = {"trace.parquet", "memory.parquet", "metrics.parquet", "weights.npz"}
     assert set(manifest["files"]) == files
     assert set(manifest) >= KEPT
 
 
-def test_score_gives_the_same_metrics_again(run, tmp_path):
-    folder = shutil.copytree(run.folder, tmp_path / "copy")
-    (folder / "metrics.parquet").unlink()
+@pytest.mark.parametrize("name", ["leg", "walk"])
+def test_score_gives_the_same_metrics_again(name, request, tmp_path):
+    folder = shutil.copytree(request.getfixturevalue(name).folder, tmp_path / "copy")
+    before = {path: path.read_bytes() for path in folder.glob("*metrics.parquet")}
+    for path in before:
+        path.unlink()
     assert call("verify", folder).returncode == 4
     assert call("score", folder).returncode == 0
-    assert (folder / "metrics.parquet").read_bytes() == (run.folder / "metrics.parquet").read_bytes()
+    assert {path: path.read_bytes() for path in folder.glob("*metrics.parquet")} == before
     assert call("verify", folder).returncode == 0
 
 
@@ -84,14 +81,12 @@ def test_help_fits_a_screen_and_lists_every_option_of_a_group_that_it_names():
 
 @pytest.mark.ci
 def test_a_run_that_is_ended_keeps_what_there_is(tmp_path):
-    process = started("cycles=1000000", "feedforward=none", "record.cycles=[1]", "hydra.run.dir=r", folder=tmp_path)
-    while not list(tmp_path.glob(".r.*.part/*.parquet")) and process.poll() is None:
-        time.sleep(0.01)
-    process.send_signal(signal.SIGTERM)
-    _, err = process.communicate()
-    assert process.returncode == 143
-    assert err.splitlines()[-1] == "interrupted"
-    assert "Traceback" not in err
+    def begun():
+        return list(tmp_path.glob(".r.*.part/*.parquet"))
+
+    words = ("cycles=1000000", "feedforward=none", "record.cycles=[1]", "hydra.run.dir=r")
+    done = interrupted(*words, folder=tmp_path, once=begun, number=signal.SIGTERM)
+    assert (done.returncode, done.stderr.splitlines()[-1]) == (143, "interrupted")
     assert package.load(tmp_path / "r").status == "interrupted"
     assert call("verify", tmp_path / "r").returncode == 0
 

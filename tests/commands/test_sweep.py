@@ -2,14 +2,13 @@
 
 import json
 import shutil
-import signal
 import time
 from pathlib import Path
 
 import pandas as pd
 import pytest
 import yaml
-from support.command import started
+from support.command import interrupted, started
 from support.doors import BadRun
 from support.manifests import change_manifest
 from support.sweeps import sweep, table_of
@@ -157,17 +156,12 @@ def test_jobs_that_only_hydra_understands_are_run_by_it(tmp_path):
 
 @pytest.mark.ci
 def test_an_interrupted_sweep_tells_what_is_done(tmp_path):
-    process = started("-m", "seed=range(500)", "cycles=1", "hydra.sweep.dir=s", folder=tmp_path)
-    while not (tmp_path / "s" / "2" / "manifest.json").exists() and process.poll() is None:
-        time.sleep(0.01)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate()
-    assert process.returncode == 130
-    assert "interrupted" in err
-    assert "Traceback" not in err
-    assert "500 jobs: " in out
-    assert "unfinished" in out
-    assert "sweep.resume=true hydra.sweep.dir=" in out
+    words, third = ("-m", "seed=range(500)", "cycles=1", "hydra.sweep.dir=s"), tmp_path / "s" / "2" / "manifest.json"
+    done = interrupted(*words, folder=tmp_path, once=third.exists)
+    assert done.returncode == 130
+    assert "interrupted" in done.stderr
+    for said in ("500 jobs: ", "unfinished", "sweep.resume=true hydra.sweep.dir="):
+        assert said in done.stdout
     table = table_of(tmp_path)
     assert 2 in table["run"].tolist()
     assert set(table["status"]) == {"completed"}

@@ -33,23 +33,16 @@ from cmacexp.data.tables import (
 from cmacexp.data.trace import read_trace
 from cmacexp.data.weights import WEIGHTS
 
-LEG = ("scenario=one_leg", "cycles=3", "record.weights=true")
 
-
-@pytest.fixture(scope="module")
-def whole(stored):
-    """Folders of a leg and of a walk."""
-    return {"leg": stored(*LEG).folder, "walk": stored("scenario=quadruped", "cycles=1").folder}
+@pytest.fixture
+def walk(walk, tmp_path):
+    """The folder of a walk that a test may change."""
+    return shutil.copytree(walk.folder, tmp_path / "walk")
 
 
 @pytest.fixture
-def walk(whole, tmp_path):
-    return shutil.copytree(whole["walk"], tmp_path / "walk")
-
-
-@pytest.fixture
-def leg(whole, tmp_path):
-    return shutil.copytree(whole["leg"], tmp_path / "leg")
+def leg(leg, tmp_path):
+    return shutil.copytree(leg.folder, tmp_path / "leg")
 
 
 def flip(path: Path, chance: random.Random) -> None:
@@ -68,7 +61,7 @@ def use(*words) -> None:
         raise CmacexpError(done.stdout + done.stderr.strip())
 
 
-composed = cache(lambda: compose_config(LEG))
+composed = cache(lambda: compose_config(["scenario=one_leg"]))
 
 
 def start_from(folder: Path) -> None:

@@ -11,11 +11,6 @@ from support.walks import PERIOD, STEPS
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, MEMORY_SIGNALS, SPATIAL_SIGNALS, select_signals
 
 
-@pytest.fixture(scope="module")
-def walk(stored):
-    return stored("scenario=quadruped", "cycles=1")
-
-
 def test_a_walk_has_a_row_per_step_and_leg_and_a_row_of_the_body_per_step(walk):
     assert set(walk.manifest["files"]) == {
         "trace.parquet", "body.parquet", "memory.parquet", "metrics.parquet", "body_metrics.parquet",

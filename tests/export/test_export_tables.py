@@ -17,18 +17,16 @@ import cmacexp
 from cmacexp.export.mcap import write_mcap
 from cmacexp.export.wide import write_wide
 
-RUNS = {"leg": ("scenario=one_leg", "cycles=3", "record.weights=true"), "walk": ("scenario=quadruped", "cycles=1")}
 
-
-@pytest.fixture(scope="module", params=RUNS)
-def run(request, stored):
-    return stored(*RUNS[request.param])
+@pytest.fixture(scope="module", params=["leg", "walk"])
+def run(request):
+    return request.getfixturevalue(request.param)
 
 
 @pytest.fixture
-def walk(stored, tmp_path):
+def copy(walk, tmp_path):
     """A walk that a test may change."""
-    return shutil.copytree(stored(*RUNS["walk"]).folder, tmp_path / "walk")
+    return shutil.copytree(walk.folder, tmp_path / "walk")
 
 
 def tables_of(run):
@@ -65,12 +63,12 @@ def test_mcap_has_a_message_for_each_step_and_topic(run, tmp_path):
             np.testing.assert_array_equal(table[column].astype(float), rows[column].astype(float))
 
 
-def test_what_is_not_finite_is_null_in_json(walk, tmp_path):
-    body = pq.read_table(walk / "body.parquet")
+def test_what_is_not_finite_is_null_in_json(copy, tmp_path):
+    body = pq.read_table(copy / "body.parquet")
     values = [float("inf"), float("-inf"), float("nan"), *body["height"].to_pylist()[3:]]
-    pq.write_table(body.set_column(body.column_names.index("height"), "height", [values]), walk / "body.parquet")
-    accept(walk, "body.parquet")
-    with write_mcap(cmacexp.load(walk), tmp_path).open("rb") as file:
+    pq.write_table(body.set_column(body.column_names.index("height"), "height", [values]), copy / "body.parquet")
+    accept(copy, "body.parquet")
+    with write_mcap(cmacexp.load(copy), tmp_path).open("rb") as file:
         read = [json.loads(message.data) for *_, message in make_reader(file).iter_messages(topics=["/body"])]
     assert [row["height"] for row in read[:4]] == [None, None, None, values[3]]
 
@@ -84,25 +82,25 @@ STRANGE = {
 
 
 @pytest.mark.parametrize("change", STRANGE.values(), ids=STRANGE)
-def test_a_damaged_run_leaves_no_file(change, walk, tmp_path):
+def test_a_damaged_run_leaves_no_file(change, copy, tmp_path):
     """Neither a trace that is not the run's own nor one that the manifest lists."""
-    pq.write_table(change(pq.read_table(walk / "trace.parquet")), walk / "trace.parquet")
+    pq.write_table(change(pq.read_table(copy / "trace.parquet")), copy / "trace.parquet")
     for _ in range(2):
         for write in (write_wide, write_mcap):
             with pytest.raises(CmacexpError):
-                write(cmacexp.load(walk), tmp_path / "out")
-        accept(walk, "trace.parquet")
+                write(cmacexp.load(copy), tmp_path / "out")
+        accept(copy, "trace.parquet")
     assert not [*(tmp_path / "out").glob("*")]
 
 
 @pytest.mark.ci
-def test_the_recipe_for_lerobot_gives_each_cycle_as_an_episode(stored, tmp_path):
-    run, out = stored(*RUNS["leg"]), tmp_path / "set"
-    lerobot_recipe.export(run.folder, out)
+def test_the_recipe_for_lerobot_gives_each_cycle_as_an_episode(leg, tmp_path):
+    out = tmp_path / "set"
+    lerobot_recipe.export(leg.folder, out)
     info = json.loads((out / "meta" / "info.json").read_text())
     data = pd.read_parquet(out / info["data_path"].format(chunk_index=0, file_index=0))
     assert set(data) == set(info["features"])
     names = [name.removeprefix("leg1.") for name in info["features"]["observation.state"]["names"]]
-    np.testing.assert_array_equal(np.stack(data["observation.state"]), run.trace[names].to_numpy(np.float32))
+    np.testing.assert_array_equal(np.stack(data["observation.state"]), leg.trace[names].to_numpy(np.float32))
     assert data.groupby("episode_index").size().tolist() == [600] * 3
     assert pd.read_parquet(out / "meta" / "episodes")["length"].tolist() == [600] * 3

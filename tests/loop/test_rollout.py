@@ -1,10 +1,11 @@
 """Laws of the closed loop: what its rows say, external components, and what a run that stops leaves."""
 
-import dataclasses
+from itertools import count
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_array_equal
 from support.doors import make_scenario
 from support.loops import make_external
 from support.rollout import roll_out
@@ -40,19 +41,6 @@ def test_a_row_holds_the_state_at_the_start_of_its_step_and_the_torque_held_duri
         state = machine.plant.step(torque[k : k + 1])
 
 
-@pytest.mark.parametrize("lead", [-1, 0, 2])
-def test_feedback_trains_the_cells_of_its_step_less_the_lead_before_the_next_prediction(make_config, lead):
-    config = make_config(*SHORT, "cycles=3", f"learning.lead={lead}", "learning.rate=0.3", "cmac.memory_bytes=16384")
-    scenario = make_scenario(config)
-    cells, weights = scenario.feedforward.params.cells[:, 0], np.zeros((1024, 2))
-    columns = roll_out(scenario).columns()
-    feedback, feedforward = torques(columns, "feedback"), torques(columns, "feedforward")
-    assert not feedforward[:SAMPLES].any()  # the first cycle is the baseline
-    for k in range(SAMPLES, 3 * SAMPLES):
-        np.add.at(weights, cells[(k - 1 - lead) % SAMPLES], 0.3 * feedback[k - 1] / config.cmac.layers)
-        assert_allclose(feedforward[k], weights[cells[k % SAMPLES]].sum(axis=0), rtol=1e-9, atol=1e-12)
-
-
 def test_another_seed_gives_other_samples_as_soon_as_the_cmac_acts(run):
     first, again, other = (run("cycles=2", "cmac.memory_bytes=4096", f"seed={seed}").samples for seed in (0, 0, 1))
     assert_array_equal(first, again)
@@ -77,27 +65,16 @@ def breaks(inner, *arguments):
     raise RuntimeError("cable cut")
 
 
-class External:
-    """Does what a built-in part does, counts how often its ``method`` is called, and has a fault at that call."""
-
-    def __init__(self, part, method, at=0, fault=breaks):
-        self.part, self.method, self.at, self.fault, self.calls = part, method, at, fault, 0
-
-    def __getattr__(self, name):
-        inner = getattr(self.part, name)
-        if name != self.method:
-            return inner
-
-        def counted(*arguments):
-            self.calls += 1
-            return self.fault(inner, *arguments) if self.calls == self.at else inner(*arguments)
-
-        return counted
-
-
 def run_with_faulty(make_config, part, method, at, fault):
-    scenario = make_scenario(make_config(*SHORT, "cycles=2"))
-    return roll_out(dataclasses.replace(scenario, **{part: External(getattr(scenario, part), method, at, fault)}))
+    """A run with an external ``part``, which has a fault at one of the calls of its ``method``."""
+    scenario, calls = make_external(make_scenario(make_config(*SHORT, "cycles=2")), part), count(1)
+    inner = getattr(getattr(scenario, part), method)
+
+    def called(*arguments):
+        return fault(inner, *arguments) if next(calls) == at else inner(*arguments)
+
+    setattr(getattr(scenario, part), method, called)
+    return roll_out(scenario)
 
 
 @pytest.mark.parametrize("step", [10, 50])
@@ -156,16 +133,18 @@ def test_a_run_has_the_same_bits_whichever_components_are_external(make_config, 
     sensors = ("sensors=real", "sensors.position.bias=1e-3", "sensors.force.bias=0.1")
     short = ("gait.cycle_time=0.2", "gait.lift=0.005", "cycles=3", "learning.start_cycle=2")
     config = make_config(f"scenario={scenario}", *short, *sensors)
-    built_in, inside = roll_out(make_scenario(config)), make_scenario(config)
-    external = {group: External(getattr(inside, group), CALLED[group]) for group in groups}
-    mixed, steps = roll_out(dataclasses.replace(inside, **external)), len(built_in.samples)
+    built_in, inside = roll_out(make_scenario(config)), make_external(make_scenario(config), *groups)
+    methods = {group: Mock(wraps=getattr(getattr(inside, group), CALLED[group])) for group in groups}
+    for group, method in methods.items():
+        setattr(getattr(inside, group), CALLED[group], method)
+    mixed, steps = roll_out(inside), len(built_in.samples)
     assert steps == (120 if scenario == "one_leg" else 42)  # four legs cannot walk so fast: they fall
     assert mixed.status == built_in.status
     assert_array_equal(mixed.samples, built_in.samples)
     assert_array_equal(mixed.body_samples, built_in.body_samples)
     assert np.abs(mixed.columns()["tau_feedforward_1"][41:]).max() > 0.0
-    for group, component in external.items():
+    for group, method in methods.items():
         asked = steps
         if group == "feedforward":  # not before it acts; and a controller calls the one that it was given
             asked = 0 if "controller" in groups else steps - 40
-        assert component.calls == asked
+        assert method.call_count == asked

@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from support.doors import BadInput, CmacexpError, compose_config, make_scenario, workload
+from support.doors import BadInput, CmacexpError, compose_config, make_scenario
 from support.rollout import roll_out
 
 import cmacexp
@@ -21,13 +21,6 @@ RUNS = {
     "leg in MuJoCo": [*LEG, "plant=mujoco_leg"],
     "robot that adapts": ["scenario=robot", "cycles=2", "plant.mass_factor=1.2", "gait.cycle_time=0.4"],
 }
-
-
-@pytest.fixture(autouse=True)
-def _in_plain_python():
-    """Short runs are not worth compiling, which a loop that is opened would be: the pages run one compiled."""
-    with workload(1):
-        yield
 
 
 def play(loop, torque=0.0, steps=10**9):

@@ -7,7 +7,7 @@ import pyarrow as pa
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from support.command import call
-from support.made_traces import compute, make_trace
+from support.made_traces import make_trace, score
 from support.manifests import change_manifest
 
 import cmacexp
@@ -73,9 +73,9 @@ def test_a_row_knows_nothing_of_later_cycles():
     columns = {name: decay * rng.uniform(0.5, 1.5, size) for name in ("x", "y", "tau_feedback_1")}
     force = 1.0 + decay * rng.uniform(0.5, 1.5, size)
     trace = make_trace("TSSS", rows=32, legs=2, force=force, force_desired=1.0, **columns)
-    whole = compute(trace, 4)
+    whole = score(trace, 4).legs
     for cycles in range(1, 8):
-        begun = compute(trace.select(slice(4 * cycles)), 4)
+        begun = score(trace.select(slice(4 * cycles)), 4).legs
         for name in whole.column_names:
             assert_array_equal(begun[name], whole[name].slice(0, 2 * cycles), err_msg=name)
 

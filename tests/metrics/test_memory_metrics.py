@@ -12,11 +12,6 @@ MANY = 70
 """Cycles, more than a log of weights holds until it is taken."""
 
 
-@pytest.fixture(scope="module")
-def leg(stored):
-    return stored("scenario=one_leg", "cycles=3", "record.weights=true")
-
-
 def last_of(run):
     """What the tables tell of the weights at the end, and the same of the weights (L, rows, 2) themselves."""
     memory = pd.read_parquet(run.folder / "memory.parquet")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.made_traces import NOTHING, PERIOD, compute, make_trace, measure
+from support.made_traces import NOTHING, PERIOD, make_trace, measure, score
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
@@ -163,6 +163,6 @@ def test_metrics_are_those_of_the_samples_that_are_there_and_else_undefined(phas
 
 
 def test_of_no_sample_there_is_an_empty_table_whose_columns_have_units():
-    table = compute(make_trace("TSSS", x=0.0, y=0.0).select(slice(0)), 4)
+    table = score(make_trace("TSSS", x=0.0, y=0.0).select(slice(0)), 4).legs
     assert (table.num_rows, {*table.column_names}) == (0, {*BY_HAND})
     assert table.schema.field("force_iae").metadata[b"unit"] == b"N s"

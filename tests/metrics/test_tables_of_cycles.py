@@ -11,43 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from support.doors import Trace
-from support.made_traces import make_trace
+from support.made_traces import make_trace, score
 
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.metric import LARGE, LARGEST, MEAN, NEITHER, RMS, SMALL, SMALLEST
 from cmacexp.metrics.pooling import pool_legs, select_main, tabulate_cycles
 from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, RANKED, SHOWN
-from cmacexp.metrics.score import RunScorer, score_traces
 from cmacexp.metrics.text import format_cell
 
 BODY_COLUMNS = ("height", "pitch", "roll", *(name.removesuffix("_min") for name in BODY_METRICS if "margin" in name))
-
-
-def assert_equal_scores(one, other):
-    for table, expected in zip(one, other, strict=True):
-        assert (table is None) == (expected is None)
-        for name in table.column_names if table is not None else ():
-            assert_array_equal(table[name], expected[name], err_msg=name)
-
-
-@pytest.fixture(scope="module")
-def parts():
-    """Four cycles of noise of two legs and a body, six samples a cycle: the tables from one cycle to another."""
-    rng = np.random.default_rng(0)
-    names = ("x", "y", *(f"tau_{part}_{joint}" for part in ("feedback", "feedforward") for joint in (1, 2)))
-    columns = {name: rng.normal(size=(24, 2)) for name in names}
-    legs = make_trace("TTSSSS", 24, 2, force=rng.uniform(0.5, 1.5, (24, 2)), force_desired=1.0, **columns)
-    body = pa.table({name: rng.normal(size=24) for name in BODY_COLUMNS})
-    trace = replace(legs, body=Trace(body))
-    return lambda begin, end: trace.select(slice(6 * begin, 6 * end))
-
-
-def score(*of):
-    """The scores of parts of a run."""
-    scorer = RunScorer(6)
-    for part in of:
-        scorer.add(part)
-    return scorer.scores
 
 
 POOL = {
@@ -67,8 +39,14 @@ def test_poolings_do_what_their_names_say_with_the_legs_that_define_a_metric(val
         assert_allclose(pooling.pool(both), [POOL[pooling.name](values), math.nan], rtol=1e-12, atol=1e-12)
 
 
-def test_every_metric_is_pooled_as_declared_and_shown_pooled(parts):
-    scores = score(parts(0, 4))
+def test_every_metric_is_pooled_as_declared_and_shown_pooled():
+    """Of four cycles of noise of two legs and a body, six samples a cycle."""
+    rng = np.random.default_rng(0)
+    names = ("x", "y", *(f"tau_{part}_{joint}" for part in ("feedback", "feedforward") for joint in (1, 2)))
+    columns = {name: rng.normal(size=(24, 2)) for name in names}
+    legs = make_trace("TTSSSS", 24, 2, force=rng.uniform(0.5, 1.5, (24, 2)), force_desired=1.0, **columns)
+    body = pa.table({name: rng.normal(size=24) for name in BODY_COLUMNS})
+    scores = score(replace(legs, body=Trace(body)), 6)
     pooled, (main, rows) = pool_legs(scores), tabulate_cycles(scores)
     for name, values in pooled.items():
         of_legs = np.asarray((scores.body if name in BODY_METRICS else scores.legs)[name]).reshape(4, -1)
@@ -77,19 +55,6 @@ def test_every_metric_is_pooled_as_declared_and_shown_pooled(parts):
     assert list(main) == list(select_main(pooled, 2))
     texts = [[format_cell(pooled[name][cycle] * main[name].factor) for name in main] for cycle in range(4)]
     assert rows == [[str(cycle), *row] for cycle, row in enumerate(texts, 1)]
-
-
-@pytest.fixture(
-    scope="module",
-    params=[("scenario=one_leg", "cycles=3", "record.weights=true"), ("scenario=quadruped", "cycles=1")],
-)
-def run(request, stored):
-    return stored(*request.param)
-
-
-def test_stored_traces_have_the_scores_of_their_run(run):
-    assert (run.scores.body is not None) == run.walks
-    assert_equal_scores(score_traces(run), run.scores)
 
 
 def test_a_main_metric_is_shown_if_one_cycle_defines_it_and_it_suits_the_number_of_legs():

@@ -12,8 +12,6 @@ from numpy.testing import assert_allclose
 from cmacexp.models import leg as model
 from cmacexp.models.leg import GRAVITY, Leg
 
-DEFAULT = Leg(0.35, 0.35, 0.5, 0.5, -1.0)
-
 lengths, masses, angles = st.floats(0.1, 1.0), st.floats(0.1, 5.0), st.floats(-3.1, 3.1)
 legs = st.builds(Leg, lengths, lengths, masses, masses, st.sampled_from([-1.0, 1.0]))
 postures = st.tuples(angles, angles)
@@ -98,24 +96,6 @@ def test_power_at_the_foot_is_power_at_the_joints(leg, q, dq, force):
     trig = model.trigonometry(*q)
     at_joints = np.dot(model.joint_torque(leg, trig, *force), dq)
     assert at_joints == pytest.approx(np.dot(force, model.foot_velocity(leg, trig, *dq)), rel=1e-9, abs=1e-9)
-
-
-@pytest.mark.parametrize("side", [-1.0, 1.0])
-@pytest.mark.parametrize("t", [0.0, 0.3, 0.7, 1.1])
-def test_joint_velocity_and_acceleration_are_those_of_the_joints_along_a_foot_path(side, t):
-    leg, h = DEFAULT._replace(knee=side, length_2=0.4), 1e-4
-
-    def joints(t):
-        return np.array(model.inverse_kinematics(leg, 0.15 * math.sin(3.0 * t), 0.5 + 0.1 * math.cos(2.0 * t)))
-
-    velocity = 0.45 * math.cos(3.0 * t), -0.2 * math.sin(2.0 * t)
-    acceleration = -1.35 * math.sin(3.0 * t), -0.4 * math.cos(2.0 * t)
-    before, now, after = joints(t - h), joints(t), joints(t + h)
-    trig = model.trigonometry(*now)
-    dq = model.joint_velocity(leg, trig, *velocity)
-    assert_allclose(dq, (after - before) / (2.0 * h), atol=1e-5)
-    ddq = model.joint_acceleration(leg, trig, *dq, *acceleration)
-    assert_allclose(ddq, (after - 2.0 * now + before) / h**2, atol=1e-4)
 
 
 @given(legs, postures, speeds, speeds)

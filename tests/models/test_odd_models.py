@@ -2,11 +2,10 @@
 
 import re
 
-import numpy as np
 import pytest
 from support.doors import BadInput, compose_config, make_scenario
 from support.robot_walks import EXACT, RIGID, ROBOT, TWO
-from support.robots import OWN, read
+from support.robots import FREE, OWN, read, turn_frame
 from support.rollout import roll_out
 
 from cmacexp.models.robot_search import find_names
@@ -16,7 +15,6 @@ pytestmark = pytest.mark.ci
 ONE = (*ROBOT, *TWO[:-1], "cycles=1", EXACT)
 WALKS = ""
 NAMES = ("joints", "feet", "home")
-FREE = "<freejoint/>"
 END = "</mujoco>"
 MOTORS = re.search(r"<actuator>.*</actuator>", TEXT, re.DOTALL)[0]
 SERVOS = MOTORS.replace("<motor", '<position kp="50" kv="1"')
@@ -54,21 +52,12 @@ def scaled(factor):
     )
 
 
-def turned(angle):
-    """The trunk's frame turned about z: all that is fixed to it is turned back, rad."""
-    head, rest = TEXT.split(FREE)
-    quaternion = f"{np.cos(angle / 2):.6f} 0 0 {np.sin(-angle / 2):.6f}"
-    inner, tail = rest.rsplit("</body>\n  </worldbody>", 1)
-    return f'{head}{FREE}<frame quat="{quaternion}">{inner}</frame></body>\n  </worldbody>{tail}'
-
-
 def mirrored():
     """Rear knees that bend forward."""
     knees = re.sub(r'"R[LR]_calf_joint" class="calf"', r'\g<0> range="0.5 2.7"', TEXT)
     return re.sub(r'"R[LR]_thigh_joint" class="thigh"', r'\g<0> range="-3 1"', knees)
 
 
-LEANING = turned(0.0).replace('quat="1.000000 0 0 -0.000000"', 'quat="0.7071 0.7071 0 0"')
 EVERY_HOME = "machine.home=[[0,0.9,-1.8],[0,0.9,-1.8],[0,-0.9,1.8],[0,-0.9,1.8]]"
 OTHERS = r"machine\.path=.*: has {}"
 TURNED = r"machine\.feet=.* in the frame of the trunk"
@@ -169,9 +158,9 @@ ODD = {
         UNITS.format("moment of inertia of trunk"),
     ),
     # frames and home
-    "a frame turned by a quarter": (turned(np.pi / 2), (), TURNED),
-    "a frame turned by 30 degrees": (turned(-np.pi / 6), (), TURNED),
-    "a frame on its side": (LEANING, (), TURNED),
+    "a frame turned by a quarter": (turn_frame("0.7071 0 0 -0.7071"), (), TURNED),
+    "a frame turned by 30 degrees": (turn_frame("0.9659 0 0 0.2588"), (), TURNED),
+    "a frame on its side": (turn_frame("0.7071 0.7071 0 0"), (), TURNED),
     "mirrored rear knees": (mirrored(), (EVERY_HOME,), WALKS),
     "mirrored rear knees at one home": (
         mirrored(),

@@ -4,22 +4,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from support.doors import BadInput
-from support.robots import FEET, JOINTS, OWN, change, read
+from support.robots import FEET, JOINTS, OWN, change, read, turn_frame
 
 from cmacexp.models.robot_gains import HEIGHT_OF_LINKS
 from cmacexp.models.robot_search import find_names
 
 pytestmark = pytest.mark.ci
-FREE = "<freejoint/>"
-
-
-def turn_frame(folder, quaternion):
-    """The model with the frame of its trunk turned: all that is fixed to it is turned back."""
-    head, rest = OWN.read_text().split(FREE)
-    inner, tail = rest.rsplit("</body>\n  </worldbody>", 1)
-    path = folder / "turned.xml"
-    path.write_text(f'{head}{FREE}<frame quat="{quaternion}">{inner}</frame></body>\n  </worldbody>{tail}')
-    return path
 
 
 def test_joints_and_feet_are_found_in_the_order_of_legs_at_a_home_of_the_usual_height():
@@ -39,8 +29,10 @@ def test_joints_and_feet_are_found_in_the_order_of_legs_at_a_home_of_the_usual_h
 @pytest.mark.parametrize("quaternion", ["0.7071 0 0 0.7071", "0.7071 -0.7071 0 0"])
 def test_legs_in_a_turned_frame_are_refused_in_the_order_that_they_have(tmp_path, quaternion):
     """A frame whose y axis points forward, and one whose y axis points up."""
+    path = tmp_path / "turned.xml"
+    path.write_text(turn_frame(quaternion))
     with pytest.raises(BadInput, match=r"^machine\.feet=FL, FR, RL, RR: .* turn the frame"):
-        find_names(turn_frame(tmp_path, quaternion))
+        find_names(path)
 
 
 def test_three_legs_are_refused_with_the_joints_that_they_end_at(tmp_path):

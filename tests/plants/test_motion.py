@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from support.doors import make_mechanism, make_scenario
-from support.grounds import NO_PAYLOAD, still_ground
+from support.doors import make_scenario
 
-from cmacexp.plants.kernels import PlantParams, advance, compute_load, new_state, observe
+from cmacexp.plants.kernels import advance, compute_load, observe
 
 
 @pytest.fixture(scope="module")
@@ -54,29 +53,3 @@ def test_a_point_mass_is_accelerated_in_the_air_and_swings_on_the_ground(make_co
             advance(params, state, torque)
         assert_allclose(state.foot[0], [moved[0], surface + start + moved[1]], atol=1e-8)
         assert_allclose(state.velocity[0], speed, atol=1e-7)
-
-
-def energy(leg, state, stiffness, ground):
-    """Of the two point masses, whose places are complex numbers, x + i times y down; J."""
-    links = leg[:2] * np.exp(1j * np.cumsum(state.q[0]))
-    points, moving = np.cumsum(links), np.cumsum(1j * links * np.cumsum(state.dq[0]))
-    sunk = max(0.0, points[1].imag - ground)
-    return leg[2:4] @ (0.5 * np.abs(moving) ** 2 - 9.81 * points.imag) + 0.5 * stiffness * sunk**2
-
-
-@pytest.mark.parametrize(("height", "stiffness"), [(2.0, 10.0), (0.2, 40.0)], ids=["in the air", "on the ground"])
-def test_energy_is_conserved_at_fourth_order(make_config, height, stiffness):
-    stand, leg = make_mechanism(make_config("scenario=one_leg").machine), np.array([0.35, 0.4, 0.7, 0.5, -1.0])
-    stand, errors = stand._replace(legs=leg[None], hip_height=height), []
-    for steps in (20, 40, 80):
-        params = PlantParams(stand, still_ground(stiffness), NO_PAYLOAD, 0.0, 0.2 / steps, 1)
-        state = new_state(1)
-        state.q[0], state.dq[0], state.stiffness[0] = (1.9, -1.2), (0.5, -1.0), stiffness
-        observe(params, state, params.step)
-        before = energy(leg, state, stiffness, height)
-        for _ in range(steps):
-            assert (state.force[0] > 0.0) == (height < 1.0)
-            advance(params, state, np.zeros((1, 2)))
-        errors.append(abs(energy(leg, state, stiffness, height) / before - 1.0))
-    assert errors[0] < 1e-3
-    assert errors[0] >= 12.0 * errors[1] >= 144.0 * errors[2] > 0.0

@@ -15,16 +15,6 @@ DRAWN = 0.51 * FINENESS
 """Rounding of what is drawn, m, and a little for single precision."""
 
 
-@pytest.fixture(scope="module")
-def leg(stored):
-    return stored("scenario=one_leg", "cycles=3", "record.weights=true")
-
-
-@pytest.fixture(scope="module")
-def walk(stored):
-    return stored("scenario=quadruped", "cycles=1")
-
-
 def test_moments_are_the_planned_ones_until_the_contact_follows():
     force = make_walk().trace["force"].copy()
     force[6:8, 2], force[10:13, 2] = 1.0, 0.0  # leaves the ground and comes back late

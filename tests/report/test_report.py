@@ -19,18 +19,8 @@ from cmacexp.report.sweep_report import find_swept, make_sweep_report
 
 
 @pytest.fixture(scope="module")
-def leg(stored):
-    return stored("scenario=one_leg", "cycles=3", "record.weights=true")
-
-
-@pytest.fixture(scope="module")
 def content(leg):
     return make_run_report(leg)
-
-
-@pytest.fixture(scope="module")
-def walk(stored):
-    return stored("scenario=quadruped", "cycles=1")
 
 
 @pytest.fixture(scope="module")

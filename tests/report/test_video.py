@@ -24,13 +24,12 @@ def test_a_picture_plays_for_the_time_of_one_cycle_and_again(name, tmp_path, mon
     assert (frames[0] != frames[1]).any()
 
 
-def test_the_command_draws_the_first_and_the_last_cycle_of_a_run(stored, tmp_path, monkeypatch):
+def test_the_command_draws_the_first_and_the_last_cycle_of_a_run(leg, tmp_path, monkeypatch):
     monkeypatch.setattr(video, "FRAMES_PER_SECOND", 0.4)
-    run = stored("scenario=one_leg", "cycles=3", "record.weights=true")
-    assert call("video", run.folder, "--out", tmp_path / "leg.gif").returncode == 0
+    assert call("video", leg.folder, "--out", tmp_path / "leg.gif").returncode == 0
     with Image.open(tmp_path / "leg.gif") as picture:
         assert picture.n_frames > 0
-    refused = call("video", run.folder, "--out", tmp_path / "leg.avi")
+    refused = call("video", leg.folder, "--out", tmp_path / "leg.avi")
     assert refused.returncode == 2
     assert "must end in .gif, .webp, .mp4" in refused.stderr
 

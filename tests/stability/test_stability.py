@@ -92,6 +92,7 @@ def test_weights_that_give_no_torque_never_change(make_config):
 
 
 @pytest.mark.ci
+@pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize(
     ("overrides", "cycle", "window", "tolerance"),
     [
@@ -123,6 +124,7 @@ def test_what_does_not_learn_or_ends_before_is_not_predicted(make_config, settin
 
 
 @pytest.mark.ci
+@pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize(
     ("settings", "expected", "grows"),
     [
@@ -144,6 +146,7 @@ def test_learning_holds_with_lead_one_and_what_is_not_known_is_undecided(make_co
 
 
 @pytest.mark.ci
+@pytest.mark.usefixtures("compiled")
 def test_the_guard_hides_no_growth_and_the_scenario_stays_as_it_is(make_config):
     settings = ("learning.lead=0", "learning.rate=0.1", "gait.cycle_time=0.6", "gait.lift=0.02")
     plain, guarded = (make_config(*settings, f"learning.guard={guard}") for guard in ("none", "freeze"))

