@@ -1,4 +1,4 @@
-"""``python -m benchmarks``: run the benchmarks, print their tables, and keep them in a page if asked to."""
+"""``python -m benchmarks``: run the benchmarks, print their tables, and keep them in a file if asked to."""
 
 import argparse
 import importlib
@@ -15,7 +15,6 @@ from benchmarks.timing import Table, keep_freed_memory, markdown
 from cmacexp.jit.compiler import expect_runs
 
 ALL = ("loop", "robot", "cmac", "trace", "command", "sweep", "many")
-BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
 
 
 def machine() -> str:
@@ -36,25 +35,12 @@ def machine() -> str:
     return ", ".join(parts) + load
 
 
-def replace_results(page: str, results: str) -> str:
-    """``page`` with the text between the markers replaced.
-
-    Raises:
-        ValueError: it does not have both markers once, in this order.
-    """
-    before, begin, rest = page.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise ValueError(f"expected {BEGIN} and {END} in the page")
-    return f"{before}{begin}\n{results}\n{end}{after}"
-
-
 def main() -> None:
     """Run the benchmarks named on the command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(ALL)}; all without one")
     parser.add_argument("--quick", action="store_true", help="fewer rounds, shorter runs: to see that all works")
-    parser.add_argument("--write", type=Path, metavar="PAGE", help="replace the results between the page's markers")
+    parser.add_argument("--write", type=Path, metavar="FILE", help="keep the tables in this file")
     chosen = parser.parse_args()
     unknown = set(chosen.names) - set(ALL)
     if unknown:
@@ -72,7 +58,7 @@ def main() -> None:
             wrong += [f"{row.what}: {row.ratio:.3g} is above {row.limit}" for row in above]
             print(f"\n{parts[-1]}", flush=True)
         if chosen.write:  # after each, so that an interrupted session keeps its results
-            chosen.write.write_text(replace_results(chosen.write.read_text(), "\n\n".join(parts)))
+            chosen.write.write_text("\n\n".join(parts) + "\n")
     if wrong:
         sys.exit("\n".join(wrong))
 

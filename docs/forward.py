@@ -22,6 +22,10 @@ FORWARD: dict[str, str] = {
     "api": "commands#python-api",
     "security": "commands#security",
     "changelog": "contributing#changelog",
+    "how-to-choose": "long-runs#how-to-choose",
+    "learning-rules": "long-runs#learning-rules",
+    "mutants": "performance#mutation-testing",
+    "studies": "benchmark#studies",
 }
 """Old address and new one, without ``.html``; the new one may name a part of its page: ``page#part``."""
 PAGE = (

@@ -1,4 +1,4 @@
-"""Pages of the studies, made when mkdocs builds the site: their statements as they came out last, and their figures.
+"""Pages of the studies and the benchmark, made with the site: their statements as they came out last, and figures.
 
 A new study needs no edit of it. Figures are those of a full run below outputs/studies, if there is one.
 """
@@ -11,9 +11,12 @@ from cmacexp.commands.study import FOLDER
 from cmacexp.data.folder import FIGURES, HTML
 from cmacexp.study.statements import NO, UNCLEAR, VERDICTS, YES
 from cmacexp.study.study_file import StudyFile
+from pipelines.benchmark.benchmark import NAME as BENCHMARK
+from pipelines.groups import GROUPS
 from pipelines.quotes import (
     DOCS,
     NOT_MEASURED,
+    SCORES,
     Quotable,
     all_studies,
     claims_of,
@@ -22,17 +25,23 @@ from pipelines.quotes import (
     find_entry,
     format_statement,
     sentence_of,
+    whole_benchmark,
 )
 from pipelines.results import read_results
 
 ORDER = (*VERDICTS, YES, NO, UNCLEAR, NOT_MEASURED)
-LIST = "{{ studies() }}"
-"""Where the list stands in the page studies.md."""
+LIST, CLAIMS = "{{ studies() }}", "{{ claims() }}"
+"""Where a page has the list of studies, and that of the claims of the paper."""
 BLOCK = re.compile(r'\{\{ block\("README.md", "([\w-]+)"\) \}\}')
 """A generated block of the README, on another page."""
 OUTPUTS = DOCS.parent / FOLDER
 FIGURE = re.compile(r'<figure id="(\w+)">(?:<h3>(.*?)</h3>)?.*?<figcaption>(.*?)</figcaption>', re.DOTALL)
 """In a report: name, title and caption."""
+
+
+def every_study() -> list[StudyFile]:
+    """All studies and the benchmark, whose pages are made."""
+    return [*all_studies(), whole_benchmark()]
 
 
 def findings_of(file: StudyFile, results: Quotable) -> str:
@@ -79,6 +88,8 @@ def page_of(file: StudyFile, results: Quotable) -> str:
         text += f"\n## Claims of the paper\n{claims_of(file, results)}"
     if study.findings:
         text += f"\n## Findings\n{findings_of(file, results)}"
+    if file.name == BENCHMARK:
+        text += f"\n## Scores\n\n{SCORES.read_text(encoding='utf-8')}"
     return text + (f"\n## Figures\n{''.join(figures)}" if figures else "")
 
 
@@ -94,16 +105,31 @@ def list_of(results: Quotable) -> str:
     """A line for each study."""
     cells = [
         (f"[{file.study.title}](studies/{file.name}.md)", file.study.question, describe_outcomes(file, results))
-        for file in all_studies()
+        for file in every_study()
     ]
     return "\n".join(["| study | question | statements |", "|---|---|---|", *(f"| {' | '.join(c)} |" for c in cells)])
 
 
+def claims_of_paper(results: Quotable) -> str:
+    """A line for each claim of the paper, in its order: what was measured, with a link to the whole evidence."""
+    order = {name: place for place, name in enumerate(GROUPS["paper"].studies)}
+    lines = ["| claim | verdict | measured |", "|---|---|---|"]
+    for file in sorted(all_studies(), key=lambda file: order.get(file.name, len(order))):
+        if file.study.claims:
+            lines.append(f"| **[{file.study.title}](studies/{file.name}.md)** | | |")
+        for name, claim in file.study.claims.items():
+            entry = find_entry(file.name, name, results)
+            found = zip(claim.criteria, entry["values"], strict=True) if entry else ()
+            measured = "; ".join(f"{each.case}: {value}".removeprefix(": ") for each, value in found)
+            verdict = entry["verdict"] if entry else NOT_MEASURED
+            lines.append(f"| {claim.words} ({claim.where}) | {verdict} | {measured} |")
+    return "\n".join(lines)
+
+
 def on_config(config: Any) -> Any:
-    """Add the pages below that of the studies; mkdocs calls this once."""
-    pages = ["studies.md", *(f"studies/{file.name}.md" for file in all_studies())]
-    for section in (part for group in config.nav for part in group.values() if isinstance(part, list)):
-        section[:] = [{"Studies": pages} if entry == {"Studies": "studies.md"} else entry for entry in section]
+    """Add the pages at the end of the results; mkdocs calls this once."""
+    (results,) = (group["Results"] for group in config.nav if "Results" in group)
+    results.append({"Studies": [f"studies/{file.name}.md" for file in every_study()]})
     return config
 
 
@@ -112,7 +138,7 @@ def on_files(files: Any, config: Any) -> Any:
     from mkdocs.structure.files import File
 
     results = read_results().statements
-    for study in all_studies():
+    for study in every_study():
         files.append(File.generated(config, f"studies/{study.name}.md", content=page_of(study, results)))
         for path, _ in figures_of(study.name):
             name = f"studies/figures/{study.name}-{path.name}"
@@ -122,8 +148,9 @@ def on_files(files: Any, config: Any) -> Any:
 
 def on_page_markdown(markdown: str, page: Any = None, **_: Any) -> str:
     """Fill quotes, blocks and the list, link names of studies in brackets; mkdocs calls this for every page."""
-    results, names = read_results().statements, "|".join(file.name for file in all_studies())
+    results, names = read_results().statements, "|".join(file.name for file in every_study())
     readme = (DOCS.parent / "README.md").read_text(encoding="utf-8")
     text = BLOCK.sub(lambda match: find_block(readme, match[1]), markdown)
-    text = fill_quotes(text, results).replace(LIST, list_of(results))
+    text = fill_quotes(text, results)
+    text = text.replace(LIST, list_of(results)).replace(CLAIMS, claims_of_paper(results))
     return re.sub(rf"\(`({names})`\)", r"([`\1`](studies/\1.md))", text)

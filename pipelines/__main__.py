@@ -16,7 +16,7 @@ from pipelines.benchmark.benchmark import QUESTION, TITLE
 from pipelines.benchmark.summary import write_scores
 from pipelines.groups import GROUPS, find_study
 from pipelines.groups import main as run_group
-from pipelines.quotes import PAGES, README, all_claims, all_studies, count_claims, fill, find_outdated
+from pipelines.quotes import PAGES, README, SCORES, all_studies, count_claims, fill, find_outdated
 from pipelines.readme import renew_readme
 from pipelines.results import CHANGED, RESULTS_FILE, list_states, read_results
 
@@ -37,13 +37,12 @@ def write_docs() -> None:
     scored = FOLDER / BENCHMARK / f"{BENCHMARK}.parquet"
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
-        text = fill(text, "claims", lambda: all_claims(statements))
         text = fill(text, "count", lambda: f"\n**{count_claims(statements)}**\n\n")
-        if scored.is_file():
-            text = fill(text, "benchmark", lambda: f"{write_scores(read_table(scored, texts=True).to_pandas())}\n")
         text = renew_readme(text, statements) if page == README else text
         page.write_text(text, encoding="utf-8")
         texts[page.name] = text
+    if scored.is_file():
+        SCORES.write_text(f"{write_scores(read_table(scored, texts=True).to_pandas())}\n", encoding="utf-8")
     for line in find_outdated(results.sentences, texts, statements):
         print(line)
     RESULTS_FILE.write_text(results.format(), encoding="utf-8")

@@ -1,6 +1,6 @@
 """Settings of learning tried again where feedback is late: lead, rate, rule, size of the CMAC, path, guard.
 
-``python -m pipelines.late_learning`` repeats the choices that `docs/how-to-choose.md` recommends with encoders, late
+``python -m pipelines.late_learning`` repeats the choices that `docs/long-runs.md` recommends with encoders, late
 torques and lags, over more cycles than the studies that recommend them.
 """
 

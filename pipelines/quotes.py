@@ -1,9 +1,9 @@
 """What pages quote of the last full studies: values by name, which the site fills in, and generated blocks.
 
 ``{{ quote("one_leg_learning.bias") }}`` on a page stands for the first value of a statement, ``quote("...", 1)`` for
-the second, ``interval`` for its interval, ``size`` for its n, ``verdict`` for the verdict, ``sentence`` for the
-sentence of a finding. A block between ``<!-- NAME: begin -->`` and ``<!-- NAME: end -->`` is written by
-``python -m pipelines --write-docs``.
+the second, ``interval`` for its interval, ``measured`` for both, ``size`` for its n, ``verdict`` for the verdict,
+``sentence`` for the sentence of a finding. A block between ``<!-- NAME: begin -->`` and ``<!-- NAME: end -->`` is
+written by ``python -m pipelines --write-docs``.
 """
 
 import re
@@ -19,14 +19,16 @@ from pipelines.benchmark.benchmark import NAME as BENCHMARK
 from pipelines.benchmark.benchmark import make_study
 from pipelines.benchmark.entrants import list_methods
 from pipelines.benchmark.tasks import MACHINES
-from pipelines.groups import GROUPS, find_study
+from pipelines.groups import find_study
 
 PIPELINES = Path(__file__).resolve().parent
 DOCS = PIPELINES.parent / "docs"
 README = PIPELINES.parent / "README.md"
+SCORES = PIPELINES / BENCHMARK / "scores.md"
+"""Every table of the last full benchmark."""
 PAGES = (README, *sorted(DOCS.glob("*.md")))
 """What may quote the studies."""
-QUOTE = re.compile(r'\{\{ (quote|interval|size|verdict|sentence)\("(\w+)\.([^"]+)"(?:, (\d+))?\) \}\}')
+QUOTE = re.compile(r'\{\{ (quote|interval|measured|size|verdict|sentence)\("(\w+)\.([^"]+)"(?:, (\d+))?\) \}\}')
 LISTS = {"quote": "values", "interval": "intervals", "size": "counts"}
 """Entries of a statement with a value for each criterion, by what quotes them."""
 MEASURED = ("values", "intervals", "counts", "verdicts")
@@ -42,11 +44,16 @@ def all_studies() -> list[StudyFile]:
     return [load_study(path) for page in sorted(PIPELINES.glob("*.md")) if (path := find_study(page.stem))]
 
 
+def whole_benchmark() -> StudyFile:
+    """The benchmark as a study: all machines and methods."""
+    study = make_study(MACHINES, [method.name for method in list_methods()])
+    return StudyFile(PIPELINES / BENCHMARK / f"{BENCHMARK}.py", study)
+
+
 @cache
 def declared() -> Mapping[str, Mapping[str, Claim | Finding]]:
     """Every statement by study and name, whether it was measured or not."""
-    whole = make_study(MACHINES, [method.name for method in list_methods()])
-    studies = {BENCHMARK: whole, **{file.name: file.study for file in all_studies()}}
+    studies = {file.name: file.study for file in (whole_benchmark(), *all_studies())}
     return {name: {**study.claims, **study.findings} for name, study in studies.items()}
 
 
@@ -81,6 +88,8 @@ def quoted(match: re.Match[str], results: Quotable) -> str:
         return NOT_MEASURED
     if kind == "sentence" and isinstance(statement, Finding):
         return sentence_of(statement, entry)
+    if kind == "measured":
+        return f"{entry['values'][index]} [{entry['intervals'][index]}]"
     return str(entry[LISTS[kind]][index] if kind in LISTS else entry[kind])
 
 
@@ -161,11 +170,3 @@ def count_claims(results: Quotable) -> str:
     """How many claims of the paper have each verdict, as a sentence."""
     entries = [find_entry(file.name, name, results) for file in all_studies() for name in file.study.claims]
     return count_verdicts([entry["verdict"] for entry in entries if entry])
-
-
-def all_claims(results: Quotable) -> str:
-    """The claims of every study, in the order of the paper."""
-    order = {name: place for place, name in enumerate(GROUPS["paper"].studies)}
-    studies = sorted((f for f in all_studies() if f.study.claims), key=lambda f: order.get(f.name, len(order)))
-    own = [f"\n### {each.study.title} (`{each.name}`)\n{claims_of(each, results)}" for each in studies]
-    return f"{''.join(own)}\n"

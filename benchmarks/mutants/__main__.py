@@ -130,15 +130,15 @@ def try_mutants(todo: list[Mutant], tier: str, folder: Path, log: Path, workers:
 
 
 def main() -> None:
-    """Try a sample of mutants, and write the results into a page if asked to."""
+    """Try a sample of mutants, and write the results into a file if asked to."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.mutants", description=__doc__)
     parser.add_argument("--number", type=int, default=300, help="mutants, and a few more for small files")
     parser.add_argument("--seed", type=int, default=1997, help="of the sample")
     parser.add_argument("--workers", type=int, default=1, help="mutants tried at the same time")
     parser.add_argument("--tier", choices=TIERS, default="first", help="tests that have to find them: of which tier")
     parser.add_argument("--folder", type=Path, help="keeps results: of those in it only survivors are tried again")
-    parser.add_argument("--results-only", action="store_true", help="try nothing: only write the page")
-    parser.add_argument("--write", type=Path, metavar="PAGE", help="replace the results between the page's markers")
+    parser.add_argument("--results-only", action="store_true", help="try nothing: only write the file")
+    parser.add_argument("--write", type=Path, metavar="FILE", help="keep the tables in this file")
     chosen = parser.parse_args()
     folder = chosen.folder or Path(tempfile.mkdtemp(prefix="mutants-"))
     folder.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,7 @@
 """How kernels become machine code; all private names of numba stand here.
 
-``pyproject.toml`` allows only versions of numba that have them. Beside each name stands the row of
-``docs/performance.md`` that shows its gain.
+``pyproject.toml`` allows only versions of numba that have them. "Compiling" in ``docs/performance.md`` shows
+what they gain.
 """
 
 import contextlib
@@ -40,7 +40,7 @@ SETTINGS: dict[str, object] = {"error_model": "numpy", "_nrt": False, "no_cfunc_
 def _import_without_blas() -> None:
     """Import what numba needs for arrays, but not scipy.linalg, which it imports only to know that it is installed.
 
-    "Compiling", last row: 7 % of a whole command. Functions that use BLAS import it when they are compiled.
+    That is 7 % of a whole command. Functions that use BLAS import it when they are compiled.
     """
     absent = [name for name in BLAS if name not in sys.modules]
     sys.modules.update({name: ModuleType(name) for name in absent})

@@ -12,7 +12,6 @@ from pipelines import quotes
 from pipelines.quotes import (
     NOT_MEASURED,
     QUOTE,
-    all_claims,
     count_claims,
     declared,
     fill,
@@ -68,12 +67,13 @@ def test_a_quote_gives_value_interval_size_and_verdict(statements):
         'sentence("s.a")',
         'quote("s.a", 1)',
         'interval("s.a")',
+        'measured("s.a")',
         'size("s.a")',
         'verdict("s.a")',
         'quote("s.new")',
     )
     filled = [fill_quotes(f"{{{{ {text} }}}}", statements) for text in quoted]
-    assert filled == ["It is 1 N.", "3 N", "1 to 2 N", "18 of 20", "yes", NOT_MEASURED]
+    assert filled == ["It is 1 N.", "3 N", "1 to 2 N", "1 N [1 to 2 N]", "18 of 20", "yes", NOT_MEASURED]
 
 
 @pytest.mark.parametrize("wrong", ['"s.b"', '"t.a"', '"s.a", 2'])
@@ -96,7 +96,7 @@ def test_sentences_and_blocks_of_pages_are_what_the_studies_found():
     assert find_outdated(RESULTS.sentences, texts, RESULTS.statements) == []
     paper, readme = texts["the-paper.md"], texts["README.md"]
     count = f"\n**{count_claims(RESULTS.statements)}**\n\n"
-    assert fill(fill(paper, "claims", lambda: all_claims(RESULTS.statements)), "count", lambda: count) == paper
+    assert fill(paper, "count", lambda: count) == paper
     assert fill(readme, "count", lambda: count) == readme
     assert paper.count(count) == readme.count(count) == 1
     for block in BLOCKS.glob("*.md"):
