@@ -4,6 +4,7 @@ A new study needs no edit of it. Figures are those of a full run below outputs/s
 """
 
 import re
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +121,11 @@ def claims_of_paper(results: Quotable) -> str:
         for name, claim in file.study.claims.items():
             entry = find_entry(file.name, name, results)
             found = zip(claim.criteria, entry["values"], strict=True) if entry else ()
-            measured = "; ".join(f"{each.case}: {value}".removeprefix(": ") for each, value in found)
+            groups = groupby(found, key=lambda pair: pair[0].quantity)
+            values = [
+                (what, ", ".join(f"{each.case} {value}".strip() for each, value in pairs)) for what, pairs in groups
+            ]
+            measured = "; ".join(f"{what}: **{value}**" for what, value in values)
             verdict = entry["verdict"] if entry else NOT_MEASURED
             lines.append(f"| {claim.words} ({claim.where}) | {verdict} | {measured} |")
     return "\n".join(lines)
