@@ -22,7 +22,6 @@ from pipelines.quotes import (
     all_studies,
     claims_of,
     fill_quotes,
-    find_block,
     find_entry,
     format_statement,
     sentence_of,
@@ -33,8 +32,6 @@ from pipelines.results import read_results
 ORDER = (*VERDICTS, YES, NO, UNCLEAR, NOT_MEASURED)
 LIST, CLAIMS = "{{ studies() }}", "{{ claims() }}"
 """Where a page has the list of studies, and that of the claims of the paper."""
-BLOCK = re.compile(r'\{\{ block\("README.md", "([\w-]+)"\) \}\}')
-"""A generated block of the README, on another page."""
 OUTPUTS = DOCS.parent / FOLDER
 FIGURE = re.compile(r'<figure id="(\w+)">(?:<h3>(.*?)</h3>)?.*?<figcaption>(.*?)</figcaption>', re.DOTALL)
 """In a report: name, title and caption."""
@@ -152,10 +149,7 @@ def on_files(files: Any, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, page: Any = None, **_: Any) -> str:
-    """Fill quotes, blocks and the list, link names of studies in brackets; mkdocs calls this for every page."""
+    """Fill quotes and the list, link names of studies in brackets; mkdocs calls this for every page."""
     results, names = read_results().statements, "|".join(file.name for file in every_study())
-    readme = (DOCS.parent / "README.md").read_text(encoding="utf-8")
-    text = BLOCK.sub(lambda match: find_block(readme, match[1]), markdown)
-    text = fill_quotes(text, results)
-    text = text.replace(LIST, list_of(results)).replace(CLAIMS, claims_of_paper(results))
+    text = fill_quotes(markdown, results).replace(LIST, list_of(results)).replace(CLAIMS, claims_of_paper(results))
     return re.sub(rf"\(`({names})`\)", r"([`\1`](studies/\1.md))", text)

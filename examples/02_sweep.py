@@ -13,9 +13,9 @@ def main() -> None:
     runs = [[*common, f"cmac.layers={layers}", f"seed={seed}"] for layers in LAYERS for seed in range(3)]
     table = cmacexp.run_many(runs)
     error = 1e3 * table.groupby(["cmac.layers", "cycle"])["transfer_rmse_y"].median().unstack("cmac.layers")
-    axes = error.plot(logy=True, figsize=(6, 4), xlabel="cycle", ylabel="RMS error in y, mm; median of 3 seeds")
+    axes = error.plot(logy=True, figsize=(7, 3), xticks=range(0, 21, 5), xlabel="cycle", ylabel="RMS error in y, mm")
     Path("outputs/examples").mkdir(parents=True, exist_ok=True)
-    axes.figure.savefig("outputs/examples/layers.png", dpi=120)
+    axes.figure.savefig("outputs/examples/layers.png", dpi=100, bbox_inches="tight")
     print(error.iloc[-1].rename("error in y, mm").round(3).to_string())
 
 

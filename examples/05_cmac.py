@@ -27,5 +27,5 @@ for panel, title, values in zip(panels, ("learnt", "learnt - wanted"), (learnt, 
     panel.set(title=title, xlabel="$x_1$", ylabel="$x_2$", aspect="equal")
     figure.colorbar(image, ax=panel)
 Path("outputs/examples").mkdir(parents=True, exist_ok=True)
-figure.savefig("outputs/examples/surface.png", dpi=120)
+figure.savefig("outputs/examples/surface.png", dpi=100)
 print(f"RMS error {np.sqrt(np.mean((learnt - wanted(grid)) ** 2)):.3f}")

@@ -7,7 +7,7 @@ import cmacexp
 OTHER = ["plant/as_built=go2_dim", "plant.friction=0.786"]
 """Masses, inertia and friction of a published fit; planner and controller keep the nominal model."""
 
-figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
+figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
 for name, feedforward in (("feedback only", "none"), ("nominal model", "inverse_dynamics"), ("CMAC", "cmac")):
     overrides = ["scenario=robot", "machine=go2", *OTHER, f"feedforward={feedforward}", "cycles=15", "record=trace"]
     run = cmacexp.run(overrides, f"outputs/examples/go2_{feedforward}")
@@ -16,4 +16,4 @@ for name, feedforward in (("feedback only", "none"), ("nominal model", "inverse_
     print(f"{name}: {run.status}, foot error {error.iloc[-1]:.2f} mm in the last cycle")
 axes.set(xlabel="cycle", ylabel="RMS foot error in transfer, mm")
 axes.legend(frameon=False)
-figure.savefig("outputs/examples/go2.png", dpi=120)
+figure.savefig("outputs/examples/go2.png", dpi=100)

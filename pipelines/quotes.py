@@ -131,11 +131,6 @@ def fill(text: str, name: str, make: Callable[[], str]) -> str:
     return place.sub(lambda _: make(), text)
 
 
-def find_block(text: str, name: str) -> str:
-    """What stands in a block of a page."""
-    return text.partition(f"<!-- {name}: begin -->\n")[2].partition(f"<!-- {name}: end -->")[0]
-
-
 def _rows(criteria: Sequence[Criterion], entry: Mapping[str, Any]) -> Iterator[Sequence[str]]:
     """Cells of ``COLUMNS``: each quantity once, its cases below it."""
     for quantity, rows in build_evidence(criteria, {name: entry[name] for name in MEASURED if name in entry}).items():

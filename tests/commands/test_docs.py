@@ -78,7 +78,8 @@ def test_the_notebook_is_its_example_and_is_stored_without_results():
 
 def test_the_table_of_the_readme_is_what_its_command_prints():
     (table,) = (block.code for block in blocks("README.md") if block.language == "text")
-    lines = printed["python -m cmacexp scenario=one_leg hydra.run.dir=outputs/first"].splitlines()
+    run = "scenario=one_leg reference=aware learning=lasting cycles=10 hydra.run.dir=outputs/first"
+    lines = printed[f"python -m cmacexp {run}"].splitlines()
     shown = [line.rstrip() for line in table.splitlines()]
     assert shown == [line.rstrip() for line in lines[: len(shown)]]
 

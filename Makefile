@@ -1,0 +1,4 @@
+# One list of checks, that of CI.
+.PHONY: check
+check:
+	.ci/run
