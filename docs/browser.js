@@ -13,7 +13,7 @@ const counted = (settings) => settings.delay + 1;
 
 const SLIDERS = [
   { name: "mass", label: "Mass of each link", stops: [0.25, 0.35, 0.5, 0.7, 1, 1.4, 2], show: (s) => `${s.mass} kg` },
-  { name: "stiffness", label: "Stiffness of the ground", stops: Object.keys(DATA.plans).map(Number),
+  { name: "stiffness", label: "Stiffness of the ground", stops: DATA.stiffnesses,
     show: (s) => `${s.stiffness} N/m` },
   { name: "delay", label: "Delay of the torque", stops: DATA.guarded_rates.map((_, i) => i),
     show: (s) => `${samples(s.delay)}, ${Math.round(1000 * sample_time * s.delay)} ms` },

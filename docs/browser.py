@@ -9,9 +9,11 @@ import json
 import subprocess
 import tempfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from benchmarks.c_loop import SOURCE, TABLES, CLaw, CState, make_law, make_state, make_tables
 from benchmarks.timing import make_config
@@ -22,7 +24,7 @@ from cmacexp.models.loop_delay import LoopDelay
 DOCS = Path(__file__).parent
 PAGE, DATA = "browser.md", "browser-data.js"
 FLAGS = (
-    "--target=wasm32", "-O2", "-ffreestanding", "-nostdlib", "-mbulk-memory", "-ffp-contract=off",
+    "--target=wasm32", "-Os", "-ffreestanding", "-nostdlib", "-mbulk-memory", "-ffp-contract=off",
     "-Wl,--no-entry,--export=one_leg,--export=__heap_base,--strip-all",
 )  # fmt: skip
 SCENARIO = ("scenario=one_leg", "reference=aware")
@@ -30,8 +32,11 @@ STIFFNESSES = (8, 10, 14, 20, 30, 50, 100)
 """Of the ground that the page offers, N/m: each has a plan of its own."""
 DELAYS = range(5)
 """Of the torques that the page offers, samples."""
-EMPTY = ("weights", "torque")
-"""Tables that are zero at the start, and are not packed."""
+SET = ("mass_1", "mass_2", "rate", "delay", "lead", "guarded", "start_step")
+READ = ("taken", "phase", "cause", "acted", "best_cycle")
+"""Fields of ``Law`` that leg.js sets, and of ``State`` that it reads."""
+SHARED = ("support", "low", "high", "shift")
+"""Tables that are the same on any ground."""
 PLACE = "{{ learn }}"
 """Where the page shows it."""
 SCRIPTS = (DATA, "leg.js", "browser.js")
@@ -59,43 +64,56 @@ def pack(content: bytes) -> str:
     return base64.b64encode(zlib.compress(content, 9)).decode()
 
 
-def pack_tables(stiffness: float) -> tuple[str, Mapping[str, int]]:
-    """Law, state and tables on ground of this stiffness, N/m, and the bytes of each table.
-
-    The inputs of the CMAC are packed as the middles of their quanta, which address the same cells and are shorter.
-    """
-    scenario = make_scenario(make_config(*SCENARIO, f"terrain.stiffness={stiffness}"))
-    tables = make_tables(scenario)
-    address = scenario.feedforward.cmacs[0].address
-    quanta = (address.resolution_elements - 1) * address.displacement.shape[0]
-    tables["inputs"] = quantise(tables["inputs"], tables["low"], tables["high"], quanta) + 0.5
-    tables["low"], tables["high"] = 0.0 * tables["low"], 0.0 * tables["high"] + quanta
-    law = bytes(make_law(scenario, tables))[: pointer_offset("support")].ljust(pointer_offset(""), b"\0")
-    given = b"".join(tables[name].tobytes() for name in TABLES if name not in EMPTY)
-    return pack(law + bytes(make_state(scenario)) + given), {name: table.nbytes for name, table in tables.items()}
-
-
 def pointer_offset(name: str) -> int:
     """Where a table's pointer of 4 bytes is in ``Law`` of WebAssembly; of no name: where ``Law`` ends."""
     end = len(TABLES) + len(TABLES) % 2
     return int(CLaw.support.offset) + 4 * (TABLES.index(name) if name else end)
 
 
+def start_leg(stiffness: float) -> tuple[bytes, dict[str, Any]]:
+    """Law and state of a leg on ground of this stiffness, N/m, and its tables.
+
+    The inputs of the CMAC are whole quanta here, which address the same cells as the inputs of any in them.
+    """
+    scenario = make_scenario(make_config(*SCENARIO, f"terrain.stiffness={stiffness}"))
+    tables = make_tables(scenario)
+    address = scenario.feedforward.cmacs[0].address
+    quanta = (address.resolution_elements - 1) * address.displacement.shape[0]
+    tables["inputs"] = quantise(tables["inputs"], tables["low"], tables["high"], quanta)
+    tables["low"], tables["high"] = 0.0 * tables["low"], 0.0 * tables["high"] + quanta
+    law = bytes(make_law(scenario, tables))[: pointer_offset("support")].ljust(pointer_offset(""), b"\0")
+    return law + bytes(make_state(scenario)), tables
+
+
+def pack_plans(plans: Sequence[tuple[bytes, Mapping[str, Any]]]) -> str:
+    """Legs of :func:`start_leg` by columns, since those of different ground are alike: a quarter of the size.
+
+    Law and state of each, shared tables, references (columns, S, 2, N), differences of quanta (columns, S, N).
+    """
+    reference = np.array([tables["reference"] for _, tables in plans]).transpose(3, 0, 1, 2)
+    quanta = np.array([tables["inputs"] for _, tables in plans]).transpose(2, 0, 1)
+    steps = np.diff(quanta, axis=2, prepend=0).astype("<i2")
+    shared = [plans[0][1][name] for name in SHARED]
+    starts = b"".join(start for start, _ in plans)
+    return pack(starts + b"".join(table.tobytes() for table in (*shared, reference, steps)))
+
+
 def make_data(module: bytes) -> str:
     """The script that the page loads: the compiled leg, where its fields are, and what it runs on."""
     config = make_config(*SCENARIO)
     guarded = make_config(*SCENARIO, "learning.guard=freeze", "learning.rate=1")
-    packed = {f"{stiffness}": pack_tables(stiffness) for stiffness in STIFFNESSES}
-    sizes = next(iter(packed.values()))[1]
-    leg = config.machine.leg
+    plans = [start_leg(stiffness) for stiffness in STIFFNESSES]
+    tables, leg = plans[0][1], config.machine.leg
     data = {
         "wasm": pack(module),
-        "law": {name: getattr(CLaw, name).offset for name, *_ in CLaw._fields_ if name not in TABLES},
+        "law": {name: getattr(CLaw, name).offset for name in SET},
         "law_bytes": pointer_offset(""),
-        "state": {name: getattr(CState, name).offset for name, *_ in CState._fields_},
+        "state": {name: getattr(CState, name).offset for name in READ},
         "state_bytes": len(bytes(CState())),
-        "tables": [(pointer_offset(name), sizes[name], name not in EMPTY) for name in TABLES],
-        "plans": {stiffness: text for stiffness, (text, _) in packed.items()},
+        "tables": [(name, pointer_offset(name), tables[name].nbytes) for name in TABLES],
+        "shared": SHARED,
+        "stiffnesses": STIFFNESSES,
+        "plans": pack_plans(plans),
         "guarded_rates": [resolve_rate(guarded, LoopDelay(delay), 0) for delay in DELAYS],
         "period": config.steps_per_cycle,
         "transfer": round((1.0 - config.gait.duty_factor) * config.steps_per_cycle),

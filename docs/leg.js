@@ -13,13 +13,36 @@ async function inflate(text) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-/** What all legs share: the module, where its fields are, and the packed tables by stiffness. */
+/** The plan of each stiffness, as docs/browser.py packed them by columns: law and state at the start, and tables. */
+function unpackPlans(bytes, { stiffnesses, period, tables, shared, law_bytes, state_bytes }) {
+  const sizes = Object.fromEntries(tables.map(([name, , size]) => [name, size])), count = stiffnesses.length;
+  let read = 0;
+  const next = (size) => bytes.slice(read, (read += size));
+  const starts = stiffnesses.map(() => next(law_bytes + state_bytes));
+  const same = Object.fromEntries(shared.map((name) => [name, next(sizes[name])]));
+  const references = new Float64Array(next(count * sizes.reference).buffer);
+  const steps = new Int16Array(next((count * sizes.inputs) / 4).buffer); // of quanta, from sample to sample
+  const columns = sizes.inputs / period / 8;
+  return new Map(stiffnesses.map((stiffness, i) => {
+    const reference = new Float64Array(sizes.reference / 8), inputs = new Float64Array(sizes.inputs / 8);
+    const rows = 2 * period, width = reference.length / rows;
+    for (let k = 0; k < rows; k++)
+      for (let c = 0; c < width; c++) reference[k * width + c] = references[(c * count + i) * rows + k];
+    for (let c = 0; c < columns; c++)
+      for (let k = 0, quantum = 0.5; k < period; k++) // its middle
+        inputs[k * columns + c] = quantum += steps[(c * count + i) * period + k];
+    const bytesOf = (table) => new Uint8Array(table.buffer);
+    return [stiffness, { ...same, start: starts[i], reference: bytesOf(reference), inputs: bytesOf(inputs) }];
+  }));
+}
+
+/** What all legs share: the module, where its fields are, and the plans by stiffness. */
 class LegModel {
   static async load(packed) {
     const model = new LegModel();
     model.packed = packed;
     model.module = await WebAssembly.compile(await inflate(packed.wasm));
-    model.tables = new Map();
+    model.plans = unpackPlans(await inflate(packed.plans), packed);
     return model;
   }
 
@@ -38,33 +61,31 @@ class LegModel {
   /** A leg at the start of a run: mass of each link (kg), stiffness (N/m), delay and lead (samples), rate, guard; and
    * learns, false with feedback only. */
   async leg(settings) {
-    const key = String(settings.stiffness);
-    if (!this.tables.has(key)) this.tables.set(key, await inflate(this.packed.plans[key]));
     const instance = await WebAssembly.instantiate(this.module, {});
-    return new Leg(this, instance.exports, this.tables.get(key), settings);
+    return new Leg(this, instance.exports, this.plans.get(settings.stiffness), settings);
   }
 }
 
 /** One run. Its memory: Law, State, the tables that Law points at, then samples. */
 class Leg {
-  constructor(model, wasm, bytes, settings) {
+  constructor(model, wasm, plan, settings) {
     const { law, state, tables, law_bytes, state_bytes } = model.packed;
     this.offsets = state;
     this.wasm = wasm;
     this.lawAt = (wasm.__heap_base.value + 15) & ~15;
     this.stateAt = this.lawAt + law_bytes;
-    let end = this.stateAt + state_bytes, from = law_bytes + state_bytes;
-    const places = tables.map(([, size]) => { const at = end; end += (size + 15) & ~15; return at; });
+    let end = this.stateAt + state_bytes;
+    const places = tables.map(([, , size]) => { const at = end; end += (size + 15) & ~15; return at; });
     this.samplesAt = end;
     this.mostSteps = 600;
     end += this.mostSteps * LEG_COLUMNS * 8;
     wasm.memory.grow(Math.ceil(end / PAGE_BYTES) - wasm.memory.buffer.byteLength / PAGE_BYTES);
     const memory = new Uint8Array(wasm.memory.buffer);
     this.view = new DataView(wasm.memory.buffer);
-    memory.set(bytes.subarray(0, from), this.lawAt);
-    tables.forEach(([pointer, size, given], i) => {
+    memory.set(plan.start, this.lawAt);
+    tables.forEach(([name, pointer], i) => {
       this.view.setUint32(this.lawAt + pointer, places[i], true);
-      if (given) memory.set(bytes.subarray(from, (from += size)), places[i]);
+      if (plan[name]) memory.set(plan[name], places[i]); // the others start at zero
     });
     const number = (name, value) => this.view.setFloat64(this.lawAt + law[name], value, true);
     const count = (name, value) => this.view.setBigInt64(this.lawAt + law[name], BigInt(value), true);
