@@ -30,4 +30,4 @@ class ComputedTorque:
 
 run = cmacexp.run(["scenario=one_leg"], "outputs/examples/controller", controller=ComputedTorque(stiffness=30.0))
 print(run)
-print(f"steady-state force error: {run.metrics.force_steady_state_error.iloc[-1]:.2%}")
+print(f"steady-state force error: {run.metrics.force_steady_state_error.iloc[-1]:.4%}")
