@@ -19,6 +19,7 @@ COMMANDS = {
     "export": "writes a run for other programs: C, wide tables, MCAP",
     "gap": "compares a log of a robot with its model: identifies, validates, says what learning would gain",
     "robots": "shows what the model of a robot holds, and what follows from it",
+    "robot": "plays a robot on this computer, for plant=unitree",
     "study": "runs a study and writes its report",
     "warm": "compiles what usual runs need, before they need it",
 }

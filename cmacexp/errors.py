@@ -18,6 +18,7 @@ EXTRAS = {
     "mcap": "mcap",
     "imageio_ffmpeg": "video",
     "xarray": "xarray",
+    "cyclonedds": "unitree",
     "hydra/sweeper/optuna": "optuna",
     "hydra/launcher/joblib": "cores",
     "hydra/launcher/submitit_local": "cluster",

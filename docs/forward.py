@@ -24,6 +24,7 @@ FORWARD: dict[str, str] = {
     "changelog": "contributing#changelog",
     "how-to-choose": "long-runs#how-to-choose",
     "learning-rules": "long-runs#learning-rules",
+    "to-hardware": "real-robot#the-feedforward-in-c",
     "mutants": "performance#mutation-testing",
     "studies": "benchmark#studies",
 }

@@ -231,11 +231,14 @@ def check_against_model(problem: Problem) -> list[str]:
     columns = np.concatenate([problem.rigid[..., None], make_regressors(problem, level)[..., [0, 1, 2, 4]]], axis=-1)
     filtered, rows = low_pass(columns, period), slice(20, len(log.time) - 20)
     delays = [0] if log.command is None else range(-round(0.06 / period), round(0.06 / period) + 1)
-    found: list[tuple[float, Array, Array, int]] = []
+    found: list[tuple[float, float, Array, Array, int]] = []
     for delay in delays:
-        torque = Signals(log, delay).torque if log.command is not None else signals.torque
-        found.append((*_solve(filtered[rows], low_pass(torque, period)[rows]), delay))
-    left, weights, errors, delay = min(found, key=lambda each: float(each[0]))
+        torque = low_pass(Signals(log, delay).torque if log.command is not None else signals.torque, period)[rows]
+        left, weights, errors = _solve(filtered[rows], torque)
+        distance = left if log.torque is None else float(np.abs(low_pass(log.torque, period)[rows] - torque).mean())
+        found.append((distance, left, weights, errors, delay))
+    # Where the drives' torque is known their law is compared with that: friction that sticks looks like a delay.
+    _, left, weights, errors, delay = min(found, key=lambda each: each[0])
 
     def refuse(reason: str) -> BadInput:
         return BadInput(KEY, log.path, reason)

@@ -23,7 +23,7 @@ from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import Loop, Torques
 from cmacexp.loop.stop import StopLimits
 from cmacexp.plants.as_built import AsBuiltConfig
-from cmacexp.plants.drives import Drives, new_drives
+from cmacexp.plants.drives import BusConfig, Drives, new_drives
 from cmacexp.plants.kernels import new_state
 from cmacexp.plants.mujoco_robot import MujocoRobot
 from cmacexp.plants.protocol import get_state
@@ -108,16 +108,21 @@ def make_guard(scenario: Scenario, external: External) -> Guard | None:
 def _make_drives(scenario: Scenario, external: External, actuator: ActuatorConfig) -> Drives | None:
     """The drives that a controller commands, with the delay and lag of ``actuator``; None: it gives torques.
 
+    An external plant with ``takes_drives`` has drives of its own: these hold what is sent to it.
+
     Raises BadInput if the plant has none.
     """
     if not getattr(scenario.controller, "sends_drives", False):
         return None
     built = scenario.setup.config.plant
+    mechanism, period = scenario.setup.mechanism, scenario.setup.config.sampling_period
+    limits, legs = mechanism.torque_limits, mechanism.shape[0]
+    if external.plant and getattr(scenario.plant, "takes_drives", False):
+        return new_drives(replace(actuator, delay=0, lag=0.0), BusConfig(), period, 1, limits, legs)
     if external.plant or not isinstance(built, MujocoRobot.Config):
         plant = find_option("plant", read_component(built)["_target_"])
         raise BadInput("plant", plant, "must be mujoco_robot or mujoco_robot_rigid with controller=drives")
-    mechanism, period = scenario.setup.mechanism, scenario.setup.config.sampling_period
-    return new_drives(actuator, built.bus, period, built.substeps, mechanism.torque_limits, mechanism.shape[0])
+    return new_drives(actuator, built.bus, period, built.substeps, limits, legs)
 
 
 def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard: GuardState | None = None) -> Loop:

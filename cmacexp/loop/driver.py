@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cmacexp.control.protocol import Drive
 from cmacexp.errors import BadOutput, Diverged
 from cmacexp.feedforward import Observes
 from cmacexp.jit.hooks import Hook
@@ -30,6 +31,7 @@ from cmacexp.loop.validation import (
 )
 from cmacexp.planning.columns import ACTING, BEFORE, REFERENCE_PLACE
 from cmacexp.planning.setup import Reference
+from cmacexp.plants.drives import ANGLE, DAMPING, DRIVE, FEEDFORWARD, STIFFNESS, TORQUE, VELOCITY
 from cmacexp.plants.protocol import STATE, Measurement, copy_state, get_state, view_state
 from cmacexp.typing import Array
 
@@ -119,7 +121,7 @@ class ExternalComponents:
 
     def _step(self, step: int) -> None:
         try:
-            measured = self.plant.step(self.loop.torques.total.copy())
+            measured = self._advance()
         except Diverged as error:
             self.divergence = str(error)
             self.state.q[...] = np.nan  # for which the check of this step stops the run
@@ -127,9 +129,27 @@ class ExternalComponents:
         copy_measurement(self.plant, "step", measured, self.state)
         if self.loop.signals is not None:
             copy_signals(self.plant, "step", measured.signals, self.loop.signals)
+        self._note_drives()
         if step == 0:
             for name, values in _name(self.state):
                 require_finite(self.plant, "step", name, values)
+
+    def _advance(self) -> Measurement:
+        """Let an external plant take its torque, or its torque and what its drives are to do."""
+        torque, drives = self.loop.torques.total.copy(), self.loop.drives
+        if drives is None:
+            return self.plant.step(torque)
+        parts = (drives.command[part].copy() for part in (ANGLE, VELOCITY, STIFFNESS, DAMPING))
+        return self.plant.step(torque, Drive(*parts))  # type: ignore[call-arg]  # its takes_drives says so
+
+    def _note_drives(self) -> None:
+        """What the drives of an external plant added to the torque sent to them, by what the plant measured."""
+        drives, signals = self.loop.drives, self.loop.signals
+        if drives is None or signals is None:
+            return
+        feedback, feedforward = self.loop.control_state.feedback, self.loop.torques.feedforward
+        drives.acted[TORQUE], drives.acted[FEEDFORWARD] = feedback, feedforward
+        drives.acted[DRIVE] = signals.torque - feedback - feedforward
 
     def require_finite(self) -> None:
         """Refuse what sensors, controller or feedforward gave that is not finite; raises BadOutput."""

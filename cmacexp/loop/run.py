@@ -1,5 +1,6 @@
 """Run a scenario from its first step to its last, or until it stops."""
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from cmacexp.loop.adaptation import Adaptation
 from cmacexp.loop.builtin import find_external, make_guard, make_loop
 from cmacexp.loop.driver import Driver
 from cmacexp.loop.guard import Event
+from cmacexp.loop.live import beside, ending, is_live
 from cmacexp.loop.probe import LeadEstimate, estimate_lead
 from cmacexp.loop.samples import ALL_SAMPLES, TRAVEL, WIDE_BODY_SAMPLES, make_samples, name_samples
 from cmacexp.loop.scenario import Scenario, resolve_rate
@@ -270,13 +272,19 @@ def stream(
         cause = f"before the first step: {_format_error(scenario.fault)}"
         return End(0, Status.FAILED, cause, scenario.setup.rate, scenario.fault)
     config = scenario.setup.config
-    leg_steps = config.cycles * config.steps_per_cycle * config.legs
-    with workload(leg_steps), interrupt_held_back():  # until the next call of the driver
-        run = _Stream(scenario, on_progress)
+    leg_steps = math.inf if is_live(scenario.plant) else config.cycles * config.steps_per_cycle * config.legs
+    with (
+        workload(leg_steps),
+        interrupt_held_back(),
+        ending(scenario.plant) as ends,
+        beside(scenario.plant, keep) as keep,
+    ):
+        run = _Stream(scenario, on_progress)  # an interrupt waits until the next call of the driver
         while run.runs:
             start = run.advance()
             if start == 0 or run.driver.taken > start:
                 keep(run.collect(start))
+        ends(run.status)
     load_history = run.adaptation.load_history if run.adaptation is not None else []
     return End(
         steps=run.driver.taken,

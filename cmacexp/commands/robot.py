@@ -1,0 +1,80 @@
+"""``cmacexp robot --simulate`` plays a robot for ``plant=unitree``; ``--chirp LOG`` moves one that hangs."""
+
+import argparse
+import math
+
+from cmacexp.commands.command import Parser, run_command
+from cmacexp.config.compose import compose_config
+from cmacexp.errors import BadInput
+from cmacexp.terminal.output import print_line, show_activity
+from cmacexp.wire.faults import KINDS, NO_FAULT, Fault
+from cmacexp.wire.network import LOOPBACK
+
+OVERRIDES = [
+    "scenario=robot", "machine=go2", "plant=mujoco_robot_rigid", "plant/as_built=go2", "actuator=go2",
+    "controller=drives", "feedforward=none",
+]  # fmt: skip
+"""The robot that is played where nothing else is asked for."""
+
+
+CHIRP = ["scenario=robot", "machine=go2", "plant=unitree", "controller=drives"]
+"""The robot that draws a chirp likewise."""
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    if arguments.simulate == (arguments.chirp is not None):
+        raise BadInput(
+            "--simulate", arguments.simulate, "give either --simulate, or --chirp LOG for a robot that hangs"
+        )
+    return _play(arguments) if arguments.simulate else _draw_chirp(arguments)
+
+
+def _draw_chirp(arguments: argparse.Namespace) -> int:
+    from cmacexp.loop.live import ending
+    from cmacexp.loop.scenario import make_scenario
+    from cmacexp.typing import Status
+
+    config = compose_config(
+        [*CHIRP, f"plant.log={arguments.chirp}", f"plant.domain={arguments.domain}", *arguments.overrides]
+    )
+    scenario = make_scenario(config)
+    if scenario.fault is not None:
+        raise scenario.fault
+    with ending(scenario.plant) as ends, show_activity("the joints are checked, then move ever faster"):
+        scenario.plant.draw_chirp()  # type: ignore[attr-defined]  # of plant=unitree
+        ends(Status.COMPLETED)
+    print_line(f"{arguments.chirp}: python -m cmacexp.gap {arguments.chirp} --robot go2")
+    return 0
+
+
+def _play(arguments: argparse.Namespace) -> int:
+    from cmacexp.wire.simulated import play
+
+    if not 0.0 < arguments.seconds < math.inf:
+        raise BadInput("--seconds", arguments.seconds, "must be a number of seconds above 0")
+    config = compose_config([*OVERRIDES, *arguments.overrides])
+    start = round(arguments.after / config.sampling_period)
+    fault = Fault(arguments.fault, start, arguments.motor, arguments.seed)
+    where, hung = (LOOPBACK, arguments.domain), not arguments.lying
+    print_line(play(config, *where, hung, arguments.seconds, fault, arguments.patient))
+    return 0
+
+
+def main() -> int:
+    """Run the command."""
+    kinds = "; ".join(f"{name}: {meaning}" for name, meaning in KINDS.items())
+    parser = Parser("cmacexp.robot", f"Play a robot on this computer's loopback for plant=unitree. Faults: {kinds}.")
+    parser.add_argument("--simulate", action="store_true", help="play a robot; it ends once commands cease")
+    parser.add_argument("--chirp", metavar="LOG", help="move the joints of a robot that hangs, for cmacexp gap LOG")
+    parser.add_argument("--domain", type=int, default=0, metavar="N", help="of DDS, as plant.domain (0)")
+    parser.add_argument("--lying", action="store_true", help="it lies on the ground and does not hang at first")
+    parser.add_argument("--patient", action="store_true", help="wait for each command: not in real time")
+    parser.add_argument("--seconds", type=float, default=3600.0, metavar="S", help="after which it ends (3600)")
+    parser.add_argument("--fault", default=NO_FAULT, metavar="KIND", help="a fault that it has")
+    parser.add_argument("--after", type=float, default=0.0, metavar="S", help="second from which on it has it")
+    parser.add_argument(
+        "--motor", type=int, default=0, choices=range(12), metavar="N", help="0 to 11, whose fault it is"
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of what is lost at random")
+    parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="overrides as of python -m cmacexp")
+    return run_command(lambda: _run(parser.parse_intermixed_args()))

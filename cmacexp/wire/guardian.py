@@ -1,0 +1,101 @@
+"""A process that damps a robot when the process that controls it falls silent, ends, or is killed.
+
+The controller writes a byte for every command that it sends. While these come the guardian sends nothing, so that the
+robot hears one sender. When none has come for ``silence``, or the pipe is closed since the controller is gone, the
+guardian closes its own end, which stops a controller that was only slow, and sends damping from then on.
+"""
+
+import os
+import select
+import subprocess
+import sys
+import time
+
+from cmacexp.errors import CmacexpError
+from cmacexp.wire.messages import new_command, set_motors
+from cmacexp.wire.network import COMMANDS, Wire
+
+ALIVE, DONE = b"+", b"."
+"""What the controller writes: after a command, and when the robot needs no guardian any more."""
+PERIOD = 0.002
+"""From one damping command to the next, s."""
+LASTS = 10.0
+"""For which the guardian damps the robot, s: long enough to lie down."""
+
+
+def make_damping(damping: float) -> bytes:
+    """A command under which the joints give no torque but ``damping``, N m s/rad, times their velocity."""
+    command = new_command()
+    set_motors(command, q=0.0, dq=0.0, tau=0.0, kp=0.0, kd=damping)
+    return command.tobytes()
+
+
+class Guardian:
+    """The guardian of a robot, in a process of its own, seen from the controller."""
+
+    def __init__(self, interface: str, domain: int, damping: float, silence: float):
+        """Start the process on a network ``interface``; it damps with ``damping``, N m s/rad, after ``silence``, s.
+
+        Raises CmacexpError if it does not start.
+        """
+        self._silence = silence
+        module = [sys.executable, "-m", __name__, interface, str(domain), str(damping), str(silence)]
+        self._process = subprocess.Popen(
+            module, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._pipe = self._process.stdin.fileno()
+        if not self._process.stdout.readline():
+            raise CmacexpError("the guardian of the robot did not start: see what it says above")
+
+    def report(self) -> None:
+        """Say that a command has been sent, or is about to be; raises CmacexpError if the guardian has taken over."""
+        try:
+            os.write(self._pipe, ALIVE)
+        except BrokenPipeError as error:
+            reason = f"no command for {1e3 * self._silence:g} ms, or it was ended"
+            raise CmacexpError(f"the guardian of the robot has taken over: {reason}") from error
+
+    def end(self) -> None:
+        """End the guardian, whose robot is safe."""
+        assert self._process.stdin is not None
+        try:
+            os.write(self._pipe, DONE)
+            self._process.stdin.close()
+        except BrokenPipeError:
+            pass
+        self._process.wait(LASTS + 5.0)
+
+
+def watch(pipe: int, silence: float) -> bool:
+    """Wait until the controller is done, or silent for ``silence``, s; whether the robot must be damped.
+
+    Before the first command there is nothing to guard.
+    """
+    words = os.read(pipe, 1)
+    while words and not words.endswith(DONE):
+        ready, _, _ = select.select([pipe], [], [], silence)
+        if not ready:
+            return True
+        words = os.read(pipe, 1 << 16)
+        if not words:
+            return True
+    return False
+
+
+def main() -> None:
+    """Guard: the arguments are the network interface, the DDS domain, the damping, N m s/rad, and the silence, s."""
+    interface, domain, damping, silence = sys.argv[1:]
+    wire, command = Wire(interface, int(domain), COMMANDS, None), make_damping(float(damping))
+    print("ready", flush=True)
+    if watch(sys.stdin.fileno(), float(silence)):
+        os.close(sys.stdin.fileno())
+        end = time.monotonic() + LASTS
+        while time.monotonic() < end:
+            wire.send(command)
+            time.sleep(PERIOD)
+
+
+if __name__ == "__main__":
+    main()

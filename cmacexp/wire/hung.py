@@ -1,0 +1,93 @@
+"""What a robot does while it hangs: its joints are checked one by one, it is let down, or it draws a chirp."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from cmacexp.models.robot import Robot, load_mujoco
+from cmacexp.typing import Array
+from cmacexp.wire.link import Gains, Link
+from cmacexp.wire.states import Reading, Unsafe, name_joint
+
+SOFT: Gains = (40.0, 2.0)
+"""Of a robot that hangs."""
+SLACK: Gains = (20.0, 1.5)
+"""Of a robot that draws a chirp: its friction shows in what it lacks."""
+WIGGLE, ANSWERED, CROSSTALK = 0.1, 0.04, 0.04
+"""Angle by which a hanging joint is moved, how much of it must be seen, and how much of it in another joint, rad."""
+CALF = 2
+OFF = 0.8
+"""Largest difference of a holding torque from that of the model, N m."""
+MOVE, HOLD = 2.0, 0.25
+"""Time of a slow motion while it hangs, and of each small one, s."""
+CARRIED = 0.5
+"""Part of its weight from which on a robot stands."""
+SWING = np.array([0.6, 0.7, -0.9])
+"""Of a chirp, from the pose in which a robot stands, of hip, thigh and calf, rad."""
+SLOWEST, FASTEST, STROKES = 2.9, 0.7, 12
+"""Periods of the first and the last stroke of a chirp, s, and their number."""
+
+
+def find_holding_torque(robot: Robot, stand: Array) -> Array:
+    """Torques (4, 3) that hold the legs of a level robot that hangs in the pose ``stand`` (4, 3), rad, N m."""
+    data = robot.at(stand)
+    load_mujoco().mj_forward(robot.model, data)
+    torque: Array = data.qfrc_bias[robot.legs.dof]
+    return torque
+
+
+def check_joints(link: Link, stand: Array, expected: Array) -> None:
+    """Move each joint a little up and down, and compare what it holds with the model; raises Unsafe.
+
+    Friction has opposite signs after a motion up and one down, and cancels in their mean; but not at the calf, where
+    it differs too much: a calf that turns the other way is where none can be. ``stand`` (4, 3), rad, is the pose,
+    ``expected`` (4, 3), N m, what holds it.
+    """
+    link.move(stand, MOVE, SOFT)
+    for leg, joint in np.ndindex(stand.shape):
+        held = 0.0
+        for angle in (WIGGLE, -WIGGLE):
+            before, goal = link.reading.q, stand.copy()
+            goal[leg, joint] += angle
+            link.move(goal, HOLD, SOFT)
+            moved = (link.reading.q - before) * np.sign(angle)
+            link.move(stand, HOLD, SOFT)
+            link.move(stand, HOLD, SOFT)  # until it rests
+            held += 0.5 * float(link.reading.torque[leg, joint])
+            others = np.delete(np.abs(moved), leg * stand.shape[1] + joint)
+            if moved[leg, joint] < ANSWERED or others.max() > CROSSTALK:
+                seen = f"moved by {moved[leg, joint]:.2g} rad, the others by up to {others.max():.2g}"
+                raise Unsafe(f"{name_joint(leg, joint)}, asked for {WIGGLE:g} rad, {seen}")
+        if joint != CALF and abs(held - expected[leg, joint]) > OFF:
+            model = f"{held:.2g} N m, by the model {expected[leg, joint]:.2g}"
+            hint = "does the robot hang, and are order and signs of the joints right?"
+            raise Unsafe(f"{name_joint(leg, joint)} holds {model}: {hint}")
+
+
+def wait_for_ground(
+    link: Link, stand: Array, gains: Gains, estimate_force: Callable[[Reading], float], weight: float, longest: float
+) -> None:
+    """Hold still until the legs carry half the ``weight``, N, for a second; raises Unsafe after ``longest``, s.
+
+    ``estimate_force`` gives the force on all feet, N.
+    """
+    end, needed, carried = time.monotonic() + longest, round(1.0 / link.period), 0
+    while carried < needed:
+        if time.monotonic() > end:
+            raise Unsafe(f"not on the ground after plant.let_down={longest:g} s")
+        link.move(stand, link.period, gains)
+        carried = carried + 1 if estimate_force(link.reading) > CARRIED * weight else 0
+
+
+def draw_chirp(link: Link, stand: Array) -> None:
+    """Move all joints to and fro about ``stand`` (4, 3), rad, ever faster; raises Unsafe."""
+    link.move(stand, MOVE, SLACK)
+    phase, rate = 0.0, (FASTEST / SLOWEST) ** (1.0 / (STROKES - 1))
+    while phase < STROKES:
+        angle = 2.0 * np.pi * phase
+        swing = SWING * 0.5 * (1.0 - np.cos(angle))
+        link.send(stand + swing, 0.0, 0.0, *SLACK)
+        link.receive()
+        phase += link.period / (SLOWEST * rate ** np.floor(phase))
+    link.move(stand, MOVE, SLACK)

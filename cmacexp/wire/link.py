@@ -1,0 +1,146 @@
+"""The link to a robot: commands out, states in, each compared with the limits, a guardian beside, and a log."""
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from cmacexp.data.parquet import write_table
+from cmacexp.errors import BadInput
+from cmacexp.typing import Array
+from cmacexp.wire.guardian import Guardian, make_damping
+from cmacexp.wire.messages import new_command, set_motors
+from cmacexp.wire.network import COMMANDS, STATES, Wire, ask_for_priority, give_up_priority
+from cmacexp.wire.states import LimitsConfig, Reading, StateWatch, Unsafe, read_state
+
+ANSWERS = 5.0
+"""Longest time until a robot is heard at all, s."""
+FIRST_STATES = 100
+"""States from which the step of their counter follows."""
+LASTS = 1.0
+"""For which a robot is damped at the end, s."""
+LOGGED = ("q", "dq", "tau", "q_des", "dq_des", "tau_ff", "kp", "kd")
+"""Columns of a log, each before the name of a joint, as :mod:`cmacexp.gap` reads them: rad, rad/s, N m, and the gains
+in N m/rad and N m s/rad."""
+
+Gains = tuple[float, float]
+"""Stiffness, N m/rad, and damping, N m s/rad, of all joints."""
+
+
+class Link:
+    """Commands to a robot of four legs with three joints each, and its states.
+
+    Attributes:
+        reading: the last state.
+        arrived: when it came, s on the clock of ``time.perf_counter``.
+        asked: commanded angles (4, 3) of the last command, rad.
+        watch: what compares states with the limits.
+        has_priority: whether the system lets this process run before others.
+    """
+
+    def __init__(self, interface: str, domain: int, period: float, limits: LimitsConfig, log: bool):
+        """Hear a robot; nothing is sent yet. ``period`` in s. Raises BadInput if there is none, or if it is unfit."""
+        self.interface, self.domain, self.period, self.limits = interface, domain, period, limits
+        self.command = new_command()
+        self.has_priority = ask_for_priority()  # for the threads of the wire
+        self.wire = Wire(interface, domain, COMMANDS, STATES)
+        give_up_priority()
+        self.reading, tick = self._listen()
+        self.arrived = time.perf_counter()
+        self.asked = self.reading.q
+        self.watch = StateWatch(limits, self.asked.shape, tick)
+        self.rows: list[Array] | None = [] if log else None
+        try:
+            self.watch.check(self.reading, self.asked)
+        except Unsafe as error:
+            raise BadInput("plant.interface", interface, f"the robot is not fit to stand up: {error}") from error
+        self.guardian: Guardian | None = None
+
+    def _listen(self) -> tuple[Reading, int]:
+        """The newest of the first states, and by how much their counter grows; raises BadInput without any."""
+        readings: list[Reading] = []
+        end = time.monotonic() + ANSWERS
+        while len(readings) < FIRST_STATES and time.monotonic() < end:
+            message = self.wire.receive(0.1)
+            readings += [] if message is None else [read_state(message)]
+        if len(readings) < FIRST_STATES:
+            heard = f"{len(readings)} states within {ANSWERS:g} s"
+            raise BadInput(
+                "plant.interface", self.interface, f"{heard}: connect the robot, or start cmacexp robot --simulate"
+            )
+        steps = np.diff([reading.tick for reading in readings])
+        return readings[-1], max(1, int(np.median(steps)))
+
+    def guard(self, damping: float, silence: float) -> None:
+        """Start the guardian; see :class:`Guardian`."""
+        self.guardian = Guardian(self.interface, self.domain, damping, silence)
+
+    def begin(self) -> None:
+        """Take the newest state as the first; from now on this thread runs before others. Raises Unsafe."""
+        ask_for_priority()
+        self.watch = StateWatch(self.limits, self.asked.shape, self.watch.tick)
+        self.wire.receive(self.limits.silence)  # what came meanwhile is old
+        self.asked = self.reading.q
+        self.receive()
+        self.asked = self.reading.q
+
+    def send(self, angle: Any, velocity: Any, torque: Any, stiffness: Any, damping: Any) -> None:
+        """Send a command: (4, 3) each, or one number; with less torque where that and the drive would give too much.
+
+        Raises CmacexpError if the guardian has taken over.
+        """
+        reading, most = self.reading, self.limits.torque
+        law = stiffness * (angle - reading.q) + damping * (velocity - reading.dq)
+        torque = np.clip(torque + law, -most, most) - law
+        set_motors(self.command, q=angle, dq=velocity, tau=torque, kp=stiffness, kd=damping)
+        if self.guardian is not None:
+            self.guardian.report()
+        self.wire.send(self.command.tobytes())
+        self.asked = angle
+        if self.rows is not None:
+            sent = (np.broadcast_to(each, angle.shape) for each in (angle, velocity, torque, stiffness, damping))
+            self.rows.append(np.stack([reading.q, reading.dq, reading.torque, *sent]))
+
+    def receive(self) -> None:
+        """Wait for the next state; raises Unsafe if none comes, or if it is beyond a limit."""
+        message = self.wire.receive(self.limits.silence)
+        self.arrived = time.perf_counter()
+        if message is None:
+            raise Unsafe(f"no state for {1e3 * self.limits.silence:g} ms, plant.limits.silence")
+        self.reading = read_state(message)
+        self.watch.check(self.reading, self.asked)
+
+    def move(self, goal: Array, duration: float, gains: Gains) -> None:
+        """Move all joints evenly to ``goal`` (4, 3), rad, within ``duration``, s; raises Unsafe."""
+        start, steps = self.asked, max(1, round(duration / self.period))
+        for step in range(steps):
+            share = (step + 1) / steps
+            self.send((1.0 - share) * start + share * goal, 0.0, 0.0, *gains)
+            self.receive()
+
+    def damp(self, damping: float) -> None:
+        """Damp the robot for a while, whatever has happened."""
+        command = make_damping(damping)
+        for _ in range(round(LASTS / self.period)):
+            self.wire.send(command)
+            time.sleep(self.period)
+
+    def end(self) -> None:
+        """End the guardian."""
+        if self.guardian is not None:
+            self.guardian.end()
+            self.guardian = None
+
+    def write_log(self, path: Path, joints: Sequence[str]) -> None:
+        """Write what was measured and sent so far, with columns by the names of 12 ``joints``."""
+        rows = np.stack(self.rows or [np.zeros((len(LOGGED), *self.asked.shape))])
+        columns = {"time": self.period * np.arange(len(rows))}
+        for part, name in enumerate(LOGGED):
+            columns |= {
+                f"{name}_{joint}": rows[:, part].reshape(len(rows), -1)[:, j] for j, joint in enumerate(joints)
+            }
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_table(pa.table(columns), path)

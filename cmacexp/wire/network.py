@@ -1,0 +1,126 @@
+"""LowCmd and LowState over DDS: one writer and one reader of the bytes of messages, on one network interface."""
+
+import os
+import socket
+from contextlib import suppress
+from dataclasses import dataclass
+from types import new_class
+from typing import Any
+
+from cmacexp.errors import BadInput, require_extra
+from cmacexp.wire.messages import STRUCTURES, Field, Message
+
+COMMANDS, STATES = "rt/lowcmd", "rt/lowstate"
+"""Topics of LowCmd and LowState."""
+LOOPBACK = "lo"
+SETTINGS = """<CycloneDDS><Domain Id="any">
+<General><Interfaces><NetworkInterface name="{interface}" multicast="default"/></Interfaces></General>
+<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex></Discovery>
+</Domain></CycloneDDS>"""
+
+
+PRIORITY = 10
+"""Among the processes in real time; below those of the kernel."""
+
+
+def ask_for_priority() -> bool:
+    """Let this thread, and those that it starts, run before others; whether the system allows it (Linux, as root)."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except (AttributeError, OSError):
+        return False
+    return True
+
+
+def give_up_priority() -> None:
+    """Let this thread run as others do."""
+    with suppress(AttributeError, OSError):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
+def make_types() -> dict[str, Any]:
+    """The types of messages for DDS, by name; a sample of one has its bytes as ``data``, which nothing converts."""
+    from cyclonedds.idl import IdlStruct, annotations, types
+
+    kinds: dict[str, Any] = {
+        "u1": types.uint8,
+        "u2": types.uint16,
+        "u4": types.uint32,
+        "i2": types.int16,
+        "i4": types.int32,
+    }
+    kinds["f4"] = types.float32
+    made: dict[str, Any] = {}
+
+    array: Any = types.array
+
+    def find(kind: Any, count: int) -> Any:
+        one = kinds[kind] if isinstance(kind, str) else made[next(n for n, f in STRUCTURES.items() if f is kind)]
+        return one if count == 1 else array[one, count]
+
+    def declare(name: str, fields: list[Field]) -> Any:
+        def fill(body: dict[str, Any]) -> None:
+            body["__annotations__"] = {field: find(kind, count) for field, kind, count in fields}
+            body["serialize"] = lambda self, **options: self.data
+
+            def keep(cls: Any, data: bytes, /, **options: Any) -> Any:
+                sample = cls.__new__(cls)
+                sample.data = data
+                return sample
+
+            body["deserialize"] = classmethod(keep)
+
+        whole = new_class(name, (IdlStruct,), {"typename": f"unitree_go.msg.dds_.{name}"}, fill)
+        return annotations.autoid("sequential")(annotations.final(dataclass(whole)))
+
+    for name, fields in STRUCTURES.items():
+        made[name] = declare(name, list(fields))
+    return made
+
+
+class Wire:
+    """Sends messages of one topic and receives those of the other."""
+
+    def __init__(self, interface: str, domain: int, sends: str, receives: str | None):
+        """A participant of a DDS ``domain``; raises BadInput if there is no such network ``interface``.
+
+        ``sends`` and ``receives`` are of COMMANDS and STATES; None: it receives nothing.
+        """
+        require_extra("cyclonedds")
+        from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
+        from cyclonedds.domain import Domain, DomainParticipant
+        from cyclonedds.pub import DataWriter
+        from cyclonedds.sub import DataReader
+        from cyclonedds.topic import Topic
+
+        known = [name for _, name in socket.if_nameindex()]
+        if interface not in known:
+            raise BadInput("plant.interface", interface, f"no such network interface; choose from {', '.join(known)}")
+        types = make_types()
+        self._domain = Domain(domain, SETTINGS.format(interface=interface))
+        self._participant = DomainParticipant(domain)
+        self._kind = types["LowCmd_" if sends == COMMANDS else "LowState_"]
+        self._writer = DataWriter(self._participant, Topic(self._participant, sends, self._kind))
+        self._received = "LowCmd_" if receives == COMMANDS else "LowState_"
+        self._reader = None
+        if receives is not None:
+            self._reader = DataReader(self._participant, Topic(self._participant, receives, types[self._received]))
+            self._arrivals = WaitSet(self._participant)
+            self._new = ReadCondition(self._reader, ViewState.Any | InstanceState.Any | SampleState.NotRead)
+            self._arrivals.attach(self._new)
+
+    def receive(self, timeout: float) -> Message | None:
+        """The newest message that has arrived, None if none does within ``timeout``, s.
+
+        The reader keeps one message: an older one that nobody has asked for is lost.
+        """
+        if self._reader is None or self._arrivals.wait(int(timeout * 1e9)) == 0:
+            return None
+        data = [sample.data for sample in self._reader.take(1) if hasattr(sample, "data")]
+        return Message(self._received, data[-1]) if data else None
+
+    def send(self, data: bytes) -> None:
+        """Send the bytes of a message."""
+        sample = self._kind.__new__(self._kind)
+        sample.data = data
+        self._writer.write(sample)

@@ -1,0 +1,177 @@
+"""A process that plays a robot at the other end of the wire: MuJoCo in real time, LowState out, LowCmd in.
+
+It is the robot of ``plant=mujoco_robot_rigid`` with drives as of :mod:`cmacexp.plants.drives`: lag, late commands and
+what it differs in from its model are those of its config. It hangs at first, as a robot should, and is let down once
+its commands have rested; or it lies on the ground. Without commands its motors go on with the last one.
+"""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from cmacexp.config import Config
+from cmacexp.config.machine import read_model
+from cmacexp.errors import BadInput
+from cmacexp.jit.compiler import program
+from cmacexp.jit.interrupt import interrupt_held_back
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY, new_drives, send_command
+from cmacexp.plants.mujoco_kernels import advance_engine
+from cmacexp.plants.mujoco_robot import MujocoRobot
+from cmacexp.wire.faults import Fault
+from cmacexp.wire.messages import HEADER, JOINTS, LEVEL_LOW, Message, compute_checksum, get_motors
+from cmacexp.wire.network import COMMANDS, STATES, Wire, ask_for_priority
+
+HANG = 0.5
+"""Height of the feet above the ground while the robot hangs, m."""
+RESTS = 3.0
+"""For which commands rest until the robot is let down, s."""
+LOWERING = 0.2
+"""Speed of that, m/s."""
+ROPES = 1e9
+"""Inertia of a trunk that hangs, kg and kg m^2: what the legs do does not move it."""
+CARRIES = 0.8
+"""Part of its weight that the feet carry when the ropes are slack."""
+BELLY = 0.07
+"""Least height of the trunk, m."""
+CROUCH = (0.0, 1.36, -2.65)
+"""Hip, thigh and calf at the start, rad."""
+SPIN = 2e-4
+"""Time before a state is due for which the process no longer sleeps, s."""
+IDLE = 5.0
+"""For which no command comes until it ends, s, if there were any."""
+PATIENCE = 0.5
+"""For which a patient robot waits for a command, s."""
+VOLTAGE, TEMPERATURE = 28.0, 35
+"""V and degrees Celsius of a robot that is well."""
+
+
+class SimulatedRobot:
+    """A robot in MuJoCo that takes LowCmd and gives LowState."""
+
+    def __init__(self, config: Config, hung: bool):
+        """The robot of a ``config``; raises BadInput if its plant is not MuJoCo's robot."""
+        if not isinstance(config.plant, MujocoRobot.Config):
+            raise BadInput("plant", "(another)", "must be mujoco_robot or mujoco_robot_rigid with --simulate")
+        scenario = make_scenario(replace(config, cycles=1))
+        if scenario.fault is not None:
+            raise scenario.fault
+        plant: MujocoRobot = scenario.plant  # type: ignore[assignment]
+        self.plant, self.period, self.hung = plant, config.sampling_period, hung
+        self.weight = scenario.setup.mechanism.weight
+        actuator = replace(config.actuator, delay=config.actuator.delay + config.plant.delay)
+        limits, legs = scenario.setup.mechanism.torque_limits, scenario.setup.mechanism.shape[0]
+        self.drives = new_drives(actuator, config.plant.bus, self.period, config.plant.substeps, limits, legs)
+        self._advance, self._send = program(advance_engine).compiled, program(send_command).compiled  # type: ignore[attr-defined]
+        self._nothing = np.zeros(scenario.setup.mechanism.shape)
+        self._torque = self._nothing.copy()
+        robot, data = read_model(config.machine), plant.data
+        at, rate = robot.legs.base_qpos, int(plant.model.jnt_dofadr[plant.model.body_jntadr[robot.legs.base]])
+        data.qpos[robot.legs.qpos] = CROUCH
+        plant.mujoco.mj_kinematics(plant.model, data)
+        data.qpos[at + 2] += (HANG if hung else 0.0) - data.geom_xpos[robot.legs.foot_geom, 2].min()
+        plant.mujoco.mj_step1(plant.model, data)
+        self._base_inertia = plant.model.dof_armature[rate : rate + 6]
+        self._base_inertia[:] = ROPES if hung else 0.0
+        self._base, self._base_rate = data.qpos[at : at + 7], data.qvel[rate : rate + 6]
+        self._held = self._base.copy()
+        self._rested = 0.0
+        self._command = np.zeros((6, *self._nothing.shape))
+        self.steps = 0
+        plant.measure()
+
+    def take(self, command: Message) -> None:
+        """Follow a command; one with a wrong checksum is ignored, as by a robot."""
+        if int(command["crc"][0]) != compute_checksum(command.body):
+            return
+        for part, name in ((ANGLE, "q"), (VELOCITY, "dq"), (STIFFNESS, "kp"), (DAMPING, "kd")):
+            self._command[part] = get_motors(command, f"motor_cmd.{name}")
+        self._torque = get_motors(command, "motor_cmd.tau")
+
+    def step(self) -> None:
+        """Advance by one sampling period under the last command."""
+        rests = np.array_equal(self._command[ANGLE], self.drives.command[ANGLE]) and self._command[STIFFNESS].any()
+        self._rested = self._rested + self.period if rests else 0.0
+        self.drives.command[...] = self._command
+        with interrupt_held_back():
+            self._send(self.drives, self.steps, self._torque, self._nothing)
+            self._support()
+            self._advance(self.plant.engine, self.plant.state, self._nothing, self.drives)
+        self.steps += 1
+
+    def _support(self) -> None:
+        """Hold the trunk where it hangs, and let it down once commands rest; on the ground it lies on its belly."""
+        base, rate = self._base, self._base_rate
+        if not self.hung:
+            if base[2] < BELLY:
+                base[2], rate[2] = BELLY, max(rate[2], 0.0)
+            return
+        sinks = self._rested > RESTS
+        self._held[2] -= LOWERING * self.period if sinks else 0.0
+        base[:], rate[:] = self._held, 0.0
+        if sinks and self.plant.state.force.sum() > CARRIES * self.weight:
+            self.hung, self._base_inertia[:] = False, 0.0
+
+    def fill(self, state: Message) -> None:
+        """Write what the robot measures into a LowState, all but its tick."""
+        signals = self.plant.signals
+        assert signals is not None
+        pitch, roll, yaw = signals.attitude
+        half = 0.5 * np.array([roll, pitch, yaw])
+        (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)
+        state["imu_state.quaternion"] = [
+            cr * cp * cy + sr * sp * sy,
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        ]
+        state["imu_state.gyroscope"], state["imu_state.accelerometer"] = signals.gyroscope, signals.accelerometer
+        for name, values in (("q", signals.q), ("dq", signals.dq), ("tau_est", signals.torque)):
+            motors = state[f"motor_state.{name}"]
+            motors[JOINTS] = values
+            state[f"motor_state.{name}"] = motors
+        state["foot_force"] = np.clip(self.plant.state.force, 0, 32767)[[1, 0, 3, 2]].astype(int)
+
+
+def play(
+    config: Config, interface: str, domain: int, hung: bool, seconds: float, fault: Fault, patient: bool = False
+) -> str:
+    """Play a robot for so many ``seconds``, or until commands cease; how it went, in one line.
+
+    A ``patient`` one waits for the answer to each state, once there were any, and takes as long as that takes.
+    """
+    robot, state = SimulatedRobot(config, hung), Message("LowState_")
+    state["head"], state["level_flag"], state["power_v"] = HEADER, LEVEL_LOW, VOLTAGE
+    state["motor_state.temperature"] = TEMPERATURE
+    robot.fill(state)
+    robot._advance(robot.plant.engine, robot.plant.state, robot._nothing, robot.drives)
+    robot._send(robot.drives, 0, robot._torque, robot._nothing)
+    if not patient:
+        ask_for_priority()
+    wire = Wire(interface, domain, STATES, COMMANDS)
+    print(f"a robot on {interface}, domain {domain}: {'it hangs' if hung else 'it lies on the ground'}", flush=True)
+    begun = time.perf_counter()
+    heard: float | None = None
+    taken = late = 0
+    worst = 0.0
+    while (now := time.perf_counter()) < begun + seconds and (heard is None or now - heard < IDLE):
+        command = wire.receive(PATIENCE if patient and taken else 0.0)
+        if command is not None and not fault.loses_command(robot.steps):
+            heard, taken = now, taken + 1
+            robot.take(fault.spoil_command(command, robot.steps))
+        robot.step()
+        robot.fill(state)
+        state["tick"] = robot.steps
+        if (spoilt := fault.spoil_state(state, robot.steps)) is not None:
+            wire.send(spoilt.tobytes())
+        if patient and taken:
+            continue
+        due = begun + robot.steps * robot.period
+        late += (lag := time.perf_counter() - due) > robot.period / 2
+        worst = max(worst, lag)
+        while (left := due - time.perf_counter()) > 0.0:
+            time.sleep(left - SPIN if left > 2 * SPIN else 0.0)
+    tilt, height = np.abs(robot.plant.state.body[1:]).max(), robot.plant.state.body[0]
+    pose = f"at the end its body is at {height:.3f} m, tilted by {tilt:.2g} rad"
+    return f"{robot.steps} states, {taken} commands, {late} late by up to {1e3 * worst:.2g} ms; {pose}"

@@ -1,0 +1,178 @@
+"""What a LowState says of a robot, and the limits beyond which a run on it stops."""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmacexp.config import number
+from cmacexp.config.machine import LEG_NAMES
+from cmacexp.errors import Diverged
+from cmacexp.plants.robot_signals import RobotSignals
+from cmacexp.typing import Array
+from cmacexp.wire.messages import Message, get_motors
+
+STILL = 25
+"""States in a row with the same angle of a joint, after which its encoder is stuck if it was to move."""
+LEAST_MOVE = 0.02
+"""Change of the commanded angle that says so, rad."""
+FAR = 10
+"""States in a row for which a joint may be far from its command."""
+WINDOW = 500
+"""States over which those that are lost are counted."""
+
+
+class Unsafe(Diverged):
+    """The robot, or the wire to it, is beyond a limit: it is damped, and the run ends."""
+
+
+class Reading(NamedTuple):
+    """One LowState, for L legs with J joints."""
+
+    q: Array
+    """(L, J): rad."""
+    dq: Array
+    """(L, J): rad/s."""
+    torque: Array
+    """(L, J): as the motors estimate it, N m."""
+    attitude: Array
+    """(3,): pitch, roll and yaw, rad, pitch positive nose down, roll right side down."""
+    gyroscope: Array
+    """(3,): rad/s."""
+    accelerometer: Array
+    """(3,): m/s^2."""
+    tick: int
+    temperature: float
+    """Of the hottest motor, degrees Celsius."""
+    voltage: float
+    """V."""
+    lost: int
+    """Packets that the buses of all motors have lost so far."""
+
+    def get_signals(self, heading: float) -> RobotSignals:
+        """What sensors of a robot take; ``heading`` is the yaw, rad, that counts as 0."""
+        attitude = self.attitude - np.array([0.0, 0.0, heading])
+        attitude[2] = math.remainder(attitude[2], 2.0 * math.pi)
+        joints = self.q, self.dq, self.torque
+        return RobotSignals(*joints, attitude, self.gyroscope, self.accelerometer, np.array([float(self.tick)]))
+
+
+def read_state(message: Message) -> Reading:
+    """The reading of a LowState."""
+    w, x, y, z = message["imu_state.quaternion"].tolist()
+    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x)))) if math.isfinite(w * y - z * x) else math.nan
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return Reading(
+        q=get_motors(message, "motor_state.q"),
+        dq=get_motors(message, "motor_state.dq"),
+        torque=get_motors(message, "motor_state.tau_est"),
+        attitude=np.array([pitch, roll, yaw]),
+        gyroscope=message["imu_state.gyroscope"].astype(float),
+        accelerometer=message["imu_state.accelerometer"].astype(float),
+        tick=int(message["tick"][0]),
+        temperature=float(message["motor_state.temperature"].max()),
+        voltage=float(message["power_v"][0]),
+        lost=int(message["motor_state.lost"].sum()),
+    )
+
+
+@dataclass(kw_only=True)
+class LimitsConfig:
+    """What ends a run on a robot."""
+
+    silence: float = number("s", above=0, at_most=10)
+    """Longest time from one state to the next."""
+    lost: float = number("", at_least=0, at_most=1)
+    """Largest share of states, or of packets to the motors, that may be lost within WINDOW states."""
+    tilt: float = number("rad", above=0, at_most=3)
+    """Largest pitch and roll."""
+    speed: float = number("rad/s", above=0, at_most=100)
+    """Largest velocity of a joint."""
+    deviation: float = number("rad", above=0, at_most=3)
+    """Largest difference of a joint from its command, for FAR states."""
+    torque: float = number("N m", above=0, at_most=1000)
+    """Largest torque that a motor is asked for, drive included; it is held there, and the run goes on."""
+    temperature: float = number("degrees Celsius", above=0, at_most=150)
+    """Of the hottest motor."""
+    voltage: float = number("V", at_least=0, at_most=100)
+    """Least voltage of the battery."""
+
+
+class StateWatch:
+    """Compares every state with the limits, and with the states before it."""
+
+    def __init__(self, limits: LimitsConfig, joints: tuple[int, int], tick: int):
+        """Joints are (L, J); ``tick`` is by how much the counter of a state is larger than that of the one before."""
+        self.limits, self.tick = limits, tick
+        self.missed = 0
+        """States that have not arrived, so far."""
+        self._last: Reading | None = None
+        self._lost = deque[int](maxlen=WINDOW)
+        self._far = np.zeros(joints, dtype=int)
+        self._still = np.zeros(joints, dtype=int)
+        self._asked = np.zeros(joints)
+        """Commanded angles when each joint last moved, rad."""
+
+    def check(self, reading: Reading, asked: Array) -> None:
+        """Compare a state with the limits; ``asked`` are the commanded angles (L, J), rad. Raises Unsafe."""
+        limits, last = self.limits, self._last
+        flat = [*reading.q.ravel(), *reading.dq.ravel(), *reading.torque.ravel(), *reading.gyroscope]
+        if not np.isfinite([*flat, *reading.attitude, *reading.accelerometer]).all():
+            raise Unsafe("a state has a number that is not finite")
+        tilt, speed = np.abs(reading.attitude[:2]).max(), np.abs(reading.dq).max()
+        for name, value, limit, unit in (
+            ("tilt", tilt, limits.tilt, "rad"),
+            ("speed", speed, limits.speed, "rad/s"),
+            ("temperature", reading.temperature, limits.temperature, "degrees Celsius"),
+        ):
+            if value > limit:
+                raise Unsafe(f"{name} of {value:.3g} {unit} is above plant.limits.{name}={limit:g}")
+        if reading.voltage < limits.voltage:
+            raise Unsafe(f"voltage of {reading.voltage:.3g} V is below plant.limits.voltage={limits.voltage:g}")
+        self._far = np.where(np.abs(asked - reading.q) > limits.deviation, self._far + 1, 0)
+        if (self._far > FAR).any():
+            off = float(np.abs(asked - reading.q).max())
+            joint = _largest(self._far)
+            raise Unsafe(
+                f"{joint} is {off:.2g} rad from its command, beyond plant.limits.deviation={limits.deviation:g}"
+            )
+        if last is not None:
+            self._compare(reading, last, asked)
+        else:
+            self._asked[...] = asked
+        self._last = reading
+
+    def _compare(self, reading: Reading, last: Reading, asked: Array) -> None:
+        """Find lost and frozen states, and stuck encoders; raises Unsafe."""
+        passed = (reading.tick - last.tick) / self.tick
+        if passed < 1:
+            raise Unsafe(f"states are frozen, or from another sender: tick {reading.tick} follows {last.tick}")
+        gap = round(passed) - 1
+        self.missed += gap
+        self._lost.append(max(gap, reading.lost - last.lost))
+        share = sum(self._lost) / WINDOW
+        if share > self.limits.lost:
+            raise Unsafe(
+                f"{100 * share:.2g} % of packets lost within {WINDOW} states: plant.limits.lost={self.limits.lost:g}"
+            )
+        moved = reading.q != last.q
+        self._still = np.where(moved, 0, self._still + 1)
+        self._asked = np.where(moved, asked, self._asked)
+        stuck = (self._still >= STILL) & (np.abs(asked - self._asked) > LEAST_MOVE)
+        if stuck.any():
+            raise Unsafe(f"the encoder of {_largest(stuck)} is stuck: the same angle in {STILL} states")
+
+
+def name_joint(leg: int, joint: int) -> str:
+    """The leg and joint of these numbers, from 0."""
+    return f"{LEG_NAMES[leg]} {('hip', 'thigh', 'calf')[joint]}"
+
+
+def _largest(values: NDArray[Any]) -> str:
+    """The leg and joint of the largest of values (L, J)."""
+    leg, joint = divmod(int(np.argmax(values)), values.shape[1])
+    return name_joint(leg, joint)

@@ -1,0 +1,232 @@
+"""A robot of Unitree at the other end of a wire, as a plant: it stands up, walks, sits down, and is damped.
+
+The robot's own drives close the joint loops, so a controller of drives is needed. Nothing but LowState is known of
+the robot: the state that this plant returns is that of an estimator (:mod:`cmacexp.sensors.proprioceptive`).
+"""
+
+import gc
+import math
+import time
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cmacexp.config import ComponentConfig, Config, number
+from cmacexp.config.machine import RobotMachine, read_model
+from cmacexp.control.protocol import Drive
+from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.jit.compiler import program
+from cmacexp.models.leg import GRAVITY
+from cmacexp.planning.setup import Setup
+from cmacexp.plants.protocol import Measurement, copy_state
+from cmacexp.sensors.estimator import estimate
+from cmacexp.sensors.proprioceptive import ProprioceptiveConfig, ProprioceptiveSensors
+from cmacexp.typing import Array
+from cmacexp.wire.hung import check_joints, draw_chirp, find_holding_torque, wait_for_ground
+from cmacexp.wire.link import Gains, Link
+from cmacexp.wire.network import give_up_priority
+from cmacexp.wire.states import LimitsConfig, Reading, name_joint
+
+PLAY = 0.1
+"""Angle by which an encoder may be beyond the range of its joint, rad."""
+
+
+class Stage(StrEnum):
+    """What a robot does, in this order."""
+
+    CONNECT = "connect"
+    CHECK = "check while it hangs"
+    LOWER = "wait for the ground"
+    STAND = "stand up"
+    WALK = "walk"
+    CHIRP = "chirp"
+    SIT = "sit down"
+    DAMP = "damp"
+
+
+class UnitreeRobot:
+    """A Go2, or another robot that speaks LowCmd and LowState."""
+
+    @dataclass(kw_only=True)
+    class Config(ComponentConfig):
+        """The wire, the stages and the limits."""
+
+        interface: str = field()
+        """Network interface to the robot; lo: this computer, on which ``cmacexp robot --simulate`` plays one."""
+        domain: int = number("", at_least=0, at_most=230)
+        """Of DDS; 0 on a robot."""
+        hung: bool = field()
+        """The robot hangs: its joints are checked one by one, then it is let down. false: it lies on the ground."""
+        let_down: float = number("s", above=0, at_most=3600)
+        """Longest time until a robot that hung stands."""
+        rise: float = number("s", above=0, at_most=60)
+        """Time in which it stands up, and sits down."""
+        blend: float = number("s", above=0, at_most=60)
+        """Time in which the commands of the controller take over from standing."""
+        guardian: float = number("s", above=0, at_most=10)
+        """Time without a command after which a process of its own damps the robot."""
+        damping: float = number("N m s/rad", above=0, at_most=100)
+        """Of the joints of a robot that is damped."""
+        crouch: list[float] = number("rad", at_least=-7, at_most=7)
+        """Hip, thigh and calf of a robot that sits."""
+        log: str | None = field()
+        """Parquet file for what is measured and sent, which ``cmacexp gap`` reads; null: none."""
+        limits: LimitsConfig = field()
+        estimator: ProprioceptiveConfig = field()
+        """What makes a state of what the robot measures; its imperfections are those of a simulation: none here."""
+
+        def check(self, config: Config) -> None:
+            """Check that its drives get commands, and that nothing else has the state altered."""
+            if config.machine.kind != "robot":
+                raise BadInput(
+                    "machine.kind", config.machine.kind, "must be robot with plant=unitree: use scenario=robot"
+                )
+            if config.force_control.load_sharing == "adaptive":
+                reason = "must be dynamic or static with plant=unitree: making a plan takes longer than a step"
+                raise BadInput("force_control.load_sharing", "adaptive", reason)
+            if len(self.crouch) != 3:
+                raise BadInput("plant.crouch", self.crouch, "must be three angles: hip, thigh, calf")
+
+    takes_drives = True
+    leave_real_time = staticmethod(give_up_priority)
+    link: Link
+    """From :meth:`reset` on."""
+
+    def __init__(self, config: "UnitreeRobot.Config"):
+        self.config = config
+        self.stages: list[tuple[Stage, float]] = []
+        """Each with the time at which it began, s since the first."""
+        self.work: list[float] = []
+        """From a state to the command that answers it, s, of every step."""
+        self.heading = 0.0
+        """Yaw of the inertial unit when the walk began, rad."""
+        self._estimate: Any = program(estimate).compiled  # type: ignore[attr-defined]  # in time, however short the walk
+
+    def reset(self, setup: Setup) -> Measurement:
+        """Connect, and check what can be checked at rest; nothing moves before the first :meth:`step`.
+
+        The measurement is that of a robot that stands as planned. Raises BadInput if no robot answers, or if it is
+        not fit to stand up.
+        """
+        config, machine = self.config, setup.config.machine
+        assert isinstance(machine, RobotMachine)
+        self.setup, self.robot, self.stand = setup, read_model(machine), np.ascontiguousarray(setup.start)
+        self.expected = find_holding_torque(self.robot, self.stand)
+        self.sensors = ProprioceptiveSensors(config.estimator)
+        self.sensors.reset(setup)
+        still, nothing, level = np.zeros_like(self.stand), np.zeros(3), np.array([0.0, 0.0, GRAVITY])
+        first = self._measure(Reading(self.stand, still, still, nothing, nothing, level, 0, 0.0, 0.0, 0))
+        self._enter(Stage.CONNECT)
+        period, log = setup.config.sampling_period, config.log is not None
+        self.link = Link(config.interface, config.domain, period, config.limits, log)
+        self._require_ranges(self.link.reading.q)
+        self.link.guard(config.damping, config.guardian)
+        return first
+
+    def _require_ranges(self, q: Array) -> None:
+        """Check that joints are at angles (4, 3), rad, that the model allows; raises BadInput."""
+        ranges = self.robot.ranges
+        outside = np.argwhere((q < ranges[..., 0] - PLAY) | (q > ranges[..., 1] + PLAY))
+        if len(outside):
+            leg, joint = outside[0].tolist()
+            reason = f"{name_joint(leg, joint)} is at {q[leg, joint]:.3g} rad, which the model does not allow"
+            raise BadInput("plant.interface", self.config.interface, reason)
+
+    def step(self, torque: Array, drive: Drive | None = None) -> Measurement:
+        """Send a command and wait for the next state; the first one stands the robot up before.
+
+        Raises Unsafe when the robot, or the wire, is beyond a limit: the run ends, and :meth:`end_run` damps it.
+        """
+        if drive is None:
+            raise CmacexpError("plant=unitree needs commands for the drives: use controller=drives")
+        link = self.link
+        if self.stages[-1][0] != Stage.WALK:
+            self._stand_up((float(drive.stiffness.max()), float(drive.damping.max())))
+        share = min(1.0, len(self.work) * link.period / self.config.blend)
+        angle = share * drive.q + (1.0 - share) * self.stand
+        link.send(angle, share * drive.dq, share * torque, drive.stiffness, drive.damping)
+        self.work.append(time.perf_counter() - link.arrived)
+        link.receive()
+        return self._measure(link.reading)
+
+    def draw_chirp(self) -> None:
+        """Let the robot hang, and move its joints ever faster: what :mod:`cmacexp.gap` asks for. Raises Unsafe."""
+        self.link.begin()
+        self._enter(Stage.CHECK)
+        check_joints(self.link, self.stand, self.expected)
+        self._enter(Stage.CHIRP)
+        self.link.rows = [] if self.config.log is not None else None
+        draw_chirp(self.link, self.stand)
+
+    def end_run(self, is_safe: bool) -> None:
+        """Sit down if the robot ``is_safe``, and damp it; nothing if it was never moved."""
+        gc.enable()
+        link = self.link
+        moved = self.stages[-1][0] != Stage.CONNECT
+        try:
+            if is_safe and self.stages[-1][0] == Stage.WALK:
+                self._enter(Stage.SIT)
+                link.move(self.stand, self.config.blend, self.gains)
+                link.move(np.array([self.config.crouch] * len(self.stand)), self.config.rise, self.gains)
+        finally:
+            self._enter(Stage.DAMP)
+            if moved:
+                link.damp(self.config.damping)
+            link.end()
+            give_up_priority()
+            if self.config.log is not None:
+                names = [self.robot.model.joint(int(joint)).name for joint in self.robot.legs.joint.ravel()]
+                link.write_log(Path(self.config.log), names)
+
+    def describe(self) -> dict[str, Any]:
+        """For the manifest: stages, states that were missed, and the time that each step took."""
+        late = np.array(self.work or [math.nan])
+        quantiles = np.quantile(late, [0.5, 0.99, 0.999, 1.0]) * 1e3
+        return {
+            "stages": [{"stage": str(stage), "second": round(at, 3)} for stage, at in self.stages],
+            "has_priority": self.link.has_priority,
+            "states_missed": self.link.watch.missed,
+            "steps_overran": int((late > self.link.period).sum()),
+            "work_ms": dict(zip(("median", "p99", "p99.9", "worst"), quantiles.round(3).tolist(), strict=True)),
+        }
+
+    def _enter(self, stage: Stage) -> None:
+        now = time.perf_counter()
+        if not self.stages:
+            self._start = now
+        self.stages.append((stage, now - self._start))
+
+    def _stand_up(self, gains: Gains) -> None:
+        """All that comes before the first step of a walk; raises Unsafe."""
+        self.gains = gains
+        link, weight = self.link, self.setup.mechanism.weight
+        link.begin()
+        if self.config.hung:
+            self._enter(Stage.CHECK)
+            check_joints(link, self.stand, self.expected)
+            self._enter(Stage.LOWER)
+            wait_for_ground(link, self.stand, gains, self._estimate_force, weight, self.config.let_down)
+        self._enter(Stage.STAND)
+        link.move(self.stand, self.config.rise, gains)
+        gc.disable()  # until the walk has ended: it takes longer than a step
+        self._enter(Stage.WALK)
+        self.sensors.reset(self.setup)
+        self.heading = float(link.reading.attitude[2])
+        self._measure(link.reading)
+
+    def _estimate_force(self, reading: Reading) -> float:
+        """The force on all feet of a robot at rest, N."""
+        self.sensors.step = 0
+        return float(self._measure(reading).force.sum())
+
+    def _measure(self, reading: Reading) -> Measurement:
+        """The state of the robot, as estimated, with what it measured."""
+        sensors, signals = self.sensors, reading.get_signals(self.heading)
+        support = sensors.support[sensors.step % len(sensors.support)]
+        parts, state = (sensors.estimator, sensors.sensing, sensors.mechanism), sensors.observation
+        self._estimate(*parts, signals, sensors.step, support, state)
+        sensors.step += 1
+        return copy_state(state, state.travel, signals)

@@ -1,0 +1,62 @@
+"""What a robot measures against the limits: each fault stops a run, and says which limit."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from cmacexp.errors import BadInput
+from cmacexp.wire.faults import KINDS, NO_FAULT, Fault
+from cmacexp.wire.messages import Message
+from cmacexp.wire.states import LimitsConfig, StateWatch, Unsafe, read_state
+
+LIMITS = LimitsConfig(
+    silence=1.0, lost=0.02, tilt=0.5, speed=20.0, deviation=0.4, torque=20.0, temperature=75.0, voltage=22.0
+)
+SEEN = {
+    "lost_states": "lost", "lost_commands": "lost", "frozen": "frozen", "frozen_numbers": "stuck",
+    "nan": "not finite", "stuck": "right front hip is stuck", "sign_of_encoder": "from its command",
+    "sign": "from its command",
+    "swapped": "from its command", "swapped_encoders": "from its command", "hot": "temperature", "empty": "voltage",
+}  # fmt: skip
+"""What is said of each fault; of states that are late the link says that none comes."""
+
+
+def watch_motion(fault, steps=1500):
+    """Watch joints that follow their commands exactly, each leg elsewhere, under a fault."""
+    watch, state, asked = StateWatch(LIMITS, (4, 3), 1), Message("LowState_"), np.zeros((4, 3))
+    state["imu_state.quaternion"], state["power_v"] = [1.0, 0.0, 0.0, 0.0], 28.0
+    for step in range(steps):
+        asked = 0.5 + 0.5 * np.arange(4)[:, None] + 0.3 * np.sin(0.02 * step) * np.ones((4, 3))
+        motors = state["motor_state.q"]
+        motors[:12] = asked[[1, 0, 3, 2]].ravel()
+        state["motor_state.q"], state["tick"] = motors, step
+        fault.loses_command(step)
+        if (sent := fault.spoil_state(state, step)) is not None:
+            watch.check(read_state(sent), asked)
+    return watch
+
+
+def test_a_robot_without_a_fault_passes():
+    assert watch_motion(Fault()).missed == 0
+
+
+@pytest.mark.parametrize("kind", SEEN)
+def test_every_fault_is_seen(kind):
+    with pytest.raises(Unsafe, match=SEEN[kind]):
+        watch_motion(Fault(kind, start=600, motor=0))
+
+
+def test_all_kinds_of_faults_are_tried_and_others_are_refused():
+    assert set(KINDS) == {NO_FAULT, "late", *SEEN}
+    with pytest.raises(BadInput, match="did you mean stuck"):
+        Fault("stuk")
+
+
+def test_a_robot_that_tilts_or_is_fast_stops():
+    reading = read_state(Message("LowState_"))._replace(voltage=28.0)
+    tilted = reading._replace(attitude=np.array([0.0, -0.6, 0.0]))
+    fast = reading._replace(dq=np.full((4, 3), -21.0))
+    for other, limit in ((tilted, "tilt"), (fast, "speed")):
+        with pytest.raises(Unsafe, match=f"plant.limits.{limit}="):
+            StateWatch(dataclasses.replace(LIMITS), (4, 3), 1).check(other, other.q)
