@@ -59,17 +59,18 @@ def imported():
 
 
 @pytest.fixture(scope="session", autouse=True)
-def one_step():
-    """What a test calls outside of a run is work of one step, which repays no compiling."""
+def little_work():
+    """What fixtures call outside of a run is work of one step, which repays no compiling."""
     with workload(1):
         yield
 
 
 @pytest.fixture(autouse=True)
-def one_run():
-    """A command in this process may have announced many runs, for which the next test would compile its own."""
-    yield
+def one_step():
+    """The same of each test by itself: the programs that an earlier test took, and the runs it announced, are not its."""
     expect_runs(1)
+    with workload(1):
+        yield
 
 
 @pytest.fixture
