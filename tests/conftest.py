@@ -16,6 +16,7 @@ import pytest
 from hypothesis import settings
 from support import tiers
 from support.command import started
+from support.controllers import write_module
 from support.doors import compose_config, make_mechanism, make_scenario
 from support.stored import make_stored, runs_folder
 
@@ -67,7 +68,7 @@ def little_work():
 
 @pytest.fixture(autouse=True)
 def one_step():
-    """The same of each test by itself: the programs that an earlier test took, and the runs it announced, are not its."""
+    """The same of each test: the programs that an earlier one took, and the runs it announced, are not its own."""
     expect_runs(1)
     with workload(1):
         yield
@@ -79,6 +80,13 @@ def compiled():
     expect_runs(math.inf)
     with workload(math.inf):
         yield
+
+
+@pytest.fixture
+def here(request, tmp_path, monkeypatch):
+    """The module with the ``COMPONENTS`` of the file, in the current folder; no other test has imported it."""
+    monkeypatch.chdir(tmp_path)
+    return write_module(tmp_path, request.module.COMPONENTS)
 
 
 @pytest.fixture(scope="session")

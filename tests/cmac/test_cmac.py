@@ -75,9 +75,8 @@ def test_one_quantum_along_one_axis_changes_the_cell_of_exactly_one_layer(name, 
 
 @pytest.mark.parametrize(("layers", "inputs"), [(6, 2), (12, 4), (9, 2), (15, 3), (35, 4), (3, 2)])
 def test_odd_lattice_whose_layers_coincide_is_refused(layers, inputs):
-    with pytest.raises(BadInput) as refused:
+    with pytest.raises(BadInput, match=r"^cmac\.displacement="):
         displacement("odd_lattice", layers, inputs)
-    assert refused.value.key == "cmac.displacement"
 
 
 def least_distance_by_hand(vector, layers):

@@ -1,13 +1,12 @@
 """The fields that a component takes: of the replaced option, or typed by a config class."""
 
 import pytest
-from support.controllers import write_module
 
 from cmacexp.config.component import find_new_name
 from cmacexp.config.compose import compose_config
 from cmacexp.errors import BadInput
 
-CLASSES = """
+COMPONENTS = """
 from dataclasses import dataclass
 from cmacexp.config import ComponentConfig, number
 from cmacexp.control import HybridController
@@ -49,13 +48,6 @@ class Heir(HybridController):
         super().__init__(HybridController.Config(**gains))
         self.stiffness = stiffness
 """
-
-
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    """The current folder, with classes in it that no other test has imported."""
-    monkeypatch.chdir(tmp_path)
-    return write_module(tmp_path, CLASSES)
 
 
 def test_fields_of_the_replaced_option_and_of_the_scenario_are_dropped(here, tmp_path):

@@ -21,9 +21,8 @@ LONG = ("sampling_period=1e-6", "cmac.memory_bytes=1048576")
 )
 def test_the_key_that_matters_and_the_sizes_are_named(overrides, key, needed, monkeypatch):
     monkeypatch.setattr(check, "machine_memory", lambda: 2 * 2**30)
-    with pytest.raises(BadInput, match=rf"needs {needed:.1f} GiB, more than the 2\.0 GiB") as raised:
+    with pytest.raises(BadInput, match=rf"^{key}=.* needs {needed:.1f} GiB, more than the 2\.0 GiB"):
         make_scenario(compose_config([*LONG, *overrides]))  # which would take minutes
-    assert raised.value.key == key
 
 
 def test_the_limit_is_sharp_and_a_stored_config_is_valid_wherever_it_is_read(monkeypatch):

@@ -5,8 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from support.doors import make_scenario
-from support.rollout import roll_out
 
 from cmacexp.control.actuator import actuate, new_actuator
 
@@ -78,12 +76,3 @@ def test_joints_do_not_know_of_each_other_nor_of_their_signs(config, commanded, 
     alone = np.zeros_like(commanded)
     alone[:, :, 1, 0] = commanded[:, :, 1, 0]
     assert_array_equal(act(config, alone, limit, rate_limit, delay)[..., 1, 0], acting[..., 1, 0])
-
-
-def test_in_a_run_the_torque_commanded_at_a_step_acts_so_many_steps_later(make_config):
-    run = ("cycles=1", "gait.cycle_time=0.5")
-    late, first = (roll_out(make_scenario(make_config(*run, f"actuator.delay={n}"))).columns() for n in (3, 0))
-    for joint in ("1", "2"):
-        torque = late[f"tau_feedback_{joint}"][:, 0]
-        assert not torque[:3].any()
-        assert torque[3] == first[f"tau_feedback_{joint}"][0, 0]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from support.command import call
-from support.controllers import CONTROLLERS, write_module
+from support.controllers import CONTROLLERS
 from support.doors import BadInput, compose_config, make_scenario
 from support.manifests import change_manifest
 from support.rollout import roll_out
@@ -25,7 +25,7 @@ GAINS = HybridController.Config(100.0, 5.0, 5.0, 10.0)
 SHORT = ("scenario=one_leg", "cycles=2", "gait.cycle_time=0.5", "gait.stroke=0.02", "record=trace")
 STEPS = 100
 """Of a cycle."""
-OWN = f"""{CONTROLLERS}
+COMPONENTS = f"""{CONTROLLERS}
 class Stiff(Still):
     def __init__(self, position_gain, velocity_gain): super().__init__()
 
@@ -48,13 +48,6 @@ class NoArguments(NoMethods):
     def reset(self): pass
     def act(self): pass
 """
-
-
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    """The current folder, with a file of controllers in it that no other test has imported."""
-    monkeypatch.chdir(tmp_path)
-    return write_module(tmp_path, OWN)
 
 
 # How they are found and made

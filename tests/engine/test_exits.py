@@ -6,7 +6,7 @@ from support.sweeps import sweep
 
 import cmacexp
 
-PARTS = """
+COMPONENTS = """
 import sys
 from dataclasses import dataclass
 import numpy as np
@@ -57,15 +57,6 @@ PLACES = {
     "Predict": ("feedforward", "Predict.predict raised SystemExit(None)", 30),
     "Learnt": ("feedforward", "Learnt.learnt raised SystemExit(0)", 60),
 }
-
-
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    """The current folder, with the components in a module that no other test has imported."""
-    name = f"exits_{tmp_path.name}"
-    (tmp_path / f"{name}.py").write_text(PARTS)
-    monkeypatch.chdir(tmp_path)
-    return name
 
 
 def overrides(here, part, group="feedforward"):

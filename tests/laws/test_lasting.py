@@ -6,14 +6,6 @@ from support.doors import make_scenario
 from support.rollout import roll_out
 
 
-def test_lasting_is_the_paper_s_law_but_for_lead_and_a_rate_that_follows_from_it(make_config):
-    lasting, paper = make_config("learning=lasting").learning, make_config("learning=paper").learning
-    assert (lasting.rule, lasting.lead, lasting.rate) == ("paper", "auto", "auto")
-    for delay, lead, part in ((0, 1, 1), (2, 3, 5)):
-        late = make_scenario(make_config("learning=lasting", f"actuator.delay={delay}")).feedforward.params
-        assert late.learning[:2] == (paper.rate / part, lead)
-
-
 @pytest.mark.ci
 @pytest.mark.parametrize(
     ("settings", "ends"),

@@ -20,17 +20,10 @@ def any_walk(request, stored):
     return stored(*request.param)
 
 
-def feet_in_world(run):
-    """Feet (steps, 4, 3) turned by roll about x, then by pitch about y, then lifted by the height."""
-    pitch, roll = (run.body[name].to_numpy()[:, None] for name in ("pitch", "roll"))
-    x, y, z = walks.HIPS[:, 0] + of_legs(run, "x"), walks.HIPS[:, 1], -of_legs(run, "y")
-    left, up = y * np.cos(roll) - z * np.sin(roll), y * np.sin(roll) + z * np.cos(roll)
-    ahead, up = x * np.cos(pitch) + up * np.sin(pitch), up * np.cos(pitch) - x * np.sin(pitch)
-    return np.stack([ahead, left, run.body.height.to_numpy()[:, None] + up], axis=2)
-
-
 def test_contact_forces_balance_weight_and_moments_and_are_those_of_the_depressed_ground(any_walk):
-    force, feet = of_legs(any_walk, "force"), feet_in_world(any_walk)
+    force, poses = of_legs(any_walk, "force"), any_walk.body[["height", "pitch", "roll"]].to_numpy()
+    foot = np.stack([of_legs(any_walk, name) for name in ("x", "y")], axis=2)
+    feet = np.array([*map(walks.feet_in_world, poses, foot)])
     assert_allclose(force.sum(axis=1), WEIGHT, atol=1e-6 * WEIGHT)
     assert_allclose((force[..., None] * feet[..., :2]).sum(axis=1), 0.0, atol=1e-6 * WEIGHT)
     if any_walk.config["terrain"]["patch_spread"] == 0.0:
@@ -102,11 +95,12 @@ def test_feedback_with_posture_control_is_periodic(stored):
 @pytest.mark.ci
 def test_the_feedforward_takes_over_and_transfer_errors_fall(stored):
     run = stored(*ALL_THREE)
-    assert walks.share(run, 1) == 0.0
-    assert walks.share(run, 2) >= 0.65
-    assert min(walks.share(run, cycle) for cycle in range(8, 21)) >= 0.8
+    share, errors = run.metrics.groupby("cycle").feedforward_share.mean(), walks.pool(run)
+    assert share[1] == 0.0
+    assert share[2] >= 0.65
+    assert share.loc[8:].min() >= 0.8
     for axis, cycle, limit in (("x", 5, 8e-3), ("x", 10, 2e-3), ("y", 5, 22e-3), ("y", 10, 8e-3)):
-        assert max(walks.transfer_rmse(run, axis, later) for later in range(cycle, 21)) <= limit
+        assert errors[f"transfer_rmse_{axis}"].loc[cycle:].max() <= limit
 
 
 @pytest.mark.ci

@@ -22,23 +22,7 @@ def run(make_config):
     return lambda *overrides, **options: roll_out(make_scenario(make_config(*SHORT, *overrides)), **options)
 
 
-def torques(columns, part):
-    return np.column_stack([columns[f"tau_{part}_{j}"] for j in (1, 2)])
-
-
 # What the rows say
-
-
-@pytest.mark.parametrize("limit", ["null", 2.5])
-def test_a_row_holds_the_state_at_the_start_of_its_step_and_the_torque_held_during_it(make_config, limit):
-    config = make_config(*SHORT, "cycles=2", f"actuator.torque_limit={limit}", "plant.substeps=2")
-    columns, machine = roll_out(make_scenario(config)).columns(), make_scenario(config)
-    state, torque = machine.first, torques(columns, "feedback") + torques(columns, "feedforward")
-    assert (limit == "null") == (np.abs(torque).max() > 2.5)
-    for k in range(2 * SAMPLES):
-        assert (columns["q1"][k, 0], columns["dq2"][k, 0]) == (state.q[0, 0], state.dq[0, 1])
-        assert (columns["y"][k, 0], columns["force"][k, 0]) == (state.foot[0, 1], state.force[0])
-        state = machine.plant.step(torque[k : k + 1])
 
 
 def test_another_seed_gives_other_samples_as_soon_as_the_cmac_acts(run):

@@ -5,28 +5,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from support.walks import HIPS, feet_in_world, in_world
 
 from cmacexp.models.body import Load, balance, depth, energy, make_pose, slope
 
 WEIGHT = 40.0
 LEVEL = np.zeros(4)
 LOAD = Load(WEIGHT, 0.0, 0.0)
-HIPS = np.array([(0.225, 0.225), (0.225, -0.225), (-0.225, 0.225), (-0.225, -0.225)])
-
-
-# Written anew: a body frame turned by roll about x (forward), then by pitch about y (left); z is up
-
-
-def in_world(body, points):
-    """Points (n, 3) of the body frame relative to the centre of gravity's projection on the ground, (n, 3)."""
-    cp, sp, cr, sr = np.cos(body[1]), np.sin(body[1]), np.cos(body[2]), np.sin(body[2])
-    about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
-    return points @ (about_y @ about_x).T + np.array([0.0, 0.0, body[0]])
-
-
-def feet_in_world(body, foot):
-    return in_world(body, np.column_stack([HIPS[:, 0] + foot[:, 0], HIPS[:, 1], -foot[:, 1]]))
 
 
 def energy_by_rotation(body, foot, stiffness, level=LEVEL, load=LOAD):

@@ -47,22 +47,6 @@ def test_a_wave_has_the_phases_and_the_least_margins_of_the_theory(walk_plan, du
     assert plan.margins[:, 1:].min() == pytest.approx(least, abs=1e-9)
 
 
-@pytest.mark.parametrize(("stroke", "hip_x"), [(0.1, 0.2), (0.35, 0.2), (0.35, 0.3)])
-def test_the_least_margin_along_the_body_goes_with_the_stroke_and_not_with_the_hips(walk_plan, stroke, hip_x):
-    hips = [f"machine.legs.{side}_{end}.hip_x={sign * hip_x}"
-            for side in ("left", "right") for end, sign in (("front", 1), ("rear", -1))]  # fmt: skip
-    assert walk_plan(f"gait.stroke={stroke}", *hips).margins[:, 1:].min() == pytest.approx(0.05 * stroke / 0.8)
-
-
-def test_the_defaults_transfer_at_the_samples_of_the_paper_s_gait_diagram(walk_plan):
-    plan = walk_plan()
-    for leg, samples in {LF: (480, 600), RF: (180, 300), LR: (360, 480), RR: (60, 180)}.items():
-        assert_array_equal(np.flatnonzero(~plan.support[:, leg]), range(*samples))
-    own = walk_plan("gait.touch_down=[0.0, 0.5, 0.8, 0.3]")
-    assert_array_equal(own.support, plan.support)
-    assert_array_equal(own.reference, plan.reference)
-
-
 @given(st.data(), st.booleans())
 def test_every_foot_supports_for_exactly_its_duty_factor_from_its_touch_down_on(data, wave):
     """Of a wave at least three are down; touch-downs of one's own may be any."""
@@ -126,9 +110,8 @@ def test_an_origin_on_an_edge_has_the_margins_of_its_ends():
     ],
 )
 def test_an_unstable_gait_is_refused_unless_it_is_allowed(walk_plan, override, fewest):
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(BadInput, match=f"^{override.partition('=')[0]}="):
         walk_plan(override)
-    assert caught.value.key == override.partition("=")[0]
     plan = walk_plan(override, "gait.allow_unstable=true")
     down = plan.support.sum(axis=1)
     assert down.min() == fewest

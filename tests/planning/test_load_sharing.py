@@ -224,26 +224,29 @@ def test_a_weight_that_is_not_that_of_the_masses_is_refused_be_it_more_or_less(m
             check_load_sharing(replace(config, machine=replace(config.machine, weight=weight)))
 
 
-@pytest.mark.parametrize(("weight", "x"), [(20.0, 0.0), (20.0, 0.03), (-5.0, 0.02)])
-def test_an_adapted_plan_carries_the_weight_that_was_met_where_it_was_met(make_config, weight, x):
-    """The measured centre is that of the load, forward of the body's own, over a cycle."""
+@pytest.fixture
+def adapt(make_config):
+    """The plan of a dynamic load, its mechanism, and how it adapts to what was met."""
     config = make_config(*DYNAMIC)
     mechanism = make_mechanism(config.machine)
     plan = make_plan(config, mechanism, False)
-    adapted = adapt_plan(config, mechanism, plan, LoadEstimate(weight, x, 0.0, 0.0, 0.0))
+    return plan, mechanism, lambda *met: adapt_plan(config, mechanism, plan, LoadEstimate(*met))
+
+
+@pytest.mark.parametrize(("weight", "x"), [(20.0, 0.0), (20.0, 0.03), (-5.0, 0.02)])
+def test_an_adapted_plan_carries_the_weight_that_was_met_where_it_was_met(adapt, weight, x):
+    """The measured centre is that of the load, forward of the body's own, over a cycle."""
+    plan, mechanism, adapted_to = adapt
+    adapted = adapted_to(weight, x, 0.0, 0.0, 0.0)
     force, feet = adapted.force_desired, mechanism.hips + adapted.desired[..., :1] * [1.0, 0.0]
     assert_allclose(force.sum(axis=1), plan.force_desired.sum(axis=1) + weight, rtol=1e-9)
     centre = (force[..., None] * feet).sum(axis=(0, 1)) / force.sum()
     assert_allclose(centre, plan.load.mean_centre + np.array([x, 0.0]), atol=5e-4)
 
 
-def test_feet_of_an_adapted_plan_follow_the_slope_that_was_met(make_config):
-    config = make_config(*DYNAMIC)
-    mechanism = make_mechanism(config.machine)
-    plan = make_plan(config, mechanism, False)
-    level, sloped = (
-        adapt_plan(config, mechanism, plan, LoadEstimate(0.0, 0.0, 0.0, slope, 0.0)) for slope in (0.0, 0.05)
-    )
+def test_feet_of_an_adapted_plan_follow_the_slope_that_was_met(adapt):
+    plan, mechanism, adapted_to = adapt
+    level, sloped = (adapted_to(0.0, 0.0, 0.0, slope, 0.0) for slope in (0.0, 0.05))
     change, feet = sloped.reference - level.reference, plan.desired[..., 0] + mechanism.hips[:, 0]
     assert_allclose(change[:, plan.support, 1], np.tile(-0.05 * feet[plan.support], (2, 1)), atol=1e-9)
     assert_allclose(change[:, plan.support, 3], -0.05 * level.reference[:, plan.support, 2], atol=1e-9)

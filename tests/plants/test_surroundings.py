@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from support.doors import make_scenario
 from support.grounds import still_ground
 from support.rollout import roll_out
+from support.walks import HIPS, feet_in_world, in_world
 
-HIPS = np.array([(0.225, 0.225), (0.225, -0.225), (-0.225, 0.225), (-0.225, -0.225)])
 SHORT = ("cycles=1", "sampling_period=0.01")
 WALK = ("scenario=quadruped", "learning.start_cycle=1", *SHORT)
 CHANGES = {
@@ -36,18 +36,10 @@ def height_at(slope, start, x):
     return slope * np.maximum(0.0, x - start)
 
 
-def in_world(body, foot):
-    """Feet (L, 3) relative to the ground below the body's centre."""
-    height, pitch, roll = body[:3]
-    cp, sp = np.cos(pitch), np.sin(pitch)
-    x, y, z = HIPS[:, 0] + foot[:, 0], HIPS[:, 1], -foot[:, 1]
-    y, z = y * np.cos(roll) - z * np.sin(roll), y * np.sin(roll) + z * np.cos(roll)
-    return np.stack([x * cp + z * sp, y, -x * sp + z * cp + height], axis=1)
-
-
-def feet(rollout, k):
+def find_feet(rollout):
+    """Feet (steps, 4, 3) relative to the ground below the body's centre."""
     columns = rollout.columns()
-    return np.column_stack([columns["x"][k], columns["y"][k]])
+    return np.array([*map(feet_in_world, rollout.body_samples, np.stack([columns["x"], columns["y"]], axis=2))])
 
 
 @pytest.mark.parametrize("change", CHANGES)
@@ -77,14 +69,11 @@ def test_under_one_leg_the_ground_is_of_another_stiffness_from_its_step_on(run, 
 def test_feet_of_a_body_press_the_ground_where_they_are_as_stiff_as_it_is_there(run, change):
     rollout, is_slope = run(*WALK, *change), change == CHANGES["slope"]
     factors = np.where((np.arange(300)[:, None] >= AT) & (not is_slope), [3.0, 1.0, 1.0, 3.0], 1.0)
-    speed, uneven = 0.3 / (0.8 * 3.0), 0.0
-    for k in range(0, 300, 7):
-        x, foot = speed * k * 0.01, feet(rollout, k)
-        higher = height_at(0.05, 0.2, x + HIPS[:, 0] + foot[:, 0]) - height_at(0.05, 0.2, np.array(x))
-        sunk = np.maximum(0.0, is_slope * higher - in_world(rollout.body_samples[k], foot)[:, 2])
-        assert_allclose(rollout.columns()["force"][k], 1e4 * factors[k] * sunk, rtol=1e-6, atol=1e-6)
-        uneven = max(uneven, np.ptp(higher))
-    assert uneven > 0.02
+    columns, x = rollout.columns(), 0.3 / (0.8 * 3.0) * 0.01 * np.arange(300)[:, None]
+    higher = height_at(0.05, 0.2, x + HIPS[:, 0] + columns["x"]) - height_at(0.05, 0.2, x)
+    sunk = np.maximum(0.0, is_slope * higher - find_feet(rollout)[..., 2])
+    assert_allclose(columns["force"], 1e4 * factors * sunk, rtol=1e-6, atol=1e-6)
+    assert np.ptp(higher, axis=1).max() > 0.02
 
 
 # Payload
@@ -93,15 +82,10 @@ def test_feet_of_a_body_press_the_ground_where_they_are_as_stiff_as_it_is_there(
 def test_feet_carry_the_payload_and_its_moments_from_its_time_on(run):
     rollout = run(*WALK, *CHANGES["payload"])
     force = rollout.columns()["force"]
+    lies = np.concatenate([in_world(body, [[0.1, -0.05, 0.0]]) for body in rollout.body_samples])
     assert_allclose(force.sum(axis=1), np.where(np.arange(300) >= AT, 50.0, 40.0), atol=1e-8)
-    for k in range(AT, 300, 7):
-        body = rollout.body_samples[k]
-        at = in_world(body, feet(rollout, k))
-        # The payload lies in the plane of the hips, where in_world puts feet that are neither ahead nor below.
-        lies = in_world(body, np.column_stack([0.1 - HIPS[:, 0], np.zeros(4)]))
-        y_from_left = (-0.05 + 0.225) / 0.45
-        lies = lies[1] + y_from_left * (lies[0] - lies[1])
-        assert_allclose(force[k] @ at[:, :2], 10.0 * lies[:2], atol=1e-8)
+    moments = (force[..., None] * find_feet(rollout)).sum(axis=1)
+    assert_allclose(moments[AT:, :2], 10.0 * lies[AT:, :2], atol=1e-8)
 
 
 # Slope

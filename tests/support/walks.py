@@ -1,6 +1,7 @@
 """Walks of the quadruped (Lin & Song 1997, section 6), made once by ``stored``, and how their laws read a run."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 STEPS = 600
 """Of a cycle."""
@@ -18,6 +19,19 @@ FEEDBACK = (QUADRUPED, "cycles=3", "feedforward=none")
 LITERAL = (QUADRUPED, "reference=literal", "cycles=10")
 FELL = (QUADRUPED, "posture.gain=0", "cycles=2")
 PATCHY = (QUADRUPED, "terrain=patchy", "gait.load_ramp=0.1", "cycles=6")
+
+
+def in_world(body, points):
+    """Points (n, 3) of the frame of a body (height, pitch, roll) relative to the ground below its centre.
+
+    The frame is turned by roll about x (forward), then by pitch about y (left); z is up.
+    """
+    return Rotation.from_euler("YX", body[1:3]).apply(points) + np.array([0.0, 0.0, body[0]])
+
+
+def feet_in_world(body, foot):
+    """The same of feet (4, 2), x forward and y down in the frames of their hips."""
+    return in_world(body, np.column_stack([HIPS[:, 0] + foot[:, 0], HIPS[:, 1], -foot[:, 1]]))
 
 
 def of_legs(run, name):
@@ -39,18 +53,3 @@ def pool(run):
     """Root mean square over the legs of every metric, and the body's metrics, by cycle."""
     legs = (metrics_of(run) ** 2).groupby(level="cycle").mean() ** 0.5
     return legs.join(run.body_metrics.set_index("cycle")).dropna(axis=1, how="all")
-
-
-def transfer_rmse(run, axis, cycle):
-    """Transfer error over all legs, m."""
-    error = of_cycle(run, axis, cycle) - of_cycle(run, f"{axis}_desired", cycle)
-    return np.sqrt((error[of_cycle(run, "phase", cycle) == "transfer"] ** 2).mean())
-
-
-def share(run, cycle):
-    """What the feedforward does of all torque, over all legs."""
-    parts = [
-        sum(np.abs(of_cycle(run, f"tau_{part}_{j}", cycle)).sum() for j in (1, 2))
-        for part in ("feedforward", "feedback")
-    ]
-    return parts[0] / sum(parts)
