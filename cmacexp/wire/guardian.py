@@ -13,7 +13,7 @@ import time
 
 from cmacexp.errors import CmacexpError
 from cmacexp.wire.messages import new_command, set_motors
-from cmacexp.wire.network import COMMANDS, Wire
+from cmacexp.wire.network import COMMANDS, Wire, ask_for_priority
 
 ALIVE, DONE = b"+", b"."
 """What the controller writes: after a command, and when the robot needs no guardian any more."""
@@ -87,6 +87,7 @@ def watch(pipe: int, silence: float) -> bool:
 def main() -> None:
     """Guard: the arguments are the network interface, the DDS domain, the damping, N m s/rad, and the silence, s."""
     interface, domain, damping, silence = sys.argv[1:]
+    ask_for_priority()
     wire, command = Wire(interface, int(domain), COMMANDS, None), make_damping(float(damping))
     print("ready", flush=True)
     if watch(sys.stdin.fileno(), float(silence)):
