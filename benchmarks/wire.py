@@ -30,8 +30,8 @@ PATIENT = ["plant.guardian=0.6", "plant.limits.silence=0.4"]
 OF_A_MOTOR = ("nan", "stuck", "sign", "sign_of_encoder")
 OF_A_LEG = ("swapped", "swapped_encoders")
 OF_ALL = ("lost_states", "lost_commands", "late", "frozen", "frozen_numbers", "hot", "empty")
-SECONDS = (3, 12, 23, 30, 33, 36)
-"""When a fault begins: while the joints are checked, while the robot is let down, while it walks."""
+SECONDS = (3, 12, 22, 29, 32, 35)
+"""When a fault begins, from the first command on: while the joints are checked, while the robot is let down, while it walks."""
 
 
 class Case(NamedTuple):

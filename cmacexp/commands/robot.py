@@ -71,7 +71,9 @@ def main() -> int:
     parser.add_argument("--patient", action="store_true", help="wait for each command: not in real time")
     parser.add_argument("--seconds", type=float, default=3600.0, metavar="S", help="after which it ends (3600)")
     parser.add_argument("--fault", default=NO_FAULT, metavar="KIND", help="a fault that it has")
-    parser.add_argument("--after", type=float, default=0.0, metavar="S", help="second from which on it has it")
+    parser.add_argument(
+        "--after", type=float, default=0.0, metavar="S", help="second after the first command from which on it has it"
+    )
     parser.add_argument(
         "--motor", type=int, default=0, choices=range(12), metavar="N", help="0 to 11, whose fault it is"
     )

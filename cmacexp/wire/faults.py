@@ -40,7 +40,7 @@ class Fault:
 
     kind: str = NO_FAULT
     start: int = 0
-    """Number of the state from which on it is there."""
+    """State from which on it is there, counted from the first command; 0: always."""
     motor: int = 0
     """That it is of, 0 to 11; the leg of this motor and the next leg are swapped."""
     seed: int = 0

@@ -153,17 +153,19 @@ def play(
     print(f"a robot on {interface}, domain {domain}: {'it hangs' if hung else 'it lies on the ground'}", flush=True)
     begun = time.perf_counter()
     heard: float | None = None
+    age = 0 if fault.start == 0 else -1  # of the robot, for its faults: states since the first command
     taken = late = 0
     worst = 0.0
     while (now := time.perf_counter()) < begun + seconds and (heard is None or now - heard < IDLE):
         command = wire.receive(PATIENCE if patient and taken else 0.0)
-        if command is not None and not fault.loses_command(robot.steps):
+        if command is not None and not fault.loses_command(age):
             heard, taken = now, taken + 1
-            robot.take(fault.spoil_command(command, robot.steps))
+            robot.take(fault.spoil_command(command, age))
         robot.step()
         robot.fill(state)
         state["tick"] = robot.steps
-        if (spoilt := fault.spoil_state(state, robot.steps)) is not None:
+        age = age + 1 if heard is not None else age
+        if (spoilt := fault.spoil_state(state, age)) is not None:
             wire.send(spoilt.tobytes())
         if patient and taken:
             continue

@@ -1,0 +1,54 @@
+"""A plant that is not simulated: it comes to rest at the end, and does not wait for the files."""
+
+import threading
+
+import pandas as pd
+import pytest
+
+import cmacexp
+from cmacexp.plants import AnalyticPlant
+
+
+class LivePlant:
+    """The project's own machine, as one that is not simulated; it breaks in step ``breaks``."""
+
+    def __init__(self, breaks=-1):
+        self.inner, self.breaks, self.ends, self.threads = (
+            AnalyticPlant(AnalyticPlant.Config(substeps=1)),
+            breaks,
+            [],
+            [],
+        )
+
+    def reset(self, setup):
+        self.steps = 0
+        return self.inner.reset(setup)
+
+    def step(self, torque):
+        self.steps += 1
+        if self.steps == self.breaks:
+            raise RuntimeError("a cable")
+        return self.inner.step(torque)
+
+    def end_run(self, is_safe):
+        self.ends.append(is_safe)
+
+    def leave_real_time(self):
+        self.threads.append(threading.current_thread())
+
+    def describe(self):
+        return {"steps": self.steps}
+
+
+def run(tmp_path, plant, name):
+    return cmacexp.run(["scenario=one_leg", "cycles=2", "record=trace"], tmp_path / name, plant=plant)
+
+
+@pytest.mark.parametrize(("breaks", "status", "steps"), [(-1, "completed", 1200), (700, "failed", 700)])
+def test_it_comes_to_rest_however_a_run_ends_and_another_thread_writes(tmp_path, breaks, status, steps):
+    plant = LivePlant(breaks)
+    done = run(tmp_path, plant, "live")
+    assert (done.status, plant.ends, done.manifest["plant"]) == (status, [status == "completed"], {"steps": steps})
+    assert threading.main_thread() not in plant.threads
+    same = run(tmp_path, AnalyticPlant(AnalyticPlant.Config(substeps=1)), "simulated")
+    pd.testing.assert_frame_equal(done.trace, same.trace[: len(done.trace)])
