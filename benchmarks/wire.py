@@ -31,7 +31,7 @@ OF_A_MOTOR = ("nan", "stuck", "sign", "sign_of_encoder")
 OF_A_LEG = ("swapped", "swapped_encoders")
 OF_ALL = ("lost_states", "lost_commands", "late", "frozen", "frozen_numbers", "hot", "empty")
 SECONDS = (3, 12, 22, 29, 32, 35)
-"""When a fault begins, from the first command on: while the joints are checked, while the robot is let down, while it walks."""
+"""When a fault begins, from the first command on: at the check of the joints, as it is let down, as it walks."""
 
 
 class Case(NamedTuple):

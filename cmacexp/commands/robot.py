@@ -5,7 +5,7 @@ import math
 
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.config.compose import compose_config
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.terminal.output import print_line, show_activity
 from cmacexp.wire.faults import KINDS, NO_FAULT, Fault
 from cmacexp.wire.network import LOOPBACK
@@ -43,6 +43,8 @@ def _draw_chirp(arguments: argparse.Namespace) -> int:
     with ending(scenario.plant) as ends, show_activity("the joints are checked, then move ever faster"):
         scenario.plant.draw_chirp()  # type: ignore[attr-defined]  # of plant=unitree
         ends(Status.COMPLETED)
+    if (trouble := scenario.plant.trouble) is not None:  # type: ignore[attr-defined]
+        raise CmacexpError(trouble)
     print_line(f"{arguments.chirp}: python -m cmacexp.gap {arguments.chirp} --robot go2")
     return 0
 

@@ -245,7 +245,7 @@ def _write(
         "processor_seconds": end.processor_seconds,
         "files": {name: sha256(folder / name) for name in names},
     }
-    if hasattr(scenario.plant, "describe"):
+    if scenario.fault is None and hasattr(scenario.plant, "describe"):
         entries["plant"] = scenario.plant.describe()
     if failure is not None and not isinstance(failure, BadOutput | MemoryError):
         entries["traceback"] = format_user_traceback(failure)

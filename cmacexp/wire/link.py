@@ -142,5 +142,4 @@ class Link:
             columns |= {
                 f"{name}_{joint}": rows[:, part].reshape(len(rows), -1)[:, j] for j, joint in enumerate(joints)
             }
-        path.parent.mkdir(parents=True, exist_ok=True)
         write_table(pa.table(columns), path)

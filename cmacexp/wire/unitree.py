@@ -103,6 +103,8 @@ class UnitreeRobot:
         """From a state to the command that answers it, s, of every step."""
         self.heading = 0.0
         """Yaw of the inertial unit when the walk began, rad."""
+        self.trouble: str | None = None
+        """What went wrong when the run had ended; its results are kept."""
         self._estimate: Any = program(estimate).compiled  # type: ignore[attr-defined]  # in time, however short the walk
 
     def reset(self, setup: Setup) -> Measurement:
@@ -113,6 +115,8 @@ class UnitreeRobot:
         """
         config, machine = self.config, setup.config.machine
         assert isinstance(machine, RobotMachine)
+        if config.log is not None and not Path(config.log).parent.is_dir():
+            raise BadInput("plant.log", config.log, "must lie in a folder that exists")
         self.setup, self.robot, self.stand = setup, read_model(machine), np.ascontiguousarray(setup.start)
         self.expected = find_holding_torque(self.robot, self.stand)
         self.sensors = ProprioceptiveSensors(config.estimator)
@@ -171,15 +175,24 @@ class UnitreeRobot:
                 self._enter(Stage.SIT)
                 link.move(self.stand, self.config.blend, self.gains)
                 link.move(np.array([self.config.crouch] * len(self.stand)), self.config.rise, self.gains)
+        except CmacexpError as error:
+            self.trouble = f"when it sat down: {error}"
         finally:
             self._enter(Stage.DAMP)
             if moved:
                 link.damp(self.config.damping)
             link.end()
             give_up_priority()
-            if self.config.log is not None:
-                names = [self.robot.model.joint(int(joint)).name for joint in self.robot.legs.joint.ravel()]
-                link.write_log(Path(self.config.log), names)
+            self._write_log()
+
+    def _write_log(self) -> None:
+        """Write what was measured and sent, if asked for; a disk that is full costs no more than that."""
+        if self.config.log is not None:
+            names = [self.robot.model.joint(int(joint)).name for joint in self.robot.legs.joint.ravel()]
+            try:
+                self.link.write_log(Path(self.config.log), names)
+            except OSError as error:
+                self.trouble = f"{self.config.log} cannot be written: {error.strerror}"
 
     def describe(self) -> dict[str, Any]:
         """For the manifest: stages, states that were missed, and the time that each step took."""
@@ -187,6 +200,7 @@ class UnitreeRobot:
         quantiles = np.quantile(late, [0.5, 0.99, 0.999, 1.0]) * 1e3
         return {
             "stages": [{"stage": str(stage), "second": round(at, 3)} for stage, at in self.stages],
+            "trouble": self.trouble,
             "has_priority": self.link.has_priority,
             "states_missed": self.link.watch.missed,
             "steps_overran": int((late > self.link.period).sum()),

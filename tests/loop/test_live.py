@@ -44,6 +44,7 @@ def run(tmp_path, plant, name):
     return cmacexp.run(["scenario=one_leg", "cycles=2", "record=trace"], tmp_path / name, plant=plant)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("breaks", "status", "steps"), [(-1, "completed", 1200), (700, "failed", 700)])
 def test_it_comes_to_rest_however_a_run_ends_and_another_thread_writes(tmp_path, breaks, status, steps):
     plant = LivePlant(breaks)
