@@ -25,11 +25,13 @@ SCENARIOS = ("one_leg", "force_step", "quadruped")
 MODEL = Path(__file__).parents[1] / "tests" / "support" / "robot.xml"
 """Stands for models of robots that are not installed."""
 ROBOT = ("scenario=robot", "machine=mjcf", f"machine.path={MODEL}")
-OF_ROBOTS = ("walk", "amble", "trot", "pace", "mujoco_robot_rigid", "drives", "proprioceptive")
+OF_ROBOTS = ("walk", "amble", "trot", "pace", "mujoco_robot_rigid", "drives", "proprioceptive", "unitree")
 """Options that no other machine can have."""
 GROUPS = [
     name for name, kind in Config.__annotations__.items() if kind is not str and (config_folder() / name).is_dir()
 ]
+NEEDS = {"unitree": ["sampling_period=0.001"]}
+"""What an option needs beside the model that stands for others, whose feet are lighter than those of a Go2."""
 VARIES = "depends on NAME"
 
 
@@ -112,7 +114,7 @@ def with_option(group: str, option: str) -> Any:
         CmacexpError: none can.
     """
     if group != "machine" and option in OF_ROBOTS:
-        return getattr(composed(*ROBOT, f"{group}={option}")[0], group)
+        return getattr(composed(*ROBOT, f"{group}={option}", *NEEDS.get(option, ()))[0], group)
     for scenario in SCENARIOS:
         try:
             return getattr(composed(f"scenario={scenario}", f"{group}={option}")[0], group)
