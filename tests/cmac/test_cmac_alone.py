@@ -2,8 +2,6 @@
 
 import copy
 import pickle
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -98,11 +96,3 @@ def test_what_does_not_fit_is_refused_and_changes_nothing(call):
 def test_settings_out_of_range_are_named(high, options, error, named):
     with pytest.raises(error, match=named):
         Cmac([-1.0, 0.0], high, **options)
-
-
-@pytest.mark.ci
-def test_importing_it_needs_neither_hydra_nor_tables_nor_the_compiler():
-    heavy = ["hydra", "omegaconf", "pandas", "pyarrow", "numba", "scipy"]
-    code = f"import sys; from cmacexp.cmac import Cmac; Cmac([0], [1]); print({{*{heavy}}} & {{*sys.modules}})"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "set()"

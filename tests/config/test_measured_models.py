@@ -38,8 +38,6 @@ def other_package(tmp_path, monkeypatch):
         (packages / name).parent.mkdir(parents=True, exist_ok=True)
         (packages / name).write_text(text)
     monkeypatch.syspath_prepend(packages)
-    monkeypatch.setenv("PYTHONPATH", f"{packages}:{ROOT}")
-    return packages
 
 
 def test_what_is_stated_changes_neither_hash_nor_labels():

@@ -15,14 +15,9 @@ from cmacexp.data.integrity import is_finished
 JOB = ("scenario=force_step",)
 
 
-@pytest.fixture(scope="module")
-def whole(stored):
-    return stored(*JOB).folder
-
-
 @pytest.fixture
-def run(whole, tmp_path):
-    return shutil.copytree(whole, tmp_path / "run")
+def run(stored, tmp_path):
+    return shutil.copytree(stored(*JOB).folder, tmp_path / "run")
 
 
 def test_a_run_is_finished_for_its_config_whatever_is_recorded_and_for_no_other(run):

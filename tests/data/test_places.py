@@ -4,9 +4,10 @@ import os
 import shutil
 from contextlib import suppress
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
-from support.command import ROOT, call, python
+from support.command import KILLING, call, python
 from support.doors import BadInput, CmacexpError, Report, compose_config, run_scenario, write_report
 
 import cmacexp
@@ -18,7 +19,6 @@ JOB = ("scenario=force_step", "gait.cycle_time=1.0", "record=trace")
 OTHER_MASS = 0.6
 NOBODY = 2**22 + 1
 """No process of Linux has this number."""
-KILLING = ROOT / "tests" / "support" / "killing.py"
 PAGE = Report("T", "S", [])
 
 
@@ -164,10 +164,7 @@ def test_a_table_of_the_user_is_not_replaced_by_that_of_a_sweep(tmp_path):
 
 def fill_the_disk(monkeypatch, folder):
     """The disk is full while the trace is written."""
-
-    def full(*arguments):
-        raise OSError(28, "No space left on device")
-
+    full = Mock(side_effect=OSError(28, "No space left on device"))
     monkeypatch.setattr("cmacexp.data.trace.TraceWriter.write", full)
     run_other(folder)
 
@@ -208,7 +205,7 @@ def test_a_result_is_whole_at_every_moment_or_absent_where_folders_cannot_be_exc
 @pytest.mark.ci
 def test_a_run_killed_at_any_moment_leaves_nothing_broken_and_can_be_run_again(tmp_path):
     words = ("cycles=2", "hydra.run.dir=out")
-    done = python(str(KILLING), "3", "1", str(tmp_path), *words, folder=tmp_path)
+    done = python(KILLING, "3", "1", str(tmp_path), *words, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert call("main", *words, folder=tmp_path).returncode == 0
     assert (faults(tmp_path / "out"), hidden_in(tmp_path / "out")) == ([], [])

@@ -9,12 +9,10 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from support.command import call, cmacexp, environment, python
+from support.command import KILLING, call, cmacexp, environment, python
 from support.doors import BadComponent, BadInput
 
 from cmacexp import load
-
-KILLING = str(Path(__file__).parents[1] / "support" / "killing.py")
 
 
 @pytest.mark.ci

@@ -13,12 +13,11 @@ from cmacexp.engine.stop_cause import MOST, explain_stop
 from cmacexp.loop import End
 
 WALK = ("scenario=quadruped", "actuator.torque_limit=10", "gait.cycle_time=1.5")
-FALLING = (*WALK, "posture.gain=0", "record=trace")
 
 
 @pytest.fixture(scope="module")
 def fallen(tmp_path_factory):
-    return cmacexp.run(FALLING, tmp_path_factory.mktemp("fallen"))
+    return cmacexp.run((*WALK, "posture.gain=0", "record=trace"), tmp_path_factory.mktemp("fallen"))
 
 
 @pytest.fixture

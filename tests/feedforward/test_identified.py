@@ -37,10 +37,16 @@ def find_lost(setup, ranges):
     return features @ np.array([INERTIA, VISCOUS, OFFSET, SPRING, *FRICTION])
 
 
-def test_joints_are_found_in_the_feedback_whenever_it_comes(scenario):
+@pytest.fixture
+def at_start(scenario):
+    """The feedforward before it has learnt, its setup, and the torque (N, L, J) of its model."""
     feedforward, setup = scenario.feedforward, scenario.setup
     feedforward.reset(setup)
-    model = InverseDynamics(feedforward.config).compute_torque(setup)
+    return feedforward, setup, InverseDynamics(feedforward.config).compute_torque(setup)
+
+
+def test_joints_are_found_in_the_feedback_whenever_it_comes(at_start):
+    feedforward, setup, model = at_start
     assert_array_equal(feedforward.predict(SimpleNamespace(step=0, sample=0), np.zeros((4, 2))), model[0])
     feedforward.reset(setup)
     wanted = model + find_lost(setup, feedforward.ranges)
@@ -48,10 +54,8 @@ def test_joints_are_found_in_the_feedback_whenever_it_comes(scenario):
     assert_allclose(feedforward.learnt()["weights"][0, 0, :2], [INERTIA, VISCOUS], rtol=1e-2)
 
 
-def test_what_was_learnt_gives_the_torque_of_another_speed(scenario, make_config):
-    feedforward, setup = scenario.feedforward, scenario.setup
-    feedforward.reset(setup)
-    model = InverseDynamics(feedforward.config).compute_torque(setup)
+def test_what_was_learnt_gives_the_torque_of_another_speed(at_start, make_config):
+    feedforward, setup, model = at_start
     walk(feedforward, model + find_lost(setup, feedforward.ranges), setup.lead)
     learnt = feedforward.learnt()
     faster = make_scenario(make_config(*SHORT, "gait.cycle_time=0.3"))

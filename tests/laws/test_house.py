@@ -26,6 +26,7 @@ MAINS = {"replay", "robots", "score", "verify", "video", "warm"}
 """Modules beside the rooms that run the command of their name."""
 NUMBERED = Counter({number: 1 for number in (1, 2, *range(5, 22))}) + Counter({23: 2})
 """Equations of the paper that the code computes, and how often: M of 23 in one function, C and G in another."""
+NOT_OF_A_RUN = ("pandas", "matplotlib", "jinja2", "scipy.linalg", "scipy.signal", "scipy.optimize", "rich")
 TESTS, ROOT = Path(__file__).parents[1], Path(__file__).parents[2]
 MODULES, STUDIES = (
     [package.__name__, *(each.name for each in pkgutil.walk_packages(package.__path__, f"{package.__name__}."))]
@@ -116,12 +117,20 @@ def test_examples_in_docstrings_give_what_they_say():
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize("runs", [False, True])
-def test_starting_and_a_run_import_nothing_that_they_do_not_need(tmp_path, runs):
-    heavy = ["pandas", "matplotlib", "jinja2", "scipy.linalg", "scipy.signal", "scipy.optimize", "rich"]
-    heavy += [] if runs else ["rerun", "scipy", "numba", "pyarrow"]
-    main = "from cmacexp.commands import main" + ("; assert main.main() == 0" if runs else "")
-    code = f"import sys; sys.argv = ['', 'hydra.run.dir={tmp_path}']; {main}; print({{*{heavy}}} & {{*sys.modules}})"
+@pytest.mark.parametrize(
+    ("work", "heavy"),
+    [
+        ("from cmacexp.commands import main; assert main.main() == 0", NOT_OF_A_RUN),
+        ("from cmacexp.commands import main", (*NOT_OF_A_RUN, "rerun", "scipy", "numba", "pyarrow")),
+        (
+            "from cmacexp.cmac import Cmac; Cmac([0], [1])",
+            ("hydra", "omegaconf", "pandas", "pyarrow", "numba", "scipy"),
+        ),
+    ],
+    ids=["a run", "its start", "a CMAC alone"],
+)
+def test_nothing_is_imported_that_is_not_needed(tmp_path, work, heavy):
+    code = f"import sys; sys.argv = ['', 'hydra.run.dir={tmp_path}']; {work}; print({{*{heavy}}} & {{*sys.modules}})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "set()"
 

@@ -21,11 +21,9 @@ SERVOS = MOTORS.replace("<motor", '<position kp="50" kv="1"')
 FL_FOOT = '<geom name="FL" class="foot" pos="0.005 0 -0.21" mass="0.05"/>'
 FL_THIGH = '<joint name="FL_thigh_joint" class="thigh"/>'
 NAMELESS = 'machine.feet=["FL_calf","FR_calf","RL_calf","RR_calf"]'
-BY_NAME = 'machine.feet=["front left",FR,RL,RR]'
 HELD = '<joint joint="FL_hip_joint" coef="1"/>'
 BLOCK = '<mesh name="block" vertex="0 0 0 .01 0 0 0 .01 0 0 0 .02"/>'
 CUBE = '<body name="cube"><freejoint/><geom type="box" size="1 1 1" mass="1"/></body>'
-HOOK = '<body name="hook" mocap="true"/>'
 
 
 def motors(**attributes):
@@ -109,7 +107,7 @@ ODD = {
         OTHERS.format("a tendon"),
     ),
     "a tendon that does nothing": (
-        [(END, f'<tendon><fixed name="rope"><joint joint="FL_hip_joint" coef="1"/></fixed></tendon>{END}')],
+        [(END, f'<tendon><fixed name="rope">{HELD}</fixed></tendon>{END}')],
         (),
         WALKS,
     ),
@@ -140,7 +138,7 @@ ODD = {
         (),
         WALKS,
     ),
-    "a mocap body": ([("</worldbody>", f"{HOOK}</worldbody>")], (), WALKS),
+    "a mocap body": ([("</worldbody>", '<body name="hook" mocap="true"/></worldbody>')], (), WALKS),
     "a cube beside it": ([("<worldbody>", f"<worldbody>{CUBE}")], (), r"machine\.joints=joint 0 .*: moves, too"),
     "a listed contact": (
         [(END, f'<contact><pair geom1="floor" geom2="FL" margin="1"/></contact>{END}')],
@@ -174,7 +172,7 @@ ODD = {
         r"machine\.home=.*left rear foot",
     ),
     # feet and names
-    "names with spaces": ([('name="FL"', 'name="front left"')], (BY_NAME,), WALKS),
+    "names with spaces": ([('name="FL"', 'name="front left"')], ('machine.feet=["front left",FR,RL,RR]',), WALKS),
     "feet by their bodies": ([('name="FL"', ""), ('name="RR"', "")], (NAMELESS,), WALKS),
     "capsules": (each_foot('type="capsule" size="0.02" fromto="0.005 0 -0.1 0.005 0 -0.21"'), (RIGID,), WALKS),
     "boxes": (each_foot('type="box" size="0.02 0.02 0.01" pos="0.005 0 -0.21"'), (), WALKS),

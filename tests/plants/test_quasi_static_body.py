@@ -14,13 +14,8 @@ TORQUE = -np.array([(6.0, 1.5), (6.5, 1.2), (-6.0, -1.5), (-5.5, -1.8)])
 
 @pytest.fixture(scope="module")
 def scenario_of(make_config):
-    """The scenario of a quadruped, once before the tests, for its imports."""
-
-    def scenario(*overrides):
-        return make_scenario(make_config("scenario=quadruped", *overrides))
-
-    scenario()
-    return scenario
+    """The scenario of a quadruped."""
+    return lambda *overrides: make_scenario(make_config("scenario=quadruped", *overrides))
 
 
 @pytest.mark.parametrize(

@@ -14,11 +14,6 @@ from support.views import FOOT_RADIUS, make_robot, make_walk
 from cmacexp.recording.meshes import read_shown_model
 
 
-@pytest.fixture(scope="module")
-def robot():
-    return make_robot()
-
-
 def test_a_leg_in_a_plane_hangs_from_the_body_and_tilts_with_it():
     view = make_walk()
     assert_allclose(
@@ -30,7 +25,8 @@ def test_a_leg_in_a_plane_hangs_from_the_body_and_tilts_with_it():
     assert front - rear == pytest.approx(-0.4 * np.sin(0.1))
 
 
-def test_the_joints_of_a_robot_end_at_the_foot_of_the_trace_keep_the_lengths_of_links_and_mirror_each_other(robot):
+def test_the_joints_of_a_robot_end_at_the_foot_of_the_trace_keep_the_lengths_of_links_and_mirror_each_other():
+    robot = make_robot()
     joints = robot.joints  # (steps, legs, joints, 3)
     assert_allclose(joints[:, :, 3], robot.feet(), atol=1e-12)
     lengths = np.linalg.norm(np.diff(joints, axis=2), axis=3)

@@ -54,10 +54,6 @@ def transfer_error(rollout):
     return float(np.sqrt((np.stack(away)[:, transfer] ** 2).sum(axis=0).mean()))
 
 
-def torque_of_cycles(rollout):
-    return rollout.columns()["tau_feedforward_1"].reshape(-1, len(rollout.plan.support))
-
-
 @pytest.fixture(scope="module")
 def alone(of):
     return transfer_error(roll_out(of(*HEAVY, "feedforward=none")))
@@ -74,7 +70,7 @@ def learnt(of):
 def test_slotine_and_li_adapt_to_an_unknown_mass_without_a_feedforward(of, alone):
     rollout = roll_out(of(*HEAVY, *SLOTINE_LI))
     assert transfer_error(rollout) < 0.4 * alone
-    torque = torque_of_cycles(rollout)
+    torque = rollout.columns()["tau_feedforward_1"].reshape(-1, len(rollout.plan.support))
     assert not torque[0].any()  # before learning.start_cycle
     assert torque[1:].any(axis=1).all()
 

@@ -13,9 +13,6 @@ from pipelines.force_methods import predicted_force
 from pipelines.lead_design import nearest
 from pipelines.one_leg_learning_trace import feedback_force, learned_error, reference_depth, weight_at_foot
 
-INF = math.inf
-
-
 # Statics of one leg
 
 
@@ -58,7 +55,7 @@ def test_weight_at_the_foot_is_that_of_virtual_work():
 
 @pytest.mark.parametrize(
     ("loops", "expected"),
-    [("GOOD FAST", 0.05), ("PEAKED FAST UNSTABLE", 2.0), ("PEAKED", INF), ("UNSTABLE", INF)],
+    [("GOOD FAST", 0.05), ("PEAKED FAST UNSTABLE", 2.0), ("PEAKED", math.inf), ("UNSTABLE", math.inf)],
 )
 def test_the_nearest_bandwidth_is_that_of_a_stable_loop_whose_resonance_is_low(loops, expected):
     rows = {

@@ -14,13 +14,9 @@ WITNESSES = [
 ]
 
 
-def needs_models(overrides: list[str]) -> bool:
-    return "scenario=robot" in overrides and not package_models()
-
-
 @pytest.mark.parametrize("witness", WITNESSES)
 def test_a_witness_gives_what_it_gave(witness):
-    if needs_models(witness["overrides"]):
+    if "scenario=robot" in witness["overrides"] and not package_models():
         # The extra downloads other people's models, which CI does without; witnesses of planar machines run there.
         pytest.skip("models of robots are not installed: pip install '.[robots]'")
     assert not repeat_witness(witness)

@@ -18,6 +18,8 @@ from pathlib import Path
 from unittest.mock import patch
 
 ROOT = Path(__file__).parents[2]
+KILLING = str(Path(__file__).with_name("killing.py"))
+"""A program that starts a command line and kills it, often."""
 
 
 def environment(**changes: str) -> dict[str, str]:
