@@ -41,7 +41,7 @@ def pytest_configure(config):
 def pytest_sessionstart(session):
     """Compile both forms of the loop, unless the cache has them: later each process would, during a test."""
     only_looks = session.config.option.collectonly or hasattr(session.config, "workerinput")
-    if not (only_looks or os.environ.get("NUMBA_DISABLE_JIT")) and len([*cache_folder().glob("*/*.nbc")]) < FORMS:
+    if not (only_looks or os.environ.get("NUMBA_DISABLE_JIT")) and len([*cache_folder().glob("*/step.*")]) < FORMS:
         with TemporaryDirectory() as folder:
             run = (f"cycles={LONG}", "record=trace")
             forms = [
