@@ -19,6 +19,7 @@ from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY, new_drives, send_command
 from cmacexp.plants.mujoco_kernels import advance_engine
 from cmacexp.plants.mujoco_robot import MujocoRobot
+from cmacexp.typing import Array
 from cmacexp.wire.faults import Fault
 from cmacexp.wire.messages import HEADER, JOINTS, LEVEL_LOW, Message, compute_checksum, get_motors
 from cmacexp.wire.network import COMMANDS, STATES, Wire, ask_for_priority
@@ -41,6 +42,8 @@ SPIN = 2e-4
 """Time before a state is due for which the process no longer sleeps, s."""
 IDLE = 5.0
 """For which no command comes until it ends, s, if there were any."""
+NOISE = {"q": 2e-4, "dq": 0.03, "tau_est": 0.1, "gyroscope": 0.01, "accelerometer": 0.05}
+"""Standard deviations of what is measured, as of ``sensors=proprioceptive``: rad, rad/s, N m, rad/s, m/s^2."""
 PATIENCE = 0.5
 """For which a patient robot waits for a command, s."""
 VOLTAGE, TEMPERATURE = 28.0, 35
@@ -79,6 +82,7 @@ class SimulatedRobot:
         self._rested = 0.0
         self._command = np.zeros((6, *self._nothing.shape))
         self.steps = 0
+        self._random = np.random.default_rng(config.seed)
         plant.measure()
 
     def take(self, command: Message) -> None:
@@ -126,12 +130,17 @@ class SimulatedRobot:
             cr * sp * cy + sr * cp * sy,
             cr * cp * sy - sr * sp * cy,
         ]
-        state["imu_state.gyroscope"], state["imu_state.accelerometer"] = signals.gyroscope, signals.accelerometer
+        for name, values in (("gyroscope", signals.gyroscope), ("accelerometer", signals.accelerometer)):
+            state[f"imu_state.{name}"] = self._measure(name, values)
         for name, values in (("q", signals.q), ("dq", signals.dq), ("tau_est", signals.torque)):
             motors = state[f"motor_state.{name}"]
-            motors[JOINTS] = values
+            motors[JOINTS] = self._measure(name, values)
             state[f"motor_state.{name}"] = motors
         state["foot_force"] = np.clip(self.plant.state.force, 0, 32767)[[1, 0, 3, 2]].astype(int)
+
+    def _measure(self, name: str, values: Array) -> Array:
+        """Values with the noise of their sensor."""
+        return values + self._random.normal(0.0, NOISE[name], values.shape)
 
 
 def play(

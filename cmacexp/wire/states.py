@@ -19,6 +19,8 @@ STILL = 25
 """States in a row with the same angle of a joint, after which its encoder is stuck if it was to move."""
 LEAST_MOVE = 0.02
 """Change of the commanded angle that says so, rad."""
+LONG = 250
+"""States in a row after which it is stuck whatever it was to do, if most joints move."""
 FAR = 10
 """States in a row for which a joint may be far from its command."""
 WINDOW = 500
@@ -162,9 +164,11 @@ class StateWatch:
         moved = reading.q != last.q
         self._still = np.where(moved, 0, self._still + 1)
         self._asked = np.where(moved, asked, self._asked)
-        stuck = (self._still >= STILL) & (np.abs(asked - self._asked) > LEAST_MOVE)
+        asleep = (self._still >= LONG) & (np.median(self._still) < STILL)
+        stuck = asleep | ((self._still >= STILL) & (np.abs(asked - self._asked) > LEAST_MOVE))
         if stuck.any():
-            raise Unsafe(f"the encoder of {_largest(stuck)} is stuck: the same angle in {STILL} states")
+            states = int(self._still[stuck].max())
+            raise Unsafe(f"the encoder of {_largest(stuck)} is stuck: the same angle in {states} states")
 
 
 def name_joint(leg: int, joint: int) -> str:
