@@ -5,7 +5,7 @@ import math
 
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.config.compose import compose_config
-from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.errors import BadInput
 from cmacexp.terminal.output import print_line, show_activity
 from cmacexp.wire.faults import KINDS, NO_FAULT, Fault
 from cmacexp.wire.network import LOOPBACK
@@ -30,7 +30,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _draw_chirp(arguments: argparse.Namespace) -> int:
-    from cmacexp.loop.live import ending
+    from cmacexp.loop.run import come_to_rest
     from cmacexp.loop.scenario import make_scenario
     from cmacexp.typing import Status
 
@@ -40,11 +40,13 @@ def _draw_chirp(arguments: argparse.Namespace) -> int:
     scenario = make_scenario(config)
     if scenario.fault is not None:
         raise scenario.fault
-    with ending(scenario.plant) as ends, show_activity("the joints are checked, then move ever faster"):
-        scenario.plant.draw_chirp()  # type: ignore[attr-defined]  # of plant=unitree
-        ends(Status.COMPLETED)
-    if (trouble := scenario.plant.trouble) is not None:  # type: ignore[attr-defined]
-        raise CmacexpError(trouble)
+    status = Status.FAILED
+    try:
+        with show_activity("the joints are checked, then move ever faster"):
+            scenario.plant.draw_chirp()  # type: ignore[attr-defined]  # of plant=unitree
+        status = Status.COMPLETED
+    finally:
+        come_to_rest(scenario.plant, status)
     print_line(f"{arguments.chirp}: python -m cmacexp.gap {arguments.chirp} --robot go2")
     return 0
 

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from cmacexp.loop.adaptation import Adaptation
 from cmacexp.loop.builtin import find_external, make_guard, make_loop
 from cmacexp.loop.driver import Driver
 from cmacexp.loop.guard import Event
-from cmacexp.loop.live import beside, ending, is_live
 from cmacexp.loop.probe import LeadEstimate, estimate_lead
 from cmacexp.loop.samples import ALL_SAMPLES, TRAVEL, WIDE_BODY_SAMPLES, make_samples, name_samples
 from cmacexp.loop.scenario import Scenario, resolve_rate
@@ -253,6 +252,21 @@ class _Stream:
         return states
 
 
+def is_live(plant: Any) -> bool:
+    """Whether a plant is not simulated: it has an ``end_run(is_safe)``."""
+    return hasattr(plant, "end_run")
+
+
+def come_to_rest(plant: Any, status: str) -> None:
+    """Let a plant that is not simulated come to rest.
+
+    It is safe if the walk has completed, or the user has interrupted it. Else a component has failed, the machine
+    fell, or a limit was passed.
+    """
+    if is_live(plant):
+        plant.end_run(status in (Status.COMPLETED, Status.INTERRUPTED))
+
+
 def stream(
     scenario: Scenario,
     keep: Callable[[Samples], None],
@@ -273,18 +287,21 @@ def stream(
         return End(0, Status.FAILED, cause, scenario.setup.rate, scenario.fault)
     config = scenario.setup.config
     leg_steps = math.inf if is_live(scenario.plant) else config.cycles * config.steps_per_cycle * config.legs
-    with (
-        workload(leg_steps),
-        interrupt_held_back(),
-        ending(scenario.plant) as ends,
-        beside(scenario.plant, keep) as keep,
-    ):
-        run = _Stream(scenario, on_progress)  # an interrupt waits until the next call of the driver
-        while run.runs:
-            start = run.advance()
-            if start == 0 or run.driver.taken > start:
-                keep(run.collect(start))
-        ends(run.status)
+    later: list[Samples] = []  # of a machine that must not wait for the files
+    take = later.append if is_live(scenario.plant) else keep
+    status = Status.FAILED
+    with workload(leg_steps), interrupt_held_back():  # until the next call of the driver
+        try:
+            run = _Stream(scenario, on_progress)
+            while run.runs:
+                start = run.advance()
+                if start == 0 or run.driver.taken > start:
+                    take(run.collect(start))
+            status = run.status
+        finally:
+            come_to_rest(scenario.plant, status)
+        for samples in later:
+            keep(samples)
     load_history = run.adaptation.load_history if run.adaptation is not None else []
     return End(
         steps=run.driver.taken,

@@ -71,8 +71,8 @@ def new_measurement(legs: int, axes: int = 2) -> Measurement:
 class Plant(Protocol):
     """A machine on its ground.
 
-    A plant that is not simulated may also have ``end_run(is_safe)`` and ``leave_real_time()``, see
-    :mod:`cmacexp.loop.live`; ``describe()``, an entry of the manifest; and ``takes_drives = True``: then
+    A plant that is not simulated also has ``end_run(is_safe)``: it comes to rest, however the run has ended, and only
+    then files are written. It may have ``describe()``, an entry of the manifest, and ``takes_drives = True``: then
     ``step(torque, drive)`` also gets the :class:`cmacexp.control.protocol.Drive` of a controller that sends drives.
     """
 

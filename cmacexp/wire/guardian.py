@@ -17,6 +17,8 @@ from cmacexp.wire.network import COMMANDS, Wire, ask_for_priority
 
 ALIVE, DONE = b"+", b"."
 """What the controller writes: after a command, and when the robot needs no guardian any more."""
+STARTS = 30.0
+"""Longest time until it is ready, s."""
 PERIOD = 0.002
 """From one damping command to the next, s."""
 LASTS = 10.0
@@ -46,14 +48,17 @@ class Guardian:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._pipe = self._process.stdin.fileno()
-        if not self._process.stdout.readline():
+        os.set_blocking(self._pipe, False)
+        answers, _, _ = select.select([self._process.stdout], [], [], STARTS)
+        if not answers or not self._process.stdout.readline():
+            self._process.kill()
             raise CmacexpError("the guardian of the robot did not start: see what it says above")
 
     def report(self) -> None:
         """Say that a command has been sent, or is about to be; raises CmacexpError if the guardian has taken over."""
         try:
             os.write(self._pipe, ALIVE)
-        except BrokenPipeError as error:
+        except (BrokenPipeError, BlockingIOError) as error:
             reason = f"no command for {1e3 * self._silence:g} ms, or it was ended"
             raise CmacexpError(f"the guardian of the robot has taken over: {reason}") from error
 
@@ -63,7 +68,7 @@ class Guardian:
         try:
             os.write(self._pipe, DONE)
             self._process.stdin.close()
-        except BrokenPipeError:
+        except (BrokenPipeError, BlockingIOError):
             pass
         self._process.wait(LASTS + 5.0)
 

@@ -1,7 +1,9 @@
 """The link to a robot: commands out, states in, each compared with the limits, a guardian beside, and a log."""
 
+import gc
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.data.parquet import write_table
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.typing import Array
 from cmacexp.wire.guardian import Guardian, make_damping
 from cmacexp.wire.messages import new_command, set_motors
@@ -20,8 +22,14 @@ ANSWERS = 5.0
 """Longest time until a robot is heard at all, s."""
 FIRST_STATES = 100
 """States from which the step of their counter follows."""
+OTHERS = 0.3
+"""For which the wire must be free of commands of others, s."""
+RATES = (0.6, 1.6)
+"""Bounds of the measured time from one state to the next over the sampling period."""
 LASTS = 1.0
 """For which a robot is damped at the end, s."""
+JUMP = 2.0
+"""Largest difference of a commanded angle from the measured one, over that which may last."""
 LOGGED = ("q", "dq", "tau", "q_des", "dq_des", "tau_ff", "kp", "kd")
 """Columns of a log, each before the name of a joint, as :mod:`cmacexp.gap` reads them: rad, rad/s, N m, and the gains
 in N m/rad and N m s/rad."""
@@ -46,8 +54,15 @@ class Link:
         self.interface, self.domain, self.period, self.limits = interface, domain, period, limits
         self.command = new_command()
         self.has_priority = ask_for_priority()  # for the threads of the wire
-        self.wire = Wire(interface, domain, COMMANDS, STATES)
-        give_up_priority()
+        try:
+            if Wire(interface, domain, None, COMMANDS).receive(OTHERS) is not None:
+                reason = (
+                    "somebody else sends commands to this robot: release its sport mode, or wait for the run before"
+                )
+                raise BadInput("plant.domain", domain, reason)
+            self.wire = Wire(interface, domain, COMMANDS, STATES)
+        finally:
+            give_up_priority()
         self.reading, tick = self._listen()
         self.arrived = time.perf_counter()
         self.asked = self.reading.q
@@ -62,17 +77,24 @@ class Link:
     def _listen(self) -> tuple[Reading, int]:
         """The newest of the first states, and by how much their counter grows; raises BadInput without any."""
         readings: list[Reading] = []
+        times: list[float] = []
         end = time.monotonic() + ANSWERS
         while len(readings) < FIRST_STATES and time.monotonic() < end:
             message = self.wire.receive(0.1)
             readings += [] if message is None else [read_state(message)]
+            times += [] if message is None else [time.perf_counter()]
         if len(readings) < FIRST_STATES:
             heard = f"{len(readings)} states within {ANSWERS:g} s"
             raise BadInput(
                 "plant.interface", self.interface, f"{heard}: connect the robot, or start cmacexp robot --simulate"
             )
         steps = np.diff([reading.tick for reading in readings])
-        return readings[-1], max(1, int(np.median(steps)))
+        tick = max(1, int(np.median(steps)))
+        period = float(np.median(np.diff(times) * tick / np.maximum(steps, 1)))
+        if not RATES[0] * self.period < period < RATES[1] * self.period:
+            reason = f"the robot's states come every {1e3 * period:.2g} ms: use that"
+            raise BadInput("sampling_period", self.period, reason)
+        return readings[-1], tick
 
     def guard(self, damping: float, silence: float) -> None:
         """Start the guardian; see :class:`Guardian`."""
@@ -81,6 +103,7 @@ class Link:
     def begin(self) -> None:
         """Take the newest state as the first; from now on this thread runs before others. Raises Unsafe."""
         ask_for_priority()
+        gc.disable()  # it takes longer than a step
         self.watch = StateWatch(self.limits, self.asked.shape, self.watch.tick)
         self.wire.receive(self.limits.silence)  # what came meanwhile is old
         self.asked = self.reading.q
@@ -90,9 +113,16 @@ class Link:
     def send(self, angle: Any, velocity: Any, torque: Any, stiffness: Any, damping: Any) -> None:
         """Send a command: (4, 3) each, or one number; with less torque where that and the drive would give too much.
 
-        Raises CmacexpError if the guardian has taken over.
+        Raises Unsafe if it is not finite, or too far from where the joints are; CmacexpError if the guardian has
+        taken over.
         """
         reading, most = self.reading, self.limits.torque
+        off = np.abs(angle - reading.q)
+        if not all(np.isfinite(each).all() for each in (angle, velocity, torque)):
+            raise Unsafe("a command is not finite")
+        if off.max() > JUMP * self.limits.deviation:
+            reason = f"beyond {JUMP:g} times plant.limits.deviation={self.limits.deviation:g}"
+            raise Unsafe(f"a command is {off.max():.2g} rad from where its joint is, {reason}")
         law = stiffness * (angle - reading.q) + damping * (velocity - reading.dq)
         torque = np.clip(torque + law, -most, most) - law
         set_motors(self.command, q=angle, dq=velocity, tau=torque, kp=stiffness, kd=damping)
@@ -125,11 +155,16 @@ class Link:
         """Damp the robot for a while, whatever has happened."""
         command = make_damping(damping)
         for _ in range(round(LASTS / self.period)):
+            if self.guardian is not None:
+                with suppress(CmacexpError):  # it damps too
+                    self.guardian.report()
             self.wire.send(command)
             time.sleep(self.period)
 
     def end(self) -> None:
-        """End the guardian."""
+        """End the guardian; from now on this thread runs as others do."""
+        gc.enable()
+        give_up_priority()
         if self.guardian is not None:
             self.guardian.end()
             self.guardian = None

@@ -4,6 +4,7 @@ import os
 import socket
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from types import new_class
 from typing import Any
 
@@ -38,6 +39,7 @@ def give_up_priority() -> None:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
+@cache
 def make_types() -> dict[str, Any]:
     """The types of messages for DDS, by name; a sample of one has its bytes as ``data``, which nothing converts."""
     from cyclonedds.idl import IdlStruct, annotations, types
@@ -78,29 +80,46 @@ def make_types() -> dict[str, Any]:
     return made
 
 
+@cache
+def join(interface: str, domain: int) -> Any:
+    """The DDS ``domain`` on a network ``interface``, which stays as it is as long as this process runs.
+
+    Raises BadInput if there is no such interface, or if the domain is on another one.
+    """
+    from cyclonedds.core import DDSException
+    from cyclonedds.domain import Domain
+
+    known = [name for _, name in socket.if_nameindex()]
+    if interface not in known:
+        raise BadInput("plant.interface", interface, f"no such network interface; choose from {', '.join(known)}")
+    try:
+        return Domain(domain, SETTINGS.format(interface=interface))
+    except DDSException as error:
+        reason = "this process has joined it on another interface: start another process"
+        raise BadInput("plant.domain", domain, reason) from error
+
+
 class Wire:
     """Sends messages of one topic and receives those of the other."""
 
-    def __init__(self, interface: str, domain: int, sends: str, receives: str | None):
-        """A participant of a DDS ``domain``; raises BadInput if there is no such network ``interface``.
+    def __init__(self, interface: str, domain: int, sends: str | None, receives: str | None):
+        """A participant of a DDS ``domain``; raises BadInput if it cannot be joined on a network ``interface``.
 
-        ``sends`` and ``receives`` are of COMMANDS and STATES; None: it receives nothing.
+        ``sends`` and ``receives`` are of COMMANDS and STATES; None: it sends, or receives, nothing.
         """
         require_extra("cyclonedds")
         from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
-        from cyclonedds.domain import Domain, DomainParticipant
+        from cyclonedds.domain import DomainParticipant
         from cyclonedds.pub import DataWriter
         from cyclonedds.sub import DataReader
         from cyclonedds.topic import Topic
 
-        known = [name for _, name in socket.if_nameindex()]
-        if interface not in known:
-            raise BadInput("plant.interface", interface, f"no such network interface; choose from {', '.join(known)}")
         types = make_types()
-        self._domain = Domain(domain, SETTINGS.format(interface=interface))
+        join(interface, domain)
         self._participant = DomainParticipant(domain)
         self._kind = types["LowCmd_" if sends == COMMANDS else "LowState_"]
-        self._writer = DataWriter(self._participant, Topic(self._participant, sends, self._kind))
+        if sends is not None:
+            self._writer = DataWriter(self._participant, Topic(self._participant, sends, self._kind))
         self._received = "LowCmd_" if receives == COMMANDS else "LowState_"
         self._reader = None
         if receives is not None:

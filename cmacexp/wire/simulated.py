@@ -76,7 +76,7 @@ class SimulatedRobot:
         data.qpos[at + 2] += (HANG if hung else 0.0) - data.geom_xpos[robot.legs.foot_geom, 2].min()
         plant.mujoco.mj_step1(plant.model, data)
         self._base_inertia = plant.model.dof_armature[rate : rate + 6]
-        self._base_inertia[:] = ROPES if hung else 0.0
+        self._base_inertia[:] = ROPES  # also of one that lies, until it hears a command
         self._base, self._base_rate = data.qpos[at : at + 7], data.qvel[rate : rate + 6]
         self._held = self._base.copy()
         self._rested = 0.0
@@ -107,11 +107,12 @@ class SimulatedRobot:
     def _support(self) -> None:
         """Hold the trunk where it hangs, and let it down once commands rest; on the ground it lies on its belly."""
         base, rate = self._base, self._base_rate
-        if not self.hung:
+        if not self.hung and self._command.any():
+            self._base_inertia[:] = 0.0
             if base[2] < BELLY:
                 base[2], rate[2] = BELLY, max(rate[2], 0.0)
             return
-        sinks = self._rested > RESTS
+        sinks = self.hung and self._rested > RESTS
         self._held[2] -= LOWERING * self.period if sinks else 0.0
         base[:], rate[:] = self._held, 0.0
         if sinks and self.plant.state.force.sum() > CARRIES * self.weight:

@@ -19,6 +19,8 @@ STILL = 25
 """States in a row with the same angle of a joint, after which its encoder is stuck if it was to move."""
 LEAST_MOVE = 0.02
 """Change of the commanded angle that says so, rad."""
+UNIT = 0.1
+"""Largest difference of the square of a quaternion from 1: an inertial unit that is off gives zeros."""
 LONG = 250
 """States in a row after which it is stuck whatever it was to do, if most joints move."""
 FAR = 10
@@ -65,7 +67,8 @@ class Reading(NamedTuple):
 def read_state(message: Message) -> Reading:
     """The reading of a LowState."""
     w, x, y, z = message["imu_state.quaternion"].tolist()
-    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x)))) if math.isfinite(w * y - z * x) else math.nan
+    is_turn = abs(w * w + x * x + y * y + z * z - 1.0) < UNIT
+    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x)))) if is_turn else math.nan
     roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return Reading(
@@ -123,8 +126,8 @@ class StateWatch:
         """Compare a state with the limits; ``asked`` are the commanded angles (L, J), rad. Raises Unsafe."""
         limits, last = self.limits, self._last
         flat = [*reading.q.ravel(), *reading.dq.ravel(), *reading.torque.ravel(), *reading.gyroscope]
-        if not np.isfinite([*flat, *reading.attitude, *reading.accelerometer]).all():
-            raise Unsafe("a state has a number that is not finite")
+        if not np.isfinite([*flat, *reading.attitude, *reading.accelerometer, reading.voltage]).all():
+            raise Unsafe("a state has a number that is not finite, or no attitude")
         tilt, speed = np.abs(reading.attitude[:2]).max(), np.abs(reading.dq).max()
         for name, value, limit, unit in (
             ("tilt", tilt, limits.tilt, "rad"),
@@ -151,9 +154,9 @@ class StateWatch:
     def _compare(self, reading: Reading, last: Reading, asked: Array) -> None:
         """Find lost and frozen states, and stuck encoders; raises Unsafe."""
         passed = (reading.tick - last.tick) / self.tick
-        if passed < 1:
+        if passed <= 0:
             raise Unsafe(f"states are frozen, or from another sender: tick {reading.tick} follows {last.tick}")
-        gap = round(passed) - 1
+        gap = max(0, round(passed) - 1)
         self.missed += gap
         self._lost.append(max(gap, reading.lost - last.lost))
         share = sum(self._lost) / WINDOW

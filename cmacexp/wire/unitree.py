@@ -4,9 +4,9 @@ The robot's own drives close the joint loops, so a controller of drives is neede
 the robot: the state that this plant returns is that of an estimator (:mod:`cmacexp.sensors.proprioceptive`).
 """
 
-import gc
-import math
+import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -15,19 +15,22 @@ from typing import Any
 import numpy as np
 
 from cmacexp.config import ComponentConfig, Config, number
+from cmacexp.config.component import find_option
 from cmacexp.config.machine import RobotMachine, read_model
+from cmacexp.config.schema import read_component
+from cmacexp.control import DriveController
 from cmacexp.control.protocol import Drive
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.jit.compiler import program
 from cmacexp.models.leg import GRAVITY
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement, copy_state
+from cmacexp.sensors import PerfectSensors
 from cmacexp.sensors.estimator import estimate
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig, ProprioceptiveSensors
 from cmacexp.typing import Array
 from cmacexp.wire.hung import check_joints, draw_chirp, find_holding_torque, wait_for_ground
 from cmacexp.wire.link import Gains, Link
-from cmacexp.wire.network import give_up_priority
 from cmacexp.wire.states import LimitsConfig, Reading, name_joint
 
 PLAY = 0.1
@@ -84,6 +87,22 @@ class UnitreeRobot:
                 raise BadInput(
                     "machine.kind", config.machine.kind, "must be robot with plant=unitree: use scenario=robot"
                 )
+            for key, node, needed in (
+                ("controller", config.controller, DriveController),
+                ("sensors", config.sensors, PerfectSensors),
+            ):
+                given = read_component(node)["_target_"]
+                if not given.endswith(f".{needed.__name__}"):
+                    option = (
+                        "drives" if key == "controller" else "perfect, as the plant estimates by what it measures"
+                    )
+                    raise BadInput(key, find_option(key, given), f"must be {option}, with plant=unitree")
+            if config.machine.model not in (None, "go2"):
+                reason = "must be go2, or machine.path=FILE of a robot with its motors, with plant=unitree"
+                raise BadInput("machine", config.machine.model, reason)
+            if config.learning.start_from is not None:
+                reason = "must be null with plant=unitree, whose first cycle blends from standing"
+                raise BadInput("learning.start_from", config.learning.start_from, reason)
             if config.force_control.load_sharing == "adaptive":
                 reason = "must be dynamic or static with plant=unitree: making a plan takes longer than a step"
                 raise BadInput("force_control.load_sharing", "adaptive", reason)
@@ -91,7 +110,6 @@ class UnitreeRobot:
                 raise BadInput("plant.crouch", self.crouch, "must be three angles: hip, thigh, calf")
 
     takes_drives = True
-    leave_real_time = staticmethod(give_up_priority)
     link: Link
     """From :meth:`reset` on."""
 
@@ -126,18 +144,19 @@ class UnitreeRobot:
         self._enter(Stage.CONNECT)
         period, log = setup.config.sampling_period, config.log is not None
         self.link = Link(config.interface, config.domain, period, config.limits, log)
-        self._require_ranges(self.link.reading.q)
+        self._require_ranges("plant.interface", config.interface, self.link.reading.q)
+        self._require_ranges("plant.crouch", config.crouch, np.array([config.crouch] * len(self.stand)))
         self.link.guard(config.damping, config.guardian)
         return first
 
-    def _require_ranges(self, q: Array) -> None:
-        """Check that joints are at angles (4, 3), rad, that the model allows; raises BadInput."""
+    def _require_ranges(self, key: str, value: object, q: Array) -> None:
+        """Check that angles (4, 3), rad, of the ``value`` of a ``key`` are in the model's ranges; raises BadInput."""
         ranges = self.robot.ranges
         outside = np.argwhere((q < ranges[..., 0] - PLAY) | (q > ranges[..., 1] + PLAY))
         if len(outside):
             leg, joint = outside[0].tolist()
             reason = f"{name_joint(leg, joint)} is at {q[leg, joint]:.3g} rad, which the model does not allow"
-            raise BadInput("plant.interface", self.config.interface, reason)
+            raise BadInput(key, value, reason)
 
     def step(self, torque: Array, drive: Drive | None = None) -> Measurement:
         """Send a command and wait for the next state; the first one stands the robot up before.
@@ -167,23 +186,30 @@ class UnitreeRobot:
 
     def end_run(self, is_safe: bool) -> None:
         """Sit down if the robot ``is_safe``, and damp it; nothing if it was never moved."""
-        gc.enable()
-        link = self.link
-        moved = self.stages[-1][0] != Stage.CONNECT
-        try:
-            if is_safe and self.stages[-1][0] == Stage.WALK:
-                self._enter(Stage.SIT)
-                link.move(self.stand, self.config.blend, self.gains)
-                link.move(np.array([self.config.crouch] * len(self.stand)), self.config.rise, self.gains)
-        except CmacexpError as error:
-            self.trouble = f"when it sat down: {error}"
-        finally:
-            self._enter(Stage.DAMP)
-            if moved:
-                link.damp(self.config.damping)
-            link.end()
-            give_up_priority()
-            self._write_log()
+        last = self.stages[-1][0]
+        parts: list[tuple[Stage, Callable[[], None]]] = [(Stage.DAMP, self._lie_down)]
+        if is_safe and last in (Stage.WALK, Stage.STAND):
+            parts.insert(0, (Stage.SIT, self._sit_down))
+        for stage, act in parts if last != Stage.CONNECT else []:
+            try:
+                self._enter(stage)
+                act()
+            except Exception as error:  # what was measured is kept, whatever goes wrong at the end
+                self._note_trouble(f"{stage}: {error}")
+        self.link.end()
+        self._write_log()
+
+    def _sit_down(self) -> None:
+        self.link.move(self.stand, self.config.blend, self.gains)
+        self.link.move(np.array([self.config.crouch] * len(self.stand)), self.config.rise, self.gains)
+
+    def _lie_down(self) -> None:
+        self.link.damp(self.config.damping)
+
+    def _note_trouble(self, trouble: str) -> None:
+        """Say what went wrong after the run, here and in the manifest."""
+        self.trouble = " ".join(trouble.split())
+        print(f"warning: the robot, {self.trouble}", file=sys.stderr)
 
     def _write_log(self) -> None:
         """Write what was measured and sent, if asked for; a disk that is full costs no more than that."""
@@ -192,19 +218,20 @@ class UnitreeRobot:
             try:
                 self.link.write_log(Path(self.config.log), names)
             except OSError as error:
-                self.trouble = f"{self.config.log} cannot be written: {error.strerror}"
+                self._note_trouble(f"{self.config.log} cannot be written: {error.strerror}")
 
     def describe(self) -> dict[str, Any]:
         """For the manifest: stages, states that were missed, and the time that each step took."""
-        late = np.array(self.work or [math.nan])
-        quantiles = np.quantile(late, [0.5, 0.99, 0.999, 1.0]) * 1e3
+        late = np.array(self.work)
+        names = ("median", "p99", "p99.9", "worst") if self.work else ()
+        quantiles = np.quantile(late, [0.5, 0.99, 0.999, 1.0]) * 1e3 if self.work else late
         return {
             "stages": [{"stage": str(stage), "second": round(at, 3)} for stage, at in self.stages],
             "trouble": self.trouble,
             "has_priority": self.link.has_priority,
             "states_missed": self.link.watch.missed,
             "steps_overran": int((late > self.link.period).sum()),
-            "work_ms": dict(zip(("median", "p99", "p99.9", "worst"), quantiles.round(3).tolist(), strict=True)),
+            "work_ms": dict(zip(names, quantiles.round(3).tolist(), strict=True)),
         }
 
     def _enter(self, stage: Stage) -> None:
@@ -225,7 +252,6 @@ class UnitreeRobot:
             wait_for_ground(link, self.stand, gains, self._estimate_force, weight, self.config.let_down)
         self._enter(Stage.STAND)
         link.move(self.stand, self.config.rise, gains)
-        gc.disable()  # until the walk has ended: it takes longer than a step
         self._enter(Stage.WALK)
         self.sensors.reset(self.setup)
         self.heading = float(link.reading.attitude[2])

@@ -53,10 +53,11 @@ def test_all_kinds_of_faults_are_tried_and_others_are_refused():
         Fault("stuk")
 
 
-def test_a_robot_that_tilts_or_is_fast_stops():
-    reading = read_state(Message("LowState_"))._replace(voltage=28.0)
+def test_a_robot_that_tilts_is_fast_or_does_not_know_its_attitude_stops():
+    lost = read_state(Message("LowState_"))._replace(voltage=28.0)
+    reading = lost._replace(attitude=np.zeros(3))
     tilted = reading._replace(attitude=np.array([0.0, -0.6, 0.0]))
     fast = reading._replace(dq=np.full((4, 3), -21.0))
-    for other, limit in ((tilted, "tilt"), (fast, "speed")):
-        with pytest.raises(Unsafe, match=f"plant.limits.{limit}="):
+    for other, said in ((tilted, "limits.tilt="), (fast, "limits.speed="), (lost, "no attitude")):
+        with pytest.raises(Unsafe, match=said):
             StateWatch(dataclasses.replace(LIMITS), (4, 3), 1).check(other, other.q)
