@@ -240,6 +240,8 @@ def test_an_interrupt_in_a_function_that_the_engine_calls_ends_the_run(make_conf
     monkeypatch.setattr(MujocoPlant, "_press_in_stage", interrupted)
     config = make_config("scenario=one_leg", "plant=mujoco_leg", "cycles=50")
     own = type("OwnLeg", (MujocoLeg,), {})  # which steps in Python, compiled or not
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background
     end = roll_out(make_scenario(config, plant=own(config.plant)))
+    signal.signal(signal.SIGINT, before)
     assert end.status == "interrupted"
     assert 7 <= end.steps < 25000
