@@ -30,8 +30,8 @@ OF_ROBOTS = ("walk", "amble", "trot", "pace", "mujoco_robot_rigid", "drives", "p
 GROUPS = [
     name for name, kind in Config.__annotations__.items() if kind is not str and (config_folder() / name).is_dir()
 ]
-NEEDS = {"unitree": ["sampling_period=0.001"]}
-"""What an option needs beside the model that stands for others, whose feet are lighter than those of a Go2."""
+NEEDS = {"unitree": ["controller=drives"]}
+"""What an option needs beside a robot."""
 VARIES = "depends on NAME"
 
 
