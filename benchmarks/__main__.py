@@ -14,6 +14,8 @@ from benchmarks.c_loop import compiler
 from benchmarks.timing import Table, keep_freed_memory, markdown
 from cmacexp.jit.compiler import expect_runs
 
+ON_REQUEST = ("wire",)
+"""What needs half an hour in real time, and a robot's model, and is run by its name alone."""
 ALL = ("loop", "robot", "cmac", "trace", "command", "sweep", "many")
 
 
@@ -42,7 +44,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="fewer rounds, shorter runs: to see that all works")
     parser.add_argument("--write", type=Path, metavar="FILE", help="keep the tables in this file")
     chosen = parser.parse_args()
-    unknown = set(chosen.names) - set(ALL)
+    unknown = set(chosen.names) - {*ALL, *ON_REQUEST}
     if unknown:
         parser.error(f"no benchmark {', '.join(sorted(unknown))}; choose from {', '.join(ALL)}")
     keep_freed_memory()

@@ -3,7 +3,11 @@
 import argparse
 import math
 
+from omegaconf import OmegaConf
+
 from cmacexp.commands.command import Parser, run_command
+from cmacexp.commands.robots import quote_value
+from cmacexp.config import config_folder
 from cmacexp.config.compose import compose_config
 from cmacexp.errors import BadInput
 from cmacexp.terminal.output import print_line, show_activity
@@ -12,10 +16,9 @@ from cmacexp.wire.network import LOOPBACK
 
 OVERRIDES = [
     "scenario=robot", "machine=go2", "plant=mujoco_robot_rigid", "plant/as_built=go2", "actuator=go2",
-    "controller=drives", "feedforward=none",
+    "controller=drives", "feedforward=none", "sensors=proprioceptive",
 ]  # fmt: skip
 """The robot that is played where nothing else is asked for."""
-
 
 CHIRP = ["scenario=robot", "machine=go2", "plant=unitree", "controller=drives"]
 """The robot that draws a chirp likewise."""
@@ -34,9 +37,8 @@ def _draw_chirp(arguments: argparse.Namespace) -> int:
     from cmacexp.loop.scenario import make_scenario
     from cmacexp.typing import Status
 
-    config = compose_config(
-        [*CHIRP, f"plant.log={arguments.chirp}", f"plant.domain={arguments.domain}", *arguments.overrides]
-    )
+    log, domain = f"plant.log={quote_value(arguments.chirp)}", f"plant.domain={arguments.domain}"
+    config = compose_config([*CHIRP, log, domain, *arguments.overrides])
     scenario = make_scenario(config)
     if scenario.fault is not None:
         raise scenario.fault
@@ -52,15 +54,16 @@ def _draw_chirp(arguments: argparse.Namespace) -> int:
 
 
 def _play(arguments: argparse.Namespace) -> int:
-    from cmacexp.wire.simulated import play
+    from cmacexp.wire.simulated import SimulatedRobot, play
 
     if not 0.0 < arguments.seconds < math.inf:
         raise BadInput("--seconds", arguments.seconds, "must be a number of seconds above 0")
     config = compose_config([*OVERRIDES, *arguments.overrides])
     start = round(arguments.after / config.sampling_period)
     fault = Fault(arguments.fault, start, arguments.motor, arguments.seed)
-    where, hung = (LOOPBACK, arguments.domain), not arguments.lying
-    print_line(play(config, *where, hung, arguments.seconds, fault, arguments.patient))
+    crouch = OmegaConf.load(config_folder() / "plant" / "unitree.yaml").crouch
+    robot = SimulatedRobot(config, not arguments.lying, list(crouch))
+    print_line(play(robot, LOOPBACK, arguments.domain, arguments.seconds, fault, arguments.patient))
     return 0
 
 

@@ -56,13 +56,13 @@ def _choose(robot: str) -> list[str]:
     if not Path(robot).is_file():
         allowed = f"must be an option of conf/machine, or an MJCF or URDF file{suggest(robot, names)}"
         raise BadInput("machine", robot, allowed)
-    return ["machine=mjcf", f"machine.path={_quote(str(Path(robot).resolve()))}"]
+    return ["machine=mjcf", f"machine.path={quote_value(str(Path(robot).resolve()))}"]
 
 
-def _quote(value: object) -> str:
+def quote_value(value: object) -> str:
     """A value as an override has it; names may have spaces."""
     if isinstance(value, list):
-        return f"[{','.join(map(_quote, value))}]"
+        return f"[{','.join(map(quote_value, value))}]"
     text = str(value)
     is_plain = not isinstance(value, str) or re.fullmatch(r"(?!(?i:null|true|false|nan|inf)$)[A-Za-z/][\w/.-]*", text)
     return text if is_plain else '"' + text.replace('"', '\\"') + '"'
@@ -82,7 +82,7 @@ def _find_legs(path: Path) -> list[str]:
     homes = home if isinstance(home[0], list) else [home] * len(feet)
     rows = [[leg, ", ".join(j), f, str(h)] for leg, j, f, h in zip(LEG_NAMES, joints, feet, homes, strict=True)]
     print_table(["leg", "joints", "foot", "home, rad"], rows)
-    return [f"machine.{key}={_quote(value)}" for key, value in names._asdict().items()]
+    return [f"machine.{key}={quote_value(value)}" for key, value in names._asdict().items()]
 
 
 def list_joints(robot: Robot) -> list[list[str]]:

@@ -10,6 +10,7 @@ import select
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
 from cmacexp.errors import CmacexpError
 from cmacexp.wire.messages import new_command, set_motors
@@ -70,7 +71,8 @@ class Guardian:
             self._process.stdin.close()
         except (BrokenPipeError, BlockingIOError):
             pass
-        self._process.wait(LASTS + 5.0)
+        with suppress(subprocess.TimeoutExpired):  # it ends by itself
+            self._process.wait(LASTS + 5.0)
 
 
 def watch(pipe: int, silence: float) -> bool:

@@ -166,14 +166,18 @@ class Message:
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """The numbers of a field, (count,), of all structures of that name one after the other."""
-        kind, places = self.layout.places[name]
-        size = np.dtype(kind).itemsize
-        return self.body[: len(self.body) // size * size].view(kind)[places // size]
+        numbers, places = self._find(name)
+        return numbers[places]
 
     def __setitem__(self, name: str, values: Any) -> None:
+        numbers, places = self._find(name)
+        numbers[places] = values
+
+    def _find(self, name: str) -> tuple[NDArray[Any], NDArray[np.intp]]:
+        """The whole body as numbers of the type of a field, and which of them are the field's."""
         kind, places = self.layout.places[name]
         size = np.dtype(kind).itemsize
-        self.body[: len(self.body) // size * size].view(kind)[places // size] = values
+        return self.body[: len(self.body) // size * size].view(kind), places // size
 
     def tobytes(self) -> bytes:
         """What goes on the wire."""
@@ -184,19 +188,22 @@ def new_command() -> Message:
     """A LowCmd that asks nothing of the motors but to listen."""
     command = Message("LowCmd_")
     command["head"], command["level_flag"] = HEADER, LEVEL_LOW
-    modes = np.zeros(20)
-    modes[JOINTS] = MOTORS_ON
-    command["motor_cmd.mode"] = modes
+    set_each_motor(command, "motor_cmd.mode", MOTORS_ON)
     return command
 
 
 def set_motors(command: Message, **values: Any) -> None:
     """Set fields of the motors, each (L, 3) in the order of this project or one number, and the checksum."""
     for name, given in values.items():
-        motors = command[f"motor_cmd.{name}"]
-        motors[JOINTS] = given
-        command[f"motor_cmd.{name}"] = motors
+        set_each_motor(command, f"motor_cmd.{name}", given)
     command["crc"] = compute_checksum(command.body)
+
+
+def set_each_motor(message: Message, name: str, values: Any) -> None:
+    """Set a field of the motors, as ``motor_state.q``, from (L, 3) in the order of this project, or one number."""
+    motors = message[name]
+    motors[JOINTS] = values
+    message[name] = motors
 
 
 def get_motors(message: Message, name: str) -> NDArray[np.float64]:

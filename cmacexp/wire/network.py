@@ -14,6 +14,8 @@ from cmacexp.wire.messages import STRUCTURES, Field, Message
 COMMANDS, STATES = "rt/lowcmd", "rt/lowstate"
 """Topics of LowCmd and LowState."""
 LOOPBACK = "lo"
+MOST = 230
+"""The last DDS domain, whose ports are still ports."""
 SETTINGS = """<CycloneDDS><Domain Id="any">
 <General><Interfaces><NetworkInterface name="{interface}" multicast="default"/></Interfaces></General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex></Discovery>
@@ -89,6 +91,8 @@ def join(interface: str, domain: int) -> Any:
     from cyclonedds.core import DDSException
     from cyclonedds.domain import Domain
 
+    if not 0 <= domain <= MOST:
+        raise BadInput("plant.domain", domain, f"must be at least 0 and at most {MOST}")
     known = [name for _, name in socket.if_nameindex()]
     if interface not in known:
         raise BadInput("plant.interface", interface, f"no such network interface; choose from {', '.join(known)}")

@@ -6,22 +6,27 @@ its commands have rested; or it lies on the ground. Without commands its motors 
 """
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from cmacexp.config import Config
+from cmacexp.config.component import find_option
 from cmacexp.config.machine import read_model
+from cmacexp.config.schema import read_component
 from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import program
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY, new_drives, send_command
+from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY, Drives, new_drives, send_command
 from cmacexp.plants.mujoco_kernels import advance_engine
 from cmacexp.plants.mujoco_robot import MujocoRobot
+from cmacexp.sensors.proprioceptive import ProprioceptiveConfig
 from cmacexp.typing import Array
 from cmacexp.wire.faults import Fault
-from cmacexp.wire.messages import HEADER, JOINTS, LEVEL_LOW, Message, compute_checksum, get_motors
+from cmacexp.wire.messages import HEADER, JOINTS, LEVEL_LOW, Message, compute_checksum, get_motors, set_each_motor
 from cmacexp.wire.network import COMMANDS, STATES, Wire, ask_for_priority
 
 HANG = 0.5
@@ -36,14 +41,10 @@ CARRIES = 0.8
 """Part of its weight that the feet carry when the ropes are slack."""
 BELLY = 0.07
 """Least height of the trunk, m."""
-CROUCH = (0.0, 1.36, -2.65)
-"""Hip, thigh and calf at the start, rad."""
 SPIN = 2e-4
 """Time before a state is due for which the process no longer sleeps, s."""
 IDLE = 5.0
 """For which no command comes until it ends, s, if there were any."""
-NOISE = {"q": 2e-4, "dq": 0.03, "tau_est": 0.1, "gyroscope": 0.01, "accelerometer": 0.05}
-"""Standard deviations of what is measured, as of ``sensors=proprioceptive``: rad, rad/s, N m, rad/s, m/s^2."""
 PATIENCE = 0.5
 """For which a patient robot waits for a command, s."""
 VOLTAGE, TEMPERATURE = 28.0, 35
@@ -53,10 +54,17 @@ VOLTAGE, TEMPERATURE = 28.0, 35
 class SimulatedRobot:
     """A robot in MuJoCo that takes LowCmd and gives LowState."""
 
-    def __init__(self, config: Config, hung: bool):
-        """The robot of a ``config``; raises BadInput if its plant is not MuJoCo's robot."""
-        if not isinstance(config.plant, MujocoRobot.Config):
-            raise BadInput("plant", "(another)", "must be mujoco_robot or mujoco_robot_rigid with --simulate")
+    def __init__(self, config: Config, hung: bool, crouch: Sequence[float]):
+        """The robot of a ``config``, with the noise of its sensors, whose legs are in a ``crouch`` (3,), rad.
+
+        Raises BadInput if its plant is not MuJoCo's robot, or its sensors are not those of a robot.
+        """
+        for group, kind, options in (
+            ("plant", MujocoRobot.Config, "mujoco_robot, or mujoco_robot_rigid"),
+            ("sensors", ProprioceptiveConfig, "proprioceptive, whose noise the robot has"),
+        ):
+            if not isinstance(node := getattr(config, group), kind):
+                raise BadInput(group, find_option(group, read_component(node)["_target_"]), f"must be {options}")
         scenario = make_scenario(replace(config, cycles=1))
         if scenario.fault is not None:
             raise scenario.fault
@@ -65,13 +73,14 @@ class SimulatedRobot:
         self.weight = scenario.setup.mechanism.weight
         actuator = replace(config.actuator, delay=config.actuator.delay + config.plant.delay)
         limits, legs = scenario.setup.mechanism.torque_limits, scenario.setup.mechanism.shape[0]
-        self.drives = new_drives(actuator, config.plant.bus, self.period, config.plant.substeps, limits, legs)
+        make = partial(new_drives, actuator, config.plant.bus, self.period, config.plant.substeps, limits, legs)
+        self.drives: Drives = make()
         self._advance, self._send = program(advance_engine).compiled, program(send_command).compiled  # type: ignore[attr-defined]
         self._nothing = np.zeros(scenario.setup.mechanism.shape)
         self._torque = self._nothing.copy()
         robot, data = read_model(config.machine), plant.data
         at, rate = robot.legs.base_qpos, int(plant.model.jnt_dofadr[plant.model.body_jntadr[robot.legs.base]])
-        data.qpos[robot.legs.qpos] = CROUCH
+        data.qpos[robot.legs.qpos] = crouch
         plant.mujoco.mj_kinematics(plant.model, data)
         data.qpos[at + 2] += (HANG if hung else 0.0) - data.geom_xpos[robot.legs.foot_geom, 2].min()
         plant.mujoco.mj_step1(plant.model, data)
@@ -83,7 +92,18 @@ class SimulatedRobot:
         self._command = np.zeros((6, *self._nothing.shape))
         self.steps = 0
         self._random = np.random.default_rng(config.seed)
-        plant.measure()
+        sensors = config.sensors
+        self._noise = {
+            "motor_state.q": sensors.position.noise,
+            "motor_state.dq": sensors.velocity.noise,
+            "motor_state.tau_est": sensors.torque.noise,
+            "imu_state.gyroscope": sensors.gyroscope.noise,
+            "imu_state.accelerometer": sensors.accelerometer.noise,
+        }
+        plant.hold()
+        self.step()  # which compiles what a step needs
+        plant.put()
+        self.drives, self.steps = make(), 0
 
     def take(self, command: Message) -> None:
         """Follow a command; one with a wrong checksum is ignored, as by a robot."""
@@ -132,35 +152,33 @@ class SimulatedRobot:
             cr * cp * sy - sr * sp * cy,
         ]
         for name, values in (("gyroscope", signals.gyroscope), ("accelerometer", signals.accelerometer)):
-            state[f"imu_state.{name}"] = self._measure(name, values)
+            state[f"imu_state.{name}"] = self._measure(f"imu_state.{name}", values)
         for name, values in (("q", signals.q), ("dq", signals.dq), ("tau_est", signals.torque)):
-            motors = state[f"motor_state.{name}"]
-            motors[JOINTS] = self._measure(name, values)
-            state[f"motor_state.{name}"] = motors
-        state["foot_force"] = np.clip(self.plant.state.force, 0, 32767)[[1, 0, 3, 2]].astype(int)
+            set_each_motor(state, f"motor_state.{name}", self._measure(f"motor_state.{name}", values))
+        feet = np.zeros(len(JOINTS))
+        feet[JOINTS[:, 0] // JOINTS.shape[1]] = np.clip(self.plant.state.force, 0, 32767)
+        state["foot_force"] = feet.astype(int)
 
     def _measure(self, name: str, values: Array) -> Array:
         """Values with the noise of their sensor."""
-        return values + self._random.normal(0.0, NOISE[name], values.shape)
+        return values + self._random.normal(0.0, self._noise[name], values.shape)
 
 
-def play(
-    config: Config, interface: str, domain: int, hung: bool, seconds: float, fault: Fault, patient: bool = False
-) -> str:
+def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fault: Fault, patient: bool) -> str:
     """Play a robot for so many ``seconds``, or until commands cease; how it went, in one line.
 
     A ``patient`` one waits for the answer to each state, once there were any, and takes as long as that takes.
     """
-    robot, state = SimulatedRobot(config, hung), Message("LowState_")
+    state = Message("LowState_")
     state["head"], state["level_flag"], state["power_v"] = HEADER, LEVEL_LOW, VOLTAGE
     state["motor_state.temperature"] = TEMPERATURE
-    robot.fill(state)
-    robot._advance(robot.plant.engine, robot.plant.state, robot._nothing, robot.drives)
-    robot._send(robot.drives, 0, robot._torque, robot._nothing)
     if not patient:
         ask_for_priority()
     wire = Wire(interface, domain, STATES, COMMANDS)
-    print(f"a robot on {interface}, domain {domain}: {'it hangs' if hung else 'it lies on the ground'}", flush=True)
+    print(
+        f"a robot on {interface}, domain {domain}: {'it hangs' if robot.hung else 'it lies on the ground'}",
+        flush=True,
+    )
     begun = time.perf_counter()
     heard: float | None = None
     age = 0 if fault.start == 0 else -1  # of the robot, for its faults: states since the first command

@@ -18,19 +18,18 @@ from cmacexp.config import ComponentConfig, Config, number
 from cmacexp.config.component import find_option
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.config.schema import read_component
-from cmacexp.control import DriveController
 from cmacexp.control.protocol import Drive
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.jit.compiler import program
 from cmacexp.models.leg import GRAVITY
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement, copy_state
-from cmacexp.sensors import PerfectSensors
 from cmacexp.sensors.estimator import estimate
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig, ProprioceptiveSensors
 from cmacexp.typing import Array
 from cmacexp.wire.hung import check_joints, draw_chirp, find_holding_torque, wait_for_ground
 from cmacexp.wire.link import Gains, Link
+from cmacexp.wire.network import MOST
 from cmacexp.wire.states import LimitsConfig, Reading, name_joint
 
 PLAY = 0.1
@@ -59,7 +58,7 @@ class UnitreeRobot:
 
         interface: str = field()
         """Network interface to the robot; lo: this computer, on which ``cmacexp robot --simulate`` plays one."""
-        domain: int = number("", at_least=0, at_most=230)
+        domain: int = number("", at_least=0, at_most=MOST)
         """Of DDS; 0 on a robot."""
         hung: bool = field()
         """The robot hangs: its joints are checked one by one, then it is let down. false: it lies on the ground."""
@@ -76,7 +75,7 @@ class UnitreeRobot:
         crouch: list[float] = number("rad", at_least=-7, at_most=7)
         """Hip, thigh and calf of a robot that sits."""
         log: str | None = field()
-        """Parquet file for what is measured and sent, which ``cmacexp gap`` reads; null: none."""
+        """Parquet file for what is measured and sent; ``cmacexp gap`` reads rows of one pair of gains. null: none."""
         limits: LimitsConfig = field()
         estimator: ProprioceptiveConfig = field()
         """What makes a state of what the robot measures; its imperfections are those of a simulation: none here."""
@@ -87,16 +86,10 @@ class UnitreeRobot:
                 raise BadInput(
                     "machine.kind", config.machine.kind, "must be robot with plant=unitree: use scenario=robot"
                 )
-            for key, node, needed in (
-                ("controller", config.controller, DriveController),
-                ("sensors", config.sensors, PerfectSensors),
-            ):
-                given = read_component(node)["_target_"]
-                if not given.endswith(f".{needed.__name__}"):
-                    option = (
-                        "drives" if key == "controller" else "perfect, as the plant estimates by what it measures"
-                    )
-                    raise BadInput(key, find_option(key, given), f"must be {option}, with plant=unitree")
+            for group, needed in (("controller", "drives"), ("sensors", "perfect")):
+                option = find_option(group, read_component(getattr(config, group))["_target_"])
+                if option != needed:
+                    raise BadInput(group, option, f"must be {needed} with plant=unitree, which estimates by itself")
             if config.machine.model not in (None, "go2"):
                 reason = "must be go2, or machine.path=FILE of a robot with its motors, with plant=unitree"
                 raise BadInput("machine", config.machine.model, reason)

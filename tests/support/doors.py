@@ -16,6 +16,7 @@ from cmacexp.engine.run import run_scenario
 from cmacexp.engine.without_effect import list_idle_overrides
 from cmacexp.errors import BadComponent, BadInput, BadRun, CmacexpError, Diverged
 from cmacexp.feedforward.ilc import gaussian_taps
+from cmacexp.gap.log import read_log
 from cmacexp.jit.compiler import program, workload
 from cmacexp.jit.hooks import Hook
 from cmacexp.jit.sources import KERNEL_ROOMS, RESULT_ROOMS

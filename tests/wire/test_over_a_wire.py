@@ -6,17 +6,21 @@ import signal
 import subprocess
 import sys
 
+import pandas as pd
 import pytest
+from support.doors import compose_config, read_log
 from support.robots import OWN
 
-from cmacexp.wire.messages import get_motors
+from cmacexp.wire.messages import get_motors, new_command, set_motors
 from cmacexp.wire.network import COMMANDS, LOOPBACK, STATES, Wire
+from cmacexp.wire.simulated import SimulatedRobot
 
 pytestmark = pytest.mark.ci
 pytest.importorskip("cyclonedds")
 DOMAIN = 100 + os.getpid() % 100
 """Of DDS, so that workers do not hear each other."""
 ROBOT = ["machine=mjcf", f"machine.path={OWN}", "actuator.lag=0.005"]
+OTHERS = ["feedforward=none", "sensors=proprioceptive"]
 SIMULATED = ["-m", "cmacexp", "robot", "--simulate", "--patient", f"--domain={DOMAIN}", "plant/as_built=as_modelled"]
 WALK = [
     "-m", "cmacexp", "scenario=robot", "plant=unitree", "controller=drives", f"plant.domain={DOMAIN}",
@@ -49,11 +53,33 @@ def test_a_robot_walks_over_the_wire_and_a_fault_ends_it_in_damping(tmp_path):
     for fault, stages, code in (("none", ["sit down", "damp"], 0), ("sign", ["check while it hangs", "damp"], 3)):
         robot = subprocess.Popen([sys.executable, *SIMULATED, f"--fault={fault}", *ROBOT], stdout=subprocess.PIPE)
         robot.stdout.readline()
-        run = subprocess.run([sys.executable, *WALK, *ROBOT, f"hydra.run.dir={tmp_path / fault}"])
+        run = subprocess.run(
+            [
+                sys.executable,
+                *WALK,
+                *ROBOT,
+                f"plant.log={tmp_path / fault}.parquet",
+                f"hydra.run.dir={tmp_path / fault}",
+            ]
+        )
         manifest = json.loads((tmp_path / fault / "manifest.json").read_text())
         assert (run.returncode, [each["stage"] for each in manifest["plant"]["stages"]][-2:]) == (code, stages)
         assert manifest["plant"]["trouble"] is None
+        rows = pd.read_parquet(tmp_path / f"{fault}.parquet")
+        rows[rows["kp_FL_hip_joint"] == rows["kp_FL_hip_joint"][0]].to_parquet(tmp_path / "hung.parquet")
+        log = read_log(tmp_path / "hung.parquet")  # as cmacexp gap does, of one pair of gains
+        assert (len(log.joints), log.has_gains, log.torque is None) == (12, True, False)
         assert b"at the end its body" in robot.communicate(timeout=60)[0]
+
+
+def test_the_played_robot_follows_a_command_in_the_step_that_follows():
+    config = compose_config(["scenario=robot", *ROBOT[:2], "plant=mujoco_robot_rigid", "controller=drives", *OTHERS])
+    robot, command = SimulatedRobot(config, True, [0.0, 1.36, -2.65]), new_command()
+    set_motors(command, q=0.0, dq=0.0, tau=1.5, kp=0.0, kd=0.0)
+    robot.step()
+    robot.take(command)
+    robot.step()
+    assert (robot.plant.signals.torque == 1.5).all()
 
 
 def test_without_a_robot_or_a_network_one_line_says_so(tmp_path):
