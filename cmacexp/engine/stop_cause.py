@@ -6,6 +6,7 @@ import numpy as np
 
 from cmacexp.data.trace import Trace, concat_traces
 from cmacexp.loop import End
+from cmacexp.loop.run import is_live
 from cmacexp.loop.scenario import Scenario
 from cmacexp.metrics.drift import Drift
 from cmacexp.typing import Status
@@ -42,6 +43,6 @@ def explain_stop(scenario: Scenario, end: End, traces: Sequence[Trace], drift: D
         clauses.append(f"learning had drifted since cycle {drift.cycle}")
     elif scenario.feedforward.acts and end.steps <= setup.plan.start_step:
         clauses.append("it had not begun to learn")
-    elif scenario.feedforward.acts:
+    elif scenario.feedforward.acts and not is_live(scenario.plant):
         clauses.append("feedforward=none shows whether feedback only would have stopped too")
     return "".join(f"; {clause}" for clause in clauses)

@@ -4,6 +4,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from operator import itemgetter
 from typing import Any, NamedTuple
 
@@ -127,9 +128,12 @@ class _Stream:
         self.adaptation = None if loop.meter is None else Adaptation(setup, loop.meter)
         self.driver = Driver(scenario, loop, external, self.guard)
         fit = 1 if any(external) else MOST_ROWS // (config.steps_per_cycle * legs)
+        if is_live(scenario.plant):  # copying samples takes longer than a step
+            fit = config.cycles
         cycles = min(config.cycles, max(1, fit), MOST_CYCLES)
         wide = _samples_measured(scenario)
-        self.samples, self.body = make_samples(cycles * config.steps_per_cycle, legs, wide, joints)
+        self.new_samples = partial(make_samples, cycles * config.steps_per_cycle, legs, wide, joints)
+        self.samples, self.body = self.new_samples()
         names = ALL_SAMPLES[: self.samples.shape[2]]
         self.joints = [i for i, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
         self.status = Status.COMPLETED
@@ -238,7 +242,9 @@ class _Stream:
             if memory is not None:
                 memory["guard"] = self._guard_states(start, memory["rows"].shape)
         legs, body = samples[:done], self.body[:done]
-        if self.runs:  # which fills them again
+        if self.runs and is_live(self.scenario.plant):
+            self.samples, self.body = self.new_samples()
+        elif self.runs:  # which fills them again
             legs, body = legs.copy(), body.copy()
         return Samples(start, legs, body, memory)
 
@@ -293,13 +299,15 @@ def stream(
     with workload(leg_steps), interrupt_held_back():  # until the next call of the driver
         try:
             run = _Stream(scenario, on_progress)
+            start = run.advance()
             while run.runs:
+                take(run.collect(start))
                 start = run.advance()
-                if start == 0 or run.driver.taken > start:
-                    take(run.collect(start))
             status = run.status
         finally:
             come_to_rest(scenario.plant, status)
+        if start == 0 or run.driver.taken > start:
+            take(run.collect(start))
         for samples in later:
             keep(samples)
     load_history = run.adaptation.load_history if run.adaptation is not None else []

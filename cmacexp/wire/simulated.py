@@ -184,7 +184,8 @@ def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fau
     age = 0 if fault.start == 0 else -1  # of the robot, for its faults: states since the first command
     taken = late = 0
     worst = 0.0
-    while (now := time.perf_counter()) < begun + seconds and (heard is None or now - heard < IDLE):
+    end = begun + seconds
+    while (now := time.perf_counter()) < end and (heard is None or now - heard < IDLE):
         command = wire.receive(PATIENCE if patient and taken else 0.0)
         if command is not None and not fault.loses_command(age):
             heard, taken = now, taken + 1
@@ -200,6 +201,7 @@ def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fau
         due = begun + robot.steps * robot.period
         late += (lag := time.perf_counter() - due) > robot.period / 2
         worst = max(worst, lag)
+        begun += lag if lag > robot.period else 0.0  # it does not catch up
         while (left := due - time.perf_counter()) > 0.0:
             time.sleep(left - SPIN if left > 2 * SPIN else 0.0)
     tilt, height = np.abs(robot.plant.state.body[1:]).max(), robot.plant.state.body[0]
