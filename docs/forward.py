@@ -5,7 +5,7 @@ from typing import Any
 
 FORWARD: dict[str, str] = {
     "symbols": "concepts#symbols",
-    "quick-reference": "concepts#quick-reference",
+    "quick-reference": "runs",
     "change": "runs",
     "sweeps": "runs#sweep",
     "compare-settings": "runs#compare-two-settings",

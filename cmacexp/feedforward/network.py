@@ -23,7 +23,7 @@ from cmacexp.feedforward.kernels import (
     Smoothing,
     feedforward_step,
 )
-from cmacexp.feedforward.weight_log import LOGGED, WeightLog, collect_log, new_log
+from cmacexp.feedforward.weight_log import LOGGED, WeightLog, collect_log, hold_cycles, new_log
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.typing import Array, Cells, KernelParts, Weights
@@ -193,7 +193,8 @@ def network(
     # The paper's law is written for the two joints of a planar leg.
     binary = joints == 2 and (activation is None or bool((activation == 1.0).all()))
     counts = np.broadcast_to(1.0, cells.shape) if activation is None else activation  # which takes no memory
-    learning, log = _learning(setup, cells, counts, binary), log or new_log(cells)
+    learning = _learning(setup, cells, counts, binary)
+    log = hold_cycles(log or new_log(cells), setup.config.cycles)
     smoothing = NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows))
     return FeedforwardParams(
         kind=CMAC if binary else WEIGHTED,

@@ -12,8 +12,6 @@ from cmacexp.typing import CLOCK, Array, Cells, Clock, Counts
 
 LOGGED = tuple(signal.name for signal in MEMORY_SIGNALS if signal.owner == FEEDFORWARD)
 NORM, LARGEST, ROWS_USED = (LOGGED.index(name) for name in ("weight_norm", "weight_largest", "rows_used"))
-MOST_CYCLES = 64
-"""Cycles that a log can hold until it is taken."""
 
 
 class WeightLog(NamedTuple):
@@ -24,19 +22,24 @@ class WeightLog(NamedTuple):
     used: Counts
     """(L,): number of these rows."""
     values: Clock
-    """(MOST_CYCLES, L, 3): as LOGGED, at the start of each of these cycles."""
+    """(cycles that it holds, L, 3): as LOGGED, at the start of each of these cycles."""
     begun: Annotated[Counts, CLOCK]
     """(1,): number of these cycles."""
 
 
 def new_log(cells: Cells) -> WeightLog:
-    """An empty log of networks whose active rows are ``cells`` (N, L, C)."""
+    """A log of networks whose active rows are ``cells`` (N, L, C), which holds no cycle yet."""
     legs = [np.unique(own[find_entered(own)]) for own in np.moveaxis(cells, 1, 0)]
     rows = np.zeros((len(legs), max(map(len, legs))), dtype=np.uint32)
     for own, found in zip(rows, legs, strict=True):
         own[: len(found)] = found
     counts = np.array([len(found) for found in legs], dtype=np.int64)
-    return WeightLog(rows, counts, np.zeros((MOST_CYCLES, len(legs), len(LOGGED))), np.zeros(1, dtype=np.int64))
+    return WeightLog(rows, counts, np.zeros((0, len(legs), len(LOGGED))), np.zeros(1, dtype=np.int64))
+
+
+def hold_cycles(log: WeightLog, cycles: int) -> WeightLog:
+    """The log with room for ``cycles`` cycles, all of a run: a machine on a wire cannot wait until it is taken."""
+    return log._replace(values=np.zeros((cycles, *log.values.shape[1:])))
 
 
 @kernel
@@ -71,7 +74,7 @@ log_weights_now = program(log_weights)
 
 
 def collect_log(log: WeightLog, weights: Array, cycles: int) -> Array:
-    """Take and empty the log of the last ``cycles`` cycles, at most MOST_CYCLES; the last of them may be short.
+    """Take and empty the log of the last ``cycles`` cycles, the last of which may be short.
 
     Returns (cycles, L, 3), as LOGGED, at the end of each, whether networks acted in it or not; 0 before they learn.
     ``weights`` (L, rows, J) are as the last of these cycles left them.

@@ -4,7 +4,6 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from operator import itemgetter
 from typing import Any, NamedTuple
 
@@ -15,7 +14,6 @@ from cmacexp.config.schema import ESTIMATE
 from cmacexp.data.signals import ARRAYS, FEEDBACK_ALONE, LEARNS, REPEATED
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.network import BuiltInFeedforward
-from cmacexp.feedforward.weight_log import MOST_CYCLES
 from cmacexp.jit.compiler import workload
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back, raise_if_interrupted
 from cmacexp.loop.adaptation import Adaptation
@@ -39,6 +37,8 @@ MOST_ROWS = 1 << 15
 
 Entering the compiled program costs some 20 us, as much as dozens of steps.
 """
+MOST_CYCLES = 64
+"""Cycles whose samples are in memory, where cycles are short."""
 LONGEST_CALL = 0.3
 """Seconds that one call of a driver is to take: progress is shown, and Ctrl-C heeded, between two calls."""
 JOINTS = (*ARRAYS["q"], *ARRAYS["dq"])
@@ -128,12 +128,11 @@ class _Stream:
         self.adaptation = None if loop.meter is None else Adaptation(setup, loop.meter)
         self.driver = Driver(scenario, loop, external, self.guard)
         fit = 1 if any(external) else MOST_ROWS // (config.steps_per_cycle * legs)
-        if is_live(scenario.plant):  # copying samples takes longer than a step
-            fit = config.cycles
         cycles = min(config.cycles, max(1, fit), MOST_CYCLES)
+        if is_live(scenario.plant):  # handing samples over takes longer than a step, so that it waits for the end
+            cycles = config.cycles
         wide = _samples_measured(scenario)
-        self.new_samples = partial(make_samples, cycles * config.steps_per_cycle, legs, wide, joints)
-        self.samples, self.body = self.new_samples()
+        self.samples, self.body = make_samples(cycles * config.steps_per_cycle, legs, wide, joints)
         names = ALL_SAMPLES[: self.samples.shape[2]]
         self.joints = [i for i, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
         self.status = Status.COMPLETED
@@ -242,9 +241,7 @@ class _Stream:
             if memory is not None:
                 memory["guard"] = self._guard_states(start, memory["rows"].shape)
         legs, body = samples[:done], self.body[:done]
-        if self.runs and is_live(self.scenario.plant):
-            self.samples, self.body = self.new_samples()
-        elif self.runs:  # which fills them again
+        if self.runs:  # which fills them again
             legs, body = legs.copy(), body.copy()
         return Samples(start, legs, body, memory)
 

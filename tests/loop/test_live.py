@@ -35,8 +35,8 @@ class LivePlant:
         return {"steps": self.steps}
 
 
-def run(tmp_path, plant, name):
-    return cmacexp.run(["scenario=one_leg", "cycles=2", "record=trace"], tmp_path / name, plant=plant)
+def run(tmp_path, plant, name, cycles=2, *more):
+    return cmacexp.run(["scenario=one_leg", f"cycles={cycles}", "record=trace", *more], tmp_path / name, plant=plant)
 
 
 @pytest.mark.ci
@@ -47,3 +47,15 @@ def test_it_comes_to_rest_however_a_run_ends(tmp_path, breaks, status, steps):
     assert (done.status, plant.ends, done.manifest["plant"]) == (status, [status == "completed"], {"steps": steps})
     same = run(tmp_path, AnalyticPlant(AnalyticPlant.Config(substeps=1)), "simulated")
     pd.testing.assert_frame_equal(done.trace, same.trace[: len(done.trace)])
+
+
+@pytest.mark.ci
+def test_it_is_never_kept_waiting_for_samples_and_loses_none(tmp_path):
+    """70 cycles of 200 samples: more than a simulated plant's run keeps in memory."""
+    short = [70, "sampling_period=0.015", "learning=lasting"]
+    live = run(tmp_path, LivePlant(), "live", *short)
+    simulated = run(tmp_path, AnalyticPlant(AnalyticPlant.Config(substeps=1)), "simulated", *short)
+    pd.testing.assert_frame_equal(live.trace, simulated.trace)
+    memory = [pd.read_parquet(each.folder / "memory.parquet") for each in (live, simulated)]
+    assert len(memory[0]) == 70
+    pd.testing.assert_frame_equal(*memory)
