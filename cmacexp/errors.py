@@ -144,6 +144,10 @@ class OtherModel(UserWarning):
     """The model of a robot is not the one that results were measured with. Issued by :func:`cmacexp.run`."""
 
 
+class SmallMargin(UserWarning):
+    """Feedback of a robot bears less further delay than its bus may have. Issued by :func:`cmacexp.run`."""
+
+
 class BadOutput(CmacexpError):
     """A component returned what the loop cannot use; the message names class, method, and what was expected."""
 

@@ -130,6 +130,8 @@ def _run(composed: DictConfig, hydra: Any) -> str:
         scenario = make_scenario(config)
     for text in list_idle_overrides(config, hydra.overrides.task, composed):
         print_line(f"warning: {text}", error=True)
+    if scenario.warning:
+        print_line(f"warning: {scenario.warning}", error=True)
     warn_of_models([config.machine])
 
     def warn(drift: Drift) -> None:

@@ -1,6 +1,7 @@
 """``python -m cmacexp.robots go1``: what the model of a robot holds, and what follows from it by rule."""
 
 import argparse
+import math
 import re
 import shlex
 from pathlib import Path
@@ -15,7 +16,7 @@ from cmacexp.config.machine import LEG_NAMES, read_model
 from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.text import format_number
 from cmacexp.models.robot import Robot, read_robot
-from cmacexp.models.robot_gains import derive_basis
+from cmacexp.models.robot_gains import DriveGains, derive_basis, find_joint_margin
 from cmacexp.models.robot_search import find_names
 from cmacexp.planning.robot import find_stance
 from cmacexp.terminal.messages import warn_of_models
@@ -44,8 +45,10 @@ SETTINGS = (
 )
 """Fields of the config that follow from the model, and those beside which they are read."""
 
-BUS_DELAY = 0.004
-"""Delay that a setting should bear beyond what is counted, s."""
+BY_RULE = (("hybrid", ""), ("hybrid", "0.002"), ("hybrid", "0.001"), ("drives", ""))
+"""Controllers and sampling periods, s, or those by rule, that the margin of a robot is shown for."""
+COUNTED = ("scenario", "machine", "gait", "sensors", "actuator")
+"""Groups on which it depends besides."""
 
 
 def _choose(robot: str) -> list[str]:
@@ -105,25 +108,39 @@ def list_settings(config: Config) -> list[list[str]]:
     return [[key, described[key].unit, format_number(values[key])] for key in SETTINGS if key in values]
 
 
-def _describe_margin(config: Config) -> str:
-    """Delay of the feedback, or lag of drives, that the gains allow; empty with a controller of the user's own."""
+def _describe_margin(config: Config) -> list[str]:
+    """A row of a table: the further delay that feedback bears; empty with a controller of the user's own."""
     from cmacexp.control import DriveController, HybridController
     from cmacexp.loop.factory import make_component
-    from cmacexp.loop.scenario import count_loop_delay, require_margin
+    from cmacexp.loop.scenario import SMALL_MARGIN, count_loop_delay, require_margin
 
     controller, sensors = (make_component(group, getattr(config, group)) for group in ("controller", "sensors"))
     if isinstance(controller, DriveController):
-        drives = controller.config
-        most, lag = (
-            format_number(1e3 * time, "ms") for time in (drives.damping / drives.stiffness, config.actuator.lag)
-        )
-        return f"lag of the drives: {lag}, must stay below {most}"
-    if not isinstance(controller, HybridController):
-        return ""
-    margin = require_margin(config, controller.config, count_loop_delay(config, sensors))
-    time = margin * config.sampling_period
-    advice = "; a bus may take more: controller=drives needs no margin" if time < BUS_DELAY else ""
-    return f"margin of delay: {margin} samples, {format_number(1e3 * time, 'ms')}{advice}"
+        drives = DriveGains(controller.config.stiffness, controller.config.damping)
+        name, margin = "drives", find_joint_margin(read_model(config.machine), drives, config.actuator.lag)
+        note = "in drives, not on a bus"
+    elif isinstance(controller, HybridController):
+        name, margin = "hybrid", require_margin(config, controller.config, count_loop_delay(config, sensors))
+        note = "small" if margin.delay < SMALL_MARGIN else ""
+    else:
+        return []
+    numbers = (config.sampling_period, margin.crossover / (2.0 * math.pi), 1e3 * margin.delay)
+    return [name, *map(format_number, numbers), note]
+
+
+def _list_margins(config: Config, overrides: list[str]) -> list[list[str]]:
+    """Rows of a table: the margin of a config, and those by rule of each controller and rate."""
+    rows = {} if not (row := _describe_margin(config)) else {tuple(row[:2]): row}
+    counted = [text for text in overrides if text.startswith(COUNTED)]
+    for controller, period in BY_RULE:
+        setting = [f"controller={controller}", *([f"sampling_period={period}"] if period else [])]
+        try:
+            row = _describe_margin(compose_config([*counted, *setting]))
+        except BadInput as error:
+            advice = str(error.args[2]).rpartition(": ")[2].partition(",")[0]
+            row = [controller, period or "by rule", "", "", f"refused: {advice}"]
+        rows.setdefault(tuple(row[:2]), row)
+    return [*rows.values()]
 
 
 def _show(arguments: argparse.Namespace) -> int:
@@ -141,8 +158,8 @@ def _show(arguments: argparse.Namespace) -> int:
     print(f"fingerprint {robot.fingerprint}")
     warn_of_models([config.machine])
     print(f"a foot feels {format_number(basis.foot_mass, 'kg')} at least, {basis.ratio:.3g} of the mass")
-    if margin := _describe_margin(config):
-        print_line(margin)
+    margins = _list_margins(config, ["scenario=robot", *chosen, *arguments.overrides])
+    print_table(["controller", "period, s", "crossover, Hz", "more delay, ms", ""], margins)
     print_table(["", "unit", "hip", "thigh", "calf"], list_joints(robot))
     print_table(["", "unit", "value"], list_settings(config))
     return 0

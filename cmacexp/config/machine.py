@@ -173,6 +173,8 @@ class RobotMachine(RobotModel):
     """What the machine is; decides its other fields."""
     hip_height: float = number("m", above=0)
     """Height of the thigh joints above the undepressed ground that the feet are planned for, h0."""
+    latency: float = number("s", at_least=0, at_most=0.1, default=0.0)
+    """Delay of bus, sensors and drives together that gains, period and lead count, and that nothing simulates."""
 
     @property
     def hips(self) -> list[tuple[float, float]]:

@@ -135,13 +135,17 @@ def _read_number(root: DictConfig, key: str, least: float = 1e-9) -> float:
 
 
 def _read_loop_delay(root: DictConfig) -> LoopDelay:
-    """The delay and lag of the velocity feedback, by actuator and sensors; custom sensors may lack these fields."""
+    """The delay and lag of the velocity feedback, by actuator, sensors and ``machine.latency``.
+
+    Custom sensors may lack these fields.
+    """
 
     def read(key: str) -> float:
         return 0.0 if OmegaConf.select(root, key) is None else _read_number(root, key, least=0.0)
 
     stages = ("actuator", "sensors.velocity")
-    return add_delays(*((round(read(f"{stage}.delay")), read(f"{stage}.lag")) for stage in stages))
+    late = ((round(read(f"{stage}.delay")), read(f"{stage}.lag")) for stage in stages)
+    return add_delays(*late, latency=read("machine.latency"))
 
 
 def read_machine(root: DictConfig) -> RobotModel:

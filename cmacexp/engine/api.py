@@ -14,7 +14,7 @@ from cmacexp.control.protocol import Controller
 from cmacexp.data.run import Run as Run
 from cmacexp.engine.run import run_scenario
 from cmacexp.engine.without_effect import list_idle_overrides
-from cmacexp.errors import BadInput, OtherModel, WithoutEffect
+from cmacexp.errors import BadInput, OtherModel, SmallMargin, WithoutEffect
 from cmacexp.feedforward.protocol import Feedforward
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.stepwise import OpenLoop
@@ -90,6 +90,7 @@ def run(
         WithoutEffect: of each override that nothing reads, and of a custom feedforward that gave no torque, unless
             ``warn=false`` is one of them.
         OtherModel: of a robot whose model is not the one that results were measured with.
+        SmallMargin: of a robot whose feedback is late and bears little further delay, unless ``warn=false``.
     """
     for key in other:
         raise BadInput("run", key, f'no such argument; overrides are texts: cmacexp.run(["{key}=..."])')
@@ -112,7 +113,10 @@ def run(
     place = Path(folder) if folder is not None else named
     if place is None:
         place = Path("outputs", config.scenario, datetime.now().strftime("%Y-%m-%d_%H-%M-%S-%f"))
-    result = run_scenario(config, place, prepared=make_scenario(config, None, **components), overrides=texts)
+    scenario = make_scenario(config, None, **components)
+    if scenario.warning:
+        warnings.warn(scenario.warning, SmallMargin, stacklevel=2)
+    result = run_scenario(config, place, prepared=scenario, overrides=texts)
     if config.warn and (without_torque := describe_idle(result)):
         warnings.warn(without_torque, WithoutEffect, stacklevel=2)
     return result

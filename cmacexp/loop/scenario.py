@@ -20,7 +20,7 @@ from cmacexp.jit.interrupt import exits_caught
 from cmacexp.loop.factory import PROTOCOLS, make_component, require_members
 from cmacexp.loop.validation import copy_measurement, copy_signals, require_finite
 from cmacexp.models.lead import discretise
-from cmacexp.models.loop_delay import LoopDelay, add_delays
+from cmacexp.models.loop_delay import LoopDelay, Margin, add_delays
 from cmacexp.models.robot_gains import derive_basis, find_delay_margin
 from cmacexp.planning import Plan, Setup, make_plan
 from cmacexp.planning.columns import JOINT_COLUMNS
@@ -33,6 +33,8 @@ from cmacexp.typing import Array, Weights
 
 GUARDED_SHARE = 0.3
 """Of its critical gain, learning that is guarded has at most."""
+SMALL_MARGIN = 0.004
+"""Delay that feedback should bear beyond what is counted, s: buses of robots have it."""
 
 
 @dataclass
@@ -48,6 +50,8 @@ class Scenario:
     """Of the plant at the start."""
     fault: Exception | None = None
     """Raised by a component when it was reset: the run fails before its first step."""
+    warning: str = ""
+    """That feedback bears little delay beyond what is counted; empty if it bears more."""
     kept: dict[int, Weights] = field(default_factory=dict, init=False)
     """Weights of an external feedforward at the end of the best cycle, by its number, and at the start, by 0."""
     used: bool = field(default=False, init=False)
@@ -60,7 +64,7 @@ class Scenario:
 
 
 def count_loop_delay(config: Config, sensors: Sensors) -> LoopDelay:
-    """What delays the feedback: the actuator and the sensors.
+    """What delays the feedback: the actuator, the sensors, and what a robot declares besides.
 
     Sensors may have ``feedback_delay(uses_velocity)``, the samples by which they delay the feedback, and
     ``feedback_lag(uses_velocity)``, the time constant in s by which they lag.
@@ -68,11 +72,12 @@ def count_loop_delay(config: Config, sensors: Sensors) -> LoopDelay:
     uses_velocity = config.gains is None or config.gains[1] > 0.0
     declared = (getattr(sensors, name, None) for name in ("feedback_delay", "feedback_lag"))
     delay, lag = (declare(uses_velocity) if declare else 0 for declare in declared)
-    return add_delays((config.actuator.delay, config.actuator.lag), (delay, lag))
+    latency = getattr(config.machine, "latency", 0.0)
+    return add_delays((config.actuator.delay, config.actuator.lag), (delay, lag), latency=latency)
 
 
-def require_margin(config: Config, control: HybridController.Config, loop_delay: LoopDelay) -> int:
-    """Samples by which a robot's feedback may be later before its feet shake; raises BadInput if they do."""
+def require_margin(config: Config, control: HybridController.Config, loop_delay: LoopDelay) -> Margin:
+    """By how much a robot's feedback may be later before its feet shake; raises BadInput if they do."""
     lead = discretise(control.lead_omega, control.lead_alpha, config.sampling_period)
     foot_mass = derive_basis(read_model(config.machine)).foot_mass
     return find_delay_margin(foot_mass, control.velocity_gain, lead.b0, config.sampling_period, loop_delay)
@@ -101,7 +106,7 @@ def resolve_rate(config: Config, loop_delay: LoopDelay, lead: int) -> float:
         return rate
     return min(
         rate,
-        GUARDED_SHARE * LoopDelay(loop_delay.delay + 1, loop_delay.lags).find_critical_gain(config.sampling_period),
+        GUARDED_SHARE * loop_delay._replace(delay=loop_delay.delay + 1).find_critical_gain(config.sampling_period),
     )
 
 
@@ -172,8 +177,13 @@ def _prepare(config: Config, learnt: Weights | None, given: dict[str, Any]) -> S
     plan = make_plan(config.nominal, mechanism, components["feedforward"].acts)
     lead = resolve_lead(config, components["sensors"], components["controller"])
     loop_delay = count_loop_delay(config, components["sensors"])
+    warning = ""
     if isinstance(config.machine, RobotMachine) and isinstance(components["controller"], HybridController):
-        require_margin(config, components["controller"].config, loop_delay)
+        margin = require_margin(config, components["controller"].config, loop_delay).delay
+        if config.warn and loop_delay != LoopDelay() and margin < SMALL_MARGIN:
+            little = f"feedback bears {1e3 * margin:.2g} ms of delay that is not counted, less than"
+            warning = f"machine.latency={config.machine.latency:g}: {little} {1e3 * SMALL_MARGIN:g} ms"
+            warning += "; declare what a robot has, or use controller=drives"
     rate = resolve_rate(config, loop_delay, lead)
     start = _start(config, plan, mechanism.shape[1])
     setup = Setup(config, mechanism, plan, start, read_weights(config) if learnt is None else learnt, lead, rate)
@@ -184,7 +194,7 @@ def _prepare(config: Config, learnt: Weights | None, given: dict[str, Any]) -> S
         raise
     except Exception as error:
         fault = error
-    return Scenario(setup, **components, first=first, fault=fault)
+    return Scenario(setup, **components, first=first, fault=fault, warning=warning)
 
 
 def check_weights(config: Config, feedforward: Feedforward) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from cmacexp.errors import BadInput
 from cmacexp.models.leg import GRAVITY
-from cmacexp.models.loop_delay import LoopDelay
+from cmacexp.models.loop_delay import LoopDelay, Margin, find_drive_margin
 from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.models.robot_legs import LEGS
 from cmacexp.typing import Array
@@ -130,6 +130,12 @@ def derive_drive_gains(robot: Robot) -> DriveGains:
     return DriveGains(stiffness, DRIVEN_DECAY * stiffness)
 
 
+def find_joint_margin(robot: Robot, gains: DriveGains, lag: float) -> Margin:
+    """The margin of the drive of the lightest joint, without friction, at home; its torques have a ``lag`` in s."""
+    inertia = min(float(np.linalg.eigvalsh(inertia)[0]) for inertia, _ in _list_jacobians(robot))
+    return find_drive_margin(inertia, *gains, lag)
+
+
 def choose_feedback(loop_delay: LoopDelay, period: float) -> float:
     """K_av b0 T_s / m_f: feedback of the velocity over what would stop the lightest foot within a sample."""
     return min(MOST_FEEDBACK, STABLE_SHARE * loop_delay.find_critical_gain(period))
@@ -152,7 +158,7 @@ def recommend_period(ratio: float, loop_delay: LoopDelay = NONE, gain: float = 0
             continue
         if ratio * choose_feedback(loop_delay, period) > margin * least:
             return period
-    allowed = "none suits feet so light with these lags: set sampling_period and the gains, or reduce the lags"
+    allowed = "none suits feet so light with feedback that late: use controller=drives, or set it and all gains"
     raise BadInput("sampling_period", "by rule", allowed)
 
 
@@ -206,8 +212,10 @@ def derive_gains(basis: Basis, sampling_period: float, lead_gain: float, loop_de
     )
 
 
-def find_delay_margin(foot_mass: float, gain: float, lead_gain: float, period: float, loop_delay: LoopDelay) -> int:
-    """Samples by which feedback may be later, beyond ``loop_delay``, before the lightest foot, kg, is unstable.
+def find_delay_margin(
+    foot_mass: float, gain: float, lead_gain: float, period: float, loop_delay: LoopDelay
+) -> Margin:
+    """By how much feedback may be later, beyond ``loop_delay``, before the lightest foot, kg, is unstable.
 
     ``gain`` is K_av, N s/m, ``lead_gain`` b0. Raises BadInput, which names a gain that works, if it is unstable
     already.
@@ -217,5 +225,4 @@ def find_delay_margin(foot_mass: float, gain: float, lead_gain: float, period: f
         most = gain * choose_feedback(loop_delay, period) / feedback
         words = f"{feedback / critical:.2g} of what makes the lightest foot unstable, with feedback that late"
         raise BadInput("controller.velocity_gain", gain, f"is {words}; use {most:.4g}, as by rule")
-    later = (loop_delay._replace(delay=loop_delay.delay + samples) for samples in itertools.count(1))
-    return next(n for n, late in enumerate(later) if feedback >= late.find_critical_gain(period))
+    return loop_delay.find_margin(feedback, period)

@@ -31,6 +31,8 @@ def test_a_robot_is_shown_with_its_limits_and_settings_in_eighty_columns(folder)
     assert found["least angle, all legs"][-3:] == ["-0.9", "-1.5", "-2.7"]
     assert found["controller.position_gain"][1:] == ["N/m", "123"]
     assert found["machine.hip_height"][1:] == ["m", f"{config.machine.hip_height:.3g}"]
+    margins = [line.split()[:2] for line in lines if line.startswith(("hybrid", "drives"))]
+    assert margins == [["hybrid", "0.002"], ["hybrid", "0.001"], ["drives", "0.002"]]
 
 
 def test_legs_of_other_names_are_found_and_typed_as_printed(folder):

@@ -31,6 +31,7 @@ def settings(config):
         (("sampling_period=0.001",), LoopDelay()),
         (("controller.lead_alpha=2",), LoopDelay()),
         (LATE, LoopDelay(2, (0.001,))),
+        (("actuator.delay=1", "machine.latency=0.0007"), LoopDelay(1, (), 0.0007)),
     ],
 )
 def test_settings_follow_model_period_lead_and_what_delays_the_velocity(overrides, loop_delay):

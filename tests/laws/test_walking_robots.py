@@ -1,9 +1,11 @@
 """A robot of the project's own walks: what physics, plan and controller must agree about."""
 
+import warnings
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.doors import JOINT_COLUMNS, find_centres, height_at, make_ground, stiffness_at
+from support.doors import JOINT_COLUMNS, SmallMargin, find_centres, height_at, make_ground, stiffness_at
 from support.robot_walks import (
     EXACT,
     HEAVY,
@@ -165,3 +167,28 @@ def test_no_torque_exceeds_the_limit_of_the_actuator_or_that_of_its_joint(tmp_pa
     assert limited.max() == pytest.approx(7.5, rel=1e-12)
     assert by_model[2] == pytest.approx(7.0, rel=1e-12)
     assert by_model[0] > 8.0
+
+
+BY_RULE = (
+    *("controller position_gain", "controller velocity_gain", "posture gain", "posture rate_gain"),
+    *("force_control elasticity", "force_control admittance"),
+)
+
+
+def test_a_declared_delay_is_counted_in_period_gains_and_lead_and_not_simulated():
+    late = walk_robot(EXACT, *SHORT, "machine.latency=0.001")
+    config = late.config
+    parts = {name: vars(getattr(config, name)) for name in ("controller", "posture", "force_control")}
+    typed = [f"{part}.{name}={parts[part][name]}" for part, name in map(str.split, BY_RULE)]
+    same = walk_robot(EXACT, *SHORT, f"sampling_period={config.sampling_period}", *typed)
+    assert (find_torque(late) == find_torque(same)).all()
+    assert late.setup.lead == same.setup.lead + round(0.001 / config.sampling_period)
+    assert config.gains[1] < walk_robot(EXACT, *SHORT, f"sampling_period={config.sampling_period}").config.gains[1]
+
+
+def test_a_run_with_little_margin_of_delay_says_so_unless_warnings_are_off(tmp_path):
+    walk = [*ROBOT, f"machine.path={OWN}", *SHORT, "actuator.lag=0.01", "feedforward=none", "record=metrics"]
+    with pytest.warns(SmallMargin, match=r"^machine\.latency=0: feedback bears .* ms .* controller=drives$"):
+        cmacexp.run(walk, tmp_path / "small")
+    with warnings.catch_warnings(action="error"):
+        cmacexp.run([*walk, "warn=false"], tmp_path / "off")

@@ -1,12 +1,13 @@
 """Laws of late feedback: the gain that it allows, gains of a robot and the sampling period that follow."""
 
+import cmath
 import math
 
 import numpy as np
 import pytest
 from support.doors import BadInput
 
-from cmacexp.models.loop_delay import LoopDelay, add_delays, first_order_share
+from cmacexp.models.loop_delay import LoopDelay, add_delays, find_drive_margin, first_order_share
 from cmacexp.models.robot_gains import Basis, choose_feedback, derive_gains, recommend_period, require_period
 
 PERIOD = 0.001
@@ -41,6 +42,26 @@ def test_the_critical_gain_is_the_limit_of_stability(delay, lag, filtered):
     critical = add_delays((delay, lag), (0, filtered)).find_critical_gain(PERIOD)
     assert stops(0.95 * critical, delay, lag, filtered)
     assert not stops(1.05 * critical, delay, lag, filtered)
+
+
+@pytest.mark.parametrize(("delay", "lag", "filtered"), LATE)
+def test_feedback_is_unstable_where_its_margin_is_used_up_by_a_declared_delay(delay, lag, filtered):
+    late = add_delays((delay, lag), (0, filtered))
+    gain = 0.3 * late.find_critical_gain(PERIOD)
+    margin = late.find_margin(gain, PERIOD)
+    assert late._replace(latency=margin.delay).find_critical_gain(PERIOD) == pytest.approx(gain, rel=1e-9)
+    declared, simulated = late._replace(latency=3 * PERIOD), late._replace(delay=delay + 3)
+    assert declared.count_samples(PERIOD) == simulated.count_samples(PERIOD)
+    assert declared.find_margin(gain, PERIOD) == pytest.approx(simulated.find_margin(gain, PERIOD))
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.0151, 0.05])
+def test_a_drive_is_unstable_where_its_margin_is_used_up(lag):
+    inertia, stiffness, damping = 0.04, 80.0, 6.0
+    margin = find_drive_margin(inertia, stiffness, damping, lag)
+    s = 1j * margin.crossover
+    loop = (stiffness + damping * s) / (inertia * s**2 * (1.0 + lag * s))
+    assert abs(loop * cmath.exp(-s * margin.delay) + 1.0) < 1e-9
 
 
 @pytest.mark.parametrize("delay", range(6))

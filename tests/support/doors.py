@@ -14,7 +14,7 @@ from cmacexp.data.integrity import faults, is_finished
 from cmacexp.data.trace import Trace
 from cmacexp.engine.run import run_scenario
 from cmacexp.engine.without_effect import list_idle_overrides
-from cmacexp.errors import BadComponent, BadInput, BadRun, CmacexpError, Diverged
+from cmacexp.errors import BadComponent, BadInput, BadRun, CmacexpError, Diverged, SmallMargin
 from cmacexp.feedforward.ilc import gaussian_taps
 from cmacexp.gap.log import read_log
 from cmacexp.jit.compiler import program, workload
