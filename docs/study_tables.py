@@ -13,9 +13,12 @@ from cmacexp.data.folder import FIGURES, HTML
 from cmacexp.study.statements import NO, UNCLEAR, VERDICTS, YES
 from cmacexp.study.study_file import StudyFile
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
+from pipelines.benchmark.log_track import NAME as LOG_TRACK
+from pipelines.benchmark.log_track import make_study as make_log_study
 from pipelines.groups import GROUPS
 from pipelines.quotes import (
     DOCS,
+    LOG_SCORES,
     NOT_MEASURED,
     SCORES,
     Quotable,
@@ -38,8 +41,8 @@ FIGURE = re.compile(r'<figure id="(\w+)">(?:<h3>(.*?)</h3>)?.*?<figcaption>(.*?)
 
 
 def every_study() -> list[StudyFile]:
-    """All studies and the benchmark, whose pages are made."""
-    return [*all_studies(), whole_benchmark()]
+    """All studies, the benchmark and its log track, whose pages are made."""
+    return [*all_studies(), whole_benchmark(), make_log_study()]
 
 
 def findings_of(file: StudyFile, results: Quotable) -> str:
@@ -80,14 +83,15 @@ def describe_run(name: str) -> str:
 def page_of(file: StudyFile, results: Quotable) -> str:
     """The page of a study."""
     study, figures = file.study, [text for _, text in figures_of(file.name)]
-    text = f"# {study.title}\n\n{study.question}\n\n`python -m pipelines.{file.name}` answers it again. "
+    command = f"{BENCHMARK} --log LOG --robot go2" if file.name == LOG_TRACK else file.name
+    text = f"# {study.title}\n\n{study.question}\n\n`python -m pipelines.{command}` answers it again. "
     text += describe_run(file.name)
     if study.claims:
         text += f"\n## Claims of the paper\n{claims_of(file, results)}"
     if study.findings:
         text += f"\n## Findings\n{findings_of(file, results)}"
-    if file.name == BENCHMARK:
-        text += f"\n## Scores\n\n{SCORES.read_text(encoding='utf-8')}"
+    if scores := {BENCHMARK: SCORES, LOG_TRACK: LOG_SCORES}.get(file.name):
+        text += f"\n## Scores\n\n{scores.read_text(encoding='utf-8')}"
     return text + (f"\n## Figures\n{''.join(figures)}" if figures else "")
 
 

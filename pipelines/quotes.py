@@ -18,14 +18,15 @@ from cmacexp.study.study_file import StudyFile, load_study
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
 from pipelines.benchmark.benchmark import make_study
 from pipelines.benchmark.entrants import list_methods
+from pipelines.benchmark.log_track import make_study as make_log_study
 from pipelines.benchmark.tasks import MACHINES
 from pipelines.groups import find_study
 
 PIPELINES = Path(__file__).resolve().parent
 DOCS = PIPELINES.parent / "docs"
 README = PIPELINES.parent / "README.md"
-SCORES = PIPELINES / BENCHMARK / "scores.md"
-"""Every table of the last full benchmark."""
+SCORES, LOG_SCORES = (PIPELINES / BENCHMARK / f"{name}.md" for name in ("scores", "log_scores"))
+"""Every table of the last full benchmark, and of its log track."""
 PAGES = (README, *sorted(DOCS.glob("*.md")))
 """What may quote the studies."""
 QUOTE = re.compile(r'\{\{ (quote|interval|measured|size|verdict|sentence)\("(\w+)\.([^"]+)"(?:, (\d+))?\) \}\}')
@@ -53,7 +54,7 @@ def whole_benchmark() -> StudyFile:
 @cache
 def declared() -> Mapping[str, Mapping[str, Claim | Finding]]:
     """Every statement by study and name, whether it was measured or not."""
-    studies = {file.name: file.study for file in (whole_benchmark(), *all_studies())}
+    studies = {file.name: file.study for file in (whole_benchmark(), make_log_study(), *all_studies())}
     return {name: {**study.claims, **study.findings} for name, study in studies.items()}
 
 

@@ -24,6 +24,7 @@ from cmacexp.study.page import CLAIMS
 from cmacexp.study.provenance import PROVENANCE, digest_package, digest_source, list_changed
 from cmacexp.study.statements import OUTCOMES
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
+from pipelines.benchmark.log_track import NAME as LOG_TRACK
 from pipelines.quotes import DOCS, PIPELINES, Quotable
 
 RESULTS_FILE = DOCS / "results.json"
@@ -85,11 +86,12 @@ class PublishedResults:
     def confirm(self, name: str) -> list[str]:
         """Run the witnesses of a study again, and note it if they give what they gave; else what differs.
 
-        Witnesses are two runs of a study: they confirm neither its other runs nor its statements.
+        Witnesses are two runs of a study: they confirm neither its other runs nor its statements. The log track has
+        no runs, so that nothing confirms it.
         """
         study = self.studies[name]
         differing = [line for witness in study["witnesses"] for line in repeat_witness(witness)]
-        if not differing:
+        if study["witnesses"] and not differing:
             now = {file: _digest(PIPELINES.parent / file) for file in study["own"]}
             date = datetime.now(UTC).date().isoformat()
             study["confirmed"] = {"date": date, "code": self._add_code(digest_package()), "own": now}
@@ -161,8 +163,9 @@ def read_results() -> PublishedResults:
 
 
 def list_states(results: PublishedResults) -> list[State]:
-    """The state of every study and of the benchmark."""
-    return [results.find_state(name) for name in [*(path.stem for path in sorted(PIPELINES.glob("*.md"))), BENCHMARK]]
+    """The state of every study, of the benchmark, and of its log track."""
+    studies = [path.stem for path in sorted(PIPELINES.glob("*.md"))]
+    return [results.find_state(name) for name in [*studies, BENCHMARK, LOG_TRACK]]
 
 
 def _quotable(statement: Mapping[str, Any]) -> dict[str, Any]:

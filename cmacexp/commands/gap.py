@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.folder import OUT_KEY, check_place
@@ -10,6 +11,10 @@ from cmacexp.data.manifest import REPORT
 from cmacexp.errors import BadInput
 from cmacexp.terminal.output import print_line, show_progress
 from cmacexp.terminal.tables import print_table
+
+if TYPE_CHECKING:
+    from cmacexp.gap.log import Log
+    from cmacexp.gap.machine import Machine
 
 FOLDER = Path("outputs/gap")
 
@@ -30,16 +35,11 @@ def _read_gain(text: str | None, key: str) -> list[float]:
         raise BadInput(key, text, "must be numbers, separated by commas") from error
 
 
-def _show(arguments: argparse.Namespace) -> int:
-    from cmacexp.gap.advice import summarise
-    from cmacexp.gap.analysis import begin
+def read_given(arguments: argparse.Namespace) -> "tuple[Log, Machine]":
+    """The log and the machine of the options of :func:`add_log_options`; raises BadInput."""
     from cmacexp.gap.log import load_reader, read_log
     from cmacexp.gap.machine import read_machine
-    from cmacexp.gap.page import write_page
-    from cmacexp.gap.validation import identify
 
-    out = arguments.out or FOLDER / arguments.log.stem
-    check_place(out, OUT_KEY, REPORT)
     given = {key: _read_gain(getattr(arguments, key), f"--{key}") for key in ("kp", "kd")}
     log = read_log(
         arguments.log,
@@ -50,7 +50,18 @@ def _show(arguments: argparse.Namespace) -> int:
     )
     if arguments.leave_out:
         log = log.leave_out(arguments.leave_out.split(","))
-    machine = read_machine(arguments.robot, log.joints, arguments.joints)
+    return log, read_machine(arguments.robot, log.joints, arguments.joints)
+
+
+def _show(arguments: argparse.Namespace) -> int:
+    from cmacexp.gap.advice import summarise
+    from cmacexp.gap.analysis import begin
+    from cmacexp.gap.page import write_page
+    from cmacexp.gap.validation import identify
+
+    out = arguments.out or FOLDER / arguments.log.stem
+    check_place(out, OUT_KEY, REPORT)
+    log, machine = read_given(arguments)
     with show_progress(f"replaying {arguments.log.name} through {arguments.robot}", 1) as set_done:
         gap = begin(log, machine, set_done)
     page = write_page(gap, out)
@@ -71,17 +82,8 @@ def _show(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def main() -> int:
-    """Run the command."""
-    description = (
-        "Read a log of a robot, identify its joints, validate them on strokes that identification did not see, and "
-        "say what learners would remove of its feedback torque."
-    )
-    parser = Parser("cmacexp.gap", description)
-    parser.add_argument("log", type=Path, metavar="LOG", help="Parquet, CSV, NPZ or MCAP, or what --reader reads")
-    parser.add_argument(
-        "--robot", required=True, help="go2 or another option of conf/machine, or an MJCF or URDF file"
-    )
+def add_log_options(parser: "argparse._ActionsContainer") -> None:
+    """Add the options that say how a log is read."""
     parser.add_argument(
         "--names",
         action="append",
@@ -99,6 +101,20 @@ def main() -> int:
     parser.add_argument("--kp", help="gains of the drives, N m/rad: one number, or one for each joint")
     parser.add_argument("--kd", help="likewise, N m s/rad")
     parser.add_argument("--reader", metavar="FILE.py:FUNCTION", help="reads another format: path to columns by name")
+
+
+def main() -> int:
+    """Run the command."""
+    description = (
+        "Read a log of a robot, identify its joints, validate them on strokes that identification did not see, and "
+        "say what learners would remove of its feedback torque."
+    )
+    parser = Parser("cmacexp.gap", description)
+    parser.add_argument("log", type=Path, metavar="LOG", help="Parquet, CSV, NPZ or MCAP, or what --reader reads")
+    parser.add_argument(
+        "--robot", required=True, help="go2 or another option of conf/machine, or an MJCF or URDF file"
+    )
+    add_log_options(parser)
     parser.add_argument("--quick", action="store_true", help="without identification")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help=f"where the page goes; unless given, in {FOLDER}")
     return run_command(lambda: _show(parser.parse_args()))

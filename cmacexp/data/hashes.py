@@ -46,10 +46,11 @@ def was_written(path: Path) -> bool:
 def require_intact(path: Path) -> Path:
     """``path``, if this file of a run is as the run wrote it, else raises BadRun.
 
-    The files of a run that is still being written have nothing yet that they could be compared with.
+    The files of a run that is still being written, and those of a report, have nothing that they could be compared
+    with.
     """
     manifest = _read_manifest(path.parent)
-    if manifest is None:
+    if manifest is None or manifest.get("kind") == manifests.REPORT:
         return path
     if path.name not in manifest["files"]:
         if manifest["config"].get("record", {}).get("trace") is False:

@@ -36,6 +36,8 @@ class Gap:
     values: dict[str, Any]
     torques: dict[str, Array] = field(default_factory=dict)
     """(n, J) predictions by learner, N m."""
+    makers: dict[str, Maker] = field(default_factory=dict)
+    """Of learners by name."""
     replays: dict[str, Array] = field(default_factory=dict)
     """(n, J) angles by model, rad."""
     fitted: Fit | None = None
@@ -47,12 +49,22 @@ class Gap:
 
 
 def begin(log: Log, machine: Machine, set_done: Report = lambda done: None) -> Gap:
-    """Check a log and measure what needs no identification; raises BadInput."""
+    """Check a log and find what needs no identification, learners included; raises BadInput."""
+    gap = measure(log, machine)
+    add_makers(gap)
+    for count, (name, make) in enumerate(gap.makers.items()):
+        set_done(count / len(gap.makers))
+        add_learner(gap, name, make)
+    return gap
+
+
+def measure(log: Log, machine: Machine) -> Gap:
+    """Check a log, and measure what learners have no part in; raises BadInput."""
     check_log(log, machine)
     signals = Signals(log)
     problem = Problem(signals, machine)
     notes = check_against_model(problem)
-    gap = Gap(
+    return Gap(
         problem,
         {
             "log": str(log.path),
@@ -71,21 +83,22 @@ def begin(log: Log, machine: Machine, set_done: Report = lambda done: None) -> G
             "left": {},
         },
     )
-    makers = dict(make_tables(problem))
+
+
+def add_makers(gap: Gap) -> None:
+    """Add all learners that need no identification, and the replays of their models."""
+    problem, log, makers = gap.problem, gap.signals.log, gap.makers
+    makers |= make_tables(gap.problem)
     if log.command is not None and log.has_gains:
-        joints = len(machine.joints)
+        joints = len(problem.machine.joints)
         answers = {
             name: find_answer(problem, make_values(joints, *own), log.period / 2.0)
-            for name, own in {"model": machine.losses, "generic joints": GENERIC}.items()
+            for name, own in {"model": problem.machine.losses, "generic joints": GENERIC}.items()
         }
         gap.replays = {name: answer.angle for name, answer in answers.items()}
         makers |= make_networks(problem, answers["model"])
         for name, answer in answers.items():
             makers |= place_below(problem, name, answer.torque)
-    for count, (name, make) in enumerate(makers.items()):
-        set_done(count / len(makers))
-        add_learner(gap, name, make)
-    return gap
 
 
 def make_values(joints: int, inertia: Any, viscous: Any, coulomb: Any) -> Array:
@@ -104,19 +117,20 @@ def add_learner(gap: Gap, name: str, make: Maker) -> None:
         updated = predict_all(make(), gap.signals)
     except ImportError:
         return
-    add_prediction(gap, name, updated, predict_all(make(), gap.signals, gap.signals.count // 2))
-
-
-def add_prediction(gap: Gap, name: str, updated: Array, frozen: Array) -> None:
-    """Score predictions (n, J) of every stroke, updated and frozen after half of the strokes."""
     fastest, last = gap.signals.fastest, gap.signals.count
+    frozen = predict_all(make(), gap.signals, last // 2)
     gap.torques[name] = updated
     gap.values["left"][name] = {
-        **score(gap, updated, [k for k in range(FIRST, last + 1) if k != fastest]),
+        **score(gap, updated, list_scored(gap.signals)),
         "fastest": score(gap, updated, [fastest]),
         "strokes": [round(measure_left(gap.signals, updated, k), 3) for k in range(1, last + 1)],
         "frozen": {"after": last // 2, "fastest": score(gap, frozen, [fastest])},
     }
+
+
+def list_scored(signals: Signals) -> list[int]:
+    """Strokes from FIRST on without the fastest, which is scored apart."""
+    return [stroke for stroke in range(FIRST, signals.count + 1) if stroke != signals.fastest]
 
 
 def measure_left(signals: Signals, predicted: Array, stroke: int) -> float:

@@ -18,6 +18,8 @@ RATE, LAYERS, CELLS = 0.2, 16, 9
 """Of the CMACs."""
 GAIN, HARMONICS = 0.7, 25
 """Learning gain of iterative learning, and the harmonics of a stroke that its filter passes."""
+CHANGE, ROUGH = 0.4, 1e-3
+"""Weights of norm-optimal learning: of a change of the torque, and of its slope over the phase."""
 BUMPS, FEATURES = 40, 300
 """Radial basis functions over a stroke; random Fourier features."""
 RIDGE = 0.3
@@ -70,13 +72,15 @@ class Fixed:
 class Iterative:
     """Iterative learning over the phase: u <- Q (u + gain e) (Bristow, Tharayil & Alleyne 2006).
 
-    With gain 1 and all harmonics it repeats the torque of the stroke before.
+    Q passes the first ``harmonics``, all with infinity, and divides each harmonic n by 1 + ``rough`` n^2. With gain 1
+    and all harmonics it repeats the torque of the stroke before.
     """
 
-    def __init__(self, signals: Signals, gain: float = 1.0, harmonics: int = GRID):
+    def __init__(self, signals: Signals, gain: float = 1.0, harmonics: float = np.inf, rough: float = 0.0):
         self.signals, self.gain = signals, gain
         self.torque = np.zeros((GRID, signals.torque.shape[1]))
-        self.pass_band = (np.arange(GRID // 2 + 1) <= harmonics)[:, None]
+        number = np.arange(GRID // 2 + 1)[:, None]
+        self.passes = (number <= harmonics) / (1.0 + rough * number**2)
 
     def predict(self, stroke: int) -> Array:
         """The torque at the phases of the stroke."""
@@ -87,8 +91,16 @@ class Iterative:
         """Correct the torque by the error of the stroke."""
         phase, error = self.signals.phase[self.signals.rows(stroke)], torque - self.predict(stroke)
         at_grid = np.stack([np.interp(np.arange(GRID) / GRID, phase, own) for own in error.T], axis=1)
-        passed = np.fft.rfft(self.torque + self.gain * at_grid, axis=0) * self.pass_band
+        passed = np.fft.rfft(self.torque + self.gain * at_grid, axis=0) * self.passes
         self.torque = np.fft.irfft(passed, GRID, axis=0)
+
+
+def make_norm_optimal(signals: Signals) -> Iterative:
+    """Norm-optimal iterative learning (Amann, Owens & Rogers 1996) of a plant whose feedback the torque replaces.
+
+    In each harmonic n it minimises |w - u|^2 + CHANGE |u - u_before|^2 + ROUGH |n u|^2, w the torque of the stroke.
+    """
+    return Iterative(signals, 1.0 / (1.0 + CHANGE), rough=ROUGH / (1.0 + CHANGE))
 
 
 class CmacLearner:
@@ -172,7 +184,7 @@ class Perceptron:
 
 @dataclass
 class Both:
-    """A known torque and a learner of what it lacks."""
+    """A torque that does not depend on what is above it, and a learner of what it lacks."""
 
     known: Learner
     above: Learner
@@ -184,6 +196,7 @@ class Both:
     def learn(self, stroke: int, torque: Array) -> None:
         """The learner gets what is left."""
         self.above.learn(stroke, torque - self.known.predict(stroke))
+        self.known.learn(stroke, torque)
 
 
 @dataclass(frozen=True)
@@ -221,6 +234,7 @@ def make_tables(problem: Problem) -> Mapping[str, Maker]:
         found |= {
             "stroke before": lambda: Iterative(signals),
             "ILC": lambda: Iterative(signals, GAIN, HARMONICS),
+            "norm-optimal ILC": lambda: make_norm_optimal(signals),
             "CMAC over phase": lambda: CmacLearner(signals, blocks, [turn] * len(blocks)),
             "CMAC over phase and speed": lambda: CmacLearner(signals, blocks, [with_speed] * len(blocks)),
             "RBF over phase": lambda: Linear(signals, bumps[:, None]),

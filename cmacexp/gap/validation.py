@@ -1,38 +1,39 @@
 """The identified plant: chosen by cross-validation, fitted, compared on unseen strokes; what a log does not show."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from cmacexp.gap.acting import act
-from cmacexp.gap.analysis import FIRST, Gap, Report, add_learner, add_prediction
+from cmacexp.gap.analysis import FIRST, Gap, Report, add_learner
 from cmacexp.gap.identify import KNOWN, LEVELS, MASS_PRIOR, NAMES, TILT_PRIOR, Fit, Level, Problem, fit
-from cmacexp.gap.learners import Both, Fixed, Iterative
+from cmacexp.gap.learners import Both, Iterative, Learner, Maker, make_tables
 from cmacexp.gap.signals import Signals
 from cmacexp.typing import Array, Mask
 
 IDENTIFIED = "identified, refitted after every second stroke"
-ABOVE = f"{IDENTIFIED}, and ILC"
+ABOVE = "CMAC over phase"
+"""Table that is placed above the identified plant, beside ILC."""
 SETTLE = 0.2
 """Beginning of a log that does not count: the state of the robot before it is unknown, s."""
 CORRELATED = 0.8
 """Correlation with the rotor inertia from which on a delay is not known apart from it."""
+Advance = Callable[[], None]
+"""Is called after each part of the work."""
 
 
 def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
     """Choose a model of joints, fit it, validate it on unseen strokes, and let it predict and act."""
     problem, count = gap.problem, gap.signals.count
-    train = max(2, round(count * 2 / 3))
-    inner = max(1, train // 2)
-    levels = LEVELS if problem.masses else LEVELS[:-1]
-    steps = len(levels) + 3 + len(range(FIRST, count + 1, 2)) + 1
+    inner, train = split_strokes(count)
+    steps = len(LEVELS) + 3 + len(range(FIRST, count + 1, 2)) + 1
     done = iter(range(1, steps + 1))
 
     def advance() -> None:
         set_done(next(done) / steps)
 
-    chosen, models = _choose(problem, levels, inner, train, advance)
+    chosen, models = choose_level(problem, advance)
     forward = fit(problem, chosen, rows_of(gap.signals, 1, train))
     advance()
     reverse = fit(problem, chosen, rows_of(gap.signals, train + 1, count))
@@ -68,7 +69,8 @@ def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
         "covariances": [own.tolist() for own in whole.covariances],
         "refused": refuse_parameters(problem, whole),
     }
-    _predict_identified(gap, chosen, advance)
+    for name, make in list_identified(problem, chosen, gap.makers["model"], advance).items():
+        add_learner(gap, name, make)
     gap.values["acting"] = act(gap, whole, forward)
     advance()
 
@@ -87,11 +89,16 @@ def measure_distance(signals: Signals, angle: Array, first: int, last: int) -> f
     return float(1e3 * np.sqrt(((angle - signals.log.angle)[rows] ** 2).mean()))
 
 
-def _choose(
-    problem: Problem, levels: tuple[Level, ...], inner: int, train: int, advance: Callable[[], None]
-) -> tuple[Level, list[dict[str, Any]]]:
-    """The model of joints that predicts strokes ``inner`` + 1 to ``train`` best when fitted to those before."""
-    models = []
+def split_strokes(count: int) -> tuple[int, int]:
+    """The last stroke that models of joints are fitted to, and the last by which they are chosen: 1/3 and 2/3."""
+    train = max(2, round(count * 2 / 3))
+    return max(1, train // 2), train
+
+
+def choose_level(problem: Problem, advance: Advance = lambda: None) -> tuple[Level, list[dict[str, Any]]]:
+    """The model of joints that predicts the second third of the strokes best when fitted to those before; and all."""
+    (inner, train), models = split_strokes(problem.signals.count), []
+    levels = LEVELS if problem.masses else LEVELS[:-1]
     for level in levels:
         found = fit(problem, level, rows_of(problem.signals, 1, inner))
         angle, _ = problem.apply(found).replay_all(found.values, found.delay)
@@ -141,19 +148,41 @@ def refuse_parameters(problem: Problem, found: Fit) -> list[str]:
     return refused
 
 
-def _predict_identified(gap: Gap, level: Level, advance: Callable[[], None]) -> None:
-    """Predict strokes by the plant fitted to those before, refitted after every second one, and frozen at half."""
-    signals, problem, half = gap.signals, gap.problem, gap.signals.count // 2
-    predicted = gap.torques["model"].copy()  # until the first fit
-    frozen, start = predicted, None
-    for stroke in range(FIRST, signals.count + 1, 2):
-        found = fit(problem, level, rows_of(signals, 1, stroke - 1), start)
-        start, own = found.values, problem.apply(found)
-        torque = signals.compute_torque(own.replay_all(found.values, found.delay)[0])
-        predicted[signals.bounds[stroke - 1] :] = torque[signals.bounds[stroke - 1] :]
-        if stroke - 1 <= half:
-            frozen = torque
-        advance()
-    add_prediction(gap, IDENTIFIED, predicted, frozen)
-    if signals.repeats:
-        add_learner(gap, ABOVE, lambda: Both(Fixed(signals, predicted), Iterative(signals, 0.5)))
+class Identified:
+    """The plant fitted to the strokes so far, anew after every second one; until then the torque of a model."""
+
+    def __init__(self, problem: Problem, level: Level, before: Learner, known: dict[int, Fit], advance: Advance):
+        self.problem, self.level, self.known, self.advance = problem, level, known, advance
+        self.before, self.torque = before, np.zeros(0)
+
+    def predict(self, stroke: int) -> Array:
+        """The torque of the drives that move the plant."""
+        return self.torque[self.problem.signals.rows(stroke)] if self.torque.size else self.before.predict(stroke)
+
+    def learn(self, stroke: int, torque: Array) -> None:
+        """Fit to the measured angles of all strokes so far; fits that are ``known`` by their last stroke are used."""
+        signals, start = self.problem.signals, self.known.get(stroke - 2)
+        if stroke % 2 or stroke == signals.count:
+            return
+        if stroke not in self.known:
+            values = start.values if start else None
+            self.known[stroke] = fit(self.problem, self.level, rows_of(signals, 1, stroke), values)
+            self.advance()
+        found = self.known[stroke]
+        self.torque = signals.compute_torque(self.problem.apply(found).replay_all(found.values, found.delay)[0])
+
+
+def list_identified(
+    problem: Problem, level: Level, before: Maker, advance: Advance = lambda: None
+) -> Mapping[str, Maker]:
+    """Makers of the identified plant, alone and below tables, by name; ``before`` predicts until the first fit."""
+    known = dict[int, Fit]()
+
+    def make() -> Learner:
+        return Identified(problem, level, before(), known, advance)
+
+    found: dict[str, Maker] = {IDENTIFIED: make}
+    if problem.signals.repeats:
+        found[f"{IDENTIFIED}, and ILC"] = lambda: Both(make(), Iterative(problem.signals, 0.5))
+        found[f"{IDENTIFIED}, and {ABOVE}"] = lambda: Both(make(), make_tables(problem)[ABOVE]())
+    return found

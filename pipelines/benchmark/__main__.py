@@ -1,6 +1,7 @@
 """``python -m pipelines.benchmark``: how well methods learn under contact, over tasks and worlds.
 
-``--method my_file.MyClass`` enters a feedforward or a controller of your own: see ``docs/benchmark.md``.
+``--method my_file.MyClass`` enters a feedforward or a controller of your own, ``--log LOG`` tries methods that
+take a log: see ``docs/benchmark.md``.
 """
 
 import argparse
@@ -14,6 +15,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, NoReturn
 
 import cmacexp
+from cmacexp.commands.gap import add_log_options
 from cmacexp.commands.study import FOLDER_KEY, Options, command, study_parser
 from cmacexp.config import to_plain
 from cmacexp.config.component import custom_code_hash, find_sources
@@ -31,7 +33,7 @@ from cmacexp.study.study_file import StudyFile
 from cmacexp.terminal.messages import warn_of_models
 from cmacexp.terminal.output import print_line
 from cmacexp.terminal.tables import print_table
-from pipelines.benchmark import summary
+from pipelines.benchmark import log_track, summary
 from pipelines.benchmark.benchmark import CYCLES, NAME, QUESTION, make_study
 from pipelines.benchmark.compare import compare_results
 from pipelines.benchmark.entrants import ALONE, CMAC, Method, choose_methods
@@ -145,7 +147,9 @@ def _write(done: dict[str, Any], machines: dict[str, Machine], methods: list[Met
 
 
 def run(arguments: argparse.Namespace, options: Options) -> Path:
-    """Run the benchmark, or compare results; returns the page, or the second table of results."""
+    """Run the benchmark or its log track, or compare results; returns the page, or the second table of results."""
+    if arguments.log is not None:
+        return log_track.run(arguments, options)
     if arguments.compare is not None:
         for line in compare_results(*arguments.compare):
             print_line(line)
@@ -171,6 +175,11 @@ def main() -> NoReturn:
     parser.add_argument("--machine", default=LEG, metavar="NAME,...", help=machines)
     results = "compare two tables of results instead of running"
     parser.add_argument("--compare", nargs=2, type=Path, metavar="FILE.parquet", help=results)
+    track = parser.add_argument_group("log track", "methods that take a log, instead of machines that walk")
+    logs = f"a log for python -m cmacexp.gap, or {log_track.SIMULATED}"
+    track.add_argument("--log", type=Path, metavar="LOG", help=logs)
+    track.add_argument("--robot", help="of the log: an option of conf/machine, or an MJCF or URDF file")
+    add_log_options(track)
     command(parser, run)
 
 

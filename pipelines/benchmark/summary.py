@@ -270,7 +270,7 @@ def draw_worlds(frame: DataFrame) -> Figure:
 
 def write_scores(frame: DataFrame) -> str:
     """Absolute errors, and the headline of each machine, in Markdown, for the documentation."""
-    parts = [f"**Absolute errors at the end, medians over the worlds**\n\n{_write_table(table_absolute(frame))}\n"]
+    parts = [f"**Absolute errors at the end, medians over the worlds**\n\n{write_table(table_absolute(frame))}\n"]
     for machine in machines_of(frame):
         tables = [table_scores(frame, machine)]
         if set(frame["method"][frame["setting"] == GUARDED]) > {ALONE}:
@@ -278,13 +278,14 @@ def write_scores(frame: DataFrame) -> str:
         excluded = make_comparison(frame, machine, BY_DEFAULT).excluded
         notes = [f"The task {task} does not count there: {why}." for task, why in excluded.items()]
         order = " ".join([describe_order(frame, machine, find_setting(machine)), *notes])
-        scores, *guarded = map(_write_table, tables)
+        scores, *guarded = map(write_table, tables)
         shown = "".join(f"\nWith the guard:\n\n{each}\n" for each in guarded)
         parts.append(f"**{machine}**\n\n{scores}\n\n{order}\n{shown}")
     return "\n".join(parts)
 
 
-def _write_table(table: DataFrame) -> str:
+def write_table(table: DataFrame) -> str:
+    """A table in Markdown."""
     rows = [list(table), ["---"] * len(table.columns), *table.itertuples(index=False)]
     return "\n".join("| " + " | ".join(map(str, row)) + " |" for row in rows)
 

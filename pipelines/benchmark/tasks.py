@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass, replace
 from pipelines.worlds import FIRST_TUNING, draw_world
 
 VERSION = 1
-"""Of the tasks. Whoever changes one of them, or a world, raises it: results of two versions are never compared."""
+"""Of the tasks; version 2 of the benchmark has the same ones, beside the log track. Whoever changes one of them, or a
+world, raises it: results of two versions are never compared."""
 PROTOCOL = ("learning.lead=auto", "learning.rate=auto", "learning.guard=none", "warn=false")
 """Of every run. Nothing guards learning: a method that does harm shows it."""
 STROKE, SPEED, STIFFNESS, NOISE, DELAY, PAYLOAD, SLOPE = TASKS = (

@@ -1,17 +1,15 @@
 """The whole command: a log of known truth becomes page, JSON and option file; a real log, where there is one."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
 from support.command import call
-from support.logs import NAMES, Truth, simulate_log
+from support.logs import MODEL, NAMES, Truth, simulate_log
 from support.pages import ROOT
 
-MODEL = Path(__file__).parents[1] / "support" / "pendulums.xml"
 REAL = ROOT.parent / "shared" / "data" / "go2_swing" / "log.parquet"
 """A log of a real Go2, where it is."""
 

@@ -11,11 +11,14 @@ from cmacexp.commands.study import Options, write_studies
 from cmacexp.config.compose import compose_config, compose_untyped
 from cmacexp.config.machine import RobotMachine
 from cmacexp.data.integrity import faults, is_finished
+from cmacexp.data.parquet import read_table
 from cmacexp.data.trace import Trace
 from cmacexp.engine.run import run_scenario
 from cmacexp.engine.without_effect import list_idle_overrides
 from cmacexp.errors import BadComponent, BadInput, BadRun, CmacexpError, Diverged, SmallMargin
 from cmacexp.feedforward.ilc import gaussian_taps
+from cmacexp.gap.analysis import Gap
+from cmacexp.gap.learners import predict_all
 from cmacexp.gap.log import read_log
 from cmacexp.jit.compiler import program, workload
 from cmacexp.jit.hooks import Hook

@@ -1,0 +1,54 @@
+"""A method of a user that takes a log: a class without arguments, with ``fit(strokes)`` and ``predict(stroke)``."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from cmacexp.gap.signals import Signals, differentiate
+from cmacexp.typing import Array
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """A stroke of a log, (rows, J) each; what was measured is None until it is over."""
+
+    period: float
+    """Of the rows, s."""
+    phase: Array
+    """(rows,) from 0 to 1."""
+    command: Array
+    """Angles that the drives were given, rad."""
+    command_rate: Array
+    """Their derivative, rad/s."""
+    angle: Array | None = None
+    """Measured, rad."""
+    torque: Array | None = None
+    """Of the drives, N m: what the method predicts."""
+
+
+@dataclass
+class Entered:
+    """A method of a user as a learner; it is given copies, and of the next stroke nothing that was measured.
+
+    ``method.fit(strokes)`` is called after every stroke with all so far; ``method.predict(stroke)`` returns the
+    torque (rows, J) of the next one, N m.
+    """
+
+    signals: Signals
+    method: Any
+    strokes: list[Stroke] = field(default_factory=list)
+
+    def _cut(self, stroke: int) -> Stroke:
+        own, rows = self.signals, self.signals.rows(stroke)
+        rate = differentiate(own.command, own.log.period)
+        return Stroke(own.log.period, own.phase[rows].copy(), own.command[rows].copy(), rate[rows])
+
+    def predict(self, stroke: int) -> Array:
+        """What the method says, whatever that is."""
+        found: Array = self.method.predict(self._cut(stroke))
+        return found
+
+    def learn(self, stroke: int, torque: Array) -> None:
+        """Let it fit to one more stroke."""
+        angle = self.signals.log.angle[self.signals.rows(stroke)].copy()
+        self.strokes.append(replace(self._cut(stroke), angle=angle, torque=torque.copy()))
+        self.method.fit(list(self.strokes))

@@ -1,0 +1,259 @@
+"""The log track of the benchmark: methods that learn from the strokes of a log, and predict the torque of the next.
+
+``python -m pipelines.benchmark --log LOG --robot go2``; the protocol is that of ``cmacexp gap``.
+"""
+
+import argparse
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from cmacexp.commands.gap import read_given
+from cmacexp.commands.study import FOLDER_KEY, Options
+from cmacexp.config.component import current_folder_importable, find_class
+from cmacexp.data.folder import HTML, new_result
+from cmacexp.data.manifest import REPORT
+from cmacexp.engine.failure import describe_failure
+from cmacexp.errors import BadInput
+from cmacexp.gap.analysis import Gap, add_makers, list_scored, measure, measure_left, score
+from cmacexp.gap.entered import Entered
+from cmacexp.gap.learners import Learner, Maker, predict_all
+from cmacexp.gap.machine import read_machine
+from cmacexp.gap.signals import Signals
+from cmacexp.gap.validation import ABOVE, IDENTIFIED, choose_level, list_identified
+from cmacexp.study import Criterion, DataFrame, Finding, Results, Study, at_most
+from cmacexp.study.page import evaluate, write_page
+from cmacexp.study.provenance import digest_files, make_provenance
+from cmacexp.study.study_file import StudyFile
+from cmacexp.terminal.output import print_line, show_progress
+from cmacexp.terminal.tables import print_table
+from cmacexp.typing import Array
+from pipelines.benchmark.entrants import slug
+from pipelines.benchmark.simulated_log import MODEL, NAMES, simulate_log
+from pipelines.benchmark.summary import write_table
+
+NAME, SCORES = "log_track", "log_scores"
+VERSION = 2
+"""Of the benchmark, which has this track since then; its tasks are still those of version 1."""
+SIMULATED = "simulated"
+"""The log of those who have none."""
+UPDATED, FROZEN, GUARDED = SETTINGS = ("updated", "frozen", "guarded")
+"""After every stroke; after half of the strokes; updated, and without effect after a stroke with harm."""
+ALONE, WITH_ILC, WITH_CMAC = (IDENTIFIED,), f"{IDENTIFIED}, and ILC", f"{IDENTIFIED}, and {ABOVE}"
+TABLES = (
+    "stroke before", "ILC", "norm-optimal ILC", "CMAC over phase", "CMAC over angles and velocities",
+    "CMAC over phase and speed", "RBF over phase", "random Fourier features", "regressor of the model", "perceptron",
+)  # fmt: skip
+METHODS = (
+    *TABLES, "model", "model and CMAC over phase", "generic joints", "generic joints and CMAC over phase",
+    IDENTIFIED, WITH_ILC, WITH_CMAC,
+)  # fmt: skip
+
+
+@dataclass
+class Checked:
+    """A learner whose predictions must be numbers of the right shape; ``guarded``: harm ends its effect."""
+
+    learner: Learner
+    signals: Signals
+    guarded: bool
+    acts: bool = True
+
+    def predict(self, stroke: int) -> Array:
+        """What it predicts; raises ValueError."""
+        wanted = self.signals.torque[self.signals.rows(stroke)]
+        found = np.asarray(self.learner.predict(stroke), dtype=float)
+        if found.shape != wanted.shape or not np.isfinite(found).all():
+            allowed = f"must be finite numbers of shape {wanted.shape}"
+            raise ValueError(f"the torque of stroke {stroke} has shape {found.shape} or is not finite: {allowed}")
+        self.torque = found if self.acts else np.zeros_like(found)
+        return self.torque
+
+    def learn(self, stroke: int, torque: Array) -> None:
+        """Learn; a guarded one acts no longer once it left more than there was."""
+        if self.guarded and ((torque - self.torque) ** 2).sum() > (torque**2).sum():
+            self.acts = False
+        self.learner.learn(stroke, torque)
+
+
+def try_method(gap: Gap, name: str, make: Maker, setting: str) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Rows of the strokes and a row of scores of one method; one that raises has failed, and says why."""
+    signals, begun, cause = gap.signals, perf_counter(), ""
+    try:
+        learner = Checked(make(), signals, setting == GUARDED)
+        predicted = predict_all(learner, signals, signals.count // 2 if setting == FROZEN else None)
+    except Exception as error:
+        predicted, cause = np.full_like(signals.torque, np.inf), describe_failure(error)
+    own = {"method": name, "setting": setting, "status": "failed" if cause else "completed", "cause": cause}
+    left = [measure_left(signals, predicted, stroke) for stroke in range(1, signals.count + 1)]
+    rows = [{**own, "stroke": k, "scored": k in list_scored(signals), "left": each} for k, each in enumerate(left, 1)]
+    scores = {
+        f"{part}{each}": value
+        for part, strokes in {"": list_scored(signals), "fastest ": [signals.fastest]}.items()
+        for each, value in ({} if cause else score(gap, predicted, strokes)).items()
+    }
+    harmful, seconds = sum(each > 100.0 for each in left), perf_counter() - begun
+    return rows, {**own, "value": np.nan, **scores, "harmful": harmful, "seconds": seconds}
+
+
+def _divide(one: str, other: str, setting: str, results: Results) -> Array:
+    """Torque left by one method over that by another, in each stroke that was predicted; infinite if it failed."""
+    rows = results.computed[NAME]
+    after = rows["stroke"].max() // 2 if setting == FROZEN else 2
+    left = rows[(rows["setting"] == setting) & (rows["stroke"] > after)].pivot(
+        index="stroke", columns="method", values="left"
+    )
+    found: Array = (left[one] / left[other]).fillna(np.inf).to_numpy()
+    return found
+
+
+def _compare(one: str, others: Sequence[str], limit: float, setting: str, names: Sequence[str]) -> list[Criterion]:
+    """A criterion for each of the others that takes part."""
+    what = f"torque left over that of the other method, {setting}"
+    return [
+        Criterion(what, partial(_divide, one, other, setting), at_most(limit), case=other, infinite="a method failed")
+        for other in others
+        if {one, other} <= {*names}
+    ]
+
+
+def tabulate(scores: DataFrame) -> DataFrame:
+    """What each method leaves, by setting, from a row of scores for each method and setting."""
+    import pandas as pd
+
+    def interval(row: Any, part: str) -> str:
+        ends = [row[f"{part}{each}"] for each in ("value", "low", "high")]
+        return "failed" if row["cause"] else "{:.1f} [{:.1f}, {:.1f}]".format(*ends)
+
+    by_setting = {setting: own.set_index("method") for setting, own in scores.groupby("setting")}
+    updated = by_setting[UPDATED].sort_values("value")
+    rows = []
+    for name, row in updated.iterrows():
+        frozen, guarded = (by_setting[setting].loc[name] for setting in (FROZEN, GUARDED))
+        failed = sum(bool(each["cause"]) for each in (row, frozen, guarded))
+        cells = [interval(row, ""), interval(row, "fastest "), interval(frozen, "fastest "), interval(guarded, "")]
+        rows.append([name, *cells, int(row["harmful"]), f"{failed} of {len(SETTINGS)}"])
+    columns = ["method", "left, %", "fastest, %", "fastest if frozen, %", "guarded, %", "harmful strokes", "failed"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def write_scores(scores: DataFrame) -> str:
+    """The table in Markdown, for the documentation."""
+    return write_table(tabulate(scores))
+
+
+def make_study(names: Sequence[str] = METHODS, values: Mapping[str, Any] | None = None) -> StudyFile:
+    """The log track as a study of the methods ``names``, whose results are computed; ``values`` of its page."""
+    plant, cmac = "An identified plant", "CMAC over phase"
+    stated = {
+        "identified": (f"{plant} leaves less torque than any table or network", IDENTIFIED, TABLES, 1.0, UPDATED),
+        "carries": (
+            f"{plant}, frozen at half of the strokes, leaves at most half of what others leave in those that follow",
+            IDENTIFIED,
+            TABLES,
+            0.5,
+            FROZEN,
+        ),
+        "above": (
+            f"{plant} below a CMAC leaves at most 95 % of what it leaves alone",
+            WITH_CMAC,
+            ALONE,
+            0.95,
+            UPDATED,
+        ),
+        "ilc_above": (
+            f"{plant} below ILC leaves at most 95 % of what it leaves alone",
+            WITH_ILC,
+            ALONE,
+            0.95,
+            UPDATED,
+        ),
+        "below": (
+            "A model with generic joints below a CMAC leaves at most 80 % of what the CMAC leaves alone",
+            f"generic joints and {cmac}",
+            (cmac,),
+            0.8,
+            UPDATED,
+        ),
+    }
+    judged = {
+        name: Finding(criteria, says=says)
+        for name, (says, one, others, limit, setting) in stated.items()
+        if (criteria := _compare(one, others, limit, setting, names))
+    }
+    study = Study(
+        title="The log track of the benchmark",
+        question="Which methods predict the torque of the next stroke of a robot from its log?",
+        runs=lambda quick: [],
+        findings=judged,
+        tables={"left": lambda results: tabulate(results.computed[SCORES])},
+        values=lambda results: {"findings": [*judged], **(values or {})},
+    )
+    return StudyFile(Path(__file__), study)
+
+
+def choose(gap: Gap, names: str | None, targets: Sequence[str], identified: bool) -> dict[str, Maker]:
+    """Makers of the methods that take part, by name; raises BadInput."""
+    own = dict[str, Maker]()
+    for target in targets:
+        with current_folder_importable():
+            method = find_class("--method", target)
+        if not (hasattr(method, "fit") and hasattr(method, "predict")):
+            raise BadInput("--method", target, "must have fit(strokes) and predict(stroke) to take a log")
+        own[method.__name__] = lambda method=method: Entered(gap.signals, method())  # type: ignore[misc]
+    add_makers(gap)
+    if identified and gap.replays:
+        level, _ = choose_level(gap.problem)
+        gap.makers |= list_identified(gap.problem, level, gap.makers["model"])
+    known = {slug(name): name for name in METHODS if name in gap.makers}
+    wanted = list(known) if names is None else [slug(name) for name in names.split(",")]
+    for name in wanted:
+        if name not in known:
+            raise BadInput("--methods", name, f"choose from {', '.join(known)}")
+    return {known[name]: gap.makers[known[name]] for name in wanted} | own
+
+
+def run(arguments: argparse.Namespace, options: Options) -> Path:
+    """Try every method on the log; write rows, scores, statements and page; returns the page."""
+    import pandas as pd
+
+    simulated = str(arguments.log) == SIMULATED
+    if not simulated and arguments.robot is None:
+        raise BadInput("--robot", None, "is missing: an option of conf/machine, or an MJCF or URDF file")
+    log, machine = (simulate_log(), read_machine(str(MODEL), NAMES)) if simulated else read_given(arguments)
+    gap, folder = measure(log, machine), options.place(f"{NAME}-{SIMULATED}" if simulated else NAME)
+    makers = choose(gap, arguments.methods, arguments.method, not options.quick)
+    pairs, found = [(name, setting) for name in makers for setting in SETTINGS], []
+    with show_progress("predicting strokes", len(pairs)) as set_done:
+        for count, (name, setting) in enumerate(pairs, 1):
+            found.append(try_method(gap, name, makers[name], setting))
+            set_done(count)
+    frames = {NAME: pd.DataFrame(row for rows, _ in found for row in rows), SCORES: pd.DataFrame(s for _, s in found)}
+    about: dict[str, Any] = {
+        "log": log.path.name,
+        "sha256": "" if simulated else hashlib.sha256(log.path.read_bytes()).hexdigest(),
+        "robot": Path(machine.name).name,
+        "strokes": gap.signals.count,
+        "scored": list_scored(gap.signals),
+        "fastest": gap.signals.fastest,
+        "causes": [f"{own['method']}, {own['setting']}: {own['cause']}" for _, own in found if own["cause"]],
+    }
+    file, results = make_study([*makers], about | {"version": VERSION}), Results([], frames)
+    with new_result(folder, FOLDER_KEY, REPORT) as place:
+        evaluated = evaluate(file, results, place.part, options.quick)
+        root = Path(__file__).parents[2]
+        sources = [*(root / "cmacexp" / "gap").glob("*.py"), *Path(__file__).parent.glob("*log*.py")]
+        provenance = make_provenance(digest_files(sources, root), results, [], seeds=1) | {"runs": len(pairs)}
+        pages = [replace(evaluated, provenance=provenance | {"log": about["sha256"]})]
+        write_page(file.study.title, file.study.question, pages, place, options.quick)
+    table = tabulate(frames[SCORES])
+    print_table(list(table), [[str(cell) for cell in row] for row in table.itertuples(index=False)])
+    for cause in about["causes"]:
+        print_line(f"failed: {cause}")
+    return folder / HTML
