@@ -31,9 +31,11 @@ def _export(arguments: argparse.Namespace) -> int:
     with show_activity(f"exporting {run.folder}"):
         written = []
         if arguments.c:
+            from cmacexp.engine.c_law import describe_law
             from cmacexp.export.c_code import write_c
 
-            written.append(write_c(run, out, arguments.single, arguments.path))
+            law = describe_law(run) if arguments.law else None
+            written.append(write_c(run, out, arguments.single, arguments.path, law))
         if arguments.wide:
             from cmacexp.export.wide import write_wide
 
@@ -55,8 +57,10 @@ def _parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
     arguments = parser.parse_args()
     if not any(getattr(arguments, name) for name in FORMATS):
         parser.error("what to write is missing: " + ", ".join(f"--{name}" for name in FORMATS))
-    if (arguments.single or arguments.path) and not arguments.c:
-        parser.error("--single and --path are options of --c")
+    if (arguments.single or arguments.path or arguments.law) and not arguments.c:
+        parser.error("--single, --path and --law are options of --c")
+    if arguments.single and arguments.law:
+        parser.error("--law is in double precision: leave out --single")
     return arguments
 
 
@@ -67,6 +71,7 @@ def main() -> int:
     parser.add_argument("--c", action="store_true", help="cmac_leg.h, cmac_leg.c and main.c, which checks itself")
     parser.add_argument("--single", action="store_true", help="the C code in single precision")
     parser.add_argument("--path", action="store_true", help="the C code for the planned path alone: little memory")
+    parser.add_argument("--law", action="store_true", help="the C code of the whole control law, with --path")
     parser.add_argument("--wide", action="store_true", help="the trace as a table with one row a step")
     parser.add_argument("--mcap", action="store_true", help="the trace as MCAP")
     parser.add_argument("--out", metavar="FOLDER", help="where to write (default: export-NAME OF DIR)")

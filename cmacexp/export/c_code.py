@@ -29,6 +29,7 @@ from cmacexp.export.vectors import make_vectors, measure_single
 from cmacexp.models.mix import MULTIPLIER
 
 HEADER, SOURCE, CHECK = FILES = ("cmac_leg.h", "cmac_leg.c", "main.c")
+LAW_FILES = ("cmac_walk.h", "cmac_walk.c", "walk_main.c")
 MOST_STATE, MOST_CONSTANTS = 2**28, 2**24
 """Bytes, above which a network is refused."""
 TITLES = {
@@ -44,12 +45,15 @@ QUANTITIES = {"angle": ("rad", "m"), "velocity": ("rad/s", "m/s"), "acceleration
 """Units of planned inputs: of joints, and of a point mass, whose joints are its axes."""
 
 
-def write_c(run: Run, folder: Path, single: bool = False, one_path: bool = False) -> Path:
+def write_c(
+    run: Run, folder: Path, single: bool = False, one_path: bool = False, law: dict[str, Any] | None = None
+) -> Path:
     """Write the C code of a run's network, in single precision or double; its header. Raises BadInput or BadRun.
 
-    ``one_path`` gives the cells of the planned path as a table, without addressing.
+    ``one_path`` gives the cells of the planned path as a table, without addressing. ``law`` does so too, in double
+    precision: what :func:`cmacexp.engine.c_law.describe_law` says of the control law, which is written beside it.
     """
-    network = read_network(run, one_path)
+    network = read_network(run, one_path or law is not None)
     context = describe(network, single) | {"period": repr(float(run.config["sampling_period"]))}
     for key, most in (("state_bytes", MOST_STATE), ("constant_bytes", MOST_CONSTANTS)):
         if context[key] > most:
@@ -63,12 +67,14 @@ def write_c(run: Run, folder: Path, single: bool = False, one_path: bool = False
     context["steps"] = steps = len(vectors.errors)
     for name in ("inputs", "errors", "torque"):
         context[f"vector_{name}"] = getattr(vectors, name).reshape(steps, -1)
-    texts = [_render(name, context, single) for name in FILES]
+    context |= law or {}
+    files = FILES + LAW_FILES * (law is not None)
+    texts = [_render(name, context, single) for name in files]
     folder.mkdir(parents=True, exist_ok=True)
-    for name, text in zip(FILES, texts, strict=True):
+    for name, text in zip(files, texts, strict=True):
         with write_atomically(folder / name) as temporary:
             temporary.write_text(text, encoding="ascii")
-    return folder / HEADER
+    return folder / (LAW_FILES[0] if law else HEADER)
 
 
 def format_real(value: Any, single: bool) -> str:

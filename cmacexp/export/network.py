@@ -11,6 +11,7 @@ from cmacexp.cmac.receptive_field import RECTANGULAR
 from cmacexp.cmac.rules import NEIGHBOURS
 from cmacexp.config import Config
 from cmacexp.config.machine import RobotMachine, read_model
+from cmacexp.config.schema import NONE
 from cmacexp.data.run import Run, read_config
 from cmacexp.data.weights import WEIGHTS, load_weights
 from cmacexp.errors import BadInput, BadRun
@@ -66,9 +67,9 @@ def read_network(run: Run, one_path: bool) -> Network:
 
     ``one_path`` keeps the cells of the planned path alone, by sample, instead of the addressing.
     """
-    kind = _require_exportable(run)
-    config = _read_config(run)
-    learnt = _read_weights(run)
+    kind = require_exportable(run)
+    config = read_final_config(run)
+    learnt = read_learnt(run)
     feedforward, setup = _reset(run, kind, config, learnt)
     one_path = one_path or isinstance(feedforward, RadialBasis)
     if setup.lead < -1 and not one_path:
@@ -81,7 +82,7 @@ def read_network(run: Run, one_path: bool) -> Network:
     return _make_network(run, kind, feedforward, setup, one_path, learnt is not None)
 
 
-def _require_exportable(run: Run) -> str:
+def require_exportable(run: Run) -> str:
     """The kind of its network, before anything that a run names is imported; raises BadInput."""
     plain = run.config
     for group in ("plant", "sensors", "controller"):
@@ -94,7 +95,7 @@ def _require_exportable(run: Run) -> str:
     raise BadInput("feedforward._target_", target, f"cannot be exported as C; what can is {', '.join(EXPORTED)}")
 
 
-def _read_config(run: Run) -> Config:
+def read_final_config(run: Run) -> Config:
     """The config, with lead and rate as they were at the end of the run; raises BadInput or BadRun."""
     config = read_config(run)
     if isinstance(config.machine, RobotMachine):
@@ -106,11 +107,11 @@ def _read_config(run: Run) -> Config:
     lead, rate = (run.manifest.get(f"learning_{name}") for name in ("lead", "rate"))
     if lead is None or rate is None or not -MOST_LEAD <= lead <= MOST_LEAD or not 0 < rate < 2:
         raise BadRun(f"{run.folder}: learning_lead={lead} and learning_rate={rate} are none of a run; run it again")
-    learning = replace(config.learning, lead=int(lead), rate=float(rate), guard="none", start_from=None)
-    return replace(config, learning=learning)
+    return replace(config, learning=replace(config.learning, lead=int(lead), rate=float(rate), start_from=None))
 
 
-def _read_weights(run: Run) -> Weights | None:
+def read_learnt(run: Run) -> Weights | None:
+    """What the run stored of its network; None if it kept nothing. Raises BadRun."""
     if WEIGHTS not in run.manifest["files"]:
         if run.config["learning"].get("start_from") is not None:
             raise BadRun(f"{run.folder}: started from weights, but stored none; run it with record.weights=true")
@@ -129,6 +130,7 @@ def _reset(run: Run, kind: str, config: Config, learnt: Weights | None) -> tuple
     plan = make_plan(config.nominal, mechanism, True)
     start = np.zeros(mechanism.shape)
     lead, rate = config.learning.lead, config.learning.rate
+    config = replace(config, learning=replace(config.learning, guard=NONE))  # which would spend time on its rate
     setup = Setup(config.nominal, mechanism, plan, start, learnt, int(lead), float(rate))
     feedforward: Any = EXPORTED[kind](config.feedforward)
     try:
@@ -169,14 +171,14 @@ def _make_network(
     names: list[str] = [] if isinstance(feedforward, RadialBasis) else config.cmac.inputs
     cmacs = [] if isinstance(feedforward, RadialBasis) else feedforward.cmacs
     if one_path:
-        kept = [np.unique(params.cells[:, i]) for i in range(legs)]
+        kept = list_path_rows(params)
     elif cmacs[0].visited is not None:
         found = [np.unique(cmac.visited.positions, return_index=True) for cmac in cmacs if cmac.visited is not None]
         places, kept = zip(*found, strict=True)
     inputs = [np.zeros((len(params.cells), 0)) if one_path else planned_inputs(setup, i, names) for i in range(legs)]
     return Network(
         kind,
-        _keep_rows(params, kept),
+        keep_rows(params, kept),
         np.stack(inputs, axis=1),
         [] if one_path else names,
         [] if one_path else [cmac.address for cmac in cmacs],
@@ -188,7 +190,12 @@ def _make_network(
     )
 
 
-def _keep_rows(params: FeedforwardParams, kept: Rows) -> FeedforwardParams:
+def list_path_rows(params: FeedforwardParams) -> Rows:
+    """(rows,) of each leg that the planned path uses, in order."""
+    return [np.unique(params.cells[:, i]) for i in range(params.cells.shape[1])]
+
+
+def keep_rows(params: FeedforwardParams, kept: Rows) -> FeedforwardParams:
     """``params`` with the rows of each leg in another order, and no others; short legs end with rows of zeros."""
     most = max(map(len, kept))
     weights, cells = np.zeros((len(kept), most, params.weights.shape[2])), np.empty_like(params.cells)

@@ -7,13 +7,13 @@ import sys
 
 import numpy as np
 import pytest
-from support.command import python
+from support.command import call, python
 from support.doors import BadInput, BadRun
 from support.manifests import accept, change_manifest
 from support.robots import OWN
 
 import cmacexp
-from cmacexp.export.c_code import FILES, write_c
+from cmacexp.export.c_code import FILES, LAW_FILES, write_c
 from cmacexp.export.network import read_network
 from cmacexp.export.vectors import run_steps
 
@@ -42,6 +42,25 @@ CASES = {
     "rbf": (("feedforward=rbf", "learning.lead=-3"), {}),
     "model": (("feedforward=cmac_on_model", "learning.rule=dead_zone"), {}),
 }
+STEPPING = (*ROBOT, "gait.cycle_time=0.4", "gait.stroke=0.02", "gait.lift=0.01", "gait.allow_unstable=true")
+PLANNED = (*STEPPING, "force_control.load_sharing=dynamic")
+LAWS = {
+    "leg": ("learning=lasting", "actuator.torque_limit=2", "actuator.rate_limit=100", "learning.rule=leakage"),
+    "leg from nothing": ("force_control=explicit", "reference=aware", "learning.rule=decaying_rate"),
+    "leg that damps": ("learning=lasting", "force_control=damping", "feedforward=rbf", "actuator.delay=2"),
+    "quadruped": ("scenario=quadruped", "learning=lasting", "posture.rate_gain=0.5"),
+    "robot with drives": (*PLANNED, "controller=drives", "feedforward=cmac_on_model"),
+    "robot": PLANNED,
+}
+LACKING = {
+    "force_control.load_sharing=adaptive": STEPPING,
+    "plausibility.enabled=True": (),
+    "learning.guard=refine": (),
+    "learning.lead=estimate": ("learning.guard=freeze", "cycles=11"),
+    "sensors.velocity.lag=0.01": ("sensors=real",),
+    "machine.kind=point_mass": ("scenario=force_step", "feedforward=cmac"),
+}
+"""What no C has a part of, and what that needs."""
 
 
 @pytest.fixture(scope="module")
@@ -56,9 +75,9 @@ def copy(run_of, tmp_path):
     return shutil.copytree(run_of().folder, tmp_path / 'x */ #error injected "')
 
 
-def check(folder):
+def check(folder, files=FILES[1:]):
     """Compile the C code without a warning; how its check ends."""
-    command = [COMPILER, *FLAGS, "-o", folder / "check", *(folder / name for name in FILES[1:])]
+    command = [COMPILER, *FLAGS, "-o", folder / "check", *(folder / name for name in files), "-lm"]
     compiled = subprocess.run(command, capture_output=True, text=True)
     assert compiled.returncode == 0, compiled.stderr
     return subprocess.run([folder / "check"], capture_output=True, text=True, timeout=60)
@@ -87,6 +106,36 @@ def test_a_changed_weight_and_a_changed_law_fail(run_of, tmp_path):
         assert check(tmp_path).returncode == 1
 
 
+@needs_compiler
+@pytest.mark.parametrize("case", LAWS)
+def test_c_runs_the_law_that_python_runs(case, stored, tmp_path):
+    pytest.importorskip("mujoco" if "robot" in case else "numpy")
+    keeps = f"record.weights={'nothing' not in case}"
+    run = stored("warn=false", "record=metrics", keeps, "cycles=2", "learning.start_cycle=2", *LAWS[case])
+    done = call("export", run.folder, "--c", "--law", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    agrees = check(tmp_path, ("cmac_leg.c", *LAW_FILES[1:]))
+    assert agrees.returncode == 0, agrees.stdout
+    assert ("lasting" in str(LAWS[case]) or "robot" in case) == ("1 event" in agrees.stdout), agrees.stdout
+    source = tmp_path / LAW_FILES[1]
+    changed = re.sub(r"(velocity\[1\]) = row\[VY\]", r"\1 = -row[VY]", text := source.read_text())
+    assert changed != text
+    source.write_text(changed)
+    assert check(tmp_path, ("cmac_leg.c", *LAW_FILES[1:])).returncode == 1
+
+
+@pytest.mark.parametrize("override", LACKING)
+def test_a_law_of_which_c_would_lack_a_part_is_refused_by_name(override, stored, tmp_path):
+    pytest.importorskip("mujoco" if "adaptive" in override else "numpy")
+    keeps = ("record.weights=true", "record=metrics", "cycles=1", "learning.start_cycle=1")
+    given = () if "kind" in override else (override,)
+    done = call(
+        "export", stored(*keeps, *LACKING[override], *given).folder, "--c", "--law", "--out", tmp_path / "out"
+    )
+    assert (done.returncode, done.stderr.startswith(f"error: {override}: must be ")) == (2, True), done.stderr
+    assert not list(tmp_path.iterdir())
+
+
 def test_replayed_along_the_plan_the_network_gives_the_torques_and_weights_of_the_run(stored):
     run = stored("record=trace", "record.weights=true", "cycles=2")
     network, trace = read_network(run, one_path=True), run.trace.iloc[-601:]
@@ -109,7 +158,7 @@ def test_what_cannot_be_exported_is_refused_by_name(override, run_of, tmp_path):
 
 def test_the_command_writes_every_format_and_into_no_run(stored, tmp_path):
     run = shutil.copytree(stored("record=trace", "record.weights=true", "cycles=2").folder, tmp_path / "run")
-    for words in (["--out", "x"], ["--single"], ["--c", "--out", str(run)]):
+    for words in (["--out", "x"], ["--single"], ["--c", "--law", "--single"], ["--c", "--out", str(run)]):
         done = python("-m", "cmacexp.export", str(run), *words, folder=tmp_path)
         assert (done.returncode, done.stderr.count("error: ")) == (2, 1), done.stderr
     done = python("-m", "cmacexp.export", "run", "--c", "--wide", "--mcap", folder=tmp_path)
