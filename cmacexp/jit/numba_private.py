@@ -122,23 +122,43 @@ class _Listener(event.Listener):
         self.call = call
 
     def on_start(self, event: event.Event) -> None:
-        """A function is about to be compiled, which may be a kernel of the one that was called."""
+        """What this listens to begins."""
         self.call()
 
     def on_end(self, event: event.Event) -> None:
-        """A function has been compiled."""
+        """What this listens to has ended."""
+
+
+class _Compiling(_Listener):
+    """Has LLVM optimise programs, and the kernels inside them little, since it sees them again in the program."""
+
+    def __init__(self, call: Callable[[], None]):
+        super().__init__(call)
+        self.level, self.depth = type(config.OPT), 0
+
+    def on_start(self, event: event.Event) -> None:
+        """A program is about to be compiled, or a kernel inside it."""
+        self.call()
+        self.depth += 1
+        self._choose()
+
+    def on_end(self, event: event.Event) -> None:
+        """It has been compiled."""
+        self.depth -= 1
+        self._choose()
+
+    def _choose(self) -> None:
+        config.OPT = self.level(1 if self.depth > 1 else 3)
 
 
 @contextmanager
 def before_compiling(call: Callable[[], None], again: Callable[[], None]) -> Iterator[None]:
     """Have ``call`` called before anything is compiled that the cache does not hold; what it raises prevents that.
 
-    ``again`` is called many times meanwhile, and may end that likewise. LLVM optimises little: "Compiling"
-    says what that saves, and what it costs in each step.
+    ``again`` is called many times meanwhile, and may end that likewise.
     """
     before = config.OPT
-    with install_listener("numba:compile", _Listener(call)), install_listener("numba:run_pass", _Listener(again)):
-        config.OPT = type(before)(1)
+    with install_listener("numba:compile", _Compiling(call)), install_listener("numba:run_pass", _Listener(again)):
         try:
             yield
         finally:
