@@ -1,7 +1,8 @@
-"""``cmacexp robot --simulate`` plays a robot for ``plant=unitree``; ``--chirp LOG`` moves one that hangs."""
+"""``cmacexp robot --simulate`` plays a robot for ``plant=unitree``; ``--chirp``, ``--learn`` move one that hangs."""
 
 import argparse
 import math
+from typing import Any
 
 from omegaconf import OmegaConf
 
@@ -9,8 +10,12 @@ from cmacexp.commands.command import Parser, run_command
 from cmacexp.commands.robots import quote_value
 from cmacexp.config import config_folder
 from cmacexp.config.compose import compose_config
+from cmacexp.config.machine import LEG_NAMES
 from cmacexp.errors import BadInput
+from cmacexp.metrics.text import format_number
 from cmacexp.terminal.output import print_line, show_activity
+from cmacexp.terminal.tables import print_table
+from cmacexp.typing import Array
 from cmacexp.wire.faults import KINDS, NO_FAULT, Fault
 from cmacexp.wire.network import LOOPBACK
 
@@ -20,36 +25,44 @@ OVERRIDES = [
 ]  # fmt: skip
 """The robot that is played where nothing else is asked for."""
 
-CHIRP = ["scenario=robot", "machine=go2", "plant=unitree", "controller=drives"]
-"""The robot that draws a chirp likewise."""
+HUNG = ["scenario=robot", "machine=go2", "plant=unitree", "controller=drives"]
+"""The robot that hangs likewise."""
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    if arguments.simulate == (arguments.chirp is not None):
-        raise BadInput(
-            "--simulate", arguments.simulate, "give either --simulate, or --chirp LOG for a robot that hangs"
-        )
-    return _play(arguments) if arguments.simulate else _draw_chirp(arguments)
+    asked = [arguments.simulate, arguments.chirp is not None, arguments.learn is not None]
+    if sum(asked) != 1:
+        reason = "give one of --simulate, and of a robot that hangs --chirp LOG and --learn LEG"
+        raise BadInput("--simulate", arguments.simulate, reason)
+    return _play(arguments) if arguments.simulate else _move_hung(arguments)
 
 
-def _draw_chirp(arguments: argparse.Namespace) -> int:
+def _move_hung(arguments: argparse.Namespace) -> int:
     from cmacexp.loop.run import come_to_rest
     from cmacexp.loop.scenario import make_scenario
     from cmacexp.typing import Status
 
-    log, domain = f"plant.log={quote_value(arguments.chirp)}", f"plant.domain={arguments.domain}"
-    config = compose_config([*CHIRP, log, domain, *arguments.overrides])
-    scenario = make_scenario(config)
+    log = [f"plant.log={quote_value(arguments.chirp)}"] if arguments.chirp else []
+    scenario = make_scenario(compose_config([*HUNG, *log, f"plant.domain={arguments.domain}", *arguments.overrides]))
     if scenario.fault is not None:
         raise scenario.fault
+    plant: Any = scenario.plant  # plant=unitree
     status = Status.FAILED
     try:
-        with show_activity("the joints are checked, then move ever faster"):
-            scenario.plant.draw_chirp()  # type: ignore[attr-defined]  # of plant=unitree
+        with show_activity("the joints are checked, then move"):
+            if arguments.chirp:
+                plant.draw_chirp()
+            else:
+                lead, rate = scenario.setup.lead, scenario.setup.rate
+                strokes: Array = plant.learn_hung(LEG_NAMES.index(arguments.learn), lead, rate)
         status = Status.COMPLETED
     finally:
-        come_to_rest(scenario.plant, status)
-    print_line(f"{arguments.chirp}: python -m cmacexp.gap {arguments.chirp} --robot go2")
+        come_to_rest(plant, status)
+    if arguments.chirp:
+        print_line(f"{arguments.chirp}: python -m cmacexp.gap {arguments.chirp} --robot go2")
+    else:
+        rows = [[str(k), *map(format_number, row * [1e3, 1.0])] for k, row in enumerate(strokes, start=1)]
+        print_table(["stroke", "joint error, mrad", "feedback, N m"], rows)
     return 0
 
 
@@ -73,6 +86,7 @@ def main() -> int:
     parser = Parser("cmacexp.robot", f"Play a robot on this computer's loopback for plant=unitree. Faults: {kinds}.")
     parser.add_argument("--simulate", action="store_true", help="play a robot; it ends once commands cease")
     parser.add_argument("--chirp", metavar="LOG", help="move the joints of a robot that hangs, for cmacexp gap LOG")
+    parser.add_argument("--learn", metavar="LEG", choices=LEG_NAMES, help="let a leg of a robot that hangs learn")
     parser.add_argument("--domain", type=int, default=0, metavar="N", help="of DDS, as plant.domain (0)")
     parser.add_argument("--lying", action="store_true", help="it lies on the ground and does not hang at first")
     parser.add_argument("--patient", action="store_true", help="wait for each command: not in real time")

@@ -1,10 +1,11 @@
-"""What a robot does while it hangs: its joints are checked one by one, it is let down, or it draws a chirp."""
+"""What a robot does while it hangs: its joints are checked, it is let down, draws a chirp, or learns with one leg."""
 
 import time
 from collections.abc import Callable
 
 import numpy as np
 
+from cmacexp.cmac import Cmac
 from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.typing import Array
 from cmacexp.wire.link import Gains, Link
@@ -27,6 +28,10 @@ SWING = np.array([0.6, 0.7, -0.9])
 """Of a chirp, from the pose in which a robot stands, of hip, thigh and calf, rad."""
 SLOWEST, FASTEST, STROKES = 2.9, 0.7, 12
 """Periods of the first and the last stroke of a chirp, s, and their number."""
+LEARNT_STROKE, LEARNT_STROKES = 1.5, 20
+"""Time of a stroke of a leg that learns, s, and their number."""
+MOST_LEARNT = 5.0
+"""Largest torque of what a leg that hangs has learnt, N m."""
 
 
 def find_holding_torque(robot: Robot, stand: Array) -> Array:
@@ -91,3 +96,37 @@ def draw_chirp(link: Link, stand: Array) -> None:
         link.receive()
         phase += link.period / (SLOWEST * rate ** np.floor(phase))
     link.move(stand, MOVE, SLACK)
+
+
+def make_memory(joints: int) -> Cmac:
+    """A CMAC over the phase of a stroke, with a torque for each joint, whose programs are compiled."""
+    memory = Cmac([0.0], [1.0], outputs=joints, layers=16)
+    memory.update([0.0], memory.predict([0.0]), 0.0)
+    return memory
+
+
+def learn_strokes(link: Link, stand: Array, leg: int, memory: Cmac, lead: int, rate: float) -> Array:
+    """Move a leg to and fro while its ``memory`` learns the torque of its drives; raises Unsafe.
+
+    From the second stroke on what it has learnt acts, up to MOST_LEARNT. ``stand`` (4, 3), rad, is where it begins,
+    ``lead``, samples, and ``rate`` are those of learning.
+
+    Returns (LEARNT_STROKES, 2), of each stroke: RMS of the joints' error, rad, and of their drives' torque, N m.
+    """
+    link.move(stand, MOVE, SLACK)
+    samples, squares = round(LEARNT_STROKE / link.period), np.zeros((LEARNT_STROKES, 2))
+    for stroke, sample in np.ndindex(LEARNT_STROKES, samples):
+        turn = 2.0 * np.pi * sample / samples
+        goal, velocity, learnt = stand.copy(), np.zeros_like(stand), np.zeros_like(stand)
+        goal[leg] += SWING * 0.5 * (1.0 - np.cos(turn))
+        velocity[leg] = SWING * np.pi / LEARNT_STROKE * np.sin(turn)
+        if stroke > 0:
+            learnt[leg] = np.clip(memory.predict([sample / samples]), -MOST_LEARNT, MOST_LEARNT)
+        link.send(goal, velocity, learnt, *SLACK)
+        link.receive()
+        error, slip = goal[leg] - link.reading.q[leg], velocity[leg] - link.reading.dq[leg]
+        torque = SLACK[0] * error + SLACK[1] * slip
+        memory.update([(sample - lead) % samples / samples], torque, rate)
+        squares[stroke] += (error**2).mean(), (torque**2).mean()
+    link.move(stand, MOVE, SLACK)
+    return np.sqrt(squares / samples)

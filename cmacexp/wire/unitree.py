@@ -27,7 +27,14 @@ from cmacexp.plants.protocol import Measurement, copy_state
 from cmacexp.sensors.estimator import estimate
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig, ProprioceptiveSensors
 from cmacexp.typing import Array
-from cmacexp.wire.hung import check_joints, draw_chirp, find_holding_torque, wait_for_ground
+from cmacexp.wire.hung import (
+    check_joints,
+    draw_chirp,
+    find_holding_torque,
+    learn_strokes,
+    make_memory,
+    wait_for_ground,
+)
 from cmacexp.wire.link import Gains, Link
 from cmacexp.wire.network import MOST
 from cmacexp.wire.states import LimitsConfig, Reading, name_joint
@@ -44,7 +51,7 @@ class Stage(StrEnum):
     LOWER = "wait for the ground"
     STAND = "stand up"
     WALK = "walk"
-    CHIRP = "chirp"
+    SWING = "swing while it hangs"
     SIT = "sit down"
     DAMP = "damp"
 
@@ -170,12 +177,21 @@ class UnitreeRobot:
 
     def draw_chirp(self) -> None:
         """Let the robot hang, and move its joints ever faster: what :mod:`cmacexp.gap` asks for. Raises Unsafe."""
+        self._begin_hung()
+        draw_chirp(self.link, self.stand)
+
+    def learn_hung(self, leg: int, lead: int, rate: float) -> Array:
+        """Let the robot hang, and learn with a leg; see :func:`learn_strokes`."""
+        memory = make_memory(self.stand.shape[1])
+        self._begin_hung()
+        return learn_strokes(self.link, self.stand, leg, memory, lead, rate)
+
+    def _begin_hung(self) -> None:
         self.link.begin()
         self._enter(Stage.CHECK)
         check_joints(self.link, self.stand, self.expected)
-        self._enter(Stage.CHIRP)
+        self._enter(Stage.SWING)
         self.link.rows = [] if self.config.log is not None else None
-        draw_chirp(self.link, self.stand)
 
     def end_run(self, is_safe: bool) -> None:
         """Sit down if the robot ``is_safe``, and damp it; nothing if it was never moved."""

@@ -1,0 +1,49 @@
+"""A leg of a robot that hangs: it learns the torque of its drives, within a limit, while the others hold still."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cmacexp.wire.hung import MOST_LEARNT, learn_strokes, make_memory
+
+pytestmark = pytest.mark.ci
+STAND = np.array([[0.0, 0.8, -1.6]] * 4)
+
+
+class Joints:
+    """A link to joints with rotors, viscous friction and, in N m, a constant ``load``."""
+
+    period = 0.002
+
+    def __init__(self, load):
+        self.load, self.sent = load, []
+        self.reading = SimpleNamespace(q=STAND.copy(), dq=np.zeros_like(STAND))
+
+    def move(self, goal, duration, gains):
+        assert (goal == STAND).all()
+
+    def send(self, angle, velocity, torque, stiffness, damping):
+        state = self.reading
+        self.sent.append(torque)
+        self.torque = (
+            torque + stiffness * (angle - state.q) + damping * (velocity - state.dq) - 0.3 * state.dq - self.load
+        )
+
+    def receive(self):
+        self.reading.dq += self.torque / 0.02 * self.period
+        self.reading.q += self.reading.dq * self.period
+
+
+def test_a_leg_learns_and_the_others_hold_still():
+    link = Joints(load=0.5)
+    error, torque = learn_strokes(link, STAND, 2, make_memory(3), lead=1, rate=0.1).T
+    assert error[-1] < 0.1 * error[0]
+    assert torque[-1] < 0.1 * torque[0]
+    assert not np.delete(link.sent, 2, axis=1).any()
+
+
+def test_what_is_learnt_is_limited():
+    link = Joints(load=9.0)
+    learn_strokes(link, STAND, 0, make_memory(3), lead=1, rate=0.1)
+    assert np.abs(link.sent).max() == MOST_LEARNT
