@@ -7,9 +7,9 @@ from typing import Any
 
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import runs_below
 from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
-from cmacexp.data.run import Run, sort_folders
+from cmacexp.data.run import Run
+from cmacexp.engine.job_tables import find_runs
 from cmacexp.errors import BadRun
 from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
@@ -35,9 +35,8 @@ def _find_destination(given: Sequence[Path], out: str | None) -> Path:
     return folder
 
 
-def _read_runs(folders: Sequence[Path]) -> list[Run]:
+def _read_runs(runs: Sequence[Run]) -> Sequence[Run]:
     """Runs of which at least one can be read, with their metrics; else raises BadRun."""
-    runs = list(map(Run, folders))
     with show_progress("reading", len(runs), "runs") as set_done:
         for number, run in enumerate(runs, 1):
             _ = run.outcome  # read once, then kept
@@ -55,9 +54,9 @@ def _describe_resume(given: Path, runs: Sequence[Run]) -> str:
     return describe_resume(given) if is_sweep and (stopped or not (given / manifests.MANIFEST).exists()) else ""
 
 
-def _report_of_several(folders: Sequence[Path], given: Sequence[Path], out: Path) -> Path:
+def _report_of_several(found: Sequence[Run], given: Sequence[Path], out: Path) -> Path:
     """Write the page of several runs and print their table."""
-    runs = _read_runs(folders)
+    runs = _read_runs(found)
     resume = _describe_resume(given[0], runs) if len(given) == 1 else ""
     title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
     with show_activity("comparing the runs"):
@@ -71,13 +70,13 @@ def _report_of_several(folders: Sequence[Path], given: Sequence[Path], out: Path
 def _report(arguments: argparse.Namespace) -> int:
     """Write the page of one run or of several."""
     given: list[Path] = arguments.folders
-    folders = list(dict.fromkeys(run for folder in given for run in sort_folders(runs_below(folder))))
+    runs = list({run.folder.resolve(): run for folder in given for run in find_runs(folder)}.values())
     out = _find_destination(given, arguments.out)
-    if len(folders) == 1:
-        with show_activity(f"reporting {folders[0]}"):
-            page = write_report(make_run_report(Run(folders[0])), out)
+    if len(runs) == 1:
+        with show_activity(f"reporting {runs[0].folder}"):
+            page = write_report(make_run_report(runs[0]), out)
     else:
-        page = _report_of_several(folders, given, out)
+        page = _report_of_several(runs, given, out)
     print_line(str(page))
     return 0
 

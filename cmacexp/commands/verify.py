@@ -15,7 +15,7 @@ def _verify(arguments: argparse.Namespace) -> int:
         with show_activity(f"checking {folder}"):
             reasons = faults(folder)
         intact = intact and not reasons
-        state = "NOT INTACT" if reasons else f"intact ({manifests.read(folder)['status']})"
+        state = "NOT INTACT" if reasons else f"intact ({manifests.read_file(folder / manifests.MANIFEST)['status']})"
         print_line(f"{folder}: {state}")
         for fault in reasons:
             print_line(f"  {fault}")

@@ -21,6 +21,12 @@ def is_run(folder: Path) -> bool:
     return os.path.lexists(folder / "trace.parquet")
 
 
+def _holds_jobs(folder: Path) -> bool:
+    """Whether the manifest of a sweep lists tables of its jobs, which have no folders."""
+    manifest = manifests.read_file(path) if os.path.lexists(path := folder / manifests.MANIFEST) else {}
+    return manifest.get("kind") == manifests.SWEEP and bool(manifest["files"])
+
+
 def walk(folder: Path, skipped: Callable[[OSError], None] | None = None) -> Iterator[Path]:
     """``folder`` and all folders below it, but for hidden ones; links are not followed.
 
@@ -42,6 +48,8 @@ def _require_some(folder: Path, paths: Iterable[Path]) -> list[Path]:
         raise BadRun(f"{folder}: no such folder")
     if ordered := sorted(paths):
         return ordered
+    if (folder / "runs.parquet").exists() or (folder / ".jobs").exists():
+        raise BadRun(f"{folder}: its runs keep metrics alone (record=metrics), without folders; use record=trace")
     raise BadRun(f"{folder}: contains no run; use the folder that a run printed at its end")
 
 
@@ -62,7 +70,7 @@ def everything_below(folder: Path) -> list[Path]:
     A folder that cannot be read is one of them. Raises BadRun if there is nothing.
     """
     unreadable: list[OSError] = []
-    runs = set(filter(is_run, walk(folder, unreadable.append)))
+    runs = {place for place in walk(folder, unreadable.append) if is_run(place) or _holds_jobs(place)}
     return _require_some(folder, runs.union(Path(error.filename) for error in unreadable))
 
 

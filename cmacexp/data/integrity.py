@@ -74,9 +74,9 @@ def _list_missing(manifest: manifests.Manifest) -> list[str]:
 
 
 def faults(folder: Path) -> list[str]:
-    """Reasons why a run is not intact; empty if it is."""
+    """Reasons why a run, or a sweep whose jobs have no folders, is not intact; empty if it is."""
     try:
-        return list_faults(folder, manifests.read(folder))
+        return list_faults(folder, manifests.read_file(folder / manifests.MANIFEST))
     except BadRun as error:
         return [str(error).removeprefix(f"{folder}: ")]
 

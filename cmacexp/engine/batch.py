@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cmacexp.data.discovery import runs_below
-from cmacexp.data.run import Run, sort_folders
 from cmacexp.engine.chunk import RunEnd, run_chunk
 from cmacexp.engine.equal_results import Outcome, find_idle_keys, hash_overrides
-from cmacexp.engine.pool import count_processes, start_workers
+from cmacexp.engine.job_tables import find_runs
+from cmacexp.engine.pool import choose_size, count_processes, start_workers
 from cmacexp.engine.sweep_tables import (
     concat_metrics,
     join_runs,
@@ -29,8 +28,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 METRICS, TRACE = KEPT = ("metrics", "trace")
-MOST_RUNS, CHUNKS_EACH = 16, 4
-"""Runs that a process takes at a time, at most, and how often it comes back at least, if there are enough runs."""
 
 
 def load_sweep(folder: str | Path) -> "pd.DataFrame":
@@ -50,7 +47,7 @@ def load_sweep(folder: str | Path) -> "pd.DataFrame":
         runs, metrics = known
         index = np.searchsorted(runs["run"], metrics["run"])
         return join_runs(runs, metrics.drop_columns("run"), index).to_pandas()
-    stored = [Run(path) for path in sort_folders(runs_below(root))]
+    stored = find_runs(root)
     metrics, index = concat_metrics([read_metrics(run) for run in stored])
     settings = parse_overrides([run.manifest.get("overrides", []) for run in stored])
     labels = make_labels([run.folder.relative_to(root).as_posix() for run in stored])
@@ -85,7 +82,7 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
     if not runs:
         raise BadInput("runs", list(runs), "must have at least one run")
     count = count_processes(processes)
-    size = max(1, min(MOST_RUNS, len(runs) // (CHUNKS_EACH * count)))
+    size = choose_size(len(runs), count)
     listed = [list(overrides) for overrides in runs]
     chunks = [(listed[at : at + size], keep == TRACE, len(runs)) for at in range(0, len(runs), size)]
     with start_workers(count) as parallel_map:

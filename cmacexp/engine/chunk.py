@@ -4,8 +4,9 @@ Most of what the metrics of a short run take is the overhead of calls, which doe
 """
 
 import hashlib
-from collections import defaultdict
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections import defaultdict, deque
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import pyarrow as pa
@@ -14,16 +15,18 @@ from cmacexp.config import Config
 from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import describe_other_model
 from cmacexp.data.parquet import as_array
-from cmacexp.data.tables import Scores
+from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores
 from cmacexp.data.trace import SampledTrace, join_sampled
 from cmacexp.engine.pool import report_share
 from cmacexp.engine.run import sample_scenario, score_scenario
+from cmacexp.engine.stop_cause import explain_stop
 from cmacexp.engine.sweep_tables import concat_metrics, join_scores
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.loop import End
-from cmacexp.loop.scenario import make_scenario
+from cmacexp.loop.scenario import Scenario, make_scenario
+from cmacexp.metrics.drift import make_drift_entry, read_drift_entry
 from cmacexp.metrics.score import score_together
-from cmacexp.typing import RESULTS
+from cmacexp.typing import RESULTS, Status
 
 SHORT = 1 << 13
 """Rows of the trace of a run, up to which it is kept until it can be scored together with others."""
@@ -41,59 +44,82 @@ class RunEnd(NamedTuple):
     """Of the run in the table of all."""
 
 
+class Chunk:
+    """Runs of one process, and their metrics."""
+
+    def __init__(self, keeps_trace: bool = False):
+        """The traces of all of them are kept, else of short runs until they are scored."""
+        self.keeps_trace = keeps_trace
+        self.traces = dict[int, SampledTrace]()
+        self._configs, self._scores = dict[int, Config](), dict[int, Scores]()
+
+    def run(self, number: int, scenario: Scenario) -> End:
+        """Run the one of this number; raises as its loop."""
+        config, last = scenario.setup.config, deque[SampledTrace](maxlen=2)  # the last part may be short
+        if self.keeps_trace or config.cycles * config.steps_per_cycle * config.legs <= SHORT:
+            parts = list[SampledTrace]()
+            end = sample_scenario(scenario, parts.append)
+            self.traces[number] = join_sampled(parts, axis=0)
+            last.append(self.traces[number])
+        else:
+            end, scorer = score_scenario(scenario, last.append)
+            self._scores[number] = scorer.scores
+        self._configs[number] = config
+        if end.status in (Status.FELL, Status.DIVERGED) and not self.keeps_trace:
+            drift = read_drift_entry(make_drift_entry(self.score()[number].legs))
+            end = replace(end, cause=end.cause + explain_stop(scenario, end, last, drift))
+        return end
+
+    def score(self) -> dict[int, Scores]:
+        """The metrics of all runs by their numbers, in their order."""
+        for alike in self._group():
+            found = score_together([self.traces[number] for number in alike], self._configs[alike[0]].steps_per_cycle)
+            self._scores |= zip(alike, found, strict=True)
+        if not self.keeps_trace:
+            self.traces.clear()
+        return {number: self._scores[number] for number in self._configs}
+
+    def _group(self) -> Iterable[list[int]]:
+        """Numbers of runs that can be scored together: equally many steps of the same gait, and the same signals."""
+        groups = defaultdict[Hashable, list[int]](list)
+        for number, trace in self.traces.items():
+            config = self._configs[number]
+            rhythm = repr(config.gait), config.sampling_period, *trace.shape
+            groups[*rhythm, *trace.names, *trace.arrays, trace.memory is None].append(number)
+        return groups.values()
+
+
 def run_chunk(chunk: Sequence[list[str]], keeps_trace: bool, runs: int) -> tuple[list[RunEnd], pa.Table]:
     """Run configs of these overrides, some of so many runs: how they ended, and their metrics, or their traces.
 
     Raises CmacexpError if one of them cannot be run.
     """
     expect_runs(runs)
-    configs, ends, scores = list[Config](), list[End](), dict[int, Scores]()
-    traces = dict[int, SampledTrace]()
+    together, ended = Chunk(keeps_trace), list[tuple[Config, End]]()
     for number, overrides in enumerate(chunk):
         config = compose_config(overrides)
-        configs.append(config)
-        scenario, parts = make_scenario(config), list[SampledTrace]()
-        if keeps_trace or config.cycles * config.steps_per_cycle * config.legs <= SHORT:
-            ends.append(sample_scenario(scenario, parts.append))
-            traces[number] = join_sampled(parts, axis=0)
-        else:
-            end, scorer = score_scenario(scenario)
-            ends.append(end)
-            scores[number] = scorer.scores
+        ended.append((config, together.run(number, make_scenario(config))))
         report_share((number + 1) / len(chunk))
-    for alike in _group(configs, traces):
-        found = score_together([traces[number] for number in alike], configs[alike[0]].steps_per_cycle)
-        scores |= zip(alike, found, strict=True)
-    tables = [trace.table for trace in traces.values()] if keeps_trace else [*map(join_scores, _in_order(scores))]
+    scores = list(together.score().values())
+    tables = [trace.table for trace in together.traces.values()] if keeps_trace else [*map(join_scores, scores)]
     return [
-        RunEnd(
-            end.status,
-            _describe_result(config, end, scores[number]),
-            describe_other_model(config.machine),
-            tables[number].num_rows,
-        )
-        for number, (config, end) in enumerate(zip(configs, ends, strict=True))
+        RunEnd(end.status, _describe_result(config, end, of), describe_other_model(config.machine), table.num_rows)
+        for (config, end), of, table in zip(ended, scores, tables, strict=True)
     ], concat_metrics(tables)[0].combine_chunks()  # a slice is pickled with all that it is a slice of
 
 
-def _group(configs: Sequence[Config], traces: Mapping[int, SampledTrace]) -> Iterable[list[int]]:
-    """Numbers of runs that can be scored together: with equally many steps of the same gait, and the same signals."""
-    groups = defaultdict[Hashable, list[int]](list)
-    for number, trace in traces.items():
-        config = configs[number]
-        rhythm = repr(config.gait), config.sampling_period, *trace.shape
-        groups[*rhythm, *trace.names, *trace.arrays, trace.memory is None].append(number)
-    return groups.values()
-
-
-def _in_order(scores: Mapping[int, Scores]) -> list[Scores]:
-    return [scores[number] for number in range(len(scores))]
+def hash_scores(scores: Scores) -> dict[str, str]:
+    """SHA-256 of the values of each table of metrics, by the name of its file."""
+    named = zip((METRICS_FILE, BODY_METRICS_FILE), scores, strict=True)
+    return {
+        name: hashlib.sha256(b"".join(as_array(table, column).tobytes() for column in table.column_names)).hexdigest()
+        for name, table in named
+        if table is not None
+    }
 
 
 def _describe_result(config: Config, end: End, scores: Scores) -> str:
     """How a run ended, after how many steps, and the hashes of its metrics, unless it failed or is not to warn."""
     if not config.warn or end.status not in RESULTS or end.steps < config.steps_per_cycle:
         return ""
-    tables = [table for table in scores if table is not None]
-    columns = (as_array(table, name).tobytes() for table in tables for name in table.column_names)
-    return repr((end.status, end.steps, hashlib.sha256(b"".join(columns)).hexdigest()))
+    return repr((end.status, end.steps, hash_scores(scores)))

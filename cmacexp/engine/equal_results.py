@@ -6,12 +6,14 @@ Nothing is declared for this, so it holds for custom components too. A single ru
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from cmacexp.config import config_hash, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.data.run import Run
 from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE
+from cmacexp.engine.job_tables import JobRun
 from cmacexp.terminal.output import print_line
 from cmacexp.typing import RESULTS
 
@@ -38,6 +40,8 @@ def read_outcome(run: Run) -> Outcome | None:
 
     None if it failed, has no whole cycle, or is not to warn.
     """
+    if isinstance(run, JobRun):
+        return Outcome(partial(run.read, "config_hash"), result) if (result := run.read("result")) else None
     if not run.config.get("warn", True) or run.status not in RESULTS or not run.whole_cycles:
         return None
     hashes = [run.manifest["files"].get(name) for name in (METRICS_FILE, BODY_METRICS_FILE)]

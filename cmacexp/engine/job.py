@@ -1,7 +1,10 @@
 """One of many runs, of a sweep or of a study, in whatever process: found if it is finished, else run."""
 
+import json
 import pickle
-from collections.abc import Mapping
+import shutil
+import time
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
@@ -12,32 +15,53 @@ from hydra.core.utils import JobRuntime, run_job, setup_globals
 from hydra.types import HydraContext
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
-from cmacexp.config import Config, to_config
+from cmacexp.config import Config, config_hash, to_config, to_plain
 from cmacexp.config.compose import PlainConfig, make_record, set_values
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import HYDRA_FOLDER
+from cmacexp.data.discovery import HYDRA_FOLDER, is_run
 from cmacexp.data.folder import RUN_KEY, new_result
-from cmacexp.data.integrity import is_finished
+from cmacexp.data.integrity import compute_hashes, is_finished
 from cmacexp.data.run import Run
+from cmacexp.data.tables import Scores
+from cmacexp.engine.chunk import Chunk, hash_scores
+from cmacexp.engine.equal_results import read_outcome
 from cmacexp.engine.failure import make_failure
+from cmacexp.engine.job_tables import HASHES, JobTables, write_part
 from cmacexp.engine.objective import check_metric
 from cmacexp.engine.pool import is_first_worker, report_share
-from cmacexp.engine.run import run_scenario
-from cmacexp.engine.sweep_tables import select_run_overrides
+from cmacexp.engine.run import describe_run, run_scenario
+from cmacexp.engine.sweep_tables import (
+    FINGERPRINT,
+    concat_metrics,
+    find_fingerprint,
+    make_table,
+    read_metrics,
+    select_run_overrides,
+)
 from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import is_interrupt
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.metrics.drift import make_drift_entry
+from cmacexp.metrics.run_table import make_rows
 from cmacexp.terminal.messages import announce_compiling, describe_drift, describe_idle, format_outcome
-from cmacexp.terminal.output import print_line
 from cmacexp.typing import Status
 
 
-class JobEnd(NamedTuple):
-    """How a job of a sweep ended, and the line that says it."""
+class JobItem(NamedTuple):
+    """A job of a sweep."""
 
-    run: Run
-    """With its metrics and their summary, which are not read again."""
+    overrides: list[str]
+    values: list[str]
+    """Those of its overrides that are set in what Hydra composed for jobs of the same keys and options."""
+    number: int
+    known: tuple[str, ...]
+    """:data:`HASHES` of a result that the tables of the sweep have; empty without one."""
+
+
+class JobEnd(NamedTuple):
+    """How a job of a sweep ended, in a line."""
+
     text: str
     is_error: bool
 
@@ -91,11 +115,12 @@ def write_failure(
 
 
 @lru_cache(8)
-def _unpack(packed: bytes) -> tuple[DictConfig, Any, Path, PlainConfig | None]:
-    """What was packed; at the end the config as plain values, None where a job needs Hydra to run it."""
+def _unpack(packed: bytes) -> tuple[DictConfig, Any, Path, PlainConfig | None, Any]:
+    """What was packed; at the end the config and Hydra's part as plain values, None if only Hydra can run the job."""
     composed, callbacks, folder, needs_hydra = pickle.loads(packed)
-    plain: Any = None if needs_hydra else OmegaConf.to_container(composed, enum_to_str=True)
-    return composed, callbacks, folder, plain and PlainConfig(plain)
+    plain: Any = {"hydra": None} if needs_hydra else OmegaConf.to_container(composed, enum_to_str=True)
+    hydra = plain.pop("hydra")
+    return composed, callbacks, folder, PlainConfig(plain) if plain else None, hydra
 
 
 def _describe_job(hydra: Any, overrides: list[str], number: int, folder: Path) -> None:
@@ -107,22 +132,44 @@ def _describe_job(hydra: Any, overrides: list[str], number: int, folder: Path) -
     hydra["runtime"]["output_dir"] = str(folder / str(number))
 
 
-def run_packed(packed: bytes, overrides: list[str], values: list[str], number: int, jobs: int) -> JobEnd:
-    """Run one of so many jobs of a sweep in this process.
+def run_jobs(packed: bytes, items: Sequence[JobItem], jobs: int) -> list[JobEnd]:
+    """Run some of so many jobs of a sweep in this process, and hand them over as one part of its tables.
 
-    ``packed`` is what Hydra composed for a job of the same keys and options. The ``values`` of this one are set in
-    it, all of them, since it holds those of the last one.
+    ``packed`` is what Hydra composed for a job of the same keys and options. Raises OSError.
     """
-    composed, callbacks, folder, plain = _unpack(packed)
-    if plain and (config := plain.set_numbers(values)) is not None:
-        _describe_job(config["hydra"], overrides, number, folder)
-        return _run_job(config, config.pop("hydra"), jobs)
+    root, chunk, ran = _unpack(packed)[2], Chunk(), dict[int, tuple[Run | None, bool]]()
+    if is_first_worker():
+        announce_compiling()
+    expect_runs(jobs)
+    try:
+        for count, item in enumerate(items, 1):
+            ran[item.number] = run, _ = _run_item(packed, item, jobs, chunk)
+            report_share(count / len(items))
+            if run is not None and run.status == Status.INTERRUPTED:
+                raise KeyboardInterrupt
+    finally:
+        for number, scores in chunk.score().items():
+            _add_scores(ran.get(number, (None, False))[0], scores)
+        if runs := {number: run for number, (run, _) in ran.items() if run is not None}:
+            write_part(root, _tabulate(root, runs, {item.number: item.overrides for item in items}))
+    return [_describe_end(item, *ran[item.number]) for item in items]
+
+
+def _run_item(packed: bytes, item: JobItem, jobs: int, chunk: Chunk) -> tuple[Run | None, bool]:
+    """The run of one of so many jobs, and whether it was run now; None if the tables have its result.
+
+    The values of this one are set in what was composed, all of them, since it holds those of the last one.
+    """
+    composed, callbacks, folder, plain, hydra = _unpack(packed)
+    if plain and (config := plain.set_numbers(item.values)) is not None:
+        _describe_job(hydra, item.overrides, item.number, folder)
+        return _run_job(config, hydra, jobs, lambda: plain.make_config(item.values), chunk, item.known)
     with read_write(composed.hydra), open_dict(composed.hydra):
-        set_values(composed, values)
-        _describe_job(composed.hydra, overrides, number, folder)
+        set_values(composed, item.values)
+        _describe_job(composed.hydra, item.overrides, item.number, folder)
     if plain:
         unresolved: Any = OmegaConf.to_container(composed, enum_to_str=True)
-        return _run_job(unresolved, unresolved.pop("hydra"), jobs)
+        return _run_job(unresolved, unresolved.pop("hydra"), jobs, lambda: None, chunk, item.known)
     setup_globals()
     JobRuntime.instance().set("name", composed.hydra.job.name)
     returned = run_job(
@@ -132,32 +179,84 @@ def run_packed(packed: bytes, overrides: list[str], values: list[str], number: i
         job_dir_key="hydra.sweep.dir",
         job_subdir_key="hydra.sweep.subdir",
     )
-    ended: JobEnd = returned.return_value
+    ended: tuple[Run, bool] = returned.return_value
     return ended
 
 
-def _run_job(composed: DictConfig | dict[str, Any], hydra: Any, jobs: int) -> JobEnd:
-    """Run one of so many jobs; a failure is left on disk and does not end the sweep."""
+def _run_job(
+    composed: DictConfig | dict[str, Any],
+    hydra: Any,
+    jobs: int,
+    make_config: Callable[[], Config | None] = lambda: None,
+    chunk: Chunk | None = None,
+    known: tuple[str, ...] = (),
+) -> tuple[Run | None, bool]:
+    """As :func:`_run_item`; a failure is left on disk and does not end the sweep.
+
+    ``make_config`` gives the config faster than ``composed`` does, or None. A run that keeps metrics alone is one of
+    a ``chunk``, if there is one.
+    """
     number, overrides = hydra["job"]["num"], select_run_overrides(hydra["overrides"]["task"])
-    folder, name = Path(hydra["runtime"]["output_dir"]), f"#{number} {' '.join(overrides)}"
+    folder = Path(hydra["runtime"]["output_dir"])
     try:
-        config = to_config(composed)
+        config = make_config() or to_config(composed)
         check_metric(config.optimize, config.machine.kind)
-        record = make_record(composed, hydra) if config.record.trace else None
-        run, is_new = ensure_run(config, folder, jobs, config.sweep.resume, record, overrides)
+        if chunk is None or config.record.trace or config.record.weights:
+            record = make_record(composed, hydra) if config.record.trace else None
+            return ensure_run(config, folder, jobs, config.sweep.resume, record, overrides)
+        if known and known == (config_hash(to_plain(config)), *map(str, compute_hashes(config).values())):
+            return None, False
+        if config.sweep.resume and is_finished(folder, config):
+            return Run(folder), False
+        began = time.perf_counter()
+        scenario = make_scenario(config)
+        manifest = describe_run(scenario, chunk.run(number, scenario))
+        return Run(folder, manifest | {"overrides": overrides, "wall_seconds": time.perf_counter() - began}), True
     except Exception as error:
         if is_interrupt(error):
             raise KeyboardInterrupt from error
-        run = write_failure(folder, composed, error, make_record(composed, hydra), overrides=overrides)
-        return JobEnd(run, f"error: #{number}: {run.manifest['cause']}", True)
-    _ = run.outcome
-    if not is_new:
-        return JobEnd(run, f"{name}: finished before, not run again", False)
+        return write_failure(folder, composed, error, make_record(composed, hydra), overrides=overrides), True
+
+
+def _add_scores(run: Run | None, scores: Scores) -> None:
+    """Give a run that has no folder its metrics; an earlier one in its place is removed."""
+    if run is not None:
+        run.is_checked, run.scores = False, scores
+        run.manifest |= {"drift": make_drift_entry(scores.legs), "files": hash_scores(scores)}
+        if is_run(run.folder):
+            shutil.rmtree(run.folder, ignore_errors=True)
+
+
+def _tabulate(root: Path, runs: Mapping[int, Run], overrides: Mapping[int, list[str]]) -> JobTables:
+    """The tables of jobs by their numbers."""
+    rows = []
+    for (number, run), shown in zip(runs.items(), make_rows([*runs.values()], ()), strict=True):
+        outcome = read_outcome(run)
+        rows.append(
+            {
+                "run": number,
+                "folder": run.folder.relative_to(root).as_posix(),
+                "overrides": " ".join(select_run_overrides(overrides[number])),
+                **shown,
+                **{name: str(run.manifest.get(name)) for name in HASHES},
+                "result": outcome.result if outcome else "",
+                "bad_input": run.manifest.get("bad_input", False),
+                FINGERPRINT: find_fingerprint(run.folder) if run.is_checked else "",
+                "manifest": json.dumps(run.manifest),
+            }
+        )
+    metrics, index = concat_metrics([read_metrics(run) for run in runs.values()])
+    jobs = make_table(rows)
+    return JobTables(jobs, metrics.add_column(0, "run", jobs["run"].take(index)))
+
+
+def _describe_end(item: JobItem, run: Run | None, is_new: bool) -> JobEnd:
+    """How a job ended."""
+    name = f"#{item.number} {' '.join(select_run_overrides(item.overrides))}"
+    if run is None or not is_new:
+        return JobEnd(f"{name}: finished before, not run again", False)
     if run.status == Status.FAILED:
-        return JobEnd(run, f"error: {name}: {run.manifest['cause']}", True)
+        name = f"#{item.number}" if "bad_input" in run.manifest else name
+        return JobEnd(f"error: {name}: {run.manifest['cause']}", True)
     notes = format_outcome(run), describe_drift(run), describe_idle(run)
-    text = f"{name}: {'; '.join(filter(None, notes))}"
-    if run.status == Status.INTERRUPTED:
-        print_line(text)
-        raise KeyboardInterrupt
-    return JobEnd(run, text, False)
+    return JobEnd(f"{name}: {'; '.join(filter(None, notes))}", False)

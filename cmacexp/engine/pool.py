@@ -22,6 +22,8 @@ M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 """Of ``mallopt`` (glibc)."""
 PRELOADED = ["cmacexp.engine.job", "cmacexp.engine.sweep_tables", "cmacexp.jit.numba_private"]
 """Modules that workers need."""
+MOST_RUNS, CHUNKS_EACH = 16, 4
+"""Short runs that a process takes at a time, at most, and how often it comes back at least, if there are enough."""
 ParallelMap = Callable[..., list[Any]]
 """``parallel_map(what, work, items, see=id)``: what ``work(*item)`` returns for each item, in their order.
 
@@ -57,6 +59,11 @@ def is_first_worker() -> bool:
 def count_processes(asked: int | None) -> int:
     """The number of processes that is asked for; None: one for each core that this process may use."""
     return asked or len(os.sched_getaffinity(0))
+
+
+def choose_size(runs: int, processes: int) -> int:
+    """How many of so many short runs a process takes at a time."""
+    return max(1, min(MOST_RUNS, runs // (CHUNKS_EACH * processes)))
 
 
 def make_context() -> Any:

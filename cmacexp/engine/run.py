@@ -211,26 +211,16 @@ def run_scenario(
     return run
 
 
-def _write(
-    scenario: Scenario, writer: ResultWriter, watch: Callable[[float], None], warn: Callable[[Drift], None]
-) -> tuple[manifests.Manifest, Scores]:
-    """Run, and write everything but the manifest, which is returned, with the metrics."""
-    config, folder = scenario.setup.config, writer.part
-    end, scores, names = _roll_out(scenario, folder, watch, warn)
-    names += write_scores(folder, scores, config.record.trace)
-    shown = {"guard": [event._asdict() for event in end.events], **_robot_entry(scenario)}  # in the recording
-    manifest = manifests.make_manifest(to_plain(config), end.status, end.cause, steps=end.steps, **shown)
-    failure = end.error
-    try:
-        _write_extras(scenario, writer, manifest, names)
-    except Exception as error:  # of a disk that is full, or of a component: what is listed is whole
-        failure = None if isinstance(error, OSError) else error
-        manifest |= {"status": str(Status.FAILED), "cause": f"after step {end.steps}: {describe_failure(error)}"}
-    controller, feedforward = scenario.controller, scenario.feedforward
+def describe_run(scenario: Scenario, end: End) -> manifests.Manifest:
+    """The manifest of a run that has ended, without what its metrics and its files add."""
+    config, controller, feedforward = scenario.setup.config, scenario.controller, scenario.feedforward
     # External components may use these names for something else.
     dropped = controller.dropped if isinstance(controller, HybridController) else {}
     memory = feedforward.memory if isinstance(feedforward, BuiltInFeedforward) else ()
     entries = {
+        "steps": end.steps,
+        "guard": [event._asdict() for event in end.events],
+        **_robot_entry(scenario),
         "dropped": [{"leg": leg, "step": step} for leg, step in dropped.items()],
         "memory": [use._asdict() for use in memory],
         **compute_hashes(config, *(getattr(scenario, group) for group in COMPONENTS)),
@@ -240,13 +230,29 @@ def _write(
         "carried": [
             {"cycle": cycle, "measured_weight": weight, **load._asdict()} for cycle, load, weight in end.load_history
         ],
-        "drift": make_drift_entry(scores.legs),
         "rollout_seconds": end.seconds,
         "processor_seconds": end.processor_seconds,
-        "files": {name: sha256(folder / name) for name in names},
     }
     if scenario.fault is None and hasattr(scenario.plant, "describe"):
         entries["plant"] = scenario.plant.describe()
-    if failure is not None and not isinstance(failure, BadOutput | MemoryError):
-        entries["traceback"] = format_user_traceback(failure)
-    return manifest | entries, scores
+    if end.error is not None and not isinstance(end.error, BadOutput | MemoryError):
+        entries["traceback"] = format_user_traceback(end.error)
+    return manifests.make_manifest(to_plain(config), end.status, end.cause, **entries)
+
+
+def _write(
+    scenario: Scenario, writer: ResultWriter, watch: Callable[[float], None], warn: Callable[[Drift], None]
+) -> tuple[manifests.Manifest, Scores]:
+    """Run, and write everything but the manifest, which is returned, with the metrics."""
+    config, folder = scenario.setup.config, writer.part
+    end, scores, names = _roll_out(scenario, folder, watch, warn)
+    names += write_scores(folder, scores, config.record.trace)
+    manifest = describe_run(scenario, end)
+    try:
+        _write_extras(scenario, writer, manifest, names)
+    except Exception as error:  # of a disk that is full, or of a component: what is listed is whole
+        manifest |= {"status": str(Status.FAILED), "cause": f"after step {end.steps}: {describe_failure(error)}"}
+        if not isinstance(error, OSError | BadOutput | MemoryError):
+            manifest["traceback"] = format_user_traceback(error)
+    manifest["drift"] = make_drift_entry(scores.legs)
+    return manifest | {"files": {name: sha256(folder / name) for name in names}}, scores

@@ -1,10 +1,12 @@
 """A sweep: its options are checked, its jobs are composed before anything runs, and then run as its launcher says."""
 
 import pickle
+import shutil
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from enum import Enum
 from functools import cache
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +21,9 @@ from cmacexp.config.explain import COMPOSITION_ERRORS
 from cmacexp.config.hydra_private import BASIC, GRID, expand_grid
 from cmacexp.config.robot_rule import read_machine
 from cmacexp.data.folder import collection
+from cmacexp.engine.job_tables import HASHES, PARTS, list_jobs
 from cmacexp.engine.objective import DIRECTION, check_metric, find_direction, read_objective
-from cmacexp.engine.pool import ParallelMap, map_here, start_workers
+from cmacexp.engine.pool import MOST_RUNS, ParallelMap, choose_size, count_processes, map_here, start_workers
 from cmacexp.engine.sweep_results import finish_sweep
 from cmacexp.engine.sweep_tables import select_run_overrides
 from cmacexp.errors import BadInput, CmacexpError, in_one_line
@@ -53,10 +56,12 @@ class Sweep:
         self.config, self.context, self.folder = config, context, Path(config.hydra.sweep.dir)
         self.planned: list[tuple[str, ...]] = []
         """Overrides of the run of each job, see :func:`select_run_overrides`."""
-        self.ended: list[Any] = []
-        """Of :class:`cmacexp.engine.job.JobEnd`."""
+        self.size, self.launched = 1, 0
+        """Jobs without folders that a process takes at a time, at most; and those of the current batch."""
         self.templates: dict[tuple[str, ...], bytes] = {}
-        """Arguments ``packed`` of :func:`cmacexp.engine.job.run_packed`, by what jobs have in common."""
+        """Arguments ``packed`` of :func:`cmacexp.engine.job.run_jobs`, by what jobs have in common."""
+        self.together: dict[bytes, bool] = {}
+        """Whether a process takes several of these jobs at a time: those that keep metrics alone."""
         self.list_options = cache(context.config_loader.get_group_options)
         """Of a key; a field has none. Hydra takes longer to list them than to run a job."""
         self.parallel_map: ParallelMap = map_here
@@ -106,9 +111,10 @@ class Sweep:
             if composed.machine.get("kind") == "robot":
                 with suppress(BadInput, OmegaConfBaseException):  # which the job reports
                     warn_of_models([read_machine(composed)])
-            self.templates[kind] = pickle.dumps(
-                (composed, self.context.callbacks, self.folder.absolute(), _needs_hydra(composed))
-            )
+            needs_hydra, record = _needs_hydra(composed), composed.record
+            packed = pickle.dumps((composed, self.context.callbacks, self.folder.absolute(), needs_hydra))
+            self.templates[kind] = packed
+            self.together[packed] = not (needs_hydra or record.trace or record.weights)
         return self.templates[kind], values
 
     def run(self) -> str:
@@ -118,6 +124,8 @@ class Sweep:
         go on. Raises BadInput if the folder cannot be used, and KeyboardInterrupt after an interrupt.
         """
         with collection(self.folder, SWEEP_KEY):
+            if not self.config.sweep.resume:
+                shutil.rmtree(self.folder / PARTS, ignore_errors=True)
             try:
                 with self._start() as self.parallel_map:
                     self._run_jobs()
@@ -134,24 +142,26 @@ class Sweep:
             return self._finish()
 
     def _finish(self) -> str:
-        return finish_sweep(self.folder, self.planned, self.ended, self.optimize, self.direction)
+        return finish_sweep(self.folder, self.planned, self.optimize, self.direction)
 
     def _start(self) -> AbstractContextManager[ParallelMap]:
         """Start what the launcher stands for."""
         launcher, size = self.config.hydra.launcher, self.config.sweep.chunk or 1
         if launcher._target_ == CORES:
+            self.size = choose_size(max(map(len, self.batches), default=1), count_processes(launcher.processes))
             return start_workers(launcher.processes)
         if launcher._target_ == BASIC:
             return nullcontext(map_here)
         from cmacexp.engine.cluster import make_map
 
-        return nullcontext(make_map(self.config.copy(), self.context, lambda jobs: -(-jobs // size)))
+        self.size = min(size, MOST_RUNS)
+        return nullcontext(make_map(self.config.copy(), self.context, lambda items: -(-self.launched // size)))
 
     def _run_jobs(self) -> None:
         if self.batches:
             OmegaConf.save(self.config, self.folder / "multirun.yaml")
-            for batch in self.batches:
-                self.launch(batch, len(self.ended))
+            for first, batch in zip(accumulate(map(len, self.batches), initial=0), self.batches, strict=False):
+                self.launch(batch, first)
             return
         self.config.hydra.launcher = {"_target_": CORES}
         sweeper = Plugins.instance().instantiate_sweeper(
@@ -165,29 +175,38 @@ class Sweep:
         """Run the jobs of a batch, whose first has the number ``first``; what they return, in their order."""
         if not self.batches:
             self._plan(batch)
-        jobs = len(self.planned)
-        items = []
+        jobs, self.launched, known = len(self.planned), len(batch), {}
+        items = list[tuple[bytes, list[Any], int]]()
+        if self.config.sweep.resume:
+            known = {(run.read("run"), run.read("overrides")): run for run in list_jobs(self.folder)}
         for number, overrides in enumerate(batch, first):
             packed, values = self._pack(overrides)
-            items.append((packed, list(overrides), values, number, jobs))
-        return [self._make_return(end) for end in self.parallel_map("sweep", _run_packed, items, self._see)]
+            if (
+                not items
+                or items[-1][0] is not packed
+                or len(items[-1][1]) >= (self.size if self.together[packed] else 1)
+            ):
+                items.append((packed, [], jobs))
+            run = known.get((number, " ".join(self.planned[number])))
+            hashes = tuple(map(run.read, HASHES)) if run is not None and run.outcome.is_result else ()
+            items[-1][1].append((list(overrides), values, number, hashes))
+        self.parallel_map("sweep", _run_jobs, items, self._see)
+        ended = [JobReturn(status=JobStatus.COMPLETED) for _ in batch]
+        if self.optimize and not self.batches:  # else no sweeper waits for it
+            by_number = {run.read("run"): run for run in list_jobs(self.folder)}
+            for number, returned in enumerate(ended, first):
+                returned.return_value = read_objective(self.optimize, by_number[number], self.direction)
+        return ended
 
-    def _see(self, end: Any) -> None:
-        self.ended.append(end)
-        print_line(end.text, error=end.is_error)
-
-    def _make_return(self, end: Any) -> JobReturn:
-        """What a launcher gives Hydra for a job: the value of the metric that ``optimize`` names."""
-        returned = JobReturn(status=JobStatus.COMPLETED)
-        if self.optimize:
-            returned.return_value = read_objective(self.optimize, end.run, self.direction)
-        return returned
+    def _see(self, ends: Any) -> None:
+        for end in ends:
+            print_line(end.text, error=end.is_error)
 
 
-def _run_packed(*item: Any) -> Any:
-    from cmacexp.engine.job import run_packed  # here, because the process of the sweep needs nothing of that
+def _run_jobs(packed: bytes, items: Sequence[Any], jobs: int) -> Any:
+    from cmacexp.engine.job import JobItem, run_jobs  # here, because the process of the sweep needs nothing of that
 
-    return run_packed(*item)
+    return run_jobs(packed, [JobItem(*item) for item in items], jobs)
 
 
 def _needs_hydra(composed: DictConfig) -> bool:

@@ -1,79 +1,74 @@
 """The results of a sweep: its table, one row per job, written and printed at its end."""
 
+import shutil
 from collections import Counter
-from collections.abc import Collection, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import numpy as np
+import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import walk
-from cmacexp.data.files import full_disk_named, write_atomically
+from cmacexp.data.files import full_disk_named, sha256, write_atomically
 from cmacexp.data.folder import TABLE, TABLE_CSV
-from cmacexp.data.parquet import write_table
-from cmacexp.data.run import Run, sort_folders
+from cmacexp.data.parquet import arrow, as_array, select_rows, write_table
+from cmacexp.data.tables import METRICS_FILE
 from cmacexp.engine.equal_results import print_idle_keys
+from cmacexp.engine.job_tables import HASHES, PARTS, JobRun, list_jobs
 from cmacexp.engine.objective import describe_best
-from cmacexp.engine.sweep_tables import make_labels, make_table, parse_overrides, read_metrics, write_runs
-from cmacexp.errors import BadRun
-from cmacexp.metrics.run_table import make_names, make_rows
+from cmacexp.engine.sweep_tables import FINGERPRINT, RUNS_FILE, make_table, parse_overrides, write_runs
 from cmacexp.terminal.messages import describe_resume, print_next
 from cmacexp.terminal.output import print_line, show_activity
 from cmacexp.terminal.tables import print_runs
 from cmacexp.typing import Status
 
-if TYPE_CHECKING:
-    from cmacexp.engine.job import JobEnd
-
 MAX_LISTED_FAILURES = 20
 
 
-def collect_jobs(folder: Path, planned: Sequence[tuple[str, ...]], ended: "Collection[JobEnd]") -> list[Run]:
-    """The jobs of a sweep that ended: as they reported it, else as they left it below the folder of the sweep.
+def collect_jobs(folder: Path, planned: Sequence[tuple[str, ...]]) -> list[JobRun]:
+    """The jobs of a sweep that ended, with the values of their overrides as settings.
 
-    A job that was killed has no manifest. What an earlier sweep left there does not count: it was not ``planned``,
+    A job that was killed has left nothing. What an earlier sweep left there does not count: it was not ``planned``,
     as overrides of the run of each job.
     """
-    missing, known = Counter(planned), {end.run.folder.resolve(): end for end in ended}
-    runs = []
-    for place in sort_folders({*known, *walk(folder)}):
-        with suppress(BadRun):
-            run = known[place].run if place in known else Run(place)
-            overrides = tuple(run.manifest.get("overrides", ()))
-            if missing[overrides] > 0:
-                missing[overrides] -= 1
-                runs.append(run)
-    for run, settings in zip(runs, parse_overrides([run.manifest["overrides"] for run in runs]), strict=True):
+    texts = dict(enumerate(map(" ".join, planned)))
+    runs = [run for run in list_jobs(folder) if texts.get(run.read("run")) == run.read("overrides")]
+    for run, settings in zip(runs, parse_overrides([planned[run.read("run")] for run in runs]), strict=True):
         run.settings = settings
     return runs
 
 
-def write_tables(folder: Path, runs: Sequence[Run], status: str) -> None:
+def write_tables(folder: Path, runs: Sequence[JobRun], status: str) -> None:
     """Write the tables of a sweep, and the manifest with its ``status``; raises OSError."""
-    keys, labels = list(runs[0].settings), make_labels(make_names(runs))
-    typed = [{"overrides": " ".join(run.manifest["overrides"])} for run in runs]
-    rows = [label | text | row for label, text, row in zip(labels, typed, make_rows(runs, keys), strict=True)]
-    table = make_table(rows)
+    jobs, metrics = runs[0].tables
+    jobs = jobs.take(arrow(np.array([run.index for run in runs]), pa.int64()))
+    keys, typed = list(runs[0].settings), make_table([run.settings for run in runs])
+    for place, name in enumerate(keys, 3):
+        jobs = jobs.add_column(place, name, typed[name])
+    metrics = select_rows(metrics, np.isin(as_array(metrics, "run"), as_array(jobs, "run")))
+    own, ends = ["run", "folder", *keys, "status"], [*HASHES, "result", "bad_input", FINGERPRINT, "manifest"]
+    swept = jobs.drop_columns(ends)
+    known = jobs.select([*own, FINGERPRINT, *(name for name in jobs.column_names if name not in (*own, FINGERPRINT))])
+    is_lean = "" in jobs[FINGERPRINT].to_pylist()
+    entries = {"kind": manifests.SWEEP, "status": status, "versions": manifests.versions(), "files": {}}
+    entries["config"] = {"record": {"trace": False}} if is_lean else {}
     with full_disk_named(folder):
-        entries = {"config": {}, "versions": manifests.versions(), "files": {}}
         # First: a folder that holds tables without it is refused, and the sweep could not be resumed after a kill.
-        manifests.write(folder, {"kind": manifests.SWEEP, "status": status, **entries})
+        manifests.write(folder, entries)
         with write_atomically(folder / TABLE) as path:
-            write_table(table, path)
+            write_table(swept, path)
         with write_atomically(folder / TABLE_CSV) as path:
-            pa_csv.write_csv(table, path)
-        known = [{key: row[key] for key in ("run", "folder", *keys, "status")} for row in rows]
-        write_runs(folder, known, [read_metrics(run) for run in runs])
+            pa_csv.write_csv(swept, path)
+        write_runs(folder, known, metrics)
+        if is_lean:
+            files = {name: sha256(folder / name) for name in (RUNS_FILE, METRICS_FILE)}
+            manifests.write(folder, {**entries, "files": files})
+    shutil.rmtree(folder / PARTS, ignore_errors=True)
 
 
 def finish_sweep(
-    folder: Path,
-    planned: Sequence[tuple[str, ...]],
-    ended: "Collection[JobEnd]",
-    optimize: str | None,
-    direction: str | None,
+    folder: Path, planned: Sequence[tuple[str, ...]], optimize: str | None, direction: str | None
 ) -> str:
     """Write the tables of a sweep, print that of its jobs, and list the failures with their causes.
 
@@ -82,12 +77,12 @@ def finish_sweep(
     Returns how it ended: ``completed`` if no job failed, ``bad input`` if no job could be run, else ``failed``.
     """
     with show_activity("reading the results of the jobs"):
-        runs = collect_jobs(folder, planned, ended)
+        runs = collect_jobs(folder, planned)
     if not runs:
         return Status.FAILED
     failed, missing = [run for run in runs if not run.outcome.is_result], len(planned) - len(runs)
     status = Status.FAILED if missing or failed else Status.COMPLETED
-    status = Status.BAD_INPUT if all(run.manifest.get("bad_input") for run in runs) else status
+    status = Status.BAD_INPUT if all(run.read("bad_input") for run in runs) else status
     write_tables(folder, runs, status)
     swept = [key for key in runs[0].settings if len({str(run.settings[key]) for run in runs}) > 1]
     print_runs(runs, swept, folder / TABLE_CSV)

@@ -2,7 +2,7 @@
 
 A sweep writes ``runs.parquet``, a row for each job: number, folder, overrides, how it ended, a hash of what it left;
 and ``metrics.parquet``, the metrics of all of them, each row with the number of its job in ``run``. One file is read
-much faster than a thousand. The folders of the jobs stay the truth: the tables count while the hashes fit.
+much faster than a thousand. Where jobs have folders, these stay the truth: the tables count while the hashes fit.
 """
 
 import hashlib
@@ -113,34 +113,38 @@ def find_fingerprint(folder: Path) -> str:
     return digest.hexdigest()
 
 
-def write_runs(root: Path, rows: Sequence[Row], metrics: Sequence[pa.Table | None]) -> None:
-    """Write the tables of a sweep; a row has the number of the run, its folder, its overrides, and how it ended."""
-    table, index = concat_metrics(metrics)
-    numbers = make_column([row["run"] for row in rows]).take(index)
-    with write_atomically(root / METRICS_FILE) as path:
-        write_table(table.add_column(0, "run", numbers), path)
-    known = make_table([{**row, FINGERPRINT: find_fingerprint(root / row["folder"])} for row in rows])
-    with write_atomically(root / RUNS_FILE) as path:
-        write_table(known.replace_schema_metadata({METRICS_FILE: sha256(root / METRICS_FILE)}), path)
+def write_runs(root: Path, runs: pa.Table, metrics: pa.Table) -> None:
+    """Write the tables of a sweep: a row for each of its jobs, and their metrics."""
+    with write_atomically(root / RUNS_FILE) as path, write_atomically(root / METRICS_FILE) as own:
+        write_table(metrics, own)
+        write_table(runs.replace_schema_metadata({METRICS_FILE: sha256(own)}), path)
+
+
+def read_tables(root: Path, last: str | None = None) -> tuple[pa.Table, pa.Table]:
+    """What :func:`write_runs` wrote, jobs up to the ``last`` of their columns.
+
+    Raises OSError, KeyError, TypeError or ArrowException unless both are of one sweep.
+    """
+    with open_file(root / RUNS_FILE) as file:
+        schema = pq.read_schema(file)
+        if schema.metadata[METRICS_FILE.encode()].decode() != sha256(root / METRICS_FILE):
+            raise KeyError(METRICS_FILE)
+        runs = pq.read_table(file, columns=schema.names[: schema.names.index(last) + 1] if last else None)
+    with open_file(root / METRICS_FILE) as file:
+        return runs, pq.read_table(file)
 
 
 def read_runs(root: Path) -> tuple[pa.Table, pa.Table] | None:
     """The tables of a sweep, without hashes; None unless the runs below ``root`` are as it left them."""
     try:
-        runs = _read(root / RUNS_FILE)
-        folders, hashes = runs["folder"].to_pylist(), runs[FINGERPRINT].to_pylist()
-        added = {place for place in walk(root) if (place / MANIFEST).exists()} - {root / folder for folder in folders}
-        is_changed = [find_fingerprint(root / folder) for folder in folders] != hashes or any(map(is_run, added))
-        if is_changed or runs.schema.metadata[METRICS_FILE.encode()].decode() != sha256(root / METRICS_FILE):
-            return None
-        return runs.drop_columns(FINGERPRINT), _read(root / METRICS_FILE)
-    except (OSError, KeyError, TypeError, pa.ArrowException):
+        runs, metrics = read_tables(root, FINGERPRINT)
+        hashes = dict(zip(runs["folder"].to_pylist(), runs[FINGERPRINT].to_pylist(), strict=True))
+        hashes = {root / folder: digest for folder, digest in hashes.items() if digest}  # of jobs with folders
+        added = {place for place in walk(root) if (place / MANIFEST).exists()} - hashes.keys()
+        is_changed = any(find_fingerprint(folder) != digest for folder, digest in hashes.items())
+        return None if is_changed or any(map(is_run, added)) else (runs.drop_columns(FINGERPRINT), metrics)
+    except (OSError, KeyError, TypeError, ValueError, pa.ArrowException):
         return None
-
-
-def _read(path: Path) -> pa.Table:
-    with open_file(path) as file:
-        return pq.read_table(file)
 
 
 def join_runs(runs: pa.Table, metrics: pa.Table, index: Array) -> pa.Table:

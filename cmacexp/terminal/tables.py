@@ -57,13 +57,18 @@ def format_table(titles: Sequence[str], rows: Sequence[Sequence[str]], width: in
         yield from ((" " * GAP).join(cells).rstrip() for cells in zip(*group, strict=True))
 
 
-def print_table(titles: Sequence[str], rows: Sequence[Sequence[str]], what: str = "", place: object = "") -> None:
-    """Print :func:`format_table`, as wide as the terminal; of many of ``what`` some, if all are in ``place``."""
+def print_table(
+    titles: Sequence[str], rows: Sequence[Sequence[str]], what: str = "", place: object = "", count: int = 0
+) -> None:
+    """Print :func:`format_table`, as wide as the terminal; of many of ``what`` some, if all are in ``place``.
+
+    ``count`` is how many there are if ``rows`` are only those that are shown.
+    """
     shown = shorten(rows) if place else rows
     for line in format_table(titles, shown, get_terminal_size((WIDTH, 0)).columns):
         print_line(line)
-    if len(shown) < len(rows):
-        print_line(f"{len(shown)} of {len(rows)} {what}; all are in {place}")
+    if len(shown) < (count := count or len(rows)):
+        print_line(f"{len(shown)} of {count} {what}; all are in {place}")
 
 
 def format_title(shown: MetricDisplay) -> str:
@@ -84,9 +89,9 @@ def print_key() -> None:
 
 def print_runs(runs: Sequence[Run], keys: Sequence[str], all_in: Path) -> None:
     """Print a table of runs; of many runs some, and where all are."""
-    main, rows = tabulate_runs(runs, keys)
+    main, rows = tabulate_runs(shorten(runs), keys)
     titles = ["run\n", *(key.replace(".", ".\n") + "\n" for key in keys), "status\n", "cycles\ndone\n"]
-    print_table([*titles, *map(format_title, main.values())], rows, "runs", all_in)
+    print_table([*titles, *map(format_title, main.values())], rows, "runs", all_in, len(runs))
     if main:
         print("metrics are those of the last whole cycle")
         print(KEY)

@@ -77,7 +77,7 @@ def test_a_sweep_of_bad_input_alone_is_bad_input_one_of_results_has_not_failed(j
 
 @pytest.mark.ci
 def test_resume_runs_what_is_missing_failed_or_of_another_config(tmp_path):
-    swept = [*SHORT, BASIC, "record=metrics"]
+    swept = [*SHORT, BASIC]
     sweep("cmac.layers=8,10,16,32", *swept, folder=tmp_path)
     shutil.rmtree(tmp_path / "s" / "0")
     change_manifest(tmp_path / "s" / "1", status="failed")
@@ -87,8 +87,8 @@ def test_resume_runs_what_is_missing_failed_or_of_another_config(tmp_path):
     table = table_of(tmp_path)
     assert table["cmac.layers"].tolist() == [8, 10, 20, 32]
     assert table["status"].tolist() == ["completed"] * 4
-    more = sweep("cmac.layers=8,10", *SHORT, BASIC, "record=trace", "sweep.resume=true", folder=tmp_path)
-    assert "finished before" not in more.stdout, "they have no traces"
+    more = sweep("cmac.layers=8,10", *swept, "record=metrics", "sweep.resume=true", folder=tmp_path)
+    assert "finished before" in more.stdout, "what an earlier version or record=trace left counts"
     assert table_of(tmp_path)["cmac.layers"].tolist() == [8, 10], "the table leaves out what an earlier sweep left"
 
 
@@ -156,14 +156,14 @@ def test_jobs_that_only_hydra_understands_are_run_by_it(tmp_path):
 
 @pytest.mark.ci
 def test_an_interrupted_sweep_tells_what_is_done(tmp_path):
-    words, third = ("-m", "seed=range(500)", "cycles=1", "hydra.sweep.dir=s"), tmp_path / "s" / "2" / "manifest.json"
-    done = interrupted(*words, folder=tmp_path, once=third.exists)
+    words, parts = ("-m", "seed=range(500)", "cycles=1", "hydra.sweep.dir=s"), tmp_path / "s" / ".jobs"
+    done = interrupted(*words, folder=tmp_path, once=lambda: len([*parts.glob("[!.]*")]) > 2)
     assert done.returncode == 130
     assert "interrupted" in done.stderr
     for said in ("500 jobs: ", "unfinished", "sweep.resume=true hydra.sweep.dir="):
         assert said in done.stdout
     table = table_of(tmp_path)
-    assert 2 in table["run"].tolist()
+    assert len(table) > 2
     assert set(table["status"]) == {"completed"}
 
 

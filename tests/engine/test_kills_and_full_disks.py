@@ -16,8 +16,9 @@ from cmacexp import load
 
 
 @pytest.mark.ci
-def test_a_sweep_killed_at_any_moment_leaves_nothing_broken_and_resumes_to_what_it_would_have_been(tmp_path):
-    sweep = ["-m", "cmac.layers=8,10,16", "cycles=1", "gait.cycle_time=1"]
+@pytest.mark.parametrize("record", ["trace", "metrics"])
+def test_a_sweep_killed_at_any_moment_leaves_nothing_broken_and_resumes_to_what_it_would_have_been(record, tmp_path):
+    sweep = ["-m", "cmac.layers=8,10,16", "cycles=1", "gait.cycle_time=1", f"record={record}"]
     killed = [*sweep, "hydra.sweep.dir=out", "sweep.resume=true"]
     done = python(KILLING, "3", "2", str(tmp_path), *killed, folder=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from support.command import call, python
 from support.doors import BadInput
-from support.sweeps import sweep
+from support.sweeps import sweep, table_of
 
 from cmacexp import load_sweep, run, run_many
 from cmacexp.errors import WithoutEffect
@@ -22,16 +22,26 @@ def test_runs_that_cannot_be_are_refused(runs):
 
 
 @pytest.mark.ci
-def test_metrics_alone_are_those_of_any_other_run_and_finished_unless_traces_are_asked_for(tmp_path):
-    jobs = ["seed=1,2", *SHORT, "warn=false"]
-    assert sweep(*jobs, "record=metrics", folder=tmp_path).returncode == 0
-    lean = tmp_path / "s"
-    assert {path.name for path in (lean / "0").iterdir()} == {"manifest.json", "metrics.parquet"}
-    full = run(["seed=1", *SHORT, "record=trace", "warn=false"], tmp_path / "full")
+def test_jobs_with_metrics_alone_are_rows_of_two_tables_and_resume(tmp_path):
+    lean, jobs = tmp_path / "s", [*SHORT, "record=metrics", "warn=false", "controller.velocity_gain=6,5,1e5,-1"]
+    assert sweep(*jobs, "hydra.launcher.processes=1", folder=tmp_path).returncode == 1
+    assert [path.name for path in lean.iterdir() if path.is_dir()] == ["3"], "the one that failed, with the reason"
     stored = load_sweep(lean)
-    pd.testing.assert_frame_equal(stored[stored.run == 0][full.metrics.columns], full.metrics)
-    for command in ("verify", "report"):
-        assert call(command, lean, folder=tmp_path).returncode == 0, command
+    assert stored.drop_duplicates("run").status.tolist() == ["completed", "completed", "diverged", "failed"]
+    for number, gain in enumerate(("6", "5", "1e5")):
+        alone = run([*SHORT, "warn=false", "record=metrics", f"controller.velocity_gain={gain}"], tmp_path / gain)
+        own = stored[stored.run == number][alone.metrics.columns].reset_index(drop=True)
+        pd.testing.assert_frame_equal(own, alone.metrics, check_exact=True, check_dtype=False)
+        assert table_of(tmp_path).cause[number] == alone.manifest["cause"]
+    for command, code in {"verify": 0, "report": 0, "score": 2, "stability": 2}.items():
+        done = call(command, lean, folder=tmp_path)
+        assert done.returncode == code, command
+        assert len(done.stderr.splitlines()) == bool(code) or not code, command
+    again = sweep(*jobs, "hydra.launcher.processes=1", "sweep.resume=true", folder=tmp_path)
+    assert again.stdout.count("finished before, not run again") == 3
+    pd.testing.assert_frame_equal(load_sweep(lean), stored)
+    (lean / "metrics.parquet").write_bytes((tmp_path / "6" / "metrics.parquet").read_bytes())
+    assert call("verify", lean, folder=tmp_path).returncode == 4
 
 
 @pytest.mark.ci
