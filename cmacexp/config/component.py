@@ -103,9 +103,9 @@ def _fields_taken(component: Callable[..., object]) -> dict[str, bool] | None:
 
 @cache
 def _fields_of_options(group: str) -> set[str]:
-    """Fields of ``group`` that some option of it has, or that a scenario or plant sets in it."""
+    """Fields of ``group`` that some option of it has, or that a scenario, plant or controller sets in it."""
     names: set[str] = set()
-    for folder in (group, "scenario", "for_plant"):
+    for folder in (group, "scenario", "for_plant", "for_controller"):
         for path in (config_folder() / folder).glob("*.yaml"):
             option: Any = OmegaConf.load(path)
             names.update(option if folder == group else option.get(group, {}))

@@ -29,6 +29,8 @@ class DriveParams(NamedTuple):
     """(L, 21): legs, see :mod:`cmacexp.models.chain`."""
     angles: Array
     """(N, L, 3): of the plan, where the search for angles starts, rad."""
+    behind: Array
+    """(2, N, L, 3): by how much angles, rad, and velocities, rad/s, change in the plan while sensors delay them."""
     stiffness: float
     """K, N m/rad."""
     damping: float
@@ -68,6 +70,7 @@ def command_drives(
         y += params.ahead * velocity[1]
         z += params.ahead * velocity[2]
         start = params.angles[sample, i]
+        behind, slower = params.behind[0, sample, i], params.behind[1, sample, i]
         q1, q2, q3 = start[0], start[1], start[2]
         for _ in range(NEWTON_STEPS):
             at = chain_kinematics(chains[i], q1, q2, q3)
@@ -82,7 +85,7 @@ def command_drives(
         for j, angle in enumerate((q1, q2, q3)):
             command[ANGLE, i, j], command[VELOCITY, i, j] = angle, rates[j]
             command[STIFFNESS, i, j], command[DAMPING, i, j] = stiffness, damping
-            off = angle - params.ahead * rates[j] - observation.q[i, j]
-            law = stiffness * off + damping * (rates[j] - observation.dq[i, j])
+            off = angle - params.ahead * rates[j] - behind[j] - observation.q[i, j]
+            law = stiffness * off + damping * (rates[j] - slower[j] - observation.dq[i, j])
             state.learning_error[i, j] = law + down[j] * missing
             state.feedback[i, j] = down[j] * row[FORCE_ADDED]

@@ -70,11 +70,13 @@ class DriveController:
         if setup.mechanism.chains is None:
             kind = setup.config.machine.kind
             raise BadInput("machine.kind", kind, "must be robot with controller=drives: use scenario=robot")
-        angles = setup.plan.joints[:, :, JOINT_COLUMNS["angle"]]
+        planned = {name: setup.plan.joints[:, :, JOINT_COLUMNS[name]] for name in ("angle", "velocity")}
+        late = [getattr(getattr(setup.config.sensors, name, None), "delay", 0) for name in ("position", "velocity")]
         self.params = DriveParams(
             hips=setup.mechanism.hips,
             chains=setup.mechanism.chains,
-            angles=np.ascontiguousarray(angles),
+            angles=np.ascontiguousarray(planned["angle"]),
+            behind=np.stack([v - np.roll(v, n, axis=0) for v, n in zip(planned.values(), late, strict=True)]),
             stiffness=self.config.stiffness,
             damping=self.config.damping,
             force_weight=self.config.force_weight,

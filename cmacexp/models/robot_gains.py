@@ -95,7 +95,7 @@ class DriveGains(NamedTuple):
     """D, N m s/rad."""
 
 
-def _list_jacobians(robot: Robot) -> list[tuple[Array, Array]]:
+def list_jacobians(robot: Robot) -> list[tuple[Array, Array]]:
     """Of each leg at home, the inertia of its joints (3, 3), kg m^2, and the Jacobian (3, 3) of its foot, m/rad."""
     mujoco = load_mujoco()
     model = robot.model
@@ -118,21 +118,21 @@ def compute_foot_mass(robot: Robot) -> float:
     It is the least eigenvalue of the inertia that a foot shows to a force while the trunk is held, (J M^-1 J^T)^-1,
     M with the inertias of the rotors (Khatib 1987), of all legs.
     """
-    mobilities = [foot @ np.linalg.solve(inertia, foot.T) for inertia, foot in _list_jacobians(robot)]
+    mobilities = [foot @ np.linalg.solve(inertia, foot.T) for inertia, foot in list_jacobians(robot)]
     return min(1.0 / float(np.linalg.eigvalsh(mobility)[-1]) for mobility in mobilities)
 
 
 @lru_cache(maxsize=16)
 def derive_drive_gains(robot: Robot) -> DriveGains:
     """Gains of drives on whose legs, at home, the body is a mass on springs of DRIVEN_RATE."""
-    vertical = [float(np.linalg.inv(foot @ foot.T)[2, 2]) for _, foot in _list_jacobians(robot)]
+    vertical = [float(np.linalg.inv(foot @ foot.T)[2, 2]) for _, foot in list_jacobians(robot)]
     stiffness = DRIVEN_RATE**2 * robot.mass / sum(vertical)
     return DriveGains(stiffness, DRIVEN_DECAY * stiffness)
 
 
 def find_joint_margin(robot: Robot, gains: DriveGains, lag: float) -> Margin:
     """The margin of the drive of the lightest joint, without friction, at home; its torques have a ``lag`` in s."""
-    inertia = min(float(np.linalg.eigvalsh(inertia)[0]) for inertia, _ in _list_jacobians(robot))
+    inertia = min(float(np.linalg.eigvalsh(inertia)[0]) for inertia, _ in list_jacobians(robot))
     return find_drive_margin(inertia, *gains, lag)
 
 

@@ -1,8 +1,9 @@
 """What a robot can know of itself, as kernels: height, place, speed and contact forces from its own signals.
 
 Signals pass channels with their imperfections; attitude and heading are those of the inertial unit. Forces follow
-from the torques of the motors, less what holds the links; contact from the planned phase and the force; height and
-place from :mod:`cmacexp.sensors.place_filter`. Only what the designer believes of robot and ground is used.
+from the torques of the motors, less what holds the links and what changes the momentum of their joints (De Luca &
+Mattone 2003); contact from the planned phase and the force; height and place from
+:mod:`cmacexp.sensors.place_filter`. Only what the designer believes of robot and ground is used.
 """
 
 import math
@@ -72,6 +73,10 @@ class Estimator(NamedTuple):
     """(3, L): of these links, kg."""
     force_share: float
     """Part of its difference from the measurement by which a force changes in a step; 1: not filtered."""
+    inertia: Array
+    """(L, 3, 3): of the joints at home, with their rotors, kg m^2; 0: their momentum does not count."""
+    momentum: State
+    """(L, 3): of the joints, through the filter of the forces, N m s."""
     errors: Errors
     places: PlaceFilter
     force: State
@@ -156,6 +161,24 @@ def link_torque(estimator: Estimator, i: int, turns: Turns, up: Vector) -> Vecto
 
 
 @kernel
+def change_momentum(estimator: Estimator, i: int, rates: Array, begins: bool) -> Vector:
+    """Torque (3,), N m, by which the momentum of leg ``i``, whose joints turn at ``rates`` (3,), rad/s, grows.
+
+    It is filtered as forces are.
+    """
+    inertia, momentum = estimator.inertia[i], estimator.momentum[i]
+    share = 1.0 if begins else estimator.force_share
+    x, y, z = momentum[0], momentum[1], momentum[2]
+    for j in range(3):
+        now = inertia[j, 0] * rates[0] + inertia[j, 1] * rates[1] + inertia[j, 2] * rates[2]
+        momentum[j] += share * (now - momentum[j])
+    if begins:
+        return 0.0, 0.0, 0.0
+    period = estimator.period
+    return (momentum[0] - x) / period, (momentum[1] - y) / period, (momentum[2] - z) / period
+
+
+@kernel
 def press_down(kinematics: Array, i: int, torque: Vector, up: Vector) -> float:
     """Force down of foot ``i`` on the ground, N, by ``torque`` (3,), N m: J^-T tau; ``up`` (3,) as above."""
     row = kinematics[i]
@@ -194,7 +217,8 @@ def estimate_leg(
     if begins:
         estimator.force[i] = down
     estimator.force[i] += estimator.force_share * (down - estimator.force[i])
-    force = max(estimator.force[i], 0.0)
+    grows = change_momentum(estimator, i, dq, begins)
+    force = max(estimator.force[i] - press_down(observation.kinematics, i, grows, up_of_hip), 0.0)
     if not stands and force < LEAST_CONTACT * estimator.weight:
         force = 0.0
     observation.force[i] = force

@@ -1,7 +1,7 @@
 """Sensors of a robot that measures its joints, its motors' torques and its attitude, and estimates all else."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.models.chain import FOOT
 from cmacexp.models.loop_delay import first_order_share
 from cmacexp.models.robot import Robot, load_mujoco
+from cmacexp.models.robot_gains import list_jacobians
 from cmacexp.planning.robot import Stance, find_stance, to_hip
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement, copy_state
@@ -57,6 +58,8 @@ class ProprioceptiveConfig(ChannelsConfig):
     """Largest constant error of an acceleration, as of a joint angle."""
     force_lag: float = number("s", at_least=0, at_most=1)
     """Time constant of a first-order low-pass filter of the estimated forces; 0: not filtered."""
+    momentum: bool = field(kw_only=True)
+    """Whether estimated forces count what changes the momentum of the joints, with their inertia at home."""
     contact: str = choice(ELASTIC, RIGID)
     """What the estimator assumes of the ground: elastic, feet stick at their centres and sink by their force over the
     assumed K_n; mujoco, it is rigid, and feet roll."""
@@ -121,6 +124,8 @@ class ProprioceptiveSensors:
             links=links,
             link_masses=masses,
             force_share=first_order_share(config.force_lag, period) if config.force_lag else 1.0,
+            inertia=np.array([inertia if config.momentum else 0.0 * inertia for inertia, _ in list_jacobians(robot)]),
+            momentum=np.zeros((legs, joints)),
             errors=Errors(
                 config.encoder_offset,
                 config.torque_gain_error,

@@ -22,9 +22,8 @@ WALK = (*ROBOT, f"machine.path={OWN}", "controller=drives", *SHORT, "record=trac
 def test_a_command_leads_the_foot_along_its_reference_and_missing_force_teaches():
     chains = np.array([make_chain(side) for _, side in np.sign(ROBOT_HIPS)])
     angles = np.tile([0.1, 0.7, -1.4], (1, 4, 1))
-    params = drives.DriveParams(
-        ROBOT_HIPS, chains, angles, stiffness=80.0, damping=6.0, force_weight=0.5, ahead=AHEAD
-    )
+    behind = np.broadcast_to(np.reshape([0.01, 0.2], (2, 1, 1, 1)), (2, 1, 4, 3))
+    params = drives.DriveParams(ROBOT_HIPS, chains, angles, behind, 80.0, 6.0, force_weight=0.5, ahead=AHEAD)
     reference = np.zeros((4, 9))
     observation = SimpleNamespace(q=np.zeros((4, 3)), dq=np.zeros((4, 3)), force=np.full(4, 30.0))
     place, velocity = np.array([0.03, 0.29, -0.02]), np.array([0.4, -0.2, 0.1])
@@ -41,7 +40,7 @@ def test_a_command_leads_the_foot_along_its_reference_and_missing_force_teaches(
         assert_allclose(jacobian @ command[drives.VELOCITY, i], velocity, atol=1e-12)
         assert_allclose(state.feedback[i], 40.0 * jacobian[1])
         at_sample = command[drives.ANGLE, i] - AHEAD * command[drives.VELOCITY, i]
-        law = 80.0 * at_sample + 6.0 * command[drives.VELOCITY, i]
+        law = 80.0 * (at_sample - 0.01) + 6.0 * (command[drives.VELOCITY, i] - 0.2)
         assert_allclose(state.learning_error[i], law + (5.0 * jacobian[1] if support[i] else 0.0))
 
 

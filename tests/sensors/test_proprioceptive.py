@@ -58,6 +58,14 @@ def test_without_imperfections_the_estimate_is_near_the_truth(make_config, overr
 
 
 @pytest.mark.ci
+def test_in_a_trot_the_force_counts_the_momentum_of_the_joints(make_config):
+    trot = ("controller=drives", "gait=trot", "gait.speed=0.3", "cycles=3", "feedforward=none", *EXACT)
+    legs = roll_out(make_scenario(make_config(*WALK, *trot))).columns()
+    stands = legs["force"] > 10.0
+    assert np.abs(legs["force_measured"] - legs["force"])[stands].mean() < 5.0  # 9 without it
+
+
+@pytest.mark.ci
 def test_a_dead_torque_sensor_leaves_its_leg_without_force(make_config):
     dead = [f"sensors.torque.fault.{each}" for each in ("kind=zero", "legs=[2]")]
     measured = roll_out(make_scenario(make_config(*WALK, *SHORT, "cycles=1", *EXACT, *dead))).columns()[
