@@ -18,7 +18,6 @@ from cmacexp.engine.without_effect import list_idle_overrides
 from cmacexp.errors import BadComponent, BadInput, BadRun, CmacexpError, Diverged, SmallMargin
 from cmacexp.feedforward.ilc import gaussian_taps
 from cmacexp.gap.analysis import Gap
-from cmacexp.gap.learners import predict_all
 from cmacexp.gap.log import read_log
 from cmacexp.jit.compiler import program, workload
 from cmacexp.jit.hooks import Hook
