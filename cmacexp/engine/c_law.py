@@ -217,6 +217,7 @@ def _describe(scenario: Scenario) -> dict[str, Any]:
     stages = 1 if (reference[of_plan.BEFORE] == reference[of_plan.ACTING]).all() else 2
     actuator = new_actuator(config.actuator, config.sampling_period, len(mechanism.legs), mechanism.torque_limits)
     limits = np.minimum(actuator.limit, sys.float_info.max)
+    delayed = drives and bool(control.behind.any())
     posture = body and not drives and bool(control.posture_gain or control.posture_rate_gain)
     return {
         "control": control,
@@ -234,6 +235,9 @@ def _describe(scenario: Scenario) -> dict[str, Any]:
         "start": setup.start,
         "start_step": plan.start_step,
         "angles": control.angles if drives else None,
+        "behind": {f"{name}_behind": control.behind[i] for i, name in enumerate(("angle", "rate"))}
+        if delayed
+        else {},
         "lengths": mechanism.legs[:, :2],
         "limits": limits,
         "limited": bool((limits < sys.float_info.max).any()),

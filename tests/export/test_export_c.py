@@ -49,7 +49,7 @@ LAWS = {
     "leg from nothing": ("force_control=explicit", "reference=aware", "learning.rule=decaying_rate"),
     "leg that damps": ("learning=lasting", "force_control=damping", "feedforward=rbf", "actuator.delay=2"),
     "quadruped": ("scenario=quadruped", "learning=lasting", "posture.rate_gain=0.5"),
-    "robot with drives": (*PLANNED, "controller=drives", "feedforward=cmac_on_model"),
+    "robot with drives": (*PLANNED, "controller=drives", "feedforward=cmac_on_model", "sensors=proprioceptive"),
     "robot": PLANNED,
 }
 LACKING = {
