@@ -74,10 +74,9 @@ class JobRun(Run):
 def write_part(root: Path, tables: JobTables) -> None:
     """Write a part of the tables of a sweep; raises OSError."""
     (root / PARTS).mkdir(exist_ok=True)
-    options = pa.ipc.IpcWriteOptions(compression="zstd")
     with write_atomically(root / PARTS / token_hex(8), durable=False) as path, path.open("wb") as file:
         for table in tables:
-            with pa.ipc.new_stream(file, table.schema, options=options) as writer:
+            with pa.ipc.new_stream(file, table.schema) as writer:
                 writer.write_table(table)
 
 

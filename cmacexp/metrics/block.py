@@ -113,14 +113,17 @@ def split_cycles(trace: Trace, steps_per_cycle: int, before: Block | None = None
     ``machines`` with the same rhythm.
     """
 
+    def fold(values: Array) -> Array:
+        """(steps, L) as (cycles, L, N), a view if the last cycle is whole."""
+        if missing := -len(values) % steps_per_cycle:
+            values = np.concatenate([values, np.full((missing, values.shape[1]), np.nan)])
+        return values.reshape(-1, steps_per_cycle, values.shape[1]).swapaxes(1, 2)
+
     def split(values: Array) -> Array:
-        """(steps, L, ...) as (cycles, L, N, ...)."""
-        missing = -len(values) % steps_per_cycle
-        padded = np.concatenate([values, np.full((missing, *values.shape[1:]), np.nan)])
-        return np.ascontiguousarray(padded.reshape(-1, steps_per_cycle, *values.shape[1:]).swapaxes(1, 2))
+        return np.ascontiguousarray(fold(values))
 
     def joints(name: str) -> Array:
-        return split(trace.stack_joints(name))
+        return np.stack([fold(trace[name.format(joint + 1)]) for joint in range(len(trace.axes))], axis=3)
 
     in_space = THIRD_AXIS in trace.axes
     time, progress = split(trace["time"]), split(trace["progress"])
@@ -152,6 +155,8 @@ def three_feet(block: Block) -> Mask:
     The length of an interval follows from the progress of the legs, even if it straddles cycles or the run stops.
     """
     cycles, legs, steps = block.support.shape
+    if legs < 3 * block.machines:
+        return np.zeros_like(block.valid)
     by_machine = (cycles, block.machines, legs // block.machines, steps)
     samples = np.where(block.support, block.rhythm.support_samples, block.rhythm.transfer_samples)
     progress = np.where(block.valid, block.progress, 0.0)

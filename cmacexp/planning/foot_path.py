@@ -5,7 +5,6 @@ acceleration, each of the shape of ``s``.
 """
 
 import numpy as np
-from numpy.polynomial import polynomial
 
 from cmacexp.typing import Array
 
@@ -14,13 +13,17 @@ Motion = tuple[Array, Array, Array]
 
 def _sample(coefficients: Array, s: Array, duration: float) -> Motion:
     """Position, velocity and acceleration of a polynomial in ``s`` that lasts ``duration`` seconds."""
-    first = polynomial.polyder(coefficients)
-    second = polynomial.polyder(first)
-    return (
-        np.asarray(polynomial.polyval(s, coefficients), dtype=float),
-        np.asarray(polynomial.polyval(s, first), dtype=float) / duration,
-        np.asarray(polynomial.polyval(s, second), dtype=float) / duration**2,
-    )
+    first = coefficients[1:] * np.arange(1.0, len(coefficients))
+    second = first[1:] * np.arange(1.0, len(first))
+    return _evaluate(coefficients, s), _evaluate(first, s) / duration, _evaluate(second, s) / duration**2
+
+
+def _evaluate(coefficients: Array, s: Array) -> Array:
+    """A polynomial, whose constant is its first coefficient, by Horner's rule."""
+    value = np.full(s.shape, coefficients[-1])
+    for coefficient in coefficients[-2::-1]:
+        value = coefficient + value * s
+    return value
 
 
 def line(start: float, end: float, s: Array, duration: float) -> Motion:
