@@ -14,8 +14,8 @@ from benchmarks.c_loop import compiler
 from benchmarks.timing import Table, keep_freed_memory, markdown
 from cmacexp.jit.compiler import expect_runs
 
-ON_REQUEST = ("wire",)
-"""What needs half an hour in real time, and a robot's model, and is run by its name alone."""
+ON_REQUEST = ("wire", "law")
+"""What needs half an hour or more, and a robot's model, and is run by its name alone."""
 ALL = ("loop", "robot", "cmac", "trace", "command", "sweep", "many")
 
 

@@ -1,0 +1,155 @@
+"""The law in C beside that in Python, in the closed loop of Python: equal bits of commands and weights, and its time.
+
+Sensors outside the loop keep what they show in every step, and the command that answered; C is given the same.
+"""
+
+import ctypes
+import subprocess
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import cmacexp
+from benchmarks.c_loop import compiler
+from benchmarks.timing import Row, Table, format_time, stopwatch
+from cmacexp.engine.c_law import describe_law
+from cmacexp.export.c_code import write_c
+from cmacexp.export.network import keep_rows, list_path_rows, read_final_config, read_learnt
+from cmacexp.loop.builtin import find_external, make_guard, make_loop
+from cmacexp.loop.driver import Driver
+from cmacexp.loop.samples import make_samples
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.loop.step import Loop
+from cmacexp.loop.stop import RUNNING, new_limits
+from cmacexp.models.mechanism import (
+    KINEMATICS_FIELDS,
+    compute_foot_position,
+    compute_foot_velocity,
+    update_kinematics,
+)
+from cmacexp.planning import Setup
+from cmacexp.planning.stability import STABILITY
+from cmacexp.plants import Measurement
+from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY
+from cmacexp.typing import Array
+
+GO2 = ("scenario=robot", "machine=go2", "force_control.load_sharing=dynamic")
+RUNS = {
+    "one leg": ("scenario=one_leg", "learning=lasting"),
+    "quadruped": ("scenario=quadruped", "learning=lasting"),
+    "quadruped without a guard": ("scenario=quadruped", "learning=lasting", "learning.guard=none"),
+    "Go2, commands of drives": (*GO2, "controller=drives"),
+    "Go2, hybrid feedback": GO2,
+}
+SHORT = ("cycles=4", "record=metrics", "record.weights=true", "warn=false")
+SOURCE = Path(__file__).with_name("walk.c")
+FLAGS = ["-O2", "-ffp-contract=off", "-shared", "-fPIC"]
+STEPS, QUICK_STEPS, ROUNDS = 1_000_000, 3_000, 50
+
+
+class Recorder:
+    """Sensors that show the true state, with feet that follow from the joints, and keep a cycle of that.
+
+    Attributes:
+        loop: whose commands are kept; to be set.
+        signals, commands: (N, numbers), in the order of C.
+    """
+
+    loop: Loop
+
+    def __init__(self, samples: int, signals: int, commands: int):
+        self.signals, self.commands = np.zeros((samples, signals)), np.zeros((samples, commands))
+        self.taken = 0
+
+    def reset(self, setup: Setup) -> None:
+        """Start a run."""
+        self.mechanism = setup.mechanism
+        self.kinematics = np.zeros((setup.mechanism.shape[0], KINEMATICS_FIELDS[setup.mechanism.axes]))
+
+    def measure(self, true: Measurement) -> Measurement:
+        """Keep the signals of a step, and the command of the one before."""
+        sample = self.taken % len(self.signals)
+        if sample > 0:
+            self.keep_command(sample - 1)
+        foot, velocity = np.zeros_like(true.q), np.zeros_like(true.q)
+        update_kinematics(self.mechanism, true.q, self.kinematics)
+        for i in range(len(true.q)):
+            compute_foot_position(self.mechanism, i, self.kinematics, foot)
+            compute_foot_velocity(self.mechanism, i, self.kinematics, true.dq, velocity)
+        travel = np.zeros(3) if true.travel is None else true.travel
+        shown = np.concatenate([true.q, true.dq, true.force, true.body, true.body_rate, travel], axis=None)
+        self.signals[sample] = shown[: self.signals.shape[1]]
+        self.taken += 1
+        return true._replace(foot=foot, velocity=velocity)
+
+    def keep_command(self, sample: int) -> None:
+        """Keep the command that the loop gave last."""
+        torque, drives = self.loop.torques.total, self.loop.drives
+        if drives is None:
+            self.commands[sample] = torque.ravel()
+        else:
+            sent = drives.command
+            parts = [sent[ANGLE], sent[VELOCITY], torque, sent[STIFFNESS], sent[DAMPING]]
+            self.commands[sample] = np.concatenate(parts, axis=None)
+
+
+def build(folder: Path) -> ctypes.CDLL:
+    """Compile the law that was written to a folder, and load it."""
+    found, library = compiler(), folder / "law.so"
+    assert found is not None
+    sources = [SOURCE, folder / "cmac_leg.c", folder / "cmac_walk.c"]
+    subprocess.run([found, *FLAGS, f"-I{folder}", *map(str, sources), "-o", str(library), "-lm"], check=True)
+    loaded = ctypes.CDLL(str(library))
+    for name in ("play", "compare_weights", "count_signals", "count_commands", "count_bytes"):
+        getattr(loaded, name).restype = ctypes.c_int64
+    return loaded
+
+
+def _at(values: Array) -> ctypes.c_void_p:
+    return ctypes.c_void_p(values.ctypes.data)
+
+
+def compare(name: str, overrides: tuple[str, ...], steps: int, folder: Path) -> Row:
+    """Play a run in both languages; raises SystemExit where any bit differs."""
+    run = cmacexp.run([*overrides, *SHORT], folder / "run")
+    write_c(run, folder, law=describe_law(run))
+    library, config = build(folder), read_final_config(run)
+    learning = replace(config.learning, start_from=str(run.folder))
+    config = replace(config, cycles=-(-steps // config.steps_per_cycle), learning=learning)
+    period = config.steps_per_cycle
+    recorder = Recorder(period, library.count_signals(), library.count_commands())
+    scenario = make_scenario(config, read_learnt(run), sensors=recorder)
+    setup, external = scenario.setup, find_external(scenario)
+    guard = make_guard(scenario, external)
+    limits = new_limits(setup.mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
+    recorder.loop = make_loop(scenario, external, limits, None if guard is None else guard.state)
+    driver = Driver(scenario, recorder.loop, external, guard)
+    samples = make_samples(period, setup.mechanism.shape[0], True, setup.mechanism.shape[1])
+    library.load()
+    count = ctypes.c_int64(period)
+    wrong = 0
+    for _ in range(config.cycles):
+        if driver.run(*samples) != RUNNING:
+            raise SystemExit(f"{name}: the walk ended at step {driver.taken}")
+        recorder.keep_command(period - 1)
+        wrong += library.play(_at(recorder.signals), _at(recorder.commands), count)
+    params: Any = scenario.feedforward.params  # type: ignore[attr-defined]  # a network
+    weights = np.ascontiguousarray(keep_rows(params, list_path_rows(params)).weights)
+    others = library.compare_weights(_at(weights))
+    if wrong or others:
+        raise SystemExit(f"{name}: {wrong} of {driver.taken} commands and {others} of {weights.size} weights differ")
+    again = stopwatch(lambda: library.play(_at(recorder.signals), _at(recorder.commands), count))
+    what = f"{name}, {driver.taken:,} steps with equal bits, {library.count_bytes():,} bytes of state"
+    return Row(what, format_time(min(again() for _ in range(ROUNDS)) / period), "", None, "equal")
+
+
+def tables(quick: bool) -> list[Table]:
+    """A row for each machine."""
+    rows = []
+    for name, overrides in RUNS.items():
+        with tempfile.TemporaryDirectory() as folder:
+            rows.append(compare(name, overrides, QUICK_STEPS if quick else STEPS, Path(folder)))
+    return [Table("The law in C, a step", rows)]
