@@ -5,6 +5,7 @@ what it differs in from its model are those of its config. It hangs at first, as
 its commands have rested; or it lies on the ground. Without commands its motors go on with the last one.
 """
 
+import gc
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -174,6 +175,7 @@ def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fau
     state["motor_state.temperature"] = TEMPERATURE
     if not patient:
         ask_for_priority()
+        gc.disable()  # it takes longer than several steps
     wire = Wire(interface, domain, STATES, COMMANDS)
     print(
         f"a robot on {interface}, domain {domain}: {'it hangs' if robot.hung else 'it lies on the ground'}",
