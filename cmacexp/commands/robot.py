@@ -83,7 +83,7 @@ def _play(arguments: argparse.Namespace) -> int:
 def main() -> int:
     """Run the command."""
     kinds = "; ".join(f"{name}: {meaning}" for name, meaning in KINDS.items())
-    parser = Parser("cmacexp.robot", f"Play a robot on this computer's loopback for plant=unitree. Faults: {kinds}.")
+    parser = Parser("cmacexp robot", f"Play a robot on this computer's loopback for plant=unitree. Faults: {kinds}.")
     parser.add_argument("--simulate", action="store_true", help="play a robot; it ends once commands cease")
     parser.add_argument("--chirp", metavar="LOG", help="move the joints of a robot that hangs, for cmacexp gap LOG")
     parser.add_argument("--learn", metavar="LEG", choices=LEG_NAMES, help="let a leg of a robot that hangs learn")

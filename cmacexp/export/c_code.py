@@ -21,6 +21,7 @@ from cmacexp.cmac.rules import (
 )
 from cmacexp.config.cmac import PHASE
 from cmacexp.data.files import write_atomically
+from cmacexp.data.folder import OUT_KEY
 from cmacexp.data.run import Run
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput
@@ -30,6 +31,8 @@ from cmacexp.models.mix import MULTIPLIER
 
 HEADER, SOURCE, CHECK = FILES = ("cmac_leg.h", "cmac_leg.c", "main.c")
 LAW_FILES = ("cmac_walk.h", "cmac_walk.c", "walk_main.c")
+MARK = "cmacexp"
+"""What each of these files contains."""
 MOST_STATE, MOST_CONSTANTS = 2**28, 2**24
 """Bytes, above which a network is refused."""
 TITLES = {
@@ -71,6 +74,9 @@ def write_c(
     files = FILES + LAW_FILES * (law is not None)
     texts = [_render(name, context, single) for name in files]
     folder.mkdir(parents=True, exist_ok=True)
+    for name in files:
+        if (place := folder / name).exists() and MARK not in place.read_text(encoding="ascii", errors="replace"):
+            raise BadInput(OUT_KEY, folder, f"has a {name} that is not of this export; choose another folder")
     for name, text in zip(files, texts, strict=True):
         with write_atomically(folder / name) as temporary:
             temporary.write_text(text, encoding="ascii")

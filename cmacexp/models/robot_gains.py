@@ -170,10 +170,10 @@ def require_period(ratio: float, period: float, loop_delay: LoopDelay = NONE) ->
     else:
         least = next((least for longest, least in PERIODS if period <= longest), math.inf)
     if ratio * choose_feedback(loop_delay, period) / MOST_FEEDBACK <= least:
-        late = "" if loop_delay == NONE else " and feedback is late"
+        late, more = ("", "") if loop_delay == NONE else (" and feedback is late", ", or take controller=drives")
         light = f"gains by rule fail where a foot feels {ratio:.2g} of the mass of the robot{late}"
         recommended = recommend_period(ratio, loop_delay)
-        raise BadInput("sampling_period", period, f"is too long, {light}: use {recommended:g}, or set gains")
+        raise BadInput("sampling_period", period, f"is too long, {light}: use {recommended:g}, or set gains{more}")
 
 
 @lru_cache(maxsize=16)

@@ -69,8 +69,9 @@ def _group_keys(configs: Sequence[dict[str, Any]]) -> dict[Partition, list[str]]
 
 
 def _rank(key: str) -> tuple[int, int, str]:
-    """Order in which keys describe a difference: the scenario, the component or method chosen, the shortest key."""
-    order = [key == "scenario", key in COMPONENTS, key.endswith((".method", ".kind", ".rule", ".pattern"))]
+    """Order in which keys describe a difference: the scenario, a component or method, the shortest, cycles last."""
+    chosen = key.endswith((".method", ".kind", ".rule", ".pattern"))
+    order = [key == "scenario", key in COMPONENTS, chosen, key != "cycles"]
     return (order.index(True) if True in order else len(order), len(key), key)
 
 
@@ -87,11 +88,16 @@ def find_swept(runs: Iterable[Run]) -> Swept:
 
 def _list_differences(runs: Sequence[Run], swept: Swept) -> list[PageElement]:
     """The values of each key in which runs differ, and the keys that vary with it."""
-    rows = []
-    for key in swept.all_keys:
+
+    def list_values(key: str) -> str:
         values = list(dict.fromkeys(format_setting(run.settings.get(key)) for run in runs if run.settings))
         more = f", ... ({len(values)} values)" if len(values) > MOST_VALUES else ""
-        rows.append([key, ", ".join(values[:MOST_VALUES]) + more, ", ".join(swept.linked.get(key, []))])
+        return ", ".join(values[:MOST_VALUES]) + more
+
+    rows = []
+    for key in swept.all_keys:
+        linked = "; ".join(f"{other}: {list_values(other)}" for other in swept.linked.get(key, []))
+        rows.append([key, list_values(key), linked])
     if rows:
         count = 3 if swept.linked else 2
         titles = ["key", "values", "keys that vary with it"][:count]

@@ -158,7 +158,14 @@ def test_what_cannot_be_exported_is_refused_by_name(override, run_of, tmp_path):
 
 def test_the_command_writes_every_format_and_into_no_run(stored, tmp_path):
     run = shutil.copytree(stored("record=trace", "record.weights=true", "cycles=2").folder, tmp_path / "run")
-    for words in (["--out", "x"], ["--single"], ["--c", "--law", "--single"], ["--c", "--out", str(run)]):
+    (tmp_path / "main.c").write_text("int main(void) { return 42; }")
+    for words in (
+        ["--out", "x"],
+        ["--single"],
+        ["--c", "--law", "--single"],
+        ["--c", "--out", str(run)],
+        ["--c", "--out", "."],
+    ):
         done = python("-m", "cmacexp.export", str(run), *words, folder=tmp_path)
         assert (done.returncode, done.stderr.count("error: ")) == (2, 1), done.stderr
     done = python("-m", "cmacexp.export", "run", "--c", "--wide", "--mcap", folder=tmp_path)
