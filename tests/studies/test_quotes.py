@@ -40,6 +40,7 @@ def test_every_quote_of_every_page_is_filled_in():
     assert not [name for name, text in pages.items() if QUOTE.search(text)]
 
 
+@pytest.mark.ci
 def test_every_statement_that_was_measured_has_n_and_an_interval_for_each_value():
     names = [(study, name) for study, own in declared().items() for name in own]
     found = {name: entry for name in names if (entry := find_entry(*name, RESULTS.statements)) is not None}
