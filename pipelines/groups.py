@@ -40,7 +40,7 @@ GROUPS = {
     "quadrupeds": Group(
         "Robots of today",
         "What does learned feedforward gain on today's quadrupeds, in moving gaits and with delayed feedback?",
-        ("robots", "moving_robots", "identified_robot", "speed_change", "late_robots", "drives"),
+        ("robots", "moving_robots", "identified_robot", "speed_change", "late_robots", "drives", "drives_harder"),
     ),
     "bounded": Group(
         "Guarded learning",
