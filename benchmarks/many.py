@@ -57,9 +57,9 @@ def _elapsed(what: str, seconds: float, target: str) -> Row:
 
 
 def _measure(folder: Path, runs: int) -> tuple[float, float]:
-    """Bytes of a run on disk, and its files and folders."""
-    paths = [path for run in range(runs) for path in (folder / str(run)).rglob("*")]
-    return sum(path.stat().st_size for path in paths if path.is_file()) / runs, len(paths) / runs + 1
+    """Bytes of a run on disk, and its files and folders; those of all runs are shared out."""
+    paths = list(folder.rglob("*"))
+    return sum(path.stat().st_size for path in paths if path.is_file()) / runs, len(paths) / runs
 
 
 def _extrapolate(used: Sequence[float], size: Sequence[float], files: Sequence[float], runs: int) -> Table:

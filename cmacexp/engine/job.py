@@ -59,13 +59,6 @@ class JobItem(NamedTuple):
     """:data:`HASHES` of a result that the tables of the sweep have; empty without one."""
 
 
-class JobEnd(NamedTuple):
-    """How a job of a sweep ended, in a line."""
-
-    text: str
-    is_error: bool
-
-
 def ensure_run(
     config: Config,
     folder: Path,
@@ -132,10 +125,11 @@ def _describe_job(hydra: Any, overrides: list[str], number: int, folder: Path) -
     hydra["runtime"]["output_dir"] = str(folder / str(number))
 
 
-def run_jobs(packed: bytes, items: Sequence[JobItem], jobs: int) -> list[JobEnd]:
+def run_jobs(packed: bytes, items: Sequence[JobItem], jobs: int) -> list[tuple[str, bool]]:
     """Run some of so many jobs of a sweep in this process, and hand them over as one part of its tables.
 
-    ``packed`` is what Hydra composed for a job of the same keys and options. Raises OSError.
+    ``packed`` is what Hydra composed for a job of the same keys and options. Returns how each ended, in a line, and
+    whether that is an error. Raises OSError.
     """
     root, chunk, ran = _unpack(packed)[2], Chunk(), dict[int, tuple[Run | None, bool]]()
     if is_first_worker():
@@ -250,13 +244,13 @@ def _tabulate(root: Path, runs: Mapping[int, Run], overrides: Mapping[int, list[
     return JobTables(jobs, metrics.add_column(0, "run", jobs["run"].take(index)))
 
 
-def _describe_end(item: JobItem, run: Run | None, is_new: bool) -> JobEnd:
-    """How a job ended."""
+def _describe_end(item: JobItem, run: Run | None, is_new: bool) -> tuple[str, bool]:
+    """How a job ended, in a line, and whether that is an error."""
     name = f"#{item.number} {' '.join(select_run_overrides(item.overrides))}"
     if run is None or not is_new:
-        return JobEnd(f"{name}: finished before, not run again", False)
+        return f"{name}: finished before, not run again", False
     if run.status == Status.FAILED:
         name = f"#{item.number}" if "bad_input" in run.manifest else name
-        return JobEnd(f"error: {name}: {run.manifest['cause']}", True)
+        return f"error: {name}: {run.manifest['cause']}", True
     notes = format_outcome(run), describe_drift(run), describe_idle(run)
-    return JobEnd(f"{name}: {'; '.join(filter(None, notes))}", False)
+    return f"{name}: {'; '.join(filter(None, notes))}", False

@@ -199,8 +199,8 @@ class Sweep:
         return ended
 
     def _see(self, ends: Any) -> None:
-        for end in ends:
-            print_line(end.text, error=end.is_error)
+        for text, is_error in ends:
+            print_line(text, error=is_error)
 
 
 def _run_jobs(packed: bytes, items: Sequence[Any], jobs: int) -> Any:

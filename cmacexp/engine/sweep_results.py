@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from cmacexp.data import manifest as manifests
 from cmacexp.data.files import full_disk_named, sha256, write_atomically
 from cmacexp.data.folder import TABLE, TABLE_CSV
-from cmacexp.data.parquet import arrow, as_array, select_rows, write_table
+from cmacexp.data.parquet import as_array, select_rows, write_table
 from cmacexp.data.tables import METRICS_FILE
 from cmacexp.engine.equal_results import print_idle_keys
 from cmacexp.engine.job_tables import HASHES, PARTS, JobRun, list_jobs
@@ -42,7 +41,7 @@ def collect_jobs(folder: Path, planned: Sequence[tuple[str, ...]]) -> list[JobRu
 def write_tables(folder: Path, runs: Sequence[JobRun], status: str) -> None:
     """Write the tables of a sweep, and the manifest with its ``status``; raises OSError."""
     jobs, metrics = runs[0].tables
-    jobs = jobs.take(arrow(np.array([run.index for run in runs]), pa.int64()))
+    jobs = select_rows(jobs, np.array([run.index for run in runs]))
     keys, typed = list(runs[0].settings), make_table([run.settings for run in runs])
     for place, name in enumerate(keys, 3):
         jobs = jobs.add_column(place, name, typed[name])
