@@ -90,6 +90,7 @@ def test_a_sentence_for_another_verdict_and_one_that_is_gone_are_found(statement
     assert find_outdated([{**sentences[0], "needs": {"s.a": "yes"}}], {"a.md": "It stays bounded."}, statements) == []
 
 
+@pytest.mark.ci
 def test_sentences_and_blocks_of_pages_are_what_the_studies_found():
     """``python -m pipelines --write-docs`` renews the blocks."""
     texts = {path.name: path.read_text() for path in PAGES.values()}
