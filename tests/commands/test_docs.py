@@ -110,11 +110,9 @@ def test_the_law_as_published_diverges_and_drifts_when_the_page_says(tmp_path):
 
 
 def test_what_the_pages_say_to_type_is_a_config(make_config):
-    """Commands within the text, overrides of the quick reference, and what is typed for one's own robot."""
+    """Commands within the text, and what is typed for one's own robot."""
     texts = {page: path.read_text() for page, path in PAGES.items()}
     typed = [words for text in texts.values() for words in re.findall(r"`python -m cmacexp ([^`]+)`", text)]
-    quick = re.findall(r"`([\w.]+=[^`]+)`", texts["concepts.md"].partition("| run |")[2])
-    typed += [words if "scenario" in words else f"scenario=quadruped {words}" for words in quick]
     own = "\n".join(block.code for block in blocks("questions.md") if block.language == "text").splitlines()
     typed += [line.removeprefix("python -m cmacexp ").replace("my_robot.urdf", str(OWN)) for line in own]
     needs = re.compile(r"DIR|-m |gait.speed|machine=(go|a1|b2|aliengo|hyq|mini|spot)")
