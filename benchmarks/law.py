@@ -15,7 +15,7 @@ import numpy as np
 import cmacexp
 from benchmarks.c_loop import compiler
 from benchmarks.timing import Row, Table, format_time, stopwatch
-from cmacexp.engine.c_law import describe_law
+from cmacexp.engine.c_law import compute_feet, describe_law
 from cmacexp.export.c_code import write_c
 from cmacexp.export.network import keep_rows, list_path_rows, read_final_config, read_learnt
 from cmacexp.loop.builtin import find_external, make_guard, make_loop
@@ -24,12 +24,6 @@ from cmacexp.loop.samples import make_samples
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.step import Loop
 from cmacexp.loop.stop import RUNNING, new_limits
-from cmacexp.models.mechanism import (
-    KINEMATICS_FIELDS,
-    compute_foot_position,
-    compute_foot_velocity,
-    update_kinematics,
-)
 from cmacexp.planning import Setup
 from cmacexp.planning.stability import STABILITY
 from cmacexp.plants import Measurement
@@ -67,18 +61,13 @@ class Recorder:
     def reset(self, setup: Setup) -> None:
         """Start a run."""
         self.mechanism = setup.mechanism
-        self.kinematics = np.zeros((setup.mechanism.shape[0], KINEMATICS_FIELDS[setup.mechanism.axes]))
 
     def measure(self, true: Measurement) -> Measurement:
         """Keep the signals of a step, and the command of the one before."""
         sample = self.taken % len(self.signals)
         if sample > 0:
             self.keep_command(sample - 1)
-        foot, velocity = np.zeros_like(true.q), np.zeros_like(true.q)
-        update_kinematics(self.mechanism, true.q, self.kinematics)
-        for i in range(len(true.q)):
-            compute_foot_position(self.mechanism, i, self.kinematics, foot)
-            compute_foot_velocity(self.mechanism, i, self.kinematics, true.dq, velocity)
+        foot, velocity = compute_feet(self.mechanism, true.q, true.dq)
         travel = np.zeros(3) if true.travel is None else true.travel
         shown = np.concatenate([true.q, true.dq, true.force, true.body, true.body_rate, travel], axis=None)
         self.signals[sample] = shown[: self.signals.shape[1]]

@@ -8,6 +8,8 @@ from cmacexp.data import manifest as manifests
 from cmacexp.errors import BadInput, BadRun
 
 HYDRA_FOLDER = ".hydra"
+RUNS_FILE, JOBS_FOLDER = "runs.parquet", ".jobs"
+"""Of a sweep: its jobs beside their metrics; parts of both while it runs."""
 
 
 def is_run(folder: Path) -> bool:
@@ -48,7 +50,7 @@ def _require_some(folder: Path, paths: Iterable[Path]) -> list[Path]:
         raise BadRun(f"{folder}: no such folder")
     if ordered := sorted(paths):
         return ordered
-    if (folder / "runs.parquet").exists() or (folder / ".jobs").exists():
+    if (folder / RUNS_FILE).exists() or (folder / JOBS_FOLDER).exists():
         raise BadRun(f"{folder}: its runs keep metrics alone (record=metrics), without folders; use record=trace")
     raise BadRun(f"{folder}: contains no run; use the folder that a run printed at its end")
 

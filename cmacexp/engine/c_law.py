@@ -29,6 +29,7 @@ from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.models import sine
 from cmacexp.models.mechanism import (
     KINEMATICS_FIELDS,
+    Mechanism,
     compute_foot_position,
     compute_foot_velocity,
     has_body,
@@ -66,6 +67,17 @@ OF_A_BODY = (0.002, 0.01, 0.01, 0.05, 0.1, 0.1, 0.002, 0.002, 0.002)
 """Likewise of height, pitch and roll, their rates, place and heading: m, rad, s."""
 BURST = 16.0
 """By how much signals grow in a part of the third cycle: enough to alarm a guard, and for no body to fall."""
+
+
+def compute_feet(mechanism: Mechanism, q: Array, dq: Array) -> tuple[Array, Array]:
+    """Place and velocity of the feet (L, axes), m, m/s, that follow from joints (L, J), rad, rad/s, as C has them."""
+    kinematics = np.zeros((len(q), KINEMATICS_FIELDS[mechanism.axes]))
+    foot, velocity = np.zeros_like(q), np.zeros_like(q)
+    update_kinematics(mechanism, q, kinematics)
+    for i in range(len(q)):
+        compute_foot_position(mechanism, i, kinematics, foot)
+        compute_foot_velocity(mechanism, i, kinematics, dq, velocity)
+    return foot, velocity
 
 
 class Player:
@@ -120,17 +132,11 @@ class Player:
             draws.append((self.chance >> 11) * 2.0**-53)
         scale = 1.0 if step < self.period else BURST if 0 <= step - self.burst < self.period // 8 else 0.5
         signals = self.centre + self.drift * step + scale * self.size * (2.0 * np.array(draws) - 1.0)
-        mechanism, (legs, joints) = self.mechanism, self.mechanism.shape
+        legs, joints = self.mechanism.shape
         q, dq = signals[: 2 * legs * joints].reshape(2, legs, joints)
         force, body = np.split(signals[2 * legs * joints :], [legs])
-        kinematics = np.zeros((legs, KINEMATICS_FIELDS[mechanism.axes]))
-        foot, velocity = np.zeros_like(q), np.zeros_like(q)
-        update_kinematics(mechanism, q, kinematics)
-        for i in range(legs):
-            compute_foot_position(mechanism, i, kinematics, foot)
-            compute_foot_velocity(mechanism, i, kinematics, dq, velocity)
         pose, rate, travel = body.reshape(3, 3) if len(body) else np.zeros((3, 3))
-        return Measurement(q, dq, foot, velocity, force, pose, rate, travel)
+        return Measurement(q, dq, *compute_feet(self.mechanism, q, dq), force, pose, rate, travel)
 
 
 def describe_law(run: Run) -> dict[str, Any]:

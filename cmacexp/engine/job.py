@@ -19,7 +19,7 @@ from cmacexp.config import Config, config_hash, to_config, to_plain
 from cmacexp.config.compose import PlainConfig, make_record, set_values
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER, is_run
-from cmacexp.data.folder import RUN_KEY, new_result
+from cmacexp.data.folder import RUN_KEY, check_place, new_result
 from cmacexp.data.integrity import compute_hashes, is_finished
 from cmacexp.data.run import Run
 from cmacexp.data.tables import Scores
@@ -146,6 +146,9 @@ def run_jobs(packed: bytes, items: Sequence[JobItem], jobs: int) -> list[tuple[s
             _add_scores(ran.get(number, (None, False))[0], scores)
         if runs := {number: run for number, (run, _) in ran.items() if run is not None}:
             write_part(root, _tabulate(root, runs, {item.number: item.overrides for item in items}))
+            for run in runs.values():  # an earlier one in the place of a run that has no folder
+                if not run.is_checked and is_run(run.folder):
+                    shutil.rmtree(run.folder, ignore_errors=True)
     return [_describe_end(item, *ran[item.number]) for item in items]
 
 
@@ -202,6 +205,8 @@ def _run_job(
             return None, False
         if config.sweep.resume and is_finished(folder, config):
             return Run(folder), False
+        if folder.exists():  # this job will take its place
+            check_place(folder, RUN_KEY)
         began = time.perf_counter()
         scenario = make_scenario(config)
         manifest = describe_run(scenario, chunk.run(number, scenario))
@@ -213,12 +218,10 @@ def _run_job(
 
 
 def _add_scores(run: Run | None, scores: Scores) -> None:
-    """Give a run that has no folder its metrics; an earlier one in its place is removed."""
+    """Give a run that has no folder its metrics."""
     if run is not None:
         run.is_checked, run.scores = False, scores
         run.manifest |= {"drift": make_drift_entry(scores.legs), "files": hash_scores(scores)}
-        if is_run(run.folder):
-            shutil.rmtree(run.folder, ignore_errors=True)
 
 
 def _tabulate(root: Path, runs: Mapping[int, Run], overrides: Mapping[int, list[str]]) -> JobTables:

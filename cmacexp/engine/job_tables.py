@@ -15,16 +15,15 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import runs_below
+from cmacexp.data.discovery import JOBS_FOLDER, RUNS_FILE, runs_below
 from cmacexp.data.files import open_file, write_atomically
 from cmacexp.data.parquet import arrow, as_array, select_rows
 from cmacexp.data.run import Outcome, Run, sort_folders
 from cmacexp.data.tables import Scores
-from cmacexp.engine.sweep_tables import FINGERPRINT, RUNS_FILE, read_tables
+from cmacexp.engine.sweep_tables import FINGERPRINT, read_tables
 from cmacexp.errors import BadRun
 from cmacexp.metrics.body import BODY_METRICS, ESTIMATE_METRICS
 
-PARTS = ".jobs"
 HASHES = ("config_hash", "code_hash", "custom_code", "start_weights", "model_hash")
 """Of the manifest of a job: where all are the same, so is the result."""
 
@@ -73,8 +72,8 @@ class JobRun(Run):
 
 def write_part(root: Path, tables: JobTables) -> None:
     """Write a part of the tables of a sweep; raises OSError."""
-    (root / PARTS).mkdir(exist_ok=True)
-    with write_atomically(root / PARTS / token_hex(8), durable=False) as path, path.open("wb") as file:
+    (root / JOBS_FOLDER).mkdir(exist_ok=True)
+    with write_atomically(root / JOBS_FOLDER / token_hex(8), durable=False) as path, path.open("wb") as file:
         for table in tables:
             with pa.ipc.new_stream(file, table.schema) as writer:
                 writer.write_table(table)
@@ -97,7 +96,7 @@ def list_jobs(root: Path) -> list[JobRun]:
     Of several with one number the last one counts. A part that a power failure has cut short is left out.
     """
     parts, known = list[JobTables](), np.empty(0)
-    newest_first = sorted((root / PARTS).glob("[!.]*"), key=lambda path: path.lstat().st_mtime_ns, reverse=True)
+    newest_first = sorted((root / JOBS_FOLDER).glob("[!.]*"), key=lambda path: path.lstat().st_mtime_ns, reverse=True)
     for path in [*newest_first, root / RUNS_FILE]:
         with suppress(OSError, KeyError, TypeError, ValueError, pa.ArrowException):
             part = _read(path)

@@ -20,8 +20,9 @@ from omegaconf.errors import OmegaConfBaseException
 from cmacexp.config.explain import COMPOSITION_ERRORS
 from cmacexp.config.hydra_private import BASIC, GRID, expand_grid
 from cmacexp.config.robot_rule import read_machine
+from cmacexp.data.discovery import JOBS_FOLDER
 from cmacexp.data.folder import collection
-from cmacexp.engine.job_tables import HASHES, PARTS, list_jobs
+from cmacexp.engine.job_tables import HASHES, list_jobs
 from cmacexp.engine.objective import DIRECTION, check_metric, find_direction, read_objective
 from cmacexp.engine.pool import MOST_RUNS, ParallelMap, choose_size, count_processes, map_here, start_workers
 from cmacexp.engine.sweep_results import finish_sweep
@@ -125,7 +126,7 @@ class Sweep:
         """
         with collection(self.folder, SWEEP_KEY):
             if not self.config.sweep.resume:
-                shutil.rmtree(self.folder / PARTS, ignore_errors=True)
+                shutil.rmtree(self.folder / JOBS_FOLDER, ignore_errors=True)
             try:
                 with self._start() as self.parallel_map:
                     self._run_jobs()

@@ -17,7 +17,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cmacexp.data.discovery import is_run, walk
+from cmacexp.data.discovery import RUNS_FILE, is_run, walk
 from cmacexp.data.files import open_file, sha256, write_atomically
 from cmacexp.data.manifest import MANIFEST
 from cmacexp.data.parquet import arrow, arrow_strings, as_array, write_table
@@ -25,7 +25,7 @@ from cmacexp.data.run import Run
 from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores
 from cmacexp.typing import Array
 
-RUNS_FILE, FINGERPRINT = "runs.parquet", "fingerprint"
+FINGERPRINT = "fingerprint"
 """The table of jobs, and its column of hashes."""
 Row = dict[str, Any]
 

@@ -1,6 +1,7 @@
 """A method of a user that takes a log: a class without arguments, with ``fit(strokes)`` and ``predict(stroke)``."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 from cmacexp.gap.signals import Signals, differentiate
@@ -37,10 +38,14 @@ class Entered:
     method: Any
     strokes: list[Stroke] = field(default_factory=list)
 
+    @cached_property
+    def _rate(self) -> Array:
+        """Of all commands, rad/s."""
+        return differentiate(self.signals.command, self.signals.log.period)
+
     def _cut(self, stroke: int) -> Stroke:
         own, rows = self.signals, self.signals.rows(stroke)
-        rate = differentiate(own.command, own.log.period)
-        return Stroke(own.log.period, own.phase[rows].copy(), own.command[rows].copy(), rate[rows])
+        return Stroke(own.log.period, own.phase[rows].copy(), own.command[rows].copy(), self._rate[rows].copy())
 
     def predict(self, stroke: int) -> Array:
         """What the method says, whatever that is."""

@@ -111,10 +111,11 @@ def test_the_law_as_published_diverges_and_drifts_when_the_page_says(tmp_path):
 
 def test_what_the_pages_say_to_type_is_a_config(make_config):
     """Commands within the text, and what is typed for one's own robot."""
-    texts = {page: path.read_text() for page, path in PAGES.items()}
-    typed = [words for text in texts.values() for words in re.findall(r"`python -m cmacexp ([^`]+)`", text)]
-    own = "\n".join(block.code for block in blocks("questions.md") if block.language == "text").splitlines()
-    typed += [line.removeprefix("python -m cmacexp ").replace("my_robot.urdf", str(OWN)) for line in own]
+    typed = [
+        words for path in PAGES.values() for words in re.findall(r"`python -m cmacexp ([^`]+)`", path.read_text())
+    ]
+    for block in filter(lambda block: block.language == "text", blocks("questions.md")):
+        typed += block.code.replace("python -m cmacexp ", "").replace("my_robot.urdf", str(OWN)).splitlines()
     needs = re.compile(r"DIR|-m |gait.speed|machine=(go|a1|b2|aliengo|hyq|mini|spot)")
     for words in typed:
         if not needs.search(words):
