@@ -2,7 +2,7 @@
 
 import os
 import resource
-from typing import Any, NamedTuple
+from typing import Any
 
 from cmacexp.config.cmac import CMACS, PHASE, check_size
 from cmacexp.config.component import COMPONENTS, ComponentConfig, find_option
@@ -12,18 +12,8 @@ from cmacexp.config.machine import RobotMachine, ask_for_robot, read_model
 from cmacexp.config.schema import Config, read_component
 from cmacexp.errors import BadInput
 
-
-class Check(NamedTuple):
-    """A combination of fields that may be wrong."""
-
-    is_wrong: bool
-    key: str
-    """The key that the message names."""
-    value: Any
-    allowed: str
-    """What its value must be, given the other fields."""
-
-
+Check = tuple[bool, str, Any, str]
+"""Whether a combination of fields is wrong; the key that the message names, its value, and what it must be."""
 SHORTEST_RAMP = 10
 """Samples of the shortest ramp of the load: a shorter one is a jump that no sampled motion follows."""
 TOLERANCE = 1e-9
@@ -62,10 +52,10 @@ def check_timing(config: Config) -> list[Check]:
     at_sample = f"must fall on one of the {steps} samples of the cycle"
     whole_steps = f"must divide gait.cycle_time={gait.cycle_time:g} s into at least 2 whole steps"
     if not divides:
-        return [Check(True, "sampling_period", period, f"{whole_steps}; {near} does")]
+        return [(True, "sampling_period", period, f"{whole_steps}; {near} does")]
     return [
         *(
-            Check(
+            (
                 not _is_whole(phase * ratio),
                 "gait.touch_down",
                 phase,
@@ -73,13 +63,13 @@ def check_timing(config: Config) -> list[Check]:
             )
             for phase in gait.touch_down or []
         ),
-        Check(
+        (
             steps % divisor != 0,
             "sampling_period",
             period,
             f"gives {steps} steps a cycle, a {gait.pattern} gait needs a multiple of {divisor}: try {near}",
         ),
-        Check(
+        (
             not _is_whole(support) or round(support) < 1,
             "gait.duty_factor",
             gait.duty_factor,
@@ -96,20 +86,20 @@ def check_legs(config: Config) -> list[Check]:
     is_dynamic = PATTERNS[gait.pattern].is_dynamic and kind != "robot"
     given = f"must be null {with_kind}: the feet share the weight"
     return [
-        Check(config.legs != legs, "gait.pattern", gait.pattern, f"{with_kind} choose from {fitting}"),
-        Check(
+        (config.legs != legs, "gait.pattern", gait.pattern, f"{with_kind} choose from {fitting}"),
+        (
             is_dynamic,
             "gait.pattern",
             gait.pattern,
             f"needs a body that moves: {with_kind} choose wave, or scenario=robot",
         ),
-        Check(
+        (
             gait.touch_down is not None and len(gait.touch_down) != legs,
             "gait.touch_down",
             gait.touch_down,
             f"must have one value for each of the {legs} legs, or be null",
         ),
-        Check(
+        (
             (force is None) != config.has_body,
             "force_control.desired_force",
             force,
@@ -131,25 +121,23 @@ def check_pattern(config: Config) -> list[Check]:
         "gait.unload_ramp": (gait.unload_ramp, duty * gait.cycle_time - gait.load_ramp),
     }
     return [
-        Check(not is_stable, "gait.duty_factor", duty, f"{stable}; or gait.allow_unstable=true"),
-        Check(
-            pattern.lifts and duty == 1, "gait.duty_factor", duty, f"must be below 1 {given}; or use gait=standing"
-        ),
-        Check(not pattern.lifts and duty != 1, "gait.duty_factor", duty, f"must be 1 {given}"),
-        Check(
+        (not is_stable, "gait.duty_factor", duty, f"{stable}; or gait.allow_unstable=true"),
+        (pattern.lifts and duty == 1, "gait.duty_factor", duty, f"must be below 1 {given}; or use gait=standing"),
+        (not pattern.lifts and duty != 1, "gait.duty_factor", duty, f"must be 1 {given}"),
+        (
             not pattern.lifts and gait.stroke != 0,
             "gait.stroke",
             gait.stroke,
             f"must be 0 {given}, which never lifts a foot",
         ),
-        Check(
+        (
             abs(gait.stroke - travel) > 1e-4 * max(travel, gait.stroke),
             "gait.stroke",
             gait.stroke,
             f"must be {travel:.6g} m with gait.speed={speed:g}; or set gait.speed=null",
         ),
         *(
-            Check(
+            (
                 ramp > 0 and not shortest <= ramp <= longest - period,
                 key,
                 ramp,
@@ -171,19 +159,19 @@ def check_ground_and_payload(config: Config) -> list[Check]:
     furthest = config.gait.stroke / 2.0 + config.body_speed * end + max(x for x, _ in hips)
     some_legs = "1" if legs == 1 else f"some of 1 to {legs}, each once"
     checks = [
-        Check(
+        (
             terrain.step_time is not None and terrain.step_time >= end,
             "terrain.step_time",
             terrain.step_time,
             f"must be below {end:g} s, the end of the run",
         ),
-        Check(
+        (
             named is not None and not 0 < len(named) == len(set(named) & set(range(1, legs + 1))),
             "terrain.step_legs",
             named,
             f"must be {some_legs}; or null for all",
         ),
-        Check(
+        (
             terrain.slope != 0 and terrain.slope_start >= furthest,
             "terrain.slope_start",
             terrain.slope_start,
@@ -196,10 +184,10 @@ def check_ground_and_payload(config: Config) -> list[Check]:
     bounds = [(axis, min(values), max(values)) for axis, values in zip("xy", zip(*hips, strict=True), strict=True)]
     return [
         *checks,
-        Check(not config.has_body, "payload.weight", payload.weight, has_none),
-        Check(payload.time >= end, "payload.time", payload.time, f"must be below {end:g} s, the end of the run"),
+        (not config.has_body, "payload.weight", payload.weight, has_none),
+        (payload.time >= end, "payload.time", payload.time, f"must be below {end:g} s, the end of the run"),
         *(
-            Check(
+            (
                 not low <= getattr(payload, axis) <= high,
                 f"payload.{axis}",
                 getattr(payload, axis),
@@ -215,20 +203,20 @@ def check_run(config: Config) -> list[Check]:
     steps, record, most = config.steps_per_cycle, config.record, MOST_ROWS // config.legs
     no_damping = config.gains is not None and config.gains[1] == 0.0
     return [
-        Check(
+        (
             steps > most,
             "sampling_period",
             config.sampling_period,
             f"gives {steps} steps a cycle, more than the {most} that a cycle can have",
         ),
-        Check(
+        (
             config.cycles > MOST_STEPS // steps,
             "cycles",
             config.cycles,
             f"must be at most {MOST_STEPS // steps} with {steps} steps a cycle",
         ),
         *(
-            Check(
+            (
                 cycle > config.cycles,
                 "record.cycles",
                 cycle,
@@ -236,19 +224,19 @@ def check_run(config: Config) -> list[Check]:
             )
             for cycle in record.cycles or []
         ),
-        Check(
+        (
             record.recording and not record.trace,
             "record.recording",
             True,
             "must be false with record.trace=false: a recording is made of the traces",
         ),
-        Check(
+        (
             config.force_control.method == "damping" and no_damping,
             "controller.velocity_gain",
             0.0,
             "must be above 0 with force_control=damping (eq. 11)",
         ),
-        Check(
+        (
             config.actuator.delay >= steps,
             "actuator.delay",
             config.actuator.delay,

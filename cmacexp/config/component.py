@@ -86,6 +86,7 @@ def config_class(component: Callable[..., object]) -> type[ComponentConfig] | No
     return own if inspect.isclass(own) and issubclass(own, ComponentConfig) else None
 
 
+@cache
 def _fields_taken(component: Callable[..., object]) -> dict[str, bool] | None:
     """Names of the fields that a component takes, and whether each is required; None: it may take any."""
     if (schema := config_class(component)) is not None:

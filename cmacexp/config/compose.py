@@ -1,24 +1,20 @@
 """From overrides, as typed on the command line, to a checked config; and Hydra's record of it, as texts."""
 
-import copy
 import pickle
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
-from functools import cached_property, lru_cache
-from itertools import compress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import yaml
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-from cmacexp.config.component import COMPONENTS, config_folder
-from cmacexp.config.fields import replace_field
-from cmacexp.config.load import check_config, read_config, to_config
+from cmacexp.config.component import config_folder
+from cmacexp.config.load import to_config
 from cmacexp.config.robot_rule import find_mistake
 from cmacexp.config.schema import Config
-from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.errors import CmacexpError
 
 _MISSING = object()
 _composed: dict[tuple[str, ...], bytes] = {}
@@ -56,11 +52,17 @@ def _compose(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
     return config, choices
 
 
+@lru_cache(4096)
+def _is_option(override: str) -> bool:
+    """Whether an override chooses the option of a group."""
+    return (config_folder() / override.partition("=")[0]).is_dir()
+
+
 def _compose_cached(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
     """The same from a cached result: Hydra, too, chooses options before it sets values, whatever their order."""
     from hydra.core.override_parser.types import OverrideType
 
-    options = tuple(text for text in overrides if (config_folder() / text.partition("=")[0]).is_dir())
+    options = tuple(filter(_is_option, overrides))
     if options not in _composed:
         _composed[options] = pickle.dumps(_compose(options))
     config, choices = pickle.loads(_composed[options])
@@ -83,84 +85,52 @@ def compose_config(overrides: Sequence[str], config_dir: str | Path | None = Non
     ``config_dir`` is a folder of custom configs, as ``--config-dir``; its files are read anew by each call. Raises
     CmacexpError with the message of the command line.
     """
-    if config_dir is None and (config := _compose_numbers(overrides)) is not None:
-        return config
+    known = _compose_plain(tuple(filter(_is_option, overrides))) if config_dir is None else None
+    if known is not None:
+        plain = set_numbers(known[0], [text for text in overrides if not _is_option(text)], known[1])
+        if plain is not None:
+            return to_config(plain)
     return to_config(compose_untyped(overrides, config_dir)[0])
 
 
-class PlainConfig:
-    """A config as plain values, of which others are made by setting numbers, as in most of many runs.
+def set_numbers(
+    pickled: bytes, overrides: Iterable[str], referred: frozenset[str] = frozenset()
+) -> dict[str, Any] | None:
+    """A copy of a pickled plain config with numbers set, such as ``learning.rate=0.5``, as in most of many runs.
 
-    That takes a tenth of the time of Hydra's grammar and of OmegaConf.
+    That takes a tenth of the time of Hydra's grammar and of OmegaConf. ``referred`` are groups to which other values
+    referred, so that no number in them can be set alone. None if an override does something else.
     """
-
-    def __init__(self, plain: dict[str, Any], referred: frozenset[str] = frozenset()):
-        """``referred``: groups to which values of it referred, so that no number in them can be set alone."""
-        self._pickled, self._referred = pickle.dumps(plain), referred
-
-    def set_numbers(self, overrides: Iterable[str]) -> dict[str, Any] | None:
-        """A copy with numbers set, such as ``learning.rate=0.5``; None if an override does something else."""
-        plain: dict[str, Any] = pickle.loads(self._pickled)
-        for text in overrides:
-            if (found := _read_number(text)) is None:
-                return None
-            (*path, name), value = found
-            node: Any = plain
-            for key in path:
-                node = node.get(key) if isinstance(node, dict) else None
-            is_value = isinstance(node, dict) and not isinstance(node.get(name, {}), dict | list)
-            if not is_value or {*path[:1]} & self._referred:
-                return None
-            node[name] = value
-        return plain
-
-    @cached_property
-    def _config(self) -> Config:
-        return read_config(pickle.loads(self._pickled))
-
-    def make_config(self, overrides: Sequence[str]) -> Config | None:
-        """The checked config with numbers set; None if an override does something else. Raises BadInput."""
-        if (plain := self.set_numbers(overrides)) is None:
+    plain: dict[str, Any] = pickle.loads(pickled)
+    for text in overrides:
+        if (found := _NUMBER.fullmatch(text)) is None:
             return None
-        try:
-            own = {group: copy.deepcopy(getattr(self._config, group)) for group in COMPONENTS}
-            config = replace(self._config, **own)  # what a component does to its config stays in its run
-            for path, value in filter(None, map(_read_number, overrides)):
-                config = replace_field(config, path, value)
-        except (BadInput, AttributeError, TypeError, ValueError):  # the first wrong one is named below
-            return to_config(plain)
-        check_config(config)
-        return config
-
-
-def _read_number(text: str) -> tuple[list[str], float] | None:
-    """The path of a key, and the number that an override sets it to; None if it does something else."""
-    if (found := _NUMBER.fullmatch(text)) is None:
-        return None
-    return found[1].split("."), float(found[2]) if found[3] or found[4] else int(found[2])
+        *path, name = found[1].split(".")
+        node: Any = plain
+        for key in path:
+            node = node.get(key) if isinstance(node, dict) else None
+        is_value = isinstance(node, dict) and not isinstance(node.get(name, {}), dict | list)
+        if not is_value or {*path[:1]} & referred:
+            return None
+        node[name] = float(found[2]) if found[3] or found[4] else int(found[2])
+    return plain
 
 
 @lru_cache(64)
-def _compose_plain(options: tuple[str, ...]) -> PlainConfig | None:
-    """What the options alone give; None if they give no config, or a value follows from others by a rule."""
+def _compose_plain(options: tuple[str, ...]) -> tuple[bytes, frozenset[str]] | None:
+    """The config that the options alone give, as :func:`set_numbers` takes it, and groups that its values refer to.
+
+    None if they give no config, or a value follows from others by a rule.
+    """
     try:
         config = _compose_cached(options)[0]
-        resolved: Any = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+        resolved = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     except Exception:  # of whatever kind: the longer way raises it again, and says what is wrong
         return None
     references = re.findall(r"\$\{([^}]*)", str(OmegaConf.to_container(config)))
     if not all(re.fullmatch(r"[a-z]\w*\.[\w.]+", name) for name in references):
         return None
-    return PlainConfig(resolved, frozenset(name.partition(".")[0] for name in references))
-
-
-def _compose_numbers(overrides: Sequence[str]) -> Config | None:
-    """The config where overrides only choose options and set numbers, else None; raises BadInput."""
-    is_option = [(config_folder() / text.partition("=")[0]).is_dir() for text in overrides]
-    known = _compose_plain(tuple(compress(overrides, is_option)))
-    if known is None:
-        return None
-    return known.make_config([text for text, option in zip(overrides, is_option, strict=True) if not option])
+    return pickle.dumps(resolved), frozenset(name.partition(".")[0] for name in references)
 
 
 def compose_untyped(

@@ -8,7 +8,7 @@ import math
 import operator
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import MISSING, field, fields, is_dataclass, replace
+from dataclasses import MISSING, Field, field, fields, is_dataclass
 from functools import cache
 from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -44,7 +44,8 @@ def number(
     ``tuned``: the ends of a range, whose logarithm is drawn evenly, or a list of choices.
     """
     bounds = {"above": above, "at least": at_least, "below": below, "at most": at_most}
-    given = {name: bound for name, bound in bounds.items() if bound is not None}
+    given: dict[str, Any] = {name: bound for name, bound in bounds.items() if bound is not None}
+    given["tests"] = [(BOUNDS[name], bound) for name, bound in given.items()]
     return field(default=default, metadata={"unit": unit, "words": words, "needs": needs, "tuned": tuned, **given})
 
 
@@ -76,36 +77,19 @@ def read_fields(schema: type[T], node: Mapping[str, Any], key: str = "") -> T:
         BadInput: names the key, below ``key``, of the first name that is of no field, of a field that is missing and
             has no default, or of a value that is of another type than its field or outside its range.
     """
-    before, types = f"{key}." if key else "", _declared_types(schema)  # type: ignore[arg-type]
-    declared = {each.name: each for each in fields(schema)}  # type: ignore[arg-type]
+    before, declared = f"{key}." if key else "", _list_declared(schema)  # type: ignore[arg-type]
     for name in node:
         if name not in declared:
             allowed = f"no such key; {key or 'the config'} has {listed(list(declared))}"
             raise BadInput(f"{before}{name}", node[name], allowed)
-    for name, each in declared.items():
+    for name, (each, _) in declared.items():
         if name not in node and each.default is MISSING and each.default_factory is MISSING:
             raise BadInput(before + name, "(not set)", "must have a value")
     values = {
-        name: _read_value(given, types[name], declared[name].metadata, before + name) for name, given in node.items()
+        name: _read_value(given, declared[name][1], declared[name][0].metadata, before + name)
+        for name, given in node.items()
     }
     return schema(**values)
-
-
-def replace_field(node: T, path: Sequence[str], given: Any, key: str = "") -> T:
-    """A dataclass with another value at the end of a path of fields, checked as by :func:`read_fields`.
-
-    ``key`` leads to this dataclass, for messages. Raises BadInput; AttributeError, TypeError or ValueError if the
-    path does not lead through dataclasses to a field.
-    """
-    name, *rest = path
-    own = f"{key}.{name}" if key else name
-    if rest:
-        value = replace_field(getattr(node, name), rest, given, own)
-    else:
-        (declared,) = (each for each in fields(node) if each.name == name)  # type: ignore[arg-type]
-        schema: Any = type(node)
-        value = _read_value(given, _declared_types(schema)[name], declared.metadata, own)
-    return replace(node, **{name: value})  # type: ignore[type-var]
 
 
 class _OtherType(Exception):
@@ -130,8 +114,10 @@ def _read_value(given: Any, declared: Any, metadata: Mapping[str, Any], key: str
 
 
 @cache
-def _declared_types(schema: Any) -> dict[str, Any]:
-    return get_type_hints(schema)
+def _list_declared(schema: Any) -> dict[str, tuple[Field[Any], Any]]:
+    """The fields of a dataclass with their types, by name."""
+    types = get_type_hints(schema)
+    return {each.name: (each, types[each.name]) for each in fields(schema)}
 
 
 @cache
@@ -194,8 +180,8 @@ def _check_range(key: str, value: Any, metadata: Mapping[str, Any]) -> None:
         is_allowed = True
     else:
         whole = unit != "samples" or isinstance(value, int)
-        bounds = all(holds(value, metadata[name]) for name, holds in BOUNDS.items() if name in metadata)
-        is_allowed = abs(value) < math.inf and whole and bounds
+        within = all(holds(value, bound) for holds, bound in metadata["tests"])
+        is_allowed = abs(value) < math.inf and whole and within
     if not is_allowed:
         hint = f" ({unit}, whole)" if words and unit == "samples" else f" ({unit})" if unit else ""
         raise BadInput(key, value, describe_range(metadata) + hint)

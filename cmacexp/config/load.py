@@ -52,14 +52,13 @@ def _make_machine(node: Mapping[str, Any], target: object) -> Any:
     if not isinstance(kind, str) or kind not in MACHINES:
         raise BadInput("machine.kind", kind, "choose from " + ", ".join(MACHINES))
     names = {other: {field.name for field in fields(schema)} for other, schema in MACHINES.items()}
-    if unknown := [name for name in node if name not in names[kind]]:
-        plant = find_option("plant", str(target))
-        path = config_folder() / "for_plant" / f"{plant}.yaml"
-        settings: Any = OmegaConf.load(path) if path.exists() else {}
-        if unknown[0] in settings.get("machine", {}):
-            fitting = " or ".join(other for other in MACHINES if unknown[0] in names[other])
-            allowed = f"is not for machine.kind={kind}: choose a scenario with machine.kind={fitting}"
-            raise BadInput("plant", plant, allowed)
+    unknown, plant = [name for name in node if name not in names[kind]], find_option("plant", str(target))
+    path = config_folder() / "for_plant" / f"{plant}.yaml"
+    settings: Any = OmegaConf.load(path) if unknown and path.exists() else {}
+    if unknown and unknown[0] in settings.get("machine", {}):
+        fitting = " or ".join(other for other in MACHINES if unknown[0] in names[other])
+        allowed = f"is not for machine.kind={kind}: choose a scenario with machine.kind={fitting}"
+        raise BadInput("plant", plant, allowed)
     return read_fields(MACHINES[kind], node, "machine")
 
 
@@ -68,25 +67,12 @@ def _list_groups() -> list[str]:
     return [field.name for field in fields(Config)[1:] if (config_folder() / field.name).is_dir()]
 
 
+@exits_caught()  # of the config class of a component, or of its check
 def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
     """Type and check what Hydra composed, or plain values, as the ``config`` of a manifest.
 
     Raises BadInput for the first key that is wrong: every value must be in its range, every combination possible.
     """
-    config = read_config(composed)
-    check_config(config)
-    return config
-
-
-@exits_caught()  # of the check of a component
-def check_config(config: Config) -> None:
-    """Check every combination of fields, and what components check themselves; raises BadInput."""
-    check(config)
-
-
-@exits_caught()  # of the config class of a component
-def read_config(composed: DictConfig | Mapping[str, Any]) -> Config:
-    """:func:`to_config` without a check of the combinations."""
     plain: Any = composed
     try:
         if isinstance(composed, DictConfig):
@@ -101,7 +87,9 @@ def read_config(composed: DictConfig | Mapping[str, Any]) -> Config:
     with current_folder_importable():
         components = {group: _make_component(group, plain[group]) for group in COMPONENTS}
     machine = _make_machine(plain["machine"], plain["plant"].get("_target_"))
-    return read_fields(Config, {**plain, **components, "machine": machine})
+    config = read_fields(Config, {**plain, **components, "machine": machine})
+    check(config)
+    return config
 
 
 def to_plain(config: Config) -> dict[str, Any]:

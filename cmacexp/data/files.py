@@ -6,11 +6,11 @@ import os
 import shutil
 import stat
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from glob import escape
 from io import BufferedReader
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from secrets import token_hex
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
@@ -46,12 +46,6 @@ def file_signature(path: Path) -> tuple[int, ...]:
     return status.st_dev, status.st_ino, status.st_size, *times, now if just_written else 0
 
 
-def is_behind_link(folder: Path, name: str) -> bool:
-    """Whether the way from ``folder`` to the file ``name`` leads through a link."""
-    parts = PurePosixPath(name).parts
-    return any(folder.joinpath(*parts[:count]).is_symlink() for count in range(1, len(parts)))
-
-
 def sha256(path: Path) -> str:
     """SHA-256 of a file; raises OSError as :func:`open_file`."""
     with open_file(path) as file:
@@ -72,26 +66,16 @@ def full_disk_named(path: Path) -> Iterator[None]:
 
 def name_part(path: Path) -> Path:
     """A new hidden name beside ``path``, for what is going to take its place; it says whose it is."""
-    return path.with_name(f"{_begin_part(path)}{os.getpid()}.{token_hex(4)}.part")
+    return path.with_name(f".{path.name[:40]}.{os.uname().nodename}.{os.getpid()}.{token_hex(4)}.part")
 
 
-def _begin_part(path: Path) -> str:
-    """How such names of this machine begin."""
-    return f".{path.name[:40]}.{os.uname().nodename}."
+def remove_dead_parts(folder: Path, name: str | None = None) -> None:
+    """Remove what killed processes of this machine left in a folder, beside the result ``name`` or beside any.
 
-
-def remove_dead_parts(path: Path) -> None:
-    """Remove what killed processes of this machine left beside ``path``; those of other machines may be alive."""
-    _remove_dead(path.parent.glob(f"{escape(_begin_part(path))}*.????????.part"))
-
-
-def remove_dead_parts_in(folder: Path) -> None:
-    """Remove what they left beside any of the results in a folder."""
-    _remove_dead(folder.glob(f".*.{escape(os.uname().nodename)}.*.????????.part"))
-
-
-def _remove_dead(parts: Iterable[Path]) -> None:
-    for part in parts:
+    Those of other machines may be alive.
+    """
+    beside = "*" if name is None else escape(name[:40])
+    for part in folder.glob(f".{beside}.{escape(os.uname().nodename)}.*.????????.part"):
         process = part.name.split(".")[-3]
         if process.isdecimal() and not _is_alive(int(process)):
             shutil.rmtree(part, ignore_errors=True)

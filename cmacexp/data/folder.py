@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER, require_place
-from cmacexp.data.files import full_disk_named, name_part, remove_dead_parts, remove_dead_parts_in, sha256, sync
+from cmacexp.data.files import full_disk_named, name_part, remove_dead_parts, sha256, sync
 from cmacexp.data.tables import (
     BODY_FILE,
     BODY_METRICS_FILE,
@@ -206,7 +206,7 @@ def new_result(folder: Path, key: str, kind: str | None = None, durable: bool = 
             with interrupt_held_back():
                 _finish(result, place, kind, before)
                 if durable:
-                    remove_dead_parts(place)
+                    remove_dead_parts(place.parent, place.name)
     finally:
         shutil.rmtree(result.part, ignore_errors=True)
 
@@ -225,7 +225,7 @@ def collection(folder: Path, key: str) -> Iterator[Path]:
         for name in (TABLE, TABLE_CSV):
             if os.path.lexists(folder / name):
                 _refuse(folder, key, name)
-    remove_dead_parts_in(folder)
+    remove_dead_parts(folder)
     try:
         yield folder
     finally:

@@ -5,7 +5,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.files import file_signature, is_behind_link, sha256
+from cmacexp.data.files import file_signature, sha256
 from cmacexp.errors import BadRun
 
 
@@ -28,8 +28,6 @@ def _read_manifest(folder: Path) -> manifests.Manifest | None:
 def check_file(folder: Path, name: str, expected: str) -> str | None:
     """Why the file ``name`` of a folder is not the one with the hash ``expected``; None: it is."""
     try:
-        if is_behind_link(folder, name):
-            return "behind a link, which is not followed"
         return None if current_hash(folder / name) == expected else "changed since it was written"
     except (FileNotFoundError, NotADirectoryError):
         return "missing"

@@ -10,7 +10,7 @@ from cmacexp.config import config_hash
 from cmacexp.config.component import COMPONENTS
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.models.chain import CHAIN_FIELDS
-from cmacexp.typing import ENDS
+from cmacexp.typing import ENDS, RESULTS
 
 REPORT, SWEEP = "report", "sweep"
 """Kinds of manifests that name a report and its runs, or a sweep and how it ended; a run has no kind."""
@@ -108,6 +108,12 @@ RUN_FIELDS = {
 }
 """Of a run. ``robot``: geometry of the legs, chains as in :mod:`cmacexp.models.chain`, hips in the body
 frame (forward and left, m), radius of the feet (m)."""
+SWEEP_FIELDS = {
+    "status": TEXT,
+    "config": {"machine?": {"kind?": TEXT}, "record?": {"trace?": FLAG}},
+    "files": {"*": HASH},
+}
+"""Of a sweep."""
 DRIFT = {"cycle": WHOLE, "leg": WHOLE, "named": WHOLE, "growth": FLOAT}
 LEG = {"length_1?": NUMBER, "length_2?": NUMBER, "hip_x?": NUMBER, "hip_y?": NUMBER}
 CONFIG = {
@@ -148,17 +154,20 @@ def validate_value(value: Any, shape: Shape, name: str) -> str | None:
 
 def find_wrong(manifest: Any) -> str | None:
     """What is wrong with the content of a manifest, as read from its file; None: nothing."""
-    if isinstance(manifest, dict) and manifest.get("kind") in (REPORT, SWEEP):
+    kind = manifest.get("kind") if isinstance(manifest, dict) else None
+    if kind == REPORT:
         return None  # for people: nothing else of it is read
-    if wrong := validate_value(manifest, RUN_FIELDS, "manifest"):
+    if wrong := validate_value(manifest, SWEEP_FIELDS if kind == SWEEP else RUN_FIELDS, "manifest"):
         return wrong
     for name in manifest["files"]:
         if not name or PurePosixPath(name).name != name or "\0" in name:
             return f"files must be names of files in its folder, not {name[:40]!r}"
     config = manifest["config"]
+    if kind == SWEEP:
+        return None
     if manifest["config_hash"] != config_hash(config):
         return "its config is not the one of its config_hash"
-    if not (manifest["files"] or manifest["steps"]):
+    if not (manifest["files"] or manifest["steps"]) and manifest["status"] not in RESULTS:
         return None  # of a job that failed the config can be anything
     if wrong := validate_value(config, CONFIG, "config"):
         return wrong

@@ -58,20 +58,6 @@ def _find_view(name: str) -> Callable[..., Any]:
     return found
 
 
-def _count_steps(manifest: manifests.Manifest) -> int:
-    return count_steps(manifest["config"]["gait"]["cycle_time"], manifest["config"]["sampling_period"])
-
-
-def select_whole(manifest: manifests.Manifest, kept: Iterable[int]) -> list[int]:
-    """Those of the cycles in a trace that are whole there, but for the thinning of their steps.
-
-    ``kept`` are those of which the trace has a step: a run that did not complete keeps its last steps.
-    """
-    asked = manifest["config"].get("record", {}).get("cycles")
-    whole = manifest["steps"] // _count_steps(manifest)
-    return [cycle for cycle in kept if cycle <= whole and (asked is None or cycle in asked)]
-
-
 class Run:
     """A run that has ended, by its folder; what :func:`cmacexp.run` and :func:`cmacexp.load` return.
 
@@ -125,7 +111,7 @@ class Run:
     @property
     def steps_per_cycle(self) -> int:
         """Samples of one cycle."""
-        return _count_steps(self.manifest)
+        return count_steps(self.config["gait"]["cycle_time"], self.config["sampling_period"])
 
     @property
     def whole_cycles(self) -> int:
@@ -139,8 +125,12 @@ class Run:
         return -(-int(self.manifest["steps"]) // self.steps_per_cycle)
 
     def select_whole(self, kept: Iterable[int]) -> list[int]:
-        """Those of the cycles ``kept`` in the trace that are whole, see :func:`select_whole`."""
-        return select_whole(self.manifest, kept)
+        """Those of the cycles in the trace that are whole there, but for the thinning of their steps.
+
+        ``kept`` are those of which the trace has a step: a run that did not complete keeps its last steps.
+        """
+        asked, whole = self.config["record"]["cycles"], self.whole_cycles
+        return [cycle for cycle in kept if cycle <= whole and (asked is None or cycle in asked)]
 
     def wrote(self, name: str) -> bool:
         """Whether a file is one of the run."""

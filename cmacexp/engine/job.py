@@ -4,7 +4,7 @@ import json
 import pickle
 import shutil
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
@@ -16,7 +16,7 @@ from hydra.types import HydraContext
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
 from cmacexp.config import Config, config_hash, to_config, to_plain
-from cmacexp.config.compose import PlainConfig, make_record, set_values
+from cmacexp.config.compose import make_record, set_numbers, set_values
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER, is_run
 from cmacexp.data.folder import RUN_KEY, check_place, new_result
@@ -108,12 +108,12 @@ def write_failure(
 
 
 @lru_cache(8)
-def _unpack(packed: bytes) -> tuple[DictConfig, Any, Path, PlainConfig | None, Any]:
-    """What was packed; at the end the config and Hydra's part as plain values, None if only Hydra can run the job."""
+def _unpack(packed: bytes) -> tuple[DictConfig, Any, Path, bytes | None, Any]:
+    """What was packed; at the end the plain config, pickled, and Hydra's part; None if only Hydra can run the job."""
     composed, callbacks, folder, needs_hydra = pickle.loads(packed)
     plain: Any = {"hydra": None} if needs_hydra else OmegaConf.to_container(composed, enum_to_str=True)
     hydra = plain.pop("hydra")
-    return composed, callbacks, folder, PlainConfig(plain) if plain else None, hydra
+    return composed, callbacks, folder, pickle.dumps(plain) if plain else None, hydra
 
 
 def _describe_job(hydra: Any, overrides: list[str], number: int, folder: Path) -> None:
@@ -158,15 +158,15 @@ def _run_item(packed: bytes, item: JobItem, jobs: int, chunk: Chunk) -> tuple[Ru
     The values of this one are set in what was composed, all of them, since it holds those of the last one.
     """
     composed, callbacks, folder, plain, hydra = _unpack(packed)
-    if plain and (config := plain.set_numbers(item.values)) is not None:
+    if plain and (config := set_numbers(plain, item.values)) is not None:
         _describe_job(hydra, item.overrides, item.number, folder)
-        return _run_job(config, hydra, jobs, lambda: plain.make_config(item.values), chunk, item.known)
+        return _run_job(config, hydra, jobs, chunk, item.known)
     with read_write(composed.hydra), open_dict(composed.hydra):
         set_values(composed, item.values)
         _describe_job(composed.hydra, item.overrides, item.number, folder)
     if plain:
         unresolved: Any = OmegaConf.to_container(composed, enum_to_str=True)
-        return _run_job(unresolved, unresolved.pop("hydra"), jobs, lambda: None, chunk, item.known)
+        return _run_job(unresolved, unresolved.pop("hydra"), jobs, chunk, item.known)
     setup_globals()
     JobRuntime.instance().set("name", composed.hydra.job.name)
     returned = run_job(
@@ -184,19 +184,17 @@ def _run_job(
     composed: DictConfig | dict[str, Any],
     hydra: Any,
     jobs: int,
-    make_config: Callable[[], Config | None] = lambda: None,
     chunk: Chunk | None = None,
     known: tuple[str, ...] = (),
 ) -> tuple[Run | None, bool]:
     """As :func:`_run_item`; a failure is left on disk and does not end the sweep.
 
-    ``make_config`` gives the config faster than ``composed`` does, or None. A run that keeps metrics alone is one of
-    a ``chunk``, if there is one.
+    A run that keeps metrics alone is one of a ``chunk``, if there is one.
     """
     number, overrides = hydra["job"]["num"], select_run_overrides(hydra["overrides"]["task"])
     folder = Path(hydra["runtime"]["output_dir"])
     try:
-        config = make_config() or to_config(composed)
+        config = to_config(composed)
         check_metric(config.optimize, config.machine.kind)
         if chunk is None or config.record.trace or config.record.weights:
             record = make_record(composed, hydra) if config.record.trace else None

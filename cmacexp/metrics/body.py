@@ -12,7 +12,6 @@ from cmacexp.metrics.metric import (
     BODY_POOLING,
     CONTRACT,
     LARGE,
-    MCGHEE_FRANK,
     NEITHER,
     SMALL,
     Metric,
@@ -55,7 +54,7 @@ def _margin(column: str, title: str = "", symbol: str = "", main: bool = False) 
         of, undefined = "polygon of the feet that carry load", "never three feet carry"
     meaning = f"least margin to the {to} of the {of}; negative: the centre of gravity is outside it"
     shown = MetricDisplay(title, "mm", 1e3, main, symbol=symbol) if title else None
-    source = CONTRACT if side else MCGHEE_FRANK
+    source = CONTRACT if side else "McGhee & Frank 1968"
     return Metric("m", meaning, undefined, lambda b: b.reduce(np.fmin, column), BODY_POOLING, LARGE, shown, source)
 
 
@@ -63,13 +62,19 @@ def _mean_height(block: BodyBlock) -> Array:
     return block.reduce(np.add, "height") / np.diff([*block.starts, block.body.steps])
 
 
-_TILT = "largest of abs(pitch) and abs(roll)"
-
 BODY_METRICS: dict[str, BodyMetric] = {
     "height_mean": _height("mean", "h", _mean_height, main=True),
     "height_min": _height("least", "h_min", lambda b: b.reduce(np.minimum, "height")),
     "height_max": _height("largest", "h_max", lambda b: b.reduce(np.maximum, "height")),
-    "tilt_max": Metric("rad", _TILT, "never", _largest_tilt, BODY_POOLING, SMALL, MetricDisplay("tilt", "mrad", 1e3)),
+    "tilt_max": Metric(
+        "rad",
+        "largest of abs(pitch) and abs(roll)",
+        "never",
+        _largest_tilt,
+        BODY_POOLING,
+        SMALL,
+        MetricDisplay("tilt", "mrad", 1e3),
+    ),
     "stability_margin_min": _margin("stability_margin", "planned margin", "S_p"),
     "margin_front_min": _margin("margin_front"),
     "margin_rear_min": _margin("margin_rear", "planned rear margin", "S_pr"),

@@ -13,7 +13,7 @@ import pyarrow as pa
 from numpy.lib.stride_tricks import sliding_window_view
 
 from cmacexp.data.parquet import as_array
-from cmacexp.metrics.metric import MANN, NEITHER, SEN, SMALLEST, Metric, worst
+from cmacexp.metrics.metric import NEITHER, SMALLEST, Metric, worst
 from cmacexp.models.trend import SIGNIFICANT, WINDOW
 from cmacexp.typing import Array
 
@@ -129,7 +129,7 @@ LEARNING: dict[str, Metric[Mapping[str, Array]]] = {
         f"factor by which feedback_rms grows per cycle, over the last {WINDOW} cycles",
         f"the first {WINDOW - 1} cycles",
         lambda known: known["feedback_growth"],
-        source=SEN,
+        source="Sen 1968",
     ),
     "drift_cycle": Metric(
         "",
@@ -138,6 +138,6 @@ LEARNING: dict[str, Metric[Mapping[str, Array]]] = {
         lambda known: known["drift_cycle"],
         SMALLEST,
         NEITHER,
-        source=f"rise: {MANN}",
+        source="rise: Mann 1945",
     ),
 }

@@ -5,7 +5,7 @@ from functools import reduce
 import numpy as np
 
 from cmacexp.metrics.block import Block, three_feet
-from cmacexp.metrics.measures import divide, iae, itae, largest, mean, ripple, rms, settling_time
+from cmacexp.metrics.measures import divide, integrate, largest, mean, ripple, rms, settling_time
 from cmacexp.metrics.metric import (
     CONTRACT,
     LARGE,
@@ -172,13 +172,13 @@ FORCE: dict[str, Metric[Block]] = {
         "N s",
         "integral of the absolute force error over support",
         _NO_PERIOD,
-        lambda b: iae(b.force_error, b.support, b.rhythm.step),
+        lambda b: integrate(np.abs(b.force_error), b.support, b.rhythm.step),
     ),
     "force_itae": integral(
         "N s^2",
         "integral of time since touch-down times absolute force error over support",
         _NOT_WHOLE,
-        lambda b: b.whole_support * itae(b.since_touch_down, b.force_error, b.support, b.rhythm.step),
+        lambda b: b.whole_support * integrate(b.since_touch_down * np.abs(b.force_error), b.support, b.rhythm.step),
         shown=MetricDisplay("ITAE", "N s²", over_legs=False),
     ),
 }

@@ -38,19 +38,9 @@ def ripple(value: Array, mask: Mask) -> Array:
     return rms(value - mean(value, mask)[..., None], mask)
 
 
-def _integral(value: Array, mask: Mask, step: float) -> Array:
+def integrate(value: Array, mask: Mask, step: float) -> Array:
     """Sum over the samples of ``mask`` times the sampling period ``step``, s: each sample holds for one period."""
     return _or_nan(np.where(mask, value, 0.0).sum(axis=-1) * step, mask)
-
-
-def iae(error: Array, mask: Mask, step: float) -> Array:
-    """Integral of the absolute error (Graham & Lathrop 1953)."""
-    return _integral(np.abs(error), mask, step)
-
-
-def itae(elapsed: Array, error: Array, mask: Mask, step: float) -> Array:
-    """Integral of ``elapsed`` time times absolute error (Graham & Lathrop 1953)."""
-    return _integral(elapsed * np.abs(error), mask, step)
 
 
 def divide(value: Array, by: Array) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 
 from cmacexp.data.signals import CLOCK, GUARD_STATES, MEMORY_SIGNALS
 from cmacexp.data.trace import Trace
-from cmacexp.metrics.metric import ALBUS, LARGEST, MEAN, NEITHER, RMS, Metric
+from cmacexp.metrics.metric import LARGEST, MEAN, NEITHER, RMS, Metric
 from cmacexp.typing import Array
 
 COLUMNS = [signal.name for signal in MEMORY_SIGNALS if signal.owner != CLOCK]
@@ -44,7 +44,7 @@ MEMORY_METRICS: dict[str, Metric[Mapping[str, Array]]] = {
         lambda m: m["cells_colliding"],
         MEAN,
         NEITHER,
-        source=ALBUS,
+        source="Albus 1975",
     ),
     "guard_state": _of_weights(
         "",

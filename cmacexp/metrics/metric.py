@@ -13,13 +13,7 @@ from cmacexp.metrics import measures
 from cmacexp.typing import Array, Mask
 
 CONTRACT = "cmacexp's contract"
-GRAHAM_LATHROP = "Graham & Lathrop 1953"
 OGATA = "Ogata 2010, section 5-3"
-BRISTOW = "Bristow, Tharayil & Alleyne 2006"
-MCGHEE_FRANK = "McGhee & Frank 1968"
-ALBUS = "Albus 1975"
-MANN = "Mann 1945"
-SEN = "Sen 1968"
 
 
 class Pooling(NamedTuple):
@@ -97,8 +91,8 @@ class Metric(NamedTuple, Generic[Of]):
         return float(values.max() if self.better == LARGE else values.min())
 
 
-rmse = partial(Metric, pooling=RMS, better=SMALL, source=BRISTOW)
-integral = partial(Metric, pooling=MEAN, better=SMALL, source=GRAHAM_LATHROP)
+rmse = partial(Metric, pooling=RMS, better=SMALL, source="Bristow, Tharayil & Alleyne 2006")
+integral = partial(Metric, pooling=MEAN, better=SMALL, source="Graham & Lathrop 1953")
 worst = partial(Metric, pooling=LARGEST, better=SMALL)
 
 
