@@ -6,31 +6,21 @@ import numpy as np
 
 from cmacexp.config import number
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
+from cmacexp.models.joint import OWN, SLOW, make_regressors
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.typing import Array, Weights
-
-SLOW = 0.05
-"""Velocity over its RMS below which dry friction is taken as proportional to it."""
-OWN = 4
-"""Features of a joint before its friction: acceleration, velocity, one, angle."""
 
 
 def make_features(joints: Array, count: int, knots: int, ranges: Array) -> Array:
     """Features (N, L, J, 4 + knots) of ``count`` joints along a plan (N, L, 3 J): torque for each parameter's unit.
 
-    These are rotor inertia, kg m^2, viscous friction, N m s/rad, an offset, a spring, and Coulomb friction at
-    ``knots`` angles at equal distances over ``ranges`` (2, L, J), rad, all N m.
+    See :func:`cmacexp.models.joint.make_regressors`; ``ranges`` (2, L, J) are of the angles, rad.
     """
-    angle, velocity, acceleration = (
-        joints[:, :, JOINT_COLUMNS[name][:count]] for name in ("angle", "velocity", "acceleration")
-    )
-    low, high = ranges
-    unit = np.divide(angle - low, high - low, out=np.full_like(angle, 0.5), where=high > low)
-    shares = np.maximum(0.0, 1.0 - np.abs(np.clip(unit, 0.0, 1.0)[..., None] * (knots - 1) - np.arange(knots)))
-    side = np.tanh(velocity / (SLOW * np.sqrt((velocity**2).mean(axis=0)) + 1e-12))
-    own = np.stack([acceleration, velocity, np.ones_like(angle), 2.0 * unit - 1.0], axis=-1)
-    return np.concatenate([own, side[..., None] * shares], axis=-1)
+    columns = (JOINT_COLUMNS[name][:count] for name in ("angle", "velocity", "acceleration"))
+    angle, velocity, acceleration = (joints[:, :, own] for own in columns)
+    slow = SLOW * np.sqrt((velocity**2).mean(axis=0)) + 1e-12
+    return make_regressors((angle, velocity, acceleration), ranges, knots, slow)
 
 
 class IdentifiedModel:

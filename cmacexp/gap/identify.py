@@ -7,25 +7,25 @@ What a log does not excite has a prior and a large standard error, and is refuse
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from cmacexp.gap.machine import Expansion, Machine
-from cmacexp.gap.replay import OWN, Drive, JointParams, Replay
+from cmacexp.gap.replay import Drive, JointParams
 from cmacexp.gap.replay import replay as replay_block
 from cmacexp.gap.signals import Signals, low_pass
+from cmacexp.models import joint as joints
+from cmacexp.models.joint import OWN, SLOW
 from cmacexp.typing import Array, Counts, Mask
 
 KNOTS = 5
 """Of friction over the angle."""
 NAMES = ("rotor_inertia", "viscous_friction", "offset", "spring")
 """Of the parameters of a joint before its Coulomb friction."""
-SIGNED = (2, 3)
-"""Those that may be negative."""
-SLOW = 0.05
-"""Velocity over its RMS below which the regression takes dry friction as proportional to it."""
+SIGNED = slice(2, OWN)
+"""Those that may be negative: torques that help the drives."""
 PRIOR = (1.0, 1.0, 0.3, 0.3, 1.0)
 """Standard deviations of the prior around zero, in the scales of a joint: they matter where a log says nothing."""
 DELAY_PRIOR = (0.003, 0.01)
@@ -43,25 +43,32 @@ class Level:
     """How much a model of joints contains."""
 
     name: str
+    own: int
+    """How many of NAMES."""
     knots: int
     """1: one Coulomb friction; more: Coulomb friction over the angle."""
-    offset: bool = False
-    spring: bool = False
     masses: bool = False
     """Of the links whose mass the log excites."""
 
     @property
     def free(self) -> Mask:
         """(4 + K,) the parameters that are fitted, see :class:`cmacexp.gap.replay.JointParams`."""
-        return np.array([True, True, self.offset, self.spring, *[True] * self.knots])
+        return np.append(np.arange(OWN) < self.own, np.ones(self.knots, dtype=bool))
+
+    @property
+    def lowest(self) -> Array:
+        """The bounds of these."""
+        bounds = np.zeros(OWN + self.knots)
+        bounds[SIGNED] = -np.inf
+        return bounds[self.free]
 
 
 LEVELS = (
-    Level("rotor inertia, viscous and Coulomb friction", 1),
-    Level("and an offset", 1, offset=True),
-    Level("and friction over the angle", KNOTS, offset=True),
-    Level("and a spring over the angle", KNOTS, offset=True, spring=True),
-    Level("and masses of links", KNOTS, offset=True, spring=True, masses=True),
+    Level("rotor inertia, viscous and Coulomb friction", 2, 1),
+    Level("and an offset", 3, 1),
+    Level("and friction over the angle", 3, KNOTS),
+    Level("and a spring over the angle", OWN, KNOTS),
+    Level("and masses of links", OWN, KNOTS, masses=True),
 )
 """Models of joints, each with all that those before it have."""
 
@@ -75,14 +82,14 @@ class Fit:
     """(J, 4 + K), see :class:`cmacexp.gap.replay.JointParams`."""
     deviation: Array
     """(J, 4 + K) standard errors; 0 where a parameter is not fitted."""
-    delay: float = 0.0
+    delay: float
     """s"""
-    delay_deviation: float = 0.0
-    delay_correlation: Array = field(default_factory=lambda: np.zeros(0))
+    delay_deviation: float
+    delay_correlation: Array
     """(J,) of the delay with the rotor inertia of each joint."""
-    masses: dict[int, tuple[float, float]] = field(default_factory=dict)
+    masses: dict[int, tuple[float, float]]
     """Factors of the masses of links, by their joints, with standard errors."""
-    covariances: tuple[Array, ...] = ()
+    covariances: tuple[Array, ...]
     """Of each block: its free parameters joint by joint, the delay, its masses."""
 
 
@@ -93,33 +100,30 @@ class Problem:
     signals: Signals
     machine: Machine
 
+    def expand(self, angle: Array, velocity: Array) -> list[Expansion]:
+        """The equations of each block along a motion (n, J) of all joints."""
+        orientation = self.signals.log.orientation
+        return [self.machine.expand(block, angle, velocity, orientation) for block in self.machine.blocks]
+
     @cached_property
     def expansions(self) -> list[Expansion]:
-        """Of each block."""
-        log = self.signals.log
-        return [
-            self.machine.expand(b, log.angle, self.signals.velocity, log.orientation) for b in self.machine.blocks
-        ]
+        """Those along the measured motion."""
+        return self.expand(self.signals.log.angle, self.signals.velocity)
 
     @cached_property
-    def low(self) -> Array:
-        """(J,) least angle of the log, where the range begins over which friction and springs are given, rad."""
-        return self.signals.log.angle.min(axis=0)
+    def ranges(self) -> Array:
+        """(2, J) least and largest angles of the log, over which friction and springs are given, rad.
 
-    @cached_property
-    def high(self) -> Array:
-        """(J,) largest angle of the log; of a joint that does not move a little above the least."""
-        return np.maximum(self.signals.log.angle.max(axis=0), self.low + 1e-3)
-
-    def compute_rigid(self, machine: Machine) -> Array:
-        """(n, J) torque of the rigid bodies of a machine along the measured motion, N m."""
-        own = self.signals
-        return machine.compute_torque(own.log.angle, own.velocity, own.acceleration, own.log.orientation)
+        That of a joint that does not move is a little larger.
+        """
+        low, high = self.signals.log.angle.min(axis=0), self.signals.log.angle.max(axis=0)
+        return np.stack([low, np.maximum(high, low + 1e-3)])
 
     @cached_property
     def rigid(self) -> Array:
         """(n, J) torque of the rigid bodies along the measured motion, N m."""
-        return self.compute_rigid(self.machine)
+        own = self.signals
+        return self.machine.compute_torque(own.log.angle, own.velocity, own.acceleration, own.log.orientation)
 
     @cached_property
     def scales(self) -> Array:
@@ -133,35 +137,54 @@ class Problem:
         rows = [torque / acceleration, torque / velocity, torque, torque, *[torque] * level.knots]
         return np.stack(rows, axis=1) * np.array([*PRIOR[:OWN], *[PRIOR[OWN]] * level.knots])
 
-    def make_params(self, block: Counts, values: Array, delay: float) -> JointParams:
-        """The parameters of the joints of a block from ``values`` (J, 4 + K) of all."""
-        return JointParams(np.ascontiguousarray(values[block]), self.low[block], self.high[block], delay)
+    def make_regressors(self, knots: int, motion: tuple[Array, Array, Array] | None = None) -> Array:
+        """(n, J, 4 + K): torque for each unit of the parameters along a motion, or along the measured one, N m."""
+        own = self.signals
+        motion = motion or (own.log.angle, own.velocity, own.acceleration)
+        found = joints.make_regressors(motion, self.ranges, knots, SLOW * self.scales[:, 2])
+        found[..., SIGNED] *= -1.0
+        return found
 
-    def drive(self, block: Counts) -> Drive:
-        """The drives of a block in the log."""
+    def compute_joint_torque(self, values: Array, motion: tuple[Array, Array, Array] | None = None) -> Array:
+        """(n, J) torque of joints with ``values`` (J, 4 + K) along a motion, or along the measured one, N m."""
+        found: Array = np.einsum("kjp,jp->kj", self.make_regressors(values.shape[1] - OWN, motion), values)
+        return found
+
+    def make_params(self, block: Counts, values: Array, delay: float) -> JointParams:
+        """The parameters of the joints of a block, whose ``values`` are (B, 4 + K)."""
+        low, high = self.ranges[:, block]
+        return JointParams(values, low, high, delay)
+
+    @cached_property
+    def drive(self) -> Drive:
+        """The drives of all joints in the log."""
         log = self.signals.log
         assert log.command is not None
-        signals = (log.command[:, block], log.command_velocity[:, block], log.feedforward[:, block])
-        return Drive(*signals, log.kp[block], log.kd[block])
+        return Drive(log.command, log.command_velocity, log.feedforward, log.kp, log.kd)
 
-    def start(self, block: Counts) -> tuple[Array, Array]:
-        """Angles and velocities of a block in the first row."""
-        return self.signals.log.angle[0, block], self.signals.velocity[0, block]
+    @property
+    def start(self) -> tuple[Array, Array]:
+        """Angles and velocities in the first row."""
+        return self.signals.log.angle[0], self.signals.velocity[0]
 
-    def replay_all(self, values: Array, delay: float, rounds: int = 1) -> tuple[Array, Array]:
-        """Angles and velocities (n, J) of the log's commands through joints with ``values`` (J, 4 + K).
+    def replay(
+        self,
+        values: Array,
+        delay: float,
+        expansions: Sequence[Expansion] | None = None,
+        drive: Drive | None = None,
+        start: tuple[Array, Array] | None = None,
+    ) -> tuple[Array, Array]:
+        """Angles and velocities (n, J) of joints with ``values`` (J, 4 + K) under their drives, by default as logged.
 
-        With 2 ``rounds`` the equations are expanded anew along the first replay, so that they hold to all orders.
+        ``expansions`` are by default those along the measured motion.
         """
-        log, expansions = self.signals.log, self.expansions
-        angle, velocity = np.empty_like(log.angle), np.empty_like(log.angle)
-        for count in range(rounds):
-            if count:
-                expansions = [self.machine.expand(b, angle, velocity, log.orientation) for b in self.machine.blocks]
-            for block, expansion in zip(self.machine.blocks, expansions, strict=True):
-                params = self.make_params(block, values, delay)
-                found = replay_block(expansion, self.drive(block), params, log.period, self.start(block))
-                angle[:, block], velocity[:, block] = found.angle, found.velocity
+        drive, first = drive or self.drive, np.array(start or self.start)
+        angle, velocity = np.empty_like(drive.command), np.empty_like(drive.command)
+        for block, expansion in zip(self.machine.blocks, expansions or self.expansions, strict=True):
+            own, params = Drive(*(each[..., block] for each in drive)), self.make_params(block, values[block], delay)
+            found = replay_block(expansion, own, params, self.signals.log.period, first[:, block])
+            angle[:, block], velocity[:, block] = found.angle, found.velocity
         return angle, velocity
 
     def apply(self, fit: Fit) -> "Problem":
@@ -172,61 +195,40 @@ class Problem:
     @cached_property
     def masses(self) -> dict[int, Array]:
         """(n, J) torque of the whole mass of links that this log identifies, by their joints, N m."""
-        own = {
-            joint: self.compute_rigid(self.machine.scale_masses({joint: 2.0})) - self.rigid
-            for joint in range(len(self.machine.joints))
-        }
         known = dict[int, Array]()
         for block in self.machine.blocks:
-            error = _measure_errors(self, block, [own[joint] for joint in block], MASS_PRIOR)
-            known |= {
-                int(joint): own[joint] for joint, each in zip(block, error, strict=True) if each < KNOWN * MASS_PRIOR
-            }
+            doubled = [replace(self, machine=self.machine.scale_masses({joint: 2.0})) for joint in block.tolist()]
+            own = [other.rigid - self.rigid for other in doubled]
+            for joint, torque, error in zip(
+                block.tolist(), own, self._find_errors(block, own, MASS_PRIOR), strict=True
+            ):
+                if error < KNOWN * MASS_PRIOR:
+                    known[joint] = torque
         return known
 
     @cached_property
     def tilt_error(self) -> float:
         """Standard error of the tilt of the base beside all other parameters, rad; that of the prior: unknown."""
-        turned = [self.compute_rigid(self.machine.turn_base(*own)) - self.rigid for own in ((1e-3, 0.0), (0.0, 1e-3))]
-        columns = [1e3 * each for each in turned]
-        return max(_measure_errors(self, np.arange(len(self.machine.joints)), columns, TILT_PRIOR))
+        turned = [replace(self, machine=self.machine.turn_base(*own)) for own in ((1e-3, 0.0), (0.0, 1e-3))]
+        columns = [1e3 * (other.rigid - self.rigid) for other in turned]
+        return float(self._find_errors(np.arange(len(self.machine.joints)), columns, TILT_PRIOR).max())
 
+    def _find_errors(self, block: Counts, columns: Sequence[Array], prior: float) -> Array:
+        """Standard errors of parameters that the joints of a block share beside those of each of them.
 
-def _measure_errors(problem: Problem, block: Counts, columns: Sequence[Array], prior: float) -> list[float]:
-    """Standard errors of parameters that joints share, whose torque for one unit is (n, J), in a regression with all
-    parameters of the joints."""
-    level, period = LEVELS[-1], problem.signals.log.period
-    own = low_pass(make_regressors(problem, level), period)
-    shared = low_pass(np.stack(columns, axis=-1), period)
-    torque = low_pass(problem.signals.torque - problem.rigid, period)
-    information = np.eye(len(columns)) / prior**2
-    for j in block:
-        weighted = np.concatenate([own[:, j], 0.1 * np.diag(1.0 / problem.scale(level)[j])])
-        padded = [
-            np.concatenate([each, np.zeros((own.shape[2], *each.shape[1:]))]) for each in (shared[:, j], torque[:, j])
-        ]
-        rest, left = (each - weighted @ np.linalg.lstsq(weighted, each, rcond=None)[0] for each in padded)
-        variance = _measure_variance(left[: len(own), None])
-        information += rest.T @ rest / variance
-    return [float(each) for each in np.sqrt(np.diag(np.linalg.inv(information)))]
-
-
-def hats(unit: Array, knots: int) -> Array:
-    """(..., K) shares of knots at places from 0 to 1, linear between two knots."""
-    if knots == 1:
-        return np.ones((*unit.shape, 1))
-    place = np.clip(unit, 0.0, 1.0) * (knots - 1)
-    return np.maximum(0.0, 1.0 - np.abs(place[..., None] - np.arange(knots)))
-
-
-def make_regressors(problem: Problem, level: Level, motion: tuple[Array, Array, Array] | None = None) -> Array:
-    """(n, J, 4 + K): torque for each unit of the parameters along a motion, or along the measured one, N m."""
-    own = problem.signals
-    angle, velocity, acceleration = motion or (own.log.angle, own.velocity, own.acceleration)
-    unit = (angle - problem.low) / (problem.high - problem.low)
-    side = np.tanh(velocity / (SLOW * problem.scales[:, 2]))
-    each = [acceleration, velocity, -np.ones_like(unit), 1.0 - 2.0 * unit]
-    return np.concatenate([np.stack(each, axis=-1), side[..., None] * hats(unit, level.knots)], axis=-1)
+        Their torque for one unit is (n, J), in ``columns``.
+        """
+        level, period = LEVELS[-1], self.signals.log.period
+        own = low_pass(self.make_regressors(level.knots), period)
+        shared = low_pass(np.stack([*columns, self.signals.torque - self.rigid], axis=-1), period)
+        information = np.eye(len(columns)) / prior**2
+        for j in block:
+            weighted = np.concatenate([own[:, j], 0.1 * np.diag(1.0 / self.scale(level)[j])])
+            padded = np.concatenate([shared[:, j], np.zeros((own.shape[2], shared.shape[2]))])
+            left = padded - weighted @ np.linalg.lstsq(weighted, padded, rcond=None)[0]
+            rest = left[:, :-1]
+            information += rest.T @ rest / measure_variance(left[: len(own), -1:])
+        return np.sqrt(np.diag(np.linalg.inv(information)))
 
 
 def regress(problem: Problem, level: Level, rows: Mask) -> Array:
@@ -234,14 +236,13 @@ def regress(problem: Problem, level: Level, rows: Mask) -> Array:
     from scipy.optimize import lsq_linear
 
     period, scale, free = problem.signals.log.period, problem.scale(level), level.free
-    columns = low_pass(make_regressors(problem, level), period)[rows][..., free]
+    columns = low_pass(problem.make_regressors(level.knots), period)[rows][..., free]
     torque = low_pass(problem.signals.torque - problem.rigid, period)[rows]
     values = np.zeros(scale.shape)
-    low = np.where(np.isin(np.flatnonzero(free), SIGNED), -np.inf, 0.0)
     for j in range(len(values)):
         a = np.concatenate([columns[:, j], np.diag(0.1 / scale[j, free])])
         b = np.concatenate([torque[:, j], np.zeros(free.sum())])
-        values[j, free] = lsq_linear(a, b, (low, np.inf)).x
+        values[j, free] = lsq_linear(a, b, (level.lowest, np.inf)).x
     return values
 
 
@@ -260,9 +261,9 @@ def fit(problem: Problem, level: Level, rows: Mask, start: Array | None = None) 
     deviation, correlation, masses = np.zeros_like(values), np.zeros(len(values)), dict[int, tuple[float, float]]()
     for own in blocks:
         if len(blocks) > 1:
-            own.solve(own.values, delay)
+            own.solve(own.get_values(own.x), delay)
         error = np.sqrt(np.diag(own.covariance))
-        values[own.block] = own.values
+        values[own.block] = own.get_values(own.x)
         deviation[np.ix_(own.block, level.free)] = error[: own.own].reshape(len(own.block), -1)
         inertia = np.arange(len(own.block)) * int(level.free.sum())
         correlation[own.block] = own.covariance[inertia, own.own] / (error[inertia] * error[own.own])
@@ -288,50 +289,41 @@ class _BlockFit:
         end = int(np.flatnonzero(rows)[-1]) + 1
         self.used = np.flatnonzero(rows[:end])
         self.expansion = Expansion(*(each[:end] for each in problem.expansions[number]))
-        command, rate, torque, kp, kd = problem.drive(self.block)
-        self.drive = Drive(command[:end], rate[:end], torque[:end], kp, kd)
+        drive = Drive(*(each[..., self.block] for each in problem.drive))
+        self.drive = Drive(drive.command[:end], drive.rate[:end], drive.torque[:end], drive.kp, drive.kd)
         self.measured = problem.signals.log.angle[self.used][:, self.block]
-        self.masses = [int(joint) for joint in self.block if level.masses and joint in problem.masses]
-        forces = [-problem.masses[joint][:end, self.block] for joint in self.masses]
-        self.forces = np.stack(forces, axis=-1) if forces else np.zeros((end, len(self.block), 0))
-        free = np.tile(level.free, len(self.block))
-        self.own = int(free.sum())
-        others = 1 + len(self.masses)
-        self.columns = np.append(np.flatnonzero(free), len(free) + np.arange(others))
-        scale = problem.scale(level)[self.block].ravel()[free]
-        self.scale = np.concatenate([scale, [DELAY_PRIOR[1]], np.full(len(self.masses), MASS_PRIOR)])
-        self.mean = np.concatenate([np.zeros(self.own), [DELAY_PRIOR[0]], np.zeros(len(self.masses))])
-        signed = np.isin(np.tile(np.flatnonzero(level.free), len(self.block)), SIGNED)
+        self.masses = [joint for joint in self.block.tolist() if level.masses and joint in problem.masses]
+        forces = np.zeros((len(self.masses), end, len(self.block)))
+        for own, joint in zip(forces, self.masses, strict=True):
+            own[:] = -problem.masses[joint][:end, self.block]
+        self.forces = np.moveaxis(forces, 0, -1)
+        free, others = np.tile(level.free, len(self.block)), np.ones(1 + len(self.masses), dtype=bool)
+        self.own, self.columns = int(free.sum()), np.flatnonzero(np.append(free, others))
+        scale, delays = problem.scale(level)[self.block].ravel()[free], DELAY_PRIOR[1]
+        self.scale = np.concatenate([scale, [delays], np.full(len(self.masses), MASS_PRIOR)])
+        self.mean = np.zeros(len(self.scale))
+        self.mean[self.own] = DELAY_PRIOR[0]
         least = [-4.0 * problem.signals.log.period, *[-MASS_BOUND] * len(self.masses)]
-        self.low = np.concatenate([np.where(signed, -np.inf, 0.0), least])
-        self.x, self.covariance = self.mean.copy(), np.diag(self.scale**2)
-        self._last: tuple[bytes, Replay] | None = None
+        self.low = np.concatenate([np.tile(level.lowest, len(self.block)), least])
+        self.x, self.covariance = self.mean, np.diag(self.scale**2)
+        self._compared: tuple[bytes, Array, Array] | None = None
 
-    @property
-    def values(self) -> Array:
+    def get_values(self, x: Array) -> Array:
         """(B, 4 + K)"""
         values = np.zeros((len(self.block), OWN + self.level.knots))
-        values[:, self.level.free] = self.x[: self.own].reshape(len(self.block), -1)
+        values[:, self.level.free] = x[: self.own].reshape(len(self.block), -1)
         return values
 
-    def _replay(self, x: Array) -> Replay:
-        if self._last is None or self._last[0] != x.tobytes():
-            self.x, problem = x, self.problem
-            params = JointParams(self.values, problem.low[self.block], problem.high[self.block], x[self.own])
-            start, period = problem.start(self.block), problem.signals.log.period
+    def _compare(self, x: Array) -> tuple[Array, Array]:
+        """Replayed less measured angles (rows, B), rad; their slopes (rows B, parameters) in units of the scales."""
+        if self._compared is None or self._compared[0] != x.tobytes():
+            params = self.problem.make_params(self.block, self.get_values(x), x[self.own])
+            start, period = np.array(self.problem.start)[:, self.block], self.problem.signals.log.period
             weights = x[self.own + 1 :]
             found = replay_block(self.expansion, self.drive, params, period, start, self.forces, weights, derive=True)
-            self._last = (x.tobytes(), found)
-        return self._last[1]
-
-    def _errors(self, x: Array) -> Array:
-        """(rows, B) replayed from measured angles, rad."""
-        return self._replay(x).angle[self.used] - self.measured
-
-    def _slopes(self, x: Array) -> Array:
-        """(rows B, parameters) in units of their scales."""
-        found: Array = self._replay(x).angle_by[self.used][:, :, self.columns].reshape(-1, len(x)) * self.scale
-        return found
+            slopes = found.angle_by[self.used][:, :, self.columns].reshape(-1, len(x)) * self.scale
+            self._compared = x.tobytes(), found.angle[self.used] - self.measured, slopes
+        return self._compared[1:]
 
     def solve(self, values: Array, delay: float | None) -> None:
         """Fit from ``values`` (B, 4 + K) on; ``delay`` fixes the delay."""
@@ -342,15 +334,15 @@ class _BlockFit:
         x = np.maximum(x, self.low + 1e-6 * self.scale)
         for _ in range(2):  # the weight of the prior follows from the errors that remain
             x = self._improve(x, fitted)
-        slopes, errors = self._slopes(x), self._errors(x)
-        information = slopes.T @ slopes / _measure_variance(errors) + np.eye(len(x))
+        errors, slopes = self._compare(x)
+        information = slopes.T @ slopes / measure_variance(errors) + np.eye(len(x))
         self.x, self.covariance = x, np.linalg.inv(information) * np.outer(self.scale, self.scale)
 
     def _improve(self, first: Array, fitted: Mask) -> Array:
         """Fit the parameters that are ``fitted`` with the weights that follow from the errors at ``first``."""
         from scipy.optimize import least_squares
 
-        noise, scale = _measure_variance(self._errors(first)) ** 0.5, self.scale[fitted]
+        noise, scale = measure_variance(self._compare(first)[0]) ** 0.5, self.scale[fitted]
 
         def complete(y: Array) -> Array:
             x = first.copy()
@@ -358,29 +350,27 @@ class _BlockFit:
             return x
 
         def weigh(y: Array) -> Array:
-            errors = self._errors(complete(y)).ravel() / noise
-            return np.concatenate([errors, y - self.mean[fitted] / scale])
+            errors, _ = self._compare(complete(y))
+            return np.concatenate([errors.ravel() / noise, y - self.mean[fitted] / scale])
 
         def slope(y: Array) -> Array:
-            return np.concatenate([self._slopes(complete(y))[:, fitted] / noise, np.eye(len(y))])
+            return np.concatenate([self._compare(complete(y))[1][:, fitted] / noise, np.eye(len(y))])
 
         bounds = (self.low[fitted] / scale, np.inf)
         rules = {"max_nfev": EVALUATIONS, "ftol": 1e-4, "xtol": 1e-6}
         return complete(least_squares(weigh, first[fitted] / scale, slope, bounds, **rules).x)
 
 
-def _measure_variance(errors: Array) -> float:
-    """Variance of ``errors`` (n, B) times the number of rows that say as much as one independent row."""
-    return float(max((errors**2).mean(), 1e-18)) * count_correlated(errors)
+def measure_variance(errors: Array) -> float:
+    """Variance of ``errors`` (n, B) times the number of rows that say as much as one independent row.
 
-
-def count_correlated(errors: Array) -> float:
-    """Rows of ``errors`` (n, B) that say as much as one independent row: the integral of their correlation."""
+    That number is the integral of their correlation.
+    """
     centred = errors - errors.mean(axis=0)
     size = 2 ** math.ceil(math.log2(2 * len(errors)))
     power = np.abs(np.fft.rfft(centred, size, axis=0)) ** 2
     correlation = np.fft.irfft(power, size, axis=0)[: len(errors) // 4].sum(axis=1)
     correlation /= correlation[0] or 1.0
-    small = np.flatnonzero(correlation < 0.05)
-    end = int(small[0]) if small.size else len(correlation)
-    return float(max(1.0, 2.0 * correlation[:end].sum() - 1.0))
+    end = int(np.append(correlation < 0.05, True).argmax())
+    correlated = max(1.0, 2.0 * float(correlation[:end].sum()) - 1.0)
+    return float(max((errors**2).mean(), 1e-18)) * correlated

@@ -10,8 +10,9 @@ from typing import Protocol
 import numpy as np
 
 from cmacexp.cmac.network import Cmac
-from cmacexp.gap.identify import KNOTS, LEVELS, Problem, make_regressors
+from cmacexp.gap.identify import KNOTS, Problem
 from cmacexp.gap.signals import Signals, differentiate, low_pass
+from cmacexp.models.joint import OWN
 from cmacexp.typing import Array, Counts
 
 RATE, LAYERS, CELLS = 0.2, 16, 9
@@ -19,7 +20,8 @@ RATE, LAYERS, CELLS = 0.2, 16, 9
 GAIN, HARMONICS = 0.7, 25
 """Learning gain of iterative learning, and the harmonics of a stroke that its filter passes."""
 CHANGE, ROUGH = 0.4, 1e-3
-"""Weights of norm-optimal learning: of a change of the torque, and of its slope over the phase."""
+"""Weights of norm-optimal iterative learning (Amann, Owens & Rogers 1996) of a plant whose feedback the torque
+replaces: |w - u|^2 + CHANGE |u - u_before|^2 + ROUGH |n u|^2 is least in harmonic n, w the torque of the stroke."""
 BUMPS, FEATURES = 40, 300
 """Radial basis functions over a stroke; random Fourier features."""
 RIDGE = 0.3
@@ -28,6 +30,8 @@ GRID = 400
 """Phases of a stroke at which iterative learning has a torque."""
 HIDDEN, EPOCHS = 64, 60
 """Of the perceptron: hidden units, passes through all samples after each stroke."""
+PLACED = ("stroke before", "CMAC over phase", "CMAC over angles and velocities")
+"""Tables that are placed above a model, and that act."""
 
 
 class Learner(Protocol):
@@ -93,14 +97,6 @@ class Iterative:
         at_grid = np.stack([np.interp(np.arange(GRID) / GRID, phase, own) for own in error.T], axis=1)
         passed = np.fft.rfft(self.torque + self.gain * at_grid, axis=0) * self.passes
         self.torque = np.fft.irfft(passed, GRID, axis=0)
-
-
-def make_norm_optimal(signals: Signals) -> Iterative:
-    """Norm-optimal iterative learning (Amann, Owens & Rogers 1996) of a plant whose feedback the torque replaces.
-
-    In each harmonic n it minimises |w - u|^2 + CHANGE |u - u_before|^2 + ROUGH |n u|^2, w the torque of the stroke.
-    """
-    return Iterative(signals, 1.0 / (1.0 + CHANGE), rough=ROUGH / (1.0 + CHANGE))
 
 
 class CmacLearner:
@@ -199,25 +195,6 @@ class Both:
         self.known.learn(stroke, torque)
 
 
-@dataclass(frozen=True)
-class Answer:
-    """How a model of the joints moves under the commands of the log, (n, J) each."""
-
-    angle: Array
-    velocity: Array
-    acceleration: Array
-    torque: Array
-    """Of its drives, by the formula and filter of the log, N m."""
-
-
-def find_answer(problem: Problem, values: Array, delay: float) -> Answer:
-    """The answer of joints with ``values`` (J, 4 + K)."""
-    angle, velocity = problem.replay_all(values, delay)
-    period = problem.signals.log.period
-    acceleration = differentiate(low_pass(velocity, period, 20.0), period)
-    return Answer(angle, velocity, acceleration, problem.signals.compute_torque(angle))
-
-
 def make_tables(problem: Problem) -> Mapping[str, Maker]:
     """Makers of learners that need no model, by name; those over the phase only where a motion repeats."""
     signals, blocks = problem.signals, problem.machine.blocks
@@ -234,7 +211,7 @@ def make_tables(problem: Problem) -> Mapping[str, Maker]:
         found |= {
             "stroke before": lambda: Iterative(signals),
             "ILC": lambda: Iterative(signals, GAIN, HARMONICS),
-            "norm-optimal ILC": lambda: make_norm_optimal(signals),
+            "norm-optimal ILC": lambda: Iterative(signals, 1.0 / (1.0 + CHANGE), rough=ROUGH / (1.0 + CHANGE)),
             "CMAC over phase": lambda: CmacLearner(signals, blocks, [turn] * len(blocks)),
             "CMAC over phase and speed": lambda: CmacLearner(signals, blocks, [with_speed] * len(blocks)),
             "RBF over phase": lambda: Linear(signals, bumps[:, None]),
@@ -242,21 +219,22 @@ def make_tables(problem: Problem) -> Mapping[str, Maker]:
     return found
 
 
-def make_networks(problem: Problem, answer: Answer) -> Mapping[str, Maker]:
-    """Makers of learners over the motion that a model of the joints answers with, by name."""
+def make_networks(problem: Problem, angle: Array, velocity: Array) -> Mapping[str, Maker]:
+    """Makers of learners over the motion (n, J) with which a model answers the commands of the log, by name."""
     signals = problem.signals
-    motion = (answer.angle, answer.velocity, answer.acceleration)
+    period = signals.log.period
+    motion = (angle, velocity, differentiate(low_pass(velocity, period, 20.0), period))
     features = np.concatenate(motion, axis=1)
     features = (features - features.mean(axis=0)) / (features.std(axis=0) + 1e-9)
     random, size = np.random.default_rng(0), features.shape[1]
     turns = features @ (random.normal(size=(size, FEATURES)) * 1.5 / np.sqrt(size))
     waves = np.sqrt(2.0 / FEATURES) * np.cos(turns + random.uniform(0.0, 2.0 * np.pi, FEATURES))
     fourier = np.concatenate([waves, 0.2 * features, np.ones((len(features), 1))], axis=1)
-    joints = make_regressors(problem, LEVELS[-1], motion)
+    joints = problem.make_regressors(KNOTS, motion)
     joints[..., 0] *= 0.1  # of a rotor: the prior is of 0.1 kg m^2
     rigid = problem.machine.compute_torque(*motion, signals.log.orientation)
     regressor = np.concatenate([joints, rigid[..., None]], axis=-1)
-    prior = np.append(np.zeros(4 + KNOTS), 1.0)
+    prior = np.append(np.zeros(OWN + KNOTS), 1.0)
     return {
         "random Fourier features": lambda: Linear(signals, fourier[:, None]),
         "regressor of the model": lambda: Linear(signals, regressor, prior, 1.0),
@@ -267,11 +245,8 @@ def make_networks(problem: Problem, answer: Answer) -> Mapping[str, Maker]:
 def place_below(problem: Problem, name: str, torque: Array) -> Mapping[str, Maker]:
     """Makers of a known torque (n, J), alone and below each table of :func:`make_tables`, by name."""
     fixed = Fixed(problem.signals, torque)
-    tables = make_tables(problem)
-    chosen = [
-        each for each in tables if each in ("stroke before", "CMAC over phase", "CMAC over angles and velocities")
-    ]
     return {name: lambda: fixed} | {
-        f"{name} and {table}": lambda table=table: Both(fixed, tables[table]())  # type: ignore[misc]
-        for table in chosen
+        f"{name} and {table}": lambda make=make: Both(fixed, make())  # type: ignore[misc]
+        for table, make in make_tables(problem).items()
+        if table in PLACED
     }

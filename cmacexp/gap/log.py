@@ -6,6 +6,7 @@ begin with ``#`` are declarations: ``#units``, ``#kp``, ``#kd``.
 
 import importlib.util
 import re
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -185,8 +186,7 @@ class _Table:
         joints, names = self._find_joints(), dict[str, str]()
 
         def read(quantity: str, each: Sequence[str] = joints) -> Array | None:
-            pattern = self._find(quantity, each)
-            if pattern is None:
+            if (pattern := self._find(quantity, each)) is None:
                 return None
             names[quantity] = pattern
             return np.stack([self._read(pattern.replace(JOINT, own), quantity) for own in each], axis=1)
@@ -278,12 +278,14 @@ class _Table:
         elif f"#{key}" in self.columns:
             values = np.array(str(self.columns[f"#{key}"]).split(","), dtype=float)
         elif pattern := self._find(key, joints):
-            columns = [np.atleast_1d(self.columns[pattern.replace(JOINT, own)]).astype(float) for own in joints]
-            if JOINT in pattern and any(np.ptp(own) > 0.0 for own in columns):
+            columns = np.array(
+                [np.atleast_1d(self.columns[pattern.replace(JOINT, own)]) for own in joints], dtype=float
+            )
+            if JOINT not in pattern and columns.shape == (len(joints), len(joints)):
+                columns = columns.T  # one array of all joints
+            if np.ptp(columns, axis=1).any():
                 raise BadInput(KEY, self.path, f"has gains {key} that change; cut it where they are constant")
-            values = np.array([own[0] for own in columns]) if JOINT in pattern else np.unique(columns[0])
-            if JOINT not in pattern and len(columns[0]) == len(joints):
-                values = columns[0]
+            values = columns[:, 0]
         else:
             return np.full(len(joints), np.nan)
         if len(values) not in (1, len(joints)) or not (values >= 0.0).all():
@@ -310,12 +312,10 @@ def read_csv(path: Path) -> Columns:
     import pandas
 
     with path.open(encoding="utf-8", errors="replace") as file:
-        lines = [line for line in file if line.startswith("#")]
-        file.seek(0)
-        head = next(line for line in file if not line.startswith("#"))
-    separator = max(",;\t", key=head.count)
-    frame = pandas.read_csv(path, comment="#", sep=separator, skipinitialspace=True)
-    comments = [line[1:].partition(":") for line in lines]
+        lines = file.readlines()
+    head = next(line for line in lines if not line.startswith("#"))
+    frame = pandas.read_csv(path, comment="#", sep=max(",;\t", key=head.count), skipinitialspace=True)
+    comments = [line[1:].partition(":") for line in lines if line.startswith("#")]
     declared = {f"#{key.strip()}": np.asarray(value.strip()) for key, _, value in comments if value}
     return {str(name).strip(): frame[name].to_numpy() for name in frame} | declared
 
@@ -333,20 +333,18 @@ def read_mcap(path: Path) -> Columns:
     require_extra("mcap")
     from mcap.reader import make_reader
 
-    topics: dict[str, list[tuple[float, dict[str, Any]]]] = {}
+    topics = defaultdict[str, list[tuple[float, dict[str, Any]]]](list)
     with path.open("rb") as file:
         for _, channel, message in make_reader(file).iter_messages():
             if channel.message_encoding == "json":
-                own = topics.setdefault(channel.topic.strip("/"), [])
-                own.append((message.log_time * 1e-9, json.loads(message.data)))
+                topics[channel.topic.strip("/")].append((message.log_time * 1e-9, json.loads(message.data)))
     if not topics:
         raise ValueError("it holds no JSON messages; write a reader for its encoding")
-    time = np.array([at for at, _ in max(topics.values(), key=len)])
-    columns: dict[str, NDArray[Any]] = {"time": time}
+    columns: dict[str, NDArray[Any]] = {"time": np.array([at for at, _ in max(topics.values(), key=len)])}
     for topic, messages in topics.items():
-        last = np.clip(np.searchsorted([at for at, _ in messages], time, side="right") - 1, 0, None)
+        last = np.searchsorted([at for at, _ in messages], columns["time"], side="right") - 1
         numbers = [name for name, value in messages[0][1].items() if isinstance(value, int | float | list)]
-        columns |= {f"{topic}_{name}": np.array([messages[k][1][name] for k in last]) for name in numbers}
+        columns |= {f"{topic}_{name}": np.array([messages[max(k, 0)][1][name] for k in last]) for name in numbers}
     return columns
 
 

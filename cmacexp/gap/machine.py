@@ -5,7 +5,7 @@ leg, arm or finger is a block with equations of its own.
 """
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +14,8 @@ import numpy as np
 
 from cmacexp.config import config_folder
 from cmacexp.errors import BadInput, suggest
-from cmacexp.models.robot import compile_spec, load_mujoco, load_spec
+from cmacexp.models.joint import OWN
+from cmacexp.models.robot import UPRIGHT, compile_spec, load_mujoco, load_spec
 from cmacexp.models.robot_file import find_model, package_models
 from cmacexp.typing import Array, Counts
 
@@ -23,17 +24,6 @@ STEP = 1e-5
 """Of finite differences of the bias over joint angles, rad."""
 COUPLED = 1e-9
 """Least part of the largest inertia, kg m^2, that one joint feels of another that moves it."""
-
-
-class Losses(NamedTuple):
-    """What a model says of joints (J,) beyond rigid bodies."""
-
-    inertia: Array
-    """Of the rotor, kg m^2."""
-    viscous: Array
-    """N m s/rad."""
-    coulomb: Array
-    """N m."""
 
 
 class Expansion(NamedTuple):
@@ -58,9 +48,9 @@ class Machine:
     joints: tuple[str, ...]
     """Names in the model."""
     model: Any
-    """MjModel, with rotors, damping and friction of these joints taken out."""
-    losses: Losses
-    """Those of the model."""
+    """MjModel without constraints, with rotors, damping and friction of these joints taken out."""
+    losses: Array
+    """(J, 5): what the model says of these joints, as :class:`cmacexp.gap.replay.JointParams` has it."""
     ranges: Array
     """(J, 2) least and largest angle, rad; infinite without a limit."""
     qpos: Counts
@@ -73,43 +63,50 @@ class Machine:
 
         ``base`` (N, 4) is the orientation of the base, a quaternion w, x, y, z; None: as in the model.
         """
-        mujoco, model, data = load_mujoco(), self.model, self._start()
-        dof, rows, size = self.dof[block], len(angle), len(block)
+        mujoco, dof, rows, size = load_mujoco(), self.dof[block], len(angle), len(block)
         found = Expansion(
             np.ascontiguousarray(angle[:, block]),
             np.empty((rows, size, size)),
             np.empty((rows, size)),
             np.empty((rows, size, size)),
         )
-        whole, free = np.zeros((model.nv, model.nv)), self._find_free()
-        for k in range(rows):
-            data.qpos[self.qpos], data.qvel[self.dof] = angle[k], velocity[k]
-            if base is not None and free is not None:
-                data.qpos[free + 3 : free + 7] = base[k]
+        whole = np.zeros((self.model.nv, self.model.nv))
+        for k, data in enumerate(self._visit(angle, velocity, base)):
             for j, place in enumerate(self.qpos[block]):
                 data.qpos[place] += STEP
-                _update(mujoco, model, data)
-                found.gradient[k, :, j] = data.qfrc_bias[dof] - data.qfrc_spring[dof]
+                mujoco.mj_step1(self.model, data)
+                found.gradient[k, :, j] = data.qfrc_bias[dof] - data.qfrc_passive[dof]
                 data.qpos[place] -= STEP
-            _update(mujoco, model, data)
-            mujoco.mj_fullM(model, data, whole)
+            mujoco.mj_step1(self.model, data)
+            mujoco.mj_fullM(self.model, data, whole)
             found.mass[k] = whole[np.ix_(dof, dof)]
-            found.bias[k] = data.qfrc_bias[dof] - data.qfrc_spring[dof]
+            found.bias[k] = data.qfrc_bias[dof] - data.qfrc_passive[dof]
         found.gradient[:] = (found.gradient - found.bias[:, :, None]) / STEP
         return found
 
     def compute_torque(self, angle: Array, velocity: Array, acceleration: Array, base: Array | None = None) -> Array:
         """Torque (N, J) of the rigid bodies for a motion (N, J) each, rad, rad/s, rad/s^2, N m."""
-        mujoco, model, data = load_mujoco(), self.model, self._start()
-        torque, whole, free = np.empty(angle.shape), np.empty(model.nv), self._find_free()
-        for k in range(len(angle)):
-            data.qpos[self.qpos], data.qvel[self.dof], data.qacc[self.dof] = angle[k], velocity[k], acceleration[k]
-            if base is not None and free is not None:
-                data.qpos[free + 3 : free + 7] = base[k]
-            _update(mujoco, model, data)
-            mujoco.mj_rne(model, data, 1, whole)
-            torque[k] = whole[self.dof] - data.qfrc_spring[self.dof]
+        mujoco, torque = load_mujoco(), np.empty(angle.shape)
+        for k, data in enumerate(self._visit(angle, velocity, base)):
+            data.qacc[self.dof] = acceleration[k]
+            mujoco.mj_step1(self.model, data)
+            mujoco.mj_rne(self.model, data, 1, data.qfrc_inverse)
+            torque[k] = data.qfrc_inverse[self.dof] - data.qfrc_passive[self.dof]
         return torque
+
+    def _visit(self, angle: Array, velocity: Array, base: Array | None) -> Iterator[Any]:
+        """MuJoCo's data with the angles and velocities of each row in turn; the base is at rest at the origin."""
+        mujoco, model = load_mujoco(), self.model
+        data, kinds = mujoco.MjData(model), model.jnt_type
+        if model.nkey:
+            data.qpos[:] = model.key_qpos[0]
+        turns = model.jnt_qposadr[kinds == int(mujoco.mjtJoint.mjJNT_FREE), None] + np.arange(7)
+        data.qpos[turns] = UPRIGHT
+        for k in range(len(angle)):
+            data.qpos[self.qpos], data.qvel[self.dof] = angle[k], velocity[k]
+            if base is not None:
+                data.qpos[turns[:, 3:]] = base[k]
+            yield data
 
     def find_link(self, joint: int) -> tuple[str, Counts]:
         """The body that a joint moves and those welded to it: its name, and their numbers in the model."""
@@ -134,29 +131,6 @@ class Machine:
         model.opt.gravity[:] = (x - pitch * z, y + roll * z, z + pitch * x - roll * y)
         return replace(self, model=model)
 
-    def _find_free(self) -> int | None:
-        """Where the position of the base begins in ``qpos``; None if the model holds it."""
-        free = np.flatnonzero(self.model.jnt_type == int(load_mujoco().mjtJoint.mjJNT_FREE))
-        return int(self.model.jnt_qposadr[free[0]]) if free.size else None
-
-    def _start(self) -> Any:
-        data = load_mujoco().MjData(self.model)
-        if self.model.nkey:
-            data.qpos[:] = self.model.key_qpos[0]
-        if (free := self._find_free()) is not None:
-            data.qpos[free : free + 7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
-        return data
-
-
-def _update(mujoco: Any, model: Any, data: Any) -> None:
-    """Inertia and bias at the positions and velocities of ``data``."""
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mujoco.mj_crb(model, data)
-    mujoco.mj_comVel(model, data)
-    mujoco.mj_passive(model, data)
-    mujoco.mj_rne(model, data, 0, data.qfrc_bias)
-
 
 def read_machine(robot: str, names: Sequence[str], pairs: Sequence[str] = ()) -> Machine:
     """The machine of an option of ``conf/machine``, a model of the package or a file, for the joints of a log.
@@ -169,15 +143,15 @@ def read_machine(robot: str, names: Sequence[str], pairs: Sequence[str] = ()) ->
     mujoco = load_mujoco()
     if np.any(model.eq_active0):
         raise BadInput(ROBOT_KEY, robot, "has equality constraints, with which its joints are no chains: remove them")
-    kinds = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
-    joints = {model.joint(i).name: i for i in range(model.njnt) if int(model.jnt_type[i]) in kinds}
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    kinds = [int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)]
+    joints = {model.joint(i).name: i for i in np.flatnonzero(np.isin(model.jnt_type, kinds)).tolist()}
     matched = match_names(names, list(joints), dict(pair.partition("=")[::2] for pair in pairs))
     index = np.array([joints[name] for name in matched])
-    dof, limited = model.jnt_dofadr[index], model.jnt_limited[index].astype(bool)
-    losses = Losses(
-        *(values[dof].copy() for values in (model.dof_armature, model.dof_damping, model.dof_frictionloss))
-    )
-    model.dof_armature[dof] = model.dof_damping[dof] = model.dof_frictionloss[dof] = 0.0
+    dof, limited = model.jnt_dofadr[index].astype(np.int64), model.jnt_limited[index].astype(bool)
+    losses = np.zeros((len(dof), OWN + 1))
+    for k, values in {0: model.dof_armature, 1: model.dof_damping, OWN: model.dof_frictionloss}.items():
+        losses[:, k], values[dof] = values[dof], 0.0
     machine = Machine(
         name=robot,
         path=path,
@@ -186,10 +160,10 @@ def read_machine(robot: str, names: Sequence[str], pairs: Sequence[str] = ()) ->
         losses=losses,
         ranges=np.where(limited[:, None], model.jnt_range[index], [-np.inf, np.inf]),
         qpos=model.jnt_qposadr[index].astype(np.int64),
-        dof=dof.astype(np.int64),
-        blocks=(),
+        dof=dof,
+        blocks=(np.arange(len(dof)),),
     )
-    return _find_blocks(mujoco, machine)
+    return replace(machine, blocks=_find_blocks(machine))
 
 
 def _find_path(robot: str) -> Path:
@@ -236,18 +210,11 @@ def match_names(names: Sequence[str], joints: Sequence[str], pairs: dict[str, st
     return tuple(found)
 
 
-def _find_blocks(mujoco: Any, machine: Machine) -> Machine:
-    """The machine with its blocks: joints are in one if the inertia of one contains the motion of the other."""
-    data, model = machine._start(), machine.model
-    data.qpos[machine.qpos] += 0.3  # where no inertia vanishes by chance
-    _update(mujoco, model, data)
-    whole = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, whole)
-    mass = np.abs(whole[np.ix_(machine.dof, machine.dof)])
-    linked = mass > COUPLED * mass.max()
-    groups: list[set[int]] = []
-    for joint in range(len(linked)):
-        joined = {joint, *np.flatnonzero(linked[joint]).tolist()}
-        touching = [group for group in groups if group & joined]
-        groups = [group for group in groups if not group & joined] + [joined.union(*touching)]
-    return replace(machine, blocks=tuple(np.array(sorted(group)) for group in sorted(groups, key=min)))
+def _find_blocks(machine: Machine) -> tuple[Counts, ...]:
+    """Joints that move each other, block by block: the inertia of one contains the motion of the other."""
+    from scipy.sparse.csgraph import connected_components
+
+    somewhere = np.full((1, len(machine.joints)), 0.3)  # where no inertia vanishes by chance
+    mass = np.abs(machine.expand(machine.blocks[0], somewhere, np.zeros_like(somewhere)).mass[0])
+    count, block = connected_components(mass > COUPLED * mass.max())
+    return tuple(np.flatnonzero(block == number) for number in range(count))

@@ -23,8 +23,6 @@ SUBSTEP = 1e-3
 SWEEPS, CONVERGED = 30, 1e-10
 """Most sweeps of the Gauss-Seidel iteration that decides which joints stick, and the last change of a velocity in it,
 rad/s."""
-OWN = 4
-"""Parameters of a joint beside its friction: rotor inertia, viscous friction, offset, spring."""
 
 
 class Drive(NamedTuple):
@@ -64,7 +62,6 @@ class Replay(NamedTuple):
     """(N, B), rad/s."""
     angle_by: Array
     """(N, B, P) derivative over the parameters: (4 + K) of each joint in turn, the delay, those of ``forces``."""
-    velocity_by: Array
 
 
 def replay(
@@ -72,12 +69,12 @@ def replay(
     drive: Drive,
     params: JointParams,
     period: float,
-    start: tuple[Array, Array],
+    start: tuple[Array, Array] | Array,
     forces: Array | None = None,
     weights: Array | None = None,
     derive: bool = False,
 ) -> Replay:
-    """Replay N rows of ``period`` seconds from angles and velocities ``start`` (B,).
+    """Replay N rows of ``period`` seconds from angles and velocities ``start`` (2, B).
 
     ``forces`` (N, B, E) are torques for each unit of further parameters, whose values are ``weights`` (E,). With
     ``derive`` the derivatives over all parameters are computed too.
@@ -86,31 +83,25 @@ def replay(
     further = np.zeros((rows, size, 0)) if forces is None else np.ascontiguousarray(forces)
     own = np.zeros(further.shape[2]) if weights is None else weights
     count = size * params.values.shape[1] + 1 + further.shape[2] if derive else 0
+    found = Replay(np.zeros((rows, size)), np.zeros((rows, size)), np.zeros((rows, size, count)))
+    scratch = (np.zeros((size, size)), tuple(np.zeros((6, size))), tuple(np.zeros((3, size, count))))
+    equations = expansion._replace(mass=expansion.mass + np.diag(params.values[:, 0]))
+    inputs = (tuple(map(np.ascontiguousarray, each)) for each in (equations, drive, params[:3]))
     substeps = math.ceil(period / SUBSTEP - 1e-9)
-    found = Replay(
-        np.zeros((rows, size)), np.zeros((rows, size)), np.zeros((rows, size, count)), np.zeros((rows, size, count))
-    )
-    q, v = (np.array(each, dtype=float) for each in start)
-    scratch = (np.zeros((size, size)), np.zeros((size, size)), np.zeros((5, size)), np.zeros((4, size, count)))
-    gains = (np.asarray(drive.kp, dtype=float), np.asarray(drive.kd, dtype=float))
-    inputs = tuple(np.ascontiguousarray(each) for each in (drive.command, drive.rate, drive.torque))
     taken: Any = take_rows
-    taken(expansion, inputs, gains, params, further, own, period / substeps, substeps, (q, v), found, scratch)
+    taken(*inputs, params.delay, further, own, period / substeps, substeps, tuple(np.array(start)), found, scratch)
     return found
 
 
 @program
-def take_rows(expansion, inputs, gains, params, further, own, h, substeps, state, found, scratch):  # type: ignore
+def take_rows(equations, drive, params, delay, further, own, h, substeps, state, found, scratch):  # type: ignore
     """Take all rows of a replay, see :func:`replay`; fills ``found``, changes ``state`` and ``scratch``."""
-    at, mass_of, bias_of, gradient_of = expansion
-    commands, rates, torques = inputs
-    kp, kd = gains
-    values, low, high, delay = params
+    at, mass, bias_of, gradient_of = equations
+    commands, rates, torques, kp, kd = drive
+    values, low, high = params
     q, v = state
-    angle, velocity, angle_by, velocity_by = found
-    mass, factor, vectors, by = scratch
-    target, right, slope, side, dry = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
-    dq, dv, new, dtarget = by[0], by[1], by[2], by[3]
+    angle, velocity, angle_by = found
+    factor, (target, right, slope, side, dry, place), (dq, dv, new) = scratch
     rows, size = angle.shape
     width, count, extra = values.shape[1], angle_by.shape[2], further.shape[2]
     knots = width - 4
@@ -118,10 +109,7 @@ def take_rows(expansion, inputs, gains, params, further, own, h, substeps, state
         for i in range(size):
             angle[k, i], velocity[k, i] = q[i], v[i]
             for p in range(count):
-                angle_by[k, i, p], velocity_by[k, i, p] = dq[i, p], dv[i, p]
-            for j in range(size):
-                mass[i, j] = mass_of[k, i, j]
-            mass[i, i] += values[i, 0]
+                angle_by[k, i, p] = dq[i, p]
         for s in range(substeps):
             begin = k + (s * h - delay) / (substeps * h)
             end = begin + 1.0 / substeps
@@ -147,28 +135,26 @@ def take_rows(expansion, inputs, gains, params, further, own, h, substeps, state
                     total += further[k, i, e] * own[e]
                 right[i] = h * total - 0.5 * h * (values[i, 1] + kd[i]) * v[i]
                 for j in range(size):
-                    right[i] += mass[i, j] * v[j]
-                    factor[i, j] = mass[i, j]
+                    right[i] += mass[k, i, j] * v[j]
+                    factor[i, j] = mass[k, i, j]
                 factor[i, i] += 0.5 * h * (values[i, 1] + kd[i])
-                place = min(max(unit, 0.0), 1.0) * (knots - 1)
-                below = min(int(place), max(knots - 2, 0))
-                above = min(below + 1, knots - 1)
-                share = place - below
+                place[i] = min(max(unit, 0.0), 1.0) * (knots - 1)
+                below = min(int(place[i]), max(knots - 2, 0))
+                share, above = place[i] - below, min(below + 1, knots - 1)
                 dry[i] = h * ((1.0 - share) * values[i, 4 + below] + share * values[i, 4 + above])
-                inside = 0.0 < unit < 1.0
-                slope[i] = (values[i, 4 + above] - values[i, 4 + below]) * (knots - 1) / (high[i] - low[i]) * inside
+                slope[i] = (values[i, 4 + above] - values[i, 4 + below]) * (knots - 1) / (high[i] - low[i])
+                slope[i] *= 0.0 < unit < 1.0
                 for p in range(count):  # b as in factor @ dv = b, before what the new velocity decides
                     total = h * (2.0 * values[i, 3] / (high[i] - low[i]) - kp[i]) * dq[i, p]
                     total -= 0.5 * h * (values[i, 1] + kd[i]) * dv[i, p]
                     for j in range(size):
-                        total += mass[i, j] * dv[j, p] - h * gradient_of[k, i, j] * dq[j, p]
+                        total += mass[k, i, j] * dv[j, p] - h * gradient_of[k, i, j] * dq[j, p]
                     new[i, p] = total
                 if count:
                     new[i, i * width] += v[i]
                     new[i, i * width + 1] -= 0.5 * h * v[i]
                     new[i, i * width + 2] += h
                     new[i, i * width + 3] += h * (2.0 * unit - 1.0)
-                    dtarget[i, 0], dtarget[i, 1], dtarget[i, 2] = 1.0 - share, share, below
                     new[i, size * width] += target[i]
                     for e in range(extra):
                         new[i, size * width + 1 + e] += h * further[k, i, e]
@@ -180,26 +166,21 @@ def take_rows(expansion, inputs, gains, params, further, own, h, substeps, state
                     for j in range(size):
                         if j != i:
                             total -= factor[i, j] * v[j]
-                    side[i] = 0.0
-                    if total > dry[i]:
-                        v[i], side[i] = (total - dry[i]) / factor[i, i], 1.0
-                    elif total < -dry[i]:
-                        v[i], side[i] = (total + dry[i]) / factor[i, i], -1.0
-                    else:
-                        v[i] = 0.0
+                    side[i] = 1.0 if total > dry[i] else -1.0 if total < -dry[i] else 0.0
+                    v[i] = (total - side[i] * dry[i]) / factor[i, i] if side[i] != 0.0 else 0.0
                     change = max(change, abs(v[i] - before))
                 if change < CONVERGED:
                     break
             if count:
                 for i in range(size):
-                    moves = side[i] != 0.0
                     for p in range(count):
-                        new[i, p] = (new[i, p] - h * side[i] * slope[i] * dq[i, p]) * moves
+                        new[i, p] = (new[i, p] - h * side[i] * slope[i] * dq[i, p]) * (side[i] != 0.0)
                     new[i, i * width] -= v[i]
                     new[i, i * width + 1] -= 0.5 * h * v[i]
-                    below = int(dtarget[i, 2])
-                    new[i, i * width + 4 + below] -= h * side[i] * dtarget[i, 0]
-                    new[i, i * width + 4 + min(below + 1, knots - 1)] -= h * side[i] * dtarget[i, 1]
+                    below = min(int(place[i]), max(knots - 2, 0))
+                    share = place[i] - below
+                    new[i, i * width + 4 + below] -= h * side[i] * (1.0 - share)
+                    new[i, i * width + 4 + min(below + 1, knots - 1)] -= h * side[i] * share
                 for i in range(size):  # Gauss-Jordan elimination among the joints that move; the others stay at rest
                     if side[i] != 0.0:
                         for j in range(size):
@@ -209,9 +190,8 @@ def take_rows(expansion, inputs, gains, params, further, own, h, substeps, state
                                     factor[j, m] -= ratio * factor[i, m]
                                 for p in range(count):
                                     new[j, p] -= ratio * new[i, p]
-                for i in range(size):
-                    for p in range(count):
-                        dv[i, p] = new[i, p] / factor[i, i] * (side[i] != 0.0)
-                        dq[i, p] += 0.5 * h * dv[i, p]
             for i in range(size):
                 q[i] += 0.5 * h * v[i]
+                for p in range(count):
+                    dv[i, p] = new[i, p] / factor[i, i] * (side[i] != 0.0)
+                    dq[i, p] += 0.5 * h * dv[i, p]

@@ -39,11 +39,10 @@ def low_pass(values: Array, period: float, cutoff: float = CUTOFF) -> Array:
     return found
 
 
-def find_strokes(motion: Array, period: float) -> tuple[Counts, bool]:
-    """First rows of the strokes of a motion (n, J) and the end of the last; whether the motion repeats.
+def find_turns(motion: Array, period: float) -> Counts:
+    """Rows where a motion (n, J) turns, on the side that has more turns.
 
-    The motion along its largest principal component is smoothed over 0.2 s. A stroke begins where it turns, on the
-    side that has more full strokes. If these are less than LEAST_STROKES, the log is cut into PARTS windows.
+    The motion along its largest principal component is smoothed over 0.2 s.
     """
     from scipy.ndimage import uniform_filter1d
     from scipy.signal import find_peaks
@@ -52,10 +51,8 @@ def find_strokes(motion: Array, period: float) -> tuple[Counts, bool]:
     _, _, axes = np.linalg.svd(centred, full_matrices=False)
     scalar = uniform_filter1d(centred @ axes[0], max(1, round(0.2 / period)))
     rules = {"prominence": PROMINENCE * np.ptp(scalar), "distance": max(1, round(SHORTEST / period))}
-    turns = max((find_peaks(side * scalar, **rules)[0] for side in (1.0, -1.0)), key=len)
-    if len(turns) < LEAST_STROKES + 1:
-        return np.linspace(0, len(motion), PARTS + 1).astype(np.int64), False
-    return turns.astype(np.int64), True
+    turns: Counts = max((find_peaks(side * scalar, **rules)[0] for side in (1.0, -1.0)), key=len)
+    return turns.astype(np.int64)
 
 
 @dataclass(frozen=True)
@@ -96,18 +93,19 @@ class Signals:
         return self.log.kp * (self.command - angle) + self.log.kd * rate
 
     @cached_property
-    def _cut(self) -> tuple[Counts, bool]:
-        return find_strokes(self.log.angle if self.log.command is None else self.log.command, self.log.period)
-
-    @property
     def bounds(self) -> Counts:
-        """(strokes + 1,) first rows of the strokes, and the end of the last."""
-        return self._cut[0]
+        """(strokes + 1,) first rows of the strokes, each from turn to turn, and the end of the last.
+
+        If there are fewer than LEAST_STROKES, the log is cut into PARTS windows.
+        """
+        motion = self.log.angle if self.log.command is None else self.log.command
+        turns = find_turns(motion, self.log.period)
+        return turns if len(turns) > LEAST_STROKES else np.linspace(0, len(motion), PARTS + 1).astype(np.int64)
 
     @property
     def repeats(self) -> bool:
         """Whether the strokes are one motion that repeats; else they are windows of the log."""
-        return self._cut[1]
+        return int(self.bounds[0]) > 0  # where a window begins, a motion cannot turn
 
     @property
     def count(self) -> int:
@@ -156,23 +154,15 @@ def shift(values: Array, rows: int) -> Array:
 
 def measure_lag(signals: Signals) -> Array:
     """(strokes, J) lag of measured angles behind their commands in each stroke, s: that of least squared distance."""
-    log = signals.log
+    log, first = signals.log, -2
     assert log.command is not None
-    command, angle = log.command, log.angle
-    most = max(2, round(0.4 / log.period))
-    found = np.empty((signals.count, angle.shape[1]))
-    for number in range(1, signals.count + 1):
-        rows = np.arange(len(angle))[signals.rows(number)]
-        errors = np.stack(
-            [
-                np.var(angle[rows] - command[np.clip(rows - lag, 0, len(command) - 1)], axis=0)
-                for lag in range(-2, most + 1)
-            ]
-        )
-        best = np.clip(errors.argmin(axis=0), 1, len(errors) - 2)
-        joints = np.arange(angle.shape[1])
-        before, at, after = errors[best - 1, joints], errors[best, joints], errors[best + 1, joints]
-        bend = before - 2.0 * at + after
-        part = np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend > 0.0)
-        found[number - 1] = (best - 2 + part) * log.period
-    return found
+    errors = np.empty((max(2, round(0.4 / log.period)) - first + 1, signals.count, log.angle.shape[1]))
+    for number, own in enumerate(errors):
+        apart = log.angle - shift(log.command, first + number)
+        own[:] = [np.var(apart[signals.rows(stroke)], axis=0) for stroke in range(1, signals.count + 1)]
+    best = np.clip(errors.argmin(axis=0), 1, len(errors) - 2)
+    before, at, after = (np.take_along_axis(errors, best[None] + step, 0)[0] for step in (-1, 0, 1))
+    bend = before - 2.0 * at + after
+    part = np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend > 0.0)
+    lag: Array = (best + first + part) * log.period
+    return lag

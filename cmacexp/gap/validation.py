@@ -41,7 +41,9 @@ def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
     whole = gap.fitted = fit(problem, chosen, rows_of(gap.signals, 1, count), forward.values)
     advance()
     for name, own in {"identified": forward, "identified, the reverse": reverse}.items():
-        gap.replays[name], _ = problem.apply(own).replay_all(own.values, own.delay, 2)
+        applied = problem.apply(own)
+        along = applied.expand(*applied.replay(own.values, own.delay))  # so that the equations hold to all orders
+        gap.replays[name], _ = applied.replay(own.values, own.delay, along)
     middle = max(train + 1, count - 1)
     parts = {"before": (1, train), "middle": (train + 1, middle), "last": (count, count), "all": (1, count)}
     gap.values |= {
@@ -101,7 +103,7 @@ def choose_level(problem: Problem, advance: Advance = lambda: None) -> tuple[Lev
     levels = LEVELS if problem.masses else LEVELS[:-1]
     for level in levels:
         found = fit(problem, level, rows_of(problem.signals, 1, inner))
-        angle, _ = problem.apply(found).replay_all(found.values, found.delay)
+        angle, _ = problem.apply(found).replay(found.values, found.delay)
         distance = measure_distance(problem.signals, angle, inner + 1, train)
         models.append({"model": level.name, "parameters": int(level.free.sum()), "mrad": distance})
         advance()
@@ -121,7 +123,7 @@ def describe_parameters(problem: Problem, found: Fit) -> dict[str, Any]:
                 "value": found.values[j, len(NAMES) :].tolist(),
                 "deviation": found.deviation[j, len(NAMES) :].tolist(),
             },
-            "range": [float(problem.low[j]), float(problem.high[j])],
+            "range": problem.ranges[:, j].tolist(),
         }
     return described
 
@@ -169,7 +171,7 @@ class Identified:
             self.known[stroke] = fit(self.problem, self.level, rows_of(signals, 1, stroke), values)
             self.advance()
         found = self.known[stroke]
-        self.torque = signals.compute_torque(self.problem.apply(found).replay_all(found.values, found.delay)[0])
+        self.torque = signals.compute_torque(self.problem.apply(found).replay(found.values, found.delay)[0])
 
 
 def list_identified(

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from cmacexp.gap.identify import Problem
-from cmacexp.gap.machine import Expansion, Losses, Machine
+from cmacexp.gap.machine import Expansion, Machine
 from cmacexp.gap.signals import Signals
 from pipelines.benchmark.simulated_log import INERTIA, MODEL, NAMES, PERIOD, WEIGHT, Truth, simulate_log
 
@@ -29,8 +29,8 @@ class Pendulums(Machine):
 
 def make_pendulums():
     """The machine, with joints that are generic in its model."""
-    losses, count = Losses(*(np.full(len(NAMES), value) for value in (0.01, 0.1, 0.1))), len(NAMES)
-    ranges, index = np.tile([-2.0, 2.0], (count, 1)), np.arange(count)
+    losses = np.tile([0.01, 0.1, 0.0, 0.0, 0.1], (len(NAMES), 1))
+    ranges, index = np.tile([-2.0, 2.0], (len(NAMES), 1)), np.arange(len(NAMES))
     return Pendulums(
         "pendulums", Path("pendulums.xml"), NAMES, None, losses, ranges, index, index, tuple(index[:, None])
     )
