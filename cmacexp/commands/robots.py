@@ -1,6 +1,5 @@
 """``python -m cmacexp.robots go1``: what the model of a robot holds, and what follows from it by rule."""
 
-import argparse
 import math
 import re
 import shlex
@@ -8,7 +7,7 @@ from pathlib import Path
 
 from omegaconf import OmegaConf
 
-from cmacexp.commands.command import Parser, run_command
+from cmacexp.commands.command import Arguments, Parser, run_command
 from cmacexp.config import Config, config_folder, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.config.describe import describe_fields, flatten_config
@@ -142,7 +141,7 @@ def _list_margins(config: Config, overrides: list[str]) -> list[list[str]]:
     return [*rows.values()]
 
 
-def _show(arguments: argparse.Namespace) -> int:
+def _show(arguments: Arguments) -> int:
     chosen = _choose(arguments.robot)
     if len(chosen) > 1 and not any(word.startswith("machine.") for word in arguments.overrides):
         chosen += (found := _find_legs(Path(arguments.robot).resolve()))
