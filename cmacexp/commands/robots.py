@@ -111,7 +111,8 @@ def _describe_margin(config: Config) -> list[str]:
     """A row of a table: the further delay that feedback bears; empty with a controller of the user's own."""
     from cmacexp.control import DriveController, HybridController
     from cmacexp.loop.factory import make_component
-    from cmacexp.loop.scenario import SMALL_MARGIN, count_loop_delay, require_margin
+    from cmacexp.loop.margin import SMALL_MARGIN, find_margin
+    from cmacexp.loop.scenario import count_loop_delay
 
     controller, sensors = (make_component(group, getattr(config, group)) for group in ("controller", "sensors"))
     if isinstance(controller, DriveController):
@@ -119,7 +120,7 @@ def _describe_margin(config: Config) -> list[str]:
         name, margin = "drives", find_joint_margin(read_model(config.machine), drives, config.actuator.lag)
         note = "in drives, not on a bus"
     elif isinstance(controller, HybridController):
-        name, margin = "hybrid", require_margin(config, controller.config, count_loop_delay(config, sensors))
+        name, margin = "hybrid", find_margin(config, controller.config, count_loop_delay(config, sensors))
         note = "small" if margin.delay < SMALL_MARGIN else ""
     else:
         return []
