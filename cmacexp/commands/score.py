@@ -5,7 +5,7 @@ from pathlib import Path
 from cmacexp.commands.command import Arguments, Parser, run_command
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.folder import update_run
-from cmacexp.data.hashes import require_intact
+from cmacexp.data.manifest import require_intact
 from cmacexp.data.run import Run
 from cmacexp.data.tables import TRACE_FILE, Scores, write_scores
 from cmacexp.errors import BadRun

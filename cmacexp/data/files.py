@@ -19,11 +19,6 @@ TIME_RESOLUTION = 20_000_000
 """Two changes of a file within so many nanoseconds may leave it the same times."""
 
 
-def is_regular(path: Path) -> bool:
-    """Whether there is a regular file, itself and not behind a link."""
-    return path.is_file() and not path.is_symlink()
-
-
 def open_file(path: Path) -> BufferedReader:
     """Open a regular file for reading; raises OSError.
 

@@ -7,7 +7,6 @@ from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.config.component import custom_code_hash
 from cmacexp.config.machine import MACHINES, BodyMachine, RobotMachine, read_model
 from cmacexp.data import manifest as manifests
-from cmacexp.data.hashes import check_file, current_hash
 from cmacexp.data.tables import (
     BODY_FILE,
     BODY_METRICS_FILE,
@@ -36,7 +35,7 @@ def compute_hashes(config: Config, *components: object) -> dict[str, str | None]
     return {
         "code_hash": code_hash(),
         "custom_code": custom_code_hash(config, *components),
-        "start_weights": current_hash(weights) if weights and weights.is_file() else None,
+        "start_weights": manifests.current_hash(weights) if weights and weights.is_file() else None,
         "model_hash": read_model(machine).model_hash if isinstance(machine, RobotMachine) else None,
     }
 
@@ -86,6 +85,6 @@ def list_faults(folder: Path, manifest: manifests.Manifest) -> list[str]:
     reasons += [
         f"{name}: {fault}"
         for name, expected in manifest["files"].items()
-        if name not in VIEWS and (fault := check_file(folder, name, expected)) is not None
+        if name not in VIEWS and (fault := manifests.check_file(folder, name, expected)) is not None
     ]
     return reasons

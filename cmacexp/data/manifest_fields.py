@@ -28,10 +28,6 @@ Shape = ValueCheck | Mapping[str, Any] | list[Any]
 """A kind; entries by name (``name?``: may be missing; ``*``: every other one); or a list, each of the one shape."""
 
 
-def _choice(*values: str) -> ValueCheck:
-    return ValueCheck(f"one of {', '.join(values)}", lambda value: isinstance(value, str) and value in values)
-
-
 def _or_null(kind: ValueCheck) -> ValueCheck:
     return ValueCheck(f"{kind.words} or null", lambda value: value is None or kind.holds(value))
 
@@ -63,7 +59,7 @@ HASH = ValueCheck("a SHA-256", lambda value: isinstance(value, str) and bool(re.
 OBJECT = {"*": ANY}
 
 RUN_FIELDS = {
-    "status": _choice(*ENDS),
+    "status": ValueCheck(f"one of {', '.join(ENDS)}", lambda value: isinstance(value, str) and value in ENDS),
     "config": OBJECT,
     "files": {"*": HASH},
     "versions": {"*": TEXT},

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from cmacexp.data.files import open_file
-from cmacexp.data.hashes import require_intact
+from cmacexp.data.manifest import require_intact
 from cmacexp.errors import BadRun
 from cmacexp.typing import Array, Mask
 

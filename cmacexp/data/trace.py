@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.config.schema import RecordConfig
-from cmacexp.data.hashes import was_written
+from cmacexp.data.manifest import was_written
 from cmacexp.data.parquet import (
     arrow,
     arrow_strings,

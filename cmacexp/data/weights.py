@@ -7,7 +7,7 @@ import numpy as np
 from cmacexp.config import Config, to_plain
 from cmacexp.config.describe import differences
 from cmacexp.data.files import open_file
-from cmacexp.data.hashes import require_intact
+from cmacexp.data.manifest import require_intact
 from cmacexp.data.run import Run
 from cmacexp.data.tables import WEIGHTS as WEIGHTS
 from cmacexp.errors import BadInput, BadRun

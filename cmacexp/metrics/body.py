@@ -58,12 +58,10 @@ def _margin(column: str, title: str = "", symbol: str = "", main: bool = False) 
     return Metric("m", meaning, undefined, lambda b: b.reduce(np.fmin, column), BODY_POOLING, LARGE, shown, source)
 
 
-def _mean_height(block: BodyBlock) -> Array:
-    return block.reduce(np.add, "height") / np.diff([*block.starts, block.body.steps])
-
-
 BODY_METRICS: dict[str, BodyMetric] = {
-    "height_mean": _height("mean", "h", _mean_height, main=True),
+    "height_mean": _height(
+        "mean", "h", lambda b: b.reduce(np.add, "height") / np.diff([*b.starts, b.body.steps]), main=True
+    ),
     "height_min": _height("least", "h_min", lambda b: b.reduce(np.minimum, "height")),
     "height_max": _height("largest", "h_max", lambda b: b.reduce(np.maximum, "height")),
     "tilt_max": Metric(

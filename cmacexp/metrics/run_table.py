@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,8 @@ def make_rows(runs: Sequence[Run], keys: Sequence[str]) -> list[dict[str, Any]]:
     How it ended: ``status``, ``cause`` and ``cycles_done``, the whole ones. Metrics are in SI units under
     ``final_NAME`` (of the last whole cycle) and ``best_NAME`` (over all whole cycles), NaN where undefined.
     """
-    rows, (main, ranked) = [], (_omit_robots(runs, names) for names in (MAIN, RANKED))
+    own = {name for name in SPATIAL if not any(name in run.pooled for run in runs)}  # of robots, and none is one
+    rows, (main, ranked) = [], ([name for name in names if name not in own] for names in (MAIN, RANKED))
     for run in runs:
         row = {key: run.settings.get(key) for key in keys}
         row |= {"status": run.outcome.status, "cause": run.outcome.cause, "cycles_done": run.cycles_done}
@@ -41,11 +42,6 @@ def make_rows(runs: Sequence[Run], keys: Sequence[str]) -> list[dict[str, Any]]:
         best = {name: ALL_METRICS[name].find_best(run.pooled.get(name, np.empty(0))) for name in ranked}
         rows.append(row | {f"best_{name}": value for name, value in best.items()})
     return rows
-
-
-def _omit_robots(runs: Sequence[Run], names: Iterable[str]) -> list[str]:
-    """Names of metrics without those that robots alone have, if no run is one of a robot."""
-    return [name for name in names if name not in SPATIAL or any(name in run.pooled for run in runs)]
 
 
 def tabulate_runs(runs: Sequence[Run], keys: Sequence[str]) -> tuple[dict[str, MetricDisplay], list[list[str]]]:

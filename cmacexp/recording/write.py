@@ -14,7 +14,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from cmacexp.config.describe import labels
-from cmacexp.data.files import is_regular, write_atomically
+from cmacexp.data.files import write_atomically
 from cmacexp.data.run import Run
 from cmacexp.data.tables import RECORDING_FILE
 from cmacexp.data.version import __version__
@@ -98,7 +98,7 @@ def _send_facts(recording: rr.RecordingStream, run: Run, root: str) -> None:
 def is_current(run: Run) -> bool:
     """Whether a run has its recording, whatever it shows: made from this run, by this version, and readable."""
     path, facts = run.folder / RECORDING_FILE, _list_facts(run)
-    if not is_regular(path):
+    if path.is_symlink() or not path.is_file():
         return False
     try:
         chunks = RrdReader(path).stream().filter(content=f"/__properties/{FACTS}").to_chunks()

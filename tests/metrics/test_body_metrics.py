@@ -3,7 +3,7 @@
 import numpy as np
 import pyarrow as pa
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.doors import Trace
 
@@ -14,6 +14,7 @@ ROWS = 7
 """Of a cycle."""
 
 
+@settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1), st.integers(8, 21))
 def test_metrics_of_a_body_are_those_of_each_cycle_alone(seed, rows):
     """Of a last cycle that is short too; a margin that is unknown at times is the least of the others."""
