@@ -1,6 +1,8 @@
 """``python -m cmacexp.replay``: see :mod:`cmacexp.commands.replay`."""
 
+import sys
+
 from cmacexp.commands.replay import main
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(main())

@@ -1,6 +1,8 @@
 """``python -m cmacexp.robots``: see :mod:`cmacexp.commands.robots`."""
 
+import sys
+
 from cmacexp.commands.robots import main
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(main())

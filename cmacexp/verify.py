@@ -1,6 +1,8 @@
 """``python -m cmacexp.verify``: see :mod:`cmacexp.commands.verify`."""
 
+import sys
+
 from cmacexp.commands.verify import main
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(main())

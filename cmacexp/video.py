@@ -1,6 +1,8 @@
 """``python -m cmacexp.video``: see :mod:`cmacexp.commands.video`."""
 
+import sys
+
 from cmacexp.commands.video import main
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(main())

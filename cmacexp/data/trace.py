@@ -146,7 +146,8 @@ class SampledTrace(Trace):
 
     def __getitem__(self, name: str) -> Array:
         """A signal, (steps, legs)."""
-        return np.broadcast_to(self.arrays[name], self.shape)
+        values = self.arrays[name]
+        return values if values.shape == self.shape else np.broadcast_to(values, self.shape)
 
     @cached_property
     def table(self) -> pa.Table:  # type: ignore[override]
@@ -169,7 +170,8 @@ class _Joined(Mapping[str, NDArray[Any]]):
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         if name not in self._known:
-            self._known[name] = np.concatenate([trace[name] for trace in self._traces], self._axis)
+            # Legs one after the other in memory, as metrics need them.
+            self._known[name] = np.concatenate([trace[name].T for trace in self._traces], 1 - self._axis).T
         return self._known[name]
 
     def __iter__(self) -> Iterator[str]:

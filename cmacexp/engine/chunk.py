@@ -7,6 +7,7 @@ import hashlib
 from collections import defaultdict, deque
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import replace
+from itertools import zip_longest
 from typing import NamedTuple
 
 import pyarrow as pa
@@ -23,6 +24,7 @@ from cmacexp.engine.stop_cause import explain_stop
 from cmacexp.engine.sweep_tables import concat_metrics, join_scores
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.loop import End
+from cmacexp.loop.run import Repeated
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.metrics.drift import make_drift_entry, read_drift_entry
 from cmacexp.metrics.score import score_together
@@ -52,6 +54,18 @@ class Chunk:
         self.keeps_trace = keeps_trace
         self.traces = dict[int, SampledTrace]()
         self._configs, self._scores = dict[int, Config](), dict[int, Scores]()
+        self._repeated: tuple[Config, Repeated] | None = None
+
+    def make(self, config: Config, following: Config | None = None) -> Scenario:
+        """A scenario of a config, for the next run; made for all that follow if they differ in the rate alone."""
+        alike = _without_rate(config)
+        if self._repeated is not None and self._repeated[0] == alike:
+            return self._repeated[1].start(config)
+        scenario = make_scenario(config)
+        if following is None or _without_rate(following) != alike or not Repeated.serves(scenario):
+            return scenario
+        self._repeated = alike, Repeated(scenario)
+        return self._repeated[1].start(config)
 
     def run(self, number: int, scenario: Scenario) -> End:
         """Run the one of this number; raises as its loop."""
@@ -89,6 +103,10 @@ class Chunk:
         return groups.values()
 
 
+def _without_rate(config: Config) -> Config:
+    return replace(config, learning=replace(config.learning, rate=0.0))
+
+
 def run_chunk(chunk: Sequence[list[str]], keeps_trace: bool, runs: int) -> tuple[list[RunEnd], pa.Table]:
     """Run configs of these overrides, some of so many runs: how they ended, and their metrics, or their traces.
 
@@ -96,9 +114,9 @@ def run_chunk(chunk: Sequence[list[str]], keeps_trace: bool, runs: int) -> tuple
     """
     expect_runs(runs)
     together, ended = Chunk(keeps_trace), list[tuple[Config, End]]()
-    for number, overrides in enumerate(chunk):
-        config = compose_config(overrides)
-        ended.append((config, together.run(number, make_scenario(config))))
+    configs = [compose_config(overrides) for overrides in chunk]
+    for number, (config, following) in enumerate(zip_longest(configs, configs[1:])):
+        ended.append((config, together.run(number, together.make(config, following))))
         report_share((number + 1) / len(chunk))
     scores = list(together.score().values())
     tables = [trace.table for trace in together.traces.values()] if keeps_trace else [*map(join_scores, scores)]

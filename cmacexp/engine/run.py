@@ -5,6 +5,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -51,15 +52,18 @@ Columns = tuple[tuple[Signal, ...], tuple[Signal, ...] | None]
 """Columns of the traces of the legs, and of the body if there is one."""
 
 
+_select = lru_cache(64)(select_signals)
+
+
 def _columns(scenario: Scenario) -> Columns:
     """Columns of the traces; sensors that alter a signal, or are supervised, add some."""
-    altered, watched = find_altered(scenario.sensors), scenario.setup.config.plausibility.enabled
+    altered, watched = frozenset(find_altered(scenario.sensors)), scenario.setup.config.plausibility.enabled
     mechanism = scenario.setup.mechanism
     table = LEG_SIGNALS if mechanism.axes == PLANE else (*LEG_SIGNALS, *SPATIAL_SIGNALS)
     if _known_torque(scenario) is not None:
         table = (*table, *MODEL_SIGNALS[: mechanism.shape[1]])
-    legs = select_signals(table, altered, watched)
-    return legs, select_signals(BODY_SIGNALS, altered) if has_body(mechanism) else None
+    legs = _select(table, altered, watched)
+    return legs, _select(BODY_SIGNALS, altered) if has_body(mechanism) else None
 
 
 def _known_torque(scenario: Scenario) -> Array | None:

@@ -1,6 +1,8 @@
 """``python -m cmacexp.export``: see :mod:`cmacexp.commands.export`."""
 
+import sys
+
 from cmacexp.commands.export import main
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(main())

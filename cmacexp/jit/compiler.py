@@ -57,6 +57,11 @@ def workload(leg_steps: float) -> Iterator[None]:
         _workload.reset(token)
 
 
+def repays_compiling() -> bool:
+    """Whether what is going on is long enough to repay compiling."""
+    return _workload.get().size >= WORTH_COMPILING
+
+
 def expect_runs(runs: float) -> None:
     """Announce that this process, or several together, make so many runs; infinite: many."""
     _Process.runs = runs
@@ -89,7 +94,7 @@ class _Program:
         if self.chosen_for is work:
             return self.chosen(*arguments)
         self.chosen_for = work
-        is_long = work.size >= WORTH_COMPILING
+        is_long = repays_compiling()
         if is_long or self._is_worth_loading(work):
             with contextlib.suppress(NotCompiled):
                 from cmacexp.jit.numba_private import before_compiling

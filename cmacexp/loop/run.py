@@ -3,18 +3,19 @@
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cmacexp.config import Config
-from cmacexp.config.schema import ESTIMATE
+from cmacexp.config.schema import ADAPTIVE, ESTIMATE, NONE
 from cmacexp.data.signals import ARRAYS, FEEDBACK_ALONE, LEARNS, REPEATED
 from cmacexp.errors import CmacexpError
+from cmacexp.feedforward.kernels import TABLE
 from cmacexp.feedforward.network import BuiltInFeedforward
-from cmacexp.jit.compiler import workload
+from cmacexp.jit.compiler import repays_compiling, workload
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back, raise_if_interrupted
 from cmacexp.loop.adaptation import Adaptation
 from cmacexp.loop.builtin import find_external, make_guard, make_loop
@@ -23,11 +24,13 @@ from cmacexp.loop.guard import Event
 from cmacexp.loop.probe import LeadEstimate, estimate_lead
 from cmacexp.loop.samples import ALL_SAMPLES, TRAVEL, WIDE_BODY_SAMPLES, make_samples, name_samples
 from cmacexp.loop.scenario import Scenario, resolve_rate
+from cmacexp.loop.state import Snapshot, list_arrays
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits
 from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import LoadEstimate
 from cmacexp.planning.stability import STABILITY
+from cmacexp.plants import AnalyticPlant
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.sensors.protocol import find_altered
 from cmacexp.typing import Array, Status
@@ -41,6 +44,8 @@ MOST_CYCLES = 64
 """Cycles whose samples are in memory, where cycles are short."""
 LONGEST_CALL = 0.3
 """Seconds that one call of a driver is to take: progress is shown, and Ctrl-C heeded, between two calls."""
+FIRST_STEPS = 1 << 12
+"""Steps of the first call of a compiled program, in which even a robot takes less time."""
 JOINTS = (*ARRAYS["q"], *ARRAYS["dq"])
 """Signals that are undefined for a point mass, measured or not."""
 
@@ -57,8 +62,9 @@ class Samples(NamedTuple):
     """Columns of ``memory.parquet``, (cycles, L) by name; None without weights."""
 
     def columns(self) -> dict[str, Array]:
-        """Of the legs, (steps, L) by column name."""
-        return name_samples(self.legs)
+        """Of the legs, (steps, L) by column name, each in one piece: reading it from rows takes longer."""
+        pieces = np.ascontiguousarray(np.moveaxis(self.legs, 2, 0))
+        return name_samples(np.moveaxis(pieces, 0, 2))
 
     def body_columns(self) -> dict[str, Array]:
         """Of the body, (steps,) by column name."""
@@ -118,15 +124,17 @@ class _Stream:
         self.scenario = scenario
         self.config = config
         self.point_mass = mechanism.kind == POINT_MASS
-        self.on_progress, self.steps_per_call = on_progress, 1
-        """``steps_per_call``: steps of the next call of the driver."""
-        self.limits = new_limits(mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
+        self.on_progress = on_progress
         external = find_external(scenario)
         self.guard = make_guard(scenario, external)
         state, (legs, joints) = None if self.guard is None else self.guard.state, mechanism.shape
-        loop = make_loop(scenario, external, self.limits, state)
+        limits = new_limits(mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
+        loop = scenario.loop or make_loop(scenario, external, limits, state)
+        self.limits = loop.limits
         self.adaptation = None if loop.meter is None else Adaptation(setup, loop.meter)
         self.driver = Driver(scenario, loop, external, self.guard)
+        self.steps_per_call = FIRST_STEPS if repays_compiling() and not any(external) else 1
+        """Of the next call of the driver."""
         fit = 1 if any(external) else MOST_ROWS // (config.steps_per_cycle * legs)
         cycles = min(config.cycles, max(1, fit), MOST_CYCLES)
         if is_live(scenario.plant):  # handing samples over takes longer than a step, so that it waits for the end
@@ -322,3 +330,41 @@ def stream(
         estimates=run.estimates,
         load_history=load_history,
     )
+
+
+class Repeated:
+    """A scenario that runs again and again at other rates of learning: its arrays return, nothing is made anew."""
+
+    def __init__(self, scenario: Scenario):
+        setup = scenario.setup
+        limits = new_limits(setup.mechanism, setup.plan.margins[:, STABILITY], setup.config.sampling_period)
+        self._scenario, self._loop = scenario, make_loop(scenario, find_external(scenario), limits)
+        assert self._loop.feedforward is not None
+        self._params = self._loop.feedforward
+        weights, log = self._params.weights, self._params.log
+        changed = [each.array for each in list_arrays(self._loop) if each.role is not None]
+        self._start = Snapshot(array for array in changed if array is not weights)
+        # Of weights those in use: to copy all of them takes a third as long as a short run.
+        self._weights = [(own, rows, own[rows]) for own, rows in zip(weights, log.rows, strict=True)]
+
+    @staticmethod
+    def serves(scenario: Scenario) -> bool:
+        """Whether arrays of the loop hold all that a run changes, and nothing but a feedforward follows the rate."""
+        config, feedforward = scenario.setup.config, scenario.feedforward
+        if not isinstance(feedforward, BuiltInFeedforward) or not isinstance(scenario.plant, AnalyticPlant):
+            return False
+        learning, own = config.learning, type(feedforward).__module__.startswith("cmacexp.")
+        fixed = learning.guard == NONE and learning.lead != ESTIMATE and config.force_control.load_sharing != ADAPTIVE
+        learns = own and scenario.fault is None and feedforward.params.kind != TABLE
+        return fixed and learns and not any(find_external(scenario))
+
+    def start(self, config: Config) -> Scenario:
+        """The scenario of a config that differs in the rate of learning alone; the one before has ended."""
+        self._start.restore()
+        for own, rows, held in self._weights:
+            own[rows] = held
+        setup = self._scenario.setup
+        rate = resolve_rate(config, LoopDelay(), setup.lead)
+        params = self._params._replace(learning=self._params.learning._replace(rate=rate))
+        loop = self._loop._replace(feedforward=params)
+        return replace(self._scenario, setup=replace(setup, config=config, rate=rate), loop=loop)

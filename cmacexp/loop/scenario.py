@@ -9,7 +9,7 @@ import numpy as np
 from cmacexp.cmac.rules import derive_rate, find_rule
 from cmacexp.config import Config
 from cmacexp.config.check import check_memory
-from cmacexp.config.machine import PointMassMachine, RobotMachine
+from cmacexp.config.machine import PointMassMachine, RobotMachine, read_model
 from cmacexp.config.schema import AUTO, NONE
 from cmacexp.control import Controller, HybridController
 from cmacexp.data.weights import read_weights
@@ -18,9 +18,11 @@ from cmacexp.feedforward import Feedforward, Learns
 from cmacexp.jit.compiler import workload
 from cmacexp.jit.interrupt import exits_caught
 from cmacexp.loop.factory import PROTOCOLS, make_component, require_members
-from cmacexp.loop.margin import check_margin
+from cmacexp.loop.step import Loop
 from cmacexp.loop.validation import copy_measurement, copy_signals, require_finite
-from cmacexp.models.loop_delay import LoopDelay, add_delays
+from cmacexp.models.lead import discretise
+from cmacexp.models.loop_delay import LoopDelay, Margin, add_delays
+from cmacexp.models.robot_gains import derive_basis, find_delay_margin
 from cmacexp.planning import Plan, Setup, make_plan
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.machine import check_load_sharing, make_mechanism
@@ -32,6 +34,8 @@ from cmacexp.typing import Array, Weights
 
 GUARDED_SHARE = 0.3
 """Of its critical gain, learning that is guarded has at most."""
+SMALL_MARGIN = 0.004
+"""Delay that feedback should bear beyond what is counted, s: buses of robots have it."""
 
 
 @dataclass
@@ -49,6 +53,8 @@ class Scenario:
     """Raised by a component when it was reset: the run fails before its first step."""
     warning: str = ""
     """That feedback bears little delay beyond what is counted; empty if it bears more."""
+    loop: Loop | None = None
+    """Of its components, if it is made already, see :class:`cmacexp.loop.run.Repeated`."""
     kept: dict[int, Weights] = field(default_factory=dict, init=False)
     """Weights of an external feedforward at the end of the best cycle, by its number, and at the start, by 0."""
     used: bool = field(default=False, init=False)
@@ -71,6 +77,13 @@ def count_loop_delay(config: Config, sensors: Sensors) -> LoopDelay:
     delay, lag = (declare(uses_velocity) if declare else 0 for declare in declared)
     latency = getattr(config.machine, "latency", 0.0)
     return add_delays((config.actuator.delay, config.actuator.lag), (delay, lag), latency=latency)
+
+
+def require_margin(config: Config, control: HybridController.Config, loop_delay: LoopDelay) -> Margin:
+    """By how much a robot's feedback may be later before its feet shake; raises BadInput if they do."""
+    lead = discretise(control.lead_omega, control.lead_alpha, config.sampling_period)
+    foot_mass = derive_basis(read_model(config.machine)).foot_mass
+    return find_delay_margin(foot_mass, control.velocity_gain, lead.b0, config.sampling_period, loop_delay)
 
 
 def resolve_lead(config: Config, sensors: Sensors, controller: Controller) -> int:
@@ -169,7 +182,11 @@ def _prepare(config: Config, learnt: Weights | None, given: dict[str, Any]) -> S
     loop_delay = count_loop_delay(config, components["sensors"])
     warning = ""
     if isinstance(config.machine, RobotMachine) and isinstance(components["controller"], HybridController):
-        warning = check_margin(config, components["controller"].config, loop_delay)
+        margin = require_margin(config, components["controller"].config, loop_delay).delay
+        if config.warn and loop_delay != LoopDelay() and margin < SMALL_MARGIN:
+            little = f"feedback bears {1e3 * margin:.2g} ms of delay that is not counted, less than"
+            warning = f"machine.latency={config.machine.latency:g}: {little} {1e3 * SMALL_MARGIN:g} ms"
+            warning += "; declare what a robot has, or use controller=drives"
     rate = resolve_rate(config, loop_delay, lead)
     start = _start(config, plan, mechanism.shape[1])
     setup = Setup(config, mechanism, plan, start, read_weights(config) if learnt is None else learnt, lead, rate)

@@ -1,6 +1,7 @@
 """The arrays of a loop, by the role that their components declare in :mod:`cmacexp.typing`, and copies of them."""
 
 from collections.abc import Iterable, Iterator
+from functools import cache
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
@@ -18,11 +19,16 @@ class Declared(NamedTuple):
     """None: the loop does not change it."""
 
 
+@cache
+def _read_hints(kind: Any) -> dict[str, Any]:
+    return get_type_hints(kind, include_extras=True)
+
+
 def _arrays_below(node: Any, path: str, role: Role | None) -> Iterator[Declared]:
     if isinstance(node, np.ndarray):
         yield Declared(path, node, role)
     elif hasattr(node, "_fields"):
-        hints = get_type_hints(type(node), include_extras=True)
+        hints = _read_hints(type(node))  # type: ignore[arg-type]  # any class is hashable
         for name, inner in zip(node._fields, node, strict=True):
             declared = getattr(hints[name], "__metadata__", (None,))[0]
             yield from _arrays_below(inner, f"{path}.{name}" if path else name, declared)

@@ -65,15 +65,17 @@ def view_run(run: Run) -> None:
         CmacexpError: there is no display, or in a notebook no ``rerun-notebook``.
         BadRun: the run has nothing to show.
     """
-    if "ipykernel" in sys.modules:
+    in_notebook = "ipykernel" in sys.modules
+    if in_notebook:
         require_extra("rerun_notebook")
-        from cmacexp.recording.write import DEFAULT, make_recording
+    else:
+        require_display()
+    from cmacexp.recording.write import DEFAULT, is_current, make_recording, write_recording
 
-        make_recording([run], DEFAULT)[0].notebook_show()
+    if in_notebook:
+        recording, _ = make_recording([run], DEFAULT)
+        recording.notebook_show()
         return
-    require_display()
-    from cmacexp.recording.write import is_current, write_recording
-
     path = run.folder / RECORDING_FILE
     if not is_current(run):
         write_recording([run], path)

@@ -66,9 +66,11 @@ class Guardian:
     def end(self) -> None:
         """End the guardian, whose robot is safe."""
         assert self._process.stdin is not None
-        with suppress(BrokenPipeError, BlockingIOError):
+        try:
             os.write(self._pipe, DONE)
             self._process.stdin.close()
+        except (BrokenPipeError, BlockingIOError):
+            pass
         with suppress(subprocess.TimeoutExpired):  # it ends by itself
             self._process.wait(LASTS + 5.0)
 
@@ -78,11 +80,15 @@ def watch(pipe: int, silence: float) -> bool:
 
     Before the first command there is nothing to guard.
     """
-    begun = words = os.read(pipe, 1)
+    words = os.read(pipe, 1)
     while words and not words.endswith(DONE):
         ready, _, _ = select.select([pipe], [], [], silence)
-        words = os.read(pipe, 1 << 16) if ready else b""
-    return bool(begun) and not words
+        if not ready:
+            return True
+        words = os.read(pipe, 1 << 16)
+        if not words:
+            return True
+    return False
 
 
 def main() -> None:

@@ -90,7 +90,8 @@ def draw_chirp(link: Link, stand: Array) -> None:
     link.move(stand, MOVE, SLACK)
     phase, rate = 0.0, (FASTEST / SLOWEST) ** (1.0 / (STROKES - 1))
     while phase < STROKES:
-        swing = SWING * 0.5 * (1.0 - np.cos(2.0 * np.pi * phase))
+        angle = 2.0 * np.pi * phase
+        swing = SWING * 0.5 * (1.0 - np.cos(angle))
         link.send(stand + swing, 0.0, 0.0, *SLACK)
         link.receive()
         phase += link.period / (SLOWEST * rate ** np.floor(phase))

@@ -13,7 +13,10 @@ SHORT = ("scenario=one_leg", "gait.cycle_time=0.5", "gait.stroke=0.02", "cycles=
 NOISY = (*SHORT, "sensors=noisy_force", "actuator.delay=2")
 MIXED = [
     [*SHORT, "learning.rate=0.4"],
+    [*SHORT, "learning.rate=0.3"],
+    [*SHORT, "learning.rate=auto"],
     [*NOISY, "seed=1"],
+    [*NOISY, "seed=1", "learning.rate=0.2"],
     [*SHORT, "terrain.stiffness=30", "seed=3"],
     [*SHORT, "feedforward=none"],
     [*SHORT, "cycles=3", "learning.guard=refine", "seed=4"],
@@ -81,7 +84,7 @@ def test_parts_of_a_run_that_is_handed_over_cycle_by_cycle_are_scored_as_one(tmp
 def test_two_hundred_random_configs_give_what_they_give_alone(tmp_path):
     rng = np.random.default_rng(1997)
     runs, tried = [], 0
-    while len(runs) < 200:
+    while len(runs) < 400:
         tried += 1
         keys = rng.choice(list(GROUPS), size=5, replace=False)
         drawn = [f"{key}={rng.choice(GROUPS[key])}" for key in keys]
@@ -90,8 +93,8 @@ def test_two_hundred_random_configs_give_what_they_give_alone(tmp_path):
             run_chunk([overrides], False, 1)
         except CmacexpError:
             continue
-        runs.append(overrides)
+        runs += [overrides, [*overrides, "learning.rate=0.4"]]
     statuses = set()
-    for at in range(0, len(runs), 20):
-        statuses |= compare(runs[at : at + 20], tmp_path / str(at))[0]
+    for at in range(0, len(runs), 40):
+        statuses |= compare(runs[at : at + 40], tmp_path / str(at))[0]
     assert {"completed", "diverged"} <= statuses
