@@ -3,11 +3,11 @@
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from cmacexp.commands.command import COMPLETED, Parser, run_command
 from cmacexp.data.discovery import require_place
@@ -99,7 +99,7 @@ def _write(
 ) -> Evaluated:
     """Evaluate one study and write its own page; what is current is read, unless the ``whole`` is asked for."""
     file = load_study(path)
-    study, folder = file.study, options.place(file.name)
+    folder = options.place(file.name)
     keys = list(
         dict.fromkeys(text.partition("=")[0].lstrip("+") for request in requests for text in request.overrides)
     )
@@ -118,16 +118,34 @@ def _write(
     results = Results(rows)
     tables = {
         name: read_table(folder / f"{name}.parquet", texts=True).to_pandas() if current else compute(results)
-        for name, compute in study.computed.items()
+        for name, compute in file.study.computed.items()
     }
     results, known = Results(rows, tables), restore(file, folder, options.quick) if current else None
     overrides = {collected[r][0]: r.overrides for r in requests if r.starts_from is None}
     witnesses = choose_witnesses(results, overrides)
     provenance = make_provenance({**digest_study(path), **stages["measures"]}, results, witnesses, options.seeds)
+    texts = {STAGES_FILE: json.dumps(stages, indent=1) + "\n"}
+    return write_results(file, results, folder, options.quick, provenance, texts, known)
+
+
+def write_results(
+    file: StudyFile,
+    results: Results,
+    folder: Path,
+    quick: bool,
+    provenance: Mapping[str, Any],
+    texts: Mapping[str, str],
+    known: Evaluated | None = None,
+) -> Evaluated:
+    """Evaluate the results of a study, and write its page into ``folder``, with further ``texts`` by file name.
+
+    Statements are not judged again if they are ``known``.
+    """
     with new_result(folder, FOLDER_KEY, REPORT) as place:
-        evaluated = replace(evaluate(file, results, place.part, options.quick, known), provenance=provenance)
-        place.write_text(STAGES_FILE, json.dumps(stages, indent=1) + "\n")
-        write_page(study.title, study.question, [evaluated], place, options.quick)
+        evaluated = replace(evaluate(file, results, place.part, quick, known), provenance=provenance)
+        for name, text in texts.items():
+            place.write_text(name, text)
+        write_page(file.study.title, file.study.question, [evaluated], place, quick)
     return evaluated
 
 

@@ -6,27 +6,19 @@ take a log: see ``docs/benchmark.md``.
 
 import argparse
 import json
-import os
-import platform
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NoReturn
 
 import cmacexp
 from cmacexp.commands.gap import add_log_options
-from cmacexp.commands.study import FOLDER_KEY, Options, command, study_parser
-from cmacexp.config import to_plain
-from cmacexp.config.component import custom_code_hash, find_sources
+from cmacexp.commands.study import Options, command, study_parser, write_results
+from cmacexp.config.component import find_sources
 from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import RobotMachine, read_model
-from cmacexp.data.folder import HTML, new_result
-from cmacexp.data.manifest import REPORT, git_commit, versions
+from cmacexp.data.folder import HTML
 from cmacexp.errors import BadInput
-from cmacexp.jit.sources import code_hash
-from cmacexp.study import DataFrame
-from cmacexp.study.page import evaluate, write_page
 from cmacexp.study.provenance import digest_files, make_provenance, make_witness
 from cmacexp.study.results import Results
 from cmacexp.study.study_file import StudyFile
@@ -34,65 +26,25 @@ from cmacexp.terminal.messages import warn_of_models
 from cmacexp.terminal.output import print_line
 from cmacexp.terminal.tables import print_table
 from pipelines.benchmark import log_track, summary
-from pipelines.benchmark.benchmark import CYCLES, NAME, QUESTION, make_study
+from pipelines.benchmark.benchmark import NAME, QUESTION, make_study
 from pipelines.benchmark.compare import compare_results
 from pipelines.benchmark.entrants import ALONE, CMAC, Method, choose_methods
-from pipelines.benchmark.results import FOR_ALL, Bench, tabulate_tuning, test, tune
+from pipelines.benchmark.results import DEFAULT, Bench, Chosen, test, tune
 from pipelines.benchmark.tasks import LEG, MACHINES, TASKS, VERSION, Machine, hash_tasks, make_quick
 from pipelines.benchmark.trial import Trial
-from pipelines.benchmark.tuning import DEFAULT
 
 ALL, TRIALS = "all", "trials"
 """Every machine; the folder of outcomes, which are used again, beside the reports of studies."""
 
 
-def _run(options: Options, machines: dict[str, Machine], methods: list[Method]) -> dict[str, Any]:
-    """Tune and test; the tables of rows, times and settings, and the settings by place."""
-    import pandas as pd
-
-    with options.start_workers() as each:
-        bench = Bench(machines, methods, each, options.folder / TRIALS)
-        chosen = tune(bench)
-        frame, tuned = test(bench, chosen), tabulate_tuning(bench, chosen)
-    seconds = {(key.machine, key.method): time for key, time in bench.seconds.items() if not key.tuning}
-    costs = pd.DataFrame(
-        [{"machine": place[0], "method": place[1], "seconds_per_step": time} for place, time in seconds.items()]
-    )
-    cycles = {name: summary.count_cycles(summary.take(tuned, name, FOR_ALL)) for name, _ in chosen}
-    settings = pd.DataFrame(
-        [{"machine": machine, "method": method, "setting": " ".join(own[FOR_ALL]) or "default",
-          CYCLES: float(summary.find_median(cycles[machine][method]))} for (machine, method), own in chosen.items()],
-        columns=["machine", "method", "setting", CYCLES],
-    )  # fmt: skip
-    return {"frame": frame, "costs": costs, "settings": settings, "chosen": chosen}
-
-
-def _describe(done: dict[str, Any], machines: dict[str, Machine], methods: list[Method], quick: bool) -> str:
-    """The JSON beside the table: versions, hashes, settings, and the machine that ran it."""
-    chosen: dict[str, dict[str, Any]] = {}
-    for (machine, method), own in done["chosen"].items():
-        chosen.setdefault(machine, {})[method] = {kind: list(setting) for kind, setting in own.items()}
-    seconds: dict[str, dict[str, float]] = {}
-    for row in done["costs"].itertuples():
-        seconds.setdefault(row.machine, {})[row.method] = row.seconds_per_step
-    configs = [to_plain(compose_config(machine.overrides)) for machine in machines.values()]
-    base = next(iter(machines.values())).overrides
-    sources = {m.name: custom_code_hash(compose_config([*base, *m.overrides])) for m in methods}
+def _describe(machines: Mapping[str, Machine], methods: Sequence[Method], chosen: Chosen, quick: bool) -> str:
+    """The JSON beside the table: what its scores are of. Code, versions and models are in the provenance."""
     entry = {
         "version": VERSION,
         "quick": quick,
         "tasks_hash": hash_tasks(machines),
-        "code_hash": code_hash(),
-        "git_commit": git_commit(),
-        "versions": {name: number for config in configs for name, number in versions(config).items()},
-        "methods": {m.name: {"overrides": list(m.overrides), "custom_code": sources[m.name]} for m in methods},
-        "settings": chosen,
-        "seconds_per_step": seconds,
-        "machine": {
-            "system": platform.platform(),
-            "python": platform.python_version(),
-            "cores": len(os.sched_getaffinity(0)),
-        },
+        "methods": {method.name: method.overrides for method in methods},
+        "settings": {f"{machine}, {method}": own for (machine, method), own in chosen.items()},
     }
     return json.dumps(entry, indent=1, ensure_ascii=False) + "\n"
 
@@ -110,39 +62,37 @@ def _hash_models(machines: Mapping[str, Machine]) -> dict[str, str]:
     return {str(machine.model): read_model(machine).model_hash for machine in robots}
 
 
-def _make_witnesses(machine: Machine, methods: list[Method]) -> list[dict[str, Any]]:
+def _make_witnesses(machine: Machine, methods: Sequence[Method]) -> list[dict[str, Any]]:
     """What the first methods give before the change, in the first world."""
     found = []
     for method in [each for each in methods if each.name in (ALONE, CMAC)]:
-        trial = Trial(machine, method, DEFAULT, (0,), TASKS)
-        overrides = trial.list_overrides(machine.draw(0, False), f"cycles={machine.before}")
+        overrides = Trial(machine, method, DEFAULT, 0, TASKS).list_overrides()
         with TemporaryDirectory() as folder:
             run = cmacexp.run([*overrides, "record=metrics", "warn=false"], Path(folder) / "run")
             found.append(make_witness(overrides, run))
     return found
 
 
-def _write(done: dict[str, Any], machines: dict[str, Machine], methods: list[Method], options: Options) -> Path:
-    """Write table, JSON and page; returns the page."""
-    frame: DataFrame = done["frame"]
-    study = make_study(machines, [method.name for method in methods])
-    file = StudyFile(Path(__file__).with_name(f"{NAME}.py"), study)
-    results = Results([], {NAME: frame, "costs": done["costs"], "settings": done["settings"]})
-    with new_result(options.place(NAME), FOLDER_KEY, REPORT) as place:
-        evaluated = evaluate(file, results, place.part, options.quick)
-        place.write_text(f"{NAME}.json", _describe(done, machines, methods, options.quick))
-        own = digest_files(sorted(_list_sources()), Path(__file__).parents[2])
-        witnesses = [] if options.quick else _make_witnesses(next(iter(machines.values())), methods)
-        provenance = make_provenance(own, results, witnesses, seeds=max(each.worlds for each in machines.values()))
-        provenance |= {"runs": len(frame), "models": _hash_models(machines)}
-        evaluated = replace(evaluated, provenance=provenance)
-        write_page(study.title, study.question, [evaluated], place, options.quick)
+def _write(machines: dict[str, Machine], methods: list[Method], options: Options) -> Path:
+    """Tune and test; write table, JSON and page; returns the page."""
+    with options.start_workers() as each:
+        bench = Bench(machines, {method.name: method for method in methods}, each, options.folder / TRIALS)
+        chosen, tuned = tune(bench)
+        frame = test(bench, chosen)
+    results = Results([], {NAME: frame, "settings": summary.table_settings(tuned)})
+    own = digest_files(sorted(_list_sources()), Path(__file__).parents[2])
+    witnesses = [] if options.quick else _make_witnesses(next(iter(machines.values())), methods)
+    provenance = make_provenance(own, results, witnesses, seeds=max(each.worlds for each in machines.values()))
+    provenance |= {"runs": len(frame), "models": _hash_models(machines)}
+    file = StudyFile(Path(__file__).with_name(f"{NAME}.py"), make_study(machines, bench.methods))
+    texts = {f"{NAME}.json": _describe(machines, methods, chosen, options.quick)}
+    write_results(file, results, options.place(NAME), options.quick, provenance, texts)
     for machine in machines:
-        scores = summary.table_scores(frame, machine)
         print_line(f"{machine}: mean score of completed runs over {len(TASKS)} tasks, and failures")
+        scores = summary.table_scores(frame, machine)
         print_table(list(scores), [[str(cell) for cell in row] for row in scores.itertuples(index=False)])
         if not options.quick:
-            print_line(summary.describe_order(frame, machine, summary.find_setting(machine)))
+            print_line(summary.describe_order(frame, machine))
     return options.place(NAME) / HTML
 
 
@@ -161,7 +111,7 @@ def run(arguments: argparse.Namespace, options: Options) -> Path:
     machines = {name: make_quick(MACHINES[name]) if options.quick else MACHINES[name] for name in names}
     methods = choose_methods(arguments.methods, arguments.method)
     warn_of_models(compose_config(machine.overrides).machine for machine in machines.values())
-    return _write(_run(options, machines, methods), machines, methods, options)
+    return _write(machines, methods, options)
 
 
 def main() -> NoReturn:

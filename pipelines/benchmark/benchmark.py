@@ -1,12 +1,13 @@
 """The page of the benchmark: its tables, figures and findings."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from cmacexp.study import Finding, Results, Study, at_least, at_most
+from cmacexp.study import DataFrame, Finding, Results, Study, at_least, at_most
 from cmacexp.study.comparison import Comparison
 from cmacexp.study.interval import UNPAIRED
 from cmacexp.study.statements import Criterion
@@ -30,6 +31,14 @@ CYCLES = "cycles to a tenth"
 FEW, AS_GOOD, CLEARLY = 0.05, 1.25, 0.8
 """Share of failures that is small; ratios of scores or cycles that count as as good, and as clearly less."""
 SCORE = "mean score of the runs that both complete"
+TABLES = {
+    "scores": summary.table_scores,
+    "statistics": summary.table_statistics,
+    "guarded": summary.table_guarded,
+    "tasks": summary.table_tasks,
+    "costs": summary.table_costs,
+}
+"""Of one machine."""
 
 
 def _divide(sums: Array) -> Array:
@@ -77,9 +86,8 @@ def _fastest(results: Results, machine: str) -> Array:
     tuned = results.computed["settings"]
     in_tuning = tuned[tuned["machine"] == machine].set_index("method")[CYCLES]
     rival = min((name for name in LEARNERS if name not in (CMAC, ON_MODEL)), key=lambda name: in_tuning[name])
-    with np.errstate(invalid="ignore"):
-        found: Array = np.divide(*(summary.find_median(counted[name], axis=0) for name in (CMAC, rival)))
-    return np.where(np.isnan(found), 1.0, found)
+    own, other = (pd.DataFrame(counted[name]).median() for name in (CMAC, rival))
+    return (own / other).fillna(1.0).to_numpy()
 
 
 def _first(results: Results, machine: str, task: str) -> Array:
@@ -241,49 +249,41 @@ def _values(results: Results) -> dict[str, Any]:
         "machines": machines,
         "version": VERSION,
         "tasks": TASKS,
-        "methods": [name for name in frame["method"].unique()],
         "settings": MACHINES,
-        "orders": {name: summary.describe_order(frame, name, summary.find_setting(name)) for name in machines},
+        "orders": {name: summary.describe_order(frame, name) for name in machines},
         "excluded": {name: summary.make_comparison(frame, name, BY_DEFAULT).excluded for name in machines},
-        "guarded": set(frame["method"][frame["setting"] == GUARDED]) > {ALONE},
+        "guarded": summary.has_guarded(frame),
         "failed": len(summary.table_failures(frame)),
         "has_cmac": CMAC in set(frame["method"]),
-        "stressed": bool(len(summary.stress(frame))),
+        "stressed": bool(len(summary.table_stress(frame))),
     }
 
 
-def make_study(machines: Mapping[str, Any], methods: list[str]) -> Study:
+def _show(table: Callable[[DataFrame], DataFrame], results: Results) -> DataFrame:
+    return table(results.computed[NAME])
+
+
+def make_study(machines: Collection[str], methods: Collection[str]) -> Study:
     """The study of a benchmark of these machines and methods; findings need all methods of the benchmark."""
     findings: dict[str, Finding] = {}
-    if {ALONE, *MODELS, *LEARNERS} <= set(methods):
+    if {ALONE, *MODELS, *LEARNERS} <= {*methods}:
         findings = {key: finding for name in machines for key, finding in _findings(name).items()}
-        findings |= _findings_of_all() if set(machines) == set(MACHINES) else {}
-    tables: dict[str, Any] = {
-        "failures": lambda results: summary.table_failures(results.computed[NAME]),
-        "absolute": lambda results: summary.table_absolute(results.computed[NAME]),
+        findings |= _findings_of_all() if {*machines} == {*MACHINES} else {}
+    shown: dict[str, Callable[[DataFrame], DataFrame]] = {
+        "failures": summary.table_failures,
+        "absolute": summary.table_absolute,
+        "stress": summary.table_stress,
+        **{f"{title} {name}": partial(table, machine=name) for name in machines for title, table in TABLES.items()},
     }
-    for name in machines:
-        for title, table in {
-            "scores": summary.table_scores,
-            "guarded": summary.table_guarded,
-            "tasks": summary.table_tasks,
-            **({"statistics": summary.table_statistics} if CMAC in methods else {}),
-        }.items():
-            tables[f"{title} {name}"] = lambda r, name=name, table=table: table(r.computed[NAME], name)
-        tables[f"costs {name}"] = lambda r, name=name: summary.table_costs(
-            r.computed[NAME], r.computed["costs"], name
-        )
-    tables["settings"] = lambda results: results.computed["settings"]
-    tables["stress"] = lambda results: summary.stress(results.computed[NAME])
     return Study(
         title=TITLE,
         question=QUESTION,
         runs=lambda quick: [],
         findings=findings,
-        figures={
-            "profiles": lambda results: summary.draw_profiles(results.computed[NAME]),
-            "worlds": lambda results: summary.draw_worlds(results.computed[NAME]),
+        figures={"profiles": lambda results: summary.draw_profiles(results.computed[NAME])},
+        tables={
+            **{title: partial(_show, table) for title, table in shown.items()},
+            "settings": lambda results: results.computed["settings"],
         },
-        tables=tables,
         values=lambda results: {**_values(results), "findings": list(findings)},
     )

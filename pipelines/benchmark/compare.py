@@ -5,19 +5,20 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
+
 from cmacexp.data.files import open_file
 from cmacexp.data.parquet import read_table
 from cmacexp.errors import BadInput
-from cmacexp.study import DataFrame
 from cmacexp.study.comparison import Comparison
-from pipelines.benchmark.results import SETTINGS
-from pipelines.benchmark.summary import make_comparison, take
+from pipelines.benchmark.summary import make_comparison
 
 SAME = ("version", "tasks_hash")
 """Entries in which results must agree to be compared."""
 
 
-def _read(path: Path) -> tuple[DataFrame, dict[str, Any]]:
+def _read(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
     """A table of results, and the JSON beside it.
 
     Raises:
@@ -48,18 +49,13 @@ def compare_results(first: Path, second: Path) -> Iterator[str]:
     for name in SAME:
         if of_before[name] != of_after[name]:
             raise BadInput("--compare", second, f"has another {name} than {first}: their scores mean other things")
-    for machine in (name for name in before["machine"].unique() if name in set(after["machine"])):
-        for setting in SETTINGS:
-            if any(take(frame, machine, setting).empty for frame in (before, after)):
-                continue
-            old, new = (make_comparison(frame, machine, setting) for frame in (before, after))
-            for method in (name for name in old.scores if name in new.scores):
-                pair = Comparison({"old": old.scores[method], "new": new.scores[method]}, old.tasks, old.worlds)
-                found, failed = pair.ratio("new", "old"), [(~pair.completed(name)).sum() for name in ("old", "new")]
-                if found.low == found.high == 1.0 and failed[0] == failed[1]:
-                    continue
-                if failed == [pair.completed("old").size] * 2:
-                    continue
+    places = [frame[["machine", "setting"]].drop_duplicates() for frame in (before, after)]
+    for machine, setting in pd.merge(*places).itertuples(index=False):
+        old, new = (make_comparison(frame, machine, setting) for frame in (before, after))
+        for method in (name for name in old.scores if name in new.scores):
+            pair = Comparison({"old": old.scores[method], "new": new.scores[method]}, old.tasks, old.worlds)
+            if not np.array_equal(pair.scores["old"], pair.scores["new"]):
+                found, failed = pair.ratio("new", "old"), [(~pair.completed(name)).sum() for name in pair.scores]
                 text = f"score times {found.value:.3f} [{found.low:.3f}, {found.high:.3f}]"
                 yield f"{machine}, {method}, {setting}: {text}, failed {failed[0]}, then {failed[1]}"
     yield "no other score has changed"

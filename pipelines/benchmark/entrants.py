@@ -1,6 +1,6 @@
 """What enters the benchmark: methods by their overrides, and what each of them is tuned over."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -26,8 +26,6 @@ class Method:
     overrides: Sequence[str]
     tuned: Sequence[tuple[str, Any]] = ()
     """Keys that it is tuned over, and what :func:`cmacexp.config.number` takes as ``tuned`` for each."""
-    entered: bool = False
-    """Whether the command line named its class."""
     learns: bool = False
     """Whether it keeps what it has learnt, so that learning can be guarded."""
 
@@ -62,7 +60,7 @@ def enter(target: str, name: str | None = None, has_rate: bool = False) -> Metho
     alone = ("feedforward=none",) if group == CONTROLLER else ()
     shown = name or target.rpartition(".")[2]
     learns = group == FEEDFORWARD and hasattr(found, "learnt")
-    return Method(shown, (*alone, f"{group}._target_={target}"), own, entered=name is None, learns=learns)
+    return Method(shown, (*alone, f"{group}._target_={target}"), own, learns=learns)
 
 
 def list_methods() -> list[Method]:
@@ -95,6 +93,15 @@ def slug(name: str) -> str:
     return "_".join("".join(letter if letter.isalnum() else " " for letter in name.lower()).split())
 
 
+def choose_names(names: str | None, known: Collection[str]) -> list[str]:
+    """Names of the command line as they are ``known``, all of them for None; raises BadInput."""
+    wanted = [*known] if names is None else [RENAMED.get(slug(name), slug(name)) for name in names.split(",")]
+    for name in wanted:
+        if name not in known:
+            raise BadInput("--methods", name, f"choose from {', '.join(known)}")
+    return wanted
+
+
 def choose_methods(names: str | None, targets: Sequence[str]) -> list[Method]:
     """The methods that are asked for, feedback only first.
 
@@ -106,11 +113,7 @@ def choose_methods(names: str | None, targets: Sequence[str]) -> list[Method]:
         BadInput: there is no such method, or two have the same name.
     """
     known = {slug(method.name): method for method in list_methods()}
-    wanted = list(known) if names is None else [RENAMED.get(slug(n), slug(n)) for n in names.split(",")]
-    for name in wanted:
-        if name not in known:
-            raise BadInput("--methods", name, f"choose from {', '.join(known)}")
-    chosen = {known[name].name: known[name] for name in (slug(ALONE), *wanted)}
+    chosen = {known[name].name: known[name] for name in (slug(ALONE), *choose_names(names, known))}
     for method in map(enter, targets):
         if method.name in chosen:
             raise BadInput("--method", method.name, "a method of that name takes part already; rename the class")

@@ -6,19 +6,18 @@
 import argparse
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from cmacexp.commands.gap import read_given
-from cmacexp.commands.study import FOLDER_KEY, Options
+from cmacexp.commands.study import Options, write_results
 from cmacexp.config.component import current_folder_importable, find_class
-from cmacexp.data.folder import HTML, new_result
-from cmacexp.data.manifest import REPORT
+from cmacexp.data.folder import HTML
 from cmacexp.engine.failure import describe_failure
 from cmacexp.errors import BadInput
 from cmacexp.gap.analysis import Gap, add_makers, list_scored, measure, measure_left, score
@@ -27,14 +26,13 @@ from cmacexp.gap.learners import Learner, Maker, predict_all
 from cmacexp.gap.machine import read_machine
 from cmacexp.gap.signals import Signals
 from cmacexp.gap.validation import ABOVE, IDENTIFIED, choose_level, list_identified
-from cmacexp.study import Criterion, DataFrame, Finding, Results, Study, at_most
-from cmacexp.study.page import evaluate, write_page
+from cmacexp.study import Criterion, Finding, Results, Study, at_most
 from cmacexp.study.provenance import digest_files, make_provenance
 from cmacexp.study.study_file import StudyFile
 from cmacexp.terminal.output import print_line, show_progress
 from cmacexp.terminal.tables import print_table
 from cmacexp.typing import Array
-from pipelines.benchmark.entrants import slug
+from pipelines.benchmark.entrants import choose_names, slug
 from pipelines.benchmark.simulated_log import MODEL, NAMES, simulate_log
 from pipelines.benchmark.summary import write_table
 
@@ -82,35 +80,27 @@ class Checked:
         self.learner.learn(stroke, torque)
 
 
-def try_method(gap: Gap, name: str, make: Maker, setting: str) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Rows of the strokes and a row of scores of one method; one that raises has failed, and says why."""
-    signals, begun, cause = gap.signals, perf_counter(), ""
+def try_method(gap: Gap, name: str, make: Maker, setting: str) -> dict[str, Any]:
+    """A row of scores of one method, ``left`` in every stroke; one that raises has failed, and says why."""
+    signals, cause, scores = gap.signals, "", dict[str, Any]()
     try:
         learner = Checked(make(), signals, setting == GUARDED)
         predicted = predict_all(learner, signals, signals.count // 2 if setting == FROZEN else None)
+        for part, strokes in {"": list_scored(signals), "fastest ": [signals.fastest]}.items():
+            scores |= {f"{part}{key}": value for key, value in score(gap, predicted, strokes).items()}
     except Exception as error:
         predicted, cause = np.full_like(signals.torque, np.inf), describe_failure(error)
-    own = {"method": name, "setting": setting, "status": "failed" if cause else "completed", "cause": cause}
     left = [measure_left(signals, predicted, stroke) for stroke in range(1, signals.count + 1)]
-    rows = [{**own, "stroke": k, "scored": k in list_scored(signals), "left": each} for k, each in enumerate(left, 1)]
-    scores = {
-        f"{part}{each}": value
-        for part, strokes in {"": list_scored(signals), "fastest ": [signals.fastest]}.items()
-        for each, value in ({} if cause else score(gap, predicted, strokes)).items()
-    }
-    harmful, seconds = sum(each > 100.0 for each in left), perf_counter() - begun
-    return rows, {**own, "value": np.nan, **scores, "harmful": harmful, "seconds": seconds}
+    own = {"method": name, "setting": setting, "status": "failed" if cause else "completed", "cause": cause}
+    return {**own, "value": np.nan, **scores, "harmful": sum(each > 100.0 for each in left), "left": left}
 
 
 def _divide(one: str, other: str, setting: str, results: Results) -> Array:
     """Torque left by one method over that by another, in each stroke that was predicted; infinite if it failed."""
-    rows = results.computed[NAME]
-    after = rows["stroke"].max() // 2 if setting == FROZEN else 2
-    left = rows[(rows["setting"] == setting) & (rows["stroke"] > after)].pivot(
-        index="stroke", columns="method", values="left"
-    )
-    found: Array = (left[one] / left[other]).fillna(np.inf).to_numpy()
-    return found
+    rows = results.computed[SCORES].query("setting == @setting").set_index("method")["left"]
+    left, others = (pd.Series(rows[name]) for name in (one, other))
+    after = len(left) // 2 if setting == FROZEN else 2
+    return (left / others)[after:].fillna(np.inf).to_numpy()
 
 
 def _compare(one: str, others: Sequence[str], limit: float, setting: str, names: Sequence[str]) -> list[Criterion]:
@@ -123,27 +113,29 @@ def _compare(one: str, others: Sequence[str], limit: float, setting: str, names:
     ]
 
 
-def tabulate(scores: DataFrame) -> DataFrame:
+def tabulate(scores: pd.DataFrame) -> pd.DataFrame:
     """What each method leaves, by setting, from a row of scores for each method and setting."""
-    import pandas as pd
 
-    def interval(row: Any, part: str) -> str:
-        ends = [row[f"{part}{each}"] for each in ("value", "low", "high")]
-        return "failed" if row["cause"] else "{:.1f} [{:.1f}, {:.1f}]".format(*ends)
+    def show(part: str, setting: str) -> pd.Series:
+        rows, ends = by_setting[setting], [f"{part}{each}" for each in ("value", "low", "high")]
+        return rows.apply(
+            lambda row: "failed" if row["cause"] else "{:.1f} [{:.1f}, {:.1f}]".format(*row[ends]), axis=1
+        )
 
     by_setting = {setting: own.set_index("method") for setting, own in scores.groupby("setting")}
-    updated = by_setting[UPDATED].sort_values("value")
-    rows = []
-    for name, row in updated.iterrows():
-        frozen, guarded = (by_setting[setting].loc[name] for setting in (FROZEN, GUARDED))
-        failed = sum(bool(each["cause"]) for each in (row, frozen, guarded))
-        cells = [interval(row, ""), interval(row, "fastest "), interval(frozen, "fastest "), interval(guarded, "")]
-        rows.append([name, *cells, int(row["harmful"]), f"{failed} of {len(SETTINGS)}"])
-    columns = ["method", "left, %", "fastest, %", "fastest if frozen, %", "guarded, %", "harmful strokes", "failed"]
-    return pd.DataFrame(rows, columns=columns)
+    columns = {
+        "left, %": show("", UPDATED),
+        "fastest, %": show("fastest ", UPDATED),
+        "fastest if frozen, %": show("fastest ", FROZEN),
+        "guarded, %": show("", GUARDED),
+        "harmful strokes": by_setting[UPDATED]["harmful"],
+        "failed": (scores["cause"] != "").groupby(scores["method"]).sum().map(f"{{}} of {len(SETTINGS)}".format),
+    }
+    order = by_setting[UPDATED].sort_values("value").index
+    return pd.DataFrame(columns).loc[order].rename_axis("method").reset_index()
 
 
-def write_scores(scores: DataFrame) -> str:
+def write_scores(scores: pd.DataFrame) -> str:
     """The table in Markdown, for the documentation."""
     return write_table(tabulate(scores))
 
@@ -212,48 +204,33 @@ def choose(gap: Gap, names: str | None, targets: Sequence[str], identified: bool
         level, _ = choose_level(gap.problem)
         gap.makers |= list_identified(gap.problem, level, gap.makers["model"])
     known = {slug(name): name for name in METHODS if name in gap.makers}
-    wanted = list(known) if names is None else [slug(name) for name in names.split(",")]
-    for name in wanted:
-        if name not in known:
-            raise BadInput("--methods", name, f"choose from {', '.join(known)}")
-    return {known[name]: gap.makers[known[name]] for name in wanted} | own
+    return {known[name]: gap.makers[known[name]] for name in choose_names(names, known)} | own
 
 
 def run(arguments: argparse.Namespace, options: Options) -> Path:
-    """Try every method on the log; write rows, scores, statements and page; returns the page."""
-    import pandas as pd
-
+    """Try every method on the log; write scores, statements and page; returns the page."""
     simulated = str(arguments.log) == SIMULATED
     if not simulated and arguments.robot is None:
         raise BadInput("--robot", None, "is missing: an option of conf/machine, or an MJCF or URDF file")
     log, machine = (simulate_log(), read_machine(str(MODEL), NAMES)) if simulated else read_given(arguments)
     gap, folder = measure(log, machine), options.place(f"{NAME}-{SIMULATED}" if simulated else NAME)
     makers = choose(gap, arguments.methods, arguments.method, not options.quick)
-    pairs, found = [(name, setting) for name in makers for setting in SETTINGS], []
+    pairs, rows = [(name, setting) for name in makers for setting in SETTINGS], []
     with show_progress("predicting strokes", len(pairs)) as set_done:
-        for count, (name, setting) in enumerate(pairs, 1):
-            found.append(try_method(gap, name, makers[name], setting))
-            set_done(count)
-    frames = {NAME: pd.DataFrame(row for rows, _ in found for row in rows), SCORES: pd.DataFrame(s for _, s in found)}
-    about: dict[str, Any] = {
-        "log": log.path.name,
-        "sha256": "" if simulated else hashlib.sha256(log.path.read_bytes()).hexdigest(),
-        "robot": Path(machine.name).name,
-        "strokes": gap.signals.count,
-        "scored": list_scored(gap.signals),
-        "fastest": gap.signals.fastest,
-        "causes": [f"{own['method']}, {own['setting']}: {own['cause']}" for _, own in found if own["cause"]],
-    }
-    file, results = make_study([*makers], about | {"version": VERSION}), Results([], frames)
-    with new_result(folder, FOLDER_KEY, REPORT) as place:
-        evaluated = evaluate(file, results, place.part, options.quick)
-        root = Path(__file__).parents[2]
-        sources = [*(root / "cmacexp" / "gap").glob("*.py"), *Path(__file__).parent.glob("*log*.py")]
-        provenance = make_provenance(digest_files(sources, root), results, [], seeds=1) | {"runs": len(pairs)}
-        pages = [replace(evaluated, provenance=provenance | {"log": about["sha256"]})]
-        write_page(file.study.title, file.study.question, pages, place, options.quick)
-    table = tabulate(frames[SCORES])
+        for name, setting in pairs:
+            rows.append(try_method(gap, name, makers[name], setting))
+            set_done(len(rows))
+    scores, strokes = pd.DataFrame(rows), list_scored(gap.signals)
+    causes = [f"{row['method']}, {row['setting']}: {row['cause']}" for row in rows if row["cause"]]
+    about = {"log": log.path.name, "robot": Path(machine.name).name, "strokes": gap.signals.count, "scored": strokes}
+    about |= {"fastest": gap.signals.fastest, "version": VERSION, "causes": causes}
+    file, results, root = make_study([*makers], about), Results([], {SCORES: scores}), Path(__file__).parents[2]
+    sources = [*(root / "cmacexp" / "gap").glob("*.py"), *Path(__file__).parent.glob("*log*.py")]
+    provenance = make_provenance(digest_files(sources, root), results, [], seeds=1) | {"runs": len(pairs)}
+    provenance["log"] = "" if simulated else hashlib.sha256(log.path.read_bytes()).hexdigest()
+    write_results(file, results, folder, options.quick, provenance, {})
+    table = tabulate(scores)
     print_table(list(table), [[str(cell) for cell in row] for row in table.itertuples(index=False)])
-    for cause in about["causes"]:
+    for cause in causes:
         print_line(f"failed: {cause}")
     return folder / HTML

@@ -4,9 +4,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from cmacexp.report.figures import Panel, Series, draw
-from cmacexp.study import DataFrame, Figure
+from cmacexp.report.figures import draw
+from cmacexp.study import Figure
 from cmacexp.study.comparison import Comparison, compare, find_order, profile_panel
 from cmacexp.study.interval import Interval
 from cmacexp.typing import Array, Mask
@@ -25,17 +26,17 @@ UNDEFINED = "n/a"
 """Of what no completed run defines, or is relative to a reference that failed."""
 
 
-def take(frame: DataFrame, machine: str, setting: str) -> DataFrame:
+def take(frame: pd.DataFrame, machine: str, setting: str) -> pd.DataFrame:
     """The rows of a machine with a kind of setting."""
     return frame[(frame["machine"] == machine) & (frame["setting"] == setting)]
 
 
-def machines_of(frame: DataFrame) -> list[str]:
+def machines_of(frame: pd.DataFrame) -> list[str]:
     """The machines that took part."""
     return list(frame["machine"].unique())
 
 
-def tabulate_values(rows: DataFrame, column: str, tasks: tuple[str, ...] = TASKS) -> dict[str, Array]:
+def tabulate_values(rows: pd.DataFrame, column: str, tasks: tuple[str, ...] = TASKS) -> dict[str, Array]:
     """(tasks, worlds) of a column by method, of the rows of a machine with a kind of setting."""
     return {
         method: own.pivot(index="task", columns="world", values=column).loc[list(tasks)].to_numpy(dtype=float)
@@ -43,45 +44,40 @@ def tabulate_values(rows: DataFrame, column: str, tasks: tuple[str, ...] = TASKS
     }
 
 
-def make_comparison(frame: DataFrame, machine: str, setting: str, column: str = END) -> Comparison:
+def make_comparison(frame: pd.DataFrame, machine: str, setting: str, column: str = END) -> Comparison:
     """Methods on a machine over the tasks that count: a column over that of feedback only in the same world."""
     rows = take(frame, machine, setting)
     return compare(tabulate_values(rows, column), ALONE, TASKS, sorted(rows["world"].unique()))
 
 
-def describe_order(frame: DataFrame, machine: str, setting: str) -> str:
+def describe_order(frame: pd.DataFrame, machine: str) -> str:
     """The order of the methods, as far as end error and worst cycle agree on it."""
+    setting = find_setting(machine)
     return find_order({name: make_comparison(frame, machine, setting, key) for name, key in METRICS.items()}).sentence
 
 
-def count_cycles(rows: DataFrame) -> dict[str, Array]:
+def count_cycles(rows: pd.DataFrame) -> dict[str, Array]:
     """(tasks, worlds) by method: cycles after the change to a tenth of the end error of feedback only, and on.
 
     Infinite where that is never; NaN where feedback only failed.
     """
     alone, found = tabulate_values(rows, END)[ALONE], {}
     for method, own in rows.groupby("method", sort=False):
-        errors = own.pivot(index="task", columns="world", values="errors").loc[list(TASKS)]
-        pairs = zip(errors.to_numpy().ravel(), alone.ravel(), strict=True)
-        found[method] = np.array([cycles_to(np.array([each]), TENTH * level)[0] for each, level in pairs])
-    return {
-        method: np.where(np.isfinite(alone), values.reshape(alone.shape), np.nan) for method, values in found.items()
-    }
-
-
-def find_median(values: Array, axis: int | None = None) -> Any:
-    """The median of those that are defined; NaN if none is."""
-    import warnings
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)
-        return np.nanmedian(values, axis=axis)
+        errors = own.pivot(index="task", columns="world", values="errors").loc[list(TASKS)].to_numpy()
+        cycles = cycles_to(np.stack(errors.ravel()), TENTH * alone.reshape(-1, 1)).reshape(alone.shape)
+        found[method] = np.where(np.isfinite(alone), cycles, np.nan)
+    return found
 
 
 def _format(interval: Interval) -> str:
     if np.isnan(interval.value):
         return UNDEFINED
     return f"{interval.value:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
+
+
+def find_median(cycles: Array) -> float:
+    """The median of those that are defined; NaN if none is."""
+    return float(pd.Series(cycles.ravel()).median())
 
 
 def _count(cycles: float) -> str:
@@ -98,10 +94,8 @@ def find_setting(machine: str) -> str:
     return FOR_ALL if MACHINES[machine].draws else BY_DEFAULT
 
 
-def table_scores(frame: DataFrame, machine: str) -> DataFrame:
+def table_scores(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
     """The headline: mean score of completed runs and failures with each kind of setting, worst cycle, cycles."""
-    import pandas as pd
-
     last = find_setting(machine)
     kinds = [kind for kind in SETTINGS if kind != GUARDED] if last == FOR_ALL else [last]
     ends = {kind: make_comparison(frame, machine, kind) for kind in kinds}
@@ -116,16 +110,14 @@ def table_scores(frame: DataFrame, machine: str) -> DataFrame:
                 for title, text in ((kind, _format(found.mean(method))), (f"failed, {kind}", _failed(found, method)))
             },
             "worst cycle": _format(worst.mean(method)),
-            "cycles to a tenth": _count(float(find_median(cycles[method]))),
+            "cycles to a tenth": _count(find_median(cycles[method])),
         }
         for method in order
     )
 
 
-def table_guarded(frame: DataFrame, machine: str) -> DataFrame:
+def table_guarded(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
     """Default settings without and with the guard; and their ratio in the runs that both complete."""
-    import pandas as pd
-
     free, guarded = (make_comparison(frame, machine, kind) for kind in (BY_DEFAULT, GUARDED))
     both = {
         method: Comparison({"": free.scores[method], GUARDED: scores}, free.tasks, free.worlds)
@@ -145,10 +137,8 @@ def table_guarded(frame: DataFrame, machine: str) -> DataFrame:
     )
 
 
-def table_absolute(frame: DataFrame) -> DataFrame:
+def table_absolute(frame: pd.DataFrame) -> pd.DataFrame:
     """What ratios are relative to: medians of the errors of feedback only, and of the CMAC if it takes part."""
-    import pandas as pd
-
     rows = []
     for machine in machines_of(frame):
         own = take(frame, machine, find_setting(machine))
@@ -166,10 +156,8 @@ def table_absolute(frame: DataFrame) -> DataFrame:
     return pd.DataFrame(rows)
 
 
-def table_statistics(frame: DataFrame, machine: str) -> DataFrame:
+def table_statistics(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
     """Mean score of completed runs, failures, and the comparison with the CMAC in the same tasks and worlds."""
-    import pandas as pd
-
     comparison = make_comparison(frame, machine, find_setting(machine))
     return pd.DataFrame(
         {
@@ -183,10 +171,8 @@ def table_statistics(frame: DataFrame, machine: str) -> DataFrame:
     )
 
 
-def table_tasks(frame: DataFrame, machine: str) -> DataFrame:
+def table_tasks(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
     """Mean score of the completed runs of each method in each task, and how many failed."""
-    import pandas as pd
-
     comparison = make_comparison(frame, machine, find_setting(machine))
 
     def describe(scores: Array) -> str:
@@ -204,109 +190,98 @@ def table_tasks(frame: DataFrame, machine: str) -> DataFrame:
     )
 
 
-def table_costs(frame: DataFrame, costs: DataFrame, machine: str) -> DataFrame:
+def table_costs(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
     """Force error, feedback, largest torque and energy over those of feedback only, medians; time and memory.
 
     Of the runs that both complete.
     """
-    import pandas as pd
-
     rows = take(frame, machine, find_setting(machine))
     shown = {"force error": FORCE, "feedback": "feedback", "largest torque": "torque_peak", "energy": "energy"}
     values = {title: tabulate_values(rows, column) for title, column in shown.items()}
-    held = rows.groupby("method", sort=False)["bytes"].median()
+    held = rows.groupby("method", sort=False)[["seconds", "bytes"]].median()
 
     def divide(own: Array, alone: Array) -> float:
         both = np.isfinite(own) & np.isfinite(alone)
-        return float(find_median(own[both] / alone[both]))
+        return find_median(own[both] / alone[both])
 
-    seconds = costs[costs["machine"] == machine].set_index("method")["seconds_per_step"]
     return pd.DataFrame(
         {
             "method": method,
-            **{title: divide(own[method], own[ALONE]) for title, own in values.items()},
-            "time of a step, us": 1e6 * seconds[method],
-            "memory, KB": held[method] / 1024,
+            **{title: divide(found[method], found[ALONE]) for title, found in values.items()},
+            "time of a step, us": 1e6 * own.seconds,
+            "memory, KB": own.bytes / 1024,
         }
-        for method in held.index
+        for method, own in held.iterrows()
     )
 
 
-def table_failures(frame: DataFrame) -> DataFrame:
+def table_failures(frame: pd.DataFrame) -> pd.DataFrame:
     """Where methods fail, and why: the most frequent cause of each method in each task."""
     failed = frame[(frame["status"] != COMPLETED) & (frame["task"] != STRESS)].copy()
     failed["cause"] = failed["cause"].str.replace(r"[-+]?\d[\d.e+-]*", "N", regex=True)
     by = ["machine", "setting", "method", "task"]
-    columns = {"worlds": ("world", "count"), "status": ("status", "first"), "cause": ("cause", _most_frequent)}
+    most_frequent = lambda values: str(values.value_counts().index[0])  # noqa: E731
+    columns = {"worlds": ("world", "count"), "status": ("status", "first"), "cause": ("cause", most_frequent)}
     return failed.groupby(by, sort=False).agg(**columns).reset_index()
 
 
-def _most_frequent(values: Any) -> str:
-    return str(values.value_counts().index[0])
+def table_stress(frame: pd.DataFrame) -> pd.DataFrame:
+    """How many worlds each method completes in the stress test, of those in which feedback only does."""
+    rows = frame[(frame["task"] == STRESS) & (frame["setting"] == FOR_ALL)]
+    done = rows[rows["status"] == COMPLETED]
+    possible = done[done["method"] == ALONE][["machine", "world"]]
+    counted = done.merge(possible).groupby(["machine", "method"]).size()
+    machines = possible.groupby("machine").size()
+    return pd.DataFrame(
+        {"machine": machine, "method": method, "completes": f"{counted.get((machine, method), 0)} of {count}"}
+        for machine, count in machines.items()
+        for method in rows["method"][rows["machine"] == machine].unique()
+    )
 
 
-def draw_profiles(frame: DataFrame) -> Figure:
+def table_settings(tuned: pd.DataFrame) -> pd.DataFrame:
+    """What was chosen for all tasks, and the median of the cycles to a tenth in the worlds of tuning."""
+    rows = []
+    for machine in machines_of(tuned) if len(tuned) else ():
+        own = take(tuned, machine, FOR_ALL)
+        cycles, settings = count_cycles(own), own.groupby("method", sort=False)["overrides"].first()
+        rows += [
+            {"machine": machine, "method": method, "setting": text or "default",
+             "cycles to a tenth": find_median(cycles[method])}
+            for method, text in settings.items() if method != ALONE
+        ]  # fmt: skip
+    return pd.DataFrame(rows, columns=["machine", "method", "setting", "cycles to a tenth"])
+
+
+def draw_profiles(frame: pd.DataFrame) -> Figure:
     """Share of runs that score at most so much, on each machine."""
     machines = machines_of(frame)
     panels = [profile_panel(make_comparison(frame, each, find_setting(each)), each) for each in machines]
     return draw(panels, height=3.2)
 
 
-def draw_worlds(frame: DataFrame) -> Figure:
-    """A dot for each world: scores of each method in each task, on the first machine."""
-    machine = machines_of(frame)[0]
-    comparison = make_comparison(frame, machine, find_setting(machine))
-    methods = [method for method in comparison.scores if method != ALONE]
-    spread = np.linspace(-0.3, 0.3, len(comparison.worlds))
-    panels = []
-    for number, task in enumerate(comparison.tasks):
-        series = []
-        for place, method in enumerate(methods):
-            scores = comparison.scores[method][number]
-            series.append(Series(method, place + spread, np.where(np.isinf(scores), np.nan, scores)))
-        panels.append(Panel(task, "", "score", series, kind="scatter", log="y", y_limits=(1.0,)))
-    return draw(panels, height=2.2)
-
-
-def write_scores(frame: DataFrame) -> str:
+def write_scores(frame: pd.DataFrame) -> str:
     """Absolute errors, and the headline of each machine, in Markdown, for the documentation."""
     parts = [f"**Absolute errors at the end, medians over the worlds**\n\n{write_table(table_absolute(frame))}\n"]
     for machine in machines_of(frame):
-        tables = [table_scores(frame, machine)]
-        if set(frame["method"][frame["setting"] == GUARDED]) > {ALONE}:
-            tables.append(table_guarded(frame, machine))
         excluded = make_comparison(frame, machine, BY_DEFAULT).excluded
         notes = [f"The task {task} does not count there: {why}." for task, why in excluded.items()]
-        order = " ".join([describe_order(frame, machine, find_setting(machine)), *notes])
-        scores, *guarded = map(write_table, tables)
-        shown = "".join(f"\nWith the guard:\n\n{each}\n" for each in guarded)
-        parts.append(f"**{machine}**\n\n{scores}\n\n{order}\n{shown}")
+        order, scores = " ".join([describe_order(frame, machine), *notes]), write_table(table_scores(frame, machine))
+        parts.append(f"**{machine}**\n\n{scores}\n\n{order}\n")
+        if has_guarded(frame):
+            parts[-1] += f"\nWith the guard:\n\n{write_table(table_guarded(frame, machine))}\n"
     return "\n".join(parts)
 
 
-def write_table(table: DataFrame) -> str:
+def has_guarded(frame: pd.DataFrame) -> bool:
+    """Whether a method that learns takes part, which ran guarded too."""
+    return set(frame["method"][frame["setting"] == GUARDED]) > {ALONE}
+
+
+def write_table(table: pd.DataFrame) -> str:
     """A table in Markdown."""
     rows = [list(table), ["---"] * len(table.columns), *table.itertuples(index=False)]
     return "\n".join("| " + " | ".join(map(str, row)) + " |" for row in rows)
-
-
-def stress(frame: DataFrame) -> DataFrame:
-    """How many worlds each method completes in the stress test, of those in which feedback only does."""
-    import pandas as pd
-
-    rows = frame[(frame["task"] == STRESS) & (frame["setting"] == FOR_ALL)]
-    alone = rows[(rows["method"] == ALONE) & (rows["status"] == COMPLETED)]
-    possible: dict[Any, set[int]] = {machine: set(own["world"]) for machine, own in alone.groupby("machine")}
-    return pd.DataFrame(
-        {
-            "machine": machine,
-            "method": method,
-            "completes": f"{sum((own['status'] == COMPLETED) & own['world'].isin(possible[machine]))}"
-            f" of {len(possible[machine])}",
-        }
-        for (machine, method), own in rows.groupby(["machine", "method"], sort=False)
-        if machine in possible
-    )
 
 
 def over_worlds(machine: str, compute: Callable[[Comparison], Array | Mask], setting: str = FOR_ALL) -> Any:

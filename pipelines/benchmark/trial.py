@@ -1,8 +1,7 @@
-"""One method with one setting in some worlds: it starts, something changes, it goes on with what it has learnt."""
+"""One method with one setting in one world: it starts, something changes, it goes on with what it has learnt."""
 
 import hashlib
 import json
-import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -32,20 +31,21 @@ COMPLETED, REFUSED, FAILED = "completed", "refused", "failed"
 AXES = ("transfer_rmse_x", "transfer_rmse_y", "transfer_rmse_z")
 ENDS = {"force": "force_rmse", "feedback": "feedback_rms", "torque_peak": "torque_peak", "energy": "energy"}
 """Columns that hold the median of a metric over the last cycles."""
+Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A method with a setting, and the worlds and tasks that it is tried in."""
+    """A method with a setting, and the world and tasks that it is tried in."""
 
     machine: Machine
     method: Method
     setting: Sequence[str]
     """Overrides besides those of the method; empty: its defaults."""
-    worlds: Sequence[int]
+    world: int
     tasks: Sequence[str]
     tuning: bool = False
-    """Whether the worlds are those that settings are tuned in."""
+    """Whether the world is one that settings are tuned in."""
 
     def find_hash(self) -> str:
         """Of all that the outcome depends on, the code of a custom method included.
@@ -53,37 +53,24 @@ class Trial:
         Raises:
             BadInput: the method cannot be composed.
         """
-        config = compose_config(self.list_overrides(self.machine.draw(self.worlds[0], self.tuning)))
+        config = compose_config(self.list_overrides())
         code = [VERSION, code_hash(), custom_code_hash(config), config_hash(to_plain(config))]
         return hashlib.sha256(json.dumps([*code, asdict(self)], sort_keys=True).encode()).hexdigest()
 
-    def list_overrides(self, world: Sequence[str], *more: str) -> list[str]:
-        """Overrides of a run in a world."""
-        return [*self.machine.overrides, *PROTOCOL, *self.method.overrides, *self.setting, *world, *more]
+    def list_overrides(self, task: str = "") -> list[str]:
+        """Overrides of the run before the change, or of that after the change of a task."""
+        machine, world = self.machine, self.machine.draw(self.world, self.tuning)
+        own = [*world, f"cycles={machine.before}"]
+        if task:
+            changed = change_world(world, machine.changes[task])
+            own = [*changed, f"cycles={machine.after}", "learning.start_cycle=1"]
+        return [*machine.overrides, *PROTOCOL, *self.method.overrides, *self.setting, *own]
 
 
-@dataclass(frozen=True)
-class Stage:
-    """What one run gave."""
-
-    status: str
-    cause: str
-    metrics: Mapping[str, Array]
-    """One value a cycle, legs pooled."""
-    learnt: Weights | None
-    seconds_per_step: float
-
-    @property
-    def errors(self) -> Array:
-        """(cycles,): transfer error of the feet over all axes, m."""
-        error: Array = np.sqrt(sum(self.metrics[name] ** 2 for name in AXES if name in self.metrics))
-        return error
-
-
-def run_stage(overrides: Sequence[str], learnt: Weights | None = None) -> Stage:
-    """Run a method from what it has learnt; a method that refuses, raises or gives NaN has failed, and says why."""
+def run_stage(trial: Trial, task: str = "", learnt: Weights | None = None) -> tuple[Row, Weights | None]:
+    """What a run gives, and what is learnt; a method that refuses, raises or gives NaN has failed, and says why."""
     try:
-        scenario = make_scenario(compose_config(overrides), learnt)
+        scenario = make_scenario(compose_config(trial.list_overrides(task)), learnt)
         end, scorer = score_scenario(scenario)
         entered = [scenario.controller, scenario.feedforward]
         keep = next((part.learnt for part in entered if hasattr(part, "learnt")), None)
@@ -91,67 +78,57 @@ def run_stage(overrides: Sequence[str], learnt: Weights | None = None) -> Stage:
         if end.events and scenario.kept:  # an external method: the guard returned to what it knew in the best cycle
             kept = scenario.kept.get(end.events[-1].restored, kept)
     except Exception as error:
-        return Stage(REFUSED if isinstance(error, BadInput) else FAILED, describe_failure(error), {}, None, 0.0)
+        status = REFUSED if isinstance(error, BadInput) else FAILED
+        return _summarise(trial, status, describe_failure(error), {}, None, 0.0), None
     if end.status == "interrupted":
         raise KeyboardInterrupt
-    return Stage(end.status, end.cause, pool_legs(scorer.scores), kept, end.processor_seconds / max(1, end.steps))
+    seconds = end.processor_seconds / max(1, end.steps)
+    return _summarise(trial, end.status, end.cause, pool_legs(scorer.scores), kept, seconds), kept
 
 
-def _summarise(trial: Trial, task: str, world: int, stage: Stage) -> dict[str, Any]:
-    """A row of the results; of a method that did not complete its errors are infinite."""
-    machine, completed = trial.machine, stage.status == COMPLETED
-    errors = stage.errors if completed else np.full(machine.after, np.inf)
-    ends = {
-        column: compute_final(stage.metrics[name], machine.last) if completed else np.inf
-        for column, name in ENDS.items()
-    }
-    held = float(sum(np.asarray(values).nbytes for values in (stage.learnt or {}).values()))
+def _summarise(
+    trial: Trial, status: str, cause: str, metrics: Mapping[str, Array], learnt: Weights | None, seconds: float
+) -> Row:
+    """A row of the results; of a method that did not complete its errors are infinite.
+
+    ``errors`` (cycles,) are those of the feet in transfer over all axes, m; ``seconds`` the time of a step.
+    """
+    machine, completed = trial.machine, status == COMPLETED
+    errors: Array = np.full(machine.after, np.inf)
+    if completed:
+        errors = np.sqrt(sum(metrics[name] ** 2 for name in AXES if name in metrics))
     return {
-        "task": task,
-        "world": world,
-        "status": stage.status,
-        "cause": stage.cause,
+        "status": status,
+        "cause": cause,
         "end_error": compute_final(errors, machine.last),
         "first_error": float(errors[0]),
         "worst_error": float(errors.max()),
-        **ends,
-        "bytes": held if completed else np.nan,
+        **{key: compute_final(metrics[name], machine.last) if completed else np.inf for key, name in ENDS.items()},
+        "bytes": float(sum(np.asarray(own).nbytes for own in (learnt or {}).values())) if completed else np.nan,
         "errors": errors.tolist(),
+        "seconds": seconds,
     }
 
 
-def _try_world(trial: Trial, world: int) -> tuple[list[dict[str, Any]], list[float]]:
-    """Rows of all tasks in a world, and times of a step."""
-    machine, drawn = trial.machine, trial.machine.draw(world, trial.tuning)
-    before = run_stage(trial.list_overrides(drawn, f"cycles={machine.before}"))
-    rows, times = [], [before.seconds_per_step]
-    for task in trial.tasks:
-        after = before
-        if before.status == COMPLETED:
-            changed = change_world(drawn, machine.changes[task])
-            more = (f"cycles={machine.after}", "learning.start_cycle=1")
-            after = run_stage(trial.list_overrides(changed, *more), before.learnt or None)
-            times.append(after.seconds_per_step)
-        rows.append(_summarise(trial, task, world, after))
-    return rows, times
-
-
-def run_trial(trial: Trial, folder: Path) -> tuple[list[dict[str, Any]], float]:
-    """Rows of all tasks in all worlds, and the median time of a step, s; an outcome in ``folder`` is used again."""
+def run_trial(trial: Trial, folder: Path) -> list[Row]:
+    """Rows of all tasks in the world; an outcome in ``folder`` is used again."""
     announce_compiling()
     expect_runs(1000)
     path = None
     try:
         path = folder / f"{trial.find_hash()[:24]}.json"
         if path.is_file():
-            known = json.loads(path.read_text(encoding="utf-8"))
-            return known["rows"], known["seconds_per_step"]
+            known: list[Row] = json.loads(path.read_text(encoding="utf-8"))
+            return known
     except BadInput:  # its runs say why
         pass
-    tried = [_try_world(trial, world) for world in trial.worlds]
-    rows, seconds = [row for own, _ in tried for row in own], statistics.median(t for _, own in tried for t in own)
+    before, learnt = run_stage(trial)
+    rows = []
+    for task in trial.tasks:
+        after = run_stage(trial, task, learnt or None)[0] if before["status"] == COMPLETED else before
+        rows.append({"task": task, "world": trial.world, **after})
     if path is not None:
         folder.mkdir(parents=True, exist_ok=True)
         with write_atomically(path) as new:
-            new.write_text(json.dumps({"rows": rows, "seconds_per_step": seconds}), encoding="utf-8")
-    return rows, seconds
+            new.write_text(json.dumps(rows), encoding="utf-8")
+    return rows

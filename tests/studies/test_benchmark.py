@@ -14,10 +14,9 @@ from pipelines.benchmark import summary
 from pipelines.benchmark.benchmark import CYCLES, LEARNERS, MODELS, make_study
 from pipelines.benchmark.compare import compare_results
 from pipelines.benchmark.entrants import ALONE, CMAC, choose_methods
-from pipelines.benchmark.results import BY_DEFAULT, GUARDED, SETTINGS
+from pipelines.benchmark.results import BY_DEFAULT, DEFAULT, GUARDED, SETTINGS, choose_setting
 from pipelines.benchmark.tasks import LEG, MACHINES, STRESS, TASKS, VERSION, change_world, hash_tasks
 from pipelines.benchmark.trial import COMPLETED, Trial
-from pipelines.benchmark.tuning import DEFAULT, choose_setting
 
 TASKS_OF_VERSION_1 = "fe5a5ab1812333e398fc5fcc1c12e9b39d3d9a85a11295abfa91819ff2f297ff"
 ENTRANTS = '''
@@ -118,7 +117,7 @@ def test_an_entrant_that_fails_is_rows_and_an_edit_of_one_runs_its_trials_alone_
     (folder / "entrants.py").write_text(ENTRANTS.replace("GIVEN = 0.0", "GIVEN = 0.01"))
     place, edited = run(folder, "--methods", "feedback_only", "--method", "entrants.Base", "--workers", "1")
     (folder / "entrants.py").write_text(ENTRANTS)
-    new = [json.loads(path.read_text())["rows"] for path in set((folder / "out" / "trials").iterdir()) - known]
+    new = [json.loads(path.read_text()) for path in set((folder / "out" / "trials").iterdir()) - known]
     changed = edited[(edited["method"] == "Base") & (edited["setting"] == BY_DEFAULT)]["end_error"]
     assert not set(changed) & set(rows["end_error"])
     assert {row["end_error"] for own in new for row in own} >= set(changed)
@@ -141,8 +140,7 @@ def test_worlds_of_tests_and_of_tuning_are_apart_and_the_same_for_all():
 
 
 def test_an_entrant_gets_the_stiffness_that_the_designer_believes(entrant):
-    machine, spy = MACHINES[LEG], entrant("Base")
-    overrides = Trial(machine, spy, DEFAULT, (0,), TASKS).list_overrides(machine.draw(0), "cycles=1")
+    overrides = Trial(MACHINES[LEG], entrant("Base"), DEFAULT, 0, TASKS).list_overrides()
     scenario = make_scenario(compose_config(overrides))
     assert scenario.feedforward.believed == 10.0
     assert abs(scenario.setup.config.terrain.stiffness - 10.0) > 0.1

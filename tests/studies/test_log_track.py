@@ -65,8 +65,8 @@ def gap():
 
 def test_a_guarded_method_has_no_effect_after_a_stroke_with_harm(gap):
     signals = gap.signals
-    rows, scores = try_method(gap, "wrong", lambda: Wrong(signals), GUARDED)
-    assert [round(row["left"]) for row in rows] == [100, 200, *[100] * (signals.count - 2)]
+    scores = try_method(gap, "wrong", lambda: Wrong(signals), GUARDED)
+    assert [round(each) for each in scores["left"]] == [100, 200, *[100] * (signals.count - 2)]
     assert (scores["harmful"], scores["cause"]) == (1, "")
 
 
