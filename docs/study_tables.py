@@ -4,12 +4,15 @@ A new study needs no edit of it. Figures are those of a full run below outputs/s
 """
 
 import re
+from collections.abc import Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from cmacexp.commands.study import FOLDER
 from cmacexp.data.folder import FIGURES, HTML
+from cmacexp.study import Claim, Finding
+from cmacexp.study.page import build_evidence, format_html
 from cmacexp.study.statements import NO, UNCLEAR, VERDICTS, YES
 from cmacexp.study.study_file import StudyFile
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
@@ -19,22 +22,22 @@ from pipelines.groups import GROUPS
 from pipelines.quotes import (
     DOCS,
     LOG_SCORES,
+    MEASURED,
     NOT_MEASURED,
     SCORES,
     Quotable,
     all_studies,
-    claims_of,
+    count_claims,
     fill_quotes,
     find_entry,
-    format_statement,
     sentence_of,
     whole_benchmark,
 )
 from pipelines.results import read_results
 
 ORDER = (*VERDICTS, YES, NO, UNCLEAR, NOT_MEASURED)
-LIST, CLAIMS = "{{ studies() }}", "{{ claims() }}"
-"""Where a page has the list of studies, and that of the claims of the paper."""
+LIST, CLAIMS, COUNT = "{{ studies() }}", "{{ claims() }}", "{{ count() }}"
+"""Where a page has the list of studies, that of the claims of the paper, and how many have each verdict."""
 OUTPUTS = DOCS.parent / FOLDER
 FIGURE = re.compile(r'<figure id="(\w+)">(?:<h3>(.*?)</h3>)?.*?<figcaption>(.*?)</figcaption>', re.DOTALL)
 """In a report: name, title and caption."""
@@ -45,13 +48,19 @@ def every_study() -> list[StudyFile]:
     return [*all_studies(), whole_benchmark(), make_log_study()]
 
 
-def findings_of(file: StudyFile, results: Quotable) -> str:
-    """Each finding of a study: its sentence, then what was measured."""
+def statements_of(file: StudyFile, statements: Mapping[str, Claim | Finding], results: Quotable) -> str:
+    """Each claim or finding of a study as it came out, then the table of what was measured."""
     text = ""
-    for name, finding in file.study.findings.items():
+    for name, statement in statements.items():
         entry = find_entry(file.name, name, results)
-        text += "" if entry else f"\n*Not measured yet*: “{finding.yes or finding.says or name}”\n"
-        text += format_statement(sentence_of(finding, entry), finding.criteria, entry) if entry else ""
+        if isinstance(statement, Claim):
+            words = f"{statement.words} ({statement.where})"
+            said = f"**{entry['verdict']}**: {words}" if entry else words
+        else:
+            said = sentence_of(statement, entry) if entry else f"“{statement.yes or statement.says or name}”"
+        measured = {column: entry[column] for column in MEASURED} if entry else {}
+        table = format_html(build_evidence(statement.criteria, measured)) if entry else ""
+        text += f"\n{'' if entry else f'*{NOT_MEASURED.capitalize()}*: '}{said}\n\n{table}\n"
     return text
 
 
@@ -87,9 +96,9 @@ def page_of(file: StudyFile, results: Quotable) -> str:
     text = f"# {study.title}\n\n{study.question}\n\n`python -m pipelines.{command}` answers it again. "
     text += describe_run(file.name)
     if study.claims:
-        text += f"\n## Claims of the paper\n{claims_of(file, results)}"
+        text += f"\n## Claims of the paper\n{statements_of(file, study.claims, results)}"
     if study.findings:
-        text += f"\n## Findings\n{findings_of(file, results)}"
+        text += f"\n## Findings\n{statements_of(file, study.findings, results)}"
     if scores := {BENCHMARK: SCORES, LOG_TRACK: LOG_SCORES}.get(file.name):
         text += f"\n## Scores\n\n{scores.read_text(encoding='utf-8')}"
     return text + (f"\n## Figures\n{''.join(figures)}" if figures else "")
@@ -156,4 +165,5 @@ def on_page_markdown(markdown: str, page: Any = None, **_: Any) -> str:
     """Fill quotes and the list, link names of studies in brackets; mkdocs calls this for every page."""
     results, names = read_results().statements, "|".join(file.name for file in every_study())
     text = fill_quotes(markdown, results).replace(LIST, list_of(results)).replace(CLAIMS, claims_of_paper(results))
+    text = text.replace(COUNT, f"**{count_claims(results)}**")
     return re.sub(rf"\(`({names})`\)", r"([`\1`](studies/\1.md))", text)

@@ -17,7 +17,7 @@ from pipelines.benchmark.benchmark import QUESTION, TITLE
 from pipelines.benchmark.summary import write_scores
 from pipelines.groups import GROUPS, find_study
 from pipelines.groups import main as run_group
-from pipelines.quotes import LOG_SCORES, PAGES, README, SCORES, all_studies, count_claims, fill, find_outdated
+from pipelines.quotes import LOG_SCORES, PAGES, README, SCORES, all_studies, find_outdated
 from pipelines.readme import renew_readme
 from pipelines.results import CHANGED, RESULTS_FILE, list_states, read_results
 
@@ -34,21 +34,16 @@ def write_docs() -> None:
     """
     results = read_results()
     results.add_studies(FOLDER)
-    statements, texts = results.statements, {}
+    README.write_text(renew_readme(README.read_text(encoding="utf-8"), results.statements), encoding="utf-8")
     scored = {
         SCORES: (FOLDER / BENCHMARK / f"{BENCHMARK}.parquet", write_scores),
         LOG_SCORES: (FOLDER / log_track.NAME / f"{log_track.SCORES}.parquet", log_track.write_scores),
     }
-    for page in PAGES:
-        text = page.read_text(encoding="utf-8")
-        text = fill(text, "count", lambda: f"\n**{count_claims(statements)}**\n\n")
-        text = renew_readme(text, statements) if page == README else text
-        page.write_text(text, encoding="utf-8")
-        texts[page.name] = text
     for page, (table, write) in scored.items():
         if table.is_file():
             page.write_text(f"{write(read_table(table, texts=True).to_pandas())}\n", encoding="utf-8")
-    for line in find_outdated(results.sentences, texts, statements):
+    texts = {page.name: page.read_text(encoding="utf-8") for page in PAGES}
+    for line in find_outdated(results.sentences, texts, results.statements):
         print(line)
     RESULTS_FILE.write_text(results.format(), encoding="utf-8")
 

@@ -5,17 +5,14 @@ mass, and evaluates every conclusion again.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from cmacexp.metrics.text import format_number
-from cmacexp.report.style import logarithmic, new_figure
-from cmacexp.study import DataFrame, Figure, Results, declare
-from cmacexp.study.declaration import read_limit
-from cmacexp.study.quantity import compute_quantity
+from cmacexp.study import Criterion, DataFrame, Results, declare
+from cmacexp.study.declaration import read_criteria
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array, Mask
 
@@ -78,24 +75,10 @@ VARIANTS = {
 """The values that are tried, by machine."""
 
 
-@dataclass(frozen=True)
-class Conclusion:
-    """A number of a run, and the limit within which the paper's conclusion from it holds."""
-
-    quantity: str
-    """What is measured, with its unit."""
-    sample: str | Callable[[Results], Array]
-    """(runs,): of runs that differ in their seed; one that ended early has the worst value, or NaN."""
-    limit: str
-
-    def compute(self, results: Results) -> Array:
-        """(runs,): the number of each run."""
-        return compute_quantity(self.sample, results) if isinstance(self.sample, str) else self.sample(results)
-
-    def holds(self, results: Results) -> Mask:
-        """(runs,): whether it holds; never of NaN."""
-        values, limit = self.compute(results), read_limit(self.limit)[0]
-        return (limit.low <= values) & (values <= limit.high)
+def holds(conclusion: Criterion, results: Results) -> Mask:
+    """(runs,): whether a conclusion holds, in runs that differ in their seed; never of NaN."""
+    values, limit = np.asarray(conclusion.take(results)), conclusion.holds
+    return (limit.low <= values) & (values <= limit.high)
 
 
 def _list_tried(results: Results) -> dict[str, Results]:
@@ -109,13 +92,13 @@ def ended_early(results: Results) -> Array:
     return np.array([sum(not all(group.completed) for group in _list_tried(own).values()) for own in seeds])
 
 
-def differs(conclusion: Conclusion, results: Results, variant: str) -> Mask:
+def differs(conclusion: Criterion, results: Results, variant: str) -> Mask:
     """(seeds,): whether a conclusion is another one than with the values taken and the same seed."""
-    here, before = (conclusion.holds(results.select(variant=name)) for name in (variant, TAKEN))
+    here, before = (holds(conclusion, results.select(variant=name)) for name in (variant, TAKEN))
     return np.not_equal(here, before)
 
 
-def count_changes(results: Results, conclusion: Conclusion) -> Array:
+def count_changes(results: Results, conclusion: Criterion) -> Array:
     """(seeds,): number of values tried, of those with which the runs of all seeds complete, that change it."""
     kept = [name for name, group in _list_tried(results).items() if all(group.completed)]
     return np.sum([differs(conclusion, results, name) for name in kept], axis=0)
@@ -131,50 +114,56 @@ def _over_method(name: str, method: str) -> Callable[[Results], Array]:
     return sample
 
 
-def _conclude(when: str, at: str) -> dict[str, Conclusion]:
+def _conclude(quantity: str, value: str | Callable[[Results], Array], limit: str) -> Criterion:
+    """A number of a run, and the limit within which the paper's conclusion from it holds."""
+    (conclusion,) = read_criteria({"quantity": quantity, "value": value, "limit": limit})
+    return conclusion
+
+
+def _list_learnt(when: str, at: str) -> dict[str, Criterion]:
     """Conclusions on a machine that learns, in a cycle."""
     over, share = f"{when}, over that of the first cycle", f"feedforward_share{at}"
     return {
         **{
-            f"{side} error": Conclusion(
+            f"{side} error": _conclude(
                 f"transfer error in {side}, {over}",
                 f"transfer_rmse_{side}{at} / transfer_rmse_{side}[1]",
                 "at most 0.1",
             )
             for side in "xy"
         },
-        "CMAC share": Conclusion(f"share of the CMAC in the torque, {when}", share, "at least 0.5"),
+        "CMAC share": _conclude(f"share of the CMAC in the torque, {when}", share, "at least 0.5"),
     }
 
 
 CONCLUSIONS = {
     LEG: {
-        **_conclude("cycle 5", "[5]"),
-        "force error": Conclusion(
+        **_list_learnt("cycle 5", "[5]"),
+        "force error": _conclude(
             "error of the settled force, cycle 5, %", "100 * force_steady_state_error[5]", "-5 to 5"
         ),
-        "force alone": Conclusion(
+        "force alone": _conclude(
             "settled force of the first cycle, with feedback only, N", "force_settled[1]", "0.8 to 1"
         ),
     },
     WALK: {
-        **_conclude("last cycle", "[-1:]"),
-        "force error": Conclusion(
+        **_list_learnt("last cycle", "[-1:]"),
+        "force error": _conclude(
             "RMS force error with three feet down, last cycle, over that of the first cycle",
             "force_rmse_three_feet[-1:] / force_rmse_three_feet[1]",
             "at most 0.25",
         ),
-        "tilt": Conclusion(
+        "tilt": _conclude(
             "largest tilt, last cycle, over that of the first cycle", "tilt_max[-1:] / tilt_max[1]", "at most 0.25"
         ),
     },
     MASS: {
-        "overshoot": Conclusion(
+        "overshoot": _conclude(
             "overshoot of combined over that of stiffness control",
             _over_method("force_overshoot", "stiffness"),
             "at most 1",
         ),
-        "settling time": Conclusion(
+        "settling time": _conclude(
             "settling time of combined over that of damping control",
             _over_method("force_settling_time", "damping"),
             "at most 1",
@@ -188,39 +177,16 @@ def tabulate_numbers(results: Results, machine: str) -> DataFrame:
     """Every number, the mean over seeds, marked where it changes a conclusion."""
     whole = results.select(machine=machine)
 
-    def cell(own: Results, conclusion: Conclusion) -> str:
+    def cell(own: Results, conclusion: Criterion) -> str:
         changed = differs(conclusion, whole, own.value("variant"))
         mark = " ≠" if changed.all() else " (≠)" if changed.any() else ""
-        return format_number(float(conclusion.compute(own).mean())) + mark
+        return format_number(float(np.mean(conclusion.take(own)))) + mark
 
     columns: dict[str, Callable[[Results], str]] = {
         **{name: partial(cell, conclusion=each) for name, each in CONCLUSIONS[machine].items()},
         "ended early": lambda own: f"{len(own) - sum(own.completed)} of {len(own)}",
     }
     return tabulate(whole, {"variant": "value"}, columns)
-
-
-def draw_changes(results: Results, machine: str) -> Figure:
-    """Every number over that with the values taken; a dot where the conclusion changes with every seed."""
-    from matplotlib.colors import LogNorm
-
-    own, conclusions = results.select(machine=machine), CONCLUSIONS[machine]
-    groups = {TAKEN: own.select(variant=TAKEN), **dict(reversed(_list_tried(own).items()))}  # the first row is lowest
-    taken, *tried = ([float(one.compute(group).mean()) for one in conclusions.values()] for group in groups.values())
-    names, ratios = [*groups][1:], np.abs(np.array(tried) / taken)
-    ratios[~np.isfinite(ratios) | (ratios <= 0.0)] = np.nan
-    changed = [[differs(one, own, name).all() for one in conclusions.values()] for name in names]
-    figure, (axes,) = new_figure(height=1.2 + 0.17 * len(names))
-    norm = LogNorm(np.nanmin(ratios), np.nanmax(ratios))
-    image = axes.imshow(ratios, cmap="cividis", norm=norm, aspect="auto", origin="lower")
-    axes.set_xticks(range(len(conclusions)), [*conclusions])
-    axes.set_yticks(range(len(names)), names)
-    axes.grid(visible=False)
-    rows, columns = np.nonzero(changed)
-    axes.plot(columns, rows, "o", color="#FFFFFF", markeredgecolor="#000000", ms=5)
-    bar = figure.colorbar(image, ax=axes, label="over that with the assumed values")
-    logarithmic(bar.ax, "y", ratios[np.isfinite(ratios)])
-    return figure
 
 
 COMMON: dict[str, Any] = {"quick": {"cycles": 5}, "seeds": True}
@@ -252,13 +218,13 @@ STUDY = declare(
                 f"tried{NAMES[machine][1]}",
                 "quantity": f"values tried{NAMES[machine][1]} that change",
                 "value": partial(count_changes, conclusion=conclusion),
-                "of": {"machine": machine}, "case": f"{conclusion.quantity}: {conclusion.limit}",
+                "of": {"machine": machine},
+                "case": f"{conclusion.quantity}: {conclusion.format_limit(conclusion.holds)}",
                 "limit": "at most 0",
             }
             for machine, conclusions in CONCLUSIONS.items()
             for name, conclusion in conclusions.items()
         },
     },
-    figures={machine: partial(draw_changes, machine=machine) for machine in (LEG, WALK)},
     tables={machine: partial(tabulate_numbers, machine=machine) for machine in CONCLUSIONS},
 )  # fmt: skip

@@ -4,18 +4,12 @@
 are judged, and one thing of them at a time in randomised runs (worlds), unknown to planner and controller.
 """
 
-from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from cmacexp.report.figures import Panel, draw
-from cmacexp.study import DataFrame, Figure, Results, declare
-from cmacexp.study.curves import over_setting
-from cmacexp.study.quantity import compute_quantity
+from cmacexp.study import Results, declare
 from cmacexp.study.samples import quotients
-from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array
 from pipelines.common_memory import (
     SIDES,
@@ -30,6 +24,7 @@ from pipelines.common_memory import (
 from pipelines.worlds import TESTED, draw_worlds
 
 LAYERS, ELEMENTS, INPUTS, MEMORY = "cmac.layers", "cmac.resolution_elements", "cmac.inputs", "cmac.memory_bytes"
+ADDRESSING = "cmac.addressing"
 ALL, FREE, VISITED = "[angle, velocity, acceleration]", "no collisions", ["cmac.addressing=visited"]
 PAPER: dict[str, dict[str, Any]] = {
     "one leg": {LAYERS: 32, ELEMENTS: 33, INPUTS: ALL, MEMORY: 2**20},
@@ -115,41 +110,18 @@ def _compute_width(results: Results) -> float:
     return float(results.value("cmac.range_factor") / (results.value(ELEMENTS) - 1))
 
 
-def draw_sizes(results: Results) -> Figure:
-    """Errors in x and y over layers, width of a cell and memory; a line for each cycle."""
-    axes: dict[str, tuple[str, Any]] = {
-        LAYERS: ("layers", lambda own: own.value(LAYERS)),
-        ELEMENTS: ("width of a cell / planned span", _compute_width),
-        MEMORY: ("memory of a leg, KB", lambda own: own.value(MEMORY) / 1024),
+def _tabulate_sizes(machine: str, *keys: str) -> dict[str, Any]:
+    """Every size: errors early and at the end, use of memory."""
+    return {
+        "rows": {key: key.removeprefix("cmac.").replace("_", " ") for key in keys},
+        "columns": {
+            **{f"{side[-1]}, cycle 5, mm": f"1e3 * {side}[5]" for side in SIDES},
+            **{f"{side[-1]}, end, mm": f"1e3 * {side}" for side in SIDES},
+            "rows per visited cell": "rows_per_cell",
+            "colliding, %": "100 * colliding",
+        },
+        "of": {"machine": machine},
     }
-    results, panels = results.select(machine="one leg in worlds"), []
-    for side in SIDES:
-        for key, (axis, place) in axes.items():
-            varied, series = results.select(varied=key), []
-            for cycle in [cycle for cycle in (5, 10, 20) if cycle <= results.value("cycles")]:
-                error = partial(compute_quantity, f"1e3 * {side}[{cycle}]")
-                line = over_setting(varied, key, "", error, place=place).series[0]
-                series.append(replace(line, name=f"cycle {cycle}"))
-            limits = [place(varied.select({key: PAPER["one leg"][key]}))]
-            panels.append(
-                Panel(f"error in {side[-1]}", axis, "transfer error, mm", series, log="xy", x_limits=limits)
-            )
-    return draw(panels, columns=3, height=2.2)
-
-
-def tabulate_sizes(results: Results, machine: str) -> DataFrame:
-    """Every size: errors early and at the end, use of memory; means over seeds or worlds."""
-    own = results.select(machine=machine)
-    columns = {
-        **{f"{side[-1]}, cycle 5, mm": f"1e3 * {side}[5]" for side in SIDES},
-        **{f"{side[-1]}, end, mm": f"1e3 * {side}" for side in SIDES},
-        "rows per visited cell": "rows_per_cell",
-        "colliding, %": "100 * colliding",
-    }
-    means = {title: lambda part, text=text: compute_quantity(text, part).mean() for title, text in columns.items()}
-    keys = (LAYERS, ELEMENTS, INPUTS, MEMORY, "cmac.addressing")
-    by = {key: key.removeprefix("cmac.").replace("_", " ") for key in keys if len(own.values(key)) > 1}
-    return tabulate(own, by, means).replace(ALL, "all")
 
 
 def find_room(results: Results) -> dict[str, Any]:
@@ -251,12 +223,20 @@ STUDY = declare(
             "limit": "at least 1.25",
         },
     },
-    figures={"sizes": draw_sizes},
+    figures={
+        f"sizes_{when}": [
+            {"value": f"1e3 * {side}{at}", "over": key, "of": {"machine": "one leg in worlds", "varied": key},
+             "log": "xy", "title": f"error in {side[-1]}", "y": "transfer error, mm"}
+            for side in SIDES
+            for key in (LAYERS, ELEMENTS, MEMORY)
+        ]
+        for when, at in (("early", "[5]"), ("end", ""))
+    },
     tables={
-        "leg": partial(tabulate_sizes, machine="one leg"),
-        "walk": partial(tabulate_sizes, machine="quadruped"),
-        "leg_worlds": partial(tabulate_sizes, machine="one leg in worlds"),
-        "walk_worlds": partial(tabulate_sizes, machine="quadruped in worlds"),
+        "leg": _tabulate_sizes("one leg", MEMORY, ADDRESSING),
+        "walk": _tabulate_sizes("quadruped", MEMORY, ADDRESSING),
+        "leg_worlds": _tabulate_sizes("one leg in worlds", LAYERS, ELEMENTS, INPUTS, MEMORY, ADDRESSING),
+        "walk_worlds": _tabulate_sizes("quadruped in worlds", ELEMENTS),
     },
     values=find_room,
 )  # fmt: skip

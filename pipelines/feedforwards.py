@@ -6,7 +6,6 @@ most of them for the perceptron. The benchmark tunes learners, and measures thei
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -14,8 +13,7 @@ import numpy as np
 
 from cmacexp.data.run import Run
 from cmacexp.metrics.final import TRANSFER
-from cmacexp.report import curves
-from cmacexp.study import DataFrame, Figure, Results, declare, draw, over_cycles
+from cmacexp.study import DataFrame, Results, declare
 from cmacexp.study.samples import quotients
 from cmacexp.study.tables import completed, tabulate
 from cmacexp.typing import Array
@@ -149,26 +147,6 @@ def ended_by_guard(run: Run) -> float:
     return float(bool(run.manifest["guard"]))
 
 
-def draw_learning(results: Results) -> Figure:
-    """Transfer error over the cycles, a line for each feedforward."""
-    panel = over_cycles(results, TRANSFER, "kind", log="xy")
-    return draw([replace(panel, y_limits=[1e3 * find_small_error(results)])], height=4.0)
-
-
-def draw_changes(results: Results) -> Figure:
-    """Transfer error after each change, with what was learnt before it; for CMAC also from nothing."""
-    panels = []
-    for change, own in results.select(group=[*CHANGES]).by("group").items():
-        histories = {
-            f"{kind}, {start}": group.history(TRANSFER)
-            for kind, part in own.by("kind").items()
-            for start, group in part.by("start").items()
-            if start == "carried over" or kind in (*ALONE, *CMAC)
-        }
-        panels.append(curves.over_cycles(TRANSFER, histories, "y", change))
-    return draw(panels)
-
-
 def _mean(results: Results, cycle: int) -> float:
     return 1e3 * float(results.at(cycle, TRANSFER).mean())
 
@@ -196,7 +174,7 @@ MANY: dict[str, Any] = {
     "rows": {"kind": "feedforward"},
     "columns": {f"cycle {cycle}, mm": f"1e3 * {TRANSFER}[{cycle}]" for cycle in (5, 20)} | {"completed": "completed"},
 }
-EARLY, LATE = f"{TRANSFER}[5]", f"{TRANSFER}[20]"
+LATE = f"{TRANSFER}[20]"
 TENTH = "cycles to a tenth of the error of feedback only"
 FIRST = "error of {} in its first cycle with a new stroke, over that "
 CASES = {IN_LEG: LEG, IN_WALK: WALK}
@@ -316,9 +294,14 @@ STUDY = declare(
         },
     },
     figures={
-        "leg": lambda results: draw_learning(results.select(group=LEG)),
-        "walk": lambda results: draw_learning(results.select(group=WALK)),
-        "changes": draw_changes,
+        "leg": {"metric": TRANSFER, "by": "kind", "of": {"group": LEG}, "log": "xy"},
+        "walk": {"metric": TRANSFER, "by": "kind", "of": {"group": WALK}, "log": "xy"},
+        "changes": [
+            {"metric": TRANSFER, "by": "kind", "of": {"group": change, **start}, "log": "y",
+             "title": f"{change}, {start['start']}"}
+            for change in CHANGES
+            for start in (CARRIED, ANEW)
+        ],
     },
     tables={
         "leg": _tabulate_learning(LEG, "force_steady_state_error", "settled force error at the end, %", 100.0),

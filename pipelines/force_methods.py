@@ -11,13 +11,12 @@ import numpy as np
 
 from cmacexp.control.hybrid_kernels import METHODS as FORCE_METHODS
 from cmacexp.data.run import Run
-from cmacexp.planning.reference import Gains, compute_support_reference
 from cmacexp.report.figures import Panel, Series, draw
-from cmacexp.study import DataFrame, Figure, Results, declare
+from cmacexp.study import Figure, Results, declare
 from cmacexp.study.quantity import compute_quantity
 from cmacexp.study.samples import quotients
-from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array
+from pipelines.common_results import find_depression, if_completed
 
 METHODS = {name: [f"force_control={name}"] for name in FORCE_METHODS}
 EQUATIONS = dict(zip(METHODS, ("eq. 9", "eq. 11", "eq. 13", "eq. 15"), strict=True))
@@ -28,24 +27,23 @@ DIGITS = 6
 """Decimals of measures: what is below is rounding of the simulation."""
 
 
+@if_completed
 def settled_force(run: Run) -> float:
-    """Mean force over the second half of the run over the desired one; inf if the run ended before."""
-    if run.status != "completed":
-        return math.inf
+    """Mean force over the second half of the run over the desired one."""
     return round(float(run.metrics["force_settled"].iloc[0]) / run.config["force_control"]["desired_force"], DIGITS)
 
 
+@if_completed
 def rest_error(run: Run) -> float:
-    """RMS force error over the second half of the run, of the desired force; inf if the run ended before."""
-    if run.status != "completed":
-        return math.inf
+    """RMS force error over the second half of the run, of the desired force."""
     ripple = float(run.metrics["force_ripple"].iloc[0]) / run.config["force_control"]["desired_force"]
     return round(math.hypot(settled_force(run) - 1.0, ripple), DIGITS)
 
 
+@if_completed
 def end_speed(run: Run) -> float:
-    """Speed in the last step, m/s; inf if the run ended before."""
-    return round(abs(float(run.trace["vy"].iloc[-1])), DIGITS) if run.status == "completed" else math.inf
+    """Speed in the last step, m/s."""
+    return round(abs(float(run.trace["vy"].iloc[-1])), DIGITS)
 
 
 def predicted_force(config: dict[str, Any]) -> float:
@@ -54,17 +52,9 @@ def predicted_force(config: dict[str, Any]) -> float:
     The reference of eq. 9 and 13 is what the force needs on the assumed ground; the true ground answers with as much
     force as that reference would be made for there. Damping and explicit control do not know of the ground.
     """
-    controller, control, ground = config["controller"], config["force_control"], config["terrain"]
-
-    def depression(stiffness: float) -> float:
-        """That is fed per newton of desired force, m/N; NaN for a method without one."""
-        gains = Gains(
-            controller["position_gain"], controller["velocity_gain"], control["force_gain"], control["elasticity"],
-            control["admittance"], stiffness,
-        )  # fmt: skip
-        return compute_support_reference(control["method"], gains, True).depression
-
-    ratio = depression(ground["assumed_stiffness"] or ground["stiffness"]) / depression(ground["stiffness"])
+    ground = config["terrain"]
+    assumed = find_depression(config, ground["assumed_stiffness"] or ground["stiffness"])
+    ratio = assumed / find_depression(config, ground["stiffness"])
     return 1.0 if math.isnan(ratio) else ratio
 
 
@@ -113,23 +103,6 @@ def draw_forces(results: Results) -> Figure:
         desired = [own.value("force_control.desired_force")]
         panels.append(Panel(method, "time since the release, s", "force, N", series, y_limits=desired))
     return draw(panels, height=2.0)
-
-
-def tabulate_methods(results: Results) -> DataFrame:
-    """Every method on known ground."""
-    columns = {
-        "settled / desired": "settled_force",
-        "ripple, N": "force_ripple[1]",
-        "overshoot, %": "100 * force_overshoot[1]",
-        "2 % settling, s": "force_settling_time[1]",
-        "ITAE, N s²": "force_itae[1]",
-    }
-    shown: dict[str, Any] = {
-        title: lambda own, text=text: round(compute_quantity(text, own)[0], DIGITS) for title, text in columns.items()
-    }
-    shown["ends"] = lambda own: own.rows[0].run.outcome.status
-    own = results.select({CLEARANCE: 0.05}, part="known ground")
-    return tabulate(own, {"ground": "ground", "method": "method", "machine.mass": "mass, kg"}, shown)
 
 
 def _rest(method: str, mass: float = 0.5) -> list[dict[str, Any]]:
@@ -244,5 +217,18 @@ STUDY = declare(
             for title, value in (("measured", "settled_force"), ("eq. 8 to 15", "predicted"))
         ],
     },
-    tables={"methods": tabulate_methods},
+    tables={
+        "methods": {
+            "rows": {"ground": "ground", "method": "method", "machine.mass": "mass, kg"},
+            "columns": {
+                "settled / desired": "settled_force",
+                "ripple, N": "force_ripple[1]",
+                "overshoot, %": "100 * force_overshoot[1]",
+                "2 % settling, s": "force_settling_time[1]",
+                "ITAE, N s²": "force_itae[1]",
+                "ends": lambda own: own.rows[0].run.outcome.status,
+            },
+            "of": {CLEARANCE: 0.05, "part": "known ground"},
+        }
+    },
 )  # fmt: skip

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from cmacexp.data.run import Run
 from cmacexp.metrics.final import FINAL_CYCLES, compute_final
@@ -18,7 +19,7 @@ from cmacexp.study import DataFrame, Figure, Results, declare, draw
 from cmacexp.study.interval import UNPAIRED
 from cmacexp.study.samples import Sample, relative
 from cmacexp.typing import Array
-from pipelines.common_results import find_least
+from pipelines.common_results import find_least, if_completed
 from pipelines.worlds import ALIENGO, GO1, HARD, ONE_LEG, QUADRUPED, draw_hard_world, draw_long
 
 KINDS = {
@@ -57,16 +58,15 @@ def _learn_long(kind: str, cycles: int, quick: int) -> dict[str, Any]:
     }
 
 
+@if_completed
 def measure_error(run: Run) -> float:
-    """Final transfer error in the plane of the legs, also of robots, m; infinite of a run that ended before."""
-    sides = [run.pooled[f"transfer_rmse_{axis}"] for axis in "xy"] if run.status == "completed" else []
-    return compute_final(np.hypot(*sides)) if sides else np.inf
+    """Final transfer error in the plane of the legs, also of robots, m."""
+    return compute_final(np.hypot(*(run.pooled[f"transfer_rmse_{axis}"] for axis in "xy")))
 
 
+@if_completed
 def measure_level(run: Run) -> float:
     """Feedback torque at the end over that of the cycle whose torque acts; without one, over its least."""
-    if run.status != "completed":
-        return np.inf
     feedback = run.pooled["feedback_rms"]
     restored = [event["restored"] for event in run.manifest["guard"]]
     best = feedback[max(restored[-1], 1) - 1] if restored else find_least(feedback[1:], FINAL_CYCLES)
@@ -88,26 +88,25 @@ def find_long(results: Results) -> Results:
 
 def table_worlds(results: Results) -> DataFrame:
     """How guarded and unguarded runs end, over feedback only, for every machine."""
-    import pandas as pd
-
-    rows: list[dict[str, Any]] = []
-    for machine, worlds in results.select(part="worlds").by("machine").items():
-        for kind in ("guarded", "unguarded"):
-            error, force = compare(worlds, kind), compare(worlds, kind, FORCE)
-            rows.append(
-                {
-                    "machine": machine,
-                    "learning": kind,
-                    "worlds": len(error),
-                    "complete": int(np.isfinite(error).sum()),
-                    "no worse": int((error <= WORSE).sum()),
-                    "error over feedback only, median": float(np.median(error)),
-                    "largest": float(error.max()),
-                    "force error, median": float(np.median(force)),
-                    "greater force error": int((force > WORSE).sum()),
-                }
-            )
-    return pd.DataFrame(rows)
+    ratios = {
+        (machine, kind): [compare(worlds, kind, sample) for sample in (IN_PLANE, FORCE)]
+        for machine, worlds in results.select(part="worlds").by("machine").items()
+        for kind in ("guarded", "unguarded")
+    }
+    return pd.DataFrame(
+        {
+            "machine": machine,
+            "learning": kind,
+            "worlds": len(error),
+            "complete": int(np.isfinite(error).sum()),
+            "no worse": int((error <= WORSE).sum()),
+            "error over feedback only, median": float(np.median(error)),
+            "largest": float(error.max()),
+            "force error, median": float(np.median(force)),
+            "greater force error": int((force > WORSE).sum()),
+        }
+        for (machine, kind), (error, force) in ratios.items()
+    )
 
 
 def draw_errors(results: Results) -> Figure:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cmacexp.config.compose import compose_config
-from cmacexp.study import DataFrame, Figure, Results, declare
+from cmacexp.study import DataFrame, Figure, Panel, Results, Series, declare, draw
 from cmacexp.typing import Array
 
 SCENARIOS = {"one leg": "one_leg", "quadruped": "quadruped"}
@@ -99,30 +99,18 @@ def _loops(results: Results, scenario: str, default: bool) -> DataFrame:
     return loops[(loops["scenario"] == scenario) & (loops["default"] == default)]
 
 
-def draw_maps(results: Results) -> Figure:
-    """One map per scenario: where (a) is met, lines of equal ratio of the bandwidths, and the pair used here."""
-    from matplotlib.patches import Patch
-
-    from cmacexp.report.style import SERIES, label, logarithmic, new_figure
-
-    figure, panels = new_figure(1, len(SCENARIOS), height=3.3, sharey=True)
-    for axes, name in zip(panels, SCENARIOS, strict=True):
-        loops, used = _loops(results, name, False), _loops(results, name, True).iloc[0]
-        loops = loops.assign(ratio=loops["bandwidth"] / loops["open_bandwidth"], above=resonance(loops))
-        above, ratio = (loops.pivot(index="alpha", columns="omega", values=key) for key in ("above", "ratio"))
-        for axis, ends in (("x", OMEGAS), ("y", ALPHAS)):
-            logarithmic(axes, axis, ends)
-        place, levels = (above.columns, above.index), (1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
-        axes.contourf(*place, above, levels=[0.0, MOST_RESONANCE], colors=["#BFDDF0"])
-        lines = axes.contour(*place, ratio, levels=levels, colors="black", linewidths=0.8, linestyles="--")
-        axes.clabel(lines, fmt="%g", fontsize=7.5, inline_spacing=3)
-        axes.plot(used["omega"], used["alpha"], "D", color=SERIES[0], ms=6, mec="white", label="used here (assumed)")
-        axes.grid(visible=False)
-        label(axes, f"gains of {name}", "omega, rad/s", "alpha" if axes is panels[0] else "")
-    handles = [Patch(color="#BFDDF0"), *lines.legend_elements("")[0][:1], *panels[0].get_legend_handles_labels()[0]]
-    names = ["M_r below 110 %", "closed over open bandwidth", "used here (assumed)"]
-    figure.legend(handles, names, loc="outside lower center", ncols=3)
-    return figure
+def draw_bandwidths(results: Results) -> Figure:
+    """Over omega, the bandwidth of the closed loop over that of the open one, where (a) is met; lines: alpha."""
+    panels = []
+    for name in SCENARIOS:
+        loops = _loops(results, name, False)
+        loops, series = loops[resonance(loops) < MOST_RESONANCE], []
+        for alpha in np.unique(loops["alpha"])[::4]:
+            own = loops[loops["alpha"] == alpha]
+            series.append(Series(f"alpha {alpha:.3g}", own["omega"], own["bandwidth"] / own["open_bandwidth"]))
+        used, axes = _loops(results, name, True)["omega"].to_list(), ("omega, rad/s", "ratio of bandwidths")
+        panels.append(Panel(f"gains of {name}", *axes, series, log="xy", x_limits=used, y_limits=[1.0]))
+    return draw(panels, height=3.3)
 
 
 def values(results: Results) -> dict[str, Any]:
@@ -174,6 +162,6 @@ STUDY = declare(
             default=False,
         ),
     },
-    figures={"maps": draw_maps},
+    figures={"bandwidths": draw_bandwidths},
     values=values,
 )

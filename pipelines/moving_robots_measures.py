@@ -1,16 +1,10 @@
 """Course and speed of robots that move."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from cmacexp.data.run import Run
 from cmacexp.data.tables import BODY_FILE
-
-
-def if_completed(measure: Callable[[Run], float]) -> Callable[[Run], float]:
-    """The measure of a run; inf if it ended before."""
-    return lambda run: measure(run) if run.status == "completed" else np.inf
+from pipelines.common_results import if_completed
 
 
 @if_completed

@@ -5,7 +5,6 @@ the 1/K_ap of eq. 13, on a smooth path, with an exact model instead of a CMAC, a
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -14,7 +13,9 @@ import numpy as np
 
 from cmacexp.data.run import Run
 from cmacexp.metrics.registry import SHOWN
-from cmacexp.study import DataFrame, Figure, Results, declare, draw, over_cycles
+from cmacexp.report.cycle_data import read_cycle_data
+from cmacexp.report.run_figures import draw_over_cycle, draw_torques, draw_tracking
+from cmacexp.study import DataFrame, Figure, Results, declare, draw
 from cmacexp.typing import Array
 from pipelines import one_leg_learning_trace as trace
 
@@ -57,14 +58,6 @@ def _statics_deviation(results: Results) -> Array:
 def _bias_deviation(results: Results) -> Array:
     """Force error over the last cycles against that of the statics of eq. 13, relative."""
     return np.abs(results.end("force_steady_state_error") / trace.learned_error(results.run.config) - 1.0)
-
-
-def draw_bias(results: Results) -> Figure:
-    """Force error with and without the 1/K_ap of eq. 13, and what statics predict."""
-    own = results.select(feedforward="cmac", variant=[PUBLISHED, "without 1/K_ap"])
-    predicted = 100.0 * trace.learned_error(own.run.config)
-    panel = over_cycles(own, "force_steady_state_error", "variant", title="steady-state error of the force")
-    return draw([replace(panel, y_limits=[0.0, predicted])])
 
 
 def errors_table(results: Results) -> DataFrame:
@@ -302,11 +295,12 @@ STUDY = declare(
         "fig_07": _of_first_seed(trace.trajectory),
         "fig_08": _of_first_seed(partial(trace.motion, order=1, name="velocity", unit="m/s")),
         "fig_09": _of_first_seed(partial(trace.motion, order=2, name="acceleration", unit="m/s²")),
-        "fig_10": _of_first_seed(partial(trace.tracking, cycle=1)),
-        "fig_11": _of_first_seed(partial(trace.tracking, cycle=5)),
-        "fig_12": _of_first_seed(trace.forces),
-        "fig_13": _of_first_seed(trace.torques),
-        "bias": draw_bias,
+        "fig_10": _of_first_seed(lambda run: draw_tracking(read_cycle_data(run, [1]))[0].figure),
+        "fig_11": _of_first_seed(lambda run: draw_tracking(read_cycle_data(run, [5]))[0].figure),
+        "fig_12": _of_first_seed(lambda run: draw(draw_over_cycle(read_cycle_data(run, [1, 2, 5]), "force", [1]))),
+        "fig_13": _of_first_seed(lambda run: draw_torques(read_cycle_data(run, [5])).figure),
+        "bias": {"metric": "force_steady_state_error", "by": "variant",
+                 "of": {"feedforward": "cmac", "variant": [PUBLISHED, "without 1/K_ap"]}},
         "growth": [
             {"metric": name, "by": "law", "of": {"law": [*LAWS]}, "log": None}
             for name in ("feedback_rms", "transfer_rmse_x")

@@ -6,10 +6,11 @@ counts as -inf: fewer than three feet carry, or the line along the body misses w
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from cmacexp.data.run import Run
 from cmacexp.data.signals import TRUE_MARGINS
@@ -34,27 +35,14 @@ class Walk:
     """Traces of a quadruped; arrays are (steps, 4), legs in the paper's order."""
 
     view: RunView
-
-    @cached_property
-    def force(self) -> Array:
-        """Contact force, N."""
-        return self.view.trace["force"]
-
-    @cached_property
-    def desired(self) -> Array:
-        """Desired force, N."""
-        return self.view.trace["force_desired"]
-
-    @cached_property
-    def support(self) -> Mask:
-        """Whether a foot is planned to support."""
-        return self.view.trace.support
-
-    @cached_property
-    def carried(self) -> Array:
-        """True margins, (steps, 3), m: nearest edge, front and rear boundary."""
-        found = np.stack([self.view.body[name] for name in TRUE_MARGINS], axis=1)
-        return np.where(np.isnan(found), -np.inf, found)
+    force: Array
+    """Contact force, N."""
+    desired: Array
+    """Desired force, N."""
+    support: Mask
+    """Whether a foot is planned to support."""
+    carried: Array
+    """True margins, (steps, 3), m: nearest edge, front and rear boundary."""
 
     def start(self, cycle: int, leg: int, support: bool) -> int:
         """Step of a cycle in which a planned support, or else a planned transfer, of ``leg`` begins."""
@@ -86,7 +74,9 @@ class Walk:
 def walk_in(folder: Path) -> Walk:
     """The walk of the stored run in a folder; read once in a process."""
     run = Run(folder)
-    return Walk(RunView(run, run.read_trace()))
+    view = RunView(run, run.read_trace())
+    margins = np.nan_to_num([view.body[name] for name in TRUE_MARGINS], nan=-np.inf, posinf=np.inf, neginf=-np.inf)
+    return Walk(view, view.trace["force"], view.trace["force_desired"], view.trace.support, margins.T)
 
 
 def contacts(walk: Walk, cycle: int) -> dict[str, float]:
@@ -163,8 +153,6 @@ def four_feet(walk: Walk, cycle: int) -> dict[str, float]:
 
 def events_in(run: Run) -> DataFrame:
     """One row per whole cycle of a run; some events are only measured in the last :data:`LATE` ones, else NaN."""
-    import pandas as pd
-
     walk, rows = walk_in(run.folder), []
     for cycle in range(1, run.whole_cycles + 1):
         row = {"cycle": cycle} | contacts(walk, cycle) | touch_down_of_3(walk, cycle)
@@ -223,12 +211,6 @@ def over_history(name: str, reduce: Callable[[Array], float]) -> Sample:
 def margin_while_late(results: Results) -> Array:
     """(runs,): least margin while foot 1 is late, over the least planned margin."""
     return event("margin", np.min)(results) / results.at(1, "stability_margin_min")
-
-
-def feedback_left(results: Results) -> Array:
-    """(runs,): share of the feedback in the torque at the end over that in the first cycle with CMAC."""
-    first = int(results.value("learning.start_cycle"))
-    return (1.0 - results.end("feedforward_share", LATE)) / (1.0 - results.at(first, "feedforward_share"))
 
 
 def height_off(results: Results) -> Array:

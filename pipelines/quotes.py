@@ -2,18 +2,17 @@
 
 ``{{ quote("one_leg_learning.bias") }}`` on a page stands for the first value of a statement, ``quote("...", 1)`` for
 the second, ``interval`` for its interval, ``measured`` for both, ``size`` for its n, ``verdict`` for the verdict,
-``sentence`` for the sentence of a finding. A block between ``<!-- NAME: begin -->`` and ``<!-- NAME: end -->`` is
-written by ``python -m pipelines --write-docs``.
+``sentence`` for the sentence of a finding.
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from cmacexp.study import Claim, Criterion, Finding
-from cmacexp.study.page import build_evidence, count_verdicts
+from cmacexp.study import Claim, Finding
+from cmacexp.study.page import count_verdicts
 from cmacexp.study.study_file import StudyFile, load_study
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
 from pipelines.benchmark.benchmark import make_study
@@ -33,8 +32,6 @@ QUOTE = re.compile(r'\{\{ (quote|interval|measured|size|verdict|sentence)\("(\w+
 LISTS = {"quote": "values", "interval": "intervals", "size": "counts"}
 """Entries of a statement with a value for each criterion, by what quotes them."""
 MEASURED = ("values", "intervals", "counts", "verdicts")
-COLUMNS = {"measured": "---", "value": "--:", "95 % interval": "--:", "n": "--:", "limit": "---", "verdict": "---"}
-"""Of a table of evidence, and how they are aligned."""
 NOT_MEASURED = "not measured yet"
 Quotable = Mapping[str, Mapping[str, Any]]
 """Statements by study and name."""
@@ -124,42 +121,6 @@ def find_outdated(sentences: Sequence[Mapping[str, Any]], texts: Mapping[str, st
             if (today := entry["verdict"] if entry else NOT_MEASURED) != verdict:
                 found.append(f"{each['page']}: {each['text']!r} is for {key} = {verdict}, it is {today}")
     return found
-
-
-def fill(text: str, name: str, make: Callable[[], str]) -> str:
-    """A page whose block ``name`` is made anew."""
-    place = re.compile(f"(?<=<!-- {name}: begin -->\n).*?(?=<!-- {name}: end -->)", flags=re.DOTALL)
-    return place.sub(lambda _: make(), text)
-
-
-def _rows(criteria: Sequence[Criterion], entry: Mapping[str, Any]) -> Iterator[Sequence[str]]:
-    """Cells of ``COLUMNS``: each quantity once, its cases below it."""
-    for quantity, rows in build_evidence(criteria, {name: entry[name] for name in MEASURED if name in entry}).items():
-        if rows[0].case:
-            yield f"*{quantity}*:", *[""] * (len(COLUMNS) - 1)
-        for row in rows:
-            what = row.case or quantity
-            value = f"{row.value} ({row.reason})" if row.reason else row.value
-            limit = f"{row.limit} (opposite: {row.opposite})" if row.opposite else row.limit
-            yield what, value, row.interval, row.size, limit, row.verdict
-
-
-def format_statement(sentence: str, criteria: Sequence[Criterion], entry: Mapping[str, Any]) -> str:
-    """A statement in Markdown, then what was measured as a table without columns that are empty."""
-    rows = [list(COLUMNS), list(COLUMNS.values()), *_rows(criteria, entry)]
-    kept = [column for column in zip(*rows, strict=True) if any(column[2:])]
-    lines = (" | ".join(cell.replace("|", "\\|") for cell in row) for row in zip(*kept, strict=True))
-    return "".join([f"\n{sentence}\n\n", *(f"| {line} |\n" for line in lines)])
-
-
-def claims_of(file: StudyFile, results: Quotable) -> str:
-    """The claims of a study, each with its verdict and what was measured."""
-    text = ""
-    for name, claim in file.study.claims.items():
-        entry, words = find_entry(file.name, name, results), f"{claim.words} ({claim.where})"
-        text += f"\n*{NOT_MEASURED.capitalize()}*: {words}\n" if entry is None else ""
-        text += format_statement(f"**{entry['verdict']}**: {words}", claim.criteria, entry) if entry else ""
-    return text
 
 
 def count_claims(results: Quotable) -> str:

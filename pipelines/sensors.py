@@ -13,9 +13,8 @@ import numpy as np
 
 from cmacexp.data.run import Run
 from cmacexp.study import Figure, Panel, Results, Series, declare, draw
-from cmacexp.study.interval import estimate
 from cmacexp.study.samples import relative
-from cmacexp.typing import Array, Mask
+from cmacexp.typing import Array
 from pipelines.common_results import describe_end
 
 KINDS = {
@@ -45,14 +44,14 @@ ERRORS = {
 """Metrics that noise may worsen, by machine and name; the torque last."""
 FELT = 1.5
 """An error or torque that is at least so many times that without noise is felt."""
-SIGNALS: dict[str, tuple[str, str, float, Sequence[float], Sequence[float]]] = {
-    "force": ("noise_relative", "% of the force", 100.0, (0.05, 0.1, 0.2, 0.4), (0.05, 0.1, 0.2, 0.4)),
-    "position": ("noise", "mrad", 1e3, (1e-4, 3e-4, 1e-3, 3e-3), (1e-5, 3e-5, 1e-4, 3e-4)),
-    "velocity": ("noise", "rad/s", 1.0, (0.003, 0.01, 0.03, 0.1), (0.003, 0.01, 0.03, 0.1)),
-    "height": ("noise", "mm", 1e3, (), (1e-6, 1e-5, 1e-4, 1e-3)),
-    "tilt": ("noise", "mrad", 1e3, (), (1e-6, 1e-5, 1e-4, 1e-3)),
+SIGNALS: dict[str, tuple[str, Sequence[float], Sequence[float]]] = {
+    "force": ("noise_relative", (0.05, 0.1, 0.2, 0.4), (0.05, 0.1, 0.2, 0.4)),
+    "position": ("noise", (1e-4, 3e-4, 1e-3, 3e-3), (1e-5, 3e-5, 1e-4, 3e-4)),
+    "velocity": ("noise", (0.003, 0.01, 0.03, 0.1), (0.003, 0.01, 0.03, 0.1)),
+    "height": ("noise", (), (1e-6, 1e-5, 1e-4, 1e-3)),
+    "tilt": ("noise", (), (1e-6, 1e-5, 1e-4, 1e-3)),
 }
-"""Field of the noise on each signal; the unit shown, with its factor; levels for one leg and for the quadruped."""
+"""Field of the noise on each signal; its levels for one leg and for the quadruped."""
 
 
 def _break(kind: str, value: float, leg: int, start: float) -> list[str]:
@@ -84,7 +83,7 @@ def _add_noise(machine: str, words: list[str], own: int) -> list[dict[str, Any]]
     """A machine without noise, and with every level of noise on every signal; ``own`` is the place of its levels."""
     labels = {"part": "noise", "machine": machine}
     found: list[dict[str, Any]] = [{"set": words, "seeds": True, "labels": {**labels, "signal": "none"}}]
-    for signal, (field, _, _, *levels_of) in SIGNALS.items():
+    for signal, (field, *levels_of) in SIGNALS.items():
         levels = {level: ["sensors=real", f"sensors.{signal}.{field}={level}"] for level in levels_of[own]}
         quick: dict[str, Any] | None = {} if signal == "force" else None
         found.append({**found[0], "over": {"level": levels}, "labels": {**labels, "signal": signal}, "quick": quick})
@@ -117,10 +116,6 @@ def where_sound_walks(results: Results, check: str, gains: Sequence[str]) -> Res
         return all(sound.select(feedforward=feedforward, gain=gain).completed)
 
     return Results([row for row in broken.rows if walks(row.settings["feedforward"], row.settings["gain"])])
-
-
-def _find_rejected(results: Results) -> Mask:
-    return where_sound_walks(results, "check", [*GAINS]).measure("rejected_after") <= results.run.steps_per_cycle
 
 
 def worsening(results: Results, metric: str = "feedback_rms") -> Array:
@@ -156,21 +151,6 @@ def draw_failure(results: Results) -> Figure:
         events = [run.config["sensors"]["force"]["fault"]["start"], *rejected]
         panels.append(Panel(check, "time, s", "force, N", series, x_limits=events))
     return draw(panels, columns=1, height=1.9)
-
-
-def draw_noise(results: Results, machine: str) -> Figure:
-    """Errors and torque over those without noise, over the level of noise on each signal."""
-    panels, own = [], results.select(part="noise", machine=machine)
-    for signal in [name for name in own.values("signal") if name != "none"]:
-        levels, (_, unit, factor, *_) = own.select(signal=signal).values("level"), SIGNALS[signal]
-        pairs = [own.select(signal=["none", signal], level=[None, level]) for level in levels]
-        series = [
-            Series(name, factor * np.array(levels), [estimate(worsening(pair, metric)).value for pair in pairs])
-            for name, metric in ERRORS[machine].items()
-        ]
-        axes = (f"noise, {unit}", "value over that without noise")
-        panels.append(Panel(f"noise on the {signal}", *axes, series, log="x", y_limits=[FELT]))
-    return draw(panels, columns=3)
 
 
 def _count_kinds(results: Results) -> str:
@@ -233,7 +213,9 @@ STUDY = declare(
             "cycle",
             "criteria": [
                 _survive("with the check, all gains", "check", [*GAINS], "at least 90 %"),
-                {"quantity": "failures that the check detects within a cycle", "value": _find_rejected,
+                {"quantity": "failures that the check detects within a cycle", 
+                 "value": lambda results: where_sound_walks(results, "check", [*GAINS]).measure("rejected_after")
+                 <= results.run.steps_per_cycle,
                  "of": {"part": ["sound", "failures"]}, "limit": "at least 90 %"},
             ],
         },
@@ -290,8 +272,14 @@ STUDY = declare(
     },
     figures={
         "failure": draw_failure,
-        "noise_leg": partial(draw_noise, machine=LEG),
-        "noise_walk": partial(draw_noise, machine=WALK),
+        **{
+            f"noise_{name}": [
+                {"value": f"{metric}[-3:]", "over": "level", "by": "signal", "log": "xy", "title": title,
+                 "y": f"{title}, SI units", "of": {"part": "noise", "machine": machine, "signal": list(SIGNALS)}}
+                for title, metric in ERRORS[machine].items()
+            ]
+            for name, machine in (("leg", LEG), ("walk", WALK))
+        },
     },
     tables={
         "kinds": {

@@ -9,14 +9,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from cmacexp.models.robot_file import package_models
 from cmacexp.report.figures import Panel, Series
-from cmacexp.stability.verdict import GROWS, HOLDS, MAX_CYCLES, PLACES
+from cmacexp.stability.verdict import GROWS, HOLDS, MAX_CYCLES
 from cmacexp.study import DataFrame, Figure, Request, Results, declare, draw
-from cmacexp.study.interval import UNKNOWN, estimate
 from cmacexp.typing import Array, Mask
-from pipelines.when_learning_holds_measures import MEASURES, REALS, SAID
+from pipelines.when_learning_holds_measures import MEASURES, SAID
 from pipelines.worlds import LEG, ROBOT, WALK, draw_settings
 
 DRAWS = {LEG: (1200, 5, 3000), WALK: (240, 4, 3000), ROBOT: (20, 0, 150)}
@@ -70,38 +70,8 @@ def find_growth_errors(results: Results) -> Array:
     return np.asarray(errors[np.isfinite(errors)])
 
 
-def table_confusion(results: Results) -> DataFrame:
-    """How many settings each predictor says to stay bounded or to grow, how they went, and how often it was right."""
-    import pandas as pd
-
-    rows = []
-    for machine, own in learning(results).by("machine").items():
-        for criterion, words in CRITERIA.items():
-            bounded, grows, held = judge(own, criterion)
-            said = {"said bounded": bounded, "said to grow": grows, "undecided": ~bounded & ~grows}
-            right = (bounded == held)[bounded | grows]
-            accuracy = estimate(right) if len(right) else UNKNOWN
-            counts = {
-                f"{name}, {then}": int((chosen & went).sum())
-                for name, chosen in said.items()
-                for then, went in (("bounded", held), ("grew", ~held))
-            }
-            shares = {
-                "undecided": said["undecided"].mean(), "right where it decides": accuracy.value,
-                "from": accuracy.low, "to": accuracy.high,
-            }  # fmt: skip
-            rows.append(
-                {"machine": machine, "predictor": words, "n": len(held), "stay bounded, %": 100.0 * held.mean()}
-                | counts
-                | {f"{name}, %": 100.0 * float(share) for name, share in shares.items()}
-            )
-    return pd.DataFrame(rows)
-
-
 def table_misses(results: Results) -> DataFrame:
     """Wrong and undecided verdicts of one leg by single settings."""
-    import pandas as pd
-
     own = learning(results.select(machine=LEG))
     bounded, grows, held = judge(own)
     rules = np.array([row.settings["learning.rule"] for row in own.rows])
@@ -134,20 +104,6 @@ def draw_growth(results: Results) -> Figure:
     return draw([panel], columns=1)
 
 
-def draw_places(results: Results) -> Figure:
-    """Least eigenvalue of Re(z^l T) over frequency at the places of the cycle: median and quartiles over settings."""
-    own, place = learning(results.select(machine=LEG)), np.arange(PLACES) / PLACES
-    series, held = [], judge(own)[2]
-    for name, chosen in (("stayed bounded", held), ("grew", ~held)):
-        reals = np.array([own.measure(real) for real in REALS])[:, chosen]
-        known = reals[:, np.isfinite(reals).all(axis=0)]
-        if known.size:
-            low, middle, high = np.quantile(known, (0.25, 0.5, 0.75), axis=1)
-            series.append(Series(name, place, middle, low, high))
-    panel = Panel("one leg", "share of the cycle", "least Re z^l T", series, y_limits=[0.0], y_range=(-2.0, 1.0))
-    return draw([panel], columns=1)
-
-
 def values(results: Results) -> dict[str, Any]:
     """Counts that the page names."""
     counts = {machine: len(own) for machine, own in learning(results).by("machine").items()}
@@ -172,6 +128,11 @@ CELLS: dict[str, tuple[Callable[[Mask, Mask, Mask], Mask], str]] = {
     "undecided": (lambda bounded, grows, held: ~bounded & ~grows, "at most 20 %"),
 }
 """The confusion matrix of a criterion, as shares of all settings, and the share undecided."""
+SHARES: dict[str, Callable[[Mask, Mask, Mask], Mask]] = {
+    "right where it decides": lambda bounded, grows, held: (bounded == held)[bounded | grows],
+    "undecided": CELLS["undecided"][0],
+}
+"""What the table shows of each predictor."""
 STUDY = declare(
     title="When learning stays bounded",
     question="What do frequency tests, the cycle map, a short simulation and `stability` say of random "
@@ -211,7 +172,7 @@ STUDY = declare(
         **{
             criterion: {
                 "says": f"Where it decides, “{words}” is right", "quantity": "right where it decides", "case": words,
-                "value": _sample(lambda bounded, grows, held: (bounded == held)[bounded | grows], criterion),
+                "value": _sample(SHARES["right where it decides"], criterion),
                 "of": {"machine": LEG}, "limit": "at least 90 %",
             }
             for criterion, words in CRITERIA.items()
@@ -228,7 +189,21 @@ STUDY = declare(
             for criterion, words in CRITERIA.items()
         },
     },
-    figures={"growth": draw_growth, "places": draw_places},
-    tables={"confusion": table_confusion, "misses": table_misses},
+    figures={"growth": draw_growth},
+    tables={
+        "confusion": {
+            "rows": "machine",
+            "columns": {
+                "n": lambda own: len(learning(own)),
+                "stays bounded": _sample(lambda bounded, grows, held: held),
+                **{
+                    f"{words}: {what}": _sample(share, criterion)
+                    for criterion, words in CRITERIA.items()
+                    for what, share in SHARES.items()
+                },
+            },
+        },
+        "misses": table_misses,
+    },
     values=values,
 )  # fmt: skip

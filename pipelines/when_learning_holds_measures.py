@@ -1,10 +1,10 @@
 """What the study of predictors measures of one run: how it went, and what each of them says of its config."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -29,34 +29,11 @@ FEWEST = 20
 """Cycles over which growth is measured at least."""
 
 
-class Outcome(NamedTuple):
-    """Of one run; a criterion gives a number of SAID, or NaN if it cannot be computed."""
-
-    learns: float
-    """1: feedback only lasts until learning begins, else 0."""
-    held: float
-    """1: it stayed bounded: it completed, and its feedback ended below DRIFT_RATIO times its lowest level."""
-    condition_1: float
-    """Re(z^l T) > (beta / 2) T^H T at every frequency and place, Re the Hermitian part."""
-    condition_2: float
-    """Re(z^l T) > beta (l + 1/2) T^H T there."""
-    frequency: float
-    """Re(z^l T) > 0 there."""
-    cycle_map: float
-    """Growth below 1 of the loop linearised after the first cycles."""
-    simulation: float
-    """Whether the first MAX_CYCLES stay bounded."""
-    verdict: float
-    predicted: float
-    """Growth per cycle with the verdict."""
-    measured: float
-    """Growth over the same cycles of the run; NaN where they are too few, or the change is not small."""
-    late: float
-    """Lead below that of ``learning.lead=auto``, samples."""
-
-
-REALS = [f"real_{place}" for place in range(PLACES)]
-"""Names of the least eigenvalue of Re(z^l T) over frequency at each place of the cycle."""
+NAMES = (
+    "learns", "held", "condition_1", "condition_2", "frequency", "cycle_map", "simulation", "verdict", "predicted",
+    "measured", "late",
+)  # fmt: skip
+"""Measures of a run, see :func:`_measure`; a criterion gives a number of SAID, or NaN if it cannot be computed."""
 
 
 def _over_legs(run: Run, name: str) -> Array:
@@ -95,7 +72,7 @@ def _say_if_met(spectra: Sequence[Spectrum], lead: int, share: float) -> float:
 
 @lru_cache(maxsize=2)
 def _measure(folder: Path) -> Mapping[str, float]:
-    """Of a run: its Outcome and REALS; without what cannot be computed."""
+    """Of a run: NAMES; without what cannot be computed."""
     run = Run(folder)
     config = read_config(run)
     first = config.learning.start_cycle
@@ -104,28 +81,30 @@ def _measure(folder: Path) -> Mapping[str, float]:
         return {"learns": 0.0}
     scenario, verdict, short = make_scenario(config), assess(config), assess(config, simulate=False)
     setup, automatic, spectra = scenario.setup, replace(config.learning, lead="auto"), _spectra(config)
-    reals = [place.least(setup.lead) for place in spectra]
-    asked = min(MAX_CYCLES, config.cycles - first + 1)
-    learning = levels[first - 1 :]
-    changes = _over_legs(run, "feedback_change")[1:]
-    outcome = Outcome(
-        1.0,
-        float(_held(learning, config.cycles - first + 1)),
-        _say_if_met(spectra, setup.lead, setup.rate / 2.0),
-        _say_if_met(spectra, setup.lead, setup.rate * (setup.lead + 0.5)),
-        _say_if_met(spectra, setup.lead, 0.0),
-        float("nan") if np.isnan(short.growth) else _say(short.growth < 1.0),
-        _say(_held(learning, asked)),
-        SAID[verdict.verdict],
-        verdict.growth,
-        _measure_growth(changes, float(learning.min(initial=np.inf)), verdict.cycle),
-        float(resolve_lead(replace(config, learning=automatic), scenario.sensors, scenario.controller) - setup.lead),
-    )
-    return {**outcome._asdict(), **dict(zip(REALS, reals, strict=False))}
+    lead, learning, asked = setup.lead, levels[first - 1 :], config.cycles - first + 1
+    changes, lowest = _over_legs(run, "feedback_change")[1:], float(learning.min(initial=np.inf))
+    return {
+        "learns": 1.0,  # feedback only lasts until learning begins
+        "held": float(
+            _held(learning, asked)
+        ),  # it completed, and its feedback ended below DRIFT_RATIO times its least
+        "condition_1": _say_if_met(spectra, lead, setup.rate / 2.0),  # Re(z^l T) > (beta / 2) T^H T, Re the Hermitian
+        "condition_2": _say_if_met(spectra, lead, setup.rate * (lead + 0.5)),  # Re(z^l T) > beta (l + 1/2) T^H T
+        "frequency": _say_if_met(spectra, lead, 0.0),
+        # Growth below 1 of the loop linearised after the first cycles.
+        "cycle_map": math.nan if math.isnan(short.growth) else _say(short.growth < 1.0),
+        "simulation": _say(_held(learning, min(MAX_CYCLES, asked))),
+        "verdict": SAID[verdict.verdict],
+        "predicted": verdict.growth,
+        "measured": _measure_growth(changes, lowest, verdict.cycle),  # NaN where it is not small, or cycles are few
+        "late": float(
+            resolve_lead(replace(config, learning=automatic), scenario.sensors, scenario.controller) - lead
+        ),  # samples below the lead of ``learning.lead=auto``
+    }
 
 
 def _read(run: Run, name: str) -> float:
-    return _measure(run.folder).get(name, float("nan"))
+    return _measure(run.folder).get(name, math.nan)
 
 
-MEASURES: Measures = {name: partial(_read, name=name) for name in (*Outcome._fields, *REALS)}
+MEASURES: Measures = {name: partial(_read, name=name) for name in NAMES}

@@ -45,7 +45,10 @@ def cross_tabulate(
 
 
 def _show(value: Any) -> Any:
-    return estimate(value).value if isinstance(value, np.ndarray) else value
+    """The estimate of a value for each run, NaN if there is none or one is undefined; anything else as it is."""
+    if not isinstance(value, np.ndarray):
+        return value
+    return estimate(value).value if len(value) and not np.isnan(value).any() else np.nan
 
 
 def completed(results: Results) -> str:

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from support.made_studies import made_row
 
-from cmacexp.study import Results
-from pipelines.assumptions import TAKEN, Conclusion, count_changes
+from cmacexp.study import Criterion, Results, at_most
+from pipelines.assumptions import TAKEN, count_changes
 from pipelines.force_methods import predicted_force
 from pipelines.lead_design import nearest
 from pipelines.one_leg_learning_trace import feedback_force, learned_error, reference_depth, weight_at_foot
@@ -71,7 +71,7 @@ def test_the_nearest_bandwidth_is_that_of_a_stable_loop_whose_resonance_is_low(l
 
 
 def test_a_conclusion_changes_if_it_differs_from_that_with_the_values_taken_and_the_same_seed():
-    small = Conclusion("x error", "transfer_rmse_x[-1:] / transfer_rmse_x[1]", "at most 0.1")
+    small = Criterion("x error", "transfer_rmse_x[-1:] / transfer_rmse_x[1]", at_most(0.1))
     given = {TAKEN: (0.1, 0.3), "stroke": (0.1, 0.3), "lift 1": (0.3, 0.1), "lift 2": (0.3, 0.3)}
     rows = [
         made_row({"transfer_rmse_x": [2.0, 1.0, last]}, variant=variant, seed=seed, cycles=3)
