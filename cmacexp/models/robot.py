@@ -48,31 +48,28 @@ UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 def load_mujoco() -> Any:
-    """The module ``mujoco``; raises BadInput if it is not installed."""
+    """The module ``mujoco``; raises BadInput if it is not installed.
+
+    Its warnings do not go to ``MUJOCO_LOG.TXT`` in the current folder; its data counts them.
+    """
     try:
         import mujoco
     except ImportError as error:
         raise BadInput("plant", "mujoco", f"MuJoCo is not installed: {format_install_command('mujoco')}") from error
+    if mujoco.get_mju_user_warning() is None:
+        mujoco.set_mju_user_warning(lambda message: None)
     return mujoco
 
 
 @contextmanager
 def refusals_named(key: str, value: object) -> Iterator[Any]:
-    """Within the block, which gets the module ``mujoco``, a model that it refuses is BadInput with this key.
-
-    Its warnings do not go to ``MUJOCO_LOG.TXT`` in the current folder; counters hold them too.
-    """
-    mujoco = load_mujoco()
-    handler = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda message: None)
+    """Within the block, which gets the module ``mujoco``, a model that it refuses is BadInput with this key."""
     try:
-        yield mujoco
+        yield load_mujoco()
     except BadInput:
         raise
     except ValueError as error:
         raise BadInput(key, value, f"MuJoCo refuses the model: {' '.join(str(error).split())}") from error
-    finally:
-        mujoco.set_mju_user_warning(handler)
 
 
 def load_spec(path: Path) -> Any:

@@ -85,12 +85,8 @@ class Engine(NamedTuple):
     """Address of its data."""
     substeps: int
     """Steps of MuJoCo per sampling period."""
-    warning: Counts
-    """(1,): variable of MuJoCo, the address of the function that it calls when it warns."""
-    ignore: int
-    """Its value during a step: MuJoCo would write to a file in the current folder; ``warned`` counts anyway."""
     passive: Counts
-    """(1,): likewise that of the function for passive forces."""
+    """(1,): variable of MuJoCo, the address of the function that it calls for passive forces."""
     press: int
     """Its value during a step of the Runge-Kutta method: forces of the ground in a stage; 0: semi-implicit Euler."""
     warned: Counts
@@ -327,8 +323,7 @@ def advance_engine(engine: Engine, machine: PlantState, torque: Array, drives: D
 
     Joint angles become NaN if MuJoCo warns.
     """
-    before, warned = engine.warning[0], False
-    engine.warning[0] = engine.ignore
+    warned = False
     for substep in range(engine.substeps):
         if not warned:
             turn_joints(engine, torque, drives)
@@ -338,7 +333,6 @@ def advance_engine(engine: Engine, machine: PlantState, torque: Array, drives: D
             if substep + 1 == engine.substeps:
                 machine.clock[0] += 1
             apply_forces(engine.floor, engine, machine, False)
-    engine.warning[0] = before
     if not warned:
         observe(engine, machine, torque)
         read_drives(engine.instruments, drives)

@@ -1,4 +1,4 @@
-"""MuJoCo's C library: functions that kernels call, and variables that hold the functions that it calls itself.
+"""MuJoCo's C library: functions that kernels call, and the variable that holds a function that it calls itself.
 
 Compiled code finds the functions by their names in the process; plain Python calls them by way of ctypes. Both give
 the bits of MuJoCo's Python functions.
@@ -16,10 +16,8 @@ from cmacexp.jit.kernels import c_function
 from cmacexp.models.robot import load_mujoco
 from cmacexp.typing import Counts
 
-WarningHandler = ctypes.CFUNCTYPE(None, ctypes.c_char_p)
 Callback = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
 """Of MuJoCo, with the addresses of a model and its data."""
-ignore_warning = WarningHandler(lambda message: None)
 
 
 @cache

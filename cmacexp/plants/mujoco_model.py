@@ -13,15 +13,12 @@ from cmacexp.models.robot import refusals_named
 from cmacexp.plants.mujoco_plant import Model
 from cmacexp.typing import Array
 
-POINT = "1e-15 1e-15 1e-15"
-"""Inertia of a point mass, kg m^2: the least that MuJoCo accepts, its mjMINVAL."""
-
 
 def _link(name: str, length: float, mass: float, at: str, inside: str) -> str:
     """A link along its own x with a point mass at its end, hinged at ``at`` in its parent's frame."""
     return (
         f'<body pos="{at}"><joint name="{name}" type="hinge" axis="0 1 0"/>'
-        f'<inertial pos="{length!r} 0 0" mass="{mass!r}" diaginertia="{POINT}"/>{inside}</body>'
+        f'<inertial pos="{length!r} 0 0" mass="{mass!r}"/>{inside}</body>'
     )
 
 
@@ -50,7 +47,8 @@ def make_planar(mechanism: Mechanism, body_mass: float | None = None, inertia: S
         )
     floats, legs = int(body_mass is not None), len(mechanism.legs)
     xml = (
-        f'<mujoco><compiler angle="radian"/><option integrator="RK4" gravity="0 0 {-GRAVITY!r}">'
+        # boundinertia is that of a point mass: the least that MuJoCo accepts, its mjMINVAL
+        f'<mujoco><compiler angle="radian" boundinertia="1e-15"/><option integrator="RK4" gravity="0 0 {-GRAVITY!r}">'
         f'<flag constraint="disable" autoreset="disable"/></option><worldbody>{machine}</worldbody></mujoco>'
     )
     with refusals_named("plant", "mujoco") as mujoco:

@@ -27,7 +27,7 @@ from cmacexp.plants.mujoco_kernels import (
     observe,
     pressing,
 )
-from cmacexp.plants.mujoco_library import Callback, find_address, find_variable, ignore_warning
+from cmacexp.plants.mujoco_library import Callback, find_address, find_variable
 from cmacexp.plants.protocol import Measurement, copy_state
 from cmacexp.plants.robot_signals import new_instruments
 from cmacexp.plants.touch import Touch
@@ -135,8 +135,6 @@ class MujocoPlant:
             model=model._address,  # the bindings have no public name for it
             data=data._address,
             substeps=self.config.substeps,
-            warning=find_variable("mju_user_warning"),
-            ignore=find_address(ignore_warning),
             passive=find_variable("mjcb_passive"),
             press=find_address(self._callback) if in_stages else 0,
             warned=data.warning.number,
@@ -176,7 +174,7 @@ class MujocoPlant:
         self._torque[...] = torque
         if self._advancing is None:
             self._advancing = advancing(self.engine, self.state, self._torque)
-        with interrupt_held_back():  # MuJoCo is to forget its handlers, and would drop an error in one
+        with interrupt_held_back():  # MuJoCo is to forget its handler, and would drop an error in it
             next(self._advancing)
         if self.divergence:
             raise Diverged(self.divergence)
