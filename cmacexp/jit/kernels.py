@@ -11,7 +11,7 @@ inlined_kernels: dict[Callable[..., object], bool] = {}
 merged_kernels: set[Callable[..., object]] = set()
 """Kernels whose statements become those of their callers."""
 c_functions: set[Callable[..., object]] = set()
-"""What calls a C function of its own name, whose arguments are integers or addresses, and which returns nothing."""
+"""What calls a C function of its own name, which returns nothing: of floats and integers, which addresses are."""
 
 
 @overload

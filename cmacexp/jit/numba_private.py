@@ -64,7 +64,8 @@ def _inner(function: Callable[..., object]) -> Any:
 def _type_of_kernel(function: FunctionType, context: object) -> Any:
     """numba's type of a global function that compiled code calls; None of what is neither kernel nor C function."""
     if function in c_functions:
-        arguments = [types.intp] * function.__code__.co_argcount
+        *kinds, _ = function.__annotations__.values()
+        arguments = [types.float64 if kind is float else types.intp for kind in kinds]
         return types.ExternalFunction(function.__name__, types.void(*arguments))
     return typeof(_inner(function)) if function in inlined_kernels else None
 

@@ -1,7 +1,7 @@
 """Steps of machines in MuJoCo, forces on them, and their measurements, as kernels.
 
-What Python calls in every step or stage is a compiled generator: resuming it costs a tenth of a call of a program
-with as many arrays; its caller keeps these alive.
+What Python calls in every step is a compiled generator: resuming it costs a tenth of a call of a program with as
+many arrays; its caller keeps these alive.
 """
 
 import math
@@ -11,7 +11,6 @@ from typing import NamedTuple
 from cmacexp.jit.compiler import kernel, program
 from cmacexp.models.ground import Ground, grade_at, height_at, stiffness_under
 from cmacexp.models.mechanism import (
-    CHAINS_UNDER_BODY,
     Mechanism,
     compute_foot_position,
     compute_foot_velocity,
@@ -20,7 +19,12 @@ from cmacexp.models.mechanism import (
 from cmacexp.plants.drives import Drives, drive_joints
 from cmacexp.plants.joint_kernels import Joints, hold_torque
 from cmacexp.plants.kernels import Payload, PlantState
-from cmacexp.plants.mujoco_library import mj_comPos, mj_comVel, mj_kinematics, mj_step, mj_step1, mj_step2
+from cmacexp.plants.mujoco_library import (
+    mj_fwdAcceleration,
+    mj_integratePos,
+    mj_step1,
+    mj_step2,
+)
 from cmacexp.plants.robot_signals import Instruments, read_drives, read_instruments
 from cmacexp.plants.touch import Touch, ground_force, slide_anchor
 from cmacexp.typing import Array, Counts
@@ -76,6 +80,25 @@ class Bodies(NamedTuple):
     """(6,): its velocity in the world, m/s, and its angular velocity in its own frame, rad/s."""
 
 
+class Stages(NamedTuple):
+    """What a step of the classical Runge-Kutta method remembers of its stages."""
+
+    step: float
+    """Time of it, s."""
+    start: Array
+    """(nq,): position at its start."""
+    mean: Array
+    """(nv,): weighted mean of the velocities."""
+    velocity: Array
+    """(4, nv): of each stage."""
+    acceleration: Array
+    """(4, nv): likewise."""
+
+
+WEIGHTS = ((0.5, 0.0, 0.0, 0.0), (0.0, 0.5, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6))
+"""Of the stages in the mean velocity and acceleration that lead to the next stage, and to the end of the step."""
+
+
 class Engine(NamedTuple):
     """A machine of L legs in MuJoCo, its surroundings, and where both are in MuJoCo's arrays."""
 
@@ -85,15 +108,15 @@ class Engine(NamedTuple):
     """Address of its data."""
     substeps: int
     """Steps of MuJoCo per sampling period."""
-    passive: Counts
-    """(1,): variable of MuJoCo, the address of the function that it calls for passive forces."""
-    press: int
-    """Its value during a step of the Runge-Kutta method: forces of the ground in a stage; 0: semi-implicit Euler."""
+    stages: Stages | None
+    """None: MuJoCo's semi-implicit Euler."""
     warned: Counts
     """How often MuJoCo has given each of its warnings."""
     position: Array
     """Of all that moves, as the next two."""
     velocity: Array
+    acceleration: Array
+    """Without constraints."""
     torque: Array
     """N m."""
     q: Counts
@@ -214,29 +237,6 @@ def observe_trunk(
 
 
 @kernel
-def observe_planar_foot(
-    hips: Array, bodies: Bodies, feet: Feet, at: Vector, velocity: Vector, i: int, measured: PlantState
-) -> None:
-    """Measure planar foot ``i``; the body has ``hips`` (L, 2), is at ``at``, m, with ``velocity``, m/s, (3,) each."""
-    rotation = bodies.trunk_rotation
-    w = bodies.trunk_rate[3:]
-    place = bodies.place[feet.point[i]]
-    dx = place[0] - at[0]
-    dy = place[1] - at[1]
-    dz = place[2] - at[2]
-    vx, vy, vz = foot_velocity(bodies, feet, i)
-    vx -= velocity[0]
-    vy -= velocity[1]
-    vz -= velocity[2]
-    x = rotation[0] * dx + rotation[3] * dy + rotation[6] * dz
-    z = rotation[2] * dx + rotation[5] * dy + rotation[8] * dz
-    measured.foot[i, 0], measured.foot[i, 1] = x - hips[i, 0], -z
-    # Motion of the foot in the world that stems from the rotation of the body is not motion of the leg.
-    measured.velocity[i, 0] = rotation[0] * vx + rotation[3] * vy + rotation[6] * vz - w[1] * z + w[2] * hips[i, 1]
-    measured.velocity[i, 1] = -(rotation[2] * vx + rotation[5] * vy + rotation[8] * vz - w[0] * hips[i, 1] + w[1] * x)
-
-
-@kernel
 def observe(engine: Engine, machine: PlantState, torque: Array) -> None:
     """Measure a machine whose motors held ``torque`` (L, J), N m, where MuJoCo has it now; fills ``machine``."""
     mechanism = engine.mechanism
@@ -261,11 +261,8 @@ def observe(engine: Engine, machine: PlantState, torque: Array) -> None:
         read_instruments(engine.instruments, machine, torque, engine.travel, rotation, spin, velocity)
     update_kinematics(mechanism, machine.q, machine.kinematics)
     for i in range(machine.q.shape[0]):
-        if mechanism.kind == CHAINS_UNDER_BODY:
-            compute_foot_position(mechanism, i, machine.kinematics, machine.foot)
-            compute_foot_velocity(mechanism, i, machine.kinematics, machine.dq, machine.velocity)
-        else:
-            observe_planar_foot(mechanism.hips, bodies, feet, at, velocity, i, machine)
+        compute_foot_position(mechanism, i, machine.kinematics, machine.foot)
+        compute_foot_velocity(mechanism, i, machine.kinematics, machine.dq, machine.velocity)
 
 
 @kernel
@@ -285,26 +282,39 @@ def apply_forces(floor: Counts | None, engine: Engine, machine: PlantState, in_s
 
 
 @kernel
-def integrate(engine: Engine, machine: PlantState) -> None:
-    """One step of MuJoCo: Runge-Kutta with forces of the ground in every stage, or Euler with those at its start.
+def average(values: Array, stage: int, n: int) -> float:
+    """Weighted mean of ``values`` (4, nv) in column ``n``, which leads from a ``stage`` to the next."""
+    a, b, c, d = WEIGHTS[stage]
+    return a * values[0, n] + b * values[1, n] + c * values[2, n] + d * values[3, n]
+
+
+@kernel
+def integrate(stages: Stages | None, engine: Engine, machine: PlantState) -> None:
+    """One step of MuJoCo: Euler with forces of the ground at its start, or Runge-Kutta with those in every stage.
 
     Held over a step of Runge-Kutta they would excite oscillations of the ground.
     """
     model, data = engine.model, engine.data
-    if engine.press == 0:
+    if stages is None:
         mj_step2(model, data)
         read_floor(engine.floor, engine.sensors, machine.force)
         mj_step1(model, data)
     else:
-        # Only during the step: MuJoCo calls it for every model of the process.
-        before = engine.passive[0]
-        engine.passive[0] = engine.press
-        mj_step(model, data)
-        engine.passive[0] = before
-        # The step leaves positions and velocities of its last stage.
-        mj_kinematics(model, data)
-        mj_comPos(model, data)
-        mj_comVel(model, data)
+        for n in range(stages.start.shape[0]):
+            stages.start[n] = engine.position[n]
+        for stage in range(4):
+            if engine.warned.any():
+                break
+            apply_forces(engine.floor, engine, machine, True)
+            mj_fwdAcceleration(model, data)
+            for n in range(stages.mean.shape[0]):
+                stages.velocity[stage, n], stages.acceleration[stage, n] = engine.velocity[n], engine.acceleration[n]
+                stages.mean[n] = average(stages.velocity, stage, n)
+                engine.velocity[n] = stages.velocity[0, n] + average(stages.acceleration, stage, n) * stages.step
+            for n in range(stages.start.shape[0]):
+                engine.position[n] = stages.start[n]
+            mj_integratePos(model, engine.position.ctypes.data, stages.mean.ctypes.data, stages.step)
+            mj_step1(model, data)
 
 
 @kernel
@@ -327,7 +337,7 @@ def advance_engine(engine: Engine, machine: PlantState, torque: Array, drives: D
     for substep in range(engine.substeps):
         if not warned:
             turn_joints(engine, torque, drives)
-            integrate(engine, machine)
+            integrate(engine.stages, engine, machine)
             warned = bool(engine.warned.any())
         if not warned:
             if substep + 1 == engine.substeps:
@@ -340,14 +350,6 @@ def advance_engine(engine: Engine, machine: PlantState, torque: Array, drives: D
         for i in range(torque.shape[0]):
             for j in range(torque.shape[1]):
                 machine.q[i, j] = math.nan
-
-
-@program
-def pressing(engine: Engine, machine: PlantState) -> Iterator[int]:
-    """:func:`apply_forces` in a stage whenever it is resumed."""
-    while True:
-        apply_forces(engine.floor, engine, machine, True)
-        yield 0
 
 
 @program

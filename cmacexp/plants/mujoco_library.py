@@ -1,23 +1,16 @@
-"""MuJoCo's C library: functions that kernels call, and the variable that holds a function that it calls itself.
+"""MuJoCo's C library: functions that kernels call.
 
-Compiled code finds the functions by their names in the process; plain Python calls them by way of ctypes. Both give
-the bits of MuJoCo's Python functions.
+Compiled code finds them by their names in the process; plain Python calls them by way of ctypes. Both give the bits
+of MuJoCo's Python functions.
 """
 
 import ctypes
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from cmacexp.jit.kernels import c_function
 from cmacexp.models.robot import load_mujoco
-from cmacexp.typing import Counts
-
-Callback = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
-"""Of MuJoCo, with the addresses of a model and its data."""
 
 
 @cache
@@ -35,17 +28,11 @@ def _make_function(name: str) -> Callable[[int, int], None]:
     return c_function(call)
 
 
-mj_step, mj_step1, mj_step2, mj_kinematics, mj_comPos, mj_comVel = map(
-    _make_function, ("mj_step", "mj_step1", "mj_step2", "mj_kinematics", "mj_comPos", "mj_comVel")
-)
+mj_step1, mj_step2, mj_fwdAcceleration = map(_make_function, ("mj_step1", "mj_step2", "mj_fwdAcceleration"))
 """Functions of the addresses of a model and its data."""
 
 
-def find_variable(name: str) -> Counts:
-    """The variable of the library that holds the address of a function, (1,), a number; 0: none."""
-    return np.ctypeslib.as_array((ctypes.c_int64 * 1).in_dll(load_library(), name))
-
-
-def find_address(function: Any) -> int:
-    """Where a C function made of a Python one is."""
-    return ctypes.cast(function, ctypes.c_void_p).value or 0
+@c_function
+def mj_integratePos(model: int, position: int, velocity: int, time: float) -> None:
+    """Move the position at an address by the velocity at another for some ``time``, s."""
+    load_library().mj_integratePos(*map(ctypes.c_void_p, (model, position, velocity)), ctypes.c_double(time))

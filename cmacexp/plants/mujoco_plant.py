@@ -8,7 +8,6 @@ import numpy as np
 
 from cmacexp.config import number
 from cmacexp.errors import BadInput, Diverged
-from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.models.robot import load_mujoco
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Setup
@@ -22,12 +21,12 @@ from cmacexp.plants.mujoco_kernels import (
     Engine,
     Feet,
     Push,
+    Stages,
     advancing,
     apply_forces,
     observe,
-    pressing,
 )
-from cmacexp.plants.mujoco_library import Callback, find_address, find_variable
+from cmacexp.plants.mujoco_library import load_library
 from cmacexp.plants.protocol import Measurement, copy_state
 from cmacexp.plants.robot_signals import new_instruments
 from cmacexp.plants.touch import Touch
@@ -129,17 +128,20 @@ class MujocoPlant:
         point, body, root = (indices.astype(np.int64) for indices in (foot, fixed_to, model.body_rootid[fixed_to]))
         self.state = new_state(mechanism.shape[0], mechanism.axes)
         self.state.body[0] = mechanism.hip_height
-        in_stages = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-        self._callback = Callback(self._press_in_stage)
+        stages = None
+        if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+            velocity, acceleration = np.zeros((2, 4, model.nv))
+            stages = Stages(model.opt.timestep, np.zeros(model.nq), np.zeros(model.nv), velocity, acceleration)
+        load_library()
         self.engine = Engine(
             model=model._address,  # the bindings have no public name for it
             data=data._address,
             substeps=self.config.substeps,
-            passive=find_variable("mjcb_passive"),
-            press=find_address(self._callback) if in_stages else 0,
+            stages=stages,
             warned=data.warning.number,
             position=data.qpos,
             velocity=data.qvel,
+            acceleration=data.qacc_smooth,
             torque=data.qfrc_applied,
             q=q,
             dq=dq,
@@ -165,7 +167,6 @@ class MujocoPlant:
         self.signals = None if self.engine.instruments is None else self.engine.instruments.signals
         self._torque = np.zeros(mechanism.shape)
         self._advancing: Iterator[int] | None = None
-        self._pressing: Iterator[int] | None = None
         apply_forces(floor, self.engine, self.state, False)
         return self.measure()
 
@@ -174,16 +175,10 @@ class MujocoPlant:
         self._torque[...] = torque
         if self._advancing is None:
             self._advancing = advancing(self.engine, self.state, self._torque)
-        with interrupt_held_back():  # MuJoCo is to forget its handler, and would drop an error in it
-            next(self._advancing)
+        next(self._advancing)
         if self.divergence:
             raise Diverged(self.divergence)
         return copy_state(self.state, self.engine.travel, self.signals)
-
-    def _press_in_stage(self, model: int, data: int) -> None:
-        if self._pressing is None:
-            self._pressing = pressing(self.engine, self.state)
-        next(self._pressing)
 
     def hold(self) -> Array:
         """Remember this step as the one that :meth:`put` returns to; its state, (n,).
@@ -232,11 +227,11 @@ class MujocoPlant:
     def divergence(self) -> str:
         """The first of MuJoCo's warnings, in one line, with the joint to which the velocity that it names belongs.
 
-        Empty if there is none.
+        Empty if there is none. A singular inertia, number 0, follows from any other: it is named only if it is alone.
         """
         if not self.engine.warned.any():
             return ""
-        warning = int(np.flatnonzero(self.engine.warned)[0])
+        warning = int(min(np.flatnonzero(self.engine.warned), key=lambda number: number == 0))
         name, velocity = self.mujoco.mjtWarning(warning).name, int(self.data.warning.lastinfo[warning])
         if name == "mjWARN_BADQPOS":  # a body that floats has a position, of its quaternion, more than velocities
             velocity = max(0, velocity - (self.model.nq - self.model.nv))
