@@ -8,7 +8,7 @@ from cmacexp.commands.study import FOLDER, Options
 from cmacexp.commands.study import main as run_study
 from cmacexp.data.parquet import read_table
 from cmacexp.errors import BadInput
-from cmacexp.study.stages import STAGES_FILE, list_stages
+from cmacexp.study.provenance import STAGES_FILE, list_stages
 from cmacexp.study.study_file import YAML
 from pipelines.benchmark import log_track
 from pipelines.benchmark.__main__ import main as run_benchmark

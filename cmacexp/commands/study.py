@@ -30,17 +30,19 @@ from cmacexp.study.page import (
     restore,
     write_page,
 )
-from cmacexp.study.provenance import choose_witnesses, digest_study, make_provenance
-from cmacexp.study.results import Results, read_row
-from cmacexp.study.stages import (
+from cmacexp.study.provenance import (
     MADE_FROM,
     MEASURES,
     STAGES_FILE,
     Measured,
+    choose_witnesses,
     describe_stages,
+    digest_study,
+    make_provenance,
     measure_runs,
     read_stages,
 )
+from cmacexp.study.results import Results, read_row
 from cmacexp.study.study import Request
 from cmacexp.study.study_file import StudyFile, load_study
 from cmacexp.terminal.output import print_line

@@ -61,10 +61,10 @@ def is_finished(folder: Path, config: Config) -> bool:
 
 
 def _list_missing(manifest: manifests.Manifest) -> list[str]:
-    """Files that a run with a result must have, and that its manifest does not list."""
-    if manifest["status"] not in RESULTS:
+    """Files that a run with a result must have, and that its manifest does not list; a sweep must have none."""
+    if "kind" in manifest or manifest["status"] not in RESULTS:
         return []
-    walks = MACHINES.get(manifest["config"].get("machine", {}).get("kind")) in get_args(BodyMachine)
+    walks = MACHINES.get(manifest["config"]["machine"]["kind"]) in get_args(BodyMachine)
     names = [METRICS_FILE, BODY_METRICS_FILE] if walks else [METRICS_FILE]
     if manifest["config"].get("record", {}).get("trace", True):
         names += [TRACE_FILE, BODY_FILE] if walks else [TRACE_FILE]

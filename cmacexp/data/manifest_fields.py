@@ -106,7 +106,7 @@ RUN_FIELDS = {
 frame (forward and left, m), radius of the feet (m)."""
 SWEEP_FIELDS = {
     "status": TEXT,
-    "config": {"machine?": {"kind?": TEXT}, "record?": {"trace?": FLAG}},
+    "config": {"record?": {"trace?": FLAG}},
     "files": {"*": HASH},
 }
 """Of a sweep."""

@@ -114,7 +114,8 @@ def read_criteria(given: Mapping[str, Any], measures: Collection[str] = ()) -> l
     for key in ("value", "limit"):
         if key not in own:
             raise BadInput("criteria", dict(given), f"needs {key}")
-    sample, more = own["value"], {key: own[key] for key in ("over", "infinite") if key in own}
+    sample, case = own["value"], own.get("case")  # with the values of settings in braces; without one, the values
+    more = {key: own[key] for key in ("over", "infinite") if key in own}
     if not callable(sample):
         check_quantity(sample := str(sample), measures)
     holds, unit, scale = read_limit(own["limit"])
@@ -123,15 +124,12 @@ def read_criteria(given: Mapping[str, Any], measures: Collection[str] = ()) -> l
     return [
         Criterion(
             str(own.get("quantity", sample)), sample, holds, fails, unit, scale,
-            {**(own.get("of") or {}), **dict(chosen)}, _name_case(own.get("case"), dict(chosen)), **more,
+            {**(own.get("of") or {}), **dict(chosen)},
+            ", ".join(str(value) for _, value in chosen) if case is None else str(case).format(**dict(chosen)),
+            **more,
         )
         for chosen in itertools.product(*values)
     ]  # fmt: skip
-
-
-def _name_case(case: Any, chosen: Mapping[str, Any]) -> str:
-    """The name of a case, with the values of settings in braces; without one, the values."""
-    return ", ".join(map(str, chosen.values())) if case is None else str(case).format(**chosen)
 
 
 def _take_ends(values: Sequence[Any]) -> list[Any]:
@@ -265,22 +263,6 @@ def _expand(part: str, given: Mapping[str, Any], needs: Collection[str] = ()) ->
     return found
 
 
-def read_findings(given: Mapping[str, Any], measures: Collection[str] = ()) -> dict[str, Finding]:
-    """Findings by name; raises as :func:`read_criteria`."""
-    return {
-        name: Finding(read_criteria(own, measures), says=str(own.get("says", "")))
-        for name, own in _expand("findings", given).items()
-    }
-
-
-def read_claims(given: Mapping[str, Any], measures: Collection[str] = ()) -> dict[str, Claim]:
-    """Claims by name; raises as :func:`read_criteria`."""
-    return {
-        name: Claim(own["words"], own["where"], read_criteria(own, measures))
-        for name, own in _expand("claims", given, ["words", "where"]).items()
-    }
-
-
 def _find_measure(target: Any) -> Callable[[Run], float]:
     """A function, or that of a dotted name; raises BadInput."""
     module, _, name = str(target).rpartition(".")
@@ -307,8 +289,14 @@ def declare(**given: Any) -> Study:
         question=str(own["question"]),
         runs=runs,
         measures=measures,
-        claims=read_claims(own.get("claims") or {}, measures),
-        findings=read_findings(own.get("findings") or {}, measures),
+        claims={
+            name: Claim(claim["words"], claim["where"], read_criteria(claim, measures))
+            for name, claim in _expand("claims", own.get("claims") or {}, ["words", "where"]).items()
+        },
+        findings={
+            name: Finding(read_criteria(finding, measures), says=str(finding.get("says", "")))
+            for name, finding in _expand("findings", own.get("findings") or {}).items()
+        },
         figures={name: read_figure(each, measures) for name, each in (own.get("figures") or {}).items()},
         tables={name: read_table(each, measures) for name, each in (own.get("tables") or {}).items()},
         **{name: own[name] for name in ("computed", "values") if name in own},

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.study.results import Results
@@ -36,13 +35,11 @@ CALLED = (*FUNCTIONS, "setting")
 OF_RUNS: dict[str, Callable[[Results], Array]] = {
     "completed": lambda results: np.array(results.completed),
     "done": lambda results: np.array([row.run.cycles_done / row.settings["cycles"] for row in results.rows]),
-    "lasted": lambda results: np.array([_share_of_time(run) for run in results.runs]),
+    "lasted": lambda results: np.array(
+        [run.manifest["steps"] / (run.steps_per_cycle * run.config["cycles"]) for run in results.runs]
+    ),
 }
 """What every run has besides metrics and measures."""
-
-
-def _share_of_time(run: Run) -> float:
-    return float(run.manifest["steps"] / (run.steps_per_cycle * run.config["cycles"]))
 
 
 def parse_quantity(text: str) -> ast.expr:

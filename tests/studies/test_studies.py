@@ -73,11 +73,9 @@ def test_the_page_over_all_studies_of_the_paper_is_whole(folder):
 
 
 @pytest.mark.ci
-def test_a_study_that_is_run_again_runs_nothing_again(tmp_path):
-    command = ("-m", "pipelines", IN_CI, "--quick", "--folder", str(tmp_path))
-    done, again = (python(*command, folder=ROOT) for _ in range(2))
-    assert (done.returncode, again.returncode) == (0, 0), done.stderr
-    assert " 0 of them to be run" in again.stderr
+def test_the_quick_form_of_one_study_leaves_such_a_report_too(tmp_path):
+    done = python("-m", "pipelines", IN_CI, "--quick", "--folder", str(tmp_path), folder=ROOT)
+    assert done.returncode == 0, done.stderr
     check_quick(tmp_path / f"{IN_CI}-quick", FILES[IN_CI].study)
 
 
