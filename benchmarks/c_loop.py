@@ -16,7 +16,6 @@ from cmacexp.feedforward.network import planned_inputs as of_leg
 from cmacexp.loop.scenario import Scenario
 from cmacexp.models.mechanism import LEGS_ON_STAND
 from cmacexp.models.trend import WINDOW
-from cmacexp.planning.columns import DQ1, DQ2, FORCE_DESIRED
 from cmacexp.plants import AnalyticPlant
 from cmacexp.typing import Array
 
@@ -94,9 +93,10 @@ def planned_inputs(scenario: Scenario) -> Array:
 def make_tables(scenario: Scenario) -> dict[str, np.ndarray]:
     """The arrays of ``Law`` of a fresh scenario, by the names in TABLES."""
     plan, address = scenario.setup.plan, scenario.feedforward.cmacs[0].address
+    position, velocity, *forces, _ = (values[:, :, 0] for values in plan.reference)
     tables = {
         "support": plan.support[:, 0].astype(np.uint8),
-        "reference": plan.reference[:, :, 0, :FORCE_DESIRED],
+        "reference": np.concatenate([position, velocity, np.stack(forces, axis=-1)], axis=-1),
         "inputs": planned_inputs(scenario),
         "low": address.ranges.low,
         "high": address.ranges.high,
@@ -111,7 +111,7 @@ def make_law(scenario: Scenario, tables: dict[str, np.ndarray]) -> CLaw:
     """``Law`` of a fresh scenario, with pointers to its ``tables``."""
     config, plan, address = scenario.setup.config, scenario.setup.plan, scenario.feedforward.cmacs[0].address
     leg, gains, lead = config.machine.leg, scenario.controller.params.gains, scenario.controller.params.lead
-    motion = (plan.joints[:, 0, [DQ1, DQ2]] ** 2).sum(axis=1)
+    motion = (plan.joints.velocity[:, 0] ** 2).sum(axis=1)
     numbers = (
         leg.length_1, leg.length_2, leg.mass_1, leg.mass_2, config.machine.hip_height, config.terrain.stiffness,
         config.sampling_period, gains.position_gain, gains.velocity_gain, gains.elasticity,

@@ -21,7 +21,7 @@ from cmacexp.loop.stop import FASTEST_JOINT, STEEPEST
 from cmacexp.models.chain import chain_points
 from cmacexp.models.ground import height_at
 from cmacexp.models.mechanism import POINT_MASS, get_leg, has_body
-from cmacexp.planning.columns import BEFORE, FORCE_DESIRED, REFERENCE_VZ, REFERENCE_Z, VX, VY, X, Y, Z
+from cmacexp.planning.trajectory import BEFORE, ControlReference, Y, Z
 from cmacexp.typing import Array, Status
 
 try:
@@ -42,9 +42,8 @@ LARGEST_RATIO = 10.0
 FASTEST_BODY = 10.0
 """Bound of the rates of a body, m/s and rad/s."""
 AXES = "xyz"
-REFERENCES = {2: (X, Y, VX, VY, FORCE_DESIRED), 3: (X, Y, VX, VY, FORCE_DESIRED, REFERENCE_Z, REFERENCE_VZ)}
-"""Columns of the reference that are observed, by the number of axes."""
 REFERENCE_NAMES = ("x", "y", "vx", "vy", "force_desired", "z", "vz")
+"""What is observed of the reference, the last two where feet move in space."""
 SIZE = (640, 360)
 """Width and height of a picture, pixels."""
 VIEW_HEIGHT, GROUND_SHARE = 1.7, 0.3
@@ -62,7 +61,7 @@ def _name_observations(legs: int, joints: int, body: bool) -> Iterator[str]:
         for name in ("", "v"):
             yield from (f"leg_{leg}.{name}{axis}" for axis in AXES[:joints])
         yield f"leg_{leg}.force"
-        yield from (f"leg_{leg}.reference.{name}" for name in REFERENCE_NAMES[: len(REFERENCES[joints])])
+        yield from (f"leg_{leg}.reference.{name}" for name in REFERENCE_NAMES[: 2 * joints + 1])
         yield f"leg_{leg}.support"
         yield from (f"leg_{leg}.learning_error_{joint + 1}" for joint in range(joints))
     if body:
@@ -80,6 +79,12 @@ def find_largest_torque(loop: OpenLoop) -> Array:
     return np.where(np.isfinite(limits), limits, needed)
 
 
+def observe_reference(control: ControlReference) -> Array:
+    """What is observed of a reference (..., L, J) and (..., L): (..., L, numbers), in the order of the names."""
+    place, rate, force = control.position, control.velocity, control.force_desired[..., None]
+    return np.concatenate([place[..., :Z], rate[..., :Z], force, place[..., Z:], rate[..., Z:]], axis=-1)
+
+
 def find_bounds(loop: OpenLoop, largest: Array) -> Array:
     """Largest absolute value of every entry of an observation, in its unit, with the ``largest`` torques (L, J).
 
@@ -87,8 +92,8 @@ def find_bounds(loop: OpenLoop, largest: Array) -> Array:
     their hips as planned. Beyond its bounds an observation is clipped.
     """
     (legs, joints), plan, mechanism = loop.shape, loop.setup.plan, loop.setup.mechanism
-    reach = BOUND * float(np.abs(plan.desired[..., [X, Y, Z][:joints]]).max())
-    reference = np.abs(plan.reference[BEFORE][..., list(REFERENCES[joints])]).max(axis=(0, 1))
+    reach = BOUND * float(np.abs(plan.desired.position).max())
+    reference = np.abs(observe_reference(plan.reference)[BEFORE]).max(axis=(0, 1))
     in_leg = [
         *[math.pi] * joints,
         *[FASTEST_JOINT] * joints,
@@ -152,14 +157,12 @@ class LoopEnv(Env[Array, Array]):
         limit, bounds = largest.ravel() / self.action_scale, find_bounds(loop, largest)
         self.action_space = spaces.Box(-limit, limit, dtype=np.float64)
         self.observation_space = spaces.Box(-bounds, bounds, dtype=np.float64)
-        plan, (vertical, axes) = loop.setup.plan, (Y, [X, Y, Z][:joints])
-        self._axes, self._columns = axes, list(REFERENCES[joints])
-        self._counted = np.array([axis != vertical for axis in axes])
+        self._counted = np.arange(joints) != Y
         self._bounds, self._values = bounds, np.zeros(len(self.names))
         of_legs = self._values[: len(self.names) - (8 if self.has_body else 2)].reshape(legs, -1)
-        widths = (joints, joints, joints, joints, 1, len(self._columns), 1, joints)
+        widths = (joints, joints, joints, joints, 1, 2 * joints + 1, 1, joints)
         self._views = np.split(of_legs, np.cumsum(widths)[:-1], axis=1)
-        self._force_scale = float(plan.force_desired.max()) or 1.0
+        self._force_scale = float(loop.setup.plan.force_desired.max()) or 1.0
         self._start_seed: int | None = None
         self._torques: list[Array] = []
 
@@ -201,7 +204,7 @@ class LoopEnv(Env[Array, Array]):
 
     def compute_cost(self, moment: LoopState) -> float:
         """The cost of a state, see the class; 0 to 10."""
-        off = (moment.state.foot - moment.desired[:, self._axes]) / PLACE_SCALE
+        off = (moment.state.foot - moment.foot_motion.position) / PLACE_SCALE
         counted = np.where(moment.support[:, None], self._counted, True)
         force = (moment.state.force - moment.force_desired) / self._force_scale
         cost = (off * off * counted).sum(axis=1) + np.where(moment.support, force * force, 0.0)
@@ -209,7 +212,7 @@ class LoopEnv(Env[Array, Array]):
 
     def _observe(self, moment: LoopState) -> Array:
         seen, angle = moment.observed, 2.0 * math.pi * moment.sample / self.loop.period
-        parts = seen.q, seen.dq, seen.foot, seen.velocity, seen.force[:, None], moment.reference[:, self._columns]
+        parts = seen.q, seen.dq, seen.foot, seen.velocity, seen.force[:, None], observe_reference(moment.control)
         for view, part in zip(self._views, (*parts, moment.support[:, None], moment.learning_error), strict=True):
             view[...] = part
         if self.has_body:

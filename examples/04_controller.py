@@ -19,7 +19,7 @@ class ComputedTorque:
 
     def act(self, reference, measurement):
         """Torques of one step, N m, in two parts."""
-        q, dq, ddq = reference.joints[:, 0:2], reference.joints[:, 2:4], reference.joints[:, 4:6]
+        q, dq, ddq = reference.joint_motion
         feedback = self.stiffness * (q - measurement.q) + self.damping * (dq - measurement.dq)
         model = np.empty_like(feedback)
         for i, leg in enumerate(self.legs):

@@ -11,7 +11,7 @@ from cmacexp.control.hybrid_kernels import HybridState
 from cmacexp.control.steering import Steering, steer_lateral, steer_longitudinal
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.chain import chain_kinematics, joint_velocity
-from cmacexp.planning.columns import FORCE_ADDED, FORCE_DESIRED, VY, Y
+from cmacexp.planning.trajectory import ControlReference, Y
 from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY
 from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array, Mask
@@ -50,21 +50,20 @@ def command_drives(
     command: Array,
     sample: int,
     support: Mask,
-    reference: Array,
+    reference: ControlReference,
     observation: Observation,
 ) -> None:
     """Fill the ``command`` (6, L, 3) of a step but for its torques, and torques and learning error of ``state``.
 
-    A leg with ``support`` (L,) also presses with its desired force; ``reference`` (L, columns) is a row of the plan.
+    A leg with ``support`` (L,) also presses with its desired force; ``reference`` is that of this ``sample``.
     """
     stiffness, damping = params.stiffness, params.damping
     hips = params.hips
     chains = params.chains
     for i in range(support.shape[0]):
-        row = reference[i]
-        x, vx = steer_longitudinal(params.steering, hips, i, row)
-        z, vz = steer_lateral(params.steering, hips, i, row)
-        y, velocity = row[Y], (vx, row[VY], vz)
+        x, vx = steer_longitudinal(params.steering, hips, i, reference)
+        z, vz = steer_lateral(params.steering, hips, i, reference)
+        y, velocity = reference.position[i, Y], (vx, reference.velocity[i, Y], vz)
         state.reference[i, 0], state.reference[i, 1], state.reference[i, 2] = x, y, z
         x += params.ahead * velocity[0]
         y += params.ahead * velocity[1]
@@ -81,11 +80,12 @@ def command_drives(
         at = chain_kinematics(chains[i], q1, q2, q3)
         rates = joint_velocity(at, velocity)
         down = (at.hip[1], at.thigh[1], at.calf[1])
-        missing = params.force_weight * (row[FORCE_DESIRED] - observation.force[i]) if support[i] else 0.0
+        lacking = reference.force_desired[i] - observation.force[i]
+        missing = params.force_weight * lacking if support[i] else 0.0
         for j, angle in enumerate((q1, q2, q3)):
             command[ANGLE, i, j], command[VELOCITY, i, j] = angle, rates[j]
             command[STIFFNESS, i, j], command[DAMPING, i, j] = stiffness, damping
             off = angle - params.ahead * rates[j] - behind[j] - observation.q[i, j]
             law = stiffness * off + damping * (rates[j] - slower[j] - observation.dq[i, j])
             state.learning_error[i, j] = law + down[j] * missing
-            state.feedback[i, j] = down[j] * row[FORCE_ADDED]
+            state.feedback[i, j] = down[j] * reference.force_added[i]

@@ -13,7 +13,6 @@ from cmacexp.control.steering import new_steering, steer
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.protocol import Feedforward
 from cmacexp.models.mechanism import KINEMATICS_FIELDS
-from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY
 from cmacexp.plants.protocol import Measurement, get_state
@@ -70,13 +69,13 @@ class DriveController:
         if setup.mechanism.chains is None:
             kind = setup.config.machine.kind
             raise BadInput("machine.kind", kind, "must be robot with controller=drives: use scenario=robot")
-        planned = {name: setup.plan.joints[:, :, JOINT_COLUMNS[name]] for name in ("angle", "velocity")}
+        planned = setup.plan.joints[:2]
         late = [getattr(getattr(setup.config.sensors, name, None), "delay", 0) for name in ("position", "velocity")]
         self.params = DriveParams(
             hips=setup.mechanism.hips,
             chains=setup.mechanism.chains,
-            angles=np.ascontiguousarray(planned["angle"]),
-            behind=np.stack([v - np.roll(v, n, axis=0) for v, n in zip(planned.values(), late, strict=True)]),
+            angles=setup.plan.joints.position.copy(),  # a plan that adapts changes its own
+            behind=np.stack([v - np.roll(v, n, axis=0) for v, n in zip(planned, late, strict=True)]),
             stiffness=self.config.stiffness,
             damping=self.config.damping,
             force_weight=self.config.force_weight,
@@ -98,8 +97,8 @@ class DriveController:
         last: Array = self.state.learning_error.copy()
         observation = Observation._make((*get_state(measurement), self.kinematics, measurement.travel))
         steer(self.params.steering, observation.travel, reference.step, reference.sample, reference.support)
-        values, sample = reference.values, reference.sample
-        command_drives(self.params, self.state, self.command, sample, reference.support, values, observation)
+        control, sample = reference.control, reference.sample
+        command_drives(self.params, self.state, self.command, sample, reference.support, control, observation)
         feedforward = self.feedforward.predict(reference, last) if reference.acting else np.zeros_like(last)
         drive = Drive(*(self.command[part].copy() for part in (ANGLE, VELOCITY, STIFFNESS, DAMPING)))
         state = self.state

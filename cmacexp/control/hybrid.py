@@ -80,6 +80,6 @@ class HybridController:
         update_kinematics(self.params.mechanism, measurement.q, self.kinematics)
         observation = Observation._make((*get_state(measurement), self.kinematics, measurement.travel))
         steer(self.params.steering, observation.travel, reference.step, reference.sample, reference.support)
-        hybrid_feedback(self.params, self.state, reference.support, reference.values, observation)
+        hybrid_feedback(self.params, self.state, reference.support, reference.control, observation)
         feedforward = self.feedforward.predict(reference, last) if reference.acting else np.zeros_like(last)
         return Action(self.state.feedback.copy(), feedforward, self.state.reference.copy())

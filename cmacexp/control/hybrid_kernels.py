@@ -21,8 +21,8 @@ from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import LEVEL, Pose, depth, depth_rate, make_pose
 from cmacexp.models.lead import Lead, lead_step
 from cmacexp.models.mechanism import PLANE, Mechanism, apply_jacobian_transpose, has_body
-from cmacexp.planning.columns import FORCE_ADDED, FORCE_DESIRED, FORCE_REFERENCE, VY, Y
 from cmacexp.planning.reference import Gains
+from cmacexp.planning.trajectory import ControlReference, Y, Z
 from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array, Mask, Scratch, State
 
@@ -104,7 +104,7 @@ def posture_rate_term(params: HybridParams, i: int, pose: Pose, rate: Array) -> 
 def force_error(
     params: HybridParams,
     i: int,
-    reference: Array,
+    force_reference: float,
     y_reference: float,
     vy_reference: float,
     y: float,
@@ -113,11 +113,10 @@ def force_error(
 ) -> float:
     """Weighted error of the force control method, N (Lin & Song 1997, Fig. 2 to 5 and eq. 21).
 
-    ``reference`` (L, columns) is a row of the plan; ``y_reference`` and ``vy_reference`` are its y and vy with
-    posture control.
+    References of the force, N, of y, m, and of vy, m/s, those with posture control.
     """
     if params.method == EXPLICIT:
-        return params.gains.force_gain * (reference[i, FORCE_REFERENCE] - force)
+        return params.gains.force_gain * (force_reference - force)
     stiffness = params.gains.position_gain * (y_reference - y - force * params.gains.elasticity)
     damping = params.gains.velocity_gain * (vy_reference - vy - force * params.gains.admittance)
     if params.method == STIFFNESS:
@@ -147,15 +146,15 @@ def control_force(
 
 @kernel
 def control_sideways(
-    params: HybridParams, state: HybridState, i: int, reference: Array, foot: Array, velocity: Array
+    params: HybridParams, state: HybridState, i: int, reference: ControlReference, foot: Array, velocity: Array
 ) -> None:
     """Position control of leg ``i`` along z at ``foot``, m, and ``velocity``, m/s, (L, 3) each; fills ``state``."""
-    z, vz = steer_lateral(params.steering, params.mechanism.hips, i, reference[i])
-    error = position_error(params, z, vz, foot[i, 2], velocity[i, 2])
-    output = lead_step(params.lead, error, state.error[i, 2], state.output[i, 2])
-    state.reference[i, 2] = z
-    state.error[i, 2] = error
-    state.output[i, 2] = output
+    z, vz = steer_lateral(params.steering, params.mechanism.hips, i, reference)
+    error = position_error(params, z, vz, foot[i, Z], velocity[i, Z])
+    output = lead_step(params.lead, error, state.error[i, Z], state.output[i, Z])
+    state.reference[i, Z] = z
+    state.error[i, Z] = error
+    state.output[i, Z] = output
 
 
 @kernel
@@ -163,31 +162,31 @@ def hybrid_feedback(
     params: HybridParams,
     state: HybridState,
     support: Mask,
-    reference: Array,
+    reference: ControlReference,
     observation: Observation,
 ) -> None:
     """Feedback torques of all legs; ``state`` of the last step becomes that of this one.
 
-    A leg with ``support`` (L,) is under force control along y, else under position control; ``reference`` (L,
-    columns) is a row of the plan, see :mod:`cmacexp.planning.columns`.
+    A leg with ``support`` (L,) is under force control along y, else under position control; ``reference`` is that of
+    this step.
     """
     foot = observation.foot
     velocity = observation.velocity
     kinematics = observation.kinematics
     pose = make_pose(observation.body) if has_body(params.mechanism) else LEVEL
     for i in range(support.shape[0]):
-        x_reference, vx_reference = steer_longitudinal(params.steering, params.mechanism.hips, i, reference[i])
+        x_reference, vx_reference = steer_longitudinal(params.steering, params.mechanism.hips, i, reference)
         x_error = position_error(params, x_reference, vx_reference, foot[i, 0], velocity[i, 0])
-        y_reference = reference[i, Y]
-        force, desired = observation.force[i], reference[i, FORCE_DESIRED]
+        y_reference, vy_reference = reference.position[i, Y], reference.velocity[i, Y]
+        force, desired = observation.force[i], reference.force_desired[i]
         pressed = control_force(params, state.fault_status, i, force, desired, foot, pose)
         if support[i]:
             y_reference += posture_term(params, i, pose)
-            vy_reference = reference[i, VY] + posture_rate_term(params, i, pose, observation.body_rate)
+            vy_reference += posture_rate_term(params, i, pose, observation.body_rate)
             y_error = force_error(
                 params,
                 i,
-                reference,
+                force_reference=reference.force_reference[i],
                 y_reference=y_reference,
                 vy_reference=vy_reference,
                 y=foot[i, 1],
@@ -195,7 +194,7 @@ def hybrid_feedback(
                 force=pressed,
             )
         else:
-            y_error = position_error(params, y_reference, reference[i, VY], foot[i, 1], velocity[i, 1])
+            y_error = position_error(params, y_reference, vy_reference, foot[i, 1], velocity[i, 1])
         state.reference[i, 0], state.reference[i, 1] = x_reference, y_reference
         ux = lead_step(params.lead, x_error, state.error[i, 0], state.output[i, 0])
         uy = lead_step(params.lead, y_error, state.error[i, 1], state.output[i, 1])
@@ -204,7 +203,7 @@ def hybrid_feedback(
         if len(params.mechanism.axes) > 2:
             control_sideways(params, state, i, reference, foot, velocity)
         apply_jacobian_transpose(params.mechanism, i, kinematics, state.output, uy, state.learning_error)
-        added = reference[i, FORCE_ADDED]
+        added = reference.force_added[i]
         if added != 0.0:
             apply_jacobian_transpose(params.mechanism, i, kinematics, state.output, uy + added, state.feedback)
         else:

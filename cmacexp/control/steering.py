@@ -15,8 +15,8 @@ from cmacexp.config.gait import PATTERNS
 from cmacexp.config.machine import RobotMachine
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.leg import GRAVITY
-from cmacexp.planning.columns import REFERENCE_VZ, REFERENCE_Z, VX, X
 from cmacexp.planning.setup import Setup
+from cmacexp.planning.trajectory import ControlReference, X, Z
 from cmacexp.typing import Array, Mask, Scratch
 
 MOST, MOST_STATIC = 0.1, 0.02
@@ -61,7 +61,7 @@ def new_steering(setup: Setup) -> Steering | None:
     """Steering of a robot; None where nothing is steered."""
     config = setup.config
     hips = setup.mechanism.hips
-    place = setup.plan.sway.place
+    place = setup.plan.sway.position
     posture, speed = config.posture, config.body_speed
     gains = posture.course_gain, posture.heading_gain
     if not isinstance(config.machine, RobotMachine) or speed == 0.0 or not any(gains):
@@ -136,15 +136,20 @@ def scale_lateral(steering: Steering | None, hips: Array, i: int) -> float:
 
 
 @kernel
-def steer_longitudinal(steering: Steering | None, hips: Array, i: int, row: Array) -> tuple[float, float]:
-    """x, m, and vx, m/s, of the reference of foot ``i``, planned as ``row`` (columns,); ``hips`` (L, 2), m."""
+def steer_longitudinal(
+    steering: Steering | None, hips: Array, i: int, reference: ControlReference
+) -> tuple[float, float]:
+    """x, m, and vx, m/s, of foot ``i`` in the ``reference`` of a step; ``hips`` (L, 2), m."""
     scale = scale_longitudinal(steering, hips, i)
-    return scale * row[X], scale * row[VX]
+    return scale * reference.position[i, X], scale * reference.velocity[i, X]
 
 
 @kernel
-def steer_lateral(steering: Steering | None, hips: Array, i: int, row: Array) -> tuple[float, float]:
+def steer_lateral(steering: Steering | None, hips: Array, i: int, reference: ControlReference) -> tuple[float, float]:
     """z, m, and vz, m/s, likewise, where feet move in space."""
     scale = scale_lateral(steering, hips, i)
     offset = 0.0 if steering is None else steering.offset[i]
-    return row[REFERENCE_Z] + scale * row[X] + offset, row[REFERENCE_VZ] + scale * row[VX]
+    return (
+        reference.position[i, Z] + scale * reference.position[i, X] + offset,
+        reference.velocity[i, Z] + scale * reference.velocity[i, X],
+    )

@@ -37,25 +37,13 @@ from cmacexp.models.mechanism import (
 )
 from cmacexp.models.trend import SIGNIFICANT, WINDOW
 from cmacexp.planning import Setup
-from cmacexp.planning import columns as of_plan
+from cmacexp.planning.trajectory import ACTING, BEFORE, X, Y, Z
 from cmacexp.plants import Measurement
 from cmacexp.sensors import PerfectSensors
 from cmacexp.typing import Array, Status
 
 CYCLES = 4
 """Of the check."""
-COLUMNS = {
-    "X": of_plan.X,
-    "Y": of_plan.Y,
-    "VX": of_plan.VX,
-    "VY": of_plan.VY,
-    "ADDED": of_plan.FORCE_ADDED,
-    "DESIRED": of_plan.FORCE_DESIRED,
-    "F_REFERENCE": of_plan.FORCE_REFERENCE,
-    "Z": of_plan.REFERENCE_Z,
-    "VZ": of_plan.REFERENCE_VZ,
-}
-"""Of ``Plan.reference``, by their names in C."""
 SEED, FACTOR, INCREMENT = 1997, 6364136223846793005, 1442695040888963407
 """Of a linear congruential generator of 64 bits (Knuth, MMIX)."""
 ANGLE, RATE, PRESSED = 0.05, 0.5, 0.3
@@ -103,7 +91,7 @@ class Player:
         self.mechanism, self.period = setup.mechanism, len(setup.plan.support)
         legs, joints = setup.mechanism.shape
         force, angles, body = setup.plan.force_desired.mean(axis=0), legs * joints, has_body(setup.mechanism)
-        fastest = np.abs(setup.plan.joints[..., of_plan.JOINT_COLUMNS["velocity"][:joints]]).max(axis=0)
+        fastest = np.abs(setup.plan.joints.velocity).max(axis=0)
         centre = [*setup.start.flat, *np.zeros(angles), *force, setup.mechanism.hip_height, *np.zeros(8)]
         self.size = np.array(
             [*[ANGLE] * angles, *RATE * np.minimum(fastest, FASTEST).ravel(), *PRESSED * force, *OF_A_BODY * body]
@@ -215,12 +203,13 @@ def _describe(scenario: Scenario) -> dict[str, Any]:
     control: Any = scenario.controller.params  # type: ignore[attr-defined]  # of hybrid or drives
     drives, body, chains = isinstance(control, DriveParams), has_body(mechanism), mechanism.chains is not None
     method = next(name for name, number in METHODS.items() if drives or number == control.method)
-    left_out = {"F_REFERENCE"} if drives or method != "explicit" else set()
-    left_out |= set() if drives else {"DESIRED"}
-    left_out |= set() if chains else {"Z", "VZ"}
-    columns = {name: column for name, column in COLUMNS.items() if name not in left_out}
-    reference = np.nan_to_num(plan.reference[..., [*columns.values()]])  # of which no method uses what is NaN
-    stages = 1 if (reference[of_plan.BEFORE] == reference[of_plan.ACTING]).all() else 2
+    place, rate = (np.moveaxis(values, -1, 0) for values in (plan.reference.position, plan.reference.velocity))
+    columns = {"X": place[X], "Y": place[Y], "VX": rate[X], "VY": rate[Y], "ADDED": plan.reference.force_added}
+    columns |= {"DESIRED": plan.reference.force_desired} if drives else {}
+    columns |= {"F_REFERENCE": plan.reference.force_reference} if method == "explicit" else {}
+    columns |= {"Z": place[Z], "VZ": rate[Z]} if chains else {}
+    reference = np.nan_to_num(np.stack([*columns.values()], axis=-1))  # of which no method uses what is NaN
+    stages = 1 if (reference[BEFORE] == reference[ACTING]).all() else 2
     actuator = new_actuator(config.actuator, config.sampling_period, len(mechanism.legs), mechanism.torque_limits)
     limits = np.minimum(actuator.limit, sys.float_info.max)
     delayed = drives and bool(control.behind.any())

@@ -7,18 +7,22 @@ import numpy as np
 from cmacexp.config import number
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
 from cmacexp.models.joint import OWN, SLOW, make_regressors
-from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Reference, Setup
+from cmacexp.planning.trajectory import Motion
 from cmacexp.typing import Array, Weights
 
 
-def make_features(joints: Array, count: int, knots: int, ranges: Array) -> Array:
-    """Features (N, L, J, 4 + knots) of ``count`` joints along a plan (N, L, 3 J): torque for each parameter's unit.
+def list_by_joints(motion: Motion) -> Array:
+    """Position, velocity and acceleration (3, N, L, J), joint by joint in memory: the order in which sums add up."""
+    return np.moveaxis(np.moveaxis(np.array(motion), -1, 1).copy(), 1, -1)
+
+
+def make_features(joints: Motion, knots: int, ranges: Array) -> Array:
+    """Features (N, L, J, 4 + knots) of the motion of ``joints``: torque for each parameter's unit.
 
     See :func:`cmacexp.models.joint.make_regressors`; ``ranges`` (2, L, J) are of the angles, rad.
     """
-    columns = (JOINT_COLUMNS[name][:count] for name in ("angle", "velocity", "acceleration"))
-    angle, velocity, acceleration = (joints[:, :, own] for own in columns)
+    angle, velocity, acceleration = list_by_joints(joints)
     slow = SLOW * np.sqrt((velocity**2).mean(axis=0)) + 1e-12
     return make_regressors((angle, velocity, acceleration), ranges, knots, slow)
 
@@ -49,14 +53,13 @@ class IdentifiedModel:
 
     def reset(self, setup: Setup) -> None:
         """Compute the torque of the model and the features; start with no difference, or that of an earlier run."""
-        legs, joints = setup.mechanism.shape
         self.model_torque = InverseDynamics(self.config).compute_torque(setup)
-        angles = setup.plan.joints[:, :, JOINT_COLUMNS["angle"][:joints]]
+        angles = setup.plan.joints.position
         self.ranges: Array = np.stack([angles.min(axis=0), angles.max(axis=0)])
-        self.weights: Array = np.zeros((legs, joints, OWN + self.config.knots))
+        self.weights: Array = np.zeros((*setup.mechanism.shape, OWN + self.config.knots))
         if setup.learnt is not None:
             self.weights[:], self.ranges = setup.learnt["weights"], setup.learnt["ranges"]
-        self.features = make_features(setup.plan.joints, joints, self.config.knots, self.ranges)
+        self.features = make_features(setup.plan.joints, self.config.knots, self.ranges)
         self.start, self.lead = self.weights, setup.lead
         power = np.maximum((self.features**2).sum(axis=0), 1e-9)
         self.prior = self.config.prior * power[..., None] * np.eye(power.shape[-1])

@@ -10,9 +10,9 @@ from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import planned_torque
-from cmacexp.planning.columns import Y
 from cmacexp.planning.robot_dynamics import planned_torques
 from cmacexp.planning.setup import Setup
+from cmacexp.planning.trajectory import Y
 from cmacexp.typing import Array
 
 
@@ -47,13 +47,12 @@ class InverseDynamics(BuiltInFeedforward):
         plan, factors = setup.plan, [self.config.length_factor] * 2 + [self.config.mass_factor] * 2 + [1.0]
         added = np.where(plan.support, plan.force_desired, 0.0) if adds else np.zeros(plan.support.shape)
         mechanism = setup.mechanism._replace(legs=setup.mechanism.legs * np.array(factors))
-        torque = np.zeros((*plan.joints.shape[:2], 2))
-        for k in range(torque.shape[0]):
-            for i in range(torque.shape[1]):
-                q, dq, ddq = plan.joints[k, i].reshape(3, 2)
-                depression = plan.desired[k, i, Y] - mechanism.hip_height
-                force = contact_force(setup.config.assumed_stiffness, depression) - added[k, i]
-                torque[k, i] = planned_torque(mechanism, i, q, dq, ddq, force)
+        torque = np.zeros_like(plan.joints.position)
+        for k, i in np.ndindex(plan.support.shape):
+            depression = plan.desired.position[k, i, Y] - mechanism.hip_height
+            force = contact_force(setup.config.assumed_stiffness, depression) - float(added[k, i])
+            q, dq, ddq = (values[k, i] for values in plan.joints)
+            torque[k, i] = planned_torque(mechanism, i, q, dq, ddq, force)
         return torque
 
     def _torque_of_robot(self, setup: Setup, adds: bool) -> Array:

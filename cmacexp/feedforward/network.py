@@ -24,7 +24,6 @@ from cmacexp.feedforward.kernels import (
     feedforward_step,
 )
 from cmacexp.feedforward.weight_log import LOGGED, WeightLog, collect_log, hold_cycles, new_log
-from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.typing import Array, Cells, KernelParts, Weights
 
@@ -88,13 +87,13 @@ def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
 
     Planned angles of the J joints in rad, their velocities, accelerations; of the phase cosine and sine.
     """
-    joints = setup.plan.joints.shape[2] // len(JOINT_COLUMNS)
-    columns = [column for name in names if name != PHASE for column in JOINT_COLUMNS[name][:joints]]
-    inputs: Array = setup.plan.joints[:, i, columns]
+    samples = len(setup.plan.support)
+    by_name = dict(zip(("angle", "velocity", "acceleration"), setup.plan.joints, strict=True))
+    inputs = [by_name[name][:, i] for name in names if name != PHASE]
     if PHASE in names:
-        turn = [2.0 * math.pi * k / len(inputs) for k in range(len(inputs))]
-        inputs = np.concatenate([inputs, [[math.cos(angle), math.sin(angle)] for angle in turn]], axis=1)
-    return inputs
+        turn = [2.0 * math.pi * k / samples for k in range(samples)]
+        inputs.append(np.array([[math.cos(angle), math.sin(angle)] for angle in turn]))
+    return np.concatenate(inputs, axis=1)
 
 
 def kernel_norm(cells: Cells, activation: Array) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 
 from cmacexp.control.load_meter import LoadMeter, read_meter
 from cmacexp.errors import BadInput
+from cmacexp.loop.state import list_arrays
 from cmacexp.planning.plan import NOTHING, LoadEstimate, Plan, adapt_plan
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Array
@@ -56,8 +57,8 @@ class Adaptation:
 
     def _follow(self, plan: Plan) -> None:
         """Let the arrays of the plan of the run be those of another."""
-        for name in ("desired", "joints", "force_desired", "reference"):
-            getattr(self.setup.plan, name)[...] = getattr(plan, name)
+        for own, new in zip(list_arrays(self.setup.plan), list_arrays(plan), strict=True):
+            own.array[...] = new.array
 
     def end_cycle(self) -> bool:
         """Whether what was met in the cycle that has ended asks for another plan; :meth:`update_plan` makes it.

@@ -3,7 +3,7 @@
 A component owns its inputs: it may keep them, and nothing that it writes into them reaches the loop.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import partial
 from typing import Any
 
@@ -29,20 +29,27 @@ from cmacexp.loop.validation import (
     copy_signals,
     require_finite,
 )
-from cmacexp.planning.columns import ACTING, BEFORE, REFERENCE_PLACE
+from cmacexp.planning.plan import Plan
 from cmacexp.planning.setup import Reference
+from cmacexp.planning.trajectory import ACTING, BEFORE, ControlReference
 from cmacexp.plants.drives import ANGLE, DAMPING, DRIVE, FEEDFORWARD, STIFFNESS, TORQUE, VELOCITY
 from cmacexp.plants.protocol import STATE, Measurement, copy_state, get_state, view_state
 from cmacexp.typing import Array
 
-_make_reference: Callable[[tuple[object, ...]], Reference] = partial(tuple.__new__, Reference)
-
 
 def read_only(values: NDArray[Any]) -> NDArray[Any]:
     """A view of an array, of the same shape and unit, that cannot be written to."""
-    view = values.view()
-    view.flags.writeable = False
-    return view
+    return np.broadcast_to(values, values.shape)
+
+
+def list_rows(plan: Plan, stage: int) -> list[tuple[Any, ...]]:
+    """Fields of a Reference but for the first three, of each sample of a ``stage``, read-only."""
+    control = ControlReference(*(values[stage] for values in plan.reference))
+    named = (
+        map(type(each)._make, zip(*map(read_only, each), strict=True))
+        for each in (control, plan.desired, plan.joints)
+    )
+    return list(zip(read_only(plan.support), *named, read_only(plan.force_desired), strict=True))
 
 
 def _name(measurement: Measurement) -> Iterable[tuple[str, Array]]:
@@ -61,13 +68,8 @@ class ExternalComponents:
         self.has_fault_status = external.controller and hasattr(scenario.controller, "force_trusted")
         self.divergence = ""
         """Cause that an external plant itself reported, if it has diverged."""
-        plan = scenario.setup.plan
-        planned = plan.desired, plan.joints, plan.force_desired
-        self.period = len(plan.support)
-        self.plan_rows = [
-            list(zip(*map(read_only, (plan.support, values, *planned)), strict=True)) for values in plan.reference
-        ]
-        """Fields of a reference but for the first three, of each sample in each stage."""
+        self.period = len(loop.support)
+        self.plan_rows = [list_rows(scenario.setup.plan, stage) for stage in (BEFORE, ACTING)]
 
     def make_hooks(self) -> Hooks:
         """A hook for each external component, and one that shows steps to a feedforward that asks for it."""
@@ -87,7 +89,7 @@ class ExternalComponents:
     def _refer(self, step: int) -> Reference:
         """The reference of a step."""
         sample, acting = step % self.period, bool(lets_act(self.loop.guard, self.loop.start_step, step))
-        return _make_reference((step, sample, acting, *self.plan_rows[ACTING if acting else BEFORE][sample]))
+        return Reference._make((step, sample, acting, *self.plan_rows[ACTING if acting else BEFORE][sample]))
 
     def _measure(self, step: int) -> None:
         true, seen = copy_state(self.state, self.loop.travel, self.loop.signals), self.observation.travel
@@ -105,7 +107,7 @@ class ExternalComponents:
         if self.has_fault_status:
             state.fault_status.trusted[...] = self.controller.force_trusted  # type: ignore[attr-defined]
         if not copy_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
-            state.reference[...] = reference.values[:, REFERENCE_PLACE[: state.reference.shape[1]]]
+            state.reference[...] = reference.control.position
         if self.loop.guard is not None:  # what teaches is known to the controller alone
             error = state.feedback if action.learning_error is None else action.learning_error
             copy_output(self.controller, "act", "learning_error", error, state.learning_error)

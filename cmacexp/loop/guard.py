@@ -22,7 +22,6 @@ from cmacexp.loop.probe import LeadProbe
 from cmacexp.loop.saved_weights import SavedWeights
 from cmacexp.models.mechanism import has_body
 from cmacexp.models.trend import SIGNIFICANT, WINDOW, count_rises
-from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Setup
 
 UPRIGHT = 0.1
@@ -103,7 +102,7 @@ class Guard:
         self.probe = LeadProbe(self.period, shape, config.seed if estimates else None)
         lever = 0.5 * float((mechanism.hips**2).sum()) if has_body(mechanism) else 0.0
         self.state = new_guard_state(self.period, shape, self.refines, lever, self.probe.state)
-        motion = (plan.joints[:, :, JOINT_COLUMNS["velocity"][: shape[1]]] ** 2).sum(axis=(1, 2))
+        motion = (plan.joints.velocity**2).sum(axis=1).sum(axis=1)
         self.planned_motion = float(motion.sum())
         self.state.limits[SPEED_LIMIT] = HIGHEST[SPEED_LIMIT] ** 2 * motion.max()
         self.state.limits[TILT_LIMIT] = UPRIGHT**2

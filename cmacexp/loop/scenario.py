@@ -4,8 +4,6 @@ import copy
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
 from cmacexp.cmac.rules import derive_rate, find_rule
 from cmacexp.config import Config
 from cmacexp.config.check import check_memory
@@ -24,7 +22,6 @@ from cmacexp.models.lead import discretise
 from cmacexp.models.loop_delay import LoopDelay, Margin, add_delays
 from cmacexp.models.robot_gains import derive_basis, find_delay_margin
 from cmacexp.planning import Plan, Setup, make_plan
-from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.machine import check_load_sharing, make_mechanism
 from cmacexp.plants import AnalyticPlant, Measurement, Plant
 from cmacexp.plants.protocol import STATE, get_state, new_measurement
@@ -75,8 +72,9 @@ def count_loop_delay(config: Config, sensors: Sensors) -> LoopDelay:
     uses_velocity = config.gains is None or config.gains[1] > 0.0
     declared = (getattr(sensors, name, None) for name in ("feedback_delay", "feedback_lag"))
     delay, lag = (declare(uses_velocity) if declare else 0 for declare in declared)
-    latency = getattr(config.machine, "latency", 0.0)
-    return add_delays((config.actuator.delay, config.actuator.lag), (delay, lag), latency=latency)
+    return add_delays(
+        (config.actuator.delay, config.actuator.lag), (delay, lag), latency=getattr(config.machine, "latency", 0.0)
+    )
 
 
 def require_margin(config: Config, control: HybridController.Config, loop_delay: LoopDelay) -> Margin:
@@ -113,12 +111,12 @@ def resolve_rate(config: Config, loop_delay: LoopDelay, lead: int) -> float:
     )
 
 
-def _start(config: Config, plan: Plan, joints: int) -> Array:
+def _start(config: Config, plan: Plan) -> Array:
     """Planned joint angles; a point mass starts where its config says, above the ground."""
-    start = plan.joints[0][:, JOINT_COLUMNS["angle"][:joints]]
+    start: Array = plan.joints.position[0].copy()
     if isinstance(config.machine, PointMassMachine):
         start[:, 1] = config.machine.hip_height - config.machine.start_clearance
-    return np.ascontiguousarray(start)
+    return start
 
 
 def _own(setup: Setup, component: object) -> Setup:
@@ -188,8 +186,9 @@ def _prepare(config: Config, learnt: Weights | None, given: dict[str, Any]) -> S
             warning = f"machine.latency={config.machine.latency:g}: {little} {1e3 * SMALL_MARGIN:g} ms"
             warning += "; declare what a robot has, or use controller=drives"
     rate = resolve_rate(config, loop_delay, lead)
-    start = _start(config, plan, mechanism.shape[1])
-    setup = Setup(config, mechanism, plan, start, read_weights(config) if learnt is None else learnt, lead, rate)
+    setup = Setup(
+        config, mechanism, plan, _start(config, plan), read_weights(config) if learnt is None else learnt, lead, rate
+    )
     first, fault = new_measurement(*mechanism.shape), None
     try:
         first = _reset(setup, components)

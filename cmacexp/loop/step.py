@@ -27,7 +27,7 @@ from cmacexp.loop.guard_kernels import (
 from cmacexp.loop.samples import write_drives, write_samples
 from cmacexp.loop.stop import DIVERGED, RUNNING, StopLimits, stop_reason
 from cmacexp.models.mechanism import Mechanism, update_kinematics
-from cmacexp.planning.columns import ACTING, BEFORE
+from cmacexp.planning.trajectory import ACTING, BEFORE, ControlReference, select
 from cmacexp.plants.drives import Drives, send_command
 from cmacexp.plants.kernels import PlantParams, PlantState, advance
 from cmacexp.plants.mujoco_kernels import Engine, advance_engine
@@ -56,8 +56,7 @@ class Loop(NamedTuple):
 
     support: Mask
     """(N, L): of the plan, as the next two."""
-    reference: Array
-    """(2, N, L, columns)."""
+    reference: ControlReference
     start_step: int
     mechanism: Mechanism
     plant_state: PlantState
@@ -180,10 +179,10 @@ def control(
     step: int,
     sample: int,
     support: Mask,
-    reference: Array,
+    reference: ControlReference,
     observation: Observation,
 ) -> None:
-    """The built-in controller: ``support`` (L,) and ``reference`` (L, columns) are the plan's of this ``sample``."""
+    """The built-in controller: ``support`` (L,) and ``reference`` are the plan's of this ``sample``."""
     if params is not None:
         steer(params.steering, observation.travel, step, sample, support)
         hybrid_feedback(params, state, support, reference, observation)
@@ -216,7 +215,7 @@ def command(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
             return False
     elif step >= start_step:
         predict(feedforward_params, guard, step, sample, state.learning_error, feedforward)
-    reference = plan[ACTING if acting else BEFORE, sample]
+    reference = select(plan, ACTING if acting else BEFORE, sample)
     control(
         control_params,
         drive_params,

@@ -15,14 +15,14 @@ from cmacexp.jit.compiler import kernel, program
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.loop.adaptation import Adaptation
 from cmacexp.loop.builtin import External, find_external, make_loop
-from cmacexp.loop.driver import read_only
+from cmacexp.loop.driver import list_rows
 from cmacexp.loop.samples import make_samples
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.state import Snapshot, list_arrays
 from cmacexp.loop.step import Hooks, Loop, act, check, sense
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits, stop_reason
-from cmacexp.planning.columns import BEFORE
 from cmacexp.planning.stability import STABILITY
+from cmacexp.planning.trajectory import BEFORE, ControlReference, Motion, read_old_columns
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.plants.protocol import Measurement, view_state
 from cmacexp.sensors.real import make_keys
@@ -77,16 +77,26 @@ class LoopState(NamedTuple):
     """What the controller sees of it; after the last step still what it saw before."""
     support: Mask
     """(L,): planned phase, true in support."""
-    reference: Array
-    """(L, 7 or 9): what the controller follows, as of :class:`cmacexp.planning.plan.Plan`."""
-    desired: Array
-    """(L, 6 or 9): where the feet should be, with velocities and accelerations."""
+    control: ControlReference
+    """What the controller follows, (L, J) and (L,)."""
+    foot_motion: Motion
+    """Where the feet should be, (L, J)."""
     force_desired: Array
     """(L,): N."""
     learning_error: Array
     """(L, J): what a feedforward would learn from, J^T U of the last step, N m."""
     feedback: Array
     """(L, J): torque of the controller in the last step, as it acted, or as it was sent to drives, N m."""
+
+    @property
+    def reference(self) -> Array:
+        """Old name of ``control``, (L, 7 or 9), as of :attr:`cmacexp.planning.setup.Reference.values`."""
+        return read_old_columns("reference", "control", self.control)
+
+    @property
+    def desired(self) -> Array:
+        """Old name of ``foot_motion``, (L, 6 or 9), as of :attr:`cmacexp.planning.setup.Reference.desired`."""
+        return read_old_columns("desired", "foot_motion", self.foot_motion)
 
 
 class OpenLoop:
@@ -109,18 +119,16 @@ class OpenLoop:
             raise CmacexpError("only built-in plants, sensors and controllers can be stepped from outside")
         scenario.begin()
         self.setup = setup = scenario.setup
-        plan = setup.plan
         config = setup.config
         self.shape = setup.mechanism.shape
         self.sampling_period, self.period = config.sampling_period, config.steps_per_cycle
         self.steps = config.cycles * self.period
-        self._limits = new_limits(setup.mechanism, plan.margins[:, STABILITY], config.sampling_period)
+        self._limits = new_limits(setup.mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
         self._loop = make_loop(scenario, OUTSIDE, self._limits)
         self.torque_limits = self._loop.actuator.limit
         self._plant = scenario.plant if isinstance(scenario.plant, MujocoPlant) else None
         self._adaptation = None if self._loop.meter is None else Adaptation(setup, self._loop.meter)
-        planned = plan.support, plan.reference[BEFORE], plan.desired, plan.force_desired
-        self._planned = [read_only(rows) for rows in planned]
+        self._planned = list_rows(setup.plan, BEFORE)
         self._state = view_state(self._loop.plant_state, self._loop.travel)
         observation = self._loop.observation
         self._observed = view_state(observation, observation.travel)
@@ -189,7 +197,7 @@ class OpenLoop:
 
     def _note(self, step: int, status: str, cause: str = "") -> LoopState:
         sample, control = step % self.period, self._loop.control_state
-        support, reference, desired, force_desired = (rows[sample] for rows in self._planned)
+        support, reference, foot_motion, _, force_desired = self._planned[sample]
         self.moment = LoopState(
             step=step,
             sample=sample,
@@ -198,8 +206,8 @@ class OpenLoop:
             state=self._state,
             observed=self._observed,
             support=support,
-            reference=reference,
-            desired=desired,
+            control=reference,
+            foot_motion=foot_motion,
             force_desired=force_desired,
             learning_error=control.learning_error,
             feedback=control.feedback,

@@ -19,11 +19,11 @@ from cmacexp.data.signals import (
     select_signals,
 )
 from cmacexp.data.trace import SampledTrace, Trace
-from cmacexp.planning.columns import JOINT_COLUMNS, MOTION_COLUMNS, X, Y, Z
 from cmacexp.planning.plan import Plan
 from cmacexp.planning.robot import find_centres
 from cmacexp.planning.setup import Setup
 from cmacexp.planning.stability import FRONT, REAR, STABILITY
+from cmacexp.planning.trajectory import X, Y, Z
 from cmacexp.planning.true_margins import Masses, true_margins
 from cmacexp.plants.environment import make_payload
 from cmacexp.typing import Array
@@ -49,20 +49,20 @@ def assemble(
     period = plan.support.shape[0]
     step = np.arange(start, start + steps, dtype=np.int32)[:, None]
     sample = step[:, 0] % period
+    foot, angle = plan.desired.position[sample], plan.joints.position[sample]
     known = {
         "step": step,
         "time": step * sampling_period,
         "cycle": step // period + 1,
         "leg": np.arange(1, legs + 1, dtype=np.int32),
         "progress": plan.progress[sample],
-        "x_desired": plan.desired[sample, :, X],
-        "y_desired": plan.desired[sample, :, Y],
+        "x_desired": foot[..., X],
+        "y_desired": foot[..., Y],
         "force_desired": plan.force_desired[sample],
     }
-    if plan.desired.shape[2] > MOTION_COLUMNS[2]:
-        known["z_desired"] = plan.desired[sample, :, Z]
-        for number, column in enumerate(JOINT_COLUMNS["angle"], start=1):
-            known[f"q{number}_desired"] = plan.joints[sample, :, column]
+    if foot.shape[2] > Z:
+        known["z_desired"] = foot[..., Z]
+        known |= {f"q{joint + 1}_desired": angle[..., joint] for joint in range(angle.shape[2])}
     if steered:
         known |= {f"{axis}_desired": samples[f"{axis}_reference"] for axis in "xz"}
     if model is not None:

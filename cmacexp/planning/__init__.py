@@ -2,5 +2,6 @@
 
 from cmacexp.planning.plan import Plan, make_plan
 from cmacexp.planning.setup import Setup
+from cmacexp.planning.trajectory import ControlReference, Motion
 
-__all__ = ["Plan", "Setup", "make_plan"]
+__all__ = ["ControlReference", "Motion", "Plan", "Setup", "make_plan"]

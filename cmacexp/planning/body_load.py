@@ -10,7 +10,7 @@ import numpy as np
 
 from cmacexp.models.leg import GRAVITY
 from cmacexp.models.mechanism import Mechanism
-from cmacexp.planning.columns import AX, AY, DDQ1, DQ1, Q1, X, Y
+from cmacexp.planning.trajectory import Motion, X, Y
 from cmacexp.typing import Array
 
 
@@ -34,26 +34,27 @@ def static_load(weight: float, samples: int) -> BodyLoad:
     return BodyLoad(np.full(samples, weight), np.zeros((samples, 2)))
 
 
-def dynamic_load(mechanism: Mechanism, body_mass: float, desired: Array, joints: Array) -> BodyLoad:
-    """Gravity and inertia of a body and of the point masses of its legs, moving as planned: motions (N, L, 6).
+def dynamic_load(mechanism: Mechanism, body_mass: float, desired: Motion, joints: Motion) -> BodyLoad:
+    """Gravity and inertia of a body and of the point masses of its legs, whose feet and joints move as planned.
 
     The body, ``body_mass`` kg without legs, its centre in the plane of the hips, stays level and moves at constant
     speed. What accelerates the legs along x is friction at the feet, whose lever arm is the height of the hips. Jumps
     in velocity, as at both ends of one cubic, cause no force here.
     """
     legs = mechanism.planar_legs
-    angle = joints[..., Q1]
-    rate = joints[..., DQ1]
-    acceleration = joints[..., DDQ1]
+    angle, rate, acceleration = (values[..., 0] for values in joints)
     sine, cosine = np.sin(angle), np.cos(angle)
     knee_x, knee_y = legs.length_1 * cosine, legs.length_1 * sine
     knee_ax = -legs.length_1 * (sine * acceleration + cosine * rate**2)
     knee_ay = legs.length_1 * (cosine * acceleration - sine * rate**2)
-    force = np.full(len(desired), GRAVITY * body_mass)
-    moment_x, moment_y = np.zeros(len(desired)), np.zeros(len(desired))
+    force = np.full(len(angle), GRAVITY * body_mass)
+    moment_x, moment_y = np.zeros((2, len(angle)))
+    foot, foot_acceleration = (
+        (values[..., X], values[..., Y]) for values in (desired.position, desired.acceleration)
+    )
     for mass, x, y, ax, ay in (
         (legs.mass_1, knee_x, knee_y, knee_ax, knee_ay),
-        (legs.mass_2, desired[..., X], desired[..., Y], desired[..., AX], desired[..., AY]),
+        (legs.mass_2, *foot, *foot_acceleration),
     ):
         down = mass * (GRAVITY - ay)
         force += down.sum(axis=1)

@@ -7,42 +7,29 @@ body that is at d, and for a periodic c there is one periodic d.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from cmacexp.models.leg import GRAVITY
+from cmacexp.planning.trajectory import Motion
 from cmacexp.typing import Array
 
 EASE = 0.1
 """Length over which feet that hardly press may keep the centre of pressure off the line of the others, m."""
 
 
-class Sway(NamedTuple):
-    """Motion of a body beside its constant speed over a cycle of N samples, (N, 2) each, forward and left."""
-
-    place: Array
-    """m"""
-    rate: Array
-    """m/s"""
-    acceleration: Array
-    """m/s^2"""
-
-
-def find_pressure(feet: Array, load_fraction: Array, wanted: Array) -> Array:
+def find_pressure(feet: Array, weight: Array, wanted: Array) -> Array:
     """Centre of pressure (N, 2), near the ``wanted`` one (N, 2), that feet (N, L, 2) can give, m.
 
-    Each presses with its load fraction (N, L) times a linear function of its place: with EASE = 0 exactly about the
-    wanted centre, if the feet span it.
+    Each presses with its ``weight`` (N, L), without a unit, times a linear function of its place: with EASE = 0
+    exactly about the wanted centre, if the feet span it.
     """
     away = feet - wanted[:, None]
     x = away[..., 0]
     y = away[..., 1]
-    weight = load_fraction
-    one = weight.sum(axis=1)
     sx = (weight * x).sum(axis=1)
     sy = (weight * y).sum(axis=1)
-    ease = EASE**2 * one
+    ease = EASE**2 * weight.sum(axis=1)
     xx = (weight * x * x).sum(axis=1) + ease
     xy = (weight * x * y).sum(axis=1)
     yy = (weight * y * y).sum(axis=1) + ease
@@ -70,11 +57,11 @@ def _decay(root: float, values: Array) -> Array:
     return sums
 
 
-def find_sway(pressure: Array, height: float, period: float) -> Sway:
+def find_sway(pressure: Array, height: float, period: float) -> Motion:
     """The periodic motion of a body whose centre of pressure (N, 2) is off its mean place by that, m.
 
     ``height`` is that of the centre of mass, m, ``period`` that of sampling, s.
     """
     place = _spread(pressure, height / GRAVITY / period**2)
     after, before = np.roll(place, -1, axis=0), np.roll(place, 1, axis=0)
-    return Sway(place, (after - before) / (2.0 * period), (after - 2.0 * place + before) / period**2)
+    return Motion(place, (after - before) / (2.0 * period), (after - 2.0 * place + before) / period**2)

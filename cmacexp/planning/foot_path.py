@@ -6,16 +6,15 @@ acceleration, each of the shape of ``s``.
 
 import numpy as np
 
+from cmacexp.planning.trajectory import Motion
 from cmacexp.typing import Array
-
-Motion = tuple[Array, Array, Array]
 
 
 def _sample(coefficients: Array, s: Array, duration: float) -> Motion:
     """Position, velocity and acceleration of a polynomial in ``s`` that lasts ``duration`` seconds."""
     first = coefficients[1:] * np.arange(1.0, len(coefficients))
     second = first[1:] * np.arange(1.0, len(first))
-    return _evaluate(coefficients, s), _evaluate(first, s) / duration, _evaluate(second, s) / duration**2
+    return Motion(_evaluate(coefficients, s), _evaluate(first, s) / duration, _evaluate(second, s) / duration**2)
 
 
 def _evaluate(coefficients: Array, s: Array) -> Array:
@@ -54,8 +53,7 @@ def two_cubics(start: float, end: float, lift: float, s: Array, duration: float)
     half = np.where(rising, 2.0 * s, 2.0 * s - 1.0)
     up = _sample(np.array([start, 0.0, 3.0, -2.0]) * [1.0, 0.0, apex - start, apex - start], half, duration / 2.0)
     down = _sample(np.array([apex, 0.0, 3.0, -2.0]) * [1.0, 0.0, end - apex, end - apex], half, duration / 2.0)
-    position, velocity, acceleration = (np.where(rising, a, b) for a, b in zip(up, down, strict=True))
-    return position, velocity, acceleration
+    return Motion(*(np.where(rising, a, b) for a, b in zip(up, down, strict=True)))
 
 
 VERTICAL = {"cubic": cubic, "two_cubics": two_cubics}

@@ -9,30 +9,28 @@ from cmacexp.config.gait import COSINE
 from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import kernel, program, workload
 from cmacexp.models.ground import depression_for
-from cmacexp.models.leg import Leg, inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
+from cmacexp.models.leg import Leg, Pair, inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
 from cmacexp.models.mechanism import POINT_MASS, Mechanism, get_leg
 from cmacexp.planning.body_load import BodyLoad
-from cmacexp.planning.columns import AX, AY, DDQ1, DDQ2, DQ1, DQ2, MOTION_COLUMNS, Q1, Q2, VX, VY, X, Y
 from cmacexp.planning.foot_path import VERTICAL, line, quintic
 from cmacexp.planning.gait import Timing
 from cmacexp.planning.load_sharing import remove_pull, share_load
+from cmacexp.planning.trajectory import Motion, X, Y
 from cmacexp.typing import Array
 
-Sample = tuple[float, float, float, float, float, float]
 
-
-def plan_horizontal(config: Config, timing: Timing) -> Array:
-    """Desired x, vx, ax (N, L, 3) of every foot in the frame of its hip."""
+def plan_horizontal(config: Config, timing: Timing) -> Motion:
+    """Desired motion (N, L) of every foot along x in the frame of its hip."""
     support_time = timing.support_samples * config.sampling_period
     transfer_time = timing.transfer_samples * config.sampling_period
     front, rear = config.gait.stroke / 2.0, -config.gait.stroke / 2.0
-    motion = np.zeros((*timing.support.shape, 3))
+    motion = np.zeros((3, *timing.support.shape))
     support, progress = timing.support, timing.progress
-    motion[support] = np.stack(line(front, rear, progress[support], support_time), axis=1)
+    motion[:, support] = line(front, rear, progress[support], support_time)
     if timing.transfer_samples:
-        path = quintic(rear, front, (rear - front) / support_time, progress[~support], transfer_time)
-        motion[~support] = np.stack(path, axis=1)
-    return motion
+        speed = (rear - front) / support_time
+        motion[:, ~support] = quintic(rear, front, speed, progress[~support], transfer_time)
+    return Motion(*motion)
 
 
 def plan_load_fraction(config: Config, timing: Timing) -> tuple[Array, Array]:
@@ -72,25 +70,27 @@ def make_ramp(shape: str, elapsed: Array, duration: float) -> tuple[Array, Array
     return s, np.where(within, 1.0, 0.0)
 
 
-def plan_motion(config: Config, timing: Timing, mechanism: Mechanism, force: Array, rate: Array) -> Array:
-    """Desired motion (N, L, columns) of every foot; in support at the depression that gives the desired force."""
+def plan_motion(config: Config, timing: Timing, mechanism: Mechanism, force: Array, rate: Array) -> Motion:
+    """Desired motion of every foot; in support at the depression that gives the desired ``force``.
+
+    Force (N, L) is in N, its ``rate`` (N, L) in N/s. Raises BadInput of a gait whose feet lift too little.
+    """
     gait, stiffness = config.gait, config.assumed_stiffness
     hip_height, axes = mechanism.hip_height, mechanism.shape[1]
     transfer_time = timing.transfer_samples * config.sampling_period
-    desired = np.zeros((*timing.support.shape, MOTION_COLUMNS[axes]))
-    desired[..., [X, VX, AX]] = plan_horizontal(config, timing)
+    motion = np.zeros((3, *timing.support.shape, axes))
+    motion[..., X] = plan_horizontal(config, timing)
+    desired = Motion(*motion)
     for i in range(timing.support.shape[1]):
         support, s = timing.support[:, i], timing.progress[:, i]
-        desired[support, i, Y] = hip_height + depression_for(stiffness, force[support, i])
-        desired[support, i, VY] = depression_for(stiffness, rate[support, i])
+        desired.position[support, i, Y] = hip_height + depression_for(stiffness, force[support, i])
+        desired.velocity[support, i, Y] = depression_for(stiffness, rate[support, i])
         if timing.transfer_samples:
             s = s[~support]
             first, last = timing.sample[:, i] == 0, timing.sample[:, i] == timing.support_samples - 1
-            take_off, touch_down = desired[support & last, i, Y][0], desired[support & first, i, Y][0]
+            take_off, touch_down = (desired.position[support & end, i, Y][0] for end in (last, first))
             check_apex(config, touch_down - take_off)
-            vertical = VERTICAL[gait.vertical](take_off, touch_down, gait.lift, s, transfer_time)
-            for column, values in zip((Y, VY, AY), vertical, strict=True):
-                desired[~support, i, column] = values
+            motion[:, ~support, i, Y] = VERTICAL[gait.vertical](take_off, touch_down, gait.lift, s, transfer_time)
     return desired
 
 
@@ -108,43 +108,45 @@ def check_apex(config: Config, gap: float) -> None:
         raise BadInput("gait.lift", gait.lift, allowed)
 
 
-def plan_joints(mechanism: Mechanism, desired: Array, joints: Array) -> None:
-    """Joint angles, velocities and accelerations along ``desired`` (N, L, 6); fills ``joints`` (N, L, 6)."""
-    if mechanism.kind == POINT_MASS:
-        joints[...] = desired
-        return
-    with workload(desired.shape[0] * desired.shape[1]):  # one run does not repay compiling, many do
-        _plan_samples_now(mechanism, desired, joints)
+def plan_joints(mechanism: Mechanism, desired: Motion) -> Motion:
+    """Joint motion along the ``desired`` one of the feet; of a point mass the same."""
+    joints = Motion(*np.array(desired))
+    if mechanism.kind != POINT_MASS:
+        with workload(joints.position[..., X].size):  # one run does not repay compiling, many do
+            _plan_samples_now(mechanism, desired, joints)
+    return joints
 
 
 @kernel
-def _plan_sample(leg: Leg, x: float, y: float, vx: float, vy: float, ax: float, ay: float) -> Sample:
-    """:func:`plan_joints` for one sample of a leg."""
-    q1, q2 = inverse_kinematics(leg, x, y)
+def _plan_sample(leg: Leg, foot: Pair, velocity: Pair, acceleration: Pair) -> tuple[Pair, Pair, Pair]:
+    """:func:`plan_joints` for one sample of a leg: angles, rad, velocities, rad/s, and accelerations, rad/s^2."""
+    q1, q2 = inverse_kinematics(leg, foot[0], foot[1])
     trig = trigonometry(q1, q2)
-    dq1, dq2 = joint_velocity(leg, trig, vx, vy)
-    ddq1, ddq2 = joint_acceleration(leg, trig, dq1, dq2, ax, ay)
-    return q1, q2, dq1, dq2, ddq1, ddq2
+    dq1, dq2 = joint_velocity(leg, trig, velocity[0], velocity[1])
+    return (q1, q2), (dq1, dq2), joint_acceleration(leg, trig, dq1, dq2, acceleration[0], acceleration[1])
 
 
 @kernel
-def _plan_samples(mechanism: Mechanism, desired: Array, joints: Array) -> None:
+def _plan_samples(mechanism: Mechanism, desired: Motion, joints: Motion) -> None:
     """:func:`plan_joints` for planar legs."""
-    for i in range(desired.shape[1]):
+    for i in range(mechanism.legs.shape[0]):
         leg = get_leg(mechanism, i)
-        for k in range(desired.shape[0]):
-            x, y, vx, vy, ax, ay = desired[k, i]
-            q1, q2, dq1, dq2, ddq1, ddq2 = _plan_sample(leg, x, y, vx, vy, ax, ay)
-            joints[k, i, Q1], joints[k, i, Q2] = q1, q2
-            joints[k, i, DQ1], joints[k, i, DQ2] = dq1, dq2
-            joints[k, i, DDQ1], joints[k, i, DDQ2] = ddq1, ddq2
+        for k in range(desired.position.shape[0]):
+            angle, rate, change = _plan_sample(
+                leg, desired.position[k, i], desired.velocity[k, i], desired.acceleration[k, i]
+            )
+            joints.position[k, i, 0], joints.position[k, i, 1] = angle
+            joints.velocity[k, i, 0], joints.velocity[k, i, 1] = rate
+            joints.acceleration[k, i, 0], joints.acceleration[k, i, 1] = change
 
 
-def _plan_samples_plainly(mechanism: Mechanism, desired: Array, joints: Array) -> None:
+def _plan_samples_plainly(mechanism: Mechanism, desired: Motion, joints: Motion) -> None:
     """The same in plain Python, whose own numbers are faster than NumPy's."""
-    for i in range(desired.shape[1]):
+    for i in range(mechanism.shape[0]):
         leg = Leg(*mechanism.legs[i].tolist())
-        joints[:, i] = [_plan_sample(leg, *row) for row in desired[:, i].tolist()]
+        rows = zip(*(values[:, i].tolist() for values in desired), strict=True)
+        planned = np.array([_plan_sample(leg, *row) for row in rows]).swapaxes(0, 1)
+        joints.position[:, i], joints.velocity[:, i], joints.acceleration[:, i] = planned
 
 
 _plan_samples_now = program(_plan_samples, _plan_samples_plainly)

@@ -14,8 +14,7 @@ from cmacexp.errors import BadInput
 from cmacexp.models.ground import NEVER
 from cmacexp.models.mechanism import POINT_MASS, SPACE, Mechanism, has_body
 from cmacexp.planning.body_load import BodyLoad, dynamic_load, static_load
-from cmacexp.planning.body_motion import Sway, find_pressure, find_sway
-from cmacexp.planning.columns import AX, AZ, VX, VY, VZ, X, Y, Z
+from cmacexp.planning.body_motion import find_pressure, find_sway
 from cmacexp.planning.gait import Timing, make_timing
 from cmacexp.planning.motion import plan_force, plan_horizontal, plan_joints, plan_load_fraction, plan_motion
 from cmacexp.planning.reach import check_reach
@@ -23,6 +22,7 @@ from cmacexp.planning.reference import plan_reference
 from cmacexp.planning.robot import plan_robot
 from cmacexp.planning.robot_dynamics import compute_load
 from cmacexp.planning.stability import check_stability, margins
+from cmacexp.planning.trajectory import ControlReference, Motion, X, Y, Z
 from cmacexp.typing import Array, Mask
 
 LOAD_PASSES = 2
@@ -42,18 +42,18 @@ class Plan(NamedTuple):
     """(N, L): whether the foot is planned to support."""
     progress: Array
     """(N, L): 0 to 1 within the phase."""
-    desired: Array
-    """(N, L, 6), of a robot (N, L, 9): desired motion of the foot; columns as in :mod:`cmacexp.planning.columns`."""
-    joints: Array
-    """The same motion in joint angles, rad; of a point mass equal to ``desired``."""
+    desired: Motion
+    """Of the feet, each in the frame of its hip."""
+    joints: Motion
+    """The same motion in joint angles; of a point mass equal to ``desired``."""
     force_desired: Array
     """(N, L): desired contact force, N."""
-    reference: Array
-    """(2, N, L, columns): reference of the controller, per stage."""
+    reference: ControlReference
+    """Of the controller, per stage."""
     load: BodyLoad
     """What the feet of a body share."""
-    sway: Sway
-    """Of a body, beside its constant speed."""
+    sway: Motion
+    """Of a body beside its constant speed, (N, 2), forward and left."""
     margins: Array
     """(N, 3): stability margin, front and rear margin of a body over its planned support polygon, m; else NaN."""
     start_step: int
@@ -86,25 +86,24 @@ class _Walk(NamedTuple):
     timing: Timing
     feet: Array
     """(N, L, 2): forward and left of the body's centre, m."""
-    sway: Sway
+    sway: Motion
 
 
 def _start_walk(config: Config, mechanism: Mechanism) -> _Walk:
     timing = make_timing(config.gait, config.steps_per_cycle)
     feet = np.zeros((*timing.support.shape, 2))
-    feet[..., X] = plan_horizontal(config, timing)[..., 0]
-    still = Sway(*np.zeros((3, len(feet), 2)))
+    feet[..., 0] = plan_horizontal(config, timing).position
+    still = Motion(*np.zeros((3, len(feet), 2)))
     return _Walk(config, mechanism, timing, feet + mechanism.hips, still)
 
 
 def _sway(walk: _Walk, load: BodyLoad) -> _Walk:
     """The body sways so that the feet can give the centre of pressure that the ``load`` needs."""
     config, sway = walk.config, walk.sway
-    fraction, _ = plan_load_fraction(config, walk.timing)
-    missing = find_pressure(walk.feet, fraction, load.centre) - load.centre
+    missing = find_pressure(walk.feet, plan_load_fraction(config, walk.timing)[0], load.centre) - load.centre
     more = find_sway(missing, walk.mechanism.hip_height, config.sampling_period)
-    swaying = Sway(*(old + new for old, new in zip(sway, more, strict=True)))
-    return walk._replace(feet=walk.feet - more.place[:, None], sway=swaying)
+    swaying = Motion(*(old + new for old, new in zip(sway, more, strict=True)))
+    return walk._replace(feet=walk.feet - more.position[:, None], sway=swaying)
 
 
 def _require_balance(walk: _Walk, load: BodyLoad, force: Array) -> None:
@@ -116,29 +115,25 @@ def _require_balance(walk: _Walk, load: BodyLoad, force: Array) -> None:
         raise BadInput("gait.pattern", gait.pattern, f"{reason}; use gait=wave, or a longer gait.duty_factor")
 
 
-def _plan_under_load(walk: _Walk, load: BodyLoad, met: LoadEstimate = NOTHING) -> tuple[Array, Array, Array]:
-    """Desired motion (N, L, columns) of feet that share a load, the same of joints, and desired forces (N, L)."""
+def _plan_under_load(walk: _Walk, load: BodyLoad, met: LoadEstimate = NOTHING) -> tuple[Motion, Motion, Array]:
+    """Desired motion of feet that share a load, the same of joints, and desired forces (N, L), N."""
     config, mechanism, timing, feet, sway = walk
     force, rate = plan_force(config, timing, feet, load)
     desired = plan_motion(config, timing, mechanism, force, rate)
-    shift = [met.x, met.y]
-    for axis, columns in enumerate(((X, VX, AX), (Z, VZ, AZ))[: mechanism.shape[1] - 1]):
-        for column, values in zip(columns, sway, strict=True):
-            desired[..., column] -= values[:, None, axis]
-        desired[..., columns[0]] += shift[axis]
-    desired[..., Y] -= met.slope_x * feet[..., 0] + met.slope_y * feet[..., 1]
-    desired[..., VY] -= met.slope_x * desired[..., VX]
-    joints = np.empty_like(desired)
+    horizontal = [X, Z][: mechanism.shape[1] - 1]
+    for values, swaying in zip(desired, sway, strict=True):
+        values[..., horizontal] -= swaying[:, None, : len(horizontal)]
+    desired.position[..., horizontal] += (met.x, met.y)[: len(horizontal)]
+    desired.position[..., Y] -= met.slope_x * feet[..., 0] + met.slope_y * feet[..., 1]
+    desired.velocity[..., Y] -= met.slope_x * desired.velocity[..., X]
     if isinstance(config.machine, RobotMachine):
-        plan_robot(config, config.machine, mechanism, desired, joints)
-        return desired, joints, force
+        return desired, plan_robot(config, config.machine, mechanism, desired), force
     if mechanism.kind != POINT_MASS:
-        check_reach(config, mechanism, desired)
-    plan_joints(mechanism, desired, joints)
-    return desired, joints, force
+        check_reach(config, mechanism, desired.position)
+    return desired, plan_joints(mechanism, desired), force
 
 
-def _moving_load(walk: _Walk, desired: Array, joints: Array) -> BodyLoad:
+def _moving_load(walk: _Walk, desired: Motion, joints: Motion) -> BodyLoad:
     """Gravity and inertia of all masses of a machine with a body along its planned motion.
 
     Raises BadInput if legs that swing fast would lift it by their inertia.
@@ -212,14 +207,14 @@ def adapt_plan(config: Config, mechanism: Mechanism, plan: Plan, met: LoadEstima
     """The plan of a body that carries and meets what it ``met``, with the same steps; raises BadInput."""
     shift = np.array([met.x, met.y if mechanism.shape[1] == len(SPACE) else 0.0])
     walk = _start_walk(config, mechanism)
-    walk = walk._replace(feet=walk.feet + shift - plan.sway.place[:, None], sway=plan.sway)
+    walk = walk._replace(feet=walk.feet + shift - plan.sway.position[:, None], sway=plan.sway)
     weight = np.maximum(plan.load.force + met.weight, LEAST_LOAD * plan.load.force)
     centre, planned = plan.load.mean_centre, plan.load.force.mean()
     added = weight.mean() * (centre + np.array([met.x, met.y])) - planned * centre
     moment = plan.load.force[:, None] * plan.load.centre + added
     desired, joints, force = _plan_under_load(walk, BodyLoad(weight, moment / weight[:, None]), met)
     reference = plan_reference(config, plan.support, mechanism.hip_height, desired, force)
-    rise = met.slope_x * walk.feet[..., 0] + met.slope_y * walk.feet[..., 1]
-    reference[:, plan.support, Y] -= rise[plan.support]
-    reference[:, plan.support, VY] -= met.slope_x * desired[plan.support, VX]
+    forward, left = walk.feet[plan.support].T
+    reference.position[:, plan.support, Y] -= met.slope_x * forward + met.slope_y * left
+    reference.velocity[:, plan.support, Y] -= met.slope_x * desired.velocity[plan.support, X]
     return plan._replace(desired=desired, joints=joints, force_desired=force, reference=reference)

@@ -7,7 +7,6 @@ import numpy as np
 from cmacexp.config import Config
 from cmacexp.errors import BadInput
 from cmacexp.models.mechanism import Mechanism, get_leg
-from cmacexp.planning.columns import X, Y
 from cmacexp.typing import Array
 
 STRAIGHT = 1.0 - 1e-6
@@ -72,9 +71,8 @@ def _check_near(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array
         raise BadInput("gait.lift", config.gait.lift, allowed)
 
 
-def check_reach(config: Config, mechanism: Mechanism, desired: Array) -> None:
-    """Check that the desired foot path (N, L, 6) is within reach; raises BadInput with a value that is."""
+def check_reach(config: Config, mechanism: Mechanism, path: Array) -> None:
+    """Check that the ``path`` (N, L, 2) of the feet, m, is within reach; raises BadInput with a value that is."""
     for i in range(mechanism.shape[0]):
-        x, y = desired[:, i, X], desired[:, i, Y]
-        _check_near(config, mechanism, i, x, y)
-        _check_far(config, mechanism, i, x, y)
+        _check_near(config, mechanism, i, *path[:, i].T)
+        _check_far(config, mechanism, i, *path[:, i].T)

@@ -11,23 +11,7 @@ import numpy as np
 
 from cmacexp.config import Config
 from cmacexp.models.ground import damped_depression, depression_for
-from cmacexp.planning.columns import (
-    ACTING,
-    BEFORE,
-    FORCE_ADDED,
-    FORCE_DESIRED,
-    FORCE_REFERENCE,
-    MOTION_COLUMNS,
-    REFERENCE_COLUMNS,
-    REFERENCE_VZ,
-    REFERENCE_Z,
-    VX,
-    VY,
-    VZ,
-    X,
-    Y,
-    Z,
-)  # fmt: skip
+from cmacexp.planning.trajectory import ACTING, BEFORE, ControlReference, Motion, Y
 from cmacexp.typing import Array, Mask
 
 
@@ -92,8 +76,12 @@ def keeps_static_load(reference: str, feedforward_acts: bool) -> bool:
     return reference == "literal" or (reference == "aware" and not feedforward_acts)
 
 
-def plan_reference(config: Config, support: Mask, hip_height: float, desired: Array, force: Array) -> Array:
-    """Input of the controller, (2, N, L, columns): the desired motion in transfer, the equations above in support.
+def plan_reference(
+    config: Config, support: Mask, hip_height: float, desired: Motion, force: Array
+) -> ControlReference:
+    """Input of the controller: the ``desired`` motion in transfer, in ``support`` (N, L) the equations above.
+
+    ``hip_height`` is in m, the desired ``force`` (N, L) in N.
 
     For a controller without K_ap and K_av they omit their terms in 1/K_a and K_av/K_ap. With ``load_rate`` the
     reference follows the depression as the desired force changes: the velocity gain would resist that, and on ground
@@ -101,24 +89,21 @@ def plan_reference(config: Config, support: Mask, hip_height: float, desired: Ar
     """
     method = config.force_control
     gains = make_gains(config, *(config.gains or (math.inf, 0.0)))
-    reference = np.zeros((2, *force.shape, REFERENCE_COLUMNS[desired.shape[2] // 3]))
-    copied = [X, Y, VX, VY]
-    reference[..., copied], reference[..., FORCE_DESIRED] = desired[..., copied], force
-    if desired.shape[2] > MOTION_COLUMNS[2]:
-        reference[..., [REFERENCE_Z, REFERENCE_VZ]] = desired[..., [Z, VZ]]
+    none = np.zeros_like(force)
+    reference = ControlReference(*(np.stack([each, each]) for each in (*desired[:2], none, none, force)))
     for stage in (BEFORE, ACTING):
         keeps = config.gains is not None and keeps_static_load(config.reference, stage == ACTING)
         per_newton = compute_support_reference(method.method, gains, keeps)
-        reference[stage, support, Y] = hip_height + per_newton.depression * force[support]
-        reference[stage, support, VY] = per_newton.velocity * force[support]
-        reference[stage, support, FORCE_REFERENCE] = per_newton.force * force[support]
+        reference.position[stage, support, Y] = hip_height + per_newton.depression * force[support]
+        reference.velocity[stage, support, Y] = per_newton.velocity * force[support]
+        reference.force_reference[stage, support] = per_newton.force * force[support]
         if config.reference == "force_feedforward":
-            reference[stage, support, FORCE_ADDED] = force[support]
+            reference.force_added[stage, support] = force[support]
     if method.load_rate:
         period, damping = config.sampling_period, config.terrain.damping
         depression = damped_depression(gains.stiffness, damping, force, support, period)
         # The cycle is a ring. Where the depression jumps, so does its rate, for two samples.
         rate = (np.roll(depression, -1, axis=0) - np.roll(depression, 1, axis=0)) / (2.0 * period)
-        reference[:, support, Y] += (depression - depression_for(gains.stiffness, force))[support]
-        reference[:, support, VY] += rate[support]
+        reference.position[:, support, Y] += (depression - depression_for(gains.stiffness, force))[support]
+        reference.velocity[:, support, Y] += rate[support]
     return reference

@@ -17,7 +17,7 @@ from cmacexp.models.chain import chain_angles, chain_motion
 from cmacexp.models.leg import GRAVITY
 from cmacexp.models.mechanism import Mechanism, chains_under_body
 from cmacexp.models.robot import Robot, load_mujoco
-from cmacexp.planning.columns import AX, AY, AZ, JOINT_COLUMNS, VX, VY, VZ, X, Y, Z
+from cmacexp.planning.trajectory import Motion
 from cmacexp.typing import Array
 
 PASSES = 5
@@ -93,16 +93,15 @@ def make_robot_mechanism(machine: RobotMachine) -> Mechanism:
     return chains_under_body(stance.chains, machine.hip_height, hips, weight, limits)
 
 
-def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desired: Array, joints: Array) -> None:
-    """Fill ``joints`` (N, 4, 9), angles with their rates, along ``desired`` (N, 4, 9); raises BadInput."""
+def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desired: Motion) -> Motion:
+    """Joint motion along the ``desired`` one of the feet; raises BadInput if joints do not reach."""
     assert mechanism.chains is not None
     home = read_model(machine).home  # which says how legs are bent
+    angles, rates, changes = np.empty((3, *desired.position.shape))
     for i, chain in enumerate(mechanism.chains):
-        q = chain_angles(chain, desired[:, i, [X, Y, Z]], home[i])
-        rates = chain_motion(chain, q, desired[:, i, [VX, VY, VZ]], desired[:, i, [AX, AY, AZ]])
-        for name, values in zip(JOINT_COLUMNS, (q, *rates), strict=True):
-            joints[:, i, JOINT_COLUMNS[name]] = values
-    angles = joints[..., JOINT_COLUMNS["angle"]]
+        foot, velocity, acceleration = (values[:, i] for values in desired)
+        angles[:, i] = chain_angles(chain, foot, home[i])
+        rates[:, i], changes[:, i] = chain_motion(chain, angles[:, i], velocity, acceleration)
     if len(lost := np.argwhere(np.isnan(angles))):
         k, i, _ = lost[0]
         reason = f"the {LEG_NAMES[i]} foot is out of reach at sample {k}; use a shorter one, or machine.hip_height"
@@ -113,6 +112,7 @@ def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desi
         allowed = f"{least[i, n]:.4g} to {largest[i, n]:.4g} rad"
         reason = f"{machine.joints[i][n]} would be at {angles[k, i, n]:.4g} rad at sample {k}, beyond its {allowed}"
         raise BadInput("gait.stroke", config.gait.stroke, f"{reason}; use a shorter one, or machine.hip_height")
+    return Motion(angles, rates, changes)
 
 
 def find_centres(machine: RobotMachine, q: Array) -> Array:

@@ -15,9 +15,8 @@ from cmacexp.models.chain import batch_kinematics
 from cmacexp.models.mechanism import Mechanism
 from cmacexp.models.robot import load_mujoco, place
 from cmacexp.planning.body_load import BodyLoad
-from cmacexp.planning.body_motion import Sway
-from cmacexp.planning.columns import DDQ1, DDQ2, DDQ3, DQ1, DQ2, DQ3, Q1, Q2, Q3
 from cmacexp.planning.robot import find_stance
+from cmacexp.planning.trajectory import Motion
 from cmacexp.typing import Array
 
 
@@ -32,8 +31,8 @@ def make_model(robot_model: Any, mass_factor: float = 1.0) -> Any:
     return model
 
 
-def compute_needs(config: Config, joints: Array, sway: Sway, mass_factor: float = 1.0) -> tuple[Array, Array]:
-    """What the planned motion of the ``joints`` (N, 4, 9) and of the body needs, with masses that may be wrong.
+def compute_needs(config: Config, joints: Motion, sway: Motion, mass_factor: float = 1.0) -> tuple[Array, Array]:
+    """What the planned motion of the ``joints`` and of the body needs, with masses that may be wrong.
 
     Of the body (N, 6): force (N) in the world, and moment about its origin (N m); of the joints (N, 4, 3): torques
     without contact forces, N m.
@@ -42,11 +41,10 @@ def compute_needs(config: Config, joints: Array, sway: Sway, mass_factor: float 
     origin, legs = find_stance(robot, config.machine.hip_height).origin, robot.legs
     model = make_model(robot.model, mass_factor)
     data = place(model, mujoco.MjData(model), legs, robot.home)
-    rates = sway.rate + np.array([config.body_speed, 0.0])
-    needs = np.empty((len(joints), model.nv))
-    for k, sample in enumerate(joints):
-        data.qpos[legs.qpos], data.qvel[legs.dof] = sample[:, [Q1, Q2, Q3]], sample[:, [DQ1, DQ2, DQ3]]
-        data.qacc[legs.dof] = sample[:, [DDQ1, DDQ2, DDQ3]]
+    rates = sway.velocity + np.array([config.body_speed, 0.0])
+    needs = np.empty((len(rates), model.nv))
+    for k, sample in enumerate(zip(*joints, strict=True)):
+        data.qpos[legs.qpos], data.qvel[legs.dof], data.qacc[legs.dof] = sample
         data.qvel[legs.base_dof : legs.base_dof + 2] = rates[k]
         data.qacc[legs.base_dof : legs.base_dof + 2] = sway.acceleration[k]
         mujoco.mj_inverse(model, data)
@@ -55,8 +53,8 @@ def compute_needs(config: Config, joints: Array, sway: Sway, mass_factor: float 
     return np.concatenate([force, moment - np.cross(origin, force)], axis=1), needs[:, legs.dof]
 
 
-def compute_load(config: Config, joints: Array, sway: Sway) -> BodyLoad:
-    """The load of the feet along the planned motion of the ``joints`` (N, 4, 9) and of the body.
+def compute_load(config: Config, joints: Motion, sway: Motion) -> BodyLoad:
+    """The load of the feet along the planned motion of the ``joints`` and of the body.
 
     The horizontal force acts at the ground, ``hip_height`` below the body: it moves the centre of pressure.
     """
@@ -70,22 +68,22 @@ def compute_load(config: Config, joints: Array, sway: Sway) -> BodyLoad:
 def planned_torques(
     config: Config,
     mechanism: Mechanism,
-    joints: Array,
-    sway: Sway,
+    joints: Motion,
+    sway: Motion,
     load: Array,
     pressed: Array,
     mass_factor: float = 1.0,
 ) -> Array:
     """Joint torques (N, 4, 3), N m, that let the robot move as planned, with masses that may be wrong by a factor.
 
-    Joints (N, 4, 9) are planned, ``load`` (N, 4) are vertical forces on the feet, N, which share the horizontal force
-    alike; ``pressed`` (N, 4) are those that these torques have to give.
+    Planned are ``joints`` and ``sway``; ``load`` (N, 4) are vertical forces on the feet, N, which share the
+    horizontal force alike; ``pressed`` (N, 4) are those that these torques have to give.
     """
     assert mechanism.chains is not None
     trunk, torque = compute_needs(config, joints, sway, mass_factor)
     share = load / load.sum(axis=1, keepdims=True)
     ground = np.stack([trunk[:, :1] * share, -pressed, trunk[:, 1:2] * share], axis=-1)
     for i, chain in enumerate(mechanism.chains):
-        _, jacobian = batch_kinematics(chain, joints[:, i][:, [Q1, Q2, Q3]])
+        _, jacobian = batch_kinematics(chain, joints.position[:, i])
         torque[:, i] -= np.einsum("kjn,kj->kn", jacobian, ground[:, i])
     return torque

@@ -6,6 +6,7 @@ from typing import NamedTuple
 from cmacexp.config import Config
 from cmacexp.models.mechanism import Mechanism
 from cmacexp.planning.plan import Plan
+from cmacexp.planning.trajectory import ControlReference, Motion, read_old_columns
 from cmacexp.typing import Array, Mask, Weights
 
 
@@ -38,11 +39,26 @@ class Reference(NamedTuple):
     """Whether the feedforward learns and acts in this step."""
     support: Mask
     """(L,): planned phase, true in support."""
-    values: Array
-    """(L, 7): of ``Plan.reference``: x, y (m), vx, vy (m/s), reference force, force to add, desired force (N)."""
-    desired: Array
-    """(L, 6): desired foot position, velocity and acceleration."""
-    joints: Array
-    """(L, 6): desired joint angles, velocities and accelerations."""
+    control: ControlReference
+    """What the built-in controllers follow, (L, J) and (L,)."""
+    foot_motion: Motion
+    """Desired, (L, J)."""
+    joint_motion: Motion
+    """The same in joint angles, (L, J)."""
     force_desired: Array
     """(L,): N."""
+
+    @property
+    def values(self) -> Array:
+        """Old name of ``control``, (L, 7 or 9): x, y, vx, vy, reference force, force to add, desired force, z, vz."""
+        return read_old_columns("reference.values", "reference.control", self.control)
+
+    @property
+    def desired(self) -> Array:
+        """Old name of ``foot_motion``, (L, 6 or 9): x, y, vx, vy, ax, ay, z, vz, az."""
+        return read_old_columns("reference.desired", "reference.foot_motion", self.foot_motion)
+
+    @property
+    def joints(self) -> Array:
+        """Old name of ``joint_motion``, (L, 6 or 9), in the same order."""
+        return read_old_columns("reference.joints", "reference.joint_motion", self.joint_motion)

@@ -9,7 +9,6 @@ import numpy as np
 from cmacexp.config import number
 from cmacexp.errors import BadInput, Diverged
 from cmacexp.models.robot import load_mujoco
-from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.as_built import AsBuiltConfig
 from cmacexp.plants.environment import make_ground, make_payload
@@ -121,8 +120,8 @@ class MujocoPlant:
             trunk_rate = data.qvel[first_rate : first_rate + 6]
         data.qpos[q] = setup.start
         if moving:
-            trunk_rate[:2] = setup.plan.sway.rate[0] + np.array([config.body_speed, 0.0])
-            data.qvel[dq] = setup.plan.joints[0][:, JOINT_COLUMNS["velocity"]]
+            trunk_rate[:2] = setup.plan.sway.velocity[0] + np.array([config.body_speed, 0.0])
+            data.qvel[dq] = setup.plan.joints.velocity[0]
         mujoco.mj_step1(model, data)
         fixed_to = model.geom_bodyid[foot]
         point, body, root = (indices.astype(np.int64) for indices in (foot, fixed_to, model.body_rootid[fixed_to]))

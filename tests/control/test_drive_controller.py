@@ -11,9 +11,10 @@ from support.robots import OWN
 from support.rollout import roll_out
 from support.views import ROBOT_HIPS, make_chain
 
-from cmacexp.control import DriveController, steering
+from cmacexp.control import DriveController
 from cmacexp.control import drive_kernels as drives
 from cmacexp.control.hybrid_kernels import new_hybrid_state
+from cmacexp.planning import ControlReference
 
 AHEAD = 0.001
 WALK = (*ROBOT, f"machine.path={OWN}", "controller=drives", *SHORT, "record=trace")
@@ -24,12 +25,10 @@ def test_a_command_leads_the_foot_along_its_reference_and_missing_force_teaches(
     angles = np.tile([0.1, 0.7, -1.4], (1, 4, 1))
     behind = np.broadcast_to(np.reshape([0.01, 0.2], (2, 1, 1, 1)), (2, 1, 4, 3))
     params = drives.DriveParams(ROBOT_HIPS, chains, angles, behind, 80.0, 6.0, force_weight=0.5, ahead=AHEAD)
-    reference = np.zeros((4, 9))
     observation = SimpleNamespace(q=np.zeros((4, 3)), dq=np.zeros((4, 3)), force=np.full(4, 30.0))
     place, velocity = np.array([0.03, 0.29, -0.02]), np.array([0.4, -0.2, 0.1])
-    reference[:, [steering.X, drives.Y, steering.REFERENCE_Z]] = place
-    reference[:, [steering.VX, drives.VY, steering.REFERENCE_VZ]] = velocity
-    reference[:, [drives.FORCE_DESIRED, drives.FORCE_ADDED]] = 40.0
+    pressed = np.full(4, 40.0)
+    reference = ControlReference(np.tile(place, (4, 1)), np.tile(velocity, (4, 1)), None, pressed, pressed)
     state, command = new_hybrid_state(4, 3), np.zeros((6, 4, 3))
     support = np.array([True, True, False, False])
     drives.command_drives(params, state, command, 0, support, reference, observation)

@@ -11,6 +11,7 @@ from support.doors import Leg, joint_torque, make_pose, make_scenario, trigonome
 
 from cmacexp.control import Reference
 from cmacexp.control.hybrid_kernels import METHODS, posture_rate_term, posture_term
+from cmacexp.planning import ControlReference
 from cmacexp.plants import Measurement
 
 GAINS = (
@@ -28,10 +29,11 @@ def controller_of(make_config):
 
 def act(controller, support, values, foot, velocity, force, q=(0.0, 0.0), body=(0.5, 0.1, 0.1), rate=(0.1, 0.2, 0.3)):
     """Action of one step; arrays have a row for each leg."""
-    reference = Reference(0, 0, False, np.asarray(support), values, values[:, :6], values[:, :6], force)
+    followed = ControlReference(values[:, :2], values[:, 2:4], *values[:, 4:].T)
     joints = np.tile(q, (len(force), 1))
     return controller.act(
-        reference, Measurement(joints, joints, foot, velocity, force, np.array(body), np.array(rate))
+        Reference(0, 0, False, np.asarray(support), followed, *[None] * 3),
+        Measurement(joints, joints, foot, velocity, force, np.array(body), np.array(rate)),
     )
 
 

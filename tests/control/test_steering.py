@@ -70,7 +70,7 @@ def test_a_robot_is_caught_half_a_support_and_the_time_of_its_pendulum_ahead(pat
     posture, hips = SimpleNamespace(course_gain=1.0, heading_gain=2.0), np.array([[0.3, 0.4], [-0.3, 0.0]])
     config = SimpleNamespace(gait=gait, posture=posture, body_speed=0.2, sampling_period=0.001)
     config.machine = object.__new__(RobotMachine)
-    sway = SimpleNamespace(place=np.array([[0.01, 0.02], [0.03, 0.02]]))
+    sway = SimpleNamespace(position=np.array([[0.01, 0.02], [0.03, 0.02]]))
     mechanism, plan = SimpleNamespace(hips=hips, hip_height=0.3), SimpleNamespace(sway=sway)
     steering = new_steering(SimpleNamespace(config=config, mechanism=mechanism, plan=plan))
     assert (steering.capture, steering.radius, steering.most) == pytest.approx((capture, 0.5, most))

@@ -105,7 +105,7 @@ class Spy:
     """A controller that keeps all that it is given, and spoils it."""
 
     def reset(self, setup, feedforward):
-        setup.plan.reference[:] = np.nan
+        setup.plan.reference.position[:] = np.nan
         setup.mechanism.legs[:] = 0.0
         self.kept, self.copies = [], []
 
@@ -113,7 +113,7 @@ class Spy:
         self.kept.append(measurement)
         self.copies.append(measurement.q.copy())
         with pytest.raises(ValueError, match="read-only"):
-            reference.values[:] = 0.0
+            reference.control.position[:] = 0.0
         measurement.force[:] = 1e6
         return Action(np.full((1, 2), 0.1), np.zeros((1, 2)))
 

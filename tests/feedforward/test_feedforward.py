@@ -16,6 +16,7 @@ from cmacexp.feedforward.kernels import Smoothing, correct, feedforward_step, sm
 from cmacexp.feedforward.network import kernel_norm, known_torque, network, planned_inputs, resample
 from cmacexp.feedforward.rbf import activations, spacing, spread_out
 from cmacexp.feedforward.weight_log import log_weights, new_log
+from cmacexp.planning import Motion
 
 SHORT = ("scenario=quadruped", "gait.cycle_time=0.2", "gait.lift=0.005")
 SAMPLES, LEGS, ROWS = 40, 4, 25
@@ -67,7 +68,7 @@ def test_what_a_controller_adds_for_the_desired_force_is_not_in_the_model_again(
     whole, rest = (torque_of_model(make_config, *SHORT, f"reference={law}") for law in ("aware", "force_feedforward"))
     plan = rest.setup.plan
     for k, i in np.argwhere(plan.support)[::7]:
-        angles = trigonometry(*plan.joints[k, i, :2])
+        angles = trigonometry(*plan.joints.position[k, i])
         jacobian_of = np.array(jacobian(Leg(*rest.setup.mechanism.legs[i]), angles)).reshape(2, 2)
         added = jacobian_of.T @ [0.0, plan.force_desired[k, i]]
         torques = [scenario.feedforward.params.torque[k, i] for scenario in (whole, rest)]
@@ -148,7 +149,7 @@ def test_cmacs_that_go_on_from_what_was_learnt_give_the_same_torque(setup, addre
     first, again = (CmacFeedforward(CmacFeedforward.Config()) for _ in range(2))
     first.reset(replace(setup, config=replace(setup.config, cmac=cmac)))
     first.params.weights[:] = np.random.default_rng(6).normal(size=first.params.weights.shape)
-    turned = setup.plan._replace(joints=np.roll(setup.plan.joints, 5, axis=0))
+    turned = setup.plan._replace(joints=Motion(*np.roll(setup.plan.joints, 5, axis=1)))
     config = replace(setup.config, cmac=cmac, seed=9)
     again.reset(replace(setup, config=config, plan=turned, learnt=first.learnt()))
     one, other = np.zeros((2, LEGS, 2))
@@ -321,12 +322,12 @@ def test_the_spacing_is_the_mean_distance_to_the_nearest_other_centre():
 def test_centres_are_on_the_path_scaled_to_its_span_whatever_the_unit(setup, inputs):
     rbf, other = (RadialBasis(RadialBasis.Config(inputs, SAMPLES, active=3, width=1.0)) for _ in range(2))
     rbf.reset(setup)
-    stretched = setup.plan._replace(joints=setup.plan.joints * [2.0, 0.5, 4.0, 8.0, 1.0, 1.0])
-    other.reset(replace(setup, plan=stretched))
+    stretched = Motion(*np.multiply(setup.plan.joints, np.reshape([2.0, 0.5, 4.0, 8.0, 1.0, 1.0], (3, 1, 1, 2))))
+    other.reset(replace(setup, plan=setup.plan._replace(joints=stretched)))
     assert_array_equal(rbf.params.cells, other.params.cells)
     assert_allclose(rbf.params.activation, other.params.activation, atol=1e-9)
     for leg, use in enumerate(rbf.memory):
-        path = setup.plan.joints[:, leg, : 2 * len(inputs)]
+        path = np.concatenate(setup.plan.joints[: len(inputs)], axis=2)[:, leg]
         scaled = (path - path.min(axis=0)) / np.ptp(path, axis=0)
         assert_allclose(rbf.places[leg][rbf.params.cells[:, leg, 0]], scaled, atol=1e-12)  # its nearest is itself
         assert (use.cells_colliding, use.clipped, use.rows_used) == (0, 0, SAMPLES)

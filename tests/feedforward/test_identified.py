@@ -33,7 +33,7 @@ def walk(feedforward, wanted, lead, cycles=3):
 
 def find_lost(setup, ranges):
     """Torque (N, L, J) of joints whose parameters are those above."""
-    features = make_features(setup.plan.joints, 2, len(FRICTION), ranges)
+    features = make_features(setup.plan.joints, len(FRICTION), ranges)
     return features @ np.array([INERTIA, VISCOUS, OFFSET, SPRING, *FRICTION])
 
 

@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.doors import JOINT_COLUMNS, SmallMargin, find_centres, height_at, make_ground, stiffness_at
+from support.doors import SmallMargin, find_centres, height_at, make_ground, stiffness_at
 from support.robot_walks import (
     EXACT,
     HEAVY,
@@ -50,7 +50,7 @@ def test_over_a_cycle_the_ground_bears_the_weight_below_masses_and_payload(plant
 def test_the_body_advances_by_a_stride_each_cycle_and_by_what_spheres_roll_on_a_rigid_floor(plant):
     walked = walk_robot(EXACT, *TWO, *plant)
     gait, joints, support = walked.config.gait, walked.setup.plan.joints, walked.setup.plan.support
-    angle = joints[..., JOINT_COLUMNS["angle"]][..., 1:].sum(axis=2)
+    angle = joints.position[..., 1:].sum(axis=2)
     turned = [np.ptp(angle[:, leg][support[:, leg]]) for leg in range(4)]
     rolled = read().model.geom("FL").size[0] * np.mean(turned) if plant else 0.0
     advance = walked.cog_x[-1] - walked.cog_x[-1 - walked.config.steps_per_cycle]

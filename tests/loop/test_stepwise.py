@@ -147,7 +147,7 @@ def test_an_episode_without_action_is_a_run_of_feedback_only_with_its_seed():
         assert_array_equal(observations[:-1, env.names.index(name)], columns[column][:, 0])
     assert ends == (False, True)
     for k in range(1, 40):
-        off = [columns[name][k, 0] - plan.desired[k, 0, j] for j, name in enumerate("xy")]
+        off = [columns[name][k, 0] - plan.desired.position[k, 0, j] for j, name in enumerate("xy")]
         force = (columns["force"][k, 0] - plan.force_desired[k, 0]) / plan.force_desired.max()
         cost = off[0] ** 2 / 0.01**2 + (force**2 if plan.support[k, 0] else off[1] ** 2 / 0.01**2)
         assert rewards[k - 1] == pytest.approx(-min(cost, 10.0), rel=1e-12)

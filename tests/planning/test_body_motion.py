@@ -9,7 +9,6 @@ from support.robots import OWN
 
 from cmacexp.planning import make_plan
 from cmacexp.planning.body_motion import find_pressure, find_sway
-from cmacexp.planning.columns import X, Z
 
 FEET = np.array([[[0.2, 0.1], [0.2, -0.1], [-0.2, 0.1], [-0.2, -0.1]]])
 DIAGONAL = np.array([[1.0, 0.0, 0.0, 1.0]])
@@ -29,8 +28,8 @@ def test_the_centre_of_pressure_of_two_feet_is_between_them_and_of_four_feet_whe
 def test_a_swaying_body_presses_where_it_should():
     height, pressure = 0.3, np.random.default_rng(0).normal(size=(50, 2))
     sway = find_sway(pressure, height, 0.002)
-    assert_allclose(sway.place - height / GRAVITY * sway.acceleration, pressure, atol=1e-9)
-    assert_allclose(sway.rate.sum(axis=0), 0.0, atol=1e-9)
+    assert_allclose(sway.position - height / GRAVITY * sway.acceleration, pressure, atol=1e-9)
+    assert_allclose(sway.velocity.sum(axis=0), 0.0, atol=1e-9)
 
 
 @pytest.mark.ci
@@ -39,7 +38,7 @@ def test_forces_of_a_gait_on_two_feet_balance_weight_and_moments(gait):
     config = compose_config([*OWN_ROBOT, f"gait={gait}"])
     mechanism = make_mechanism(config.machine)
     plan = make_plan(config, mechanism, True)
-    feet, force = plan.desired[..., [X, Z]] + mechanism.hips, plan.force_desired
+    feet, force = plan.desired.position[..., [0, 2]] + mechanism.hips, plan.force_desired
     assert (plan.support.sum(axis=1) == 2).any()
     assert force.min() >= 0.0
     assert_allclose(force.sum(axis=1), plan.load.force)

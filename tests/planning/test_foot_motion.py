@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from support.doors import BadInput, foot_position, foot_velocity, get_leg, make_mechanism, trigonometry
+from support.doors import BadInput, foot_position, foot_velocity, get_leg, make_mechanism, make_scenario, trigonometry
 
-from cmacexp.planning.columns import AX, AY, FORCE_DESIRED, VX, VY, X, Y
 from cmacexp.planning.foot_path import cubic, line, quintic, two_cubics
 from cmacexp.planning.motion import _plan_samples_plainly, check_apex, make_ramp
 from cmacexp.planning.plan import make_plan
+from cmacexp.planning.trajectory import Motion, X, Y
 
 PERIOD = 0.005
 lengths, durations = st.floats(-1.0, 1.0), st.floats(0.05, 5.0)
@@ -98,22 +98,24 @@ def test_one_cubic_between_different_depths_needs_a_lift_of_5_quarters_of_the_ga
 def test_a_foot_moves_with_the_ground_in_support_and_joins_both_ends_in_transfer(plan_of, make_config, gait):
     plan, config = plan_of(*gait), make_config(*gait)
     lift, speed = config.gait.lift, config.gait.stroke / (plan.support[:, 0].sum() * PERIOD)
-    depth = plan.desired[..., Y] - config.machine.hip_height
+    depth = plan.desired.position[..., Y] - config.machine.hip_height
     assert_allclose((depth * config.assumed_stiffness)[plan.support], plan.force_desired[plan.support], atol=1e-9)
     for leg, support in enumerate(plan.support.T):
         first = int(np.flatnonzero(support & ~np.roll(support, 1))[0])
-        motion = np.roll(plan.desired[:, leg], -first, axis=0)
-        down, up = np.split(motion, [support.sum()])
-        assert_allclose(down[:, VX], -speed)
-        assert_allclose(down[:, X], config.gait.stroke / 2.0 - speed * PERIOD * np.arange(len(down)), atol=1e-12)
-        assert_array_equal(down[:, [AX, AY]], 0.0)
-        assert_allclose(up[[0, len(up) // 2], Y], [down[-1, Y], down[-1, Y] - lift], atol=0.02 * lift)
-        landing = np.polynomial.Polynomial.fit(np.arange(-6, 0), up[-6:, Y], 3)(0)
-        assert landing == pytest.approx(down[0, Y], abs=1e-7)
-        for place, rate in ((X, VX), (Y, VY), (VX, AX), (VY, AY)):
-            middle = (up[1:, rate] + up[:-1, rate]) / 2.0
-            curved = np.abs(np.diff(up[:, rate])).max()  # or jumps, as at the apex of two cubics
-            assert_allclose(np.diff(up[:, place]), PERIOD * middle, atol=PERIOD * curved)
+        motion = np.roll(np.array(plan.desired)[:, :, leg], -first, axis=1)
+        down, up = (Motion(*part) for part in np.split(motion, [support.sum()], axis=1))
+        x, y = down.position.T
+        assert_allclose(down.velocity[:, X], -speed)
+        assert_allclose(x, config.gait.stroke / 2.0 - speed * PERIOD * np.arange(len(x)), atol=1e-12)
+        assert_array_equal(down.acceleration, 0.0)
+        assert_allclose(up.position[[0, len(up.position) // 2], Y], [y[-1], y[-1] - lift], atol=0.02 * lift)
+        landing = np.polynomial.Polynomial.fit(np.arange(-6, 0), up.position[-6:, Y], 3)(0)
+        assert landing == pytest.approx(y[0], abs=1e-7)
+        of_place, of_rate = np.concatenate(up[:2], axis=1).T, np.concatenate(up[1:], axis=1).T
+        for place, rate in zip(of_place, of_rate, strict=True):
+            middle = (rate[1:] + rate[:-1]) / 2.0
+            curved = np.abs(np.diff(rate)).max()  # or jumps, as at the apex of two cubics
+            assert_allclose(np.diff(place), PERIOD * middle, atol=PERIOD * curved)
 
 
 @pytest.mark.parametrize("overrides", [(), ("gait.load_ramp=0.2", "gait.vertical=two_cubics")], ids=" ".join)
@@ -121,15 +123,15 @@ def test_a_foot_moves_with_the_ground_in_support_and_joins_both_ends_in_transfer
 def test_planned_joints_move_the_foot_along_the_desired_path(make_config, plan_of, overrides, knee):
     machine = ("scenario=one_leg", "sampling_period=0.002", f"machine.leg.knee={knee}", "machine.leg.length_1=0.4")
     plan, leg = plan_of(*machine, *overrides), get_leg(make_mechanism(make_config(*machine).machine), 0)
-    joints, desired = plan.joints[:, 0], plan.desired[:, 0]
-    assert (np.sign(joints[:, 1]) == (-1.0 if knee == "back" else 1.0)).all()
-    for q, foot in zip(joints, desired, strict=True):
-        trig = trigonometry(q[0], q[1])
-        assert_allclose(foot_position(leg, trig), foot[:2], atol=1e-12)
-        assert_allclose(foot_velocity(leg, trig, q[2], q[3]), foot[2:4], atol=1e-12)
+    (q, dq, ddq), (foot, velocity, _) = ([values[:, 0] for values in each] for each in (plan.joints, plan.desired))
+    assert (np.sign(q[:, 1]) == (-1.0 if knee == "back" else 1.0)).all()
+    for k, angles in enumerate(q):
+        trig = trigonometry(*angles)
+        assert_allclose(foot_position(leg, trig), foot[k], atol=1e-12)
+        assert_allclose(foot_velocity(leg, trig, *dq[k]), velocity[k], atol=1e-12)
     inside = np.r_[10:140, 160:290, 410:1490]  # away from where velocity or acceleration jumps
-    slope = (joints[inside + 1, 2:4] - joints[inside - 1, 2:4]) / 0.004
-    assert_allclose(joints[inside, 4:], slope, rtol=1e-3, atol=2e-2)
+    slope = (dq[inside + 1] - dq[inside - 1]) / 0.004
+    assert_allclose(ddq[inside], slope, rtol=1e-3, atol=2e-2)
 
 
 # What the controller gets
@@ -142,10 +144,11 @@ def test_in_support_the_foot_of_the_paper_is_sent_deeper_than_it_is_meant_to_be(
         plan = plan_of("scenario=one_leg", *ground)
         assert_array_equal(plan.support[:, 0], support)
         assert_allclose(plan.progress[:, 0], np.r_[np.arange(120) / 120, np.arange(480) / 480])
-        assert_allclose(plan.desired[support, 0, Y], desired)
-        assert_allclose(plan.reference[:, support, 0, Y], sent)
-        assert_allclose(plan.reference[..., [X, VX]], [plan.desired[..., [X, VX]]] * 2)
-        assert_allclose(plan.reference[:, ~support, :, :4], [plan.desired[~support, :, :4]] * 2)
+        assert_allclose(plan.desired.position[support, 0, Y], desired)
+        assert_allclose(plan.reference.position[:, support, 0, Y], sent)
+        for followed, wanted in zip(plan.reference[:2], plan.desired[:2], strict=True):
+            assert_allclose(followed[..., X], [wanted[..., X]] * 2)
+            assert_allclose(followed[:, ~support], [wanted[~support]] * 2)
 
 
 @pytest.mark.parametrize("ramp", [0.1, 0.4])
@@ -154,9 +157,9 @@ def test_a_load_ramp_takes_force_depth_and_reference_up_in_a_line(plan_of, ramp)
     steps = round(ramp / PERIOD)
     wanted = 1.5 * np.minimum(np.arange(480) / steps, 1.0)
     assert_allclose(plan.force_desired[120:, 0], wanted, atol=1e-12)
-    assert_allclose(plan.desired[120:, 0, Y], 0.5 + wanted / 10.0)
-    assert_allclose(plan.desired[120:, 0, VY], np.where(np.arange(480) < steps, 0.15 / ramp, 0.0), atol=1e-12)
-    assert_allclose(plan.reference[0, 120:, 0, Y], 0.5 + 0.215 * wanted)
+    assert_allclose(plan.desired.position[120:, 0, Y], 0.5 + wanted / 10.0)
+    assert_allclose(plan.desired.velocity[120:, 0, Y], np.where(np.arange(480) < steps, 0.15 / ramp, 0), atol=1e-12)
+    assert_allclose(plan.reference.position[0, 120:, 0, Y], 0.5 + 0.215 * wanted)
 
 
 @pytest.mark.parametrize("damping", [0, 20])
@@ -166,15 +169,14 @@ def test_with_the_rate_of_the_load_the_reference_moves_as_its_velocity_says(make
     config = make_config(*walk)
     method = ("force_control.elasticity=0", "force_control.admittance=0", "reference=force_feedforward")
     moving, still = (plan_of(*walk, *method, f"force_control.load_rate={on}") for on in ("true", "false"))
-    assert_array_equal(still.reference[1, still.support, VY], 0.0)
+    assert_array_equal(still.reference.velocity[1, still.support, Y], 0.0)
     for leg, support in enumerate(moving.support.T):
-        motion = moving.reference[1, :, leg]
+        place, rate, *_, force = (values[1, :, leg] for values in moving.reference)
         inner = support & np.roll(support, 1) & np.roll(support, -1)  # the ends jump, where the foot lifts
-        change = np.roll(motion[:, Y], -1) - np.roll(motion[:, Y], 1)
-        assert_allclose(change[inner], 2.0 * PERIOD * motion[inner, VY], atol=1e-12)
-        depth, force = motion[inner, Y] - config.machine.hip_height, motion[inner, FORCE_DESIRED]
-        fastest = np.abs(motion[inner, VY]).max()
-        balance = config.terrain.stiffness * depth + damping * motion[inner, VY] - force
+        change, sinking = np.roll(place[:, Y], -1) - np.roll(place[:, Y], 1), rate[inner, Y]
+        assert_allclose(change[inner], 2.0 * PERIOD * sinking, atol=1e-12)
+        depth, fastest = place[inner, Y] - config.machine.hip_height, np.abs(sinking).max()
+        balance = config.terrain.stiffness * depth + damping * sinking - force[inner]
         assert np.median(np.abs(balance)) < 1e-2 * damping * fastest + 1e-9
         assert fastest > 0.01
 
@@ -200,7 +202,7 @@ def test_what_is_out_of_reach_is_refused_and_the_limit_named_is_where_reach_ends
         plan_of(f"{key}={value}", *others)
     limit = float(re.search(r"must be (?:at most|below) (\S+)", str(caught.value))[1])
     assert caught.value.key == key
-    assert np.isfinite(plan_of(f"{key}={limit * 0.999}", *others).joints).all()
+    assert np.isfinite(plan_of(f"{key}={limit * 0.999}", *others).joints.position).all()
     with pytest.raises(BadInput, match=key):
         plan_of(f"{key}={limit * 1.01}", *others)
 
@@ -210,16 +212,16 @@ def test_plans_that_are_compiled_are_those_of_plain_python(make_config, compiled
     config = make_config("scenario=quadruped", "gait.stroke=0.123", "machine.legs.right_rear.knee=back")
     mechanism = make_mechanism(config.machine)
     plan = make_plan(config, mechanism, True)
-    expected = np.empty_like(plan.joints)
+    expected = Motion(*np.empty_like(plan.joints))
     _plan_samples_plainly(mechanism, plan.desired, expected)
     assert_array_equal(plan.joints, expected)
 
 
 def test_a_run_that_changes_its_plan_changes_that_of_no_other(make_config):
     plans = []
-    for seed in (1, 2):
-        config = make_config("scenario=one_leg", f"seed={seed}", "learning.start_cycle=2")
-        plans.append(make_plan(config, make_mechanism(config.machine), seed == 1))
-        plans[-1].joints[...] = plans[-1].reference[...] = 0.0
-    assert plans[0].start_step == config.steps_per_cycle != plans[1].start_step
-    assert make_plan(config, make_mechanism(config.machine), True).joints.any()
+    for feedforward in ("cmac", "none"):
+        config = make_config("scenario=one_leg", f"feedforward={feedforward}", "learning.start_cycle=2")
+        plans.append(make_scenario(config).setup.plan)
+        plans[-1].joints.position[...] = plans[-1].reference.position[...] = 0.0
+    assert plans[0].start_step == config.steps_per_cycle < 10**12 < plans[1].start_step
+    assert make_plan(config, make_mechanism(config.machine), True).joints.position.any()

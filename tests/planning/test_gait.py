@@ -117,8 +117,7 @@ def test_an_unstable_gait_is_refused_unless_it_is_allowed(walk_plan, override, f
     assert down.min() == fewest
     assert_array_equal(np.isnan(plan.margins[:, 0]), down < 3)
     assert fewest < 3 or plan.margins[:, 0].min() < 0.0
-    assert np.isfinite(plan.joints).all()
-    assert np.isfinite(plan.force_desired).all()
+    assert all(np.isfinite(values).all() for values in (*plan.joints, plan.force_desired))
 
 
 def test_an_uneven_number_of_steps_is_refused_and_the_period_named_is_not(walk_plan):

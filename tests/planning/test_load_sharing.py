@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from support.doors import BadInput, make_mechanism
 
-from cmacexp.planning import make_plan
+from cmacexp.planning import Motion, make_plan
 from cmacexp.planning.body_load import dynamic_load
 from cmacexp.planning.load_sharing import remove_pull, share_load
 from cmacexp.planning.machine import check_load_sharing, compute_weight_of_masses
@@ -30,7 +30,7 @@ def planned(make_config, plan_of):
 
     def plan(*overrides):
         plan, mechanism = plan_of(*overrides), make_mechanism(make_config(*overrides).machine)
-        return plan, mechanism.hips + plan.desired[..., :1] * [1.0, 0.0], mechanism
+        return plan, mechanism.hips + plan.desired.position[..., :1] * [1.0, 0.0], mechanism
 
     return plan
 
@@ -180,7 +180,7 @@ def test_dynamic_forces_give_all_masses_the_momentum_that_is_planned(planned, bo
     period = 0.001
     hard = ("terrain.stiffness=1e9", f"sampling_period={period}", f"machine.body_mass={body_mass}")
     plan, feet, mechanism = planned(*DYNAMIC, *hard, *overrides)
-    force, moments = find_momentum_force(mechanism, plan.joints[..., :2], body_mass, period)
+    force, moments = find_momentum_force(mechanism, plan.joints.position, body_mass, period)
     jumps = np.diff(plan.support, axis=0, prepend=plan.support[-1:]).any(axis=1)  # of an acceleration
     jumps |= (np.abs(plan.progress - 0.5) < 1e-9).any(axis=1)
     smooth = ~np.any([np.roll(jumps, shift) for shift in range(-2, 3)], axis=0)
@@ -200,7 +200,7 @@ def test_a_dynamic_load_on_soft_ground_depresses_it_and_is_the_weight_on_average
     plan, _, mechanism = planned(*DYNAMIC, *masses, "gait.load_ramp=0.12")
     assert mechanism.weight == pytest.approx(9.81 * (1.0 + 4 * 0.4))
     assert plan.load.force.mean() == pytest.approx(mechanism.weight, rel=2e-3)
-    assert_allclose(plan.desired[plan.support, 1], 0.5 + plan.force_desired[plan.support] / 1e4, rtol=1e-12)
+    assert_allclose(plan.desired.position[plan.support, 1], 0.5 + plan.force_desired[plan.support] / 1e4, rtol=1e-12)
     landing = plan.support & (plan.progress == 0.0) & plan.support.all(axis=1)[:, None]
     assert landing.sum() == 2  # of the front feet; as a rear one lands another lifts
     assert_allclose(plan.force_desired[landing], 0.0, atol=1e-6)
@@ -209,8 +209,8 @@ def test_a_dynamic_load_on_soft_ground_depresses_it_and_is_the_weight_on_average
 def test_a_machine_at_rest_presses_with_its_weight_below_its_centre_of_mass(make_config):
     """Thighs level and forward, shanks down: by hand. Knees at 0.225 + 0.35 and -0.225 + 0.35 m, feet below them."""
     mechanism = make_mechanism(make_config(WALK).machine)
-    desired, joints = np.zeros((1, 4, 6)), np.zeros((1, 4, 6))
-    desired[..., :2], joints[..., 1] = [0.35, 0.35], np.pi / 2.0
+    desired, joints = (Motion(*np.zeros((3, 1, 4, 2))) for _ in range(2))
+    desired.position[...], joints.position[..., 1] = [0.35, 0.35], np.pi / 2.0
     load = dynamic_load(mechanism, 1.0, desired, joints)
     assert_allclose(load.force, [49.05])
     assert_allclose(load.centre, [[4.0 * 0.35 / 5.0, 0.0]], atol=1e-12)
@@ -238,7 +238,7 @@ def test_an_adapted_plan_carries_the_weight_that_was_met_where_it_was_met(adapt,
     """The measured centre is that of the load, forward of the body's own, over a cycle."""
     plan, mechanism, adapted_to = adapt
     adapted = adapted_to(weight, x, 0.0, 0.0, 0.0)
-    force, feet = adapted.force_desired, mechanism.hips + adapted.desired[..., :1] * [1.0, 0.0]
+    force, feet = adapted.force_desired, mechanism.hips + adapted.desired.position[..., :1] * [1.0, 0.0]
     assert_allclose(force.sum(axis=1), plan.force_desired.sum(axis=1) + weight, rtol=1e-9)
     centre = (force[..., None] * feet).sum(axis=(0, 1)) / force.sum()
     assert_allclose(centre, plan.load.mean_centre + np.array([x, 0.0]), atol=5e-4)
@@ -247,6 +247,7 @@ def test_an_adapted_plan_carries_the_weight_that_was_met_where_it_was_met(adapt,
 def test_feet_of_an_adapted_plan_follow_the_slope_that_was_met(adapt):
     plan, mechanism, adapted_to = adapt
     level, sloped = (adapted_to(0.0, 0.0, 0.0, slope, 0.0) for slope in (0.0, 0.05))
-    change, feet = sloped.reference - level.reference, plan.desired[..., 0] + mechanism.hips[:, 0]
-    assert_allclose(change[:, plan.support, 1], np.tile(-0.05 * feet[plan.support], (2, 1)), atol=1e-9)
-    assert_allclose(change[:, plan.support, 3], -0.05 * level.reference[:, plan.support, 2], atol=1e-9)
+    position, velocity, *_ = (b - a for a, b in zip(level.reference, sloped.reference, strict=True))
+    feet = plan.desired.position[..., 0] + mechanism.hips[:, 0]
+    assert_allclose(position[:, plan.support, 1], np.tile(-0.05 * feet[plan.support], (2, 1)), atol=1e-9)
+    assert_allclose(velocity[:, plan.support, 1], -0.05 * level.reference.velocity[:, plan.support, 0], atol=1e-9)

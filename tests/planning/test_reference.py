@@ -8,8 +8,9 @@ from numpy.testing import assert_allclose
 from support.doors import make_scenario
 from support.rollout import roll_out
 
-from cmacexp.planning.columns import ACTING, BEFORE
-from cmacexp.planning.reference import Gains, compute_support_reference, keeps_static_load
+from cmacexp.planning.reference import Gains, compute_support_reference
+from cmacexp.planning.setup import Reference
+from cmacexp.planning.trajectory import ACTING, BEFORE, ControlReference, Motion
 
 METHODS = ("stiffness", "damping", "combined", "explicit")
 FED = {"damping": "velocity", "explicit": "force"}
@@ -55,12 +56,11 @@ def test_force_settles_as_desired_or_at_the_steady_state_of_wrong_ground(make_co
     config = make_config(*step, "gait.cycle_time=15", *[f"{key}={value}" for key, value in changes.items()])
     rollout = roll_out(make_scenario(config))
     control, force = config.controller, config.force_control
-    row, expected = rollout.plan.reference[0, 0, 0], 1.3
+    (position, velocity, pressed, *_), expected = (values[0, 0, 0] for values in rollout.plan.reference), 1.3
     if changes is WRONG_GROUND:
-        fed = {"damping": row[3], "explicit": row[4]}.get(method, row[1] - config.machine.hip_height)
+        fed = {"damping": velocity[1], "explicit": pressed}.get(method, position[1] - config.machine.hip_height)
         gains = (control.position_gain, control.velocity_gain, force.force_gain, force.elasticity, force.admittance)
         expected = steady_force(method, fed, (*gains, config.terrain.stiffness))
-    assert rollout.status == "completed"
     assert_allclose(rollout.columns()["force"][-200:], expected, rtol=1e-3)
 
 
@@ -69,17 +69,18 @@ def test_force_settles_as_desired_or_at_the_steady_state_of_wrong_ground(make_co
     [("literal", True, True), ("aware", True, False), ("force_feedforward", False, False)],
 )
 def test_static_load_is_kept_by_the_rule_of_the_reference(plan_of, reference, before, acting):
-    assert (keeps_static_load(reference, False), keeps_static_load(reference, True)) == (before, acting)
     plan = plan_of("scenario=one_leg", f"reference={reference}")
-    depth = plan.reference[:, plan.support[:, 0], 0, 1] - 0.5
+    depth = plan.reference.position[:, plan.support[:, 0], 0, 1] - 0.5
     assert_allclose(depth[BEFORE], 0.215 if before else 0.205)
     assert_allclose(depth[ACTING], 0.215 if acting else 0.205)
     added = plan.force_desired if reference == "force_feedforward" else np.zeros_like(plan.force_desired)
-    assert_allclose(plan.reference[..., 5], [added, added])
+    assert_allclose(plan.reference.force_added, [added, added])
 
 
-def test_the_references_change_when_the_feedforward_begins_to_act(make_config):
-    first, never = (make_scenario(make_config("reference=aware", *more)).setup.plan.start_step
-                    for more in ((), ("feedforward=none",)))  # fmt: skip
-    assert first == 600
-    assert never > 10**12
+def test_old_names_of_what_a_controller_gets_give_their_columns_and_say_the_new_ones():
+    motion, force = Motion(*np.arange(9.0).reshape(3, 1, 3)), np.arange(10.0, 13.0).reshape(3, 1)
+    reference = Reference(0, 0, True, None, ControlReference(*motion[:2], *force), motion, motion, None)
+    with pytest.warns(FutureWarning, match=r"use reference\.control"):
+        assert reference.values.tolist() == [[0, 1, 3, 4, 10, 11, 12, 2, 5]]
+    with pytest.warns(FutureWarning, match=r"use reference\.(foot|joint)_motion"):
+        assert reference.desired.tolist() == reference.joints.tolist() == [[0, 1, 3, 4, 6, 7, 2, 5, 8]]

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from support.doors import compose_config, make_scenario
 from support.robots import OWN, read
 
-from cmacexp.planning.columns import JOINT_COLUMNS
+from cmacexp.planning import Motion
 from cmacexp.planning.robot import find_centres
 from cmacexp.planning.robot_dynamics import compute_needs, make_model, planned_torques
 
@@ -20,9 +20,8 @@ ROBOT = ("scenario=robot", "machine=mjcf", f"machine.path={OWN}", "feedforward=i
 def planned():
     """Setup of the usual gait; joint angles, their rates and accelerations (N, 4, 3), forces, what masses need."""
     setup = make_scenario(compose_config([*ROBOT])).setup
-    joints = setup.plan.joints
-    angles, rates, accelerations = (joints[..., JOINT_COLUMNS[name]] for name in JOINT_COLUMNS)
-    needs, _ = compute_needs(setup.config, joints, setup.plan.sway)
+    angles, rates, accelerations = setup.plan.joints
+    needs, _ = compute_needs(setup.config, setup.plan.joints, setup.plan.sway)
     return SimpleNamespace(
         **vars(setup), angles=angles, rates=rates, accelerations=accelerations, needs=needs,
         force=setup.plan.force_desired,
@@ -74,7 +73,8 @@ def test_planned_torques_and_forces_leave_nothing_for_mujoco_to_add(planned):
 
 
 def test_masses_that_are_wrong_by_a_factor_need_as_much_more_force_and_moment(planned):
-    every_tenth, sway = planned.plan.joints[::10], planned.plan.sway
-    sway = sway._replace(**{name: getattr(sway, name)[::10] for name in ("rate", "acceleration")})
-    needs, _ = compute_needs(planned.config, every_tenth, sway, 1.2)
+    every_tenth = (
+        Motion(*(values[::10] for values in motion)) for motion in (planned.plan.joints, planned.plan.sway)
+    )
+    needs, _ = compute_needs(planned.config, *every_tenth, 1.2)
     assert_allclose(needs, 1.2 * planned.needs[::10], atol=1e-9)

@@ -11,7 +11,6 @@ from support.rollout import roll_out
 from cmacexp.config.compose import compose_config
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.ground import height_at
-from cmacexp.planning.columns import X, Y, Z
 
 ROBOT = ("scenario=robot", "machine=mjcf")
 EXACT = "feedforward=inverse_dynamics"
@@ -67,6 +66,6 @@ def find_feet(walk):
 
 def find_foot_error(walk):
     """Root mean square over the last cycle of the distances of feet from their planned places, m."""
-    desired = walk.setup.plan.desired[..., [X, Y, Z]]
+    desired = walk.setup.plan.desired.position
     error = np.stack([walk.x, walk.y, walk.z], axis=2)[-len(desired) :] - desired
     return np.sqrt((error**2).sum(axis=2).mean())

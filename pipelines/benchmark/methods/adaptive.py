@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cmacexp.config import FeedforwardConfig, number
+from cmacexp.feedforward.identified import list_by_joints
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.typing import Array, Weights
-from pipelines.benchmark.methods.model_torques import added_torque, columns, known_torque, rigid_torque
+from pipelines.benchmark.methods.model_torques import added_torque, known_torque, rigid_torque
 
 MODEL = np.array([1.0, 1.0, 1.0, 0.0])
 """Factors of the nominal model: inertia, gravity, contact, and what the controller already adds for contact."""
@@ -29,11 +30,11 @@ def make_regressor(setup: Setup) -> Array:
     gravity, added = rigid_torque(setup, still=True), added_torque(setup)
     rigid = rigid_torque(setup, still=False)
     model = [rigid - gravity, gravity, known_torque(setup) - rigid, added]
-    velocity = setup.plan.joints[..., columns(setup, "velocity")]
+    _, velocity, acceleration = list_by_joints(setup.plan.joints)
     size = np.sqrt(np.mean(velocity**2, axis=0))
     sign = np.tanh(np.divide(velocity, SMOOTH_SIGN * size, out=np.zeros_like(velocity), where=size > 0.0))
     each = np.eye(velocity.shape[2])
-    own = (velocity, sign, setup.plan.joints[..., columns(setup, "acceleration")])
+    own = (velocity, sign, acceleration)
     return np.concatenate([np.stack(model, axis=-1), *(values[..., None] * each for values in own)], axis=-1)
 
 

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 
 from cmacexp.config import FeedforwardConfig, number
-from cmacexp.planning.columns import Y
 from cmacexp.planning.setup import Reference, Setup
+from cmacexp.planning.trajectory import Motion, Y
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array, Weights
 from pipelines.benchmark.methods.adaptive import MODEL, make_regressor
-from pipelines.benchmark.methods.model_torques import columns
 from pipelines.benchmark.methods.norm_optimal import low_pass
 
 CONTACT, ADDED = 2, 3
@@ -62,7 +61,7 @@ class Identified:
         self.setup, (samples, legs) = setup, setup.plan.support.shape
         self.gains = low_pass(self.config.cutoff, setup)
         self.omega = 2.0 * np.pi * np.fft.rfftfreq(samples, setup.config.sampling_period)[:, None, None]
-        self.planned = self.regress(setup.plan.joints[..., columns(setup, "angle")])
+        self.planned = self.regress(setup.plan.joints.position)
         self.parameters = np.zeros((legs, self.planned.shape[-1] - 1))
         self.torque = np.zeros(self.planned.shape[:-1])
         shape = (samples, legs, setup.mechanism.shape[1])
@@ -100,17 +99,16 @@ class Identified:
     def regress(self, angles: Array, force: Array | None = None) -> Array:
         """The regressor along ``angles`` (N, L, J), rad, of a cycle; with ``force`` (N, L), N, or the planned one."""
         setup, plan = self.setup, self.setup.plan
-        joints, desired = plan.joints.copy(), plan.desired.copy()
         spectrum: Any = self.gains * np.fft.rfft(angles, axis=0)
-        for power, name in enumerate(("angle", "velocity", "acceleration")):
-            joints[..., columns(setup, name)] = np.fft.irfft(
-                spectrum * (1j * self.omega) ** power, len(joints), axis=0
-            )
+        derivatives = (spectrum * (1j * self.omega) ** power for power in range(3))
+        joints = Motion(*(np.fft.irfft(each, len(angles), axis=0) for each in derivatives))
+        foot = plan.desired.position.copy()
         if force is None:
             force = plan.force_desired
         else:
-            desired[..., Y] = setup.mechanism.hip_height + force / setup.config.assumed_stiffness
-        return make_regressor(replace(setup, plan=plan._replace(joints=joints, desired=desired, force_desired=force)))
+            foot[..., Y] = setup.mechanism.hip_height + force / setup.config.assumed_stiffness
+        plan = plan._replace(joints=joints, desired=plan.desired._replace(position=foot), force_desired=force)
+        return make_regressor(replace(setup, plan=plan))
 
     def identify(self) -> Array:
         """Parameters (L, P) by least squares, with a small penalty on what differs from the nominal ones."""

@@ -7,9 +7,9 @@ import numpy as np
 from cmacexp.config.machine import RobotMachine
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
 from cmacexp.models.mechanism import planned_torque
-from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.robot_dynamics import planned_torques
 from cmacexp.planning.setup import Setup
+from cmacexp.planning.trajectory import Motion
 from cmacexp.typing import Array
 
 
@@ -26,23 +26,15 @@ def added_torque(setup: Setup) -> Array:
 
 def rigid_torque(setup: Setup, still: bool) -> Array:
     """Torque (N, L, J) of masses and joints, with no load on the feet, N m; ``still``: at rest in each posture."""
-    plan, (samples, legs) = setup.plan, setup.plan.support.shape
+    plan = setup.plan
     joints, sway = plan.joints, plan.sway
     if still:
-        joints = joints.copy()
-        joints[..., [column for name in ("velocity", "acceleration") for column in columns(setup, name)]] = 0.0
-        sway = sway._replace(rate=np.zeros_like(sway.rate), acceleration=np.zeros_like(sway.acceleration))
+        joints, sway = (Motion(each.position, *np.zeros((2, *each.position.shape))) for each in (joints, sway))
     if isinstance(setup.config.machine, RobotMachine):
         no_load = np.zeros_like(plan.force_desired)
         return planned_torques(setup.config, setup.mechanism, joints, sway, plan.force_desired, no_load)
-    torque = np.zeros((samples, legs, 2))
-    for k in range(samples):
-        for i in range(legs):
-            q, dq, ddq = joints[k, i].reshape(3, 2)
-            torque[k, i] = planned_torque(setup.mechanism, i, q, dq, ddq, 0.0)
+    torque = np.zeros_like(joints.position)
+    for k, i in np.ndindex(plan.support.shape):
+        q, dq, ddq = (values[k, i] for values in joints)
+        torque[k, i] = planned_torque(setup.mechanism, i, q, dq, ddq, 0.0)
     return torque
-
-
-def columns(setup: Setup, name: str) -> tuple[int, ...]:
-    """Columns of ``Plan.joints`` with the joints' ``angle``, ``velocity`` or ``acceleration``."""
-    return JOINT_COLUMNS[name][: setup.mechanism.shape[1]]

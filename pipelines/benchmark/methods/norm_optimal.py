@@ -10,7 +10,6 @@ import numpy as np
 
 from cmacexp.config import FeedforwardConfig, number
 from cmacexp.feedforward.network import resample
-from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.typing import Array, Weights
 from pipelines.benchmark.methods.frozen_loop import feedback_removed
@@ -51,8 +50,7 @@ class NormOptimal:
     def reset(self, setup: Setup) -> None:
         """Invert the model; start with no torque, or with that of an earlier run."""
         samples, legs = setup.plan.support.shape
-        joints = setup.mechanism.shape[1]
-        angles = setup.plan.joints[:, :, JOINT_COLUMNS["angle"][:joints]]
+        joints, angles = setup.mechanism.shape[1], setup.plan.joints.position
         self.support = setup.plan.support
         self.inverse = np.zeros((2, samples // 2 + 1, legs, joints, joints), complex)
         for phase in (0, 1):
