@@ -19,9 +19,6 @@ def test_a_walk_has_a_row_per_step_and_leg_and_a_row_of_the_body_per_step(walk):
     assert_array_equal(walk.trace["leg"], np.tile([1, 2, 3, 4], STEPS))
     assert_array_equal(walk.body["step"], np.arange(STEPS))
     assert_allclose(walk.body["time"], np.arange(STEPS) * PERIOD, rtol=1e-15)
-    assert {*walk.body["cycle"]} == {1}
-    assert walk.metrics[["cycle", "leg"]].to_numpy().tolist() == [[1, leg] for leg in (1, 2, 3, 4)]
-    assert walk.body_metrics["cycle"].tolist() == [1]
 
 
 def names(signals):

@@ -72,7 +72,7 @@ def test_a_row_knows_nothing_of_later_cycles():
     decay = np.repeat(np.exp(-0.4 * np.arange(8)), 4)[:, None]
     columns = {name: decay * rng.uniform(0.5, 1.5, size) for name in ("x", "y", "tau_feedback_1")}
     force = 1.0 + decay * rng.uniform(0.5, 1.5, size)
-    trace = make_trace("TSSS", rows=32, legs=2, force=force, force_desired=1.0, **columns)
+    trace = make_trace("TSSS", rows=32, legs=2, in_space=True, force=force, force_desired=1.0, **columns)
     whole = score(trace, 4).legs
     for cycles in range(1, 8):
         begun = score(trace.select(slice(4 * cycles)), 4).legs

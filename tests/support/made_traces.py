@@ -50,10 +50,5 @@ def score(trace, steps_per_cycle):
 
 def measure(text, **columns):
     """Metrics of each cycle and leg, by name."""
-    return measure_trace(make_trace(text, **columns), len(text))
-
-
-def measure_trace(trace, steps_per_cycle):
-    """Metrics of each cycle and leg of a trace, by name."""
-    table = score(trace, steps_per_cycle).legs
+    table = score(make_trace(text, **columns), len(text)).legs
     return {name: table.column(name).to_numpy() for name in table.column_names}
