@@ -7,7 +7,7 @@ L(s) = (K_ap + K_av s) LEAD(s) / (M s^2). The bandwidth of the open loop is read
 
 import itertools
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -26,24 +26,13 @@ MOST_RESONANCE, SAME = 0.10, 0.10
 """Of the closed loop's magnitude above 1, for M_r below 110 %; relative distance of bandwidths that are the same."""
 
 
-class ClosedLoop(NamedTuple):
-    """A closed loop and how it meets the objectives."""
+def closed_loop(
+    position_gain: float, velocity_gain: float, mass: float, omega: float, alpha: float
+) -> dict[str, float]:
+    """Resonance M_r, the largest magnitude, and bandwidth, rad/s, of the position loop; and whether it is stable.
 
-    resonance: float
-    """M_r, largest magnitude of the closed loop."""
-    bandwidth: float
-    """Frequency at which the closed loop falls below -3 dB for good, rad/s."""
-    stable: bool
-    """Whether all closed-loop poles lie in the left half plane."""
-
-
-def open_loop_bandwidth(position_gain: float, mass: float) -> float:
-    """sqrt(K_ap / M), rad/s: the break frequency of the mass on its position gain alone (objective b)."""
-    return float(np.sqrt(position_gain / mass))
-
-
-def closed_loop(position_gain: float, velocity_gain: float, mass: float, omega: float, alpha: float) -> ClosedLoop:
-    """Resonance, bandwidth and stability of the position loop.
+    The bandwidth is the frequency at which the closed loop falls below -3 dB for good; it is stable if all poles lie
+    in the left half plane.
 
     Args:
         position_gain: K_ap, N/m.
@@ -59,7 +48,11 @@ def closed_loop(position_gain: float, velocity_gain: float, mass: float, omega: 
     magnitude: Array = np.abs(np.polyval(feedback, s) / np.polyval(closed, s))
     above = np.flatnonzero(magnitude >= np.sqrt(0.5))
     bandwidth = float(FREQUENCIES[above[-1]]) if len(above) else float("nan")
-    return ClosedLoop(float(magnitude.max()), bandwidth, bool(np.roots(closed).real.max() < 0.0))
+    return {
+        "resonance": float(magnitude.max()),
+        "bandwidth": bandwidth,
+        "stable": bool(np.roots(closed).real.max() < 0.0),
+    }
 
 
 def compute_loops(results: Results) -> DataFrame:
@@ -72,8 +65,8 @@ def compute_loops(results: Results) -> DataFrame:
         gains = (controller.position_gain, controller.velocity_gain)
         scan = itertools.product(np.geomspace(*OMEGAS, POINTS), np.geomspace(*ALPHAS, POINTS))
         for index, (omega, alpha) in enumerate([(controller.lead_omega, controller.lead_alpha), *scan]):
-            loop = closed_loop(*gains, EFFECTIVE_MASS, omega, alpha)._asdict()
-            loop["open_bandwidth"] = open_loop_bandwidth(gains[0], EFFECTIVE_MASS)
+            loop = closed_loop(*gains, EFFECTIVE_MASS, omega, alpha)
+            loop["open_bandwidth"] = float(np.sqrt(gains[0] / EFFECTIVE_MASS))  # of the mass on its position gain
             rows.append({"scenario": name, "default": index == 0, "omega": omega, "alpha": alpha, **loop})
     return pd.DataFrame(rows)
 

@@ -15,7 +15,7 @@ from cmacexp.data.run import Run
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.report.cycle_data import read_cycle_data
 from cmacexp.report.run_figures import draw_over_cycle, draw_torques, draw_tracking
-from cmacexp.study import DataFrame, Figure, Results, declare, draw
+from cmacexp.study import Figure, Results, declare, draw
 from cmacexp.typing import Array
 from pipelines import one_leg_learning_trace as trace
 
@@ -58,19 +58,6 @@ def _statics_deviation(results: Results) -> Array:
 def _bias_deviation(results: Results) -> Array:
     """Force error over the last cycles against that of the statics of eq. 13, relative."""
     return np.abs(results.end("force_steady_state_error") / trace.learned_error(results.run.config) - 1.0)
-
-
-def errors_table(results: Results) -> DataFrame:
-    """Errors and torques in the paper's cycles, mean over seeds."""
-    import pandas as pd
-
-    own = results.select(PAPER)
-    shown = {name: SHOWN[name] for name in (*ERRORS, "feedback_rms", "feedforward_share")}
-    return pd.DataFrame(
-        {"cycle": cycle}
-        | {f"{each.title}, {each.unit}": each.factor * own.at(cycle, name).mean() for name, each in shown.items()}
-        for cycle in (1, 2, 5)
-    )
 
 
 def values(results: Results) -> dict[str, Any]:
@@ -122,7 +109,6 @@ STUDY = declare(
     measures={
         "peak_x": trace.in_cycle(1, trace.peak_error("x", "stroke")),
         "peak_y": trace.in_cycle(1, trace.peak_error("y", "lift")),
-        "force_peak": trace.in_cycle(1, trace.force_peak),
         "weight": trace.in_cycle(1, trace.weight_at_foot),
         "oscillation_second": trace.in_cycle(2, trace.force_oscillation),
         "oscillation_fifth": trace.in_cycle(5, trace.force_oscillation),
@@ -153,7 +139,8 @@ STUDY = declare(
             "criteria": [
                 {"quantity": "force in support, cycle 1", "value": value, "of": PAPER, "case": case, "limit": limit}
                 for value, case, limit in (
-                    ("force_peak", "largest", "1.05 to 1.15 N"),
+                    ("(1 + force_overshoot[1]) * setting('force_control.desired_force')", "largest",
+                     "1.05 to 1.15 N"),
                     ("force_settled[1]", "mean of the second half", "0.85 to 0.95 N"),
                 )
             ],
@@ -306,6 +293,15 @@ STUDY = declare(
             for name in ("feedback_rms", "transfer_rmse_x")
         ],
     },
-    tables={"errors": errors_table},
+    tables={
+        f"errors_{cycle}": {
+            "rows": "variant", "of": {"feedforward": "cmac", "variant": [*VARIANTS]},
+            "columns": {
+                f"{SHOWN[name].title}, {SHOWN[name].unit}": f"{SHOWN[name].factor} * {name}[{cycle}]"
+                for name in (*ERRORS, "feedback_rms", "feedforward_share")
+            },
+        }
+        for cycle in (1, 2, 5)
+    },
     values=values,
 )  # fmt: skip

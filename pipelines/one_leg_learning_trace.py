@@ -73,11 +73,6 @@ def peak_error(axis: str, extent: str) -> Measure:
     return measure
 
 
-def force_peak(rows: pd.DataFrame, config: Config) -> float:
-    """Largest force in support, N."""
-    return float(rows["force"].to_numpy()[touch_down(rows) :].max())
-
-
 def without_trend(values: Array, window: float, period: float) -> Array:
     """What samples differ by from their moving mean over ``window`` seconds."""
     half = round(window / period / 2.0)

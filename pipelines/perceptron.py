@@ -4,15 +4,15 @@
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from cmacexp.config import FeedforwardConfig, number
-from cmacexp.errors import BadInput, format_install_command
+from cmacexp.errors import BadInput, require_extra
 from cmacexp.feedforward.network import planned_inputs
-from cmacexp.planning.setup import Reference, Setup
-from cmacexp.typing import Array, Weights
+from cmacexp.planning.setup import Setup
+from cmacexp.typing import Weights
+from pipelines.benchmark.methods.once_a_cycle import OnceACycle
 
 INPUTS = ("angle", "velocity")
 """Planned joint values that are the inputs of the network."""
@@ -20,16 +20,7 @@ WEIGHTS = ("hidden_weights", "output_weights", "hidden_bias", "output_bias")
 """Arrays of a network in the order of scikit-learn; saved with legs as first axis."""
 
 
-def _regressor() -> Any:
-    try:
-        from sklearn.neural_network import MLPRegressor
-    except ImportError:
-        install = f"needs scikit-learn: {format_install_command('sklearn')}"
-        raise BadInput("feedforward._target_", "pipelines.perceptron.Perceptron", install) from None
-    return MLPRegressor
-
-
-class Perceptron:
+class Perceptron(OnceACycle):
     """One perceptron with one hidden layer of tanh per leg, trained by the feedback (Kawato, Furukawa & Suzuki 1987).
 
     Feedback-error learning in batches: at the end of a cycle, the network is trained with its own output plus beta
@@ -51,21 +42,21 @@ class Perceptron:
         step_size: float = number("", above=0, at_most=10, default=0.004, tuned=(0.001, 0.02))
         """Step size of Adam (Kingma & Ba 2015)."""
 
-    acts = True
-
-    def __init__(self, config: Config):
-        self.config = config
-
     def reset(self, setup: Setup) -> None:
         """Make the networks, whose output is zero until they learn.
 
         Raises:
-            BadInput: scikit-learn is missing, or the learning rule is for networks linear in their weights.
+            CmacexpError: scikit-learn is missing.
+            BadInput: the learning rule is for networks linear in their weights.
         """
-        make, rule = _regressor(), setup.config.learning.rule
+        require_extra("sklearn")
+        from sklearn.neural_network import MLPRegressor
+
+        rule = setup.config.learning.rule
         if rule != "paper":
             allowed = "needs a network that is linear in its weights; a perceptron is not, use paper"
             raise BadInput("learning.rule", rule, allowed)
+        self.start(setup)
         samples, legs = setup.plan.support.shape
         self.rate, self.lead = setup.rate, setup.lead
         paths = np.stack([planned_inputs(setup, i, INPUTS) for i in range(legs)])
@@ -74,13 +65,11 @@ class Perceptron:
         if setup.learnt is not None:
             self.middle, self.spread = setup.learnt["middle"], setup.learnt["spread"]
         self.paths = (paths - self.middle) / self.spread
-        self.torque = np.zeros((samples, legs, setup.mechanism.shape[1]))
-        self.learning_error = np.zeros((samples, legs, setup.mechanism.shape[1]))
-        self.steps, self.scale = 0, np.zeros(legs)
+        self.scale = np.zeros(legs)
         own = self.config
         options = {"activation": "tanh", "solver": "adam", "alpha": 0.0, "batch_size": min(own.batch, samples)}
         options |= {"hidden_layer_sizes": (own.hidden,), "learning_rate_init": own.step_size}
-        self.networks = [make(**options, random_state=(setup.config.seed + i) % 2**32) for i in range(legs)]
+        self.networks = [MLPRegressor(**options, random_state=(setup.config.seed + i) % 2**32) for i in range(legs)]
         for i, one in enumerate(self.networks):
             one.partial_fit(self.paths[i], self.torque[:, i])  # makes its arrays
         if setup.learnt is not None:
@@ -100,21 +89,13 @@ class Perceptron:
         weights = {name: np.stack(own) for name, own in zip(WEIGHTS, arrays, strict=True)}
         return {"middle": self.middle, "spread": self.spread, "scale": self.scale.copy(), **weights}
 
-    def predict(self, reference: Reference, learning_error: Array) -> Array:
-        """Store the last step's feedback (L, J), N m; return this step's torque (L, J), N m."""
-        samples = len(self.torque)
-        self.learning_error[(reference.sample - 1 - self.lead) % samples] = learning_error
-        if reference.sample == 0 and self.steps >= samples:
-            for leg in range(len(self.networks)):
-                self._learn(leg)
-        self.steps += 1
-        return self.torque[reference.sample]
-
-    def _learn(self, leg: int) -> None:
-        learning_error = self.learning_error[:, leg]
-        if self.scale[leg] == 0.0:
-            self.scale[leg] = np.sqrt(np.mean(learning_error**2)) or 1.0
-        wanted = (self.torque[:, leg] + self.rate * learning_error) / self.scale[leg]
-        for _ in range(self.config.passes):
-            self.networks[leg].partial_fit(self.paths[leg], wanted)
-        self.torque[:, leg] = self.scale[leg] * self.networks[leg].predict(self.paths[leg])
+    def learn(self) -> None:
+        """Train the network of each leg with the feedback of the cycle."""
+        for leg, network in enumerate(self.networks):
+            learning_error = self.feedback[:, leg]
+            if self.scale[leg] == 0.0:
+                self.scale[leg] = np.sqrt(np.mean(learning_error**2)) or 1.0
+            wanted = (self.torque[:, leg] + self.rate * learning_error) / self.scale[leg]
+            for _ in range(self.config.passes):
+                network.partial_fit(self.paths[leg], wanted)
+            self.torque[:, leg] = self.scale[leg] * network.predict(self.paths[leg])

@@ -10,7 +10,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -59,7 +59,7 @@ class PublishedResults:
         self.sentences: list[dict[str, Any]] = list(entries.get("sentences", []))
         """``page``, ``text``, and the verdict that it ``needs`` by statement."""
 
-    @cached_property
+    @property
     def statements(self) -> Quotable:
         """Statements by study and name."""
         return {name: study["statements"] for name, study in self.studies.items()}
@@ -75,7 +75,6 @@ class PublishedResults:
             key = self._add_code(provenance.pop("code"))
             own = {each["name"]: _quotable(each) for each in statements}
             self.studies[name] = {**provenance, "code": key, "statements": own}
-        vars(self).pop("statements", None)
 
     def _add_code(self, files: dict[str, str]) -> str:
         """Keep digests of files; their key."""
@@ -171,11 +170,10 @@ def list_states(results: PublishedResults) -> list[State]:
 def _quotable(statement: Mapping[str, Any]) -> dict[str, Any]:
     """An entry of a statement: its verdict, and a value, an interval, n and a verdict for each criterion."""
     words, criteria = OUTCOMES if statement["kind"] == "finding" else {}, statement["criteria"]
-    entry = {
+    return {
         "verdict": statement["verdict"],
         "values": [each["shown"] for each in criteria],
         "intervals": [each["spread"] for each in criteria],
         "counts": [each["size"] for each in criteria],
         "verdicts": [words.get(each["verdict"], each["verdict"]) for each in criteria],
     }
-    return entry

@@ -9,17 +9,16 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from cmacexp.models.robot_file import package_models
 from cmacexp.report.figures import Panel, Series
 from cmacexp.stability.verdict import GROWS, HOLDS, MAX_CYCLES
-from cmacexp.study import DataFrame, Figure, Request, Results, declare, draw
+from cmacexp.study import Figure, Request, Results, declare, draw
 from cmacexp.typing import Array, Mask
 from pipelines.when_learning_holds_measures import MEASURES, SAID
-from pipelines.worlds import LEG, ROBOT, WALK, draw_settings
+from pipelines.worlds import ONE_LEG, QUADRUPED, ROBOT, draw_settings
 
-DRAWS = {LEG: (1200, 5, 3000), WALK: (240, 4, 3000), ROBOT: (20, 0, 150)}
+DRAWS = {ONE_LEG: (1200, 5, 3000), QUADRUPED: (240, 4, 3000), ROBOT: (20, 0, 150)}
 """Settings that are drawn, of which feedback alone does not last with some; those of the quick form; cycles."""
 CRITERIA = {
     "condition_1": "condition 1, Re(z^l T) > (beta/2) T^H T",
@@ -70,30 +69,6 @@ def find_growth_errors(results: Results) -> Array:
     return np.asarray(errors[np.isfinite(errors)])
 
 
-def table_misses(results: Results) -> DataFrame:
-    """Wrong and undecided verdicts of one leg by single settings."""
-    own = learning(results.select(machine=LEG))
-    bounded, grows, held = judge(own)
-    rules = np.array([row.settings["learning.rule"] for row in own.rows])
-    behind, slow = own.measure("late"), np.abs(own.measure("predicted") - 1.0) <= WITHIN
-    groups = {
-        "settings": np.ones(len(own), dtype=bool),
-        **{f"rule {rule}": rules == rule for rule in sorted({*rules.tolist()})},
-        **{"lead as by `auto`": behind == 0, "less lead": behind > 0, "more lead": behind < 0},
-        f"growth predicted within {WITHIN:g} of 1": slow,
-    }
-    return pd.DataFrame(
-        {
-            "which": name,
-            "settings": int(chosen.sum()),
-            "said bounded, grew": int((chosen & bounded & ~held).sum()),
-            "said to grow, bounded": int((chosen & grows & held).sum()),
-            "undecided, %": 100.0 * float((chosen & ~bounded & ~grows).sum() / max(1, chosen.sum())),
-        }
-        for name, chosen in groups.items()
-    )
-
-
 def draw_growth(results: Results) -> Figure:
     """Predicted over measured growth where changes stay small."""
     series = [
@@ -107,7 +82,7 @@ def draw_growth(results: Results) -> Figure:
 def values(results: Results) -> dict[str, Any]:
     """Counts that the page names."""
     counts = {machine: len(own) for machine, own in learning(results).by("machine").items()}
-    leg = results.select(machine=LEG)
+    leg = results.select(machine=ONE_LEG)
     bounded, _, held = judge(leg)
     return {
         "drawn": len(results), "counts": {machine: counts.get(machine, 0) for machine in DRAWS},
@@ -143,37 +118,37 @@ STUDY = declare(
         "base_rate": {
             "says": "Neither outcome is rare",
             "quantity": "stays bounded", "value": _sample(lambda bounded, grows, held: held),
-            "each": {"machine": [LEG, WALK]}, "limit": "20 to 80 %",
+            "each": {"machine": [ONE_LEG, QUADRUPED]}, "limit": "20 to 80 %",
         },
         "spared": {
-            "says": "A false “holds” is rare on one leg", **SPARED, "each": {"machine": LEG},
+            "says": "A false “holds” is rare on one leg", **SPARED, "each": {"machine": ONE_LEG},
             "limit": "at least 99 %",
         },
         "spared_walk": {
-            "says": "A false “holds” is rare on the quadruped", **SPARED, "each": {"machine": WALK},
+            "says": "A false “holds” is rare on the quadruped", **SPARED, "each": {"machine": QUADRUPED},
             "limit": "at least 95 %",
         },
         "decides": {
             "says": "The verdict leaves few settings undecided",
-            "quantity": "undecided", "value": _sample(CELLS["undecided"][0]), "each": {"machine": [LEG, WALK]},
-            "limit": "at most 20 %",
+            "quantity": "undecided", "value": _sample(CELLS["undecided"][0]), "limit": "at most 20 %",
+            "each": {"machine": [ONE_LEG, QUADRUPED]},
         },
         "precise": {
             "says": f"Where changes stay small, growth per cycle is predicted within {WITHIN:g}",
-            "quantity": f"growth within {WITHIN:g} of the measured one", "of": {"machine": LEG},
+            "quantity": f"growth within {WITHIN:g} of the measured one", "of": {"machine": ONE_LEG},
             "limit": "at least 95 %",
             "value": lambda results: find_growth_errors(results) <= WITHIN,
         },
         "condition": {
             "says": "Where condition 1 is met at the places that were computed, learning stays bounded",
-            "quantity": "bounded where condition 1 is met", "of": {"machine": LEG}, "limit": "at least 95 %",
+            "quantity": "bounded where condition 1 is met", "of": {"machine": ONE_LEG}, "limit": "at least 95 %",
             "value": _sample(lambda bounded, grows, held: held[bounded], "condition_1"),
         },
         **{
             criterion: {
                 "says": f"Where it decides, “{words}” is right", "quantity": "right where it decides", "case": words,
                 "value": _sample(SHARES["right where it decides"], criterion),
-                "of": {"machine": LEG}, "limit": "at least 90 %",
+                "of": {"machine": ONE_LEG}, "limit": "at least 90 %",
             }
             for criterion, words in CRITERIA.items()
         },
@@ -181,8 +156,8 @@ STUDY = declare(
             f"matrix_{criterion}": {
                 "says": f"“{words}” is seldom wrong or undecided on one leg",
                 "criteria": [
-                    {"quantity": quantity, "value": _sample(cell, criterion), "of": {"machine": LEG}, "case": words,
-                     "limit": limit}
+                    {"quantity": quantity, "value": _sample(cell, criterion), "of": {"machine": ONE_LEG},
+                     "case": words, "limit": limit}
                     for quantity, (cell, limit) in CELLS.items()
                 ],
             }
@@ -203,7 +178,17 @@ STUDY = declare(
                 },
             },
         },
-        "misses": table_misses,
+        **{
+            f"misses_{name}": {
+                "rows": {f"learning.{name}": name}, "of": {"machine": ONE_LEG},
+                "columns": {
+                    "settings": lambda own: len(learning(own)),
+                    **{what: _sample(CELLS[what][0]) for what in ("said to stay bounded, grew",
+                                                                  "said to grow, stayed bounded", "undecided")},
+                },
+            }
+            for name in ("rule", "lead")
+        },
     },
     values=values,
 )  # fmt: skip

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-STIFFNESS = {"one_leg": 10.0, "quadruped": 1e4, "quadruped_lasting": 1e4}
-"""That the plan assumes, N/m, by scenario; robots' follows from their model."""
+STIFFNESS = {"one_leg": 10.0, "one leg": 10.0, "quadruped": 1e4, "quadruped_lasting": 1e4}
+"""That the plan assumes, N/m, by scenario or machine; robots' follows from their model."""
 PATCH = {"one_leg": 0.1, "quadruped": 0.15, "quadruped_lasting": 0.15, "robot": 0.1}
 """Side of a patch of ground, m."""
 START = {"one_leg": 0.05, "quadruped": 0.01, "quadruped_lasting": 0.01, "robot": 0.02}
@@ -96,8 +96,6 @@ HARD = {
     ALIENGO: ("scenario=robot", "machine=aliengo"),
 }
 """Machines of hard worlds."""
-KNOWN = {ONE_LEG: 10.0, QUADRUPED: 1e4}
-"""Stiffness that the plan assumes, N/m."""
 
 
 def _draw_sensors(draw: Draw, robot: bool) -> list[str]:
@@ -143,7 +141,7 @@ def draw_hard_world(machine: str, number: int) -> tuple[str, ...]:
     return (
         *_draw_sensors(draw, machine in (GO1, ALIENGO)),
         f"actuator.delay={draw.choose(0, 0, 1)}",
-        *_draw_ground(draw, KNOWN.get(machine)),
+        *_draw_ground(draw, STIFFNESS.get(machine)),
         *_draw_payload(draw, machine),
         f"learning.rate={draw.even_log(0.03, 1.2):.3g}",
         f"learning.lead={draw.choose('auto', 0, 1, 2, 3)}",
@@ -179,12 +177,12 @@ def draw_long(number: int) -> Sequence[str]:
     )
 
 
-LEG, WALK, ROBOT = "one leg", "quadruped", "robots"
-SCENARIOS = {LEG: "one_leg", WALK: "quadruped", ROBOT: "robot"}
+ROBOT = "robots"
+SCENARIOS = {ONE_LEG: "one_leg", QUADRUPED: "quadruped", ROBOT: "robot"}
 ROBOTS = ("go1", "go2", "aliengo", "mini_cheetah")
-GAINS = {LEG: (100.0, 5.0), WALK: (50.0, 5.0)}
+GAINS = {ONE_LEG: (100.0, 5.0), QUADRUPED: (50.0, 5.0)}
 """Position gain, N/m, and velocity gain, N s/m, that are scaled."""
-SOFT_TO_HARD = {LEG: (8.0, 100.0), WALK: (4e3, 3e4)}
+SOFT_TO_HARD = {ONE_LEG: (8.0, 100.0), QUADRUPED: (4e3, 3e4)}
 """Least and largest stiffness of the ground, N/m."""
 RULES = (
     *(["paper"] * 13), "normalised", "leakage", "weight_smoothing", "zero_phase", "dead_zone", "e_modification",

@@ -95,12 +95,15 @@ class DriveGains(NamedTuple):
     """D, N m s/rad."""
 
 
-def list_jacobians(robot: Robot) -> list[tuple[Array, Array]]:
-    """Of each leg at home, the inertia of its joints (3, 3), kg m^2, and the Jacobian (3, 3) of its foot, m/rad."""
+def list_jacobians(robot: Robot, posture: Array | None = None) -> list[tuple[Array, Array]]:
+    """Of each leg, the inertia of its joints (3, 3), kg m^2, and the Jacobian (3, 3) of its foot, m/rad.
+
+    ``posture`` (4, 3) are the angles of all legs, rad; None: at home.
+    """
     mujoco = load_mujoco()
     model = robot.model
     legs = robot.legs
-    data = robot.at(robot.home)
+    data = robot.at(robot.home if posture is None else posture)
     mujoco.mj_fwdPosition(model, data)
     inertia, jacobian = np.zeros((model.nv, model.nv)), np.zeros((3, model.nv))
     for row, unit in zip(inertia, np.eye(model.nv), strict=True):

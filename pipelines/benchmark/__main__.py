@@ -29,24 +29,12 @@ from pipelines.benchmark import log_track, summary
 from pipelines.benchmark.benchmark import NAME, QUESTION, make_study
 from pipelines.benchmark.compare import compare_results
 from pipelines.benchmark.entrants import ALONE, CMAC, Method, choose_methods
-from pipelines.benchmark.results import DEFAULT, Bench, Chosen, test, tune
+from pipelines.benchmark.results import DEFAULT, Bench, test, tune
 from pipelines.benchmark.tasks import LEG, MACHINES, TASKS, VERSION, Machine, hash_tasks, make_quick
-from pipelines.benchmark.trial import Trial
+from pipelines.benchmark.trial import list_overrides
 
 ALL, TRIALS = "all", "trials"
 """Every machine; the folder of outcomes, which are used again, beside the reports of studies."""
-
-
-def _describe(machines: Mapping[str, Machine], methods: Sequence[Method], chosen: Chosen, quick: bool) -> str:
-    """The JSON beside the table: what its scores are of. Code, versions and models are in the provenance."""
-    entry = {
-        "version": VERSION,
-        "quick": quick,
-        "tasks_hash": hash_tasks(machines),
-        "methods": {method.name: method.overrides for method in methods},
-        "settings": {f"{machine}, {method}": own for (machine, method), own in chosen.items()},
-    }
-    return json.dumps(entry, indent=1, ensure_ascii=False) + "\n"
 
 
 def _list_sources() -> set[Path]:
@@ -66,7 +54,7 @@ def _make_witnesses(machine: Machine, methods: Sequence[Method]) -> list[dict[st
     """What the first methods give before the change, in the first world."""
     found = []
     for method in [each for each in methods if each.name in (ALONE, CMAC)]:
-        overrides = Trial(machine, method, DEFAULT, 0, TASKS).list_overrides()
+        overrides = list_overrides(machine, method, DEFAULT, machine.draw(0))
         with TemporaryDirectory() as folder:
             run = cmacexp.run([*overrides, "record=metrics", "warn=false"], Path(folder) / "run")
             found.append(make_witness(overrides, run))
@@ -85,7 +73,9 @@ def _write(machines: dict[str, Machine], methods: list[Method], options: Options
     provenance = make_provenance(own, results, witnesses, seeds=max(each.worlds for each in machines.values()))
     provenance |= {"runs": len(frame), "models": _hash_models(machines)}
     file = StudyFile(Path(__file__).with_name(f"{NAME}.py"), make_study(machines, bench.methods))
-    texts = {f"{NAME}.json": _describe(machines, methods, chosen, options.quick)}
+    about = {"version": VERSION, "quick": options.quick, "tasks_hash": hash_tasks(machines)}
+    about["settings"] = {f"{machine}, {method}": own for (machine, method), own in chosen.items()}
+    texts = {f"{NAME}.json": json.dumps(about, indent=1) + "\n"}  # code, versions and models are in the provenance
     write_results(file, results, options.place(NAME), options.quick, provenance, texts)
     for machine in machines:
         print_line(f"{machine}: mean score of completed runs over {len(TASKS)} tasks, and failures")

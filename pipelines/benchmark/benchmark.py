@@ -15,7 +15,7 @@ from cmacexp.typing import Array, Mask
 from pipelines.benchmark import summary
 from pipelines.benchmark.entrants import ALONE, CMAC
 from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, FOR_EACH, GUARDED
-from pipelines.benchmark.tasks import MACHINES, SPEED, STROKE, TASKS, VERSION
+from pipelines.benchmark.tasks import MACHINES, SPEED, STRESS, STROKE, TASKS, VERSION
 from pipelines.common_results import percent
 
 NAME = "benchmark"
@@ -255,7 +255,7 @@ def _values(results: Results) -> dict[str, Any]:
         "guarded": summary.has_guarded(frame),
         "failed": len(summary.table_failures(frame)),
         "has_cmac": CMAC in set(frame["method"]),
-        "stressed": bool(len(summary.table_stress(frame))),
+        "stress": STRESS,
     }
 
 
@@ -272,7 +272,6 @@ def make_study(machines: Collection[str], methods: Collection[str]) -> Study:
     shown: dict[str, Callable[[DataFrame], DataFrame]] = {
         "failures": summary.table_failures,
         "absolute": summary.table_absolute,
-        "stress": summary.table_stress,
         **{f"{title} {name}": partial(table, machine=name) for name in machines for title, table in TABLES.items()},
     }
     return Study(

@@ -4,7 +4,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,7 +14,7 @@ from cmacexp.study.comparison import relative_to
 from cmacexp.typing import Array
 from pipelines.benchmark.entrants import ALONE, Method
 from pipelines.benchmark.tasks import TASKS, Machine
-from pipelines.benchmark.trial import Row, Trial, run_trial
+from pipelines.benchmark.trial import BEFORE, Row, list_overrides, run_trial
 from pipelines.worlds import Draw
 
 Setting = tuple[str, ...]
@@ -36,14 +36,9 @@ Key = tuple[str, str, Setting]
 """Machine, method and setting."""
 
 
-class Place(NamedTuple):
-    """Rows of the table of results: those of all worlds."""
-
-    machine: str
-    method: str
-    setting: str
-    """Its kind, one of SETTINGS; in tuning its overrides."""
-    task: str
+Place = tuple[str, str, str, str]
+"""Machine, method, kind of setting (in tuning its overrides) and task: rows of all worlds."""
+COLUMNS = ("machine", "method", "setting", "task")
 
 
 @dataclass(frozen=True)
@@ -61,23 +56,24 @@ class Bench:
     def run(self, what: str, places: Mapping[Place, Setting]) -> pd.DataFrame:
         """Run settings, nothing twice: a row for each place and world, the same however it was run."""
         wanted: dict[Key, list[str]] = {}
-        for place, setting in places.items():
-            wanted.setdefault((place.machine, place.method, setting), []).append(place.task)
-        keys, trials = list[Key](), []
+        for (name, method, _, task), setting in places.items():
+            wanted.setdefault((name, method, setting), []).append(task)
+        keys, items, tunes = list[tuple[Key, int]](), [], what == TUNING
         for key, tasks in wanted.items():
-            machine, tunes = self.machines[key[0]], what == TUNING
-            for world in range(machine.tuning_worlds if tunes else machine.worlds):
-                keys.append(key)
-                trials.append(Trial(machine, self.methods[key[1]], key[2], world, tuple(dict.fromkeys(tasks)), tunes))
+            machine, learner = self.machines[key[0]], self.methods[key[1]]
+            for number in range(machine.tuning_worlds if tunes else machine.worlds):
+                world = machine.draw(number, tunes)
+                stages = {task: list_overrides(machine, learner, key[2], world, task) for task in (BEFORE, *tasks)}
+                keys.append((key, number))
+                items.append((machine, stages, self.folder))
         found: dict[tuple[Key, str], list[Row]] = {}
-        done = self.each(what, run_trial, [(trial, self.folder) for trial in trials], long=True)
-        for key, rows in zip(keys, done, strict=True):
+        for (key, number), rows in zip(keys, self.each(what, run_trial, items, long=True), strict=True):
             for row in rows:
-                found.setdefault((key, row["task"]), []).append(row)
+                found.setdefault((key, row["task"]), []).append({**row, "world": number})
         return pd.DataFrame(
-            {**place._asdict(), **row, "overrides": " ".join(setting)}
+            {**dict(zip(COLUMNS, place, strict=True)), **row, "overrides": " ".join(setting)}
             for place, setting in places.items()
-            for row in found[(place.machine, place.method, setting), place.task]
+            for row in found[(*place[:2], setting), place[3]]
         )
 
 
@@ -131,7 +127,7 @@ def tune(bench: Bench) -> tuple[Chosen, pd.DataFrame]:
     drawn = {place: settings for place, settings in drawn.items() if len(settings) > 1}
     alone = {(machine, ALONE): [DEFAULT] for machine, _ in drawn}
     places = {
-        Place(*place, " ".join(setting), task): setting
+        (*place, " ".join(setting), task): setting
         for place, settings in (drawn | alone).items()
         for setting in settings
         for task in TASKS
@@ -156,26 +152,25 @@ def tune(bench: Bench) -> tuple[Chosen, pd.DataFrame]:
     return chosen, frame[kept].assign(setting=FOR_ALL)
 
 
-def _find(chosen: Chosen, place: Place) -> Setting:
+def _find(chosen: Chosen, machine: str, method: str, kind: str, task: str) -> Setting:
     """The setting of a place."""
-    own = chosen.get((place.machine, place.method), {})
-    if place.setting == GUARDED and place.method != ALONE:
+    own = chosen.get((machine, method), {})
+    if kind == GUARDED and method != ALONE:
         return GUARD
-    if place.setting in (BY_DEFAULT, GUARDED) or not own:
+    if kind in (BY_DEFAULT, GUARDED) or not own:
         return DEFAULT
-    return own.get(
-        place.task if place.setting == FOR_EACH else FOR_ALL, own[FOR_ALL]
-    )  # a task that counts not has none
+    # A task that does not count has none of its own.
+    return own.get(task if kind == FOR_EACH else FOR_ALL, own[FOR_ALL])
 
 
 def test(bench: Bench, chosen: Chosen) -> pd.DataFrame:
     """A row for each machine, method, kind of setting, task and world."""
     places = [
-        Place(machine, method, kind, task)
+        (machine, method, kind, task)
         for machine in bench.machines
         for method in bench.methods
         for kind in SETTINGS
         if kind != GUARDED or bench.methods[method].learns or method == ALONE
         for task in bench.machines[machine].changes
     ]
-    return bench.run("testing", {place: _find(chosen, place) for place in places})
+    return bench.run("testing", {place: _find(chosen, *place) for place in places})

@@ -13,7 +13,7 @@ from cmacexp.study.interval import Interval
 from cmacexp.typing import Array, Mask
 from pipelines.benchmark.entrants import ALONE, CMAC
 from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, GUARDED, SETTINGS
-from pipelines.benchmark.tasks import MACHINES, STRESS, TASKS
+from pipelines.benchmark.tasks import MACHINES, TASKS
 from pipelines.benchmark.trial import COMPLETED
 from pipelines.common_results import cycles_to
 
@@ -217,26 +217,12 @@ def table_costs(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
 
 def table_failures(frame: pd.DataFrame) -> pd.DataFrame:
     """Where methods fail, and why: the most frequent cause of each method in each task."""
-    failed = frame[(frame["status"] != COMPLETED) & (frame["task"] != STRESS)].copy()
+    failed = frame[frame["status"] != COMPLETED].copy()
     failed["cause"] = failed["cause"].str.replace(r"[-+]?\d[\d.e+-]*", "N", regex=True)
     by = ["machine", "setting", "method", "task"]
     most_frequent = lambda values: str(values.value_counts().index[0])  # noqa: E731
     columns = {"worlds": ("world", "count"), "status": ("status", "first"), "cause": ("cause", most_frequent)}
     return failed.groupby(by, sort=False).agg(**columns).reset_index()
-
-
-def table_stress(frame: pd.DataFrame) -> pd.DataFrame:
-    """How many worlds each method completes in the stress test, of those in which feedback only does."""
-    rows = frame[(frame["task"] == STRESS) & (frame["setting"] == FOR_ALL)]
-    done = rows[rows["status"] == COMPLETED]
-    possible = done[done["method"] == ALONE][["machine", "world"]]
-    counted = done.merge(possible).groupby(["machine", "method"]).size()
-    machines = possible.groupby("machine").size()
-    return pd.DataFrame(
-        {"machine": machine, "method": method, "completes": f"{counted.get((machine, method), 0)} of {count}"}
-        for machine, count in machines.items()
-        for method in rows["method"][rows["machine"] == machine].unique()
-    )
 
 
 def table_settings(tuned: pd.DataFrame) -> pd.DataFrame:

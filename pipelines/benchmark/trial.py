@@ -3,7 +3,6 @@
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,45 +31,38 @@ AXES = ("transfer_rmse_x", "transfer_rmse_y", "transfer_rmse_z")
 ENDS = {"force": "force_rmse", "feedback": "feedback_rms", "torque_peak": "torque_peak", "energy": "energy"}
 """Columns that hold the median of a metric over the last cycles."""
 Row = dict[str, Any]
+BEFORE = ""
+"""The stage before a change, beside those by task."""
 
 
-@dataclass(frozen=True)
-class Trial:
-    """A method with a setting, and the world and tasks that it is tried in."""
-
-    machine: Machine
-    method: Method
-    setting: Sequence[str]
-    """Overrides besides those of the method; empty: its defaults."""
-    world: int
-    tasks: Sequence[str]
-    tuning: bool = False
-    """Whether the world is one that settings are tuned in."""
-
-    def find_hash(self) -> str:
-        """Of all that the outcome depends on, the code of a custom method included.
-
-        Raises:
-            BadInput: the method cannot be composed.
-        """
-        config = compose_config(self.list_overrides())
-        code = [VERSION, code_hash(), custom_code_hash(config), config_hash(to_plain(config))]
-        return hashlib.sha256(json.dumps([*code, asdict(self)], sort_keys=True).encode()).hexdigest()
-
-    def list_overrides(self, task: str = "") -> list[str]:
-        """Overrides of the run before the change, or of that after the change of a task."""
-        machine, world = self.machine, self.machine.draw(self.world, self.tuning)
-        own = [*world, f"cycles={machine.before}"]
-        if task:
-            changed = change_world(world, machine.changes[task])
-            own = [*changed, f"cycles={machine.after}", "learning.start_cycle=1"]
-        return [*machine.overrides, *PROTOCOL, *self.method.overrides, *self.setting, *own]
+def list_overrides(
+    machine: Machine, method: Method, setting: Sequence[str], world: Sequence[str], task: str = ""
+) -> list[str]:
+    """Overrides of the run before the change, or of that after the change of a task."""
+    own = [*world, f"cycles={machine.before}"]
+    if task:
+        changed = change_world(world, machine.changes[task])
+        own = [*changed, f"cycles={machine.after}", "learning.start_cycle=1"]
+    return [*machine.overrides, *PROTOCOL, *method.overrides, *setting, *own]
 
 
-def run_stage(trial: Trial, task: str = "", learnt: Weights | None = None) -> tuple[Row, Weights | None]:
+def _find_hash(stages: Mapping[str, Sequence[str]], last: int) -> str:
+    """Of all that an outcome depends on, the code of a custom method included.
+
+    Raises:
+        BadInput: the method cannot be composed.
+    """
+    config = compose_config(stages[BEFORE])
+    code = [VERSION, code_hash(), custom_code_hash(config), config_hash(to_plain(config))]
+    return hashlib.sha256(json.dumps([*code, stages, last]).encode()).hexdigest()
+
+
+def run_stage(
+    machine: Machine, overrides: Sequence[str], learnt: Weights | None = None
+) -> tuple[Row, Weights | None]:
     """What a run gives, and what is learnt; a method that refuses, raises or gives NaN has failed, and says why."""
     try:
-        scenario = make_scenario(compose_config(trial.list_overrides(task)), learnt)
+        scenario = make_scenario(compose_config(overrides), learnt)
         end, scorer = score_scenario(scenario)
         entered = [scenario.controller, scenario.feedforward]
         keep = next((part.learnt for part in entered if hasattr(part, "learnt")), None)
@@ -79,22 +71,21 @@ def run_stage(trial: Trial, task: str = "", learnt: Weights | None = None) -> tu
             kept = scenario.kept.get(end.events[-1].restored, kept)
     except Exception as error:
         status = REFUSED if isinstance(error, BadInput) else FAILED
-        return _summarise(trial, status, describe_failure(error), {}, None, 0.0), None
+        return _summarise(machine, status, describe_failure(error), {}, None, 0.0), None
     if end.status == "interrupted":
         raise KeyboardInterrupt
     seconds = end.processor_seconds / max(1, end.steps)
-    return _summarise(trial, end.status, end.cause, pool_legs(scorer.scores), kept, seconds), kept
+    return _summarise(machine, end.status, end.cause, pool_legs(scorer.scores), kept, seconds), kept
 
 
 def _summarise(
-    trial: Trial, status: str, cause: str, metrics: Mapping[str, Array], learnt: Weights | None, seconds: float
+    machine: Machine, status: str, cause: str, metrics: Mapping[str, Array], learnt: Weights | None, seconds: float
 ) -> Row:
-    """A row of the results; of a method that did not complete its errors are infinite.
+    """A row of the results, its errors infinite of a method that did not complete.
 
     ``errors`` (cycles,) are those of the feet in transfer over all axes, m; ``seconds`` the time of a step.
     """
-    machine, completed = trial.machine, status == COMPLETED
-    errors: Array = np.full(machine.after, np.inf)
+    completed, errors = status == COMPLETED, np.full(machine.after, np.inf)
     if completed:
         errors = np.sqrt(sum(metrics[name] ** 2 for name in AXES if name in metrics))
     return {
@@ -110,23 +101,26 @@ def _summarise(
     }
 
 
-def run_trial(trial: Trial, folder: Path) -> list[Row]:
-    """Rows of all tasks in the world; an outcome in ``folder`` is used again."""
+def run_trial(machine: Machine, stages: Mapping[str, Sequence[str]], folder: Path) -> list[Row]:
+    """Rows of all tasks in a world; an outcome in ``folder`` is used again.
+
+    ``stages`` are the overrides of the run before the change, by BEFORE, and of those after it, by their tasks.
+    """
     announce_compiling()
     expect_runs(1000)
     path = None
     try:
-        path = folder / f"{trial.find_hash()[:24]}.json"
+        path = folder / f"{_find_hash(stages, machine.last)[:24]}.json"
         if path.is_file():
             known: list[Row] = json.loads(path.read_text(encoding="utf-8"))
             return known
     except BadInput:  # its runs say why
         pass
-    before, learnt = run_stage(trial)
+    before, learnt = run_stage(machine, stages[BEFORE])
     rows = []
-    for task in trial.tasks:
-        after = run_stage(trial, task, learnt or None)[0] if before["status"] == COMPLETED else before
-        rows.append({"task": task, "world": trial.world, **after})
+    for task in [task for task in stages if task != BEFORE]:
+        done = before["status"] == COMPLETED
+        rows.append({"task": task, **(run_stage(machine, stages[task], learnt or None)[0] if done else before)})
     if path is not None:
         folder.mkdir(parents=True, exist_ok=True)
         with write_atomically(path) as new:

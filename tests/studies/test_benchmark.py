@@ -16,7 +16,7 @@ from pipelines.benchmark.compare import compare_results
 from pipelines.benchmark.entrants import ALONE, CMAC, choose_methods
 from pipelines.benchmark.results import BY_DEFAULT, DEFAULT, GUARDED, SETTINGS, choose_setting
 from pipelines.benchmark.tasks import LEG, MACHINES, STRESS, TASKS, VERSION, change_world, hash_tasks
-from pipelines.benchmark.trial import COMPLETED, Trial
+from pipelines.benchmark.trial import COMPLETED, list_overrides
 
 TASKS_OF_VERSION_1 = "fe5a5ab1812333e398fc5fcc1c12e9b39d3d9a85a11295abfa91819ff2f297ff"
 ENTRANTS = '''
@@ -140,7 +140,7 @@ def test_worlds_of_tests_and_of_tuning_are_apart_and_the_same_for_all():
 
 
 def test_an_entrant_gets_the_stiffness_that_the_designer_believes(entrant):
-    overrides = Trial(MACHINES[LEG], entrant("Base"), DEFAULT, 0, TASKS).list_overrides()
+    overrides = list_overrides(MACHINES[LEG], entrant("Base"), DEFAULT, MACHINES[LEG].draw(0))
     scenario = make_scenario(compose_config(overrides))
     assert scenario.feedforward.believed == 10.0
     assert abs(scenario.setup.config.terrain.stiffness - 10.0) > 0.1

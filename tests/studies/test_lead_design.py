@@ -17,7 +17,7 @@ def test_the_closed_loop_agrees_with_a_frequency_response_computed_otherwise(ome
     opened = signal.freqresp(compensator, frequencies)[1] * signal.freqresp(controlled, frequencies)[1]
     magnitude = np.abs(opened / (1.0 + opened))
     loop = closed_loop(100.0, 5.0, mass, omega, alpha)
-    assert loop.stable
-    assert not closed_loop(100.0, 0.0, 0.75, omega, 0.5).stable
-    assert loop.resonance == pytest.approx(magnitude.max(), rel=1e-4)
-    assert loop.bandwidth == pytest.approx(frequencies[magnitude >= math.sqrt(0.5)].max(), rel=3e-3)
+    assert loop["stable"]
+    assert not closed_loop(100.0, 0.0, 0.75, omega, 0.5)["stable"]
+    assert loop["resonance"] == pytest.approx(magnitude.max(), rel=1e-4)
+    assert loop["bandwidth"] == pytest.approx(frequencies[magnitude >= math.sqrt(0.5)].max(), rel=3e-3)

@@ -12,6 +12,7 @@ from cmacexp.feedforward.identified import list_by_joints
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.typing import Array, Weights
 from pipelines.benchmark.methods.model_torques import added_torque, known_torque, rigid_torque
+from pipelines.benchmark.methods.once_a_cycle import Acting
 
 MODEL = np.array([1.0, 1.0, 1.0, 0.0])
 """Factors of the nominal model: inertia, gravity, contact, and what the controller already adds for contact."""
@@ -51,7 +52,7 @@ def make_gains(regressor: Array) -> Array:
     return gains
 
 
-class AdaptiveRegressor:
+class AdaptiveRegressor(Acting):
     """torque = Y a, a += gain Gamma Y^T U / N in every sample: the desired-compensation law (Sadegh & Horowitz 1990).
 
     Y is the regressor of the planned motion (after Slotine & Li 1987, whose is that of the measured one), a the
@@ -65,11 +66,6 @@ class AdaptiveRegressor:
 
         gain: float = number("", above=0, at_most=10, default=0.5, tuned=(0.05, 2.0))
         """Part of the error of the parameters that goes in a cycle."""
-
-    acts = True
-
-    def __init__(self, config: Config):
-        self.config = config
 
     def reset(self, setup: Setup) -> None:
         """Compute the regressor; start with the nominal model, or with parameters of an earlier run."""

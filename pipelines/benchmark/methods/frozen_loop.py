@@ -9,7 +9,7 @@ from cmacexp.models.chain import batch_kinematics
 from cmacexp.models.lead import discretise
 from cmacexp.models.leg import GRAVITY, inertia, jacobian, trigonometry
 from cmacexp.models.mechanism import POINT_MASS, get_leg, has_body
-from cmacexp.models.robot import load_mujoco
+from cmacexp.models.robot_gains import list_jacobians
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Array
 
@@ -17,25 +17,15 @@ NEAR_CIRCLE = 1e-8
 """Logarithm of the radius at which responses are computed."""
 
 
-def _robot_inertia(setup: Setup, i: int, q: Array) -> Array:
-    """(3, 3): inertia of leg ``i`` of a robot at ``q`` (3,), rad, with its rotors, kg m^2."""
-    mujoco, robot = load_mujoco(), read_model(setup.config.machine)
-    posture = robot.home.copy()
-    posture[i] = q
-    data = robot.at(posture)
-    mujoco.mj_fwdPosition(robot.model, data)
-    dof, whole = robot.legs.dof[i], np.zeros((3, robot.model.nv))
-    for row, unit in zip(whole, np.eye(robot.model.nv)[dof], strict=True):
-        mujoco.mj_mulM(robot.model, data, row, unit)
-    return whole[:, dof]
-
-
 def leg_at(setup: Setup, i: int, q: Array) -> tuple[Array, Array]:
     """Inertia (J, J), kg m^2, and Jacobian (J, J), m/rad, of leg ``i`` at ``q`` (J,), rad, with the body held."""
     mechanism = setup.mechanism
     if isinstance(setup.config.machine, RobotMachine):
         assert mechanism.chains is not None
-        return _robot_inertia(setup, i, q), batch_kinematics(mechanism.chains[i], q[None])[1][0]
+        robot = read_model(setup.config.machine)
+        posture = robot.home.copy()
+        posture[i] = q
+        return list_jacobians(robot, posture)[i][0], batch_kinematics(mechanism.chains[i], q[None])[1][0]
     leg = get_leg(mechanism, i)
     if mechanism.kind == POINT_MASS:
         return leg.mass_2 * np.eye(2), np.eye(2)

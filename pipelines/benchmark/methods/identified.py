@@ -15,6 +15,7 @@ from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array, Weights
 from pipelines.benchmark.methods.adaptive import MODEL, make_regressor
 from pipelines.benchmark.methods.norm_optimal import low_pass
+from pipelines.benchmark.methods.once_a_cycle import Acting
 
 CONTACT, ADDED = 2, 3
 """Columns of the regressor: torque of the contact force, and what the controller adds to it."""
@@ -29,7 +30,7 @@ def make_whole(regressor: Array) -> Array:
     return whole
 
 
-class Identified:
+class Identified(Acting):
     """torque = Y a, with the a that explains best what the joints took: least squares, as in Gautier & Khalil 1992.
 
     Y is the regressor of the adaptive law: inertia, gravity and contact of each leg over those of the nominal model,
@@ -50,11 +51,6 @@ class Identified:
         """Frequency at which the gain of a Gaussian low-pass of angles and torque is 1/sqrt(2)."""
         prior: float = number("", above=0, at_most=1e6, default=1.0, tuned=(0.01, 10.0))
         """Weight of the nominal parameters, over that of the data on a column of Y that is unlike all others."""
-
-    acts = True
-
-    def __init__(self, config: Config):
-        self.config = config
 
     def reset(self, setup: Setup) -> None:
         """Compute the regressor of the plan; start with no torque, or with the parameters of an earlier run."""

@@ -10,9 +10,10 @@ import numpy as np
 
 from cmacexp.config import FeedforwardConfig, number
 from cmacexp.feedforward.network import resample
-from cmacexp.planning.setup import Reference, Setup
+from cmacexp.planning.setup import Setup
 from cmacexp.typing import Array, Weights
 from pipelines.benchmark.methods.frozen_loop import feedback_removed
+from pipelines.benchmark.methods.once_a_cycle import OnceACycle
 
 
 def low_pass(cutoff: float, setup: Setup) -> Array:
@@ -22,7 +23,7 @@ def low_pass(cutoff: float, setup: Setup) -> Array:
     return gains
 
 
-class NormOptimal:
+class NormOptimal(OnceACycle):
     """u += gain (G^T G + r I)^-1 G^T U once a cycle, U the feedback of the last one (Amann, Owens & Rogers 1996).
 
     It minimises |U - G du|^2 + r |du|^2 for the model G of what a torque takes off the feedback. The model is
@@ -42,13 +43,9 @@ class NormOptimal:
         cutoff: float = number("Hz", above=0, at_most=1e6, default=15.0, tuned=(3.0, 40.0))
         """Frequency at which the gain of a Gaussian low-pass of the torque is 1/sqrt(2)."""
 
-    acts = True
-
-    def __init__(self, config: Config):
-        self.config = config
-
     def reset(self, setup: Setup) -> None:
         """Invert the model; start with no torque, or with that of an earlier run."""
+        self.start(setup)
         samples, legs = setup.plan.support.shape
         joints, angles = setup.mechanism.shape[1], setup.plan.joints.position
         self.support = setup.plan.support
@@ -60,10 +57,8 @@ class NormOptimal:
                     model = feedback_removed(setup, i, angles[chosen, i].mean(axis=0), bool(phase))
                     self.inverse[phase, :, i] = self._invert(model)
         self.low_pass = low_pass(self.config.cutoff, setup)
-        self.torque: Array = np.zeros((samples, legs, joints))
         if setup.learnt is not None:
             self.torque[:] = resample(setup.learnt["torque"], samples)
-        self.feedback, self.steps = np.zeros_like(self.torque), 0
 
     def _invert(self, model: Array) -> Array:
         """(F, J, J): gain (G^T G + r I)^-1 G^T."""
@@ -75,15 +70,7 @@ class NormOptimal:
         """``torque`` (N, L, J), N m."""
         return {"torque": self.torque.copy()}
 
-    def predict(self, reference: Reference, learning_error: Array) -> Array:
-        """Store the last step's feedback (L, J), N m; return this step's torque (L, J), N m."""
-        self.feedback[reference.sample - 1] = learning_error
-        if reference.sample == 0 and self.steps >= len(self.torque):
-            self._learn()
-        self.steps += 1
-        return self.torque[reference.sample]
-
-    def _learn(self) -> None:
+    def learn(self) -> None:
         """Correct the torque, and filter it."""
         spectrum = np.fft.rfft(self.feedback, axis=0)[None, ..., None]
         change = np.fft.irfft((self.inverse @ spectrum)[..., 0], len(self.feedback), axis=1)

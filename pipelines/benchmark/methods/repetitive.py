@@ -13,9 +13,10 @@ from cmacexp.feedforward.ilc import gaussian_taps
 from cmacexp.feedforward.network import resample
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.typing import Array, Weights
+from pipelines.benchmark.methods.once_a_cycle import Acting
 
 
-class Repetitive:
+class Repetitive(Acting):
     """u(k) = Q(q) [u(k - N) + gain U(k - N + lead)] in every sample (Inoue 1990; Longman 2010).
 
     Q is a symmetric FIR, without phase: a Gaussian low-pass over samples of the last period. The iterative learning
@@ -32,11 +33,6 @@ class Repetitive:
         """Part of the feedback of the last period that is added."""
         cutoff: float = number("Hz", above=0, at_most=1e6, default=15.0, tuned=(3.0, 40.0))
         """Frequency at which the gain of Q is 1/sqrt(2)."""
-
-    acts = True
-
-    def __init__(self, config: Config):
-        self.config = config
 
     def reset(self, setup: Setup) -> None:
         """Start with no torque, or with that of an earlier run at the same phase.

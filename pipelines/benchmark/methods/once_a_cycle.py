@@ -1,0 +1,41 @@
+"""What methods have in common that play a torque for each sample, and learn once a cycle."""
+
+from typing import Any
+
+import numpy as np
+
+from cmacexp.planning.setup import Reference, Setup
+from cmacexp.typing import Array
+
+
+class Acting:
+    """A feedforward that acts, with a config."""
+
+    acts = True
+
+    def __init__(self, config: Any):
+        self.config = config
+
+
+class OnceACycle(Acting):
+    """``torque`` (N, L, J), N m, which ``learn`` improves after a cycle from its ``feedback`` (N, L, J), N m."""
+
+    lead = 0
+    """Samples from a torque to the feedback that is stored for it."""
+
+    def start(self, setup: Setup) -> None:
+        """Start with no torque."""
+        self.torque: Array = np.zeros((*setup.plan.support.shape, setup.mechanism.shape[1]))
+        self.feedback, self.steps = np.zeros_like(self.torque), 0
+
+    def learn(self) -> None:
+        """Improve the torque."""
+        raise NotImplementedError
+
+    def predict(self, reference: Reference, learning_error: Array) -> Array:
+        """Store the last step's feedback (L, J), N m; return this step's torque (L, J), N m."""
+        self.feedback[(reference.sample - 1 - self.lead) % len(self.torque)] = learning_error
+        if reference.sample == 0 and self.steps >= len(self.torque):
+            self.learn()
+        self.steps += 1
+        return self.torque[reference.sample]
