@@ -13,13 +13,13 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from cmacexp.cmac.rules import RULES
 from cmacexp.data.run import Run
-from cmacexp.metrics.final import TRANSFER
+from cmacexp.metrics.final import TRANSFER, find_history
 from cmacexp.study import Results, declare
 from cmacexp.study.quantity import compute_quantity
 from cmacexp.study.results import RunRow
 from cmacexp.study.samples import ended_in, per_seed, quotients, relative
 from cmacexp.typing import Array
-from pipelines.common_results import describe_end
+from pipelines.common_results import describe_end, if_completed
 from pipelines.worlds import FEWER, TESTED, draw_worlds
 
 FORCE, RAMP = "force_rmse_cycle", "gait.load_ramp=0.12"
@@ -33,17 +33,13 @@ def final(results: Results, name: str = TRANSFER) -> Array:
     return results.end(name, 100)
 
 
-def variation(results: Results, name: str = TRANSFER) -> Array:
-    """(runs,): largest error over the least in the second half; infinite of a run that ended before.
+def find_variation(errors: Array) -> float:
+    """Largest error (cycles,) over the least in the second half.
 
     Of medians over 10 cycles, since noise alone varies the error of single cycles.
     """
-    halves = [row.history(name)[row.run.cycles_done // 2 :] if row.run.completed else None for row in results.rows]
-    return np.array([np.inf if half is None else _spread(half) for half in halves])
-
-
-def _spread(errors: Array) -> float:
-    medians = np.median(sliding_window_view(errors, min(10, len(errors))), axis=1)
+    half = errors[len(errors) // 2 :]
+    medians = np.median(sliding_window_view(half, min(10, len(half))), axis=1)
     return float(medians.max() / medians.min())
 
 
@@ -138,11 +134,11 @@ ENDS = {**DONE, "limit": "at most 90 %"}
 MADE = {"part": "paper's world", "learning.rule": "paper"}
 OWN = {"part": "rules", "learning.rule": "paper"}
 STEADY = {
-    "quantity": "largest error over the least in the second half of the run", "value": variation,
+    "quantity": "largest error over the least in the second half of the run", "value": "variation",
     "limit": "at most 1.25",
 }  # fmt: skip
 FORCE_STEADY = {
-    **STEADY, "value": partial(variation, name=FORCE),
+    **STEADY, "value": "force_variation",
     "quantity": "largest force error over the least in the second half of the run",
 }  # fmt: skip
 
@@ -171,7 +167,11 @@ STUDY = declare(
         _part("rates", "one leg", 500, {"learning.rate": ["auto", 0.05, 0.1, 0.1953125, 0.4, 0.8, 1.5]}),
         _part("settings", "quadruped", 500, {"settings": SETTINGS}, worlds=TESTED),
     ],
-    measures={"detected": detected, "lead": learning_lead},
+    measures={
+        "detected": detected, "lead": learning_lead,
+        "variation": if_completed(lambda run: find_variation(find_history(run.pooled, TRANSFER))),
+        "force_variation": if_completed(lambda run: find_variation(run.pooled[FORCE])),
+    },
     findings={
         "lead": {
             "says": "Under the paper's conditions, runs with lead 0, as published, end early, and with lead 1 the "

@@ -18,7 +18,8 @@ from cmacexp.planning.stability import FRONT, REAR, STABILITY
 from cmacexp.recording.run_view import RunView
 from cmacexp.study import DataFrame, Results
 from cmacexp.study.samples import Sample
-from cmacexp.typing import Array, Mask
+from cmacexp.typing import Array, Mask, Status
+from pipelines.common_results import if_completed
 
 DUTY_FACTOR = 0.8
 WAVE = (0.2, 0.7, 0.0, 0.5)
@@ -198,44 +199,30 @@ def late(column: str, worst: float = 0.0) -> Sample:
     return sample
 
 
-def over_history(name: str, reduce: Callable[[Array], float]) -> Sample:
-    """All cycles of a metric reduced to a number, for each run; infinite of one that ended before."""
-
-    def sample(results: Results) -> Array:
-        found = zip(results.completed, results.history(name), strict=True)
-        return np.array([reduce(values) if done else np.inf for done, values in found])
-
-    return sample
-
-
 def margin_while_late(results: Results) -> Array:
     """(runs,): least margin while foot 1 is late, over the least planned margin."""
     return event("margin", np.min)(results) / results.at(1, "stability_margin_min")
 
 
-def height_off(results: Results) -> Array:
-    """(runs,): largest departure from the planned height in the last cycles, as a part of it; inf if a run ended."""
-    planned = float(results.value("machine.hip_height"))
-    below = over_history("height_min", lambda height: planned - height[-LATE:].min())(results)
-    above = over_history("height_max", lambda height: height[-LATE:].max() - planned)(results)
-    return np.maximum(below, above) / planned
+@if_completed
+def height_off(run: Run) -> float:
+    """Largest departure from the planned height in the last cycles, as a part of it."""
+    planned = float(run.config["machine"]["hip_height"])
+    low, high = run.pooled["height_min"][-LATE:].min(), run.pooled["height_max"][-LATE:].max()
+    return float(max(planned - low, high - planned)) / planned
 
 
-def _burst(errors: Array) -> float:
+@if_completed
+def burst(run: Run) -> float:
+    """Largest transfer error in x in the last fifth of the cycles over its median in the second fifth."""
+    errors = run.pooled["transfer_rmse_x"]
     fifth = len(errors) // 5
     return float(errors[-fifth:].max() / np.median(errors[fifth : 2 * fifth]))
 
 
-bursts = over_history("transfer_rmse_x", _burst)
-"""(runs,): largest transfer error in x in the last fifth of the cycles over its median in the second fifth."""
-
-
-def least_force_at_fall(results: Results) -> Array:
-    """(runs,): least force of a foot that is planned to support in the last step, over the weight; inf if a run did
-    not fall."""
-    found = []
-    for run in results.runs:
-        last = run.trace.tail(4)
-        least = float(last.loc[last["phase"] == "support", "force"].min())
-        found.append(least / run.config["machine"]["weight"] if run.status == "fell" else np.inf)
-    return np.array(found)
+def force_at_fall(run: Run) -> float:
+    """Least force of a foot that is planned to support in the last step, over the weight; inf without a fall."""
+    if run.status != Status.FELL:
+        return np.inf
+    last = run.trace.tail(4)
+    return float(last.loc[last["phase"] == "support", "force"].min()) / run.config["machine"]["weight"]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.data.run import Run
-from cmacexp.study import Figure, Panel, Results, Series, declare, draw
+from cmacexp.study import Results, declare
 from cmacexp.study.samples import relative
 from cmacexp.typing import Array
 from pipelines.common_results import describe_end
@@ -139,20 +139,6 @@ def worst_gain(results: Results) -> Array:
     return np.max([worsening(own) for own in results.by("gain").values()], axis=0)
 
 
-def draw_failure(results: Results) -> Figure:
-    """Desired, true and measured force of the leg with the broken sensor; the failure, and its detection."""
-    panels = []
-    for check, own in results.select(part="shown").by("check").items():
-        run = own.run
-        trace = run.trace[run.trace["leg"] == 3]
-        columns = {"desired": "force_desired", "true": "force", "measured": "force_measured"}
-        series = [Series(name, trace["time"], trace[column]) for name, column in columns.items()]
-        rejected = [dropped["step"] * run.config["sampling_period"] for dropped in run.manifest["dropped"]]
-        events = [run.config["sensors"]["force"]["fault"]["start"], *rejected]
-        panels.append(Panel(check, "time, s", "force, N", series, x_limits=events))
-    return draw(panels, columns=1, height=1.9)
-
-
 def _count_kinds(results: Results) -> str:
     without, checked = (sum(results.select(check=check).completed) for check in CHECKS)
     return f"{without}, {checked} of {len(results.select(check='check'))}"
@@ -271,7 +257,7 @@ STUDY = declare(
         },
     },
     figures={
-        "failure": draw_failure,
+        "failure": {"metric": "force_rmse_cycle", "by": "check", "of": {"part": "shown"}, "title": "force error"},
         **{
             f"noise_{name}": [
                 {"value": f"{metric}[-3:]", "over": "level", "by": "signal", "log": "xy", "title": title,

@@ -54,22 +54,15 @@ def _ratio(machine: str, one: str, other: str, setting: str = FOR_ALL) -> Callab
 
 def _failures(machine: str, methods: Sequence[str], setting: str = FOR_ALL) -> Callable[[Results], Mask]:
     """(runs,): whether each run of the methods failed."""
-
-    def compute(found: Comparison) -> Mask:
-        return ~np.array([found.completed(name) for name in methods]).ravel()
-
-    return summary.over_worlds(machine, compute, setting)
+    failed = lambda found: ~np.array([found.completed(name) for name in methods]).ravel()  # noqa: E731
+    return summary.over_worlds(machine, failed, setting)
 
 
 def _over_best(machine: str, method: str, models: Sequence[str]) -> Callable[[Results], Array]:
     """(worlds,): mean score of a method over that of the model that is the best one in that world."""
-
-    def compute(found: Comparison) -> Array:
-        pairs = np.stack([found.sums(method, name) for name in models])
-        worst: Array = np.max([_divide(sums) for sums in pairs], axis=0)
-        return worst
-
-    return summary.over_worlds(machine, compute)
+    return summary.over_worlds(
+        machine, lambda found: np.max([_divide(found.sums(method, name)) for name in models], axis=0)
+    )
 
 
 def _changed(results: Results, machine: str, kind: str, method: str = CMAC) -> Array:

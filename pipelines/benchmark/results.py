@@ -132,9 +132,10 @@ def tune(bench: Bench) -> tuple[Chosen, pd.DataFrame]:
         for setting in settings
         for task in TASKS
     }
-    frame, chosen = bench.run(TUNING, places), dict[tuple[str, str], dict[str, Setting]]()
+    chosen: dict[tuple[str, str], dict[str, Setting]] = {}
     if not drawn:
-        return chosen, frame
+        return chosen, pd.DataFrame(columns=[*COLUMNS, "overrides"])
+    frame = bench.run(TUNING, places)
     alone_at = frame[frame["method"] == ALONE].set_index(SAME)["end_error"]
     reference = frame[SAME].join(alone_at, on=SAME)["end_error"]
     frame = frame.assign(score=relative_to(frame["end_error"].to_numpy(), reference.to_numpy()))

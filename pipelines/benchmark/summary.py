@@ -227,16 +227,11 @@ def table_failures(frame: pd.DataFrame) -> pd.DataFrame:
 
 def table_settings(tuned: pd.DataFrame) -> pd.DataFrame:
     """What was chosen for all tasks, and the median of the cycles to a tenth in the worlds of tuning."""
-    rows = []
-    for machine in machines_of(tuned) if len(tuned) else ():
-        own = take(tuned, machine, FOR_ALL)
-        cycles, settings = count_cycles(own), own.groupby("method", sort=False)["overrides"].first()
-        rows += [
-            {"machine": machine, "method": method, "setting": text or "default",
-             "cycles to a tenth": find_median(cycles[method])}
-            for method, text in settings.items() if method != ALONE
-        ]  # fmt: skip
-    return pd.DataFrame(rows, columns=["machine", "method", "setting", "cycles to a tenth"])
+    cycles = {machine: count_cycles(take(tuned, machine, FOR_ALL)) for machine in machines_of(tuned)}
+    rows = tuned[tuned["method"] != ALONE].drop_duplicates(["machine", "method"])
+    medians = [find_median(cycles[row.machine][row.method]) for row in rows.itertuples()]
+    columns = ["machine", "method", "setting", "cycles to a tenth"]
+    return rows.assign(setting=rows["overrides"].replace("", "default"), **{columns[-1]: medians})[columns]
 
 
 def draw_profiles(frame: pd.DataFrame) -> Figure:
