@@ -1,6 +1,6 @@
 """Samples, tables and figures that several studies share."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any
 
@@ -14,8 +14,7 @@ from cmacexp.study.interval import estimate
 from cmacexp.study.quantity import compute_quantity
 from cmacexp.study.results import Results
 from cmacexp.study.samples import ended_in
-from cmacexp.study.statements import Criterion, Limit
-from cmacexp.typing import Array, Mask, Status
+from cmacexp.typing import Array, Status
 
 
 def if_completed(measure: Callable[[Run], float]) -> Callable[[Run], float]:
@@ -59,17 +58,3 @@ def describe_end(results: Results, quantity: str) -> str:
     if completed == len(results):
         return format_number(estimate(compute_quantity(quantity, results)).value)
     return f"ends in {np.median(ends[np.isfinite(ends)]):.0f}" + (f" ({completed} complete)" if completed else "")
-
-
-def percent(
-    quantity: str,
-    sample: str | Callable[[Results], Sequence[float] | Sequence[bool] | Array | Mask],
-    holds: Limit,
-    fails: Limit | None = None,
-    of: Mapping[str, Any] | None = None,
-    case: str = "",
-    over: Mapping[str, Any] | None = None,
-    **more: Any,
-) -> Criterion:
-    """A criterion of a share, shown in per cent; ``of`` and ``more`` are settings of its runs."""
-    return Criterion(quantity, sample, holds, fails, "%", 100.0, {**(of or {}), **more}, case, over=over)

@@ -7,16 +7,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cmacexp.study import DataFrame, Finding, Results, Study, at_least, at_most
+from cmacexp.study import Criterion, DataFrame, Finding, Results, Study, at_least, at_most
 from cmacexp.study.comparison import Comparison
 from cmacexp.study.interval import UNPAIRED
-from cmacexp.study.statements import Criterion
 from cmacexp.typing import Array, Mask
 from pipelines.benchmark import summary
 from pipelines.benchmark.entrants import ALONE, CMAC
 from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, FOR_EACH, GUARDED
 from pipelines.benchmark.tasks import MACHINES, SPEED, STRESS, STROKE, TASKS, VERSION
-from pipelines.common_results import percent
 
 NAME = "benchmark"
 TITLE = "Learned feedforward under contact"
@@ -30,6 +28,7 @@ CYCLES = "cycles to a tenth"
 """Column of the chosen settings: median in the worlds of tuning."""
 FEW, AS_GOOD, CLEARLY = 0.05, 1.25, 0.8
 """Share of failures that is small; ratios of scores or cycles that count as as good, and as clearly less."""
+SHARE = partial(Criterion, unit="%", scale=100.0)
 SCORE = "mean score of the runs that both complete"
 TABLES = {
     "scores": summary.table_scores,
@@ -159,7 +158,7 @@ def _findings(machine: str) -> dict[str, Finding]:
             "well as the CMAC",
         ),
         f"plain_fails_{machine}": Finding(
-            [percent("runs that fail", _failures(machine, [name]), at_most(FEW), case=name) for name in (ILC, CMAC)],
+            [SHARE("runs that fail", _failures(machine, [name]), at_most(FEW), case=name) for name in (ILC, CMAC)],
             says=f"{machine}: neither ILC nor the CMAC fails often",
         ),
         f"carries_{machine}": Finding(
@@ -174,11 +173,11 @@ def _findings(machine: str) -> dict[str, Finding]:
             says=f"{machine}: on top of a model that is wrong the CMAC ends clearly better than alone",
         ),
         f"fails_{machine}": Finding(
-            [percent("runs of learners that fail", _failures(machine, LEARNERS), at_most(FEW))],
+            [SHARE("runs of learners that fail", _failures(machine, LEARNERS), at_most(FEW))],
             says=f"{machine}: hardly any learner fails in any task",
         ),
         f"guarded_{machine}": Finding(
-            [percent(f"runs of learners that fail, {each}", _failures(machine, LEARNERS, each), at_most(limit))
+            [SHARE(f"runs of learners that fail, {each}", _failures(machine, LEARNERS, each), at_most(limit))
              for each, limit in ((GUARDED, FEW), (BY_DEFAULT, 1.0))],
             says=f"{machine}: with default settings and the guard hardly any learner fails",
         ),
@@ -215,7 +214,7 @@ def _findings_of_tuning(machine: str) -> dict[str, Finding]:
             "default setting",
         ),
         f"overfits_fails_{machine}": Finding(
-            [percent("runs of RBF that fail", _failures(machine, [RBF], kind), at_least(FEW), at_most(FEW), case=kind)
+            [SHARE("runs of RBF that fail", _failures(machine, [RBF], kind), at_least(FEW), at_most(FEW), case=kind)
              for kind in (FOR_EACH,)],
             says=f"{machine}: tuned for each task in a few other worlds RBF fails often",
         ),

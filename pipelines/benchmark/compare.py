@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cmacexp.data.files import open_file
 from cmacexp.data.parquet import read_table
 from cmacexp.errors import BadInput
 from cmacexp.study.comparison import Comparison
@@ -26,8 +25,7 @@ def _read(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
     """
     beside = path.with_suffix(".json")
     try:
-        with open_file(beside) as file:
-            entry = json.load(file)
+        entry = json.loads(beside.read_text(encoding="utf-8"))
         frame = read_table(path, texts=True).to_pandas()
     except (OSError, ValueError) as error:
         allowed = f"must be a table of results with {beside.name} beside it: {error}"

@@ -47,14 +47,14 @@ def list_overrides(
 
 
 def _find_hash(stages: Mapping[str, Sequence[str]], last: int) -> str:
-    """Of all that an outcome depends on, the code of a custom method included.
-
-    Raises:
-        BadInput: the method cannot be composed.
-    """
-    config = compose_config(stages[BEFORE])
-    code = [VERSION, code_hash(), custom_code_hash(config), config_hash(to_plain(config))]
-    return hashlib.sha256(json.dumps([*code, stages, last]).encode()).hexdigest()
+    """Of all that an outcome depends on: the code of a custom method included, or why it cannot be composed."""
+    try:
+        config = compose_config(stages[BEFORE])
+        own = [custom_code_hash(config), config_hash(to_plain(config))]
+    except BadInput as error:  # its runs say so
+        own = [str(error)]
+    text = json.dumps([VERSION, code_hash(), *own, stages, last])
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def run_stage(
@@ -108,21 +108,16 @@ def run_trial(machine: Machine, stages: Mapping[str, Sequence[str]], folder: Pat
     """
     announce_compiling()
     expect_runs(1000)
-    path = None
-    try:
-        path = folder / f"{_find_hash(stages, machine.last)[:24]}.json"
-        if path.is_file():
-            known: list[Row] = json.loads(path.read_text(encoding="utf-8"))
-            return known
-    except BadInput:  # its runs say why
-        pass
+    path = folder / f"{_find_hash(stages, machine.last)[:24]}.json"
+    if path.is_file():
+        known: list[Row] = json.loads(path.read_text(encoding="utf-8"))
+        return known
     before, learnt = run_stage(machine, stages[BEFORE])
     rows = []
     for task in [task for task in stages if task != BEFORE]:
         done = before["status"] == COMPLETED
         rows.append({"task": task, **(run_stage(machine, stages[task], learnt or None)[0] if done else before)})
-    if path is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        with write_atomically(path) as new:
-            new.write_text(json.dumps(rows), encoding="utf-8")
+    folder.mkdir(parents=True, exist_ok=True)
+    with write_atomically(path) as new:
+        new.write_text(json.dumps(rows), encoding="utf-8")
     return rows
