@@ -54,21 +54,6 @@ SKY, EARTH, FAR, NEAR, PRESSING = (255, 255, 255), (205, 195, 180), (170, 180, 1
 """Colours; FAR of legs on the left, NEAR of legs on the right, PRESSING of feet that bear a load."""
 
 
-def _name_observations(legs: int, joints: int, body: bool) -> Iterator[str]:
-    for leg in range(1, legs + 1):
-        for name in ("q", "dq"):
-            yield from (f"leg_{leg}.{name}{joint + 1}" for joint in range(joints))
-        for name in ("", "v"):
-            yield from (f"leg_{leg}.{name}{axis}" for axis in AXES[:joints])
-        yield f"leg_{leg}.force"
-        yield from (f"leg_{leg}.reference.{name}" for name in REFERENCE_NAMES[: 2 * joints + 1])
-        yield f"leg_{leg}.support"
-        yield from (f"leg_{leg}.learning_error_{joint + 1}" for joint in range(joints))
-    if body:
-        yield from ("height", "pitch", "roll", "height_rate", "pitch_rate", "roll_rate")
-    yield from ("cos_phase", "sin_phase")
-
-
 def find_largest_torque(loop: OpenLoop) -> Array:
     """Largest action (L, J), N m: what limits a joint, else BOUND times what inverse dynamics need along the plan."""
     limits = np.broadcast_to(np.array(loop.torque_limits, dtype=float), loop.shape)
@@ -85,28 +70,31 @@ def observe_reference(control: ControlReference) -> Array:
     return np.concatenate([place[..., :Z], rate[..., :Z], force, place[..., Z:], rate[..., Z:]], axis=-1)
 
 
-def find_bounds(loop: OpenLoop, largest: Array) -> Array:
-    """Largest absolute value of every entry of an observation, in its unit, with the ``largest`` torques (L, J).
+def list_entries(loop: OpenLoop, largest: Array) -> Iterator[tuple[str, float]]:
+    """Every entry of an observation in order: its name, and its largest absolute value in its unit.
 
-    Joints turn by at most pi, and as fast as a run allows before it counts as diverged; feet come twice as far from
-    their hips as planned. Beyond its bounds an observation is clipped.
+    Takes the ``largest`` torques (L, J). Joints turn by at most pi, and as fast as a run allows before it counts as
+    diverged; feet come twice as far from their hips as planned. Beyond its bounds an observation is clipped.
     """
     (legs, joints), plan, mechanism = loop.shape, loop.setup.plan, loop.setup.mechanism
     reach = BOUND * float(np.abs(plan.desired.position).max())
-    reference = np.abs(observe_reference(plan.reference)[BEFORE]).max(axis=(0, 1))
-    in_leg = [
-        *[math.pi] * joints,
-        *[FASTEST_JOINT] * joints,
-        *[reach] * joints,
-        *[FASTEST_JOINT * reach] * joints,
-        LARGEST_RATIO * (float(plan.force_desired.max()) or 1.0),
-        *np.maximum(BOUND * reference, 1.0),
-        1.0,
-    ]
-    parts = [np.append(in_leg, LARGEST_RATIO * largest[leg]) for leg in range(legs)]
+    planned = BOUND * np.abs(observe_reference(plan.reference)[BEFORE]).max(axis=(0, 1))
+    for leg in range(legs):
+        in_leg = {
+            **{f"q{joint + 1}": math.pi for joint in range(joints)},
+            **{f"dq{joint + 1}": FASTEST_JOINT for joint in range(joints)},
+            **dict.fromkeys(AXES[:joints], reach),
+            **{f"v{axis}": FASTEST_JOINT * reach for axis in AXES[:joints]},
+            "force": LARGEST_RATIO * (float(plan.force_desired.max()) or 1.0),
+            **{f"reference.{name}": max(each, 1.0) for name, each in zip(REFERENCE_NAMES, planned, strict=False)},
+            "support": 1.0,
+            **{f"learning_error_{joint + 1}": LARGEST_RATIO * largest[leg, joint] for joint in range(joints)},
+        }
+        yield from ((f"leg_{leg + 1}.{name}", bound) for name, bound in in_leg.items())
     if has_body(mechanism):
-        parts.append(np.array([BOUND * mechanism.hip_height, STEEPEST, STEEPEST, *[FASTEST_BODY] * 3]))
-    return np.concatenate([*parts, [1.0, 1.0]])
+        yield from {"height": BOUND * mechanism.hip_height, "pitch": STEEPEST, "roll": STEEPEST}.items()
+        yield from dict.fromkeys(("height_rate", "pitch_rate", "roll_rate"), FASTEST_BODY).items()
+    yield from (("cos_phase", 1.0), ("sin_phase", 1.0))
 
 
 class LoopEnv(Env[Array, Array]):
@@ -146,22 +134,17 @@ class LoopEnv(Env[Array, Array]):
         self._made = (scenario, list(overrides), normalised, render_mode)
         self.loop, self.render_mode = open_loop([f"scenario={scenario}", *overrides]), render_mode
         loop = self.loop
-        (legs, joints), self.has_body = loop.shape, bool(has_body(loop.setup.mechanism))
-        self.names = tuple(_name_observations(legs, joints, self.has_body))
         largest = find_largest_torque(loop)
+        self.names, bounds = zip(*list_entries(loop, largest), strict=True)
         self.action_scale = largest.ravel() if normalised else np.ones(largest.size)
         self.metadata = self.metadata | {
             "render_fps": round(1.0 / loop.sampling_period),
             "action_scale": self.action_scale.tolist(),
         }
-        limit, bounds = largest.ravel() / self.action_scale, find_bounds(loop, largest)
+        limit, self._bounds = largest.ravel() / self.action_scale, np.array(bounds)
         self.action_space = spaces.Box(-limit, limit, dtype=np.float64)
-        self.observation_space = spaces.Box(-bounds, bounds, dtype=np.float64)
-        self._counted = np.arange(joints) != Y
-        self._bounds, self._values = bounds, np.zeros(len(self.names))
-        of_legs = self._values[: len(self.names) - (8 if self.has_body else 2)].reshape(legs, -1)
-        widths = (joints, joints, joints, joints, 1, 2 * joints + 1, 1, joints)
-        self._views = np.split(of_legs, np.cumsum(widths)[:-1], axis=1)
+        self.observation_space = spaces.Box(-self._bounds, self._bounds, dtype=np.float64)
+        self._counted = np.arange(loop.shape[1]) != Y  # y is the vertical axis
         self._force_scale = float(loop.setup.plan.force_desired.max()) or 1.0
         self._start_seed: int | None = None
         self._torques: list[Array] = []
@@ -212,13 +195,14 @@ class LoopEnv(Env[Array, Array]):
 
     def _observe(self, moment: LoopState) -> Array:
         seen, angle = moment.observed, 2.0 * math.pi * moment.sample / self.loop.period
-        parts = seen.q, seen.dq, seen.foot, seen.velocity, seen.force[:, None], observe_reference(moment.control)
-        for view, part in zip(self._views, (*parts, moment.support[:, None], moment.learning_error), strict=True):
-            view[...] = part
-        if self.has_body:
-            self._values[-8:-5], self._values[-5:-2] = seen.body, seen.body_rate
-        self._values[-2], self._values[-1] = math.cos(angle), math.sin(angle)
-        values = self._values if moment.status == "running" else np.nan_to_num(self._values)
+        in_legs = (
+            *(seen.q, seen.dq, seen.foot, seen.velocity, seen.force[:, None]),
+            *(observe_reference(moment.control), moment.support[:, None], moment.learning_error),
+        )
+        body = (seen.body, seen.body_rate) if has_body(self.loop.setup.mechanism) else ()
+        values = np.concatenate([np.hstack(in_legs).ravel(), *body, [math.cos(angle), math.sin(angle)]])
+        if moment.status != "running":
+            values = np.nan_to_num(values)
         clipped: Array = np.minimum(np.maximum(values, -self._bounds), self._bounds)
         return clipped
 

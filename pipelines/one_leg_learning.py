@@ -13,7 +13,7 @@ import numpy as np
 
 from cmacexp.data.run import Run
 from cmacexp.metrics.registry import SHOWN
-from cmacexp.report.cycle_data import read_cycle_data
+from cmacexp.recording.run_view import RunView
 from cmacexp.report.run_figures import draw_over_cycle, draw_torques, draw_tracking
 from cmacexp.study import Figure, Results, declare, draw
 from pipelines import one_leg_learning_trace as trace
@@ -49,6 +49,10 @@ def values(results: Results) -> dict[str, Any]:
         "depth": 1e3 * trace.reference_depth(config), "bias": 100.0 * trace.learned_error(config), "weight": weight,
         "statics": trace.feedback_force(config, weight), "weightless": trace.feedback_force(config, 0.0),
     }  # fmt: skip
+
+
+def _view(run: Run, *cycles: int) -> RunView:
+    return RunView(run, run.read_trace(cycles))
 
 
 def _of_first_seed(drawing: Callable[[Run], Figure]) -> Callable[[Results], Figure]:
@@ -267,10 +271,10 @@ STUDY = declare(
         "fig_07": _of_first_seed(trace.trajectory),
         "fig_08": _of_first_seed(partial(trace.motion, order=1, name="velocity", unit="m/s")),
         "fig_09": _of_first_seed(partial(trace.motion, order=2, name="acceleration", unit="m/s²")),
-        "fig_10": _of_first_seed(lambda run: draw_tracking(read_cycle_data(run, [1]))[0].figure),
-        "fig_11": _of_first_seed(lambda run: draw_tracking(read_cycle_data(run, [5]))[0].figure),
-        "fig_12": _of_first_seed(lambda run: draw(draw_over_cycle(read_cycle_data(run, [1, 2, 5]), "force", [1]))),
-        "fig_13": _of_first_seed(lambda run: draw_torques(read_cycle_data(run, [5])).figure),
+        "fig_10": _of_first_seed(lambda run: draw_tracking(_view(run, 1))[0].figure),
+        "fig_11": _of_first_seed(lambda run: draw_tracking(_view(run, 5))[0].figure),
+        "fig_12": _of_first_seed(lambda run: draw(draw_over_cycle(_view(run, 1, 2, 5), "force", [1]))),
+        "fig_13": _of_first_seed(lambda run: draw_torques(_view(run, 5)).figure),
         "bias": {"metric": "force_steady_state_error", "by": "variant",
                  "of": {"feedforward": "cmac", "variant": [PUBLISHED, "without 1/K_ap"]}},
         "growth": [

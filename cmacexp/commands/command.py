@@ -13,6 +13,8 @@ from cmacexp.errors import BadComponent, CmacexpError, format_user_traceback, in
 from cmacexp.jit.interrupt import handled, interrupted_exit_code, is_interrupt
 from cmacexp.terminal.output import keep_outputs, print_line
 
+Arguments = argparse.Namespace
+"""Those of a command, by the names of its options."""
 COMPLETED, FAILED, BAD_INPUT, STOPPED, NOT_INTACT = range(5)
 """Exit codes; that of an interrupted command is :func:`cmacexp.jit.interrupt.interrupted_exit_code`."""
 
@@ -34,13 +36,6 @@ class Parser(argparse.ArgumentParser):
             self.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="a run, or a folder of runs")
 
 
-def describe_error(error: BaseException) -> str:
-    """The message of an error; what a custom component raised is printed with its stack trace before."""
-    if isinstance(error, BadComponent):
-        print(format_user_traceback(error.raised), file=sys.stderr, end="")
-    return in_one_line(str(error).strip() or type(error).__name__)
-
-
 def run_command(work: Callable[[], int], hint: str = "") -> int:
     """Do the work of a command; its exit code. ``hint`` says what to do after an interrupt.
 
@@ -59,5 +54,7 @@ def run_command(work: Callable[[], int], hint: str = "") -> int:
                 return interrupted_exit_code()
             if not isinstance(error, CmacexpError | OSError | MemoryError):
                 raise
-            print(f"error: {describe_error(error)}", file=sys.stderr)
+            if isinstance(error, BadComponent):  # what its own code raised
+                print(format_user_traceback(error.raised), file=sys.stderr, end="")
+            print(f"error: {in_one_line(str(error).strip() or type(error).__name__)}", file=sys.stderr)
             return BAD_INPUT if isinstance(error, CmacexpError) else FAILED

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from cmacexp.commands.command import Parser, run_command
+from cmacexp.commands.command import Arguments, Parser, run_command
 from cmacexp.data.discovery import is_run, name_of, require_place
 from cmacexp.data.folder import OUT_KEY, require_no_link
 from cmacexp.data.run import Run
@@ -14,7 +14,7 @@ from cmacexp.terminal.output import print_line, show_activity
 FORMATS = ("c", "wide", "mcap")
 
 
-def _find_place(arguments: argparse.Namespace) -> Path:
+def _find_place(arguments: Arguments) -> Path:
     """The folder to write to; never that of a run, which stays as its run wrote it."""
     if arguments.out is None:
         return require_no_link(Path(f"export-{name_of(arguments.folder)}"))
@@ -24,7 +24,7 @@ def _find_place(arguments: argparse.Namespace) -> Path:
     return folder
 
 
-def _export(arguments: argparse.Namespace) -> int:
+def _export(arguments: Arguments) -> int:
     run, out = Run(arguments.folder), _find_place(arguments)
     _ = run.manifest
     earlier = set(out.glob("*"))
@@ -53,7 +53,7 @@ def _export(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
+def _parse(parser: argparse.ArgumentParser) -> Arguments:
     arguments = parser.parse_args()
     if not any(getattr(arguments, name) for name in FORMATS):
         parser.error("what to write is missing: " + ", ".join(f"--{name}" for name in FORMATS))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cmacexp.commands.command import Parser, run_command
+from cmacexp.commands.command import Arguments, Parser, run_command
 from cmacexp.data.folder import OUT_KEY, check_place
 from cmacexp.data.manifest import REPORT
 from cmacexp.errors import BadInput
@@ -35,7 +35,7 @@ def _read_gain(text: str | None, key: str) -> list[float]:
         raise BadInput(key, text, "must be numbers, separated by commas") from error
 
 
-def read_given(arguments: argparse.Namespace) -> "tuple[Log, Machine]":
+def read_given(arguments: Arguments) -> "tuple[Log, Machine]":
     """The log and the machine of the options of :func:`add_log_options`; raises BadInput."""
     from cmacexp.gap.log import load_reader, read_log
     from cmacexp.gap.machine import read_machine
@@ -53,7 +53,7 @@ def read_given(arguments: argparse.Namespace) -> "tuple[Log, Machine]":
     return log, read_machine(arguments.robot, log.joints, arguments.joints)
 
 
-def _show(arguments: argparse.Namespace) -> int:
+def _show(arguments: Arguments) -> int:
     from cmacexp.gap.advice import summarise
     from cmacexp.gap.analysis import begin
     from cmacexp.gap.page import write_page

@@ -1,11 +1,10 @@
 """``python -m cmacexp.replay DIR...``: show a run, or several side by side, in the Rerun viewer."""
 
-import argparse
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from cmacexp.commands.command import Parser, run_command
+from cmacexp.commands.command import Arguments, Parser, run_command
 from cmacexp.config.describe import differences
 from cmacexp.data.discovery import is_run, name_of, require_place, runs_below
 from cmacexp.data.run import Run
@@ -19,11 +18,11 @@ LONGEST_NAME = 120
 """Most characters in the name of the file of a comparison."""
 
 
-def _show(shown: Path | str, arguments: argparse.Namespace) -> int:
+def _show(shown: Path | str, arguments: Arguments) -> int:
     return 0 if arguments.no_viewer else serve_web(shown) if arguments.web else open_window(shown)
 
 
-def _show_table(runs: Sequence[Run], arguments: argparse.Namespace) -> int:
+def _show_table(runs: Sequence[Run], arguments: Arguments) -> int:
     """Show runs as a table whose rows open their recordings."""
     for name in ("cycles", "every", "meshes", "out"):
         if value := getattr(arguments, name):
@@ -50,7 +49,7 @@ def _check_out(path: Path) -> None:
         raise BadInput("--out", path, "must lie outside the folders of runs")
 
 
-def _replay(arguments: argparse.Namespace) -> int:
+def _replay(arguments: Arguments) -> int:
     folders = {run.resolve(): run for given in arguments.folders for run in runs_below(given)}
     runs = [Run(folder) for folder in folders.values()]
     if not (arguments.web or arguments.no_viewer):

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cmacexp.commands.command import Parser, run_command
+from cmacexp.commands.command import Arguments, Parser, run_command
 from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
 from cmacexp.data.run import Run
@@ -67,7 +67,7 @@ def _report_of_several(found: Sequence[Run], given: Sequence[Path], out: Path) -
     return path
 
 
-def _report(arguments: argparse.Namespace) -> int:
+def _report(arguments: Arguments) -> int:
     """Write the page of one run or of several."""
     given: list[Path] = arguments.folders
     runs = list({run.folder.resolve(): run for folder in given for run in find_runs(folder)}.values())

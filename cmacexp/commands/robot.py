@@ -1,12 +1,11 @@
 """``cmacexp robot --simulate`` plays a robot for ``plant=unitree``; ``--chirp``, ``--learn`` move one that hangs."""
 
-import argparse
 import math
 from typing import Any
 
 from omegaconf import OmegaConf
 
-from cmacexp.commands.command import Parser, run_command
+from cmacexp.commands.command import Arguments, Parser, run_command
 from cmacexp.commands.robots import quote_value
 from cmacexp.config import config_folder
 from cmacexp.config.compose import compose_config
@@ -29,7 +28,7 @@ HUNG = ["scenario=robot", "machine=go2", "plant=unitree", "controller=drives"]
 """The robot that hangs likewise."""
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def _run(arguments: Arguments) -> int:
     asked = [arguments.simulate, arguments.chirp is not None, arguments.learn is not None]
     if sum(asked) != 1:
         reason = "give one of --simulate, and of a robot that hangs --chirp LOG and --learn LEG"
@@ -37,7 +36,7 @@ def _run(arguments: argparse.Namespace) -> int:
     return _play(arguments) if arguments.simulate else _move_hung(arguments)
 
 
-def _move_hung(arguments: argparse.Namespace) -> int:
+def _move_hung(arguments: Arguments) -> int:
     from cmacexp.loop.run import come_to_rest
     from cmacexp.loop.scenario import make_scenario
     from cmacexp.typing import Status
@@ -66,7 +65,7 @@ def _move_hung(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _play(arguments: argparse.Namespace) -> int:
+def _play(arguments: Arguments) -> int:
     from cmacexp.wire.simulated import SimulatedRobot, play
 
     if not 0.0 < arguments.seconds < math.inf:

@@ -1,6 +1,5 @@
 """``python -m cmacexp.robots go1``: what the model of a robot holds, and what follows from it by rule."""
 
-import argparse
 import math
 import re
 import shlex
@@ -8,7 +7,7 @@ from pathlib import Path
 
 from omegaconf import OmegaConf
 
-from cmacexp.commands.command import Parser, run_command
+from cmacexp.commands.command import Arguments, Parser, run_command
 from cmacexp.config import Config, config_folder, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.config.describe import describe_fields, flatten_config
@@ -112,7 +111,8 @@ def _describe_margin(config: Config) -> list[str]:
     """A row of a table: the further delay that feedback bears; empty with a controller of the user's own."""
     from cmacexp.control import DriveController, HybridController
     from cmacexp.loop.factory import make_component
-    from cmacexp.loop.scenario import SMALL_MARGIN, count_loop_delay, require_margin
+    from cmacexp.loop.margin import SMALL_MARGIN, find_margin
+    from cmacexp.loop.scenario import count_loop_delay
 
     controller, sensors = (make_component(group, getattr(config, group)) for group in ("controller", "sensors"))
     if isinstance(controller, DriveController):
@@ -120,7 +120,7 @@ def _describe_margin(config: Config) -> list[str]:
         name, margin = "drives", find_joint_margin(read_model(config.machine), drives, config.actuator.lag)
         note = "in drives, not on a bus"
     elif isinstance(controller, HybridController):
-        name, margin = "hybrid", require_margin(config, controller.config, count_loop_delay(config, sensors))
+        name, margin = "hybrid", find_margin(config, controller.config, count_loop_delay(config, sensors))
         note = "small" if margin.delay < SMALL_MARGIN else ""
     else:
         return []
@@ -142,7 +142,7 @@ def _list_margins(config: Config, overrides: list[str]) -> list[list[str]]:
     return [*rows.values()]
 
 
-def _show(arguments: argparse.Namespace) -> int:
+def _show(arguments: Arguments) -> int:
     chosen = _choose(arguments.robot)
     if len(chosen) > 1 and not any(word.startswith("machine.") for word in arguments.overrides):
         chosen += (found := _find_legs(Path(arguments.robot).resolve()))

@@ -1,9 +1,8 @@
 """``python -m cmacexp.score DIR``: computes the metrics again from the trace, without simulating."""
 
-import argparse
 from pathlib import Path
 
-from cmacexp.commands.command import Parser, run_command
+from cmacexp.commands.command import Arguments, Parser, run_command
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.folder import update_run
 from cmacexp.data.manifest import require_intact
@@ -29,7 +28,7 @@ def score(folder: Path) -> Scores:
     return scores
 
 
-def _score(arguments: argparse.Namespace) -> int:
+def _score(arguments: Arguments) -> int:
     for folder in [run for given in arguments.folders for run in runs_below(given)]:
         with show_activity(f"scoring {folder}"):
             scores = score(folder)

@@ -1,9 +1,8 @@
 """``python -m cmacexp.stability DIR...``: whether the learning of a run holds, why, and with which lead it would."""
 
-import argparse
 from pathlib import Path
 
-from cmacexp.commands.command import Parser, run_command
+from cmacexp.commands.command import Arguments, Parser, run_command
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
 from cmacexp.data.manifest import REPORT
@@ -15,7 +14,7 @@ from cmacexp.terminal.tables import print_table
 FOLDER = "stability"
 
 
-def _analyse(arguments: argparse.Namespace) -> int:
+def _analyse(arguments: Arguments) -> int:
     """Analyse each run."""
     from cmacexp.terminal.messages import announce_compiling
 
@@ -32,10 +31,9 @@ def _analyse(arguments: argparse.Namespace) -> int:
 
 def _analyse_run(run: Run, out: Path) -> None:
     """Write the verdict on a run, and the analysis or why there is none."""
-    from cmacexp.stability.analysis import analyse, read_learning
     from cmacexp.stability.cycle_map import NotPredictable
     from cmacexp.stability.page import TITLES, advise, rows, write_stability_report
-    from cmacexp.stability.verdict import assess
+    from cmacexp.stability.verdict import analyse, assess, read_learning
 
     notes, analysis = list[str](), None
     with show_activity(f"analysing {run.folder}"):

@@ -1,15 +1,13 @@
 """``python -m cmacexp.verify DIR...``: which runs are intact."""
 
-import argparse
-
-from cmacexp.commands.command import NOT_INTACT, Parser, run_command
+from cmacexp.commands.command import NOT_INTACT, Arguments, Parser, run_command
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import everything_below
 from cmacexp.data.integrity import faults
 from cmacexp.terminal.output import print_line, show_activity
 
 
-def _verify(arguments: argparse.Namespace) -> int:
+def _verify(arguments: Arguments) -> int:
     intact = True
     for folder in [result for given in arguments.folders for result in everything_below(given)]:
         with show_activity(f"checking {folder}"):

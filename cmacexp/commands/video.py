@@ -1,10 +1,9 @@
 """``cmacexp video DIR...``: cycles of one run, or the last cycles of several, side by side as a moving picture."""
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from cmacexp.commands.command import Parser, run_command
+from cmacexp.commands.command import Arguments, Parser, run_command
 from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, CmacexpError, require_extra
 from cmacexp.recording.run_view import RunView
@@ -14,7 +13,6 @@ from cmacexp.report.video import (
     MOST_CYCLES,
     MP4,
     list_whole_cycles,
-    view_cycle,
     view_cycles,
     write_video,
 )
@@ -34,7 +32,7 @@ def _draw(views: Sequence[RunView], out: Path, titles: Sequence[str]) -> None:
         write_video(views, out, titles)
 
 
-def _choose(arguments: argparse.Namespace) -> list[RunView]:
+def _choose(arguments: Arguments) -> list[RunView]:
     """The cycles to be shown; raises BadInput if the run does not have them."""
     runs = [Run(folder) for folder in arguments.folders]
     if len(runs) == 1:
@@ -46,10 +44,10 @@ def _choose(arguments: argparse.Namespace) -> list[RunView]:
         raise BadInput("--cycles", arguments.cycles, "is for one run; of several their last cycles are shown")
     if len(runs) > MOST_CYCLES:
         raise BadInput("DIR", len(runs), f"must be at most {MOST_CYCLES} runs")
-    return [view_cycle(run, list_whole_cycles(run)[-1]) for run in runs]
+    return [view for run in runs for view in view_cycles(run, list_whole_cycles(run)[-1:])]
 
 
-def _video(arguments: argparse.Namespace) -> int:
+def _video(arguments: Arguments) -> int:
     out = arguments.out
     if out.suffix not in FORMATS:
         raise BadInput("--out", out, f"must end in {', '.join(FORMATS)}")

@@ -1,9 +1,8 @@
 """``python -m cmacexp.warm``: compiles what usual runs need, so that none of them has to wait for it."""
 
-import argparse
 import time
 
-from cmacexp.commands.command import Parser, run_command
+from cmacexp.commands.command import Arguments, Parser, run_command
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.terminal.output import print_line, show_activity
 
@@ -29,7 +28,7 @@ def _compile(overrides: list[str]) -> float:
     return time.monotonic() - began
 
 
-def _warm(arguments: argparse.Namespace) -> int:
+def _warm(arguments: Arguments) -> int:
     for name in arguments.forms:
         if name not in FORMS:
             raise BadInput("FORM", name, f"choose from {', '.join(FORMS)}")

@@ -78,9 +78,7 @@ def everything_below(folder: Path) -> list[Path]:
 
 def require_place(key: str, folder: Path) -> Path:
     """``folder`` if it is a folder or can be created; raises BadInput if it or a parent is a file."""
-    for path in (folder, *folder.parents):
-        if path.exists():
-            if not path.is_dir():
-                raise BadInput(key, folder, f"must be a folder, which is created if missing; {path} is a file")
-            break
+    nearest = next(path for path in (folder, *folder.parents) if path.exists())
+    if not nearest.is_dir():
+        raise BadInput(key, folder, f"must be a folder, which is created if missing; {nearest} is a file")
     return folder

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from io import BufferedReader
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -53,28 +52,26 @@ def write_table(table: pa.Table, path: Path) -> None:
 
 
 @contextmanager
-def _open_table(path: Path) -> Iterator[BufferedReader]:
-    """The file of a table that is as its run wrote it; else all that reads tables raises BadRun."""
+def _open_parquet(path: Path, texts: bool = False) -> Iterator[pq.ParquetFile]:
+    """A table that is as its run wrote it; else all that reads tables raises BadRun.
+
+    Its columns have names of their own, and hold numbers or a few words, else ``texts``.
+    """
     try:
-        with open_file(require_intact(path)) as file:
-            yield file
+        with open_file(require_intact(path)) as file, pq.ParquetFile(file) as table:
+            schema = table.schema_arrow
+            for field in schema:
+                kind = field.type
+                holds_numbers = (
+                    pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_dictionary(kind)
+                )
+                if len(schema.get_all_field_indices(field.name)) > 1:
+                    raise BadRun(f"{path}: two of its columns are called {field.name}: not a table of a run")
+                if not (texts or holds_numbers):
+                    raise BadRun(f"{path}: its column {field.name} holds {kind}, not numbers: not a table of a run")
+            yield table
     except (OSError, pa.ArrowException) as error:
         raise BadRun(f"{path}: cannot be read ({str(error).splitlines()[0]})") from None
-
-
-@contextmanager
-def _open_parquet(path: Path, texts: bool = False) -> Iterator[pq.ParquetFile]:
-    """The same as Parquet, whose columns have names of their own, and hold numbers or a few words, else ``texts``."""
-    with _open_table(path) as file, pq.ParquetFile(file) as table:
-        schema = table.schema_arrow
-        for field in schema:
-            kind = field.type
-            holds_numbers = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_dictionary(kind)
-            if len(schema.get_all_field_indices(field.name)) > 1:
-                raise BadRun(f"{path}: two of its columns are called {field.name}: not a table of a run")
-            if not (texts or holds_numbers):
-                raise BadRun(f"{path}: its column {field.name} holds {kind}, not numbers: not a table of a run")
-        yield table
 
 
 def read_parts(
@@ -129,8 +126,8 @@ def to_frame(table: pa.Table) -> "pd.DataFrame":
 
 def read_schema(path: Path) -> pa.Schema:
     """The columns of a table, with their units and meanings."""
-    with _open_table(path) as file:
-        return pq.read_schema(file)
+    with _open_parquet(path, texts=True) as table:
+        return table.schema_arrow
 
 
 def _contiguous(table: pa.Table, name: str) -> pa.Array:

@@ -7,7 +7,7 @@ from typing import Any
 from cmacexp.cmac.rules import derive_rate, find_rule
 from cmacexp.config import Config
 from cmacexp.config.check import check_memory
-from cmacexp.config.machine import PointMassMachine, RobotMachine, read_model
+from cmacexp.config.machine import PointMassMachine, RobotMachine
 from cmacexp.config.schema import AUTO, NONE
 from cmacexp.control import Controller, HybridController
 from cmacexp.data.weights import read_weights
@@ -16,11 +16,10 @@ from cmacexp.feedforward import Feedforward, Learns
 from cmacexp.jit.compiler import workload
 from cmacexp.jit.interrupt import exits_caught
 from cmacexp.loop.factory import PROTOCOLS, make_component, require_members
+from cmacexp.loop.margin import check_margin
 from cmacexp.loop.step import Loop
 from cmacexp.loop.validation import copy_measurement, copy_signals, require_finite
-from cmacexp.models.lead import discretise
-from cmacexp.models.loop_delay import LoopDelay, Margin, add_delays
-from cmacexp.models.robot_gains import derive_basis, find_delay_margin
+from cmacexp.models.loop_delay import LoopDelay, add_delays
 from cmacexp.planning import Plan, Setup, make_plan
 from cmacexp.planning.machine import check_load_sharing, make_mechanism
 from cmacexp.plants import AnalyticPlant, Measurement, Plant
@@ -31,8 +30,6 @@ from cmacexp.typing import Array, Weights
 
 GUARDED_SHARE = 0.3
 """Of its critical gain, learning that is guarded has at most."""
-SMALL_MARGIN = 0.004
-"""Delay that feedback should bear beyond what is counted, s: buses of robots have it."""
 
 
 @dataclass
@@ -75,13 +72,6 @@ def count_loop_delay(config: Config, sensors: Sensors) -> LoopDelay:
     return add_delays(
         (config.actuator.delay, config.actuator.lag), (delay, lag), latency=getattr(config.machine, "latency", 0.0)
     )
-
-
-def require_margin(config: Config, control: HybridController.Config, loop_delay: LoopDelay) -> Margin:
-    """By how much a robot's feedback may be later before its feet shake; raises BadInput if they do."""
-    lead = discretise(control.lead_omega, control.lead_alpha, config.sampling_period)
-    foot_mass = derive_basis(read_model(config.machine)).foot_mass
-    return find_delay_margin(foot_mass, control.velocity_gain, lead.b0, config.sampling_period, loop_delay)
 
 
 def resolve_lead(config: Config, sensors: Sensors, controller: Controller) -> int:
@@ -180,11 +170,7 @@ def _prepare(config: Config, learnt: Weights | None, given: dict[str, Any]) -> S
     loop_delay = count_loop_delay(config, components["sensors"])
     warning = ""
     if isinstance(config.machine, RobotMachine) and isinstance(components["controller"], HybridController):
-        margin = require_margin(config, components["controller"].config, loop_delay).delay
-        if config.warn and loop_delay != LoopDelay() and margin < SMALL_MARGIN:
-            little = f"feedback bears {1e3 * margin:.2g} ms of delay that is not counted, less than"
-            warning = f"machine.latency={config.machine.latency:g}: {little} {1e3 * SMALL_MARGIN:g} ms"
-            warning += "; declare what a robot has, or use controller=drives"
+        warning = check_margin(config, components["controller"].config, loop_delay)
     rate = resolve_rate(config, loop_delay, lead)
     setup = Setup(
         config, mechanism, plan, _start(config, plan), read_weights(config) if learnt is None else learnt, lead, rate

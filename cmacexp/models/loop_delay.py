@@ -2,7 +2,10 @@
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 SCANNED, BISECTIONS = 1000, 50
 """Steps of the search for a frequency."""
@@ -54,6 +57,15 @@ class LoopDelay(NamedTuple):
             real, imaginary = 1.0 - (1.0 - share) * math.cos(angle), (1.0 - share) * math.sin(angle)
             phase, gain = phase + math.atan2(imaginary, real), gain * math.hypot(real, imaginary) / share
         return phase, gain
+
+    def respond(self, s: NDArray[Any], sampling_period: float) -> NDArray[Any]:
+        """Frequency response of what delays feedback at ``s``, j times rad/s; a torque is held for a sample."""
+        response = np.exp(-s * (sampling_period * (self.delay + 0.5) + self.latency))
+        shift = np.exp(-s * sampling_period)
+        for lag in self.lags:
+            share = first_order_share(lag, sampling_period)
+            response = response * share / (1.0 - (1.0 - share) * shift)
+        return response
 
     def find_critical_gain(self, sampling_period: float) -> float:
         """Velocity feedback of a free mass, over what stops it within a sample, from which on the loop is unstable.

@@ -95,24 +95,57 @@ class DriveGains(NamedTuple):
     """D, N m s/rad."""
 
 
+class Standing(NamedTuple):
+    """How a robot with V degrees of freedom moves about a posture."""
+
+    inertia: Array
+    """(V, V), with the inertias of the rotors, kg m^2 or kg."""
+    damping: Array
+    """(V, V), of the joints, N m s/rad."""
+    feet: Array
+    """(4, 3, V): Jacobians of the feet along x, y and z of the world, m/rad or 1."""
+    moved: Array
+    """Their parts that the leg of each foot moves."""
+    hips: Array
+    """(4, V): Jacobians of the heights of the thigh joints."""
+
+
+def linearise_at(robot: Robot, posture: Array) -> Standing:
+    """How a robot moves about a ``posture`` (4, 3), rad.
+
+    The model of its legs has no other damping, and friction is left out.
+    """
+    mujoco = load_mujoco()
+    model, legs = robot.model, robot.legs
+    data = robot.at(posture)
+    mujoco.mj_fwdPosition(model, data)
+    inertia = np.zeros((model.nv, model.nv))
+    for row, unit in zip(inertia, np.eye(model.nv), strict=True):
+        mujoco.mj_mulM(model, data, row, unit)
+    feet, moved, hips = np.zeros((3, LEGS, 3, model.nv))
+    for i, (dof, geom, thigh) in enumerate(zip(legs.dof, legs.foot_geom, legs.joint[:, 1], strict=True)):
+        mujoco.mj_jacGeom(model, data, feet[i], None, int(geom))
+        mujoco.mj_jac(model, data, hips[i], None, data.xanchor[thigh], legs.base)
+        moved[i][:, dof] = feet[i][:, dof]
+    return Standing(inertia, np.diag(model.dof_damping), feet, moved, hips[:, 2])
+
+
+@lru_cache(maxsize=16)
+def linearise(robot: Robot) -> Standing:
+    """How a robot moves about home."""
+    return linearise_at(robot, robot.home)
+
+
 def list_jacobians(robot: Robot, posture: Array | None = None) -> list[tuple[Array, Array]]:
     """Of each leg, the inertia of its joints (3, 3), kg m^2, and the Jacobian (3, 3) of its foot, m/rad.
 
     ``posture`` (4, 3) are the angles of all legs, rad; None: at home.
     """
-    mujoco = load_mujoco()
-    model = robot.model
-    legs = robot.legs
-    data = robot.at(robot.home if posture is None else posture)
-    mujoco.mj_fwdPosition(model, data)
-    inertia, jacobian = np.zeros((model.nv, model.nv)), np.zeros((3, model.nv))
-    for row, unit in zip(inertia, np.eye(model.nv), strict=True):
-        mujoco.mj_mulM(model, data, row, unit)
-    listed = []
-    for dof, geom in zip(legs.dof, legs.foot_geom, strict=True):
-        mujoco.mj_jacGeom(model, data, jacobian, None, int(geom))
-        listed.append((inertia[np.ix_(dof, dof)], jacobian[:, dof]))
-    return listed
+    standing = linearise(robot) if posture is None else linearise_at(robot, posture)
+    return [
+        (standing.inertia[np.ix_(dof, dof)], foot[:, dof])
+        for dof, foot in zip(robot.legs.dof, standing.feet, strict=True)
+    ]
 
 
 def compute_foot_mass(robot: Robot) -> float:

@@ -13,7 +13,8 @@ import numpy as np
 
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.run import Run
-from cmacexp.data.trace import Trace
+from cmacexp.data.trace import Trace, count_steps_by_cycle
+from cmacexp.errors import BadRun
 from cmacexp.models.chain import chain_points
 from cmacexp.models.ground import height_at
 from cmacexp.typing import Array
@@ -24,6 +25,15 @@ VISIBLE_DEPRESSION = 0.04
 """A smaller largest depression is drawn deeper than it is, m."""
 PLATE = 0.008
 """Half the drawn height of the body of a machine with planar legs, m."""
+
+
+def count_kept(run: Run) -> dict[int, int]:
+    """Steps of each cycle in the trace of a run; raises BadRun if there is none."""
+    if kept := count_steps_by_cycle(run.folder):
+        return kept
+    taken = run.manifest.get("steps", 0)
+    kept_none = f"its trace kept none of its {taken} steps; run it again without record.cycles"
+    raise BadRun(f"{run.folder}: {kept_none if taken else 'the run took no step, there is nothing to show'}")
 
 
 @dataclass(frozen=True)
@@ -54,6 +64,11 @@ class RunView:
     def cycle(self) -> Array:
         """(N,), from 1."""
         return self.trace.shared("cycle")
+
+    @cached_property
+    def cycles(self) -> list[int]:
+        """Numbers of the cycles of which it has a step."""
+        return list(np.unique(self.cycle).tolist())
 
     @cached_property
     def body(self) -> dict[str, Array]:
@@ -140,8 +155,7 @@ class RunView:
 
     def whole_cycles(self) -> tuple[int, int]:
         """The first cycle and the last whole one; of a run without a whole cycle, its last."""
-        shown = np.unique(self.cycle).tolist()
-        return shown[0], (self.run.select_whole(shown) or shown)[-1]
+        return self.cycles[0], (self.run.select_whole(self.cycles) or self.cycles)[-1]
 
     def turn(self) -> Array:
         """Orientation of the body as quaternions (N, 4), x y z w: roll about x, pitch about y, yaw about z."""

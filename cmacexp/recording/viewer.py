@@ -65,17 +65,15 @@ def view_run(run: Run) -> None:
         CmacexpError: there is no display, or in a notebook no ``rerun-notebook``.
         BadRun: the run has nothing to show.
     """
-    in_notebook = "ipykernel" in sys.modules
-    if in_notebook:
+    if "ipykernel" in sys.modules:
         require_extra("rerun_notebook")
-    else:
-        require_display()
-    from cmacexp.recording.write import DEFAULT, is_current, make_recording, write_recording
+        from cmacexp.recording.write import DEFAULT, make_recording
 
-    if in_notebook:
-        recording, _ = make_recording([run], DEFAULT)
-        recording.notebook_show()
+        make_recording([run], DEFAULT)[0].notebook_show()
         return
+    require_display()
+    from cmacexp.recording.write import is_current, write_recording
+
     path = run.folder / RECORDING_FILE
     if not is_current(run):
         write_recording([run], path)

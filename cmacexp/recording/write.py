@@ -4,8 +4,7 @@ import hashlib
 import math
 import re
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from importlib.abc import MetaPathFinder
 from pathlib import Path
 from typing import NamedTuple
@@ -18,14 +17,13 @@ from cmacexp.config.describe import labels
 from cmacexp.data.files import write_atomically
 from cmacexp.data.run import Run
 from cmacexp.data.tables import RECORDING_FILE
-from cmacexp.data.trace import count_steps_by_cycle
 from cmacexp.data.version import __version__
 from cmacexp.data.window import Window, make_window, read_cycles
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.recording.entities import Entities
 from cmacexp.recording.layout import KEY, describe_key, make_layout
 from cmacexp.recording.meshes import log_meshes, read_shown_model
-from cmacexp.recording.run_view import RunView
+from cmacexp.recording.run_view import RunView, count_kept
 from cmacexp.recording.scene import log_ground, log_machine
 from cmacexp.recording.series import log_events, log_series
 
@@ -51,27 +49,22 @@ class Options(NamedTuple):
 DEFAULT = Options()
 
 
-class _NoPandas(MetaPathFinder):
-    """Reports pandas as missing while it is not imported yet; None in ``sys.modules`` breaks pyarrow instead."""
+class _PandasLeftOut(MetaPathFinder):
+    """Keeps pyarrow from importing pandas, which it does at its first conversion to know a Series if it sees one.
+
+    No Series occurs here, and the import takes a seventh of the time of a run of one leg. pyarrow imports pandas when
+    a caller asks for it later; None in ``sys.modules`` would break it.
+    """
 
     def find_spec(self, fullname: str, path: object, target: object = None) -> None:
         if fullname == "pandas":
             raise ModuleNotFoundError("left out", name=fullname)
 
+    def __enter__(self) -> None:
+        sys.meta_path.insert(0, self)
 
-@contextmanager
-def _pandas_left_out() -> Iterator[None]:
-    """Keep pyarrow from importing pandas, which it does at its first conversion to know a Series if it sees one.
-
-    No Series occurs here, and the import takes a seventh of the time of a run of one leg. pyarrow imports pandas when
-    a caller asks for it later.
-    """
-    finder = _NoPandas()
-    sys.meta_path.insert(0, finder)
-    try:
-        yield
-    finally:
-        sys.meta_path.remove(finder)
+    def __exit__(self, *_: object) -> None:
+        sys.meta_path.remove(self)
 
 
 def _list_facts(run: Run) -> dict[str, object]:
@@ -116,16 +109,6 @@ def is_current(run: Run) -> bool:
     return any(all(row.get(name) == [facts[name]] for name in names) for row in rows)
 
 
-def _count_kept(run: Run) -> dict[int, int]:
-    """Steps of each cycle in the trace of a run; raises BadRun if there is none."""
-    kept = count_steps_by_cycle(run.folder)
-    if not kept:
-        taken = run.manifest.get("steps", 0)
-        why = f"its trace kept none of its {taken} steps" if taken else "the run took no step"
-        raise BadRun(f"{run.folder}: {why}, there is nothing to show")
-    return kept
-
-
 def _make_views(runs: Sequence[Run], windows: Sequence[Window], options: Options) -> list[RunView]:
     """The views of runs; of several each has a root of its own, and a label that tells it from the others."""
     folders = [run.folder.resolve().name for run in runs]
@@ -159,7 +142,7 @@ def make_recording(runs: Sequence[Run], options: Options) -> tuple[rr.RecordingS
     if len(runs) > MOST_RUNS:
         raise BadRun(f"{len(runs)} runs: at most {MOST_RUNS} go side by side; name the folders of those to compare")
     models = [read_shown_model(run) for run in runs] if options.meshes else []
-    kept = [_count_kept(run) for run in runs]
+    kept = [count_kept(run) for run in runs]
     cycles = None if options.cycles is None else read_cycles(options.cycles, min(map(max, kept)))
     windows = [make_window(steps, cycles, options.every, sharing=len(runs)) for steps in kept]
     views = _make_views(runs, windows, options)
@@ -187,7 +170,7 @@ def write_recording(runs: Sequence[Run], path: Path, options: Options = DEFAULT)
 
     Raises as :func:`make_recording`, and OSError.
     """
-    with _pandas_left_out():
+    with _PandasLeftOut():
         recording, description = make_recording(runs, options)
         # From memory: on a full disk rerun's own writer stops without an error, and flushing waits for ever.
         content = recording.memory_recording().drain_as_bytes()

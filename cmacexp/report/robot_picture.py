@@ -4,17 +4,14 @@ import copy
 import importlib
 import os
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmacexp.errors import CmacexpError
 from cmacexp.models.robot import Robot, load_mujoco
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cmacexp.typing import Array
+from cmacexp.typing import Array
 
 FROM_THE_RIGHT = 90.0
 """Azimuth of a camera that looks to the left, degrees."""
@@ -54,7 +51,7 @@ class RobotPicture:
         except Exception as error:  # whatever the OpenGL of this machine raises
             raise _explain(error) from error
 
-    def draw(self, q: "Array", place: "Array", turn: "Array", middle: "Array", high: float) -> "NDArray[Any]":
+    def draw(self, q: Array, place: Array, turn: Array, middle: Array, high: float) -> NDArray[Any]:
         """The picture (height, width, 4) of the robot, red, green, blue and opacity from 0 to 255.
 
         Args:

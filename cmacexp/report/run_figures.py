@@ -12,17 +12,19 @@ from cmacexp.data.run import Run
 from cmacexp.data.trace import LAST_STEPS
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.text import format_number
+from cmacexp.recording.run_view import RunView
 from cmacexp.report.curves import describe_change, join, over_cycles
-from cmacexp.report.cycle_data import CycleData, Rows, keep_rows
 from cmacexp.report.figures import DESIRED_LINE, Panel, Series, draw
 from cmacexp.report.page_elements import Drawing
 from cmacexp.report.style import FEEDBACK, FEEDFORWARD, mark, pale
-from cmacexp.typing import Array, Status
+from cmacexp.typing import Array, Mask, Status
 
 JOINTS = {2: ("joint 1, hip", "joint 2, knee"), 3: ("hip", "thigh", "knee")}
 """Names of joints, by their number."""
 CLOCK = "time in the cycle, s"
 FEEDBACK_LINE, FEEDFORWARD_LINE = {"color": FEEDBACK, "linestyle": "-"}, {"color": FEEDFORWARD, "linestyle": "--"}
+Rows = dict[str, Array]
+"""Signals of one leg or of the body by name, (steps,) each."""
 VISIBLE = 0.005
 """Least difference of two lines that is visible, as part of their range: about half the width of what is desired."""
 
@@ -38,6 +40,45 @@ def draw_metrics(run: Run) -> Drawing:
         panels.append(over_cycles(name, lines))
     changes = describe_change({name: pooled[name] for name in main})
     return Drawing("metrics", draw(panels, height=2.1), f"Metrics of each cycle.{changes}")
+
+
+def keep_rows(view: RunView, leg: int, kept: Mask | slice) -> Rows:
+    """Some steps of the signals of one leg; of the body if ``leg`` is 0."""
+    trace = view.trace
+    rows = {name: trace[name][:, leg - 1] for name in trace.names if name != "phase"} if leg else view.body
+    return {name: column[kept] for name, column in rows.items()}
+
+
+def select(view: RunView, cycle: int, leg: int) -> Rows:
+    """The signals of one leg, or of the body, in one cycle."""
+    return keep_rows(view, leg, view.cycle == cycle)
+
+
+def measure_time(view: RunView, rows: Rows) -> Array:
+    """Time since the cycle began, s."""
+    time: Array = rows["time"] - (rows["cycle"] - 1) * view.run.config["gait"]["cycle_time"]
+    return time
+
+
+def measure_duration(view: RunView) -> float:
+    """Duration of the longest of the cycles, s; less than a cycle if the run stopped in its first."""
+    return float(measure_time(view, keep_rows(view, 1, slice(None))).max()) + view.run.config["sampling_period"]
+
+
+def find_support(view: RunView, leg: int) -> list[tuple[float, float]]:
+    """Begin and end of each planned support in the first cycle, s; none if all is support, or of the body."""
+    if not leg:
+        return []
+    support = view.trace.support[view.cycle == view.cycles[0], leg - 1]
+    edges = np.flatnonzero(np.diff(support.astype(int), prepend=0, append=0))
+    time = measure_time(view, select(view, view.cycles[0], leg))
+    clock = np.append(time, view.run.config["gait"]["cycle_time"])
+    return [] if support.all() else list(zip(clock[edges[::2]], clock[edges[1::2]], strict=True))
+
+
+def name_leg(view: RunView, leg: int) -> str:
+    """E.g. ``leg 1, left front``; empty of the only leg, and of the body."""
+    return f"leg {leg}, {view.names[leg - 1]}" if leg and view.walks else ""
 
 
 class Quantity(NamedTuple):
@@ -99,11 +140,11 @@ def draw_desired(name: str, rows: Rows, clock: Array) -> list[Series]:
     return [Series("planned" if name == MARGIN else "desired", x, desired(rows), style=DESIRED_LINE)]
 
 
-def _style(data: CycleData, cycle: int) -> dict[str, Any]:
+def _style(view: RunView, cycle: int) -> dict[str, Any]:
     """The style of the lines of a cycle; those of the last are the strongest."""
-    if cycle == data.cycles[-1]:
+    if cycle == view.cycles[-1]:
         return {**mark(0), "linewidth": 2.0, "zorder": 2.5}
-    return {**mark(data.cycles.index(cycle) + 1), "linewidth": 1.1}
+    return {**mark(view.cycles.index(cycle) + 1), "linewidth": 1.1}
 
 
 def _coincide(one: Series, other: Series) -> bool:
@@ -112,51 +153,51 @@ def _coincide(one: Series, other: Series) -> bool:
     return a.shape == b.shape and bool((np.abs(a - b) <= VISIBLE * np.ptp(b, axis=1, keepdims=True)).all())
 
 
-def _draw_plans(data: CycleData, name: str, legs: Sequence[int]) -> list[list[Series]]:
+def _draw_plans(view: RunView, name: str, legs: Sequence[int]) -> list[list[Series]]:
     """What is desired, for each leg: a grey line if that is the same in all cycles, else a pale line for each cycle.
 
     The plan of a robot follows the load of its feet and its course from cycle to cycle.
     """
     plans = []
-    for cycle in data.cycles:
-        rows = [data.select(cycle, leg) for leg in legs]
-        plans.append([line for own in rows for line in draw_desired(name, own, data.time_in_cycle(own))])
+    for cycle in view.cycles:
+        rows = [select(view, cycle, leg) for leg in legs]
+        plans.append([line for own in rows for line in draw_desired(name, own, measure_time(view, own))])
     if all(_coincide(*lines) for plan in plans for lines in zip(plan, plans[-1], strict=True)):
         return [[line] for line in plans[-1]] or [[] for _ in legs]
-    for cycle, plan in zip(data.cycles, plans, strict=True):
-        style = {**DESIRED_LINE, "color": pale(_style(data, cycle)["color"]), "alpha": 1.0}
+    for cycle, plan in zip(view.cycles, plans, strict=True):
+        style = {**DESIRED_LINE, "color": pale(_style(view, cycle)["color"]), "alpha": 1.0}
         plan[:] = [replace(line, name=f"{line.name}, cycle {cycle}", style=style) for line in plan]
     return list(map(list, zip(*plans, strict=True)))
 
 
-def draw_over_cycle(data: CycleData, name: str, legs: Sequence[int]) -> list[Panel]:
+def draw_over_cycle(view: RunView, name: str, legs: Sequence[int]) -> list[Panel]:
     """A quantity of legs, or of the body if they are ``[0]``, over the time of each cycle, a panel for each leg."""
     panels, quantity = [], QUANTITIES[name]
-    for leg, lines in zip(legs, _draw_plans(data, name, legs), strict=True):
-        for cycle in data.cycles:
-            rows = data.select(cycle, leg)
-            x = 1e3 * rows["x"] if name == FOOT else data.time_in_cycle(rows)
-            lines.append(Series(f"cycle {cycle}", x, quantity.compute(rows), style=_style(data, cycle)))
-        panel = Panel(data.leg_name(leg) or quantity.title, CLOCK, quantity.y, lines, from_zero=quantity.from_zero)
+    for leg, lines in zip(legs, _draw_plans(view, name, legs), strict=True):
+        for cycle in view.cycles:
+            rows = select(view, cycle, leg)
+            x = 1e3 * rows["x"] if name == FOOT else measure_time(view, rows)
+            lines.append(Series(f"cycle {cycle}", x, quantity.compute(rows), style=_style(view, cycle)))
+        panel = Panel(name_leg(view, leg) or quantity.title, CLOCK, quantity.y, lines, from_zero=quantity.from_zero)
         if name == FOOT:
             panels.append(replace(panel, x="x forward, mm", equal=True, y_down=True))
         else:
-            panels.append(replace(panel, x_range=(0.0, data.duration), shaded=data.support(leg)))
+            panels.append(replace(panel, x_range=(0.0, measure_duration(view)), shaded=find_support(view, leg)))
     return panels
 
 
-def _describe_peaks(data: CycleData, names: Sequence[str], legs: Sequence[int]) -> str:
+def _describe_peaks(view: RunView, names: Sequence[str], legs: Sequence[int]) -> str:
     """The largest sizes of quantities in the first and in the last cycle that is shown."""
-    parts, cycles = [], dict.fromkeys((data.cycles[0], data.cycles[-1]))
+    parts, cycles = [], dict.fromkeys((view.cycles[0], view.cycles[-1]))
     for quantity in (QUANTITIES[name] for name in names):
-        rows = [[data.select(cycle, leg) for leg in legs] for cycle in cycles]
+        rows = [[select(view, cycle, leg) for leg in legs] for cycle in cycles]
         sizes = [max(float(np.nanmax(np.abs(quantity.compute(each)))) for each in own) for own in rows]
         parts.append(f"{quantity.title} {' and '.join(map(format_number, sizes))} {quantity.y.rpartition(', ')[2]}")
     return f" Largest {' and '.join(f'in cycle {cycle}' for cycle in cycles)}:{join(parts)}"
 
 
 def _draw_quantities(
-    data: CycleData,
+    view: RunView,
     file: str,
     names: Sequence[str],
     legs: Sequence[int],
@@ -165,11 +206,11 @@ def _draw_quantities(
     share: str = "",
 ) -> Drawing:
     """A figure of some quantities over the chosen cycles; ``caption`` is followed by how to read it, and by peaks."""
-    panels = [panel for name in names for panel in draw_over_cycle(data, name, legs)]
+    panels = [panel for name in names for panel in draw_over_cycle(view, name, legs)]
     if any(series.name.startswith(PLANS) for panel in panels for series in panel.series):
         caption += " The desired or planned lines are pale, each in the colour of its cycle."
     if peaks := [name for name in names if name in PEAKS]:
-        caption += _describe_peaks(data, peaks, legs)
+        caption += _describe_peaks(view, peaks, legs)
     return Drawing(file, draw(panels, height=height, share=share), caption + _describe_shade(panels))
 
 
@@ -177,75 +218,77 @@ def _describe_shade(panels: Sequence[Panel]) -> str:
     return " The planned support is shaded." * any(panel.shaded for panel in panels)
 
 
-def draw_tracking(data: CycleData) -> list[Drawing]:
+def draw_tracking(view: RunView) -> list[Drawing]:
     """Foot path, force and errors over the chosen cycles: one figure for one leg, else one for each."""
-    names = [FOOT, "force", *data.trace.axes] if data.moves_along_x else ["force", "y"]
-    if len(data.legs) == 1:
+    legs = range(1, view.trace.legs + 1)
+    moves = any(np.ptp(view.trace[name]) > 1e-6 for name in ("x", "x_desired"))  # else a foot only presses
+    names = [FOOT, "force", *view.trace.axes] if moves else ["force", "y"]
+    if view.trace.legs == 1:
         caption = "Force and errors over the chosen cycles."
-        return [_draw_quantities(data, "tracking", names, data.legs, caption, 2.7)]
-    files = {name: f"error_{name}" if name in data.trace.axes else name for name in names}
+        return [_draw_quantities(view, "tracking", names, legs, caption, 2.7)]
+    files = {name: f"error_{name}" if name in view.trace.axes else name for name in names}
     heights = {FOOT: 2.0}
     return [
-        _draw_quantities(data, file, [name], data.legs, QUANTITIES[name].caption, heights.get(name, 2.4), "xy")
+        _draw_quantities(view, file, [name], legs, QUANTITIES[name].caption, heights.get(name, 2.4), "xy")
         for name, file in files.items()
     ]
 
 
-def draw_body(data: CycleData) -> Drawing:
+def draw_body(view: RunView) -> Drawing:
     """Height, pitch, roll and true stability margin of the body over the chosen cycles."""
     caption = "The body over the chosen cycles; its margin is among the feet that carry load, tilt included."
-    return _draw_quantities(data, "body", BODY_QUANTITIES, [0], caption, 2.3, "x")
+    return _draw_quantities(view, "body", BODY_QUANTITIES, [0], caption, 2.3, "x")
 
 
-def draw_torques(data: CycleData) -> Drawing:
+def draw_torques(view: RunView) -> Drawing:
     """Feedback and feedforward of all joints in the last chosen cycle; of a robot J^T F_d apart, as in metrics."""
-    cycle, count = data.cycles[-1], len(data.trace.axes)
-    names = JOINTS[count] if data.has_joints else ("along x", "along y")
-    unit = "torque, N m" if data.has_joints else "force, N"
-    learns = any(data.trace[f"tau_feedforward_{joint + 1}"].any() for joint in range(count))
+    cycle, count = view.cycles[-1], len(view.trace.axes)
+    names = JOINTS[count] if view.has_joints else ("along x", "along y")
+    unit = "torque, N m" if view.has_joints else "force, N"
+    learns = any(view.trace[f"tau_feedforward_{joint + 1}"].any() for joint in range(count))
     panels = []
-    for leg in data.legs:
-        rows = data.select(cycle, leg)
-        time, leg_name = data.time_in_cycle(rows), data.leg_name(leg)
-        if data.is_robot:  # three beside each other are narrow
+    for leg in range(1, view.trace.legs + 1):
+        rows = select(view, cycle, leg)
+        time, leg_name = measure_time(view, rows), name_leg(view, leg)
+        if view.robot:  # three beside each other are narrow
             leg_name = f"{leg} {LEG_NAMES[leg - 1]}"
         for joint, name in enumerate(names, 1):
             feedback, lines = rows[f"tau_feedback_{joint}"], []
-            if data.is_robot:
+            if view.robot:
                 known = rows[f"tau_force_{joint}"]
                 feedback = feedback - known
                 lines.append(Series("for the desired force", time, known, style=DESIRED_LINE))
             lines.append(Series("feedback", time, feedback, style=FEEDBACK_LINE))
             if learns:
                 lines.append(Series("feedforward", time, rows[f"tau_feedforward_{joint}"], style=FEEDFORWARD_LINE))
-            title, shaded = f"{leg_name}: {name}" if leg_name else name, data.support(leg)
-            panels.append(Panel(title, CLOCK, unit, lines, x_range=(0.0, data.duration), shaded=shaded))
+            title, shaded = f"{leg_name}: {name}" if leg_name else name, find_support(view, leg)
+            panels.append(Panel(title, CLOCK, unit, lines, x_range=(0.0, measure_duration(view)), shaded=shaded))
     torques = "Feedback and feedforward" if learns else "Feedback"
-    also = " and the torque of the desired force, which the plan knows," if data.is_robot else ""
+    also = " and the torque of the desired force, which the plan knows," if view.robot else ""
     caption = f"{torques}{also} in cycle {cycle}; the plant receives their sum.{_describe_shade(panels)}"
-    figure = draw(panels, count, 2.6 if len(data.legs) == 1 else 2.0, share="x")
+    figure = draw(panels, count, 2.6 if view.trace.legs == 1 else 2.0, share="x")
     return Drawing("torques", figure, caption)
 
 
-def draw_end(data: CycleData, status: str) -> Drawing:
+def draw_end(view: RunView) -> Drawing:
     """The last steps of a run that fell or diverged."""
-    columns = {f"dq{joint}": f"joint {joint}" for joint in range(1, len(data.trace.axes) + 1)}
-    if not data.has_joints:
+    columns = {f"dq{joint}": f"joint {joint}" for joint in range(1, len(view.trace.axes) + 1)}
+    if not view.has_joints:
         columns = {"vx": "along x", "vy": "along y"}
     speeds, forces = [], []
-    for leg in data.legs:
-        rows = keep_rows(data.rows(leg), slice(-LAST_STEPS, None))
-        whose = f"leg {leg} " if len(data.legs) > 1 else ""
+    for leg in range(1, view.trace.legs + 1):
+        rows = keep_rows(view, leg, slice(-LAST_STEPS, None))
+        whose = f"leg {leg} " if view.trace.legs > 1 else ""
         speeds += [Series(whose + name, rows["time"], rows[column]) for column, name in columns.items()]
         forces.append(Series(whose or "force", rows["time"], rows["force"]))
     panels = [Panel("contact force", "time, s", "force, N", forces)]
-    if data.trace.body is not None and status == Status.FELL:
-        rows = keep_rows(data.rows(0), slice(-LAST_STEPS, None))
+    if view.trace.body is not None and view.run.status == Status.FELL:
+        rows = keep_rows(view, 0, slice(-LAST_STEPS, None))
         for name in BODY_QUANTITIES:
             quantity, time = QUANTITIES[name], rows["time"]
             lines = [*draw_desired(name, rows, time), Series("true", time, quantity.compute(rows))]
             panels.append(Panel(quantity.title, "time, s", quantity.y, lines, from_zero=quantity.from_zero))
     else:
-        panels.append(Panel("speed", "time, s", "joint speed, rad/s" if data.has_joints else "speed, m/s", speeds))
-    steps = min(LAST_STEPS, data.trace.steps)
+        panels.append(Panel("speed", "time, s", "joint speed, rad/s" if view.has_joints else "speed, m/s", speeds))
+    steps = min(LAST_STEPS, view.trace.steps)
     return Drawing("end", draw(panels), f"The last {steps} recorded steps before the run stopped.")

@@ -8,14 +8,12 @@ from markupsafe import Markup
 from cmacexp.config.describe import Described, describe_fields, flatten_config, read_defaults
 from cmacexp.data.folder import require_no_link
 from cmacexp.data.run import Run
-from cmacexp.data.trace import count_steps_by_cycle
-from cmacexp.errors import BadRun
 from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.metrics.text import format_cell, format_setting
-from cmacexp.report.cycle_data import read_cycle_data
+from cmacexp.recording.run_view import RunView, count_kept
 from cmacexp.report.page import REPORT, Report, write_report
 from cmacexp.report.page_elements import Details, PageElement, Section, Table
 from cmacexp.report.run_figures import draw_body, draw_end, draw_metrics, draw_torques, draw_tracking
@@ -81,18 +79,9 @@ def list_settings(run: Run) -> list[PageElement]:
     return [difference, Details(f"All {len(settings)} settings", [table])]
 
 
-def list_cycles(run: Run) -> list[int]:
-    """The cycles of which the trace has a step; raises BadRun if there is none."""
-    kept = sorted(count_steps_by_cycle(run.folder)) if run.manifest["steps"] else []
-    if not kept:
-        reason = "its trace holds no step; run it again without record.cycles"
-        raise BadRun(f"{run.folder}: {reason if run.manifest['steps'] else 'the run took no step'}")
-    return kept
-
-
 def choose_cycles(run: Run) -> list[int]:
     """The cycles to show: the first, the first that learned, the middle and the last whole one; raises BadRun."""
-    kept = list_cycles(run)
+    kept = sorted(count_kept(run))
     whole = run.select_whole(kept) or kept[:1]
     learned = run.config["learning"]["start_cycle"] if run.manifest["memory"] else 1
     candidates = {whole[0], whole[(len(whole) - 1) // 2], whole[-1], *[c for c in whole if c >= learned][:1]}
@@ -104,22 +93,22 @@ def show_ending(run: Run) -> list[PageElement]:
     if run.status not in (Status.FELL, Status.DIVERGED):
         return []
     ending, last = f"The run {run.ending}.", run.last_cycle
-    if last not in list_cycles(run):
+    if last not in count_kept(run):
         return [ending]
-    return [ending, draw_end(read_cycle_data(run, [max(last - 1, 1), last]), run.status)]
+    return [ending, draw_end(RunView(run, run.read_trace([max(last - 1, 1), last])))]
 
 
 def make_run_report(run: Run) -> Report:
     """The report of a run that ended, with any status; raises BadRun."""
     cycles = choose_cycles(run)
-    data = read_cycle_data(run, cycles)
+    view = RunView(run, run.read_trace(cycles))
     sections: dict[str, Sequence[PageElement]] = {
         "In short": [list_key_metrics(run, cycles)],
         "How it ended": show_ending(run),
         "Over the cycles": [draw_metrics(run)] if run.last_cycle > 1 else [],
-        "Over a cycle": draw_tracking(data),
-        "The body": [draw_body(data)] if run.walks else [],
-        "Feedback and feedforward": [draw_torques(data)],
+        "Over a cycle": draw_tracking(view),
+        "The body": [draw_body(view)] if run.walks else [],
+        "Feedback and feedforward": [draw_torques(view)],
         "Settings": list_settings(run),
         "The run": [list_facts(run)],
     }

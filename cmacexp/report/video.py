@@ -1,12 +1,17 @@
 """Cycles of one run, or several runs, side by side as a moving picture; a robot as its model shows it."""
 
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from PIL import Image
 
 from cmacexp.data.files import write_atomically
 from cmacexp.data.run import Run
@@ -20,11 +25,6 @@ from cmacexp.report.machine_drawing import DENT, MM, NEAR, NEAR_SIDE, draw_leg, 
 from cmacexp.report.robot_picture import RobotPicture
 from cmacexp.report.style import DESIRED, GROUND, STYLE, colour
 from cmacexp.typing import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from numpy.typing import NDArray
-    from PIL.Image import Image
 
 MOST_CYCLES = 3
 """More side by side are too narrow."""
@@ -59,37 +59,14 @@ class Cycle(NamedTuple):
     """Where the feet should be, (steps, legs, 3), mm."""
     ink: str
     title: str
-    robot: "ShownRobot | None" = None
-    """None: drawn as lines."""
+    picture: RobotPicture | None = None
+    """Of a robot as its model shows it; None: drawn as lines."""
 
     @property
     def error(self) -> Array:
         """Distance of the feet from where they should be, of the farthest one, (steps,), mm."""
         distances: Array = np.linalg.norm(self.places[:, :, -1] - self.desired, axis=2)
         return distances.max(axis=1)
-
-
-class ShownRobot(NamedTuple):
-    """A robot over a cycle, as its model shows it."""
-
-    picture: RobotPicture
-    q: Array
-    """(steps, 4, 3): joint angles, rad."""
-    place: Array
-    """(steps, 3): of the trunk's frame, m."""
-    turn: Array
-    """(steps, 4): of the trunk, quaternions x y z w."""
-
-
-def _make_cycle(view: RunView, ink: str, title: str) -> Cycle:
-    return Cycle(view, joints(view), in_travel(view, view.feet("_desired")), ink, title)
-
-
-def _show_robot(view: RunView, robot: Robot, size: tuple[int, int]) -> ShownRobot:
-    """The robot of a cycle, in pictures of a ``size``, pixels; raises CmacexpError if MuJoCo cannot draw here."""
-    offset = view.joints[0, 0, 0] - robot.hinges[0, 0, :3]  # of the trunk's frame from the body's
-    place = in_travel(view, np.tile(offset, (view.trace.steps, 1))) / MM
-    return ShownRobot(RobotPicture(robot, *size), view.trace.stack_joints("q{}"), place, view.turn())
 
 
 def _find_window(cycles: Sequence[Cycle], rendered: bool) -> tuple[Array, Array]:
@@ -102,15 +79,17 @@ def _find_window(cycles: Sequence[Cycle], rendered: bool) -> tuple[Array, Array]
     return low, high
 
 
-def _render(axes: "Axes", robot: ShownRobot, k: int, window: tuple[Array, Array]) -> None:
+def _render(axes: Axes, view: RunView, picture: RobotPicture, k: int, window: tuple[Array, Array]) -> None:
     """The robot in step ``k`` as its model shows it, within the ``window``, mm."""
     low, high = window
     middle, tall = (low + high) / 2.0 / MM, (high[2] - low[2]) / MM
-    image = robot.picture.draw(robot.q[k], robot.place[k], robot.turn[k], middle, tall)
+    offset = view.joints[0, 0, 0] - picture.robot.hinges[0, 0, :3]  # of the trunk's frame from the body's
+    place = in_travel(view, np.tile(offset, (view.trace.steps, 1)))[k] / MM
+    image = picture.draw(view.trace.stack_joints("q{}")[k], place, view.turn()[k], middle, tall)
     axes.imshow(image, extent=(low[0], high[0], low[2], high[2]), zorder=4, interpolation="lanczos")
 
 
-def _draw_legs(axes: "Axes", cycle: Cycle, k: int) -> None:
+def _draw_legs(axes: Axes, cycle: Cycle, k: int) -> None:
     """The machine in step ``k`` as lines."""
     view, places = cycle.view, cycle.places
     for i in range(view.trace.legs):
@@ -123,13 +102,13 @@ def _draw_legs(axes: "Axes", cycle: Cycle, k: int) -> None:
             axes.plot(*ends.T, color=ink, lw=width, solid_capstyle="round", zorder=3.5)
 
 
-def _draw_machine(axes: "Axes", cycle: Cycle, k: int, window: tuple[Array, Array]) -> None:
+def _draw_machine(axes: Axes, cycle: Cycle, k: int, window: tuple[Array, Array]) -> None:
     """The machine from its right side in step ``k``; each foot's desired path, and its own up to now."""
     view, places = cycle.view, cycle.places
-    if cycle.robot is None:
+    if cycle.picture is None:
         _draw_legs(axes, cycle, k)
     else:
-        _render(axes, cycle.robot, k, window)
+        _render(axes, view, cycle.picture, k, window)
     surface = -MM * view.foot_radius
     depression = MM * view.depression_scale / float(view.run.config["terrain"]["stiffness"])
     for i in range(view.trace.legs):
@@ -161,7 +140,7 @@ def _panels(cycle: Cycle, k: int) -> list[Panel]:
     return panels
 
 
-def _set_limits(axes: "NDArray[Any]", cycles: Sequence[Cycle], window: tuple[Array, Array]) -> None:
+def _set_limits(axes: NDArray[Any], cycles: Sequence[Cycle], window: tuple[Array, Array]) -> None:
     """Give the axes of all cycles, a row each of machines, forces and path errors, ranges that hold every frame."""
     low, high = window
     force = max(float(c.view.trace[name].max()) for c in cycles for name in ("force", "force_desired"))
@@ -174,7 +153,7 @@ def _set_limits(axes: "NDArray[Any]", cycles: Sequence[Cycle], window: tuple[Arr
         ax.set_xlim(low[0], high[0])
 
 
-def draw_frame(cycles: Sequence[Cycle], window: tuple[Array, Array], part: float) -> "Image":
+def draw_frame(cycles: Sequence[Cycle], window: tuple[Array, Array], part: float) -> Image.Image:
     """A frame of the picture.
 
     Args:
@@ -182,10 +161,6 @@ def draw_frame(cycles: Sequence[Cycle], window: tuple[Array, Array], part: float
         window: bounds (3,) of what is drawn of the machines, mm.
         part: of the cycle that has passed, from 0 to 1.
     """
-    import matplotlib
-    from matplotlib.figure import Figure
-    from PIL import Image
-
     matplotlib.rcParams.update(STYLE)
     heights = [2.2, 1.0, 1.0] if cycles[0].view.walks else [2.7, 1.0]
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DPI)
@@ -219,7 +194,7 @@ def view_cycles(run: Run, asked: Sequence[int]) -> list[RunView]:
     cycles = sorted(set(asked) or {whole[0], whole[-1]})
     if len(cycles) > MOST_CYCLES or not set(cycles) <= set(whole):
         raise BadInput("--cycles", ",".join(map(str, asked)), f"write up to {MOST_CYCLES} whole cycles")
-    return [view_cycle(run, cycle) for cycle in cycles]
+    return [RunView(run, run.read_trace([cycle])) for cycle in cycles]
 
 
 def list_whole_cycles(run: Run) -> list[int]:
@@ -228,11 +203,6 @@ def list_whole_cycles(run: Run) -> list[int]:
     if not whole:
         raise BadRun(f"{run.folder}: its trace has no whole cycle, there is nothing to show")
     return whole
-
-
-def view_cycle(run: Run, cycle: int) -> RunView:
-    """A view of one cycle of a run."""
-    return RunView(run, run.read_trace([cycle]))
 
 
 def write_video(
@@ -254,15 +224,17 @@ def write_video(
     """
     shown = titles or [f"cycle {view.cycle[0]}" for view in views]
     inks = [PATHS[0]] * (len(views) - 1) + [PATHS[1]]
-    cycles = [_make_cycle(*each) for each in zip(views, inks, shown, strict=True)]
+    cycles = [
+        Cycle(view, joints(view), in_travel(view, view.feet("_desired")), ink, title)
+        for view, ink, title in zip(views, inks, shown, strict=True)
+    ]
     low, high = window = _find_window(cycles, rendered=any(robots))
     size = PIXELS, round(PIXELS * float((high - low)[2] / (high - low)[0]))
     with ExitStack() as pictures:
         for number, robot in enumerate(robots):
             if robot is not None:
-                seen = _show_robot(views[number], robot, size)
-                pictures.callback(seen.picture.close)
-                cycles[number] = cycles[number]._replace(robot=seen)
+                picture = pictures.enter_context(closing(RobotPicture(robot, *size)))
+                cycles[number] = cycles[number]._replace(picture=picture)
         seconds = max(float(view.time[-1] - view.time[0]) for view in views)
         count = max(2, round(seconds * FRAMES_PER_SECOND))
         frames = [draw_frame(cycles, window, number / (count - 1)) for number in range(count)]
@@ -271,19 +243,17 @@ def write_video(
     return count
 
 
-def _write_picture(frames: "Sequence[Image]", path: Path, suffix: str) -> None:
+def _write_picture(frames: Sequence[Image.Image], path: Path, suffix: str) -> None:
     """Frames as GIF, with one palette for all, or as WebP."""
-    from PIL.Image import Dither
-
     options: dict[str, Any] = {"quality": 80}
     if suffix == ".gif":
         colours, options = frames[len(frames) // 2].quantize(COLOURS), {}
-        frames = [frame.quantize(palette=colours, dither=Dither.NONE) for frame in frames]
+        frames = [frame.quantize(palette=colours, dither=Image.Dither.NONE) for frame in frames]
     duration = 1000 / FRAMES_PER_SECOND
     frames[0].save(path, suffix[1:], save_all=True, append_images=frames[1:], duration=duration, loop=0, **options)
 
 
-def _write_mp4(frames: "Sequence[Image]", path: Path) -> None:
+def _write_mp4(frames: Sequence[Image.Image], path: Path) -> None:
     """Frames as MP4, by an encoder that an extra has."""
     import imageio_ffmpeg
 

@@ -182,15 +182,12 @@ def change_momentum(estimator: Estimator, i: int, rates: Array, begins: bool) ->
 def press_down(kinematics: Array, i: int, torque: Vector, up: Vector) -> float:
     """Force down of foot ``i`` on the ground, N, by ``torque`` (3,), N m: J^-T tau; ``up`` (3,) as above."""
     row = kinematics[i]
-    hip = (row[3], row[4], row[5])
-    thigh = (row[6], row[7], row[8])
-    calf = (row[9], row[10], row[11])
+    hip, thigh, calf = (row[3], row[4], row[5]), (row[6], row[7], row[8]), (row[9], row[10], row[11])
     across = cross(thigh, calf)
-    volume = dot(hip, across)
     lever = (
         torque[0] * dot(across, up) + torque[1] * dot(cross(calf, hip), up) + torque[2] * dot(cross(hip, thigh), up)
     )
-    return -lever / volume
+    return -lever / dot(hip, across)
 
 
 @kernel

@@ -96,13 +96,9 @@ def predict_axis(places: PlaceFilter, d: int, period: float, acceleration: float
 def update_axis(places: PlaceFilter, d: int, a: int, b: int, value: float, variance: float) -> None:
     """Take into account that state ``a`` less state ``b``, none if negative, was measured as ``value``."""
     state, covariance, row = places.state[d], places.covariance[d], places.row
-    expected = state[a]
+    expected = state[a] - state[b] if b >= 0 else state[a]
     for n in range(state.shape[0]):
-        row[n] = covariance[a, n]
-    if b >= 0:
-        expected -= state[b]
-        for n in range(state.shape[0]):
-            row[n] -= covariance[b, n]
+        row[n] = covariance[a, n] - covariance[b, n] if b >= 0 else covariance[a, n]
     total = variance + row[a] - (row[b] if b >= 0 else 0.0)
     for n in range(state.shape[0]):
         gain = row[n] / total

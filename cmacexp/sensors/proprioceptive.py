@@ -1,6 +1,7 @@
 """Sensors of a robot that measures its joints, its motors' torques and its attitude, and estimates all else."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,12 +16,13 @@ from cmacexp.models.robot_gains import list_jacobians
 from cmacexp.planning.robot import Stance, find_stance, to_hip
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement, copy_state
+from cmacexp.plants.robot_signals import RobotSignals
 from cmacexp.sensors.config import ChannelsConfig, LegSignalConfig, SignalConfig
 from cmacexp.sensors.estimator import OF_A_BODY, OF_A_JOINT, Errors, Estimator, estimate
 from cmacexp.sensors.kernels import new_observation
 from cmacexp.sensors.place_filter import new_filter
 from cmacexp.sensors.protocol import SIGNALS, TRAVEL
-from cmacexp.sensors.real import feedback_signal, make_sensing
+from cmacexp.sensors.real import JointSensors, make_sensing
 from cmacexp.typing import Array, KernelParts
 
 ELASTIC, RIGID = "elastic", "mujoco"
@@ -84,7 +86,7 @@ class ProprioceptiveConfig(ChannelsConfig):
         super().check(config)
 
 
-class ProprioceptiveSensors:
+class ProprioceptiveSensors(JointSensors):
     """What a robot knows of itself: encoders and inertial unit measure, an estimator does the rest.
 
     The true state does not reach it: height, place, speed and contact follow from :class:`RobotSignals` alone.
@@ -92,17 +94,6 @@ class ProprioceptiveSensors:
 
     Config = ProprioceptiveConfig
     alters = (*SIGNALS, TRAVEL)
-
-    def __init__(self, config: ProprioceptiveConfig):
-        self.config = config
-
-    def feedback_delay(self, uses_velocity: bool) -> int:
-        """Samples by which the feedback is delayed, as of :class:`cmacexp.sensors.RealSensors`."""
-        return feedback_signal(self.config, uses_velocity).delay
-
-    def feedback_lag(self, uses_velocity: bool) -> float:
-        """Time constant by which the feedback lags, s, likewise."""
-        return feedback_signal(self.config, uses_velocity).lag
 
     def reset(self, setup: Setup) -> None:
         """Begin to estimate anew, by what the designer believes of robot and ground."""
@@ -149,8 +140,12 @@ class ProprioceptiveSensors:
         """What the robot knows by the signals of ``true``; raises CmacexpError if there are none."""
         if true.signals is None:
             raise CmacexpError("sensors=proprioceptive needs a plant that gives RobotSignals: use plant=mujoco_robot")
+        return self.observe(true.signals)
+
+    def observe(self, signals: RobotSignals, run: Callable[..., None] = estimate) -> Measurement:
+        """What the robot knows by ``signals``; ``run`` is the estimator, or the program that was made of it."""
         support = self.support[self.step % len(self.support)]
-        estimate(self.estimator, self.sensing, self.mechanism, true.signals, self.step, support, self.observation)
+        run(self.estimator, self.sensing, self.mechanism, signals, self.step, support, self.observation)
         self.step += 1
         return copy_state(self.observation, self.observation.travel)
 

@@ -67,37 +67,35 @@ def make_sensing(config: ChannelsConfig, layout: list[tuple[str, int]], setup: S
     )
 
 
-def feedback_signal(config: Any, uses_velocity: bool) -> SignalConfig:
-    """The signal that delays the feedback of sensors.
+class JointSensors:
+    """Sensors of joint angles and velocities, which delay the feedback.
 
     With velocity feedback the delay of positions does not count: velocities outweigh them at the frequencies that
     a wrong lead amplifies.
     """
-    signal: SignalConfig = config.velocity if uses_velocity else config.position
-    return signal
+
+    def __init__(self, config: Any):
+        self.config = config
+
+    def feedback_delay(self, uses_velocity: bool) -> int:
+        """Samples by which the feedback is delayed."""
+        return int((self.config.velocity if uses_velocity else self.config.position).delay)
+
+    def feedback_lag(self, uses_velocity: bool) -> float:
+        """Time constant by which the feedback lags, s, likewise."""
+        return float((self.config.velocity if uses_velocity else self.config.position).lag)
 
 
-class RealSensors:
+class RealSensors(JointSensors):
     """Sensors that alter their readings, each signal in its own way; see ``conf/sensors/real.yaml``.
 
     Joint angles and velocities are measured; the foot and its velocity follow from them.
     """
 
     Config = RealSensorsConfig
+    alters: tuple[str, ...] = ()
     sensing: Sensing | None
     """None if no signal is altered."""
-
-    def __init__(self, config: RealSensorsConfig):
-        self.config = config
-        self.alters: tuple[str, ...] = ()
-
-    def feedback_delay(self, uses_velocity: bool) -> int:
-        """Samples by which the feedback is delayed."""
-        return feedback_signal(self.config, uses_velocity).delay
-
-    def feedback_lag(self, uses_velocity: bool) -> float:
-        """Time constant by which the feedback lags, s, likewise."""
-        return feedback_signal(self.config, uses_velocity).lag
 
     def reset(self, setup: Setup) -> None:
         """Prepare every channel; forget earlier readings."""

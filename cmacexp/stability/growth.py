@@ -2,28 +2,85 @@
 
 Learning is a map from cycle to cycle. Linearised at a cycle and repeated, it predicts the changes from cycle to
 cycle that follow. The map is far from normal: over the hundred cycles that matter, a growing change moves through the
-cycle and grows faster than the largest eigenvalue indicates, so the growth is computed from the repeated map.
+cycle and grows faster than the largest eigenvalue indicates, so the growth is computed from the repeated map: on the
+space that a change and its first images span (Arnoldi 1951).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmacexp.config import Config
 from cmacexp.feedforward.kernels import TABLE
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.stability.cycle_map import NotPredictable, RestorableLoop, make_restorable_loop
-from cmacexp.stability.krylov import Krylov, krylov
 from cmacexp.typing import Array
 
 MAX_CYCLES_BEFORE = 25
 """Cycles that are run by default; the calmest of them is linearised."""
 DIMENSION = 60
 """Dimension of the Krylov space: 40 to 120 give the same growth to three decimals."""
+EXHAUSTED = 1e-10
+"""A new direction shorter than this, relative to the last, adds no direction."""
 SETTLING_CYCLES, GROWTH_CYCLES = 5, 100
 """Growth is fitted over GROWTH_CYCLES, SETTLING_CYCLES after the linearised one: by then fast modes have decayed."""
+
+
+# Products are taken by einsum, not by BLAS, whose threads cost more than they save at this size where cores are busy.
+class Krylov(NamedTuple):
+    """A linear map on the space of a vector and its first images; m is the dimension of that space."""
+
+    hessenberg: Array
+    """(m, m): the map in the orthonormal basis of that space."""
+    start: float
+    """Length of the vector."""
+    observations: Array
+    """(m, p): of the map at each vector of the basis."""
+
+    def eigenvalues(self) -> NDArray[np.complex128]:
+        """Ritz values (m,), the largest first: the outer ones are near eigenvalues of the map."""
+        values = np.linalg.eigvals(self.hessenberg).astype(np.complex128)
+        return values[np.argsort(-np.abs(values))]
+
+    def lengths(self, times: int) -> Array:
+        """Lengths of the observations at the vector and its first images, (times,); exact for the first m of them."""
+        each, weights = self.observations, np.zeros((times, len(self.hessenberg)))
+        weights[0, 0] = self.start  # the vector and its images in the basis
+        with np.errstate(over="ignore", invalid="ignore"):  # what grows without end is not finite
+            for k in range(1, times):
+                weights[k] = np.einsum("ij,j", self.hessenberg, weights[k - 1])
+            squares = np.einsum("ti,ij,tj->t", weights, np.einsum("ip,jp", each, each), weights, optimize=True)
+        return np.sqrt(np.where(np.isnan(squares), np.inf, np.maximum(squares, 0.0)))
+
+
+def krylov(apply: Callable[[Array], tuple[Array, Array]], start: Array, dimension: int) -> Krylov:
+    """Reduce a linear map to the space of ``start`` (n,), not zero, and its first images.
+
+    ``apply`` takes a vector (n,) and returns its image (n,) and an observation (p,). The space has a lower
+    ``dimension`` if the images span fewer directions.
+    """
+    dimension = min(dimension, len(start))
+    basis = np.empty((dimension + 1, len(start)))
+    hessenberg, observations = np.zeros((dimension + 1, dimension)), []
+    length = float(np.linalg.norm(start))
+    basis[0] = start / length
+    for k in range(dimension):
+        image, observation = apply(basis[k])
+        observations.append(observation)
+        size = float(np.linalg.norm(image))
+        for _ in range(2):  # once leaves them orthogonal to no more than a few digits
+            parts = np.einsum("ij,j", basis[: k + 1], image)
+            image = image - np.einsum("i,ij", parts, basis[: k + 1])
+            hessenberg[: k + 1, k] += parts
+        rest = float(np.linalg.norm(image))
+        if rest <= EXHAUSTED * size:
+            return Krylov(hessenberg[: k + 1, : k + 1], length, np.array(observations))
+        hessenberg[k + 1, k] = rest
+        basis[k + 1] = image / rest
+    return Krylov(hessenberg[:dimension], length, np.array(observations))
 
 
 def fitted_growth(changes: Array | Sequence[float]) -> float:

@@ -18,8 +18,7 @@ from cmacexp.report.markdown import render_markdown
 from cmacexp.report.page import Report, write_report
 from cmacexp.report.page_elements import Renderer
 from cmacexp.stability import verdict as limits
-from cmacexp.stability.analysis import Analysis
-from cmacexp.stability.verdict import HOLDS, Verdict
+from cmacexp.stability.verdict import HOLDS, Analysis, Verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,30 +1,38 @@
-"""Whether learning holds, in three values: from a run in memory, and from the loop linearised where that run ends.
+"""Whether learning holds, in three values: from a run in memory, and from the loop linearised where that run ends;
+and the same with other leads, with the growth that is predicted and the reasons.
 
 It is about learning itself, so the guard of learning never acts here; lead and rate are those of the guarded run.
 Limits were chosen on 200 random settings of one leg; ``pipelines/when_learning_holds.py`` tests them on others.
 """
 
-from dataclasses import is_dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, is_dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from cmacexp.config import Config
+from cmacexp.data.run import Run, read_config
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.metrics.drift import DRIFT_RATIO, LEAST
 from cmacexp.models.trend import WINDOW
+from cmacexp.plants import AnalyticPlant
 from cmacexp.stability.cycle_map import NotPredictable, RestorableLoop, make_restorable_loop
 from cmacexp.stability.growth import (
+    GROWTH_CYCLES,
     MAX_CYCLES_BEFORE,
+    Growth,
     History,
     calmest,
+    change_sizes,
     grow,
     predicted_growth,
     require_learning,
     watch,
+    with_lead,
 )
-from cmacexp.stability.transfer import spectra_along
+from cmacexp.stability.transfer import Spectrum, spectra_along
 from cmacexp.typing import Array
 
 HOLDS, GROWS, UNDECIDED = "holds", "grows", "undecided"
@@ -47,6 +55,8 @@ BOUNDED_RULES = ("dead_zone", "e_modification", "decaying_rate")
 PLACES, FREQUENCIES = 12, 150
 """Samples of the cycle, and frequencies up to half the sampling rate, at which T is computed."""
 SEED = 0
+LEADS = (-2, -1, 0, 1, 2, 3)
+"""Those that an analysis compares with that of the run."""
 
 
 class Verdict(NamedTuple):
@@ -182,4 +192,48 @@ def _explain(evidence: _Evidence) -> tuple[str, ...]:
         f"If all changes of {AHEAD} more cycles add up, it reaches {evidence.reached:.3g} times that level (holds up "
         f"to {MAX_LEVEL:g}; where Re T is positive, to {MAX_IF_POSITIVE:g}).",
         f"The least Re T is {evidence.least_real:.3f} (positive from {POSITIVE:g}).",
+    )
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """The stability of one run, without the guard of learning."""
+
+    lead: int
+    """Of the run, samples."""
+    verdicts: Mapping[int, Verdict]
+    """By lead, that of the run among them."""
+    growth: Growth
+    """Predicted from an early cycle of the run."""
+    sizes: Sequence[float]
+    """(n,): changes of the feedback from cycle to cycle in memory, up to the end of the prediction, N m."""
+    spectra: Sequence[Spectrum]
+    """T at places of the cycle, at the same frequencies."""
+
+    def least_real(self, lead: int) -> Array:
+        """Least Re T over the places, at each frequency."""
+        return np.min([spectrum.least_real(lead) for spectrum in self.spectra], axis=0)
+
+
+def read_learning(run: Run) -> Config:
+    """The config of a run; of a lead that it estimated, with the last estimate."""
+    config = read_config(run)
+    return with_lead(config, int(run.manifest["learning_lead"])) if config.learning.lead == "estimate" else config
+
+
+def analyse(config: Config, verdict: Verdict) -> Analysis:
+    """Judge other leads of a run, of whose config :func:`read_learning` there is a verdict, and linearise its loop.
+
+    Raises NotPredictable if it does not learn, ends before that shows, or its loop cannot be linearised.
+    """
+    scenario = make_scenario(config)
+    growth = predicted_growth(config, prepared=scenario)
+    is_quick = isinstance(scenario.plant, AnalyticPlant)  # on others each lead takes minutes
+    leads = sorted({*LEADS, verdict.lead}) if is_quick else [verdict.lead]
+    return Analysis(
+        verdict.lead,
+        {lead: verdict if lead == verdict.lead else assess(with_lead(config, lead)) for lead in leads},
+        growth,
+        change_sizes(config, growth.cycle + GROWTH_CYCLES),
+        spectra_along(config, growth.cycle, PLACES, FREQUENCIES),
     )

@@ -60,8 +60,12 @@ def grid(*overrides: str, over: Values | None = None, seeded: bool = False, **la
         >>> [request.overrides for request in grid("cycles=9", over={"cmac.layers": [8, 16]})]
         [('cycles=9', 'cmac.layers=8'), ('cycles=9', 'cmac.layers=16')]
         >>> ramps = {"none": [], "slow": ["gait.load_ramp=0.2"]}
-        >>> [(request.overrides, request.labels) for request in grid(over={"ramp": ramps})]
-        [((), {'ramp': 'none'}), (('gait.load_ramp=0.2',), {'ramp': 'slow'})]
+        >>> for request in grid(over={"seed": [1, 2], "ramp": ramps}, machine="leg"):
+        ...     print(request.overrides, request.labels)
+        ('seed=1',) {'machine': 'leg', 'ramp': 'none'}
+        ('seed=1', 'gait.load_ramp=0.2') {'machine': 'leg', 'ramp': 'slow'}
+        ('seed=2',) {'machine': 'leg', 'ramp': 'none'}
+        ('seed=2', 'gait.load_ramp=0.2') {'machine': 'leg', 'ramp': 'slow'}
     """
     requests = []
     for chosen in itertools.product(*(_choices(key, values) for key, values in (over or {}).items())):

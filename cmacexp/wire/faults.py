@@ -70,32 +70,28 @@ class Fault:
         """A state as it is sent; None: it is not."""
         if step < self.start:
             return state
-        if self.kind == "lost_states" and self._random.random() < PART:
-            return None
-        if self.kind == "late" and (step - self.start) % EVERY < BURST:
+        is_held_back = self.kind == "late" and (step - self.start) % EVERY < BURST
+        if is_held_back or (self.kind == "lost_states" and self._random.random() < PART):
             return None
         sent = Message("LowState_", state.tobytes())
         sent["motor_state.lost"] = self._lost
         if self.kind in ("sign", "sign_of_encoder", "swapped", "swapped_encoders"):
             for name in MEASURED if self.kind in ("sign", "swapped") else MEASURED[:2]:
                 sent[name] = self._disturb(sent[name])
-        if self._frozen is None:
-            self._frozen = Message("LowState_", sent.tobytes())
-        return self._spoil_values(sent)
+        self._frozen = self._frozen or Message("LowState_", sent.tobytes())
+        return self._spoil_values(sent, self._frozen)
 
     def _disturb(self, values: Array) -> Array:
         """Numbers of 20 motors with the sign of one, or with two legs, exchanged."""
         if self.kind.startswith("sign"):
             values[self.motor] = -values[self.motor]
             return values
-        leg = self.motor // 3
-        first, second = slice(3 * leg, 3 * leg + 3), slice(3 * ((leg + 1) % 4), 3 * ((leg + 1) % 4) + 3)
-        values[first], values[second] = values[second].copy(), values[first].copy()
+        legs = values[:12].reshape(4, 3)
+        own, other = self.motor // 3, (self.motor // 3 + 1) % 4
+        legs[[own, other]] = legs[[other, own]]
         return values
 
-    def _spoil_values(self, sent: Message) -> Message:
-        frozen = self._frozen
-        assert frozen is not None
+    def _spoil_values(self, sent: Message, frozen: Message) -> Message:
         if self.kind in ("frozen", "frozen_numbers"):
             frozen["tick"] = frozen["tick"] if self.kind == "frozen" else sent["tick"]
             return frozen

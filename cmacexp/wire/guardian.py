@@ -66,11 +66,9 @@ class Guardian:
     def end(self) -> None:
         """End the guardian, whose robot is safe."""
         assert self._process.stdin is not None
-        try:
+        with suppress(BrokenPipeError, BlockingIOError):
             os.write(self._pipe, DONE)
             self._process.stdin.close()
-        except (BrokenPipeError, BlockingIOError):
-            pass
         with suppress(subprocess.TimeoutExpired):  # it ends by itself
             self._process.wait(LASTS + 5.0)
 
@@ -80,15 +78,11 @@ def watch(pipe: int, silence: float) -> bool:
 
     Before the first command there is nothing to guard.
     """
-    words = os.read(pipe, 1)
+    begun = words = os.read(pipe, 1)
     while words and not words.endswith(DONE):
         ready, _, _ = select.select([pipe], [], [], silence)
-        if not ready:
-            return True
-        words = os.read(pipe, 1 << 16)
-        if not words:
-            return True
-    return False
+        words = os.read(pipe, 1 << 16) if ready else b""
+    return bool(begun) and not words
 
 
 def main() -> None:

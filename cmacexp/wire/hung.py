@@ -90,8 +90,7 @@ def draw_chirp(link: Link, stand: Array) -> None:
     link.move(stand, MOVE, SLACK)
     phase, rate = 0.0, (FASTEST / SLOWEST) ** (1.0 / (STROKES - 1))
     while phase < STROKES:
-        angle = 2.0 * np.pi * phase
-        swing = SWING * 0.5 * (1.0 - np.cos(angle))
+        swing = SWING * 0.5 * (1.0 - np.cos(2.0 * np.pi * phase))
         link.send(stand + swing, 0.0, 0.0, *SLACK)
         link.receive()
         phase += link.period / (SLOWEST * rate ** np.floor(phase))

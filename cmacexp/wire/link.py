@@ -56,15 +56,14 @@ class Link:
         self.has_priority = ask_for_priority()  # for the threads of the wire
         try:
             if Wire(interface, domain, None, COMMANDS).receive(OTHERS) is not None:
-                reason = (
-                    "somebody else sends commands to this robot: release its sport mode, or wait for the run before"
+                others = "somebody else sends commands to this robot"
+                raise BadInput(
+                    "plant.domain", domain, f"{others}: release its sport mode, or wait for the run before"
                 )
-                raise BadInput("plant.domain", domain, reason)
             self.wire = Wire(interface, domain, COMMANDS, STATES)
         finally:
             give_up_priority()
         self.reading, tick = self._listen()
-        self.arrived = time.perf_counter()
         self.asked = self.reading.q
         self.watch = StateWatch(limits, self.asked.shape, tick)
         self.rows: list[Array] | None = [] if log else None
@@ -76,25 +75,21 @@ class Link:
 
     def _listen(self) -> tuple[Reading, int]:
         """The newest of the first states, and by how much their counter grows; raises BadInput without any."""
-        readings: list[Reading] = []
-        times: list[float] = []
+        heard: list[tuple[float, Reading]] = []
         end = time.monotonic() + ANSWERS
-        while len(readings) < FIRST_STATES and time.monotonic() < end:
-            message = self.wire.receive(0.1)
-            readings += [] if message is None else [read_state(message)]
-            times += [] if message is None else [time.perf_counter()]
-        if len(readings) < FIRST_STATES:
-            heard = f"{len(readings)} states within {ANSWERS:g} s"
-            raise BadInput(
-                "plant.interface", self.interface, f"{heard}: connect the robot, or start cmacexp robot --simulate"
-            )
-        steps = np.diff([reading.tick for reading in readings])
+        while len(heard) < FIRST_STATES and time.monotonic() < end:
+            if (message := self.wire.receive(0.1)) is not None:
+                heard.append((time.perf_counter(), read_state(message)))
+        if len(heard) < FIRST_STATES:
+            reason = f"{len(heard)} states within {ANSWERS:g} s: connect the robot, or start cmacexp robot --simulate"
+            raise BadInput("plant.interface", self.interface, reason)
+        times, steps = np.diff([(at, reading.tick) for at, reading in heard], axis=0).T
         tick = max(1, int(np.median(steps)))
-        period = float(np.median(np.diff(times) * tick / np.maximum(steps, 1)))
+        period = float(np.median(times * tick / np.maximum(steps, 1)))
         if not RATES[0] * self.period < period < RATES[1] * self.period:
             reason = f"the robot's states come every {1e3 * period:.2g} ms: use that"
             raise BadInput("sampling_period", self.period, reason)
-        return readings[-1], tick
+        return heard[-1][1], tick
 
     def guard(self, damping: float, silence: float) -> None:
         """Start the guardian; see :class:`Guardian`."""
@@ -106,7 +101,6 @@ class Link:
         gc.disable()  # it takes longer than a step
         self.watch = StateWatch(self.limits, self.asked.shape, self.watch.tick)
         self.wire.receive(self.limits.silence)  # what came meanwhile is old
-        self.asked = self.reading.q
         self.receive()
         self.asked = self.reading.q
 
@@ -172,9 +166,6 @@ class Link:
     def write_log(self, path: Path, joints: Sequence[str]) -> None:
         """Write what was measured and sent so far, with columns by the names of 12 ``joints``."""
         rows = np.stack(self.rows or [np.zeros((len(LOGGED), *self.asked.shape))])
-        columns = {"time": self.period * np.arange(len(rows))}
-        for part, name in enumerate(LOGGED):
-            columns |= {
-                f"{name}_{joint}": rows[:, part].reshape(len(rows), -1)[:, j] for j, joint in enumerate(joints)
-            }
-        write_table(pa.table(columns), path)
+        names = [f"{name}_{joint}" for name in LOGGED for joint in joints]
+        columns = dict(zip(names, rows.reshape(len(rows), -1).T, strict=True))
+        write_table(pa.table({"time": self.period * np.arange(len(rows)), **columns}), path)

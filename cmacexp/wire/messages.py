@@ -84,9 +84,11 @@ def _largest(kind: Any) -> int:
     return np.dtype(kind).itemsize if isinstance(kind, str) else max(_largest(inner) for _, inner, _ in kind)
 
 
-def lay_out(fields: Sequence[Field], in_c: bool = False) -> Layout:
-    """The layout of a message in CDR, or as a C compiler makes it."""
+@cache
+def lay_out(structure: str, in_c: bool = False) -> Layout:
+    """The layout of one of STRUCTURES in CDR, or as a C compiler makes it."""
     found: dict[str, tuple[str, list[int]]] = {}
+    fields = STRUCTURES[structure]
 
     def place(fields: Sequence[Field], at: int, before: str) -> int:
         for name, kind, count in fields:
@@ -106,17 +108,12 @@ def lay_out(fields: Sequence[Field], in_c: bool = False) -> Layout:
 
 
 @cache
-def _layout_of(structure: str) -> Layout:
-    return lay_out(STRUCTURES[structure])
-
-
-@cache
 def _checked_bytes() -> tuple[NDArray[np.intp], NDArray[np.intp], int]:
     """Bytes of a command in CDR that its checksum covers, where it takes each, and of how many; the others are 0.
 
     It takes words of four bytes with the most significant byte first, and not the last word, which is itself.
     """
-    wire, compiled = _layout_of("LowCmd_"), lay_out(LOW_CMD, in_c=True)
+    wire, compiled = lay_out("LowCmd_"), lay_out("LowCmd_", in_c=True)
     pairs = [
         (source + n, (target + n) ^ 3)
         for name, (kind, places) in wire.places.items()
@@ -152,16 +149,15 @@ class Message:
 
         Raises ValueError if the data is of another kind, or of another length.
         """
-        self.layout = _layout_of(structure)
+        self.layout = lay_out(structure)
         size = len(LITTLE_ENDIAN) + self.layout.size
         if data is not None and (data[:2] != LITTLE_ENDIAN[:2] or not size <= len(data) <= size + 3):
             raise ValueError(
                 f"{structure}: {len(data)} bytes that begin with {data[:4].hex()}, not {size} of plain CDR"
             )
         self.buffer = np.zeros(_align(size, 4), dtype=np.uint8)
-        self.buffer[: len(LITTLE_ENDIAN)] = np.frombuffer(LITTLE_ENDIAN, dtype=np.uint8)
-        if data is not None:
-            self.buffer[:size] = np.frombuffer(data, dtype=np.uint8)[:size]
+        given = np.frombuffer(data or LITTLE_ENDIAN, dtype=np.uint8)[:size]
+        self.buffer[: len(given)] = given
         self.body = self.buffer[len(LITTLE_ENDIAN) :]
 
     def __getitem__(self, name: str) -> NDArray[Any]:

@@ -3,13 +3,11 @@
 import os
 import socket
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache
-from types import new_class
 from typing import Any
 
 from cmacexp.errors import BadInput, require_extra
-from cmacexp.wire.messages import STRUCTURES, Field, Message
+from cmacexp.wire.messages import STRUCTURES, Message
 
 COMMANDS, STATES = "rt/lowcmd", "rt/lowstate"
 """Topics of LowCmd and LowState."""
@@ -41,45 +39,27 @@ def give_up_priority() -> None:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
+def make_sample(kind: Any, data: bytes, /, **options: Any) -> Any:
+    """A sample of a type of messages, which has its bytes as ``data``."""
+    sample = kind.__new__(kind)
+    sample.data = data
+    return sample
+
+
 @cache
 def make_types() -> dict[str, Any]:
-    """The types of messages for DDS, by name; a sample of one has its bytes as ``data``, which nothing converts."""
-    from cyclonedds.idl import IdlStruct, annotations, types
+    """The types of messages for DDS, by name, see :func:`make_sample`: nothing converts their bytes."""
+    from cyclonedds.idl import annotations, make_idl_struct, types
 
-    kinds: dict[str, Any] = {
-        "u1": types.uint8,
-        "u2": types.uint16,
-        "u4": types.uint32,
-        "i2": types.int16,
-        "i4": types.int32,
-    }
-    kinds["f4"] = types.float32
-    made: dict[str, Any] = {}
-
+    numbers = {"u1": "uint8", "u2": "uint16", "u4": "uint32", "i2": "int16", "i4": "int32", "f4": "float32"}
+    kinds: dict[Any, Any] = {short: getattr(types, name) for short, name in numbers.items()}
     array: Any = types.array
-
-    def find(kind: Any, count: int) -> Any:
-        one = kinds[kind] if isinstance(kind, str) else made[next(n for n, f in STRUCTURES.items() if f is kind)]
-        return one if count == 1 else array[one, count]
-
-    def declare(name: str, fields: list[Field]) -> Any:
-        def fill(body: dict[str, Any]) -> None:
-            body["__annotations__"] = {field: find(kind, count) for field, kind, count in fields}
-            body["serialize"] = lambda self, **options: self.data
-
-            def keep(cls: Any, data: bytes, /, **options: Any) -> Any:
-                sample = cls.__new__(cls)
-                sample.data = data
-                return sample
-
-            body["deserialize"] = classmethod(keep)
-
-        whole = new_class(name, (IdlStruct,), {"typename": f"unitree_go.msg.dds_.{name}"}, fill)
-        return annotations.autoid("sequential")(annotations.final(dataclass(whole)))
-
     for name, fields in STRUCTURES.items():
-        made[name] = declare(name, list(fields))
-    return made
+        declared = {field: kinds[kind] if count == 1 else array[kinds[kind], count] for field, kind, count in fields}
+        made: Any = make_idl_struct(name, f"unitree_go.msg.dds_.{name}", declared)
+        made.serialize, made.deserialize = lambda sample, **options: sample.data, classmethod(make_sample)
+        kinds[fields] = annotations.autoid("sequential")(annotations.final(made))
+    return {name: kinds[fields] for name, fields in STRUCTURES.items()}
 
 
 @cache
@@ -144,6 +124,4 @@ class Wire:
 
     def send(self, data: bytes) -> None:
         """Send the bytes of a message."""
-        sample = self._kind.__new__(self._kind)
-        sample.data = data
-        self._writer.write(sample)
+        self._writer.write(make_sample(self._kind, data))

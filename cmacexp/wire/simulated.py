@@ -25,7 +25,6 @@ from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY, Drives, n
 from cmacexp.plants.mujoco_kernels import advance_engine
 from cmacexp.plants.mujoco_robot import MujocoRobot
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig
-from cmacexp.typing import Array
 from cmacexp.wire.faults import Fault
 from cmacexp.wire.messages import HEADER, JOINTS, LEVEL_LOW, Message, compute_checksum, get_motors, set_each_motor
 from cmacexp.wire.network import COMMANDS, STATES, Wire, ask_for_priority
@@ -70,14 +69,13 @@ class SimulatedRobot:
         if scenario.fault is not None:
             raise scenario.fault
         plant: MujocoRobot = scenario.plant  # type: ignore[assignment]
-        self.plant, self.period, self.hung = plant, config.sampling_period, hung
-        self.weight = scenario.setup.mechanism.weight
+        self.plant, self.period, self.hung, mechanism = plant, config.sampling_period, hung, scenario.setup.mechanism
+        self.weight, limits, legs = mechanism.weight, mechanism.torque_limits, mechanism.shape[0]
         actuator = replace(config.actuator, delay=config.actuator.delay + config.plant.delay)
-        limits, legs = scenario.setup.mechanism.torque_limits, scenario.setup.mechanism.shape[0]
         make = partial(new_drives, actuator, config.plant.bus, self.period, config.plant.substeps, limits, legs)
         self.drives: Drives = make()
         self._advance, self._send = program(advance_engine).compiled, program(send_command).compiled  # type: ignore[attr-defined]
-        self._nothing = np.zeros(scenario.setup.mechanism.shape)
+        self._nothing = np.zeros(mechanism.shape)
         self._torque = self._nothing.copy()
         robot, data = read_model(config.machine), plant.data
         at, rate = robot.legs.base_qpos, int(plant.model.jnt_dofadr[plant.model.body_jntadr[robot.legs.base]])
@@ -92,15 +90,7 @@ class SimulatedRobot:
         self._rested = 0.0
         self._command = np.zeros((6, *self._nothing.shape))
         self.steps = 0
-        self._random = np.random.default_rng(config.seed)
-        sensors = config.sensors
-        self._noise = {
-            "motor_state.q": sensors.position.noise,
-            "motor_state.dq": sensors.velocity.noise,
-            "motor_state.tau_est": sensors.torque.noise,
-            "imu_state.gyroscope": sensors.gyroscope.noise,
-            "imu_state.accelerometer": sensors.accelerometer.noise,
-        }
+        self._random, self._sensors = np.random.default_rng(config.seed), config.sensors
         plant.hold()
         self.step()  # which compiles what a step needs
         plant.put()
@@ -152,17 +142,21 @@ class SimulatedRobot:
             cr * sp * cy + sr * cp * sy,
             cr * cp * sy - sr * sp * cy,
         ]
-        for name, values in (("gyroscope", signals.gyroscope), ("accelerometer", signals.accelerometer)):
-            state[f"imu_state.{name}"] = self._measure(f"imu_state.{name}", values)
-        for name, values in (("q", signals.q), ("dq", signals.dq), ("tau_est", signals.torque)):
-            set_each_motor(state, f"motor_state.{name}", self._measure(f"motor_state.{name}", values))
+        sensors, normal = self._sensors, self._random.normal
+        for name, values, sensor in (
+            ("gyroscope", signals.gyroscope, sensors.gyroscope),
+            ("accelerometer", signals.accelerometer, sensors.accelerometer),
+        ):
+            state[f"imu_state.{name}"] = values + normal(0.0, sensor.noise, values.shape)
+        for name, values, sensor in (
+            ("q", signals.q, sensors.position),
+            ("dq", signals.dq, sensors.velocity),
+            ("tau_est", signals.torque, sensors.torque),
+        ):
+            set_each_motor(state, f"motor_state.{name}", values + normal(0.0, sensor.noise, values.shape))
         feet = np.zeros(len(JOINTS))
         feet[JOINTS[:, 0] // JOINTS.shape[1]] = np.clip(self.plant.state.force, 0, 32767)
         state["foot_force"] = feet.astype(int)
-
-    def _measure(self, name: str, values: Array) -> Array:
-        """Values with the noise of their sensor."""
-        return values + self._random.normal(0.0, self._noise[name], values.shape)
 
 
 def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fault: Fault, patient: bool) -> str:

@@ -138,13 +138,11 @@ class StateWatch:
                 raise Unsafe(f"{name} of {value:.3g} {unit} is above plant.limits.{name}={limit:g}")
         if reading.voltage < limits.voltage:
             raise Unsafe(f"voltage of {reading.voltage:.3g} V is below plant.limits.voltage={limits.voltage:g}")
-        self._far = np.where(np.abs(asked - reading.q) > limits.deviation, self._far + 1, 0)
+        off = np.abs(asked - reading.q)
+        self._far = np.where(off > limits.deviation, self._far + 1, 0)
         if (self._far > FAR).any():
-            off = float(np.abs(asked - reading.q).max())
-            joint = _largest(self._far)
-            raise Unsafe(
-                f"{joint} is {off:.2g} rad from its command, beyond plant.limits.deviation={limits.deviation:g}"
-            )
+            beyond = f"beyond plant.limits.deviation={limits.deviation:g}"
+            raise Unsafe(f"{_largest(self._far)} is {off.max():.2g} rad from its command, {beyond}")
         if last is not None:
             self._compare(reading, last, asked)
         else:
@@ -181,5 +179,4 @@ def name_joint(leg: int, joint: int) -> str:
 
 def _largest(values: NDArray[Any]) -> str:
     """The leg and joint of the largest of values (L, J)."""
-    leg, joint = divmod(int(np.argmax(values)), values.shape[1])
-    return name_joint(leg, joint)
+    return name_joint(*divmod(int(np.argmax(values)), values.shape[1]))

@@ -6,9 +6,9 @@ the robot: the state that this plant returns is that of an estimator (:mod:`cmac
 
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.jit.compiler import program
 from cmacexp.models.leg import GRAVITY
 from cmacexp.planning.setup import Setup
-from cmacexp.plants.protocol import Measurement, copy_state
+from cmacexp.plants.protocol import Measurement
 from cmacexp.sensors.estimator import estimate
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig, ProprioceptiveSensors
 from cmacexp.typing import Array
@@ -89,25 +89,27 @@ class UnitreeRobot:
 
         def check(self, config: Config) -> None:
             """Check that its drives get commands, and that nothing else has the state altered."""
-            if config.machine.kind != "robot":
-                raise BadInput(
-                    "machine.kind", config.machine.kind, "must be robot with plant=unitree: use scenario=robot"
-                )
-            for group, needed in (("controller", "drives"), ("sensors", "perfect")):
-                option = find_option(group, read_component(getattr(config, group))["_target_"])
-                if option != needed:
-                    raise BadInput(group, option, f"must be {needed} with plant=unitree, which estimates by itself")
-            if config.machine.model not in (None, "go2"):
-                reason = "must be go2, or machine.path=FILE of a robot with its motors, with plant=unitree"
-                raise BadInput("machine", config.machine.model, reason)
-            if config.learning.start_from is not None:
-                reason = "must be null with plant=unitree, whose first cycle blends from standing"
-                raise BadInput("learning.start_from", config.learning.start_from, reason)
-            if config.force_control.load_sharing == "adaptive":
-                reason = "must be dynamic or static with plant=unitree: making a plan takes longer than a step"
-                raise BadInput("force_control.load_sharing", "adaptive", reason)
-            if len(self.crouch) != 3:
-                raise BadInput("plant.crouch", self.crouch, "must be three angles: hip, thigh, calf")
+            kind, model = config.machine.kind, getattr(config.machine, "model", None)
+            start, sharing = config.learning.start_from, config.force_control.load_sharing
+            controller, sensors = (
+                find_option(group, read_component(getattr(config, group))["_target_"])
+                for group in ("controller", "sensors")
+            )
+            by_itself = "with plant=unitree, which estimates by itself"
+            file = "go2, or machine.path=FILE of a robot with its motors, with plant=unitree"
+            blends = "null with plant=unitree, whose first cycle blends from standing"
+            planned = "dynamic or static with plant=unitree: making a plan takes longer than a step"
+            for key, value, fits, allowed in (
+                ("machine.kind", kind, kind == "robot", "robot with plant=unitree: use scenario=robot"),
+                ("controller", controller, controller == "drives", f"drives {by_itself}"),
+                ("sensors", sensors, sensors == "perfect", f"perfect {by_itself}"),
+                ("machine", model, model in (None, "go2"), file),
+                ("learning.start_from", start, start is None, blends),
+                ("force_control.load_sharing", sharing, sharing != "adaptive", planned),
+                ("plant.crouch", self.crouch, len(self.crouch) == 3, "three angles: hip, thigh, calf"),
+            ):
+                if not fits:
+                    raise BadInput(key, value, f"must be {allowed}")
 
     takes_drives = True
     link: Link
@@ -116,7 +118,7 @@ class UnitreeRobot:
     def __init__(self, config: "UnitreeRobot.Config"):
         self.config = config
         self.stages: list[tuple[Stage, float]] = []
-        """Each with the time at which it began, s since the first."""
+        """Each with the time at which it began, s on the clock of ``time.perf_counter``."""
         self.work: list[float] = []
         """From a state to the command that answers it, s, of every step."""
         self.heading = 0.0
@@ -152,9 +154,7 @@ class UnitreeRobot:
     def _require_ranges(self, key: str, value: object, q: Array) -> None:
         """Check that angles (4, 3), rad, of the ``value`` of a ``key`` are in the model's ranges; raises BadInput."""
         ranges = self.robot.ranges
-        outside = np.argwhere((q < ranges[..., 0] - PLAY) | (q > ranges[..., 1] + PLAY))
-        if len(outside):
-            leg, joint = outside[0].tolist()
+        for leg, joint in np.argwhere((q < ranges[..., 0] - PLAY) | (q > ranges[..., 1] + PLAY)).tolist():
             reason = f"{name_joint(leg, joint)} is at {q[leg, joint]:.3g} rad, which the model does not allow"
             raise BadInput(key, value, reason)
 
@@ -196,10 +196,9 @@ class UnitreeRobot:
     def end_run(self, is_safe: bool) -> None:
         """Sit down if the robot ``is_safe``, and damp it; nothing if it was never moved."""
         last = self.stages[-1][0]
-        parts: list[tuple[Stage, Callable[[], None]]] = [(Stage.DAMP, self._lie_down)]
-        if is_safe and last in (Stage.WALK, Stage.STAND):
-            parts.insert(0, (Stage.SIT, self._sit_down))
-        for stage, act in parts if last != Stage.CONNECT else []:
+        parts = ((Stage.SIT, self._sit_down), (Stage.DAMP, partial(self.link.damp, self.config.damping)))
+        sits = is_safe and last in (Stage.WALK, Stage.STAND)
+        for stage, act in () if last == Stage.CONNECT else parts if sits else parts[1:]:
             try:
                 self._enter(stage)
                 act()
@@ -211,9 +210,6 @@ class UnitreeRobot:
     def _sit_down(self) -> None:
         self.link.move(self.stand, self.config.blend, self.gains)
         self.link.move(np.array([self.config.crouch] * len(self.stand)), self.config.rise, self.gains)
-
-    def _lie_down(self) -> None:
-        self.link.damp(self.config.damping)
 
     def _note_trouble(self, trouble: str) -> None:
         """Say what went wrong after the run, here and in the manifest."""
@@ -235,7 +231,9 @@ class UnitreeRobot:
         names = ("median", "p99", "p99.9", "worst") if self.work else ()
         quantiles = np.quantile(late, [0.5, 0.99, 0.999, 1.0]) * 1e3 if self.work else late
         return {
-            "stages": [{"stage": str(stage), "second": round(at, 3)} for stage, at in self.stages],
+            "stages": [
+                {"stage": str(stage), "second": round(at - self.stages[0][1], 3)} for stage, at in self.stages
+            ],
             "trouble": self.trouble,
             "has_priority": self.link.has_priority,
             "states_missed": self.link.watch.missed,
@@ -244,10 +242,7 @@ class UnitreeRobot:
         }
 
     def _enter(self, stage: Stage) -> None:
-        now = time.perf_counter()
-        if not self.stages:
-            self._start = now
-        self.stages.append((stage, now - self._start))
+        self.stages.append((stage, time.perf_counter()))
 
     def _stand_up(self, gains: Gains) -> None:
         """All that comes before the first step of a walk; raises Unsafe."""
@@ -273,9 +268,5 @@ class UnitreeRobot:
 
     def _measure(self, reading: Reading) -> Measurement:
         """The state of the robot, as estimated, with what it measured."""
-        sensors, signals = self.sensors, reading.get_signals(self.heading)
-        support = sensors.support[sensors.step % len(sensors.support)]
-        parts, state = (sensors.estimator, sensors.sensing, sensors.mechanism), sensors.observation
-        self._estimate(*parts, signals, sensors.step, support, state)
-        sensors.step += 1
-        return copy_state(state, state.travel, signals)
+        signals = reading.get_signals(self.heading)
+        return self.sensors.observe(signals, self._estimate)._replace(signals=signals)

@@ -151,13 +151,19 @@ def test_a_wrong_config_is_refused_in_one_line_that_says_what_is_right(lines, fo
 
 @pytest.mark.ci
 def test_a_wrong_command_ends_with_2_before_anything_is_simulated(folder):
-    before = set(folder.rglob("manifest.json")) | set(folder.rglob("*.parquet"))
+
+    def find_results():
+        return {
+            path: path.read_bytes() for path in folder.rglob("*.*") if path.suffix in (".json", ".parquet", ".csv")
+        }
+
+    before = find_results()
     for line in TYPED["Commands"]:
         words = shlex.split(line)
         done = call(words[2].partition(".")[2] or "main", *words[3:])
         assert (done.returncode, done.stdout) == (2, ""), line
         check_message(line, done.stderr)
-    assert set(folder.rglob("manifest.json")) | set(folder.rglob("*.parquet")) == before
+    assert find_results() == before
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ from hydra import compose, initialize_config_dir
 from numpy.testing import assert_array_equal
 from support.doors import BadInput, make_mechanism, make_scenario
 from support.fields import leaves
-from support.robots import OWN
 
 from cmacexp.config import config_folder, to_config
 from cmacexp.config.compose import compose_config
@@ -42,17 +41,6 @@ def test_every_choice_of_a_field_makes_a_scenario_unless_another_field_forbids_i
                 make_scenario(compose_config([*base, f"{key}={[name] if isinstance(value, list) else name}"]))
                 made.add((key, name))
     assert {("force_control.method", "explicit"), ("cmac.displacement", "parks_militzer")} <= made
-
-
-@pytest.mark.ci
-@pytest.mark.parametrize("gait", sorted(path.stem for path in (config_folder() / "gait").glob("*.yaml")))
-def test_every_gait_is_valid_with_some_machine(gait):
-    robot = ("scenario=robot", "machine=mjcf", f"machine.path={OWN}")
-    found = []
-    for scenario in (("scenario=quadruped",), ("scenario=force_step",), robot):
-        with suppress(BadInput):
-            found.append(compose_config([*scenario, f"gait={gait}"]).gait.pattern)
-    assert found
 
 
 def test_what_is_set_for_all_legs_goes_to_all_of_them_but_those_with_their_own(make_config):

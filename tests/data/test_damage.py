@@ -159,6 +159,8 @@ SHAPES = {
     "half a character": lambda m: {**m, "cause": "\ud800"},
     "a chain of a point": lambda m: {**m, "robot": {"chains": [[0.0]] * 4, "hips": [[0, 0]] * 4, "foot_radius": 0}},
     "runs a list": lambda m: {**m, "kind": "report", "runs": [1]},
+    "a sweep without files": lambda m: {"kind": "sweep", "status": "completed", "config": {}},
+    "a sweep with a file outside": lambda m: {**changed(m, "files", "../other", value=H), "kind": "sweep"},
 }
 USES = {
     "verify": lambda folder: use("verify", folder),

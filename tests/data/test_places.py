@@ -155,13 +155,6 @@ def test_a_link_to_the_folder_of_a_run_stays_one(first, tmp_path):
     assert mass_of(first) == OTHER_MASS
 
 
-@pytest.mark.ci
-def test_a_table_of_the_user_is_not_replaced_by_that_of_a_sweep(tmp_path):
-    (tmp_path / "sweep.csv").write_text("mine")
-    done = call("main", "-m", "seed=0", "cycles=1", f"hydra.sweep.dir={tmp_path}", folder=tmp_path)
-    assert (done.returncode, done.stdout, state_of(tmp_path)) == (2, "", {"sweep.csv": b"mine"})
-
-
 def fill_the_disk(monkeypatch, folder):
     """The disk is full while the trace is written."""
     full = Mock(side_effect=OSError(28, "No space left on device"))

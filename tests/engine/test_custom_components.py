@@ -55,9 +55,6 @@ class NoArguments(NoMethods):
 
 def test_a_class_in_the_current_folder_gets_the_fields_it_takes(here):
     """A field that names a class is data: nothing that a field holds is called."""
-    scenario = make_scenario(compose_config([f"controller._target_={here}.Still", "+controller.gain=3"]))
-    assert scenario.controller.gain == 3
-    assert scenario.setup.config.controller == {"_target_": f"{here}.Still", "gain": 3}
     other = make_scenario(compose_config([f"controller._target_={here}.Still", "+controller.gain._target_=os.abort"]))
     assert other.controller.gain == {"_target_": "os.abort"}
 

@@ -192,3 +192,10 @@ def test_a_run_with_little_margin_of_delay_says_so_unless_warnings_are_off(tmp_p
         cmacexp.run(walk, tmp_path / "small")
     with warnings.catch_warnings(action="error"):
         cmacexp.run([*walk, "warn=false"], tmp_path / "off")
+
+
+def test_a_robot_walks_with_delay_below_its_margin_and_falls_with_thrice_as_much():
+    walk = [*ROBOT, f"machine.path={OWN}", "cycles=2", "sampling_period=0.001", "actuator.lag=0.005", EXACT]
+    with pytest.warns(SmallMargin, match="bears 1.2 ms"):
+        below, beyond = (cmacexp.run([*walk, f"plant.delay={samples}"]) for samples in (1, 4))
+    assert (below.status, beyond.status) == ("completed", "fell")

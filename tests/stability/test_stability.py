@@ -9,8 +9,7 @@ from support.robot_walks import ROBOT, SHORT
 from support.robots import OWN
 
 from cmacexp.stability.cycle_map import NotPredictable, list_arrays, make_restorable_loop
-from cmacexp.stability.growth import change_sizes, fitted_growth, predicted_growth
-from cmacexp.stability.krylov import krylov
+from cmacexp.stability.growth import change_sizes, fitted_growth, krylov, predicted_growth
 from cmacexp.stability.verdict import GROWS, HOLDS, UNDECIDED, WINDOW, assess, compute_rise
 
 

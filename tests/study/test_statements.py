@@ -39,18 +39,6 @@ def judge(*criteria: Criterion) -> ClaimResult:
     return Claim("it is small", "section 1", criteria).judge(ONE)
 
 
-def test_a_grid_is_every_combination_and_labels_name_bundles():
-    kinds = {"none": ["feedforward=none"], "both": ["feedforward=cmac", "learning.lead=1"]}
-    found = grid("cycles=9", over={"cmac.layers": [8, 16], "kind": kinds}, machine="leg")
-    assert [request.overrides for request in found] == [
-        ("cycles=9", "cmac.layers=8", "feedforward=none"),
-        ("cycles=9", "cmac.layers=8", "feedforward=cmac", "learning.lead=1"),
-        ("cycles=9", "cmac.layers=16", "feedforward=none"),
-        ("cycles=9", "cmac.layers=16", "feedforward=cmac", "learning.lead=1"),
-    ]
-    assert dict(found[1].labels) == {"machine": "leg", "kind": "both"}
-
-
 def test_a_run_starts_from_the_one_run_with_its_labels_and_its_seed():
     kinds = {"a": ["feedforward=cmac"], "b": ["feedforward=rbf"]}
     before, after = (grid(text, over={"kind": kinds}, seeded=True) for text in ("cycles=9", "gait.stroke=0.1"))

@@ -23,7 +23,6 @@ from cmacexp.jit.compiler import program, workload
 from cmacexp.jit.hooks import Hook
 from cmacexp.jit.sources import KERNEL_ROOMS, RESULT_ROOMS
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.metrics.run_table import make_rows
 from cmacexp.models.body import Load, depth, make_pose
 from cmacexp.models.ground import height_at, stiffness_at
 from cmacexp.models.lead import discretise

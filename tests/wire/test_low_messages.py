@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from cmacexp.wire.messages import (
-    LOW_CMD,
-    LOW_STATE,
     Message,
     compute_checksum,
     get_motors,
@@ -27,15 +25,15 @@ def crc_bit_by_bit(words):
 
 def pack_as_c(message):
     """The words of a command but for the last, as a C compiler lays them out."""
-    packed = np.zeros(lay_out(LOW_CMD, in_c=True).size, dtype=np.uint8)
-    for name, (kind, places) in lay_out(LOW_CMD, in_c=True).places.items():
+    packed = np.zeros(lay_out("LowCmd_", in_c=True).size, dtype=np.uint8)
+    for name, (kind, places) in lay_out("LowCmd_", in_c=True).places.items():
         for place, value in zip(places, message[name], strict=True):
             packed[place : place + np.dtype(kind).itemsize] = np.frombuffer(value.tobytes(), dtype=np.uint8)
     return packed.view("<u4")[:-1]
 
 
 def test_messages_have_the_sizes_of_the_published_structures():
-    sizes = [lay_out(fields, in_c).size for fields in (LOW_CMD, LOW_STATE) for in_c in (True, False)]
+    sizes = [lay_out(fields, in_c).size for fields in ("LowCmd_", "LowState_") for in_c in (True, False)]
     assert sizes == [812, 808, 1180, 1176]
 
 
