@@ -56,11 +56,8 @@ def parks_militzer(layers: int, inputs: int) -> Vector:
         raise BadInput("cmac.displacement", "parks_militzer", allowed)
     rest = np.array(list(combinations_with_replacement(coprime, inputs - 1)), dtype=np.int64)
     vectors = np.concatenate([np.ones((len(rest), 1), dtype=np.int64), rest.reshape(len(rest), inputs - 1)], axis=1)
-    best, chosen = -1, vectors[0]
-    for part in np.array_split(vectors, max(1, len(vectors) // 4096)):
-        distances = least_distance(part, layers)
-        if distances.max() > best:
-            best, chosen = int(distances.max()), part[int(distances.argmax())]
+    parts = np.array_split(vectors, max(1, len(vectors) // 4096))
+    chosen: Vector = vectors[np.concatenate([least_distance(part, layers) for part in parts]).argmax()]
     return chosen
 
 

@@ -124,15 +124,10 @@ class Cmac:
     def cells(self, inputs: Array) -> Cells:
         """Active rows (samples, C) of inputs (samples, n); counts those clipped; raises ValueError or BadInput."""
         batch = self._checked(inputs)
-        shape = (len(batch), self.layers)
         self.clipped += count_outside(self.address.ranges, batch)
-        if self.visited is not None:
-            positions = np.empty(shape, dtype=np.uint64)
-            address_batch(self.address, batch, positions)
-            return self.visited.assign_rows(positions)
-        cells = np.empty(shape, dtype=np.uint32)
+        cells: Any = np.empty((len(batch), self.layers), dtype=np.uint32 if self.visited is None else np.uint64)
         address_batch(self.address, batch, cells)
-        return cells
+        return cells if self.visited is None else self.visited.assign_rows(cells)
 
     def activation(self, inputs: Array) -> Array:
         """Activation (samples, C) of the cells of a batch of inputs (samples, n); raises ValueError."""
@@ -151,13 +146,12 @@ class Cmac:
 
     def _serve(self, inputs: Array, rate: float, error: Array | None = None) -> Single:
         """Predict at one input (n,) with rate 0, else train there."""
-        single = self._single
-        if single is None:
-            single = self._single = Single(self.address, self.receptive_field, self._weights)
+        single = self._single = self._single or Single(self.address, self.receptive_field, self._weights)
         request = single.request
-        if inputs.shape != single.shape or (error is not None and error.shape != single.error_shape):
+        if inputs.shape != request.inputs.shape or (error is not None and error.shape != request.error.shape):
             given = f"{inputs.shape}" if error is None else f"{inputs.shape} and {error.shape}"
-            raise ValueError(f"{given}: an input has the shape {single.shape}, its error {single.error_shape}")
+            shapes = f"an input has the shape {request.inputs.shape}, its error {request.error.shape}"
+            raise ValueError(f"{given}: {shapes}")
         request.inputs[:], request.rate[0] = inputs, rate
         if error is not None:
             request.error[:] = error

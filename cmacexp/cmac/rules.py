@@ -17,26 +17,26 @@ if TYPE_CHECKING:
     from cmacexp.config.schema import LearningConfig
 
 ERROR, OUTSIDE_DEAD_ZONE, NEIGHBOURS = range(3)
-TEACHES = ("U", "U where abs(U) > strength", "U, also at neighbouring steps")
+"""What teaches: U; U where abs(U) > strength; U, also at neighbouring steps."""
 POWER, REGULARISED = range(2)
-DIVISORS = ("sum a_i^2", "sum a_i^2 + strength x its mean")
+"""Divisors: sum a_i^2; sum a_i^2 + strength x its mean."""
 NO_GOAL, ZERO, ZERO_BY_ERROR, MEAN = range(4)
-GOALS = ("none", "0", "0, in proportion to abs(U)", "mean of the active weights")
+"""Goals: none; 0; 0, in proportion to abs(U); the mean of the active weights."""
 CONSTANT, DECAYING = range(2)
-RATES = ("beta", "beta / (1 + cycles / strength)")
+"""Rates: beta; beta / (1 + cycles / strength)."""
 
 
 class RuleParams(NamedTuple):
     """A combination of choices, and the strength of what differs from the paper's rule."""
 
     teaches: int = ERROR
-    """One of TEACHES."""
+    """What teaches: ERROR, OUTSIDE_DEAD_ZONE or NEIGHBOURS."""
     divisor: int = POWER
-    """One of DIVISORS."""
+    """POWER or REGULARISED."""
     goal: int = NO_GOAL
-    """One of GOALS: where the weights are drawn, by beta times the strength in each step."""
+    """NO_GOAL, ZERO, ZERO_BY_ERROR or MEAN: where the weights are drawn, by beta times the strength in each step."""
     rate: int = CONSTANT
-    """One of RATES."""
+    """CONSTANT or DECAYING."""
     strength: float = 0.0
 
 

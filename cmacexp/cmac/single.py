@@ -69,13 +69,14 @@ class Single:
     """A CMAC that takes one input at a time, with the bits of a batch of one."""
 
     def __init__(self, params: Address, receptive_field: int, weights: Array):
-        inputs = len(params.ranges.low)
-        outputs = weights.shape[1]
         layers = len(params.displacement)
-        self.shape, self.error_shape = (inputs,), (outputs,)
         self.request = Request(
-            np.zeros(inputs), np.zeros(outputs), np.zeros(1), np.zeros(outputs),
-            np.zeros(layers, dtype=np.uint32), np.ones(layers),
-        )  # fmt: skip
+            inputs=np.zeros(len(params.ranges.low)),
+            error=np.zeros(weights.shape[1]),
+            rate=np.zeros(1),
+            output=np.zeros(weights.shape[1]),
+            cells=np.zeros(layers, dtype=np.uint32),
+            activation=np.ones(layers),
+        )
         self.arrays = params, weights  # which compiled code does not keep alive
         self.resume = serving(params, receptive_field, PAPER, weights, self.request).__next__

@@ -16,6 +16,8 @@ from cmacexp.config.schema import REFINE
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.kernels import (
     CMAC,
+    EMPTY,
+    EMPTY_CELLS,
     TABLE,
     WEIGHTED,
     FeedforwardParams,
@@ -111,33 +113,32 @@ def _learning(setup: Setup, cells: Cells, activation: Array, binary: bool) -> Le
     """How a network of these cells and activations (N, L, C) learns; ``binary``: two joints, activations of 1."""
     config = setup.config.learning
     rule = make_rule(config, activation)
-    cycle_rate = setup.rate / kernel_norm(cells, activation) if config.guard == REFINE else 0.0
-    params = LearningParams(
-        setup.rate, setup.lead, rule, rule == PAPER and binary, setup.plan.start_step, cycle_rate=cycle_rate
+    spreads = rule.teaches == NEIGHBOURS
+    return LearningParams(
+        setup.rate,
+        setup.lead,
+        rule,
+        rule == PAPER and binary,
+        setup.plan.start_step,
+        *(spread_shares(cells, activation, config.window) if spreads else (EMPTY_CELLS, EMPTY)),
+        cycle_rate=setup.rate / kernel_norm(cells, activation) if config.guard == REFINE else 0.0,
     )
-    if rule.teaches != NEIGHBOURS:
-        return params
-    spread_cells, share = spread_shares(cells, activation, config.window)
-    return params._replace(cells=spread_cells, share=share)
 
 
 def known_torque(setup: Setup, torque: Array) -> FeedforwardParams:
     """Params of a feedforward whose ``torque`` (N, L, J), N m, is known in advance."""
     legs, joints = setup.mechanism.shape
-    # One compiled loop serves all feedforwards: arrays that one does not use are minimal.
     cells = np.zeros((1, legs, 1), np.uint32)
-    activation = np.zeros((1, legs, 1))
-    weights = np.zeros((legs, 1, joints))
-    learning, log = LearningParams(0.0, 0), new_log(cells)
     return FeedforwardParams(
         kind=TABLE,
         torque=torque,
+        # One compiled loop serves all feedforwards: arrays that one does not use are minimal.
         cells=cells,
-        activation=activation,
-        weights=weights,
-        learning=learning,
+        activation=np.zeros((1, legs, 1)),
+        weights=np.zeros((legs, 1, joints)),
+        learning=LearningParams(0.0, 0),
         smoothing=NO_SMOOTHING,
-        log=log,
+        log=new_log(cells),
     )
 
 

@@ -28,7 +28,7 @@ def act(gap: Gap, plant: Fit, known: Fit) -> dict[str, Any]:
     plan = low_pass(signals.command, log.period)
     rate = differentiate(plan, log.period)
     motion = (plan, rate, differentiate(rate, log.period))
-    makers: dict[str, Maker] = {ALONE: lambda: Fixed(signals, np.zeros_like(plan)), **as_logged}
+    makers: dict[str, Maker] = {ALONE: lambda: Fixed(np.zeros_like(plan)), **as_logged}
     models = {
         "model": (gap.problem, gap.problem.machine.losses),
         "identified": (gap.problem.apply(known), known.values),
@@ -59,14 +59,15 @@ def _run(problem: Problem, plant: Fit, learner: Learner, rate: Array, plan: Arra
     expansions = problem.expand(plan, differentiate(plan, period))
     state, left, tracking = (logged[begin], velocity[begin]), list[float](), list[float]()
     for stroke in range(1, signals.count + 1):
-        rows, forward = signals.rows(stroke), learner.predict(stroke)
+        rows = signals.rows(stroke)
+        forward = learner.predict(rows)
         held = np.append(np.arange(len(forward)), len(forward) - 1)  # after the last row the state is read
         drive = Drive(command[rows][held], rate[rows][held], forward[held], kp, kd)
         along = [Expansion(*(each[rows][held] for each in own)) for own in expansions]
         replayed = problem.replay(plant.values, plant.delay, along, drive, state)
         state, angle = (replayed[0][-1], replayed[1][-1]), replayed[0][:-1]
         feedback = kp * (command[rows] - angle) + kd * (rate[rows] - differentiate(angle, period))
-        learner.learn(stroke, forward + feedback)
+        learner.learn(rows, forward + feedback)
         left.append(compare_rms(feedback, alone[rows]))
         tracking.append(compare_rms(angle - command[rows], logged[rows] - command[rows]))
     return {

@@ -43,17 +43,17 @@ class Entered:
         """Of all commands, rad/s."""
         return differentiate(self.signals.command, self.signals.log.period)
 
-    def _cut(self, stroke: int) -> Stroke:
-        own, rows = self.signals, self.signals.rows(stroke)
+    def _cut(self, rows: slice) -> Stroke:
+        own = self.signals
         return Stroke(own.log.period, own.phase[rows].copy(), own.command[rows].copy(), self._rate[rows].copy())
 
-    def predict(self, stroke: int) -> Array:
+    def predict(self, rows: slice) -> Array:
         """What the method says, whatever that is."""
-        found: Array = self.method.predict(self._cut(stroke))
+        found: Array = self.method.predict(self._cut(rows))
         return found
 
-    def learn(self, stroke: int, torque: Array) -> None:
+    def learn(self, rows: slice, torque: Array) -> None:
         """Let it fit to one more stroke."""
-        angle = self.signals.log.angle[self.signals.rows(stroke)].copy()
-        self.strokes.append(replace(self._cut(stroke), angle=angle, torque=torque.copy()))
+        angle = self.signals.log.angle[rows].copy()
+        self.strokes.append(replace(self._cut(rows), angle=angle, torque=torque.copy()))
         self.method.fit(list(self.strokes))

@@ -35,12 +35,12 @@ PLACED = ("stroke before", "CMAC over phase", "CMAC over angles and velocities")
 
 
 class Learner(Protocol):
-    """Predicts the torque of a stroke, and learns it after its end; strokes count from 1."""
+    """Predicts the torque of a stroke, and learns it after its end; strokes follow each other from the first on."""
 
-    def predict(self, stroke: int) -> Array:
-        """Torque (rows, J) of a stroke, N m."""
+    def predict(self, rows: slice) -> Array:
+        """Torque (rows, J) of the stroke of these rows, N m."""
 
-    def learn(self, stroke: int, torque: Array) -> None:
+    def learn(self, rows: slice, torque: Array) -> None:
         """Learn what drives and feedforward supplied together in a stroke, (rows, J), N m."""
 
 
@@ -52,9 +52,9 @@ def predict_all(learner: Learner, signals: Signals, last: int | None = None) -> 
     found = np.zeros_like(signals.torque)
     for stroke in range(1, signals.count + 1):
         rows = signals.rows(stroke)
-        found[rows] = learner.predict(stroke)
+        found[rows] = learner.predict(rows)
         if last is None or stroke <= last:
-            learner.learn(stroke, signals.torque[rows])
+            learner.learn(rows, signals.torque[rows])
     return found
 
 
@@ -62,14 +62,13 @@ def predict_all(learner: Learner, signals: Signals, last: int | None = None) -> 
 class Fixed:
     """A torque (n, J) that is known in advance; it learns nothing."""
 
-    signals: Signals
     torque: Array
 
-    def predict(self, stroke: int) -> Array:
+    def predict(self, rows: slice) -> Array:
         """The known torque."""
-        return self.torque[self.signals.rows(stroke)]
+        return self.torque[rows]
 
-    def learn(self, stroke: int, torque: Array) -> None:
+    def learn(self, rows: slice, torque: Array) -> None:
         """Nothing."""
 
 
@@ -81,20 +80,20 @@ class Iterative:
     """
 
     def __init__(self, signals: Signals, gain: float = 1.0, harmonics: float = np.inf, rough: float = 0.0):
-        self.signals, self.gain = signals, gain
+        self.phase, self.gain = signals.phase, gain
         self.torque = np.zeros((GRID, signals.torque.shape[1]))
         number = np.arange(GRID // 2 + 1)[:, None]
         self.passes = (number <= harmonics) / (1.0 + rough * number**2)
 
-    def predict(self, stroke: int) -> Array:
+    def predict(self, rows: slice) -> Array:
         """The torque at the phases of the stroke."""
-        phase = self.signals.phase[self.signals.rows(stroke)]
-        return np.stack([np.interp(phase, np.arange(GRID) / GRID, own, period=1.0) for own in self.torque.T], axis=1)
+        grid = np.arange(GRID) / GRID
+        return np.stack([np.interp(self.phase[rows], grid, own, period=1.0) for own in self.torque.T], axis=1)
 
-    def learn(self, stroke: int, torque: Array) -> None:
+    def learn(self, rows: slice, torque: Array) -> None:
         """Correct the torque by the error of the stroke."""
-        phase, error = self.signals.phase[self.signals.rows(stroke)], torque - self.predict(stroke)
-        at_grid = np.stack([np.interp(np.arange(GRID) / GRID, phase, own) for own in error.T], axis=1)
+        error, grid = torque - self.predict(rows), np.arange(GRID) / GRID
+        at_grid = np.stack([np.interp(grid, self.phase[rows], own) for own in error.T], axis=1)
         passed = np.fft.rfft(self.torque + self.gain * at_grid, axis=0) * self.passes
         self.torque = np.fft.irfft(passed, GRID, axis=0)
 
@@ -102,47 +101,43 @@ class Iterative:
 class CmacLearner:
     """A CMAC for each block of joints, over inputs (n, m) of the block, trained sample by sample."""
 
-    def __init__(self, signals: Signals, blocks: Sequence[Counts], inputs: Sequence[Array]):
-        self.signals, self.blocks, self.inputs = signals, blocks, inputs
+    def __init__(self, blocks: Sequence[Counts], inputs: Sequence[Array]):
+        self.blocks, self.inputs = blocks, inputs
         self.cmacs = [
             Cmac(own.min(axis=0) - 1e-6, own.max(axis=0) + 1e-6, len(block), layers=LAYERS, cells=CELLS)
             for block, own in zip(blocks, inputs, strict=True)
         ]
 
-    def predict(self, stroke: int) -> Array:
+    def predict(self, rows: slice) -> Array:
         """The outputs of the networks."""
-        rows = self.signals.rows(stroke)
-        found = np.empty(self.signals.torque[rows].shape)
-        for block, cmac, own in zip(self.blocks, self.cmacs, self.inputs, strict=True):
-            found[:, block] = cmac.predict(own[rows])
-        return found
+        outputs = [cmac.predict(own[rows]) for cmac, own in zip(self.cmacs, self.inputs, strict=True)]
+        return np.concatenate(outputs, axis=1)[:, np.argsort(np.concatenate(self.blocks))]
 
-    def learn(self, stroke: int, torque: Array) -> None:
+    def learn(self, rows: slice, torque: Array) -> None:
         """Train with every sample of the stroke."""
         for block, cmac, own in zip(self.blocks, self.cmacs, self.inputs, strict=True):
-            for x, wanted in zip(own[self.signals.rows(stroke)], torque[:, block], strict=True):
+            for x, wanted in zip(own[rows], torque[:, block], strict=True):
                 cmac.update(x, wanted - cmac.predict(x), RATE)
 
 
 class Linear:
     """Recursive least squares over features (n, 1, F) of all joints, or (n, J, F) of each, from ``prior`` (F,) on."""
 
-    def __init__(self, signals: Signals, features: Array, prior: Array | None = None, ridge: float = RIDGE):
+    def __init__(self, signals: Signals, features: Array, prior: Array | float = 0.0, ridge: float = RIDGE):
         joints, size = signals.torque.shape[1], features.shape[2]
-        self.signals = signals
         self.features = np.broadcast_to(features, (len(features), joints, size))
         self.information = np.stack([np.eye(size) * ridge] * joints)
-        self.moment = np.zeros((joints, size)) + (0.0 if prior is None else ridge * prior)
+        self.moment = np.zeros((joints, size)) + ridge * prior
 
-    def predict(self, stroke: int) -> Array:
+    def predict(self, rows: slice) -> Array:
         """The outputs with the weights so far."""
         weights = np.linalg.solve(self.information, self.moment[..., None])[..., 0]
-        found: Array = np.einsum("kjf,jf->kj", self.features[self.signals.rows(stroke)], weights)
+        found: Array = np.einsum("kjf,jf->kj", self.features[rows], weights)
         return found
 
-    def learn(self, stroke: int, torque: Array) -> None:
+    def learn(self, rows: slice, torque: Array) -> None:
         """Add the samples of the stroke."""
-        own = self.features[self.signals.rows(stroke)].transpose(1, 2, 0)
+        own = self.features[rows].transpose(1, 2, 0)
         self.information += own @ own.transpose(0, 2, 1)
         self.moment += np.einsum("jfk,kj->jf", own, torque)
 
@@ -150,32 +145,28 @@ class Linear:
 class Perceptron:
     """A multilayer perceptron over features (n, F), trained on all strokes so far (scikit-learn)."""
 
-    def __init__(self, signals: Signals, features: Array):
+    def __init__(self, features: Array, joints: int):
         from sklearn.neural_network import MLPRegressor
 
-        self.signals, self.features, self.strokes = signals, features, list[Array]()
+        self.features, self.torque = features, np.zeros((0, joints))
         # "adam" counts its passes from the first on; each training goes EPOCHS further
         self.network = MLPRegressor(
             hidden_layer_sizes=(HIDDEN,), max_iter=EPOCHS, random_state=0, tol=0.0, warm_start=True
         )
 
-    def predict(self, stroke: int) -> Array:
+    def predict(self, rows: slice) -> Array:
         """The outputs of the network; zero in the first stroke."""
-        rows = self.signals.rows(stroke)
-        if not self.strokes:
-            return np.zeros_like(self.signals.torque[rows])
-        found: Array = self.network.predict(self.features[rows])
-        return found.reshape(len(found), -1)
+        shape = (rows.stop - rows.start, self.torque.shape[1])
+        return self.network.predict(self.features[rows]).reshape(shape) if self.torque.size else np.zeros(shape)
 
-    def learn(self, stroke: int, torque: Array) -> None:
+    def learn(self, rows: slice, torque: Array) -> None:
         """Train on all samples."""
         import warnings
 
-        self.strokes.append(torque)
-        first = self.signals.rows(stroke - len(self.strokes) + 1).start
+        self.torque = np.concatenate([self.torque, torque])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # it says that it has not converged
-            self.network.fit(self.features[first : self.signals.rows(stroke).stop], np.concatenate(self.strokes))
+            self.network.fit(self.features[rows.stop - len(self.torque) : rows.stop], self.torque)
 
 
 @dataclass
@@ -185,14 +176,14 @@ class Both:
     known: Learner
     above: Learner
 
-    def predict(self, stroke: int) -> Array:
+    def predict(self, rows: slice) -> Array:
         """The sum."""
-        return self.known.predict(stroke) + self.above.predict(stroke)
+        return self.known.predict(rows) + self.above.predict(rows)
 
-    def learn(self, stroke: int, torque: Array) -> None:
+    def learn(self, rows: slice, torque: Array) -> None:
         """The learner gets what is left."""
-        self.above.learn(stroke, torque - self.known.predict(stroke))
-        self.known.learn(stroke, torque)
+        self.above.learn(rows, torque - self.known.predict(rows))
+        self.known.learn(rows, torque)
 
 
 def make_tables(problem: Problem) -> Mapping[str, Maker]:
@@ -201,7 +192,7 @@ def make_tables(problem: Problem) -> Mapping[str, Maker]:
     plan = low_pass(signals.command, signals.log.period)
     rate = differentiate(plan, signals.log.period)
     by_state = [np.concatenate([plan[:, b], rate[:, b]], axis=1) for b in blocks]
-    found: dict[str, Maker] = {"CMAC over angles and velocities": lambda: CmacLearner(signals, blocks, by_state)}
+    found: dict[str, Maker] = {"CMAC over angles and velocities": lambda: CmacLearner(blocks, by_state)}
     if signals.repeats:
         turn = np.stack([np.cos(2.0 * np.pi * signals.phase), np.sin(2.0 * np.pi * signals.phase)], axis=1)
         with_speed = np.column_stack([turn, signals.speed / signals.speed.max()])
@@ -212,8 +203,8 @@ def make_tables(problem: Problem) -> Mapping[str, Maker]:
             "stroke before": lambda: Iterative(signals),
             "ILC": lambda: Iterative(signals, GAIN, HARMONICS),
             "norm-optimal ILC": lambda: Iterative(signals, 1.0 / (1.0 + CHANGE), rough=ROUGH / (1.0 + CHANGE)),
-            "CMAC over phase": lambda: CmacLearner(signals, blocks, [turn] * len(blocks)),
-            "CMAC over phase and speed": lambda: CmacLearner(signals, blocks, [with_speed] * len(blocks)),
+            "CMAC over phase": lambda: CmacLearner(blocks, [turn] * len(blocks)),
+            "CMAC over phase and speed": lambda: CmacLearner(blocks, [with_speed] * len(blocks)),
             "RBF over phase": lambda: Linear(signals, bumps[:, None]),
         }
     return found
@@ -238,13 +229,13 @@ def make_networks(problem: Problem, angle: Array, velocity: Array) -> Mapping[st
     return {
         "random Fourier features": lambda: Linear(signals, fourier[:, None]),
         "regressor of the model": lambda: Linear(signals, regressor, prior, 1.0),
-        "perceptron": lambda: Perceptron(signals, features),
+        "perceptron": lambda: Perceptron(features, signals.torque.shape[1]),
     }
 
 
 def place_below(problem: Problem, name: str, torque: Array) -> Mapping[str, Maker]:
     """Makers of a known torque (n, J), alone and below each table of :func:`make_tables`, by name."""
-    fixed = Fixed(problem.signals, torque)
+    fixed = Fixed(torque)
     return {name: lambda: fixed} | {
         f"{name} and {table}": lambda make=make: Both(fixed, make())  # type: ignore[misc]
         for table, make in make_tables(problem).items()

@@ -1,6 +1,8 @@
 """The page of an analysed log: sentences, tables and figures; and its JSON."""
 
 import json
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +12,7 @@ from cmacexp.data.folder import OUT_KEY, new_result
 from cmacexp.data.manifest import REPORT
 from cmacexp.gap.advice import advise, summarise
 from cmacexp.gap.analysis import FIRST, GENERIC, Gap
+from cmacexp.gap.identify import NAMES
 from cmacexp.gap.signals import WINDOW
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.markdown import render_markdown
@@ -34,82 +37,87 @@ def _draw_strokes(gap: Gap) -> "Figure":
     return draw([Panel("Torque left", "stroke", "left, %", series)], columns=1, height=3.0)
 
 
-def _tabulate(gap: Gap) -> "dict[str, Any]":
+def _tabulate(gap: Gap) -> "dict[str, Callable[[], DataFrame]]":
     """Makers of the tables of the page by name."""
     from pandas import DataFrame
 
     values = gap.values
-
-    def interval(each: dict[str, Any]) -> str:
-        return f"{each['value']:.1f} [{each['low']:.1f}, {each['high']:.1f}]"
-
-    def make_left() -> "DataFrame":
-        rows = [
-            [name, interval(own), own["n"], interval(own["fastest"]), f"{own['frozen']['fastest']['value']:.1f}"]
-            for name, own in sorted(values["left"].items(), key=lambda item: item[1]["value"])
-        ]
-        return DataFrame(rows, columns=["predictor", "left, %", "strokes", "fastest, %", "fastest if frozen, %"])
-
-    def make_explained() -> "DataFrame":
-        joints = {"all": values["explained"]["all"], **values["explained"]["joints"]}
-        lags = values["lag"]["joints"] if values["lag"] else {}
-        rows = [
-            [name, *own.values(), 1e3 * lags[name]["value"] if name in lags else None] for name, own in joints.items()
-        ]
-        return DataFrame(rows, columns=["joint", *(f"{key}, %" for key in joints["all"]), "lag, ms"])
-
-    def make_validation() -> "DataFrame":
+    lags = {name: 1e3 * own["value"] for name, own in (values["lag"] or {"joints": {}})["joints"].items()}
+    models = values["explained"]["all"]
+    tables: dict[str, tuple[list[str], Iterable[list[Any]]]] = {
+        "left": (
+            ["predictor", "left, %", "strokes", "fastest, %", "fastest if frozen, %"],
+            (
+                [
+                    name,
+                    _interval(own),
+                    own["n"],
+                    _interval(own["fastest"]),
+                    f"{own['frozen']['fastest']['value']:.1f}",
+                ]
+                for name, own in sorted(values["left"].items(), key=lambda item: item[1]["value"])
+            ),
+        ),
+        "explained": (
+            ["joint", *(f"{name}, %" for name in models), "lag, ms"],
+            (
+                [name, *own.values(), lags.get(name)]
+                for name, own in {"all": models, **values["explained"]["joints"]}.items()
+            ),
+        ),
+    }
+    if gap.fitted is not None:
         found = values["validation"]
         first, last = found["reverse_fitted_on"]
-        columns = ["plant", f"strokes 1 to {first - 1}", f"{first} to {last - 1}", f"{last}", "all"]
-        return DataFrame([[name, *own.values()] for name, own in found["distance"].items()], columns=columns)
+        tables |= {
+            "validation": (
+                ["plant", f"strokes 1 to {first - 1}", f"{first} to {last - 1}", f"{last}", "all"],
+                ([name, *own.values()] for name, own in found["distance"].items()),
+            ),
+            "choice": (
+                ["model of a joint", "parameters", "unseen, mrad"],
+                (list(own.values()) for own in found["choice"]["models"]),
+            ),
+            "parameters": (
+                ["joint", "rotor, kg m²", "viscous, N m s/rad", "offset, N m", "spring, N m", "friction, N m"],
+                (
+                    [
+                        name,
+                        *(
+                            f"{own[key]['value']:.3g} ± {own[key]['deviation']:.2g}" if key in own else "-"
+                            for key in NAMES
+                        ),
+                        ", ".join(f"{each:.2f}" for each in own["coulomb_friction"]["value"]),
+                    ]
+                    for name, own in values["parameters"].items()
+                ),
+            ),
+            "acting": (
+                [
+                    "feedforward",
+                    "torque, log predicts, %",
+                    "torque, obtained, %",
+                    "tracking, mean, %",
+                    "tracking, worst, %",
+                ],
+                (
+                    [
+                        f"{name}{', drives as logged' if mode == 'as_logged' else ''}",
+                        own.get("torque_predicted"),
+                        own["torque_obtained"]["mean"],
+                        own["tracking"]["mean"],
+                        own["tracking"]["worst"],
+                    ]
+                    for mode in ("as_logged", "with_velocity")
+                    for name, own in values["acting"][mode].items()
+                ),
+            ),
+        }
+    return {name: partial(DataFrame, list(rows), columns=columns) for name, (columns, rows) in tables.items()}
 
-    def make_choice() -> "DataFrame":
-        rows = [[own["model"], own["parameters"], own["mrad"]] for own in values["validation"]["choice"]["models"]]
-        return DataFrame(rows, columns=["model of a joint", "parameters", "unseen, mrad"])
 
-    def make_parameters() -> "DataFrame":
-        rows = []
-        for name, own in values["parameters"].items():
-            cells = [
-                f"{own[key]['value']:.3g} ± {own[key]['deviation']:.2g}" if key in own else "-"
-                for key in ("rotor_inertia", "viscous_friction", "offset", "spring")
-            ]
-            rows.append([name, *cells, ", ".join(f"{each:.2f}" for each in own["coulomb_friction"]["value"])])
-        return DataFrame(
-            rows,
-            columns=["joint", "rotor, kg m²", "viscous, N m s/rad", "offset, N m", "spring, N m", "friction, N m"],
-        )
-
-    def make_acting() -> "DataFrame":
-        columns = [
-            "feedforward",
-            "torque, log predicts, %",
-            "torque, obtained, %",
-            "tracking, mean, %",
-            "tracking, worst, %",
-        ]
-        rows = [
-            [
-                f"{name}{', drives as logged' if mode == 'as_logged' else ''}",
-                own.get("torque_predicted"),
-                own["torque_obtained"]["mean"],
-                own["tracking"]["mean"],
-                own["tracking"]["worst"],
-            ]
-            for mode in ("as_logged", "with_velocity")
-            for name, own in values["acting"][mode].items()
-        ]
-        return DataFrame(rows, columns=columns)
-
-    return {
-        "left": make_left,
-        "explained": make_explained,
-        "validation": make_validation,
-        "choice": make_choice,
-        "parameters": make_parameters,
-        "acting": make_acting,
-    }
+def _interval(own: dict[str, Any]) -> str:
+    return f"{own['value']:.1f} [{own['low']:.1f}, {own['high']:.1f}]"
 
 
 def make_option(gap: Gap) -> str:

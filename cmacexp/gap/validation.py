@@ -1,6 +1,7 @@
 """The identified plant: chosen by cross-validation, fitted, compared on unseen strokes; what a log does not show."""
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,8 @@ SETTLE = 0.2
 """Beginning of a log that does not count: the state of the robot before it is unknown, s."""
 CORRELATED = 0.8
 """Correlation with the rotor inertia from which on a delay is not known apart from it."""
-Advance = Callable[[], None]
-"""Is called after each part of the work."""
+Fitter = Callable[..., Fit]
+"""Does what :func:`cmacexp.gap.identify.fit` does."""
 
 
 def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
@@ -28,18 +29,16 @@ def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
     problem, count = gap.problem, gap.signals.count
     inner, train = split_strokes(count)
     steps = len(LEVELS) + 3 + len(range(FIRST, count + 1, 2)) + 1
-    done = iter(range(1, steps + 1))
+    done = iter(range(steps))
 
-    def advance() -> None:
+    def fit_next(*given: Any) -> Fit:
         set_done(next(done) / steps)
+        return fit(*given)
 
-    chosen, models = choose_level(problem, advance)
-    forward = fit(problem, chosen, rows_of(gap.signals, 1, train))
-    advance()
-    reverse = fit(problem, chosen, rows_of(gap.signals, train + 1, count))
-    advance()
-    whole = gap.fitted = fit(problem, chosen, rows_of(gap.signals, 1, count), forward.values)
-    advance()
+    chosen, models = choose_level(problem, fit_next)
+    forward = fit_next(problem, chosen, rows_of(gap.signals, 1, train))
+    reverse = fit_next(problem, chosen, rows_of(gap.signals, train + 1, count))
+    whole = gap.fitted = fit_next(problem, chosen, rows_of(gap.signals, 1, count), forward.values)
     for name, own in {"identified": forward, "identified, the reverse": reverse}.items():
         applied = problem.apply(own)
         along = applied.expand(*applied.replay(own.values, own.delay))  # so that the equations hold to all orders
@@ -71,10 +70,9 @@ def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
         "covariances": [own.tolist() for own in whole.covariances],
         "refused": refuse_parameters(problem, whole),
     }
-    for name, make in list_identified(problem, chosen, gap.makers["model"], advance).items():
+    for name, make in list_identified(problem, chosen, gap.makers["model"], fit_next).items():
         add_learner(gap, name, make)
     gap.values["acting"] = act(gap, whole, forward)
-    advance()
 
 
 def rows_of(signals: Signals, first: int, last: int) -> Mask:
@@ -97,16 +95,15 @@ def split_strokes(count: int) -> tuple[int, int]:
     return max(1, train // 2), train
 
 
-def choose_level(problem: Problem, advance: Advance = lambda: None) -> tuple[Level, list[dict[str, Any]]]:
+def choose_level(problem: Problem, fit_next: Fitter = fit) -> tuple[Level, list[dict[str, Any]]]:
     """The model of joints that predicts the second third of the strokes best when fitted to those before; and all."""
     (inner, train), models = split_strokes(problem.signals.count), []
     levels = LEVELS if problem.masses else LEVELS[:-1]
     for level in levels:
-        found = fit(problem, level, rows_of(problem.signals, 1, inner))
+        found = fit_next(problem, level, rows_of(problem.signals, 1, inner))
         angle, _ = problem.apply(found).replay(found.values, found.delay)
         distance = measure_distance(problem.signals, angle, inner + 1, train)
         models.append({"model": level.name, "parameters": int(level.free.sum()), "mrad": distance})
-        advance()
     best = min(range(len(levels)), key=lambda i: float(models[i]["mrad"]))  # type: ignore[arg-type]
     return levels[best], models
 
@@ -151,37 +148,37 @@ def refuse_parameters(problem: Problem, found: Fit) -> list[str]:
 
 
 class Identified:
-    """The plant fitted to the strokes so far, anew after every second one; until then the torque of a model."""
+    """The plant fitted to the strokes so far, anew after every second one; until then the torque of a model.
 
-    def __init__(self, problem: Problem, level: Level, before: Learner, known: dict[int, Fit], advance: Advance):
-        self.problem, self.level, self.known, self.advance = problem, level, known, advance
-        self.before, self.torque = before, np.zeros(0)
+    ``fit_to`` gives the fit to all strokes up to one.
+    """
 
-    def predict(self, stroke: int) -> Array:
+    def __init__(self, problem: Problem, before: Learner, fit_to: Callable[[int], Fit]):
+        self.problem, self.before, self.fit_to, self.torque = problem, before, fit_to, np.zeros(0)
+
+    def predict(self, rows: slice) -> Array:
         """The torque of the drives that move the plant."""
-        return self.torque[self.problem.signals.rows(stroke)] if self.torque.size else self.before.predict(stroke)
+        return self.torque[rows] if self.torque.size else self.before.predict(rows)
 
-    def learn(self, stroke: int, torque: Array) -> None:
-        """Fit to the measured angles of all strokes so far; fits that are ``known`` by their last stroke are used."""
-        signals, start = self.problem.signals, self.known.get(stroke - 2)
-        if stroke % 2 or stroke == signals.count:
-            return
-        if stroke not in self.known:
-            values = start.values if start else None
-            self.known[stroke] = fit(self.problem, self.level, rows_of(signals, 1, stroke), values)
-            self.advance()
-        found = self.known[stroke]
-        self.torque = signals.compute_torque(self.problem.apply(found).replay(found.values, found.delay)[0])
+    def learn(self, rows: slice, torque: Array) -> None:
+        """Fit to the measured angles of all strokes so far."""
+        stroke = int(self.problem.signals.stroke[rows.start])
+        if stroke % 2 == 0 and stroke < self.problem.signals.count:
+            found = self.fit_to(stroke)
+            angle, _ = self.problem.apply(found).replay(found.values, found.delay)
+            self.torque = self.problem.signals.compute_torque(angle)
 
 
-def list_identified(
-    problem: Problem, level: Level, before: Maker, advance: Advance = lambda: None
-) -> Mapping[str, Maker]:
+def list_identified(problem: Problem, level: Level, before: Maker, fit_next: Fitter = fit) -> Mapping[str, Maker]:
     """Makers of the identified plant, alone and below tables, by name; ``before`` predicts until the first fit."""
-    known = dict[int, Fit]()
+
+    @cache
+    def fit_to(stroke: int) -> Fit:
+        start = fit_to(stroke - 2).values if stroke > 2 else None
+        return fit_next(problem, level, rows_of(problem.signals, 1, stroke), start)
 
     def make() -> Learner:
-        return Identified(problem, level, before(), known, advance)
+        return Identified(problem, before(), fit_to)
 
     found: dict[str, Maker] = {IDENTIFIED: make}
     if problem.signals.repeats:

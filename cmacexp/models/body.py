@@ -186,21 +186,15 @@ def descend(
 
     On two feet the energy is almost flat along one tilt: an unbounded step would roll the body over.
     """
-    h = body[0]
-    p = body[1]
-    r = body[2]
+    h, p, r = body[0], body[1], body[2]
     before = energy(body, hips, foot, stiffness, ground_offset, load)
     scale = min(1.0, LONGEST_STEP / max(abs(dh), abs(dp), abs(dr)))
     for _ in range(MOST_HALVINGS):
-        body[0] = h + scale * dh
-        body[1] = p + scale * dp
-        body[2] = r + scale * dr
+        body[0], body[1], body[2] = h + scale * dh, p + scale * dp, r + scale * dr
         if energy(body, hips, foot, stiffness, ground_offset, load) <= before + ROUNDING * abs(before):
             return True
         scale *= 0.5
-    body[0] = h
-    body[1] = p
-    body[2] = r
+    body[0], body[1], body[2] = h, p, r
     return False
 
 

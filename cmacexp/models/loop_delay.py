@@ -73,15 +73,14 @@ class LoopDelay(NamedTuple):
         Of the loop gain z^-delay / (z - 1) and of each lag share z / (z - 1 + share), where its phase falls to -180
         degrees: 2 without lateness, 2 sin(pi / (4 delay + 2)) with delays alone.
         """
-        low, high = 0.0, math.pi
-        for step in range(1, SCANNED):  # the phase of a lag falls again, so that it may pass -180 degrees twice
-            angle = math.pi * step / SCANNED
-            if self._find_phase_and_gain(angle, sampling_period)[0] >= math.pi / 2.0:
-                high = angle
-                break
-            low = angle
-        high = _bisect(low, high, lambda angle: self._find_phase_and_gain(angle, sampling_period)[0] >= math.pi / 2.0)
-        return self._find_phase_and_gain(high, sampling_period)[1]
+
+        def is_beyond(angle: float) -> bool:
+            return self._find_phase_and_gain(angle, sampling_period)[0] >= math.pi / 2.0
+
+        # The phase of a lag falls again, so that it may pass -180 degrees twice.
+        first = next((step for step in range(1, SCANNED) if is_beyond(math.pi * step / SCANNED)), SCANNED)
+        angle = _bisect(math.pi * (first - 1) / SCANNED, math.pi * first / SCANNED, is_beyond)
+        return self._find_phase_and_gain(angle, sampling_period)[1]
 
     def find_margin(self, gain: float, sampling_period: float) -> Margin:
         """The margin of velocity feedback with a ``gain`` below the critical one, likewise over what stops a mass."""

@@ -63,21 +63,21 @@ class Checked:
     guarded: bool
     acts: bool = True
 
-    def predict(self, stroke: int) -> Array:
+    def predict(self, rows: slice) -> Array:
         """What it predicts; raises ValueError."""
-        wanted = self.signals.torque[self.signals.rows(stroke)]
-        found = np.asarray(self.learner.predict(stroke), dtype=float)
+        wanted, stroke = self.signals.torque[rows], self.signals.stroke[rows.start]
+        found = np.asarray(self.learner.predict(rows), dtype=float)
         if found.shape != wanted.shape or not np.isfinite(found).all():
             allowed = f"must be finite numbers of shape {wanted.shape}"
             raise ValueError(f"the torque of stroke {stroke} has shape {found.shape} or is not finite: {allowed}")
         self.torque = found if self.acts else np.zeros_like(found)
         return self.torque
 
-    def learn(self, stroke: int, torque: Array) -> None:
+    def learn(self, rows: slice, torque: Array) -> None:
         """Learn; a guarded one acts no longer once it left more than there was."""
         if self.guarded and ((torque - self.torque) ** 2).sum() > (torque**2).sum():
             self.acts = False
-        self.learner.learn(stroke, torque)
+        self.learner.learn(rows, torque)
 
 
 def try_method(gap: Gap, name: str, make: Maker, setting: str) -> dict[str, Any]:

@@ -8,12 +8,29 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from support.doors import RULES, BadInput, Leg, jacobian, make_scenario, train_by_rule, trigonometry
+from support.doors import (
+    RULES,
+    BadInput,
+    Leg,
+    forward_dynamics,
+    get_leg,
+    jacobian,
+    make_scenario,
+    train_by_rule,
+    trigonometry,
+)
 
-from cmacexp.feedforward import CmacFeedforward, CmacOnModel, InverseDynamics, IterativeLearning, RadialBasis
+from cmacexp.feedforward import (
+    CmacFeedforward,
+    CmacOnModel,
+    InverseDynamics,
+    IterativeLearning,
+    NoFeedforward,
+    RadialBasis,
+)
 from cmacexp.feedforward.ilc import WIDEST, gaussian_taps
 from cmacexp.feedforward.kernels import Smoothing, correct, feedforward_step, smooth
-from cmacexp.feedforward.network import kernel_norm, known_torque, network, planned_inputs, resample
+from cmacexp.feedforward.network import kernel_norm, network, planned_inputs, resample
 from cmacexp.feedforward.rbf import activations, spacing, spread_out
 from cmacexp.feedforward.weight_log import log_weights, new_log
 from cmacexp.planning import Motion
@@ -50,13 +67,22 @@ def learnt_change(params, step, error):
 # What is given
 
 
-def test_a_known_torque_is_that_of_the_sample_for_every_leg_and_joint(setup):
-    torque, output = np.random.default_rng(0).normal(size=(SAMPLES, LEGS, 2)), np.zeros((LEGS, 2))
-    params = known_torque(setup, torque)
-    for step in range(2 * SAMPLES):
-        feedforward_step(params, step, step % SAMPLES, np.ones((LEGS, 2)), output)
-        assert_array_equal(output, torque[step % SAMPLES])
-    assert not params.weights.any()
+def test_inverse_dynamics_accelerates_every_leg_as_planned_at_every_sample(make_config):
+    """Against the force of the desired depression; without a feedforward there is no torque."""
+    scenario = make_scenario(make_config("scenario=quadruped", "feedforward=inverse_dynamics"))
+    plan, mechanism, output = scenario.setup.plan, scenario.setup.mechanism, np.zeros((4, 2))
+    depression = np.maximum(0.0, plan.desired.position[..., 1] - mechanism.hip_height)  # of y
+    pressed = scenario.setup.config.assumed_stiffness * depression
+    for sample in range(3, len(plan.support), 60):
+        feedforward_step(scenario.feedforward.params, sample, sample, np.ones((4, 2)), output)
+        for i, (q, dq, ddq) in enumerate(zip(*(values[sample] for values in plan.joints), strict=True)):
+            leg, trig = get_leg(mechanism, i), trigonometry(*q)
+            assert_allclose(forward_dynamics(leg, trig, *dq, *output[i], pressed[sample, i]), ddq, atol=1e-9)
+    assert not scenario.feedforward.params.weights.any()  # which no error teaches
+    nothing = NoFeedforward(NoFeedforward.Config())
+    nothing.reset(scenario.setup)
+    feedforward_step(nothing.params, 7, 7, np.ones((4, 2)), output)
+    assert not output.any()
 
 
 def torque_of_model(make_config, *more):

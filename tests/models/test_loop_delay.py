@@ -1,12 +1,15 @@
-"""Laws of late feedback: the gain that it allows, gains of a robot and the sampling period that follow."""
+"""Laws of late feedback: the gain that it allows, gains of a robot, its sampling period; and of the discrete LEAD."""
 
 import cmath
 import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from support.doors import BadInput
 
+from cmacexp.models.lead import discretise
 from cmacexp.models.loop_delay import LoopDelay, add_delays, find_drive_margin, first_order_share
 from cmacexp.models.robot_gains import Basis, choose_feedback, derive_gains, recommend_period, require_period
 
@@ -102,3 +105,12 @@ def test_a_lag_counts_until_half_of_a_constant_torque_acts():
         late = LoopDelay(2, (lag,)).count_samples(PERIOD) - 2
         acting = 1.0 - (1.0 - first_order_share(lag, PERIOD)) ** np.arange(1, 30)
         assert (acting < 0.5).sum() == late
+
+
+@given(st.floats(0.5, 50.0), st.floats(1.0, 30.0), st.floats(1e-4, 2e-2), st.floats(0.01, 0.9))
+def test_at_a_frequency_the_lead_is_the_analogue_at_the_warped_frequency(omega, alpha, period, of_nyquist):
+    frequency = of_nyquist * math.pi / period
+    s = 2j / period * math.tan(frequency * period / 2.0)
+    lead, delay = discretise(omega, alpha, period), np.exp(-1j * frequency * period)
+    found = (lead.b0 + lead.b1 * delay) / (1.0 + lead.a1 * delay)
+    assert found == pytest.approx((1.0 + s / omega) / (1.0 + s / (alpha * omega)), rel=1e-9)

@@ -51,10 +51,10 @@ class Wrong:
     def __init__(self, signals):
         self.signals, self.factor = signals, 0.0
 
-    def predict(self, stroke):
-        return self.factor * self.signals.torque[self.signals.rows(stroke)]
+    def predict(self, rows):
+        return self.factor * self.signals.torque[rows]
 
-    def learn(self, stroke, torque):
+    def learn(self, rows, torque):
         self.factor -= 1.0
 
 

@@ -35,15 +35,10 @@ class Joints:
         self.reading.q += self.reading.dq * self.period
 
 
-def test_a_leg_learns_and_the_others_hold_still():
-    link = Joints(load=0.5)
-    error, torque = learn_strokes(link, STAND, 2, make_memory(3), lead=1, rate=0.1).T
-    assert error[-1] < 0.1 * error[0]
-    assert torque[-1] < 0.1 * torque[0]
+def test_a_leg_learns_up_to_a_limit_and_the_others_hold_still():
+    link, loaded = Joints(load=0.5), Joints(load=9.0)
+    first, *_, last = learn_strokes(link, STAND, 2, make_memory(3), lead=1, rate=0.1)
+    assert (last < 0.1 * first).all()
     assert not np.delete(link.sent, 2, axis=1).any()
-
-
-def test_what_is_learnt_is_limited():
-    link = Joints(load=9.0)
-    learn_strokes(link, STAND, 0, make_memory(3), lead=1, rate=0.1)
-    assert np.abs(link.sent).max() == MOST_LEARNT
+    learn_strokes(loaded, STAND, 0, make_memory(3), lead=1, rate=0.1)
+    assert np.abs(loaded.sent).max() == MOST_LEARNT
