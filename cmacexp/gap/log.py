@@ -185,20 +185,18 @@ class _Table:
         """The log; raises BadInput."""
         joints, names = self._find_joints(), dict[str, str]()
 
-        def read(quantity: str, each: Sequence[str] = joints) -> Array | None:
+        def read(quantity: str, each: Sequence[str] = joints, missing: Array | None = None) -> Any:
             if (pattern := self._find(quantity, each)) is None:
-                return None
+                return missing
             names[quantity] = pattern
             return np.stack([self._read(pattern.replace(JOINT, own), quantity) for own in each], axis=1)
 
         time, angle = read("time", [""]), read("angle")
-        if time is None or angle is None:
+        if time is None:
             raise BadInput(
                 KEY, self.path, f"has no column of time; name it, --names time=NAME; it has {self._list()}"
             )
-        command, torque = read("command"), read("torque")
-        zero = np.zeros_like(angle)
-        rate, forward = read("command_velocity"), read("feedforward")
+        command, torque, zero = read("command"), read("torque"), np.zeros_like(angle)
         found = Log(
             path=self.path,
             time=time[:, 0] - time[:1, 0].sum(),
@@ -206,9 +204,9 @@ class _Table:
             angle=angle,
             command=command,
             velocity=read("velocity"),
-            command_velocity=zero if rate is None else rate,
+            command_velocity=read("command_velocity", missing=zero),
             torque=torque,
-            feedforward=zero if forward is None else forward,
+            feedforward=read("feedforward", missing=zero),
             kp=self._read_gain("kp", gains, joints),
             kd=self._read_gain("kd", gains, joints),
             orientation=read("orientation", AXES),

@@ -193,8 +193,8 @@ def match_names(names: Sequence[str], joints: Sequence[str], pairs: dict[str, st
     found = []
     for name in names:
         wanted = pairs.get(name, name)
-        same = [joint for joint in joints if joint == wanted] or [j for j in joints if plain(j) == plain(wanted)]
-        close = same or [joint for joint in joints if plain(wanted) in plain(joint)]
+        equal = [joint for joint in joints if plain(joint) == plain(wanted)]
+        close = [wanted] if wanted in joints else equal or [j for j in joints if plain(wanted) in plain(j)]
         if not close and wanted.isdigit() and int(wanted) < len(joints) == len(names):
             close = [joints[int(wanted)]]
         if len(close) != 1:

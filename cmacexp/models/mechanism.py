@@ -6,7 +6,7 @@ axes of its foot: x forward, y down, and z to the left where J = 3.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,16 +35,6 @@ KINEMATICS_FIELDS = {PLANE: 4, SPACE: 12}
 """Numbers that describe a leg at given joint angles; see :func:`update_kinematics`."""
 
 
-class PlanarLegs(NamedTuple):
-    """The fields of :class:`Leg` of L planar legs, (L,) each."""
-
-    length_1: Array
-    length_2: Array
-    mass_1: Array
-    mass_2: Array
-    knee: Array
-
-
 class Mechanism(NamedTuple):
     """Geometry and masses of a machine; L is the number of its legs."""
 
@@ -71,9 +61,9 @@ class Mechanism(NamedTuple):
         return len(self.legs), len(self.axes)
 
     @property
-    def planar_legs(self) -> PlanarLegs:
-        """Views of the columns of ``legs``, by name; of planar legs alone."""
-        return PlanarLegs(*self.legs.T)
+    def planar_legs(self) -> Any:
+        """Planar legs as one :class:`Leg`, whose fields are views (L,) of the columns of ``legs``."""
+        return Leg(*self.legs.T)
 
 
 @kernel

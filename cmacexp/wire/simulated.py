@@ -175,13 +175,12 @@ def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fau
         f"a robot on {interface}, domain {domain}: {'it hangs' if robot.hung else 'it lies on the ground'}",
         flush=True,
     )
-    begun = time.perf_counter()
-    heard: float | None = None
+    begun = heard = time.perf_counter()
     age = 0 if fault.start == 0 else -1  # of the robot, for its faults: states since the first command
     taken = late = 0
     worst = 0.0
     end = begun + seconds
-    while (now := time.perf_counter()) < end and (heard is None or now - heard < IDLE):
+    while (now := time.perf_counter()) < end and (not taken or now - heard < IDLE):
         command = wire.receive(PATIENCE if patient and taken else 0.0)
         if command is not None and not fault.loses_command(age):
             heard, taken = now, taken + 1
@@ -189,7 +188,7 @@ def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fau
         robot.step()
         robot.fill(state)
         state["tick"] = robot.steps
-        age = age + 1 if heard is not None else age
+        age += taken > 0
         if (spoilt := fault.spoil_state(state, age)) is not None:
             wire.send(spoilt.tobytes())
         if patient and taken:
