@@ -124,11 +124,15 @@ def take_rows(equations, drive, params, delay, further, own, h, substeps, state,
                 command = part * commands[first, i] + (1.0 - part) * commands[last, i]
                 rate = part * rates[first, i] + (1.0 - part) * rates[last, i]
                 own_torque = part * torques[first, i] + (1.0 - part) * torques[last, i]
-                target[i] = kp[i] * (commands[first, i] - commands[last, i]) + torques[first, i] - torques[last, i]
-                target[i] += kd[i] * (rates[first, i] - rates[last, i])  # h d(torque)/d(delay)
+                target[i] = (  # h d(torque)/d(delay)
+                    kp[i] * (commands[first, i] - commands[last, i])
+                    + torques[first, i]
+                    - torques[last, i]
+                    + kd[i] * (rates[first, i] - rates[last, i])
+                )
                 unit = (q[i] - low[i]) / (high[i] - low[i])
-                total = kp[i] * (command - q[i]) + kd[i] * rate + own_torque - bias_of[k, i]
-                total += values[i, 2] + values[i, 3] * (2.0 * unit - 1.0)
+                given = kp[i] * (command - q[i]) + kd[i] * rate + own_torque
+                total = given - bias_of[k, i] + (values[i, 2] + values[i, 3] * (2.0 * unit - 1.0))
                 for j in range(size):
                     total -= gradient_of[k, i, j] * (q[j] - at[k, j])
                 for e in range(extra):
@@ -145,11 +149,10 @@ def take_rows(equations, drive, params, delay, further, own, h, substeps, state,
                 slope[i] = (values[i, 4 + above] - values[i, 4 + below]) * (knots - 1) / (high[i] - low[i])
                 slope[i] *= 0.0 < unit < 1.0
                 for p in range(count):  # b as in factor @ dv = b, before what the new velocity decides
-                    total = h * (2.0 * values[i, 3] / (high[i] - low[i]) - kp[i]) * dq[i, p]
-                    total -= 0.5 * h * (values[i, 1] + kd[i]) * dv[i, p]
+                    new[i, p] = h * (2.0 * values[i, 3] / (high[i] - low[i]) - kp[i]) * dq[i, p]
+                    new[i, p] -= 0.5 * h * (values[i, 1] + kd[i]) * dv[i, p]
                     for j in range(size):
-                        total += mass[k, i, j] * dv[j, p] - h * gradient_of[k, i, j] * dq[j, p]
-                    new[i, p] = total
+                        new[i, p] += mass[k, i, j] * dv[j, p] - h * gradient_of[k, i, j] * dq[j, p]
                 if count:
                     new[i, i * width] += v[i]
                     new[i, i * width + 1] -= 0.5 * h * v[i]

@@ -38,8 +38,7 @@ def find_holding_torque(robot: Robot, stand: Array) -> Array:
     """Torques (4, 3) that hold the legs of a level robot that hangs in the pose ``stand`` (4, 3), rad, N m."""
     data = robot.at(stand)
     load_mujoco().mj_forward(robot.model, data)
-    torque: Array = data.qfrc_bias[robot.legs.dof]
-    return torque
+    return np.array(data.qfrc_bias[robot.legs.dof])
 
 
 def check_joints(link: Link, stand: Array, expected: Array) -> None:

@@ -51,7 +51,7 @@ class Link:
 
     def __init__(self, interface: str, domain: int, period: float, limits: LimitsConfig, log: bool):
         """Hear a robot; nothing is sent yet. ``period`` in s. Raises BadInput if there is none, or if it is unfit."""
-        self.interface, self.domain, self.period, self.limits = interface, domain, period, limits
+        self.interface, self.period, self.limits = interface, period, limits
         self.command = new_command()
         self.has_priority = ask_for_priority()  # for the threads of the wire
         try:
@@ -72,6 +72,7 @@ class Link:
         except Unsafe as error:
             raise BadInput("plant.interface", interface, f"the robot is not fit to stand up: {error}") from error
         self.guardian: Guardian | None = None
+        """Of a robot that is about to move."""
 
     def _listen(self) -> tuple[Reading, int]:
         """The newest of the first states, and by how much their counter grows; raises BadInput without any."""
@@ -90,10 +91,6 @@ class Link:
             reason = f"the robot's states come every {1e3 * period:.2g} ms: use that"
             raise BadInput("sampling_period", self.period, reason)
         return heard[-1][1], tick
-
-    def guard(self, damping: float, silence: float) -> None:
-        """Start the guardian; see :class:`Guardian`."""
-        self.guardian = Guardian(self.interface, self.domain, damping, silence)
 
     def begin(self) -> None:
         """Take the newest state as the first; from now on this thread runs before others. Raises Unsafe."""

@@ -27,6 +27,7 @@ from cmacexp.plants.protocol import Measurement
 from cmacexp.sensors.estimator import estimate
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig, ProprioceptiveSensors
 from cmacexp.typing import Array
+from cmacexp.wire.guardian import Guardian
 from cmacexp.wire.hung import (
     check_joints,
     draw_chirp,
@@ -148,7 +149,7 @@ class UnitreeRobot:
         self.link = Link(config.interface, config.domain, period, config.limits, log)
         self._require_ranges("plant.interface", config.interface, self.link.reading.q)
         self._require_ranges("plant.crouch", config.crouch, np.array([config.crouch] * len(self.stand)))
-        self.link.guard(config.damping, config.guardian)
+        self.link.guardian = Guardian(config.interface, config.domain, config.damping, config.guardian)
         return first
 
     def _require_ranges(self, key: str, value: object, q: Array) -> None:
