@@ -140,15 +140,14 @@ class _Compiling(_Listener):
     def on_start(self, event: event.Event) -> None:
         """A program is about to be compiled, or a kernel inside it."""
         self.call()
-        self.depth += 1
-        self._choose()
+        self._enter(1)
 
     def on_end(self, event: event.Event) -> None:
         """It has been compiled."""
-        self.depth -= 1
-        self._choose()
+        self._enter(-1)
 
-    def _choose(self) -> None:
+    def _enter(self, depth: int) -> None:
+        self.depth += depth
         config.OPT = self.level(1 if self.depth > 1 else 3)
 
 

@@ -25,7 +25,7 @@ from cmacexp.models.robot_legs import (
     torque_limits,
 )
 from cmacexp.models.robot_spec import is_urdf, read_spec, require_own_forces, set_run_options
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Counts
 
 Names = tuple[tuple[str, ...], ...]
 """Names of joints, leg by leg."""
@@ -161,8 +161,13 @@ class Robot:
 
 def place(model: Any, data: Any, legs: Legs, q: Array) -> Any:
     """Set joint angles ``q`` (4, 3), rad, under a trunk upright at the origin; ``data`` with its kinematics."""
-    data.qpos[legs.base_qpos : legs.base_qpos + 7] = UPRIGHT
-    data.qpos[legs.qpos] = q
+    return place_joints(model, data, int(model.body_jntadr[legs.base]), legs.joint, q)
+
+
+def place_joints(model: Any, data: Any, free: int, joint: Counts, q: Array) -> Any:
+    """:func:`place` by the numbers of the free joint and of the others, (4, 3)."""
+    data.qpos[model.jnt_qposadr[free] + np.arange(7)] = UPRIGHT
+    data.qpos[model.jnt_qposadr[joint]] = q
     load_mujoco().mj_kinematics(model, data)
     return data
 
@@ -207,10 +212,7 @@ def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], angles
     model = compile_spec(path, spec)
     joint = np.array([[find_joint(mujoco, model, name) for name in leg] for leg in joints])
     free = find_free(mujoco, model, path, joint)
-    data = mujoco.MjData(model)
-    data.qpos[model.jnt_qposadr[free] + np.arange(7)] = UPRIGHT
-    data.qpos[model.jnt_qposadr[joint]] = home
-    mujoco.mj_kinematics(model, data)
+    data = place_joints(model, mujoco.MjData(model), free, joint, home)
     names = place_feet(mujoco, spec, data, feet)
     if names != list(feet):
         model = compile_spec(path, spec)

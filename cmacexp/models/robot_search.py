@@ -8,7 +8,7 @@ import numpy as np
 
 from cmacexp.errors import BadInput
 from cmacexp.models.chain import chain_angles, chain_points
-from cmacexp.models.robot import UPRIGHT, compile_spec, load_mujoco, load_spec
+from cmacexp.models.robot import compile_spec, load_mujoco, load_spec, place_joints
 from cmacexp.models.robot_gains import HEIGHT_OF_LINKS
 from cmacexp.models.robot_legs import JOINTS, LEGS, find_chain, list_names, require_frame
 from cmacexp.typing import Array
@@ -38,7 +38,6 @@ def find_names(path: Path) -> Names:
     """
     mujoco, spec = load_mujoco(), load_spec(path)
     model = compile_spec(path, spec)
-    data = mujoco.MjData(model)
     found = [find_chain(model, body) for body in sorted(set(model.jnt_bodyid.tolist()))]
     inner = {k for chain in found for k in chain[:-1]}
     types = [int(mujoco.mjtJoint.mjJNT_FREE), *[int(mujoco.mjtJoint.mjJNT_HINGE)] * JOINTS]
@@ -48,9 +47,7 @@ def find_names(path: Path) -> Names:
         reason = f"has {len(chains)} chains of three hinges on a trunk that floats, not four; they end at {ends}"
         raise BadInput("machine.path", path, reason)
     free = int(model.body_jntadr[model.body_rootid[model.jnt_bodyid[chains[0][0]]]])
-    data.qpos[model.jnt_qposadr[free] + np.arange(7)] = UPRIGHT
-    data.qpos[model.jnt_qposadr[np.array(chains)]] = 0.0
-    mujoco.mj_kinematics(model, data)
+    data = place_joints(model, mujoco.MjData(model), free, np.array(chains), np.zeros(JOINTS))
     thighs = [chain[1] for chain in chains]
     hips = data.xanchor[thighs]
     # Thighs turn about the axis that points aside; should that not be y, the frame is turned.

@@ -26,10 +26,8 @@ from cmacexp.plants.mujoco_library import (
     mj_step2,
 )
 from cmacexp.plants.robot_signals import Instruments, read_drives, read_instruments
-from cmacexp.plants.touch import Touch, ground_force, slide_anchor
+from cmacexp.plants.touch import Touch, Vector, ground_force, slide_anchor
 from cmacexp.typing import Array, Counts
-
-Vector = tuple[float, float, float]
 
 
 class Push(NamedTuple):
@@ -242,7 +240,6 @@ def observe(engine: Engine, machine: PlantState, torque: Array) -> None:
     mechanism = engine.mechanism
     origin = engine.origin
     bodies = engine.bodies
-    feet = engine.feet
     rotation, spin = bodies.trunk_rotation, bodies.trunk_rate[3:]
     at = transform_point(bodies.trunk_place, rotation, origin[0], origin[1], origin[2])
     velocity = transform_point(
@@ -256,7 +253,7 @@ def observe(engine: Engine, machine: PlantState, torque: Array) -> None:
         for j in range(machine.q.shape[1]):
             machine.q[i, j] = engine.position[engine.q[i, j]]
             machine.dq[i, j] = engine.velocity[engine.dq[i, j]]
-    if feet.trunk > 0:
+    if engine.feet.trunk > 0:
         observe_trunk(engine.touch.ground, bodies, at, velocity, machine.body, machine.body_rate, engine.travel)
         read_instruments(engine.instruments, machine, torque, engine.travel, rotation, spin, velocity)
     update_kinematics(mechanism, machine.q, machine.kinematics)
@@ -318,38 +315,30 @@ def integrate(stages: Stages | None, engine: Engine, machine: PlantState) -> Non
 
 
 @kernel
-def turn_joints(engine: Engine, torque: Array, drives: Drives | None) -> None:
-    """Let ``torque`` (L, J), N m, act on the joints, or what ``drives`` give in this inner step."""
-    held = torque
-    if drives is not None:
-        drive_joints(drives, engine.q, engine.dq, engine.position, engine.velocity)
-        held = drives.torque
-    hold_torque(engine.joints, held, engine.q, engine.dq, engine.position, engine.torque)
-
-
-@kernel
 def advance_engine(engine: Engine, machine: PlantState, torque: Array, drives: Drives | None) -> None:
     """Hold ``torque`` (L, J), N m, over one sampling period, or what ``drives`` make of their commands instead.
 
     Joint angles become NaN if MuJoCo warns.
     """
-    warned = False
+    held = torque
     for substep in range(engine.substeps):
-        if not warned:
-            turn_joints(engine, torque, drives)
-            integrate(engine.stages, engine, machine)
-            warned = bool(engine.warned.any())
-        if not warned:
-            if substep + 1 == engine.substeps:
-                machine.clock[0] += 1
-            apply_forces(engine.floor, engine, machine, False)
-    if not warned:
-        observe(engine, machine, torque)
-        read_drives(engine.instruments, drives)
-    else:
+        if drives is not None:
+            drive_joints(drives, engine.q, engine.dq, engine.position, engine.velocity)
+            held = drives.torque
+        hold_torque(engine.joints, held, engine.q, engine.dq, engine.position, engine.torque)
+        integrate(engine.stages, engine, machine)
+        if engine.warned.any():
+            break
+        if substep + 1 == engine.substeps:
+            machine.clock[0] += 1
+        apply_forces(engine.floor, engine, machine, False)
+    if engine.warned.any():
         for i in range(torque.shape[0]):
             for j in range(torque.shape[1]):
                 machine.q[i, j] = math.nan
+    else:
+        observe(engine, machine, torque)
+        read_drives(engine.instruments, drives)
 
 
 @program

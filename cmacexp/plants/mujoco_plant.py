@@ -103,10 +103,9 @@ class MujocoPlant:
         """
         config = setup.config
         mechanism = setup.mechanism
-        mujoco = load_mujoco()
+        self.mujoco = mujoco = load_mujoco()
         model, trunk, joint, foot, origin = made
         data = mujoco.MjData(model)
-        self.mujoco = mujoco
         self.model = model
         self.data = data
         q, dq = (addresses[joint].astype(np.int64) for addresses in (model.jnt_qposadr, model.jnt_dofadr))
@@ -219,8 +218,12 @@ class MujocoPlant:
 
     def kernel_parts(self) -> KernelParts:
         """Machine in MuJoCo and state, the place of a body that moves, and what a robot measures."""
-        parts = {"engine": self.engine, "plant_state": self.state}
-        return {**parts, "travel": self.engine.travel, "signals": self.signals}
+        return {
+            "engine": self.engine,
+            "plant_state": self.state,
+            "travel": self.engine.travel,
+            "signals": self.signals,
+        }
 
     @property
     def divergence(self) -> str:

@@ -64,8 +64,7 @@ def copy_state(state: Any, travel: Array | None = None, signals: RobotSignals | 
 
 def new_measurement(legs: int, axes: int = 2) -> Measurement:
     """A measurement of zeros of ``legs`` legs."""
-    q, dq, foot, velocity = (np.zeros((legs, axes)) for _ in range(4))
-    return Measurement(q, dq, foot, velocity, np.zeros(legs), np.zeros(3), np.zeros(3))
+    return Measurement._make((*np.zeros((4, legs, axes)), np.zeros(legs), *np.zeros((2, 3)), None, None))
 
 
 class Plant(Protocol):

@@ -8,9 +8,8 @@ from cmacexp.jit.compiler import kernel
 from cmacexp.models.leg import GRAVITY
 from cmacexp.plants.drives import Drives
 from cmacexp.plants.kernels import PlantState
+from cmacexp.plants.touch import Vector
 from cmacexp.typing import Array, Clock, State
-
-Vector = tuple[float, float, float]
 
 
 class RobotSignals(NamedTuple):
@@ -47,10 +46,8 @@ class Instruments(NamedTuple):
 
 def new_instruments(legs: int, joints: int, period: float) -> Instruments:
     """Instruments of ``legs`` legs with ``joints`` joints each before their first measurement; ``period`` in s."""
-    q, dq, torque = (np.zeros((legs, joints)) for _ in range(3))
-    attitude, gyroscope, accelerometer, velocity = (np.zeros(3) for _ in range(4))
-    signals = RobotSignals(q, dq, torque, attitude, gyroscope, accelerometer, np.zeros(1))
-    return Instruments(signals, period, velocity)
+    signals = RobotSignals._make((*np.zeros((3, legs, joints)), *np.zeros((3, 3)), np.zeros(1)))
+    return Instruments(signals, period, np.zeros(3))
 
 
 @kernel
