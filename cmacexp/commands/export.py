@@ -9,6 +9,7 @@ from cmacexp.data.folder import OUT_KEY, require_no_link
 from cmacexp.data.run import Run
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput
+from cmacexp.export.tables import write_mcap, write_wide
 from cmacexp.terminal.output import print_line, show_activity
 
 FORMATS = ("c", "wide", "mcap")
@@ -37,12 +38,8 @@ def _export(arguments: Arguments) -> int:
             law = describe_law(run) if arguments.law else None
             written.append(write_c(run, out, arguments.single, arguments.path, law))
         if arguments.wide:
-            from cmacexp.export.wide import write_wide
-
             written.append(write_wide(run, out))
         if arguments.mcap:
-            from cmacexp.export.mcap import write_mcap
-
             written.append(write_mcap(run, out))
     if arguments.c and WEIGHTS not in run.manifest["files"]:
         print_line(

@@ -26,7 +26,7 @@ def _show_table(runs: Sequence[Run], arguments: Arguments) -> int:
     """Show runs as a table whose rows open their recordings."""
     for name in ("cycles", "every", "meshes", "out"):
         if value := getattr(arguments, name):
-            raise BadInput(f"--{name}", value, "does not go with --table, which shows the recordings of the runs")
+            raise BadInput(f"--{name}", value, "must be left out with --table, which shows what is recorded")
     require_extra("datafusion")
     from cmacexp.recording.catalog import build_recordings, serve_catalog
 
@@ -56,7 +56,7 @@ def _replay(arguments: Arguments) -> int:
         require_display()
     if arguments.table:
         return _show_table(runs, arguments)
-    from cmacexp.recording.write import DEFAULT, Options, is_current, write_recording
+    from cmacexp.recording.write import DEFAULT, Options, ensure_recording, write_recording
 
     options = Options(arguments.cycles, arguments.every, arguments.meshes)
     path = runs[0].folder / RECORDING_FILE
@@ -65,13 +65,10 @@ def _replay(arguments: Arguments) -> int:
     if arguments.out is not None:
         path = arguments.out
         _check_out(path)
-    is_default = arguments.out is None and options == DEFAULT
-    if is_default and len(runs) == 1 and not arguments.rebuild and is_current(runs[0]):
-        shown = "as it was built; --rebuild builds it anew"
-    else:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with show_activity(f"building {path}"):
-            shown = write_recording(runs, path, options)
+    is_own = len(runs) == 1 and arguments.out is None and options == DEFAULT
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with show_activity(f"building {path}"):
+        shown = ensure_recording(runs[0], arguments.rebuild) if is_own else write_recording(runs, path, options)
     print_line(f"{path}: {shown}")
     return _show(path, arguments)
 

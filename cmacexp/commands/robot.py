@@ -1,6 +1,5 @@
 """``cmacexp robot --simulate`` plays a robot for ``plant=unitree``; ``--chirp``, ``--learn`` move one that hangs."""
 
-import math
 from typing import Any
 
 from omegaconf import OmegaConf
@@ -26,6 +25,9 @@ OVERRIDES = [
 
 HUNG = ["scenario=robot", "machine=go2", "plant=unitree", "controller=drives"]
 """The robot that hangs likewise."""
+
+LONGEST = 3600.0
+"""For which a robot is played if commands do not cease, s."""
 
 
 def _run(arguments: Arguments) -> int:
@@ -68,14 +70,12 @@ def _move_hung(arguments: Arguments) -> int:
 def _play(arguments: Arguments) -> int:
     from cmacexp.wire.simulated import SimulatedRobot, play
 
-    if not 0.0 < arguments.seconds < math.inf:
-        raise BadInput("--seconds", arguments.seconds, "must be a number of seconds above 0")
     config = compose_config([*OVERRIDES, *arguments.overrides])
     start = round(arguments.after / config.sampling_period)
-    fault = Fault(arguments.fault, start, arguments.motor, arguments.seed)
+    fault = Fault(arguments.fault, start, arguments.motor)
     crouch = OmegaConf.load(config_folder() / "plant" / "unitree.yaml").crouch
     robot = SimulatedRobot(config, not arguments.lying, list(crouch))
-    print_line(play(robot, LOOPBACK, arguments.domain, arguments.seconds, fault, arguments.patient))
+    print_line(play(robot, LOOPBACK, arguments.domain, LONGEST, fault, arguments.patient))
     return 0
 
 
@@ -89,7 +89,6 @@ def main() -> int:
     parser.add_argument("--domain", type=int, default=0, metavar="N", help="of DDS, as plant.domain (0)")
     parser.add_argument("--lying", action="store_true", help="it lies on the ground and does not hang at first")
     parser.add_argument("--patient", action="store_true", help="wait for each command: not in real time")
-    parser.add_argument("--seconds", type=float, default=3600.0, metavar="S", help="after which it ends (3600)")
     parser.add_argument("--fault", default=NO_FAULT, metavar="KIND", help="a fault that it has")
     parser.add_argument(
         "--after", type=float, default=0.0, metavar="S", help="second after the first command from which on it has it"
@@ -97,6 +96,5 @@ def main() -> int:
     parser.add_argument(
         "--motor", type=int, default=0, choices=range(12), metavar="N", help="0 to 11, whose fault it is"
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of what is lost at random")
     parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="overrides as of python -m cmacexp")
     return run_command(lambda: _run(parser.parse_intermixed_args()))

@@ -12,7 +12,6 @@ from cmacexp.report.video import (
     FORMATS,
     MOST_CYCLES,
     MP4,
-    list_whole_cycles,
     view_cycles,
     write_video,
 )
@@ -44,7 +43,7 @@ def _choose(arguments: Arguments) -> list[RunView]:
         raise BadInput("--cycles", arguments.cycles, "is for one run; of several their last cycles are shown")
     if len(runs) > MOST_CYCLES:
         raise BadInput("DIR", len(runs), f"must be at most {MOST_CYCLES} runs")
-    return [view for run in runs for view in view_cycles(run, list_whole_cycles(run)[-1:])]
+    return [view_cycles(run, [])[-1] for run in runs]
 
 
 def _video(arguments: Arguments) -> int:

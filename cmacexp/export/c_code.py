@@ -185,21 +185,13 @@ def count_operations(network: Network) -> dict[str, int]:
     """Operations of one step, at most, all legs: of numbers, of integers (about), and words of memory."""
     params, rule = network.params, network.params.learning.rule
     (legs, _, joints), layers, inputs = params.weights.shape, params.cells.shape[2], network.inputs.shape[2]
-    weighted, goal = int(network.is_weighted), rule.goal != NO_GOAL
-    add, multiply = layers * joints, weighted * layers * joints  # to predict
-    add += joints * (network.model_torque is not None)
-    add, multiply = add + weighted * layers, multiply + weighted * layers  # the power
-    per_joint = [
-        1 + (rule.divisor == REGULARISED),
-        1 + goal * (1 + (rule.goal == ZERO_BY_ERROR)),
-        1 + goal * weighted,
-    ]
-    per_joint[0] += layers * (1 + 2 * goal)
-    per_joint[1] += layers * (weighted + goal * (1 + weighted))
-    if rule.goal == MEAN:
-        per_joint = [per_joint[0] + layers, per_joint[1] + 2 * weighted * layers, per_joint[2] + 1]
-    add, multiply, divide = add + joints * per_joint[0], multiply + joints * per_joint[1], joints * per_joint[2]
-    integer = 2 * layers * joints
+    weighted, goal, mean = int(network.is_weighted), int(rule.goal != NO_GOAL), int(rule.goal == MEAN)
+    predict, power, integer = layers * joints, weighted * layers, 2 * layers * joints
+    add = predict + power + joints * (network.model_torque is not None)
+    add += joints * (1 + (rule.divisor == REGULARISED) + layers * (1 + 2 * goal + mean))
+    multiply = weighted * predict + power + joints * (1 + goal * (1 + (rule.goal == ZERO_BY_ERROR)))
+    multiply += joints * layers * (weighted + goal * (1 + weighted) + 2 * weighted * mean)
+    divide = joints * (1 + goal * weighted + mean)
     if network.addresses:
         add, multiply, divide = add + 2 * inputs, multiply + inputs, divide + inputs
         integer += layers * inputs * (8 if network.addresses[0].hashed else 5) + 12 * layers

@@ -16,8 +16,7 @@ from cmacexp.gap.identify import NAMES
 from cmacexp.gap.signals import WINDOW
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.markdown import render_markdown
-from cmacexp.report.page import Report, write_report
-from cmacexp.report.page_elements import Renderer
+from cmacexp.report.page import Renderer, Report, write_report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

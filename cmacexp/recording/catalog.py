@@ -15,7 +15,7 @@ from cmacexp.data.tables import RECORDING_FILE
 from cmacexp.errors import BadRun
 from cmacexp.metrics.registry import ALL_METRICS, MAIN
 from cmacexp.recording.viewer import HOST
-from cmacexp.recording.write import is_current, write_recording
+from cmacexp.recording.write import ensure_recording
 
 DATASET = "runs"
 NAME_COLUMN = "property:RecordingInfo:name"
@@ -30,8 +30,7 @@ def build_recordings(runs: Sequence[Run], anew: bool) -> tuple[list[Run], list[s
     ready, faults = [], []
     for run in runs:
         try:
-            if anew or not is_current(run):
-                write_recording([run], run.folder / RECORDING_FILE)
+            ensure_recording(run, anew)
             ready.append(run)
         except BadRun as error:
             faults.append(str(error))

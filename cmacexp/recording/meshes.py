@@ -29,7 +29,7 @@ def read_shown_model(run: Run) -> Robot:
     """
     plain = run.config["machine"]
     if plain["kind"] != "robot" or "robot" not in run.manifest:
-        raise BadInput("--meshes", run.folder, "is no run of a robot, which alone has meshes; leave --meshes out")
+        raise BadInput("--meshes", run.folder, "is no run of a robot, which alone has meshes; leave out --meshes")
     machine = read_fields(RobotMachine, plain, "machine")
     path = find_model(machine.model, machine.path)
     if path.is_relative_to(run.folder.resolve()):

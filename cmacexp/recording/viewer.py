@@ -72,9 +72,7 @@ def view_run(run: Run) -> None:
         make_recording([run], DEFAULT)[0].notebook_show()
         return
     require_display()
-    from cmacexp.recording.write import is_current, write_recording
+    from cmacexp.recording.write import ensure_recording
 
-    path = run.folder / RECORDING_FILE
-    if not is_current(run):
-        write_recording([run], path)
-    open_window(path)
+    ensure_recording(run)
+    open_window(run.folder / RECORDING_FILE)

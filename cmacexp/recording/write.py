@@ -177,3 +177,13 @@ def write_recording(runs: Sequence[Run], path: Path, options: Options = DEFAULT)
     with write_atomically(path) as temporary:
         temporary.write_bytes(content)
     return description
+
+
+def ensure_recording(run: Run, anew: bool = False) -> str:
+    """Build the recording of a run where :func:`is_current` says that it has none, or ``anew``; a description of it.
+
+    Raises as :func:`make_recording`, and OSError.
+    """
+    if is_current(run) and not anew:
+        return "as it was built; --rebuild builds it anew"
+    return write_recording([run], run.folder / RECORDING_FILE)

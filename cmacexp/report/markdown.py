@@ -5,12 +5,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from jinja2 import Environment, StrictUndefined, TemplateSyntaxError, UndefinedError, nodes
 from markupsafe import Markup
 
 from cmacexp.config.fields import listed
 from cmacexp.errors import BadInput
 from cmacexp.metrics.text import format_number
-from cmacexp.report.page_elements import Drawing, Renderer, Section, Table
+from cmacexp.report.page import Drawing, Renderer, Section, Table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,7 +35,6 @@ def render_markdown(
     table, which are called then; ``{{ name }}`` a value; numbers get three digits. Raises BadInput if the template
     inserts a value that is not given.
     """
-    from jinja2 import Environment, StrictUndefined, UndefinedError
 
     def insert_figure(name: str, title: str = "", caller: Callable[[], str] | None = None) -> str:
         caption = Markup(caller().strip() if caller else "")
@@ -57,8 +57,6 @@ def render_markdown(
 
 def find_insertions(template: Path, page: str) -> list[tuple[str, str, int]]:
     """What the ``page`` of a template inserts by a name that it spells out: function, name, line; raises BadInput."""
-    from jinja2 import Environment, TemplateSyntaxError, nodes
-
     try:
         tree = Environment().parse(page)
     except TemplateSyntaxError as error:

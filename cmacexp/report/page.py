@@ -1,21 +1,168 @@
-"""A report: sections of text, tables and figures as one self-contained HTML file."""
+"""A report: sections of text, tables and figures as one self-contained HTML file, with its figures beside it.
+
+A figure stands on the page in pieces, cut from its file: its legends and each of its panels. A narrow screen then
+shows one panel in a row, and print can break a figure between two rows.
+"""
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from markupsafe import Markup
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.folder import HTML, OUT_KEY, ResultWriter, new_result
+from cmacexp.data.folder import FIGURES, HTML, OUT_KEY, ResultWriter, new_result
 from cmacexp.data.version import __version__
-from cmacexp.report.page_elements import Renderer, Section
-from cmacexp.typing import Status
+from cmacexp.metrics.text import find_numeric
+from cmacexp.typing import Array, Status
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SVG = "svg"
+GROUPS = re.compile(r'^  <g id="(?P<kind>axes|legend)_\d+">\n.*?^  </g>\n', re.DOTALL | re.MULTILINE)
+DEFINITIONS = re.compile(r"^ <defs>.*?^ </defs>\n", re.DOTALL | re.MULTILINE)
+POINTS = 72.0
+"""In an inch; the unit of an SVG."""
+PAD = 3.0
+"""Around a piece of a figure, points."""
 REPORT = "report"
 """The folder of its report in that of a run."""
 HOW_TO_REPORT = "python -m cmacexp.report FOLDER makes the page of one run."
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under named columns; numbers are formatted, with units in the names of their columns."""
+
+    columns: Sequence[str]
+    """Names, whose units follow a comma or a line break."""
+    rows: Sequence[Sequence[str]]
+    caption: str = ""
+    cards: bool = False
+    """Whether each row is a card of its own on a narrow screen; else the table scrolls sideways there."""
+
+    @property
+    def numeric(self) -> frozenset[int]:
+        """The columns that hold only numbers, which are aligned to the right."""
+        return find_numeric(self.rows)
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure, the name of its file, and its caption."""
+
+    name: str
+    figure: "Figure"
+    caption: str
+    title: str = ""
+    """E.g. ``Fig. 10``, if it is one of the paper's."""
+
+
+@dataclass(frozen=True)
+class Details:
+    """Elements that are hidden until a reader opens them."""
+
+    title: str
+    parts: "Sequence[PageElement]"
+
+
+PageElement = str | Table | Drawing | Details
+"""A string is a paragraph, or HTML if it is a ``markupsafe.Markup``."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of a page."""
+
+    title: str
+    parts: Sequence[PageElement]
+
+    @property
+    def anchor(self) -> str:
+        """Its anchor in the page."""
+        return "".join(c if c.isalnum() else "-" for c in self.title.lower())
+
+
+class Renderer:
+    """Renders elements as HTML by the templates beside this file, and saves figures in the folder of a page."""
+
+    def __init__(self, folder: Path):
+        from jinja2 import Environment, FileSystemLoader
+
+        self.folder = folder
+        loader = FileSystemLoader(Path(__file__).parent)
+        self.environment = Environment(loader=loader, autoescape=True, trim_blocks=True)
+        self.environment.globals.update(save=self._save)
+
+    def render_part(self, part: PageElement) -> str:
+        """An element as HTML."""
+        template: Any = self.environment.get_template("parts.html").module
+        return f"{template.show(part).strip()}\n"
+
+    def render_page(self, **values: Any) -> str:
+        """A whole page, from the values that its template names."""
+        return self.environment.get_template("page.html").render(values)
+
+    def _save(self, drawing: Drawing) -> Markup:
+        """Save a figure; returns its pieces for the page."""
+        (self.folder / FIGURES).mkdir(parents=True, exist_ok=True)
+        if engine := drawing.figure.get_layout_engine():
+            engine.execute(drawing.figure)  # for which savefig would draw the whole figure once more
+            drawing.figure.set_layout_engine(None)
+        path = self.folder / FIGURES / f"{drawing.name}.{SVG}"
+        drawing.figure.savefig(path, format=SVG, metadata={"Date": None})
+        return Markup(cut_figure(drawing.figure, path.read_text(encoding="utf-8")))
+
+
+def _find_panels(figure: "Figure") -> list[tuple[Array, list[int]]]:
+    """Extent (2, 2) of each panel, display units, as wide as its column and as high as its row; and its axes."""
+    boxes = [np.asarray(axes.get_tightbbox()) for axes in figure.axes]
+    specs = {n: spec for n, axes in enumerate(figure.axes) if (spec := axes.get_subplotspec()) is not None}
+    if not specs:
+        return [(np.array([[0.0, 0.0], figure.bbox.max]), list(range(len(boxes))))]
+    own = {n: [n] for n in specs}
+    for n in set(range(len(boxes))) - set(specs):  # a bar of colours, beside its map
+        own[min(specs, key=lambda main: abs(boxes[main] - boxes[n])[1].sum())].append(n)
+    found = []
+    for main, spec in specs.items():
+        columns = [n for other in specs if specs[other].colspan.start == spec.colspan.start for n in own[other]]
+        rows = [n for other in specs if specs[other].rowspan.start == spec.rowspan.start for n in own[other]]
+        left, right = min(boxes[n][0, 0] for n in columns), max(boxes[n][1, 0] for n in columns)
+        bottom, top = min(boxes[n][0, 1] for n in rows), max(boxes[n][1, 1] for n in rows)
+        ratios = np.asarray(spec.get_gridspec().get_width_ratios(), dtype=float)
+        least = 0.96 * figure.bbox.width * ratios[spec.colspan.start] / ratios.sum()
+        found.append((np.array([[left, bottom], [max(right, left + least), top]]), own[main]))
+    return found
+
+
+def cut_figure(figure: "Figure", drawn: str) -> str:
+    """The pieces of a drawn figure as HTML; ``drawn`` is its SVG. Names of groups, which a page repeats, go."""
+    plain = re.sub(r"\s*<!--.*?-->", "", drawn, flags=re.DOTALL)  # a blank line would end HTML in Markdown
+    texts: dict[str, list[str]] = {"axes": [], "legend": []}
+    for found in GROUPS.finditer(plain):
+        texts[found["kind"]].append(re.sub(r'<g id="[^"]*"', "<g", found[0]))
+    boxes = [legend.get_window_extent().get_points() for legend in figure.legends]
+    pieces = [(box, "legend", text) for box, text in zip(boxes, texts["legend"], strict=True)]
+    panels = _find_panels(figure)
+    pieces += [(box, "panel", "".join(texts["axes"][n] for n in own)) for box, own in panels]
+    definitions = "".join(DEFINITIONS.findall(plain))
+    width, height = figure.get_size_inches() * POINTS
+    columns = {round(box[0, 0]): np.ptp(box[:, 0]) * POINTS / figure.dpi + 2.0 * PAD for box, _ in panels}
+    percent = 100.0 / max(width, 1.01 * sum(columns.values()))  # all columns fit into a row
+    drawings = []
+    for box, kind, text in pieces:
+        (left, bottom), (right, top) = box * POINTS / figure.dpi + [[-PAD], [PAD]]
+        view = f"{left:.1f} {height - top:.1f} {right - left:.1f} {top - bottom:.1f}"
+        share = min(percent * (right - left), 100.0)
+        drawings.append(f'<svg class="{kind}" style="--width:{share:.1f}" viewBox="{view}">{definitions}{text}</svg>')
+        definitions = ""
+    return "\n".join(drawings)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from cmacexp.metrics.text import format_number
 from cmacexp.recording.run_view import RunView
 from cmacexp.report.curves import describe_change, join, over_cycles
 from cmacexp.report.figures import DESIRED_LINE, Panel, Series, draw
-from cmacexp.report.page_elements import Drawing
+from cmacexp.report.page import Drawing
 from cmacexp.report.style import FEEDBACK, FEEDFORWARD, mark, pale
 from cmacexp.typing import Array, Mask, Status
 

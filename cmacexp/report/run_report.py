@@ -14,8 +14,7 @@ from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.metrics.text import format_cell, format_setting
 from cmacexp.recording.run_view import RunView, count_kept
-from cmacexp.report.page import REPORT, Report, write_report
-from cmacexp.report.page_elements import Details, PageElement, Section, Table
+from cmacexp.report.page import REPORT, Details, PageElement, Report, Section, Table, write_report
 from cmacexp.report.run_figures import draw_body, draw_end, draw_metrics, draw_torques, draw_tracking
 from cmacexp.typing import Status
 

@@ -17,8 +17,7 @@ from cmacexp.metrics.run_table import format_runs, make_names, shows
 from cmacexp.metrics.text import format_setting
 from cmacexp.report.curves import describe_change, describe_effect, is_numeric, over_cycles, over_setting
 from cmacexp.report.figures import draw
-from cmacexp.report.page import HOW_TO_REPORT, Report
-from cmacexp.report.page_elements import Drawing, PageElement, Section, Table
+from cmacexp.report.page import HOW_TO_REPORT, Drawing, PageElement, Report, Section, Table
 from cmacexp.report.style import DASHES, MARKERS, SERIES
 from cmacexp.typing import Array
 

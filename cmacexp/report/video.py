@@ -190,19 +190,13 @@ def view_cycles(run: Run, asked: Sequence[int]) -> list[RunView]:
         BadInput: the trace does not have them whole, or they are too many.
         BadRun: the trace has no whole cycle.
     """
-    whole = list_whole_cycles(run)
+    whole = run.select_whole(sorted(count_steps_by_cycle(run.folder)))
+    if not whole:
+        raise BadRun(f"{run.folder}: its trace has no whole cycle, there is nothing to show")
     cycles = sorted(set(asked) or {whole[0], whole[-1]})
     if len(cycles) > MOST_CYCLES or not set(cycles) <= set(whole):
         raise BadInput("--cycles", ",".join(map(str, asked)), f"write up to {MOST_CYCLES} whole cycles")
     return [RunView(run, run.read_trace([cycle])) for cycle in cycles]
-
-
-def list_whole_cycles(run: Run) -> list[int]:
-    """Cycles that the trace has whole; raises BadRun if there is none."""
-    whole = run.select_whole(sorted(count_steps_by_cycle(run.folder)))
-    if not whole:
-        raise BadRun(f"{run.folder}: its trace has no whole cycle, there is nothing to show")
-    return whole
 
 
 def write_video(

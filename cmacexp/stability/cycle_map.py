@@ -55,7 +55,6 @@ class RestorableLoop:
         limits = new_limits(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
         self.run = Driver(scenario, make_loop(scenario, external, limits), external)
         self.plan = setup.plan
-        self.config = config
         self.period = config.steps_per_cycle
         self.samples, self.body = make_samples(self.period, legs, False, self.joints)
         self._list_state()
@@ -72,7 +71,6 @@ class RestorableLoop:
         self._parts = [each for each in states if each.array is not self._weights]
         self._in_use = [rows[:used] for rows, used in zip(log.rows, log.used, strict=True)] if learns else []
         self._clocks = Snapshot(each.array for each in arrays if each.role == CLOCK)
-        self._held = self.run.taken
 
     @property
     def cycles(self) -> int:
@@ -140,7 +138,5 @@ class RestorableLoop:
 def make_restorable_loop(config: Config, prepared: Scenario | None = None) -> RestorableLoop:
     """The loop of a config, at its start; a prepared scenario that has not run stays unchanged."""
     if prepared is None or isinstance(prepared.plant, MujocoPlant):  # which cannot be copied
-        scenario = make_scenario(config)
-    else:
-        scenario = prepared if any(find_external(prepared)) else copy.deepcopy(prepared)
-    return RestorableLoop(scenario)
+        return RestorableLoop(make_scenario(config))
+    return RestorableLoop(prepared if any(find_external(prepared)) else copy.deepcopy(prepared))

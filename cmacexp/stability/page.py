@@ -5,9 +5,11 @@ import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from pandas import DataFrame
 
 from cmacexp.data.folder import OUT_KEY, new_result
 from cmacexp.data.manifest import REPORT
@@ -15,13 +17,9 @@ from cmacexp.data.run import Run
 from cmacexp.metrics.text import format_cell
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.markdown import render_markdown
-from cmacexp.report.page import Report, write_report
-from cmacexp.report.page_elements import Renderer
+from cmacexp.report.page import Renderer, Report, write_report
 from cmacexp.stability import verdict as limits
 from cmacexp.stability.verdict import HOLDS, Analysis, Verdict
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TITLES = ("lead", "learning", "growth per cycle", "least Re T", "ends in cycle")
 VERDICT = "stability.json"
@@ -49,7 +47,7 @@ def advise(analysis: Analysis) -> list[str]:
     return [f"Learning holds with lead {' or '.join(held)}." if held else "No lead that was tried is sure to hold."]
 
 
-def _draw_growth(analysis: Analysis) -> "Figure":
+def _draw_growth(analysis: Analysis) -> Figure:
     """Change of the feedback from cycle to cycle, measured and predicted."""
     start, sizes = analysis.growth.cycle + 1, analysis.sizes
     predicted = analysis.growth.sizes(max(len(sizes) - start + 1, 2))
@@ -61,7 +59,7 @@ def _draw_growth(analysis: Analysis) -> "Figure":
     return draw([Panel(title, "cycle", "root of summed squares, N m", change, log="y")], height=3.0)
 
 
-def _draw_real_parts(analysis: Analysis) -> "Figure":
+def _draw_real_parts(analysis: Analysis) -> Figure:
     """Least eigenvalue of Re z^l T over frequency for each lead l, the least of all places of the cycle."""
     hertz, shown = analysis.spectra[0].frequencies, (-0.6, 1.3)
     series = [Series(f"lead {lead}", hertz, analysis.least_real(lead)) for lead in analysis.verdicts]
@@ -72,8 +70,6 @@ def write_stability_report(
     run: Run, verdict: Verdict, analysis: Analysis | None, notes: Sequence[str], folder: Path
 ) -> Path:
     """Write verdict and page of a run into ``folder``, with sentences ``notes``; returns the HTML file."""
-    from pandas import DataFrame
-
     title = f"Stability of learning: {run.config['scenario']}, {run.folder.resolve().name}"
     asked: dict[str, Any] = {"runs": {str(run.folder.resolve()): run.manifest.get("config_hash")}}
     values: dict[str, Any] = {"analysis": analysis, "limits": limits}

@@ -18,8 +18,7 @@ from cmacexp.data.manifest import Manifest
 from cmacexp.data.parquet import write_table
 from cmacexp.errors import BadInput
 from cmacexp.report.markdown import find_insertions, render_markdown
-from cmacexp.report.page import HOW_TO_REPORT, Report, find_page, relative, write_report
-from cmacexp.report.page_elements import Renderer, Section
+from cmacexp.report.page import HOW_TO_REPORT, Renderer, Report, Section, find_page, relative, write_report
 from cmacexp.study.interval import FEW, Interval
 from cmacexp.study.provenance import PROVENANCE
 from cmacexp.study.results import LAST_CYCLES, Results

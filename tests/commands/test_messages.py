@@ -132,7 +132,7 @@ def check_message(line: str, said: str) -> None:
 def sections() -> dict[str, list[str]]:
     """What is typed, by what is wrong with it."""
     parts = re.split(r"^# (.*)\n", PAGE.with_name("wrong_inputs.txt").read_text(), flags=re.MULTILINE)[1:]
-    return {name: text.split("\n")[1:-2] for name, text in zip(parts[::2], parts[1::2], strict=True)}
+    return {name: text.strip().split("\n") for name, text in zip(parts[::2], parts[1::2], strict=True)}
 
 
 TYPED = sections()

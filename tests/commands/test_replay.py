@@ -42,10 +42,6 @@ def forces_of(folder):
     return trace[trace.leg == 1][["force_desired", "force"]].to_numpy(np.float32)
 
 
-def state_of(folder):
-    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
 def test_a_window_of_cycles_is_shown_thinned_and_the_run_stays_intact(copy):
     assert replay(copy, "--cycles", "2-3", "--every", 7).returncode == 0
     steps, force = lines(copy / RECORDING, "leg_1/force")
@@ -78,7 +74,7 @@ def test_a_recording_that_is_missing_damaged_a_link_or_of_another_run_is_built_a
 
 
 def test_runs_side_by_side_show_the_cycles_that_all_took_and_stay_as_they_are(runs, tmp_path):
-    before = state_of(runs)
+    before = {path: path.read_bytes() for path in runs.rglob("*") if path.is_file()}
     done = replay(runs / "leg", runs / "walk", "--cycles", "last", folder=tmp_path)
     (path,) = tmp_path.rglob("*.rrd")
     assert (done.returncode, path.name) == (0, "leg-walk.rrd"), done.stderr
@@ -88,27 +84,7 @@ def test_runs_side_by_side_show_the_cycles_that_all_took_and_stay_as_they_are(ru
         steps, force = lines(path, "leg_1/force", f"{root}/")
         assert steps.tolist() == list(range(600))
         assert (force == forces_of(runs / name)[:600]).all()
-    assert state_of(runs) == before
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        "leg walk --cycles 3 --out new.rrd",
-        "leg --web",
-        "walk --meshes --out new.rrd",
-        "leg --every 0",
-        "leg --out leg/metrics.csv/new.rrd",
-        "leg --out .",
-        "leg --out leg/new.rrd",
-        "nothing",
-        "leg --table --cycles 1",
-    ],
-)
-def test_what_cannot_be_shown_is_refused_in_one_line(words, runs):
-    before = state_of(runs)
-    done = replay(*words.split(), folder=runs)
-    assert (done.returncode, len(done.stderr.splitlines()), state_of(runs)) == (2, 1, before)
+    assert {path: path.read_bytes() for path in runs.rglob("*") if path.is_file()} == before
 
 
 @pytest.mark.ci

@@ -14,8 +14,7 @@ from support.doors import CmacexpError
 from support.manifests import accept
 
 import cmacexp
-from cmacexp.export.mcap import write_mcap
-from cmacexp.export.wide import write_wide
+from cmacexp.export.tables import write_mcap, write_wide
 
 
 @pytest.fixture(scope="module", params=["leg", "walk"])
