@@ -35,18 +35,6 @@ def _find_destination(given: Sequence[Path], out: str | None) -> Path:
     return folder
 
 
-def _read_runs(runs: Sequence[Run]) -> Sequence[Run]:
-    """Runs of which at least one can be read, with their metrics; else raises BadRun."""
-    with show_progress("reading", len(runs), "runs") as set_done:
-        for number, run in enumerate(runs, 1):
-            _ = run.outcome  # read once, then kept
-            set_done(number)
-    if not any(run.outcome.is_result for run in runs):
-        first = f"{runs[0].folder.name}: {runs[0].outcome.cause}"
-        raise BadRun(f"{runs[0].folder.parent}: none of {len(runs)} runs can be read ({first})")
-    return runs
-
-
 def _describe_resume(given: Path, runs: Sequence[Run]) -> str:
     """How a sweep goes on that was killed or interrupted; empty of others."""
     is_sweep = (given / "multirun.yaml").exists()  # Hydra writes it when a sweep begins
@@ -54,9 +42,15 @@ def _describe_resume(given: Path, runs: Sequence[Run]) -> str:
     return describe_resume(given) if is_sweep and (stopped or not (given / manifests.MANIFEST).exists()) else ""
 
 
-def _report_of_several(found: Sequence[Run], given: Sequence[Path], out: Path) -> Path:
-    """Write the page of several runs and print their table."""
-    runs = _read_runs(found)
+def _report_of_several(runs: Sequence[Run], given: Sequence[Path], out: Path) -> Path:
+    """Write the page of several runs and print their table; raises BadRun if none can be read."""
+    with show_progress("reading", len(runs), "runs") as set_done:
+        for number, run in enumerate(runs, 1):
+            _ = run.outcome  # read once, with its metrics, then kept
+            set_done(number)
+    if not any(run.outcome.is_result for run in runs):
+        first = f"{runs[0].folder.name}: {runs[0].outcome.cause}"
+        raise BadRun(f"{runs[0].folder.parent}: none of {len(runs)} runs can be read ({first})")
     resume = _describe_resume(given[0], runs) if len(given) == 1 else ""
     title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
     with show_activity("comparing the runs"):

@@ -9,7 +9,6 @@ from cmacexp.commands.robots import quote_value
 from cmacexp.config import config_folder
 from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import LEG_NAMES
-from cmacexp.errors import BadInput
 from cmacexp.metrics.text import format_number
 from cmacexp.terminal.output import print_line, show_activity
 from cmacexp.terminal.tables import print_table
@@ -31,10 +30,6 @@ LONGEST = 3600.0
 
 
 def _run(arguments: Arguments) -> int:
-    asked = [arguments.simulate, arguments.chirp is not None, arguments.learn is not None]
-    if sum(asked) != 1:
-        reason = "give one of --simulate, and of a robot that hangs --chirp LOG and --learn LEG"
-        raise BadInput("--simulate", arguments.simulate, reason)
     return _play(arguments) if arguments.simulate else _move_hung(arguments)
 
 
@@ -83,9 +78,10 @@ def main() -> int:
     """Run the command."""
     kinds = "; ".join(f"{name}: {meaning}" for name, meaning in KINDS.items())
     parser = Parser("cmacexp robot", f"Play a robot on this computer's loopback for plant=unitree. Faults: {kinds}.")
-    parser.add_argument("--simulate", action="store_true", help="play a robot; it ends once commands cease")
-    parser.add_argument("--chirp", metavar="LOG", help="move the joints of a robot that hangs, for cmacexp gap LOG")
-    parser.add_argument("--learn", metavar="LEG", choices=LEG_NAMES, help="let a leg of a robot that hangs learn")
+    does = parser.add_mutually_exclusive_group(required=True)
+    does.add_argument("--simulate", action="store_true", help="play a robot; it ends once commands cease")
+    does.add_argument("--chirp", metavar="LOG", help="move the joints of a robot that hangs, for cmacexp gap LOG")
+    does.add_argument("--learn", metavar="LEG", choices=LEG_NAMES, help="let a leg of a robot that hangs learn")
     parser.add_argument("--domain", type=int, default=0, metavar="N", help="of DDS, as plant.domain (0)")
     parser.add_argument("--lying", action="store_true", help="it lies on the ground and does not hang at first")
     parser.add_argument("--patient", action="store_true", help="wait for each command: not in real time")

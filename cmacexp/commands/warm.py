@@ -19,27 +19,21 @@ MANY = 10**6
 """Runs that repay compiling everything that many runs use."""
 
 
-def _compile(overrides: list[str]) -> float:
-    """Run one of a million such runs, for a cycle; how long it took, s."""
-    from cmacexp.engine.chunk import run_chunk
-
-    began = time.monotonic()
-    run_chunk([["cycles=1", *overrides]], False, MANY)
-    return time.monotonic() - began
-
-
 def _warm(arguments: Arguments) -> int:
     for name in arguments.forms:
         if name not in FORMS:
             raise BadInput("FORM", name, f"choose from {', '.join(FORMS)}")
+    from cmacexp.engine.chunk import run_chunk
+
     for name in arguments.forms or FORMS:
+        began = time.monotonic()
         try:
             with show_activity(f"compiling {name}"):
-                seconds = _compile(FORMS[name])
+                run_chunk([["cycles=1", *FORMS[name]]], False, MANY)
         except CmacexpError as error:  # what it needs is not installed
             print_line(f"{name}: left out: {error}")
         else:
-            print_line(f"{name}: ready after {seconds:.1f} s")
+            print_line(f"{name}: ready after {time.monotonic() - began:.1f} s")
     return 0
 
 

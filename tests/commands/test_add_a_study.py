@@ -59,6 +59,13 @@ def test_the_study_of_yaml_needs_no_python_and_its_second_finding_fails(tmp_path
     assert vanishes["statement"] in (tmp_path / "outputs/studies/my_study/report.html").read_text()
 
 
+def require_refused(folder, file, named):
+    """A study ends in one line that names what is wrong."""
+    done = call("study", file, folder=folder)
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert (done.returncode, named in line) == (2, True), line
+
+
 @pytest.mark.parametrize(
     ("old", "new", "key"),
     [
@@ -69,10 +76,7 @@ def test_the_study_of_yaml_needs_no_python_and_its_second_finding_fails(tmp_path
 )  # fmt: skip
 def test_a_mistake_in_yaml_is_an_error_of_one_line_before_anything_is_run(old, new, key, tmp_path):
     (tmp_path / "my_study.yaml").write_text(block("yaml").replace(old, new))
-    done = call("study", "my_study.yaml", folder=tmp_path)
-    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
-    assert done.returncode == 2
-    assert f"{key}=" in line
+    require_refused(tmp_path, "my_study.yaml", f"{key}=")
     assert not (tmp_path / "outputs").exists()
 
 
@@ -95,10 +99,7 @@ def test_a_mistake_in_yaml_is_an_error_of_one_line_before_anything_is_run(old, n
 )
 def test_a_mistake_is_one_line_that_names_it(wrong, named, tmp_path):
     name = f"wrong_{sha256(str(wrong).encode()).hexdigest()[:8]}"  # a module of its own in this process
-    done = call("study", write(tmp_path, **{"name": name, **wrong}), folder=tmp_path)
-    assert done.returncode == 2
-    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
-    assert named in line
+    require_refused(tmp_path, write(tmp_path, **{"name": name, **wrong}), named)
 
 
 RAISES = """

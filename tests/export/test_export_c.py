@@ -83,6 +83,13 @@ def check(folder, files=FILES[1:]):
     return subprocess.run([folder / "check"], capture_output=True, text=True, timeout=60)
 
 
+def alter(source, pattern, new):
+    """Change the one place of a file that fits a pattern."""
+    changed, count = re.subn(pattern, new, source.read_text(), count=1)
+    assert count == 1
+    source.write_text(changed)
+
+
 @needs_compiler
 @pytest.mark.parametrize("case", CASES)
 def test_c_computes_what_python_does(case, run_of, tmp_path):
@@ -96,13 +103,9 @@ def test_c_computes_what_python_does(case, run_of, tmp_path):
 
 @needs_compiler
 def test_a_changed_weight_and_a_changed_law_fail(run_of, tmp_path):
-    source = write_c(run_of(), tmp_path).with_name("cmac_leg.c")
-    text = source.read_text()
     weight = r"(learnt\[LEARNT\][^{]*\{\s*\{-?0x1\.)(.)"
     for old, new in [(weight, r"\g<1>8"), (r"rate \* error", "rate * error * error")]:
-        changed = re.sub(old, new, text, count=1)
-        assert changed != text
-        source.write_text(changed)
+        alter(write_c(run_of(), tmp_path).with_name("cmac_leg.c"), old, new)
         assert check(tmp_path).returncode == 1
 
 
@@ -117,10 +120,7 @@ def test_c_runs_the_law_that_python_runs(case, stored, tmp_path):
     agrees = check(tmp_path, ("cmac_leg.c", *LAW_FILES[1:]))
     assert agrees.returncode == 0, agrees.stdout
     assert ("lasting" in str(LAWS[case]) or "robot" in case) == ("1 event" in agrees.stdout), agrees.stdout
-    source = tmp_path / LAW_FILES[1]
-    changed = re.sub(r"(velocity\[1\]) = row\[VY\]", r"\1 = -row[VY]", text := source.read_text())
-    assert changed != text
-    source.write_text(changed)
+    alter(tmp_path / LAW_FILES[1], r"(velocity\[1\]) = row\[VY\]", r"\1 = -row[VY]")
     assert check(tmp_path, ("cmac_leg.c", *LAW_FILES[1:])).returncode == 1
 
 
