@@ -8,7 +8,7 @@ from cmacexp.data.version import __version__
 if TYPE_CHECKING:
     from cmacexp.control.protocol import Controller
     from cmacexp.engine.api import Run, load, open_loop, run
-    from cmacexp.engine.batch import load_sweep, run_many
+    from cmacexp.engine.batch import load_sweep, run_many, write_many
     from cmacexp.errors import BadInput, BadRun, CmacexpError
     from cmacexp.feedforward.protocol import Feedforward
     from cmacexp.plants.protocol import Plant
@@ -29,11 +29,12 @@ __all__ = [
     "open_loop",
     "run",
     "run_many",
+    "write_many",
 ]
 _PLACES = {
     **dict.fromkeys(("BadInput", "BadRun", "CmacexpError"), "errors"),
     **dict.fromkeys(("Run", "load", "open_loop", "run"), "engine.api"),
-    **dict.fromkeys(("load_sweep", "run_many"), "engine.batch"),
+    **dict.fromkeys(("load_sweep", "run_many", "write_many"), "engine.batch"),
     "Controller": "control.protocol",
     "Feedforward": "feedforward.protocol",
     "Plant": "plants.protocol",

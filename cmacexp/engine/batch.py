@@ -1,13 +1,17 @@
 """Many runs as one table: those of a sweep, from disk, or run in memory on all cores."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyarrow as pa
 
+from cmacexp.data.files import write_atomically
+from cmacexp.data.parquet import table_writer
 from cmacexp.engine.chunk import RunEnd, run_chunk
 from cmacexp.engine.equal_results import Outcome, find_idle_keys, hash_overrides
 from cmacexp.engine.job_tables import find_runs
@@ -15,6 +19,7 @@ from cmacexp.engine.pool import choose_size, count_processes, start_workers
 from cmacexp.engine.sweep_tables import (
     concat_metrics,
     join_runs,
+    make_column,
     make_labels,
     make_table,
     parse_overrides,
@@ -27,6 +32,8 @@ from cmacexp.terminal.output import print_line
 if TYPE_CHECKING:
     import pandas as pd
 
+RUNS_AT_ONCE = 1 << 12
+"""Runs whose results are in memory at a time while they are written."""
 METRICS, TRACE = KEPT = ("metrics", "trace")
 
 
@@ -74,6 +81,30 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
         OtherModel: of each robot whose model is not the one that results were measured with.
         WithoutEffect: of each key without effect, see ``docs/runs.md``; runs with ``warn=false`` do not count.
     """
+    (table,) = _run_in_parts(runs, keep, processes, len(runs))
+    return table.to_pandas()
+
+
+def write_many(
+    file: str | Path, runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int | None = None
+) -> None:
+    """Write the table of :func:`run_many` to one Parquet file, in little more memory than the overrides take.
+
+    Args, errors and warnings are the same; all runs must have the same columns, those of machines of one kind. The
+    file is whole or absent.
+    """
+    with write_atomically(Path(file)) as place, ExitStack() as stack:
+        names, writer = list[str](), None
+        for part in _run_in_parts(runs, keep, processes, RUNS_AT_ONCE):
+            writer = writer or stack.enter_context(table_writer(place, part.schema))
+            names = names or part.column_names
+            if set(names) != set(part.column_names):
+                raise BadInput("runs", list(runs[0]), "must have the columns of all others: take one kind of machine")
+            writer.write_table(part.select(names))
+
+
+def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | None, most: int) -> Iterator[pa.Table]:
+    """The table of :func:`run_many`, of so many runs at a time; warnings are in the name of the caller's caller."""
     if keep not in KEPT:
         raise BadInput("keep", keep, f"choose from {', '.join(KEPT)}")
     for overrides in runs:
@@ -82,24 +113,27 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
     if not runs:
         raise BadInput("runs", list(runs), "must have at least one run")
     count = count_processes(processes)
-    size = choose_size(len(runs), count)
-    listed = [list(overrides) for overrides in runs]
-    chunks = [(listed[at : at + size], keep == TRACE, len(runs)) for at in range(0, len(runs), size)]
+    size, settings = choose_size(len(runs), count), parse_overrides(runs)
+    known = make_table([{"run": number, **own} for number, own in enumerate(settings)])
+    outcomes, other_models = list[Outcome | None](), dict[str, None]()
     with start_workers(count) as parallel_map:
-        done = parallel_map("running", run_chunk, chunks)
-    ends: list[RunEnd] = [end for chunk, _ in done for end in chunk]
-    for other in dict.fromkeys(filter(None, (end.other_model for end in ends))):
-        warnings.warn(other, OtherModel, stacklevel=2)
-    settings = parse_overrides(runs)
-    outcomes = [
-        Outcome(partial(hash_overrides, overrides), end.result) if end.result else None
-        for overrides, end in zip(listed, ends, strict=True)
-    ]
+        for first in range(0, len(runs), most):
+            part = [list(overrides) for overrides in runs[first : first + most]]
+            chunks = [(part[at : at + size], keep == TRACE, len(runs)) for at in range(0, len(part), size)]
+            done = parallel_map("running", run_chunk, chunks)
+            ends: list[RunEnd] = [end for chunk, _ in done for end in chunk]
+            other_models |= dict.fromkeys(end.other_model for end in ends)
+            outcomes += [
+                Outcome(partial(hash_overrides, overrides), end.result) if end.result else None
+                for overrides, end in zip(runs[first:], ends, strict=False)
+            ]
+            own = known.slice(first, len(part)).append_column("status", make_column([end.status for end in ends]))
+            index: Any = np.repeat(np.arange(len(part)), [end.rows for end in ends])
+            yield join_runs(own, concat_metrics([table for _, table in done])[0], index)
+    for other in filter(None, other_models):
+        warnings.warn(other, OtherModel, stacklevel=3)
     for kind, text in find_idle_keys(settings, outcomes, list(map(str, range(len(runs)))), "runs"):
         if kind == "warning":
-            warnings.warn(text, WithoutEffect, stacklevel=2)
+            warnings.warn(text, WithoutEffect, stacklevel=3)
         else:
             print_line(f"{kind}: {text}", error=True)
-    rows = [{"run": i, **own, "status": end.status} for i, (own, end) in enumerate(zip(settings, ends, strict=True))]
-    table, _ = concat_metrics([table for _, table in done])
-    return join_runs(make_table(rows), table, np.repeat(np.arange(len(runs)), [end.rows for end in ends])).to_pandas()
