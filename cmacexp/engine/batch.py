@@ -115,23 +115,23 @@ def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | Non
     count = count_processes(processes)
     size, settings = choose_size(len(runs), count), parse_overrides(runs)
     known = make_table([{"run": number, **own} for number, own in enumerate(settings)])
-    outcomes, other_models = list[Outcome | None](), dict[str, None]()
+    all_ends = list[RunEnd]()
     with start_workers(count) as parallel_map:
         for first in range(0, len(runs), most):
             part = [list(overrides) for overrides in runs[first : first + most]]
             chunks = [(part[at : at + size], keep == TRACE, len(runs)) for at in range(0, len(part), size)]
             done = parallel_map("running", run_chunk, chunks)
             ends: list[RunEnd] = [end for chunk, _ in done for end in chunk]
-            other_models |= dict.fromkeys(end.other_model for end in ends)
-            outcomes += [
-                Outcome(partial(hash_overrides, overrides), end.result) if end.result else None
-                for overrides, end in zip(runs[first:], ends, strict=False)
-            ]
+            all_ends += ends
             own = known.slice(first, len(part)).append_column("status", make_column([end.status for end in ends]))
             index: Any = np.repeat(np.arange(len(part)), [end.rows for end in ends])
             yield join_runs(own, concat_metrics([table for _, table in done])[0], index)
-    for other in filter(None, other_models):
+    for other in dict.fromkeys(filter(None, (end.other_model for end in all_ends))):
         warnings.warn(other, OtherModel, stacklevel=3)
+    outcomes = [
+        Outcome(partial(hash_overrides, overrides), end.result) if end.result else None
+        for overrides, end in zip(runs, all_ends, strict=True)
+    ]
     for kind, text in find_idle_keys(settings, outcomes, list(map(str, range(len(runs)))), "runs"):
         if kind == "warning":
             warnings.warn(text, WithoutEffect, stacklevel=3)
