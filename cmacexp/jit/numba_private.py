@@ -19,13 +19,17 @@ from typing import Any
 
 import numba
 from numba import types
-from numba.core import event, serialize
+from numba.core import codegen, event, serialize
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import register_pass
+from numba.core.typed_passes import NativeLowering
 from numba.extending import typeof_impl
 
 from cmacexp.jit.hooks import Hook
 from cmacexp.jit.kernels import c_functions, inlined_kernels, merged_kernels
 
 njit: Any = numba.njit
+make_function: Any = import_module("numba._dynfunc").make_function
 typeof: Any = numba.typeof
 config: Any = numba.config
 install_listener: Any = event.install_listener
@@ -54,10 +58,68 @@ import_module("numba.experimental.function_type")  # which knows the type of a h
 types.WrapperAddressProtocol.register(Hook)
 
 
+class _LinkedCode(codegen.JITCodeLibrary):
+    """Code of a kernel, as programs link it: LLVM optimises and translates it there, with what surrounds it."""
+
+    def _optimize_functions(self, module: Any) -> None:
+        module.data_layout = self._codegen._data_layout
+
+    def finalize(self) -> None:
+        """Link what the kernel calls."""
+        for library in dict.fromkeys(self._linking_libraries):
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._finalized = True
+
+
+class _ProgramCode(codegen.JITCodeLibrary):
+    """Code of a program; without numba's first optimisation, which is for counts of references."""
+
+    def _optimize_final_module(self) -> None:
+        manager, builder = self._codegen._module_pass_manager()  # type: ignore[no-untyped-call]
+        manager.run(self._final_module, builder)
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)  # type: ignore[no-untyped-call]
+class _Lowering(NativeLowering):  # type: ignore[misc]
+    """Makes the code of a program, or of a kernel, which has no entry for Python."""
+
+    _name = "lowering_of_programs"
+
+    def run_pass(self, state: Any) -> bool:
+        """Lower the function of a ``state`` of the compiler."""
+        is_kernel = state.flags.no_cpython_wrapper
+        library = _LinkedCode if is_kernel else _ProgramCode
+        state.library = library(state.targetctx.codegen(), state.func_id.func_qualname)
+        if not is_kernel:
+            state.library.enable_object_caching()
+            return bool(super().run_pass(state))  # type: ignore[no-untyped-call]
+        state.flags.no_compile = True
+        super().run_pass(state)  # type: ignore[no-untyped-call]
+        made = state.cr
+        name, keeps = made.fndesc.qualname, (state.library,)
+        entry = make_function(made.fndesc.lookup_module(), name, "", 0, made.env, keeps)
+        state.targetctx.insert_user_function(entry, made.fndesc, [state.library])
+        state["cr"] = made._replace(cfunc=entry)
+        return True
+
+
+class _Compiler(CompilerBase):  # type: ignore[misc]
+    """numba's compiler with this lowering."""
+
+    def define_pipelines(self) -> list[Any]:
+        """The passes."""
+        manager = DefaultPassBuilder.define_nopython_pipeline(self.state)  # type: ignore[no-untyped-call]
+        manager.add_pass_after(_Lowering, NativeLowering)
+        manager.passes = [made for made in manager.passes if made[0] is not NativeLowering]
+        manager.finalize()
+        return [manager]
+
+
 @cache
 def _inner(function: Callable[..., object]) -> Any:
     """A kernel as programs call it: not kept, since the programs that contain it are; without an entry for Python."""
-    return njit(**SETTINGS, no_cpython_wrapper=True, forceinline=inlined_kernels[function])(function)
+    inline = inlined_kernels[function]
+    return njit(**SETTINGS, no_cpython_wrapper=True, forceinline=inline, pipeline_class=_Compiler)(function)
 
 
 @typeof_impl.register(FunctionType)
@@ -77,7 +139,7 @@ def compiled_program(function: Callable[..., object], folder: Path) -> Callable[
     before = config.CACHE_DIR
     config.CACHE_DIR = str(folder)
     try:
-        compiled: Any = njit(**SETTINGS, cache=True)(function)
+        compiled: Any = njit(**SETTINGS, cache=True, pipeline_class=_Compiler)(function)
     finally:
         config.CACHE_DIR = before
     if compiled is not function:
@@ -130,35 +192,14 @@ class _Listener(event.Listener):
         """What this listens to has ended."""
 
 
-class _Compiling(_Listener):
-    """Has LLVM optimise programs, and the kernels inside them little, since it sees them again in the program."""
-
-    def __init__(self, call: Callable[[], None]):
-        super().__init__(call)
-        self.level, self.depth = type(config.OPT), 0
-
-    def on_start(self, event: event.Event) -> None:
-        """A program is about to be compiled, or a kernel inside it."""
-        self.call()
-        self._enter(1)
-
-    def on_end(self, event: event.Event) -> None:
-        """It has been compiled."""
-        self._enter(-1)
-
-    def _enter(self, depth: int) -> None:
-        self.depth += depth
-        config.OPT = self.level(1 if self.depth > 1 else 3)
-
-
 @contextmanager
 def before_compiling(call: Callable[[], None], again: Callable[[], None]) -> Iterator[None]:
     """Have ``call`` called before anything is compiled that the cache does not hold; what it raises prevents that.
 
     ``again`` is called many times meanwhile, and may end that likewise.
     """
-    before = config.OPT
-    with install_listener("numba:compile", _Compiling(call)), install_listener("numba:run_pass", _Listener(again)):
+    before, config.OPT = config.OPT, type(config.OPT)(3)
+    with install_listener("numba:compile", _Listener(call)), install_listener("numba:run_pass", _Listener(again)):
         try:
             yield
         finally:
