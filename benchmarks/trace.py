@@ -22,11 +22,11 @@ def of_run(cycles: int, folder: Path, rounds: int) -> list[Row]:
     """From the samples of a run of one leg to a whole file."""
     config = make_config("scenario=one_leg", f"cycles={cycles}")
     rollout = roll_out(make_scenario(config))
-    table = assemble(rollout.plan, rollout.columns(), config.sampling_period)
+    table = assemble(rollout.plan, rollout.columns(), config.sampling_period).table
     ours, plain, csv, npy = (folder / f"{cycles}.{kind}" for kind in ("parquet", "plain", "csv", "npy"))
 
     def write() -> None:
-        write_table(assemble(rollout.plan, rollout.columns(), config.sampling_period), ours)
+        write_table(assemble(rollout.plan, rollout.columns(), config.sampling_period).table, ours)
 
     workers = {
         "ours": stopwatch(write),
