@@ -19,18 +19,21 @@ MOST_CANDIDATES = 400_000
 
 
 def diagonal(layers: int, inputs: int) -> Vector:
-    """(1, 1, ..., 1): all layers along the diagonal (Albus 1975), as in the paper."""
+    """(1, 1, ..., 1) of shape (n,), quanta: all layers along the diagonal (Albus 1975), as in the paper."""
     return np.ones(inputs, dtype=np.int64)
 
 
 def odd_lattice(layers: int, inputs: int) -> Vector:
-    """(1, 3, 5, ...): the first odd numbers (Miller & Glanz 1996, UNH CMAC)."""
+    """(1, 3, 5, ...) of shape (n,), quanta: the first odd numbers (Miller & Glanz 1996, UNH CMAC)."""
     vector = 2 * np.arange(inputs, dtype=np.int64) + 1
     return vector % layers if layers > 1 else np.ones(inputs, dtype=np.int64)
 
 
 def least_distance(vectors: Vector, layers: int) -> NDArray[np.int64]:
-    """Squared least distance (V,) between two cell corners of the lattice that each of ``vectors`` (V, n) spans."""
+    """Squared least distance (V,) between two cell corners of the lattice that each of ``vectors`` (V, n) spans.
+
+    The vectors are in quanta, the squares in quanta^2.
+    """
     shifts = np.arange(1, layers)[None, :, None] * vectors[:, None, :] % layers
     folded = np.minimum(shifts, layers - shifts)
     squared = (folded * folded).sum(axis=2)
@@ -38,7 +41,7 @@ def least_distance(vectors: Vector, layers: int) -> NDArray[np.int64]:
 
 
 def parks_militzer(layers: int, inputs: int) -> Vector:
-    """The vector whose lattice has the largest least distance (Parks & Militzer 1991), found by search.
+    """The vector (n,), quanta, whose lattice has the largest least distance (Parks & Militzer 1991), found by search.
 
     Mirroring an input and exchanging inputs do not change the distance, so the search is limited to non-decreasing
     vectors that begin with 1, of numbers coprime with the number of layers and at most half of it. Raises BadInput if
@@ -90,13 +93,13 @@ class InputRange(NamedTuple):
     """Range of every input of a CMAC; n is the number of inputs."""
 
     low: Array
-    """(n,): lower end."""
+    """(n,): lower end, in the unit of each input."""
     high: Array
-    """(n,): upper end, above ``low``."""
+    """(n,): upper end, above ``low``, likewise."""
 
 
 def spanning(values: Array, factor: float) -> InputRange:
-    """Ranges of ``factor`` times the span of each column of ``values`` (samples, n), centred on its middle.
+    """Ranges of ``factor`` times the span of each column of ``values`` (samples, n), in its unit, about its middle.
 
     An input that does not vary gets a range of width 1, which has no effect on the output.
     """

@@ -16,8 +16,8 @@ Positions = NDArray[np.uint64]
 def read(weights: Array, cells: Cells, output: Array) -> None:
     """Sum of the active weights: D_d = sum W_i (Lin & Song 1997, eq. 18).
 
-    Fills ``output`` (2,) from the rows ``cells`` (C,) of ``weights`` (rows, 2): both sums in one pass, which the
-    processor computes in parallel.
+    Fills ``output`` (2,) from the rows ``cells`` (C,) of ``weights`` (rows, 2), in their unit: both sums in one
+    pass, which the processor computes in parallel.
     """
     first, second = 0.0, 0.0
     for j in range(cells.shape[0]):
@@ -31,7 +31,7 @@ def train(weights: Array, cells: Cells, error: Array, rate: float) -> None:
     """Add beta U / C to every active weight (Lin & Song 1997, eq. 19, 20): the paper's rule with activations of 1.
 
     :func:`cmacexp.cmac.rules.train_by_rule` gives the same bits in 150 ns instead of 50 ns with 32 layers. Changes
-    the rows ``cells`` (C,) of ``weights`` (rows, 2) by ``error`` (2,), U, the output of the feedback controller.
+    the rows ``cells`` (C,) of ``weights`` (rows, 2) by ``error`` (2,), U, the output of the feedback, N m.
     """
     layers = cells.shape[0]
     first, second = rate * error[0] / layers, rate * error[1] / layers
@@ -42,7 +42,7 @@ def train(weights: Array, cells: Cells, error: Array, rate: float) -> None:
 
 @kernel
 def read_weighted(weights: Array, cells: Cells, activation: Array, output: Array) -> None:
-    """:func:`read` with every active weight times its ``activation`` (C,)."""
+    """:func:`read` of ``weights`` (rows, outputs), each active one times its ``activation`` (C,), for any number."""
     for o in range(output.shape[0]):
         total = 0.0
         for j in range(cells.shape[0]):

@@ -105,7 +105,7 @@ class Cmac:
 
     @property
     def weights(self) -> Array:
-        """(rows, outputs), zero at first; may be replaced by an array of the same shape."""
+        """(rows, outputs), in the units of the outputs, zero at first; an array of the same shape may replace it."""
         return self._weights
 
     @weights.setter

@@ -28,7 +28,7 @@ def spline(kind: int, place: float) -> float:
 
 @kernel
 def activate(params: Address, kind: int, inputs: Array, activation: Array) -> None:
-    """Activations of the cells of one input (n,): products of splines over all inputs, normalised to the sum C.
+    """Activations, without a unit, of the cells of one input (n,): products of splines, normalised to the sum C.
 
     The sum is C as in the paper, because a product of many splines is small almost everywhere. As long as that sum is
     not 0 the output is continuous: the input leaves a cell where its activation is 0. Outside its range an input is

@@ -21,13 +21,13 @@ class Request(NamedTuple):
     """Arrays through which Python and the generator exchange one sample."""
 
     inputs: Array
-    """(n,)."""
+    """(n,): in the units of their ranges."""
     error: Array
-    """(outputs,): what teaches."""
+    """(outputs,): what teaches, in their units."""
     rate: Array
     """(1,): beta; 0 asks for the output and trains nothing."""
     output: Array
-    """(outputs,): filled."""
+    """(outputs,): filled, in their units."""
     cells: Cells
     """(C,): scratch."""
     activation: Array

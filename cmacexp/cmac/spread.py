@@ -11,7 +11,7 @@ MOST_ENTRIES = 2**27
 
 
 def binomial(window: int) -> Array:
-    """Taps (2 x window + 1,) of the binomial filter; their sum is 1.
+    """Taps (2 x window + 1,), without a unit, of the binomial filter; their sum is 1.
 
     Its gain at frequency f is cos(pi f T_s)^(2 x window), which is never negative and has no side lobes: it reverses
     no error and attenuates fast ones.

@@ -55,7 +55,7 @@ def saturate(limit: tuple[float, ...], feedback: Array, feedforward: Array, torq
     """Limit the torque of every joint to its ``limit`` (J,), N m; the feedback is reduced first.
 
     ``feedback`` (L, J) is reduced in place, and ``feedforward`` (L, J) where it alone exceeds the limit. ``torque``
-    (L, J) is filled with their sum, the input of the plant.
+    (L, J) is filled with their sum, the input of the plant; all in N m.
     """
     for i in range(torque.shape[0]):
         for j in range(len(limit)):
@@ -70,7 +70,7 @@ def saturate(limit: tuple[float, ...], feedback: Array, feedforward: Array, torq
 
 @kernel
 def postpone(actuator: Actuator, step: int, feedback: Array, feedforward: Array) -> None:
-    """Replace the torques of ``step`` by those of ``delay`` steps ago, zero before the first; all (L, J)."""
+    """Replace the torques of ``step`` by those of ``delay`` steps ago, zero before the first; all (L, J), N m."""
     delay_buffer = actuator.delay_buffer
     now, then = step % delay_buffer.shape[0], (step - actuator.delay) % delay_buffer.shape[0]
     for i in range(feedback.shape[0]):
@@ -81,7 +81,7 @@ def postpone(actuator: Actuator, step: int, feedback: Array, feedforward: Array)
 
 @kernel
 def slow_down(actuator: Actuator, feedback: Array, feedforward: Array, torque: Array) -> None:
-    """Limit the change of every torque, (L, J), to ``change`` N m; the difference is attributed to the feedback."""
+    """Limit the change of every torque, (L, J), N m, to ``change``; the difference is attributed to the feedback."""
     for i in range(torque.shape[0]):
         for j in range(len(actuator.limit)):
             lowest, highest = actuator.last[i, j] - actuator.change, actuator.last[i, j] + actuator.change

@@ -26,7 +26,7 @@ class DriveParams(NamedTuple):
     hips: Array
     """(L, 2): in the body frame, x forward and y left, m."""
     chains: Array
-    """(L, 21): legs, see :mod:`cmacexp.models.chain`."""
+    """(L, 21): legs, m, see :mod:`cmacexp.models.chain`."""
     angles: Array
     """(N, L, 3): of the plan, where the search for angles starts, rad."""
     behind: Array
@@ -55,7 +55,8 @@ def command_drives(
 ) -> None:
     """Fill the ``command`` (6, L, 3) of a step but for its torques, and torques and learning error of ``state``.
 
-    A leg with ``support`` (L,) also presses with its desired force; ``reference`` is that of this ``sample``.
+    A leg with ``support`` (L,) also presses with its desired force; ``reference`` is that of this ``sample``. The
+    parts of a command are in the units of :data:`cmacexp.plants.drives.TORQUE`, torques and learning error in N m.
     """
     stiffness, damping = params.stiffness, params.damping
     hips = params.hips

@@ -38,7 +38,7 @@ class DriveController:
         """Of J^T (F_d - F) in support, in what teaches, beside what the drives' law gives; 0: that alone."""
 
         def check(self, config: Config) -> None:
-            """Check that the drives are stable behind their lag (Routh, of one joint without friction)."""
+            """Check that drives are stable behind their lag (Routh, a joint without friction); raises BadInput."""
             least = config.actuator.lag * self.stiffness
             if self.damping <= least:
                 reason = f"must be above actuator.lag times controller.stiffness, {least:.4g}, or joints shake"

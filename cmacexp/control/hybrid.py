@@ -65,7 +65,7 @@ class HybridController:
 
     @property
     def force_trusted(self) -> Array:
-        """(L,): 1, or 0 since the force sensor of the leg was excluded."""
+        """(L,): 1, or 0 since the force sensor of the leg was excluded; without a unit."""
         return self.state.fault_status.trusted
 
     @property

@@ -92,7 +92,7 @@ def posture_rate_term(params: HybridParams, i: int, pose: Pose, rate: Array) -> 
     """Posture term of the velocity reference of a supporting foot, -gain x dh_i/dt, m/s.
 
     With the gain of :func:`posture_term` it is the derivative of that term, which the paper leaves out: a body with
-    inertia rocks without it. ``rate`` (3,) is that of height, pitch and roll.
+    inertia rocks without it. ``rate`` (3,) is that of height, m/s, pitch and roll, rad/s.
     """
     if not has_body(params.mechanism) or params.posture_rate_gain == 0.0:
         return 0.0
@@ -134,7 +134,7 @@ def control_force(
 
     The ``desired`` force in its place cancels the terms of P_fn and V_fn in the error against those in the reference
     (eq. 9, 13, 24). Damping and explicit control have no other information about the ground: they use the force
-    expected at the measured depth.
+    expected at the measured depth. ``foot`` (L, J), m, is in the frames of the hips.
     """
     if not params.fault_detection.enabled:
         return measured
@@ -165,7 +165,7 @@ def hybrid_feedback(
     reference: ControlReference,
     observation: Observation,
 ) -> None:
-    """Feedback torques of all legs; ``state`` of the last step becomes that of this one.
+    """Feedback torques (L, J), N m, of all legs; ``state`` of the last step becomes that of this one.
 
     A leg with ``support`` (L,) is under force control along y, else under position control; ``reference`` is that of
     this step.

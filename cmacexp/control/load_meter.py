@@ -32,7 +32,7 @@ class LoadMeter(NamedTuple):
     stiffness: float
     """K_n that the controller assumes, N/m."""
     sums: Clock
-    """(13,)"""
+    """(13,): in the order and units of STEPS to Y_DEPTH."""
 
 
 def new_load_meter(config: Config, mechanism: Mechanism) -> LoadMeter | None:

@@ -46,7 +46,7 @@ class Steering(NamedTuple):
     """(N, 2): planned place of the body beside its constant speed, m."""
     most: float
     command: Scratch
-    """(3,)"""
+    """(3,): LONGITUDINAL, LATERAL and TURN, without a unit."""
     capture: float
     """How far aside feet touch down over the speed aside, s; 0: as planned."""
     farthest: float
@@ -146,7 +146,7 @@ def steer_longitudinal(
 
 @kernel
 def steer_lateral(steering: Steering | None, hips: Array, i: int, reference: ControlReference) -> tuple[float, float]:
-    """z, m, and vz, m/s, likewise, where feet move in space."""
+    """z, m, and vz, m/s, of foot ``i`` likewise, where feet move in space; ``hips`` (L, 2), m."""
     scale = scale_lateral(steering, hips, i)
     offset = 0.0 if steering is None else steering.offset[i]
     return (

@@ -13,7 +13,10 @@ from cmacexp.typing import Array, Weights
 
 
 def list_by_joints(motion: Motion) -> Array:
-    """Position, velocity and acceleration (3, N, L, J), joint by joint in memory: the order in which sums add up."""
+    """Position, velocity and acceleration (3, N, L, J), joint by joint in memory: the order in which sums add up.
+
+    They are in rad, rad/s and rad/s^2.
+    """
     return np.moveaxis(np.moveaxis(np.array(motion), -1, 1).copy(), 1, -1)
 
 
@@ -72,7 +75,7 @@ class IdentifiedModel:
         return torque
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
-        """See :class:`cmacexp.feedforward.Feedforward`."""
+        """Learn from the last step's feedback (L, J), N m, then give this step's torque (L, J), N m."""
         samples = len(self.torque)
         caused = (reference.sample - 1 - self.lead) % samples
         self.wanted[caused] = self.given[caused] + learning_error

@@ -87,7 +87,7 @@ class BuiltInFeedforward(ABC):
 def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
     """Inputs (N, columns) of the networks of leg ``i``.
 
-    Planned angles of the J joints in rad, their velocities, accelerations; of the phase cosine and sine.
+    Planned angles of the J joints, rad, velocities, rad/s, accelerations, rad/s^2; of the phase cosine and sine.
     """
     samples = len(setup.plan.support)
     by_name = dict(zip(("angle", "velocity", "acceleration"), setup.plan.joints, strict=True))
@@ -99,7 +99,7 @@ def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
 
 
 def kernel_norm(cells: Cells, activation: Array) -> float:
-    """|K| of K = A A^T / sum a_i^2 over a cycle: its largest sum over a row, of all legs.
+    """|K|, without a unit, of K = A A^T / sum a_i^2 over a cycle: its largest sum over a row, of all legs.
 
     ``cells`` (N, L, C) are the active rows of each sample, ``activation`` (N, L, C) the entries of A.
     """

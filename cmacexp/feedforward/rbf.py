@@ -66,7 +66,7 @@ class RadialBasis(BuiltInFeedforward):
         """Standard deviation of a Gaussian over the mean distance between neighbouring centres."""
 
         def check(self, config: Config) -> None:
-            """Check that there are as many centres as active ones."""
+            """Check that there are as many centres as active ones; raises BadInput."""
             if self.active > self.centres:
                 allowed = f"must be at most feedforward.centres={self.centres}"
                 raise BadInput("feedforward.active", self.active, allowed)
@@ -74,7 +74,10 @@ class RadialBasis(BuiltInFeedforward):
     config: Config
 
     def reset(self, setup: Setup) -> None:
-        """Place the centres along the path; start with weights of zero, or those of an earlier run."""
+        """Place the centres along the path; start with weights of zero, or those of an earlier run.
+
+        Raises BadInput if a cycle has fewer samples than centres, or learning rule or earlier weights do not fit.
+        """
         samples, legs = setup.plan.support.shape
         number = self.config.centres
         if number > samples:

@@ -44,7 +44,7 @@ def hold_cycles(log: WeightLog, cycles: int) -> WeightLog:
 
 @kernel
 def log_weights(log: WeightLog, weights: Array, entry: Array) -> None:
-    """Fill ``entry`` (L, 3) with the columns LOGGED of ``weights`` (L, rows, J) now."""
+    """Fill ``entry`` (L, 3) with the columns LOGGED of ``weights`` (L, rows, J), N m, now."""
     for i in range(weights.shape[0]):
         power = largest = 0.0
         count = 0
@@ -64,7 +64,7 @@ def log_weights(log: WeightLog, weights: Array, entry: Array) -> None:
 
 @kernel
 def log_cycle(log: WeightLog, weights: Array) -> None:
-    """Log the weights (L, rows, J) at the start of a cycle."""
+    """Log the weights (L, rows, J), N m, at the start of a cycle."""
     if log.begun[0] < log.values.shape[0]:
         log_weights(log, weights, log.values[log.begun[0]])
     log.begun[0] += 1

@@ -126,7 +126,10 @@ def _make_drives(scenario: Scenario, external: External, actuator: ActuatorConfi
 
 
 def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard: GuardState | None = None) -> Loop:
-    """The loop of a scenario: states of built-in components; of external ones only new states for their output."""
+    """The loop of a scenario: states of built-in components; of external ones only new states for their output.
+
+    Raises BadInput if controller or sensors need drives or signals that the plant does not have.
+    """
     setup = scenario.setup
     mechanism = setup.mechanism
     actuator = setup.config.actuator

@@ -69,7 +69,7 @@ class GuardState(NamedTuple):
     sums: Clock
     """(4,): of squares over this cycle, in the order of :class:`CycleSums`."""
     limits: Clock
-    """(3,): limits of one step; learning ends at once beyond them."""
+    """(3,): limits of one step, (N m)^2, (rad/s)^2 and rad^2; learning ends at once beyond them."""
     lever: float
     """Of the tilt, squared, in the error: the sum of half the squared distances of the hips, m^2."""
     torque: Clock
@@ -120,7 +120,10 @@ def lets_learn(guard: GuardState | None) -> bool:
 
 @kernel
 def raise_limits(limits: Array, effort: float, speed: float, tilt: float) -> None:
-    """Raise the limits (3,) to what a step of feedback only, of these squares, allows."""
+    """Raise the limits (3,) to what a step of feedback only, of these squares, allows.
+
+    They are in (N m)^2, (rad/s)^2 and rad^2, as ``effort``, ``speed`` and ``tilt``.
+    """
     limits[EFFORT_LIMIT] = max(limits[EFFORT_LIMIT], HIGHEST[EFFORT_LIMIT] ** 2 * effort)
     limits[SPEED_LIMIT] = max(limits[SPEED_LIMIT], HIGHEST[SPEED_LIMIT] ** 2 * speed)
     limits[TILT_LIMIT] = max(limits[TILT_LIMIT], HIGHEST[TILT_LIMIT] ** 2 * tilt)

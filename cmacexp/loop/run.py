@@ -62,12 +62,15 @@ class Samples(NamedTuple):
     """Columns of ``memory.parquet``, (cycles, L) by name; None without weights."""
 
     def columns(self) -> dict[str, Array]:
-        """Of the legs, (steps, L) by column name, each in one piece: reading it from rows takes longer."""
+        """Of the legs, (steps, L) by column name, each in one piece: reading it from rows takes longer.
+
+        Their units are those of :func:`cmacexp.data.signals.list_units`.
+        """
         pieces = np.ascontiguousarray(np.moveaxis(self.legs, 2, 0))
         return name_samples(np.moveaxis(pieces, 0, 2))
 
     def body_columns(self) -> dict[str, Array]:
-        """Of the body, (steps,) by column name."""
+        """Of the body, (steps,) by column name, in the units of :func:`cmacexp.data.signals.list_units`."""
         return name_samples(self.body, WIDE_BODY_SAMPLES)
 
 

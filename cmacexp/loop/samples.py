@@ -49,7 +49,7 @@ COG_X_MEASURED, COG_Y_MEASURED, YAW_MEASURED = _body_columns("cog_x_measured cog
 
 
 def name_samples(samples: Array, names: tuple[str, ...] = ALL_SAMPLES) -> dict[str, Array]:
-    """Columns of samples (..., columns) by name; of a body the ``names`` are WIDE_BODY_SAMPLES."""
+    """Columns (...) of samples (..., columns) by name, in their units; ``names`` of a body are WIDE_BODY_SAMPLES."""
     return {name: samples[..., column] for column, name in enumerate(names[: samples.shape[-1]])}
 
 
@@ -107,7 +107,10 @@ def write_samples(
 def write_measured(
     samples: Array, body_samples: Array, k: int, machine: PlantState, observation: Observation, control: HybridState
 ) -> None:
-    """Write the columns that sensors and their supervision add, of row ``k`` of (K, L, columns) and (K, columns)."""
+    """Write the columns that sensors and their supervision add, of row ``k`` of (K, L, columns) and (K, columns).
+
+    Like all columns they are in the units of :mod:`cmacexp.data.signals`.
+    """
     for i in range(samples.shape[1]):
         row = samples[k, i]
         row[X_MEASURED], row[Y_MEASURED] = observation.foot[i, 0], observation.foot[i, 1]

@@ -76,7 +76,7 @@ class Loop(NamedTuple):
     signals: RobotSignals | None = None
     """What a robot measures by itself."""
     travel: Array | None = None
-    """(3,): true, of a body that the plant moves, as of a Measurement."""
+    """(3,): true, of a body that the plant moves, m and rad, as of a Measurement."""
     sensing: Sensing | None = None
     """None also of sensors that alter nothing."""
     estimator: Estimator | None = None
@@ -162,7 +162,10 @@ def update_given_joints(
 def predict(
     params: FeedforwardParams | None, guard: GuardState | None, step: int, sample: int, error: Array, torque: Array
 ) -> None:
-    """The built-in feedforward, before the feedback: ``error`` (L, J) is the learning error of the last step."""
+    """The built-in feedforward, before the feedback: where it learns it fills ``torque`` (L, J), N m.
+
+    ``error`` (L, J), N m, is the learning error of the last step.
+    """
     if params is not None:
         if lets_learn(guard):
             feedforward_step(params, step, sample, error, torque)

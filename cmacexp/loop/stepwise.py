@@ -90,17 +90,25 @@ class LoopState(NamedTuple):
 
     @property
     def reference(self) -> Array:
-        """Old name of ``control``, (L, 7 or 9), as of :attr:`cmacexp.planning.setup.Reference.values`."""
+        """Old name of ``control``, (L, 7 or 9), as of :attr:`cmacexp.planning.setup.Reference.values`.
+
+        It is in m, m/s and N.
+        """
         return read_old_columns("reference", "control", self.control)
 
     @property
     def desired(self) -> Array:
-        """Old name of ``foot_motion``, (L, 6 or 9), as of :attr:`cmacexp.planning.setup.Reference.desired`."""
+        """Old name of ``foot_motion``, (L, 6 or 9), as of :attr:`cmacexp.planning.setup.Reference.desired`.
+
+        It is in m, m/s and m/s^2.
+        """
         return read_old_columns("desired", "foot_motion", self.foot_motion)
 
 
 class OpenLoop:
     """A scenario without feedforward, at its start; :func:`cmacexp.open_loop` makes one of built-in components.
+
+    Raises CmacexpError if a component is external, and whatever a component raised at its start.
 
     Attributes:
         setup: config, machine and plan.

@@ -103,7 +103,7 @@ def copy_action(component: object, output: Any, feedback: Array, feedforward: Ar
 def copy_drive(component: object, drive: Any, command: Array) -> None:
     """Copy what a controller sends to drives beside its torques into their ``command`` (6, L, J).
 
-    None: torques alone, with gains of 0. Raises BadOutput.
+    Its units are those of :class:`cmacexp.control.Drive`. None: torques alone, with gains of 0. Raises BadOutput.
     """
     if drive is None:
         command[ANGLE:] = 0.0

@@ -30,7 +30,7 @@ CLOSE_ENOUGH = 1e-13
 
 
 class Kinematics(NamedTuple):
-    """Foot of a chain, m, and its Jacobian by columns: what each joint velocity adds to the foot's velocity."""
+    """Foot (3,), m, and Jacobian by columns (3,), m/rad: what each joint velocity adds to that of the foot."""
 
     foot: Vector
     hip: Vector
@@ -40,19 +40,19 @@ class Kinematics(NamedTuple):
 
 @kernel
 def cross(a: Vector, b: Vector) -> Vector:
-    """a x b."""
+    """a x b (3,) of vectors (3,) of any unit."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @kernel
 def dot(a: Vector, b: Vector) -> float:
-    """a . b."""
+    """a . b of vectors (3,) of any unit."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel
 def rotate(v: Vector, axis: Vector, sine: float, cosine: float) -> Vector:
-    """``v`` turned about an ``axis`` of length 1 through the origin (Rodrigues)."""
+    """``v`` (3,), of any unit, turned about an ``axis`` (3,) of length 1 through the origin (Rodrigues)."""
     along = (axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2]) * (1.0 - cosine)
     beside = cross(axis, v)
     return (
@@ -71,7 +71,7 @@ def hinge_point(chain: Array, n: int) -> Vector:
 
 @kernel
 def hinge_axis(chain: Array, n: int) -> Vector:
-    """Direction (3,), of length 1, of the axis of hinge ``n`` of a ``chain`` (21,) at joint angles of zero."""
+    """Direction (3,), of length 1 without a unit, of the axis of hinge ``n`` of ``chain`` (21,) at angles 0."""
     k = HINGE_FIELDS * n + 3
     return chain[k], chain[k + 1], chain[k + 2]
 
@@ -163,7 +163,9 @@ def chain_angles(chain: Array, feet: Array, start: Array) -> Array:
 
 
 def chain_motion(chain: Array, q: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array]:
-    """Joint velocities and accelerations, (N, 3) each, that move the foot as given, (N, 3) each, m/s and m/s^2.
+    """Joint velocities, rad/s, and accelerations, rad/s^2, (N, 3) each, that move the foot as given.
+
+    That is at joint angles ``q``, rad, with ``velocity``, m/s, and ``acceleration``, m/s^2, (N, 3) each.
 
     dJ/dt follows from central differences of J along the joint velocity.
     """

@@ -14,9 +14,9 @@ def make_regressors(motion: tuple[Array, Array, Array], ranges: Array, knots: in
     """Torque (..., 4 + knots) of joints for each unit of their parameters along a ``motion``, N m.
 
     These are rotor inertia, kg m^2, viscous friction, N m s/rad, an offset, a spring, which goes from -1 to 1, and
-    Coulomb friction at ``knots`` angles at equal distances over ``ranges`` (2, ...), rad, all N m. Angles, velocities
-    and accelerations are (..., J) of J joints; ``slow`` are velocities, rad/s, below which dry friction counts as
-    proportional to them.
+    Coulomb friction at ``knots`` angles at equal distances over ``ranges`` (2, ...), rad, all N m. Angles, rad,
+    velocities, rad/s, and accelerations, rad/s^2, are (..., J) of J joints; ``slow`` (..., J) are velocities, rad/s,
+    below which dry friction counts as proportional to them.
     """
     angle, velocity, acceleration = motion
     low, high = ranges

@@ -59,7 +59,10 @@ class LoopDelay(NamedTuple):
         return phase, gain
 
     def respond(self, s: NDArray[Any], sampling_period: float) -> NDArray[Any]:
-        """Frequency response of what delays feedback at ``s``, j times rad/s; a torque is held for a sample."""
+        """Frequency response of what delays feedback at ``s``, j times rad/s; a torque is held for a sample.
+
+        It has no unit, and the shape of ``s``, which may be any, as (n,); ``sampling_period`` is in s.
+        """
         response = np.exp(-s * (sampling_period * (self.delay + 0.5) + self.latency))
         shift = np.exp(-s * sampling_period)
         for lag in self.lags:

@@ -53,7 +53,7 @@ class Mechanism(NamedTuple):
     torque_limits: tuple[float, ...] = (math.inf, math.inf)
     """(J,): of the motors of a leg, N m."""
     chains: Array | None = None
-    """(L, 21): see :mod:`cmacexp.models.chain`; None of planar legs, whose programs do without that code."""
+    """(L, 21): m, see :mod:`cmacexp.models.chain`; None of planar legs, whose programs do without that code."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -113,7 +113,10 @@ def update_kinematics_near(mechanism: Mechanism, q: Array, kinematics: Array, ne
 
 @kernel
 def update_chain(chains: Array | None, i: int, q: Array, kinematics: Array) -> None:
-    """Foot and Jacobian, column by column, of chain ``i`` at ``q`` (L, 3), rad; fills row ``i`` of ``kinematics``."""
+    """Foot, m, and Jacobian, m/rad, column by column, of chain ``i`` at ``q`` (L, 3), rad.
+
+    Fills row ``i`` of ``kinematics`` (L, 12).
+    """
     if chains is not None:
         row = kinematics[i]
         foot, hip, thigh, calf = chain_kinematics(chains[i], q[i, 0], q[i, 1], q[i, 2])
@@ -125,7 +128,7 @@ def update_chain(chains: Array | None, i: int, q: Array, kinematics: Array) -> N
 
 @kernel
 def compute_foot_position(mechanism: Mechanism, i: int, kinematics: Array, foot: Array) -> None:
-    """Fill row ``i`` of ``foot`` (L, J), m, in the frame of the hip."""
+    """Fill row ``i`` of ``foot`` (L, J), m, in its hip's frame; ``kinematics`` as of :func:`update_kinematics`."""
     if mechanism.kind == CHAINS_UNDER_BODY:
         for j in range(len(mechanism.axes)):
             foot[i, j] = kinematics[i, j]
@@ -172,7 +175,10 @@ def apply_jacobian_transpose(
 def planned_torque(
     mechanism: Mechanism, i: int, q: Array, dq: Array, ddq: Array, force: float
 ) -> tuple[float, float]:
-    """Torque (N m) that gives leg ``i`` ``ddq`` at ``q``, ``dq``, each (2,), against ``force`` N (eq. 2, 16, 17)."""
+    """Torque (N m) that gives leg ``i`` ``ddq`` at ``q``, ``dq``, each (2,), against ``force`` N (eq. 2, 16, 17).
+
+    They are in rad/s^2, rad and rad/s; of a point mass in m/s^2, m and m/s, and its torque is a force in N.
+    """
     leg = get_leg(mechanism, i)
     if mechanism.kind == POINT_MASS:
         return leg.mass_2 * ddq[0], leg.mass_2 * ddq[1] + force

@@ -63,7 +63,10 @@ def load_mujoco() -> Any:
 
 @contextmanager
 def refusals_named(key: str, value: object) -> Iterator[Any]:
-    """Within the block, which gets the module ``mujoco``, a model that it refuses is BadInput with this key."""
+    """Within the block, which gets the module ``mujoco``, a model that it refuses raises BadInput with this key.
+
+    Raises BadInput, too, if MuJoCo is not installed.
+    """
     try:
         yield load_mujoco()
     except BadInput:
@@ -165,7 +168,7 @@ def place(model: Any, data: Any, legs: Legs, q: Array) -> Any:
 
 
 def place_joints(model: Any, data: Any, free: int, joint: Counts, q: Array) -> Any:
-    """:func:`place` by the numbers of the free joint and of the others, (4, 3)."""
+    """:func:`place` at ``q`` (4, 3), rad, by the numbers of the free joint and of the others, (4, 3)."""
     data.qpos[model.jnt_qposadr[free] + np.arange(7)] = UPRIGHT
     data.qpos[model.jnt_qposadr[joint]] = q
     load_mujoco().mj_kinematics(model, data)

@@ -105,9 +105,9 @@ class Standing(NamedTuple):
     feet: Array
     """(4, 3, V): Jacobians of the feet along x, y and z of the world, m/rad or 1."""
     moved: Array
-    """Their parts that the leg of each foot moves."""
+    """(4, 3, V): their parts that the leg of each foot moves, m/rad."""
     hips: Array
-    """(4, V): Jacobians of the heights of the thigh joints."""
+    """(4, V): Jacobians of the heights of the thigh joints, m/rad or 1."""
 
 
 def linearise_at(robot: Robot, posture: Array) -> Standing:

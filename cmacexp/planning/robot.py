@@ -32,11 +32,11 @@ class Stance(NamedTuple):
     hips: Array
     """(4, 3): origins of the hips' frames in the frame of the body, m."""
     chains: Array
-    """(4, 21): see :mod:`cmacexp.models.chain`."""
+    """(4, 21): m, see :mod:`cmacexp.models.chain`."""
 
 
 def to_hip(vectors: Array) -> Array:
-    """Vectors (..., 3) of the body's frame (forward, left, up) in that of a hip (forward, down, left)."""
+    """Vectors (..., 3), any unit, of the body's frame (forward, left, up) in that of a hip (forward, down, left)."""
     return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
 
 

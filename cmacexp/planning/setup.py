@@ -50,15 +50,18 @@ class Reference(NamedTuple):
 
     @property
     def values(self) -> Array:
-        """Old name of ``control``, (L, 7 or 9): x, y, vx, vy, reference force, force to add, desired force, z, vz."""
+        """Old name of ``control``, (L, 7 or 9): x, y, vx, vy, reference force, force to add, desired force, z, vz.
+
+        Places are in m, velocities in m/s, forces in N.
+        """
         return read_old_columns("reference.values", "reference.control", self.control)
 
     @property
     def desired(self) -> Array:
-        """Old name of ``foot_motion``, (L, 6 or 9): x, y, vx, vy, ax, ay, z, vz, az."""
+        """Old name of ``foot_motion``, (L, 6 or 9): x, y, vx, vy, ax, ay, z, vz, az, in m, m/s and m/s^2."""
         return read_old_columns("reference.desired", "reference.foot_motion", self.foot_motion)
 
     @property
     def joints(self) -> Array:
-        """Old name of ``joint_motion``, (L, 6 or 9), in the same order."""
+        """Old name of ``joint_motion``, (L, 6 or 9), in the same order, in rad, rad/s and rad/s^2."""
         return read_old_columns("reference.joints", "reference.joint_motion", self.joint_motion)

@@ -53,7 +53,7 @@ def select(plan: ControlReference, stage: int, sample: int) -> ControlReference:
 
 
 def read_old_columns(old: str, new: str, row: Motion | ControlReference) -> Array:
-    """One step (L, columns) as under its ``old`` name: x and y of every field, forces, then all z; warns."""
+    """One step (L, columns) under its ``old`` name: x and y of each field, in its unit, forces, then all z; warns."""
     warnings.warn(f"{old} will go: use {new}, whose arrays have names", FutureWarning, stacklevel=3)
     fields = [values if values.ndim > 1 else values[:, None] for values in row]
     return np.concatenate([values[:, :Z] for values in fields] + [values[:, Z:] for values in fields], axis=1)

@@ -24,7 +24,7 @@ class AnalyticPlant:
         """Runge-Kutta steps per sampling period; 1 as in the paper."""
 
         def check(self, config: Config) -> None:
-            """Check that the legs are planar."""
+            """Check that the legs are planar; raises BadInput."""
             if isinstance(config.machine, RobotMachine):
                 raise ask_for_robot(config.machine)
 

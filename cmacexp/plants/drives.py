@@ -46,13 +46,13 @@ class Drives(NamedTuple):
     """The drives of L legs with J joints each, the bus to them, and what they did."""
 
     command: Scratch
-    """(6, L, J): of this step."""
+    """(6, L, J): of this step, its parts in the order and units of TORQUE to DAMPING."""
     sent: Annotated[Array, Role("state", ring_axis=0)]
-    """(R, 6, L, J): commands of the last steps."""
+    """(R, 6, L, J): commands of the last steps, likewise."""
     due: Annotated[Array, Role("clock", ring_axis=0)]
     """(R,): when each arrives, in inner steps since the start; infinite: never."""
     held: State
-    """(6, L, J): command that the drives follow."""
+    """(6, L, J): command that the drives follow, likewise."""
     used: Clock
     """(1,): step in which it was sent."""
     clock: Clock

@@ -10,17 +10,17 @@ class Joints(NamedTuple):
     """Joints (L, J) whose friction depends on their angle, and what else turns them."""
 
     friction: Array
-    """Dry friction of all that moves, in MuJoCo's model, N m."""
+    """(nv,): dry friction of all that moves, in MuJoCo's model, N m."""
     low: Array
-    """Angle of the first knot, rad."""
+    """(L, J): angle of the first knot, rad."""
     high: Array
-    """Angle of the last, rad."""
+    """(L, J): angle of the last, rad."""
     knots: Array
     """(L, J, K) friction at equal distances, N m."""
     offset: Array
-    """Torque at any angle, N m."""
+    """(L, J): torque at any angle, N m."""
     spring: Array
-    """Torque at the last knot, and its opposite at the first, N m."""
+    """(L, J): torque at the last knot, and its opposite at the first, N m."""
 
 
 @kernel

@@ -77,7 +77,8 @@ class PlantState(NamedTuple):
     ground_offset: State
     """(L,): depth below the undepressed ground at which the ground begins to press each foot, m."""
     spring: Scratch
-    """(2, L): equivalent stiffness and offset under a quasi-static body within a step, on ground with damping."""
+    """(2, L): equivalent stiffness, N/m, and offset, m, under a quasi-static body within a step, on ground with
+    damping."""
     pressed: State
     """(L,): depression under each foot at the start of a Runge-Kutta step, m; only on ground with damping."""
     distance: Clock
@@ -85,9 +86,10 @@ class PlantState(NamedTuple):
     clock: Clock
     """(1,): number of sampling periods since the start."""
     kinematics: State
-    """Of the joint angles, see :func:`cmacexp.models.mechanism.update_kinematics`."""
+    """(L, 4) of planar legs, (L, 12), m and m/rad, of chains: :func:`cmacexp.models.mechanism.update_kinematics`."""
     stages: Scratch
-    """(6, L, 2): joint angles and velocities of one stage of the integration, accelerations of all four."""
+    """(6, L, J): joint angles, rad, and velocities, rad/s, of one stage of the integration, accelerations, rad/s^2,
+    of all four."""
     stage_kinematics: Scratch
     """As ``kinematics``, of one stage."""
 
@@ -117,7 +119,7 @@ def new_state(legs: int, axes: tuple[int, ...] = PLANE) -> PlantState:
 
 @kernel
 def stand_force(params: PlantParams, i: int, dq: Array, kinematics: Array, state: PlantState) -> float:
-    """Contact force, N, of foot ``i`` whose hip does not move, at joint velocities ``dq`` (L, 2)."""
+    """Contact force, N, of foot ``i`` whose hip does not move, at ``dq`` (L, 2), rad/s; ``kinematics`` is (L, 4)."""
     depression = state.foot[i, 1] - params.mechanism.hip_height - state.ground_offset[i]
     if params.ground.damping == 0.0:
         return contact_force(state.stiffness[i], depression)
@@ -140,7 +142,10 @@ def compute_load(params: PlantParams, step: float) -> Load:
 
 @kernel(inline=False)
 def update_ground_offset(ground: Ground, hips: Array, foot: Array, x: float, ground_offset: Array) -> None:
-    """Fill ``ground_offset`` (L,): depth at which each foot meets the ground, below that under a body at ``x``, m."""
+    """Fill ``ground_offset`` (L,): depth at which each foot meets the ground, below that under a body at ``x``, m.
+
+    ``hips`` (L, 2) and ``foot`` (L, J), in the frames of the hips, are in m.
+    """
     below = height_at(ground.slope, ground.slope_start, x)
     for i in range(hips.shape[0]):
         ground_offset[i] = below - height_at(ground.slope, ground.slope_start, x + hips[i, 0] + foot[i, 0])
@@ -165,9 +170,9 @@ def balance_body(params: PlantParams, state: PlantState, time: float) -> bool:
 def contact(
     params: PlantParams, q: Array, dq: Array, kinematics: Array, state: PlantState, time: float, x: float
 ) -> None:
-    """Compute feet and contact forces at joint angles ``q`` and velocities ``dq``, each (L, 2); fills ``state``.
+    """Compute feet and contact forces at angles ``q``, rad, and rates ``dq``, rad/s, (L, 2) each; fills ``state``.
 
-    ``kinematics`` is of ``q``; ``time``, s, has passed since the step began, and the body is at ``x``, m.
+    ``kinematics`` (L, 4) is of ``q``; ``time``, s, has passed since the step began, and the body is at ``x``, m.
     """
     mechanism = params.mechanism
     for i in range(q.shape[0]):
@@ -186,7 +191,10 @@ def contact(
 
 @kernel
 def accelerate(params: PlantParams, state: PlantState, dq: Array, kinematics: Array, tau: Array, ddq: Array) -> None:
-    """Joint accelerations under ``tau`` and the forces in ``state``; fills ``ddq`` (Lin & Song 1997, eq. 2)."""
+    """Joint accelerations under ``tau`` and the forces in ``state``; fills ``ddq`` (Lin & Song 1997, eq. 2).
+
+    ``tau``, N m, ``dq``, rad/s, and ``ddq``, rad/s^2, are (L, 2), ``kinematics`` is (L, 4).
+    """
     for i in range(dq.shape[0]):
         leg = get_leg(params.mechanism, i)
         if params.mechanism.kind == POINT_MASS:
@@ -236,7 +244,8 @@ def stage(
 ) -> None:
     """A stage of a step: accelerations ``time`` (s) after its start, reached at ``velocity`` and ``acceleration``.
 
-    All arrays are (L, 2). Fills ``ddq``, and ``state.stages[1]``, which may be ``velocity``, with the new velocities.
+    All arrays are (L, 2): velocities, rad/s, accelerations, rad/s^2, and ``tau``, N m. Fills ``ddq``, and
+    ``state.stages[1]``, which may be ``velocity``, with the new velocities.
     """
     q = state.stages[0]
     dq = state.stages[1]

@@ -73,7 +73,7 @@ class Bodies(NamedTuple):
     trunk_place: Array
     """(3,): of the trunk's frame in the world, m."""
     trunk_rotation: Array
-    """(9,): its rotation matrix, row by row."""
+    """(9,): its rotation matrix, row by row, without a unit."""
     trunk_rate: Array
     """(6,): its velocity in the world, m/s, and its angular velocity in its own frame, rad/s."""
 
@@ -84,13 +84,13 @@ class Stages(NamedTuple):
     step: float
     """Time of it, s."""
     start: Array
-    """(nq,): position at its start."""
+    """(nq,): position at its start, m and rad."""
     mean: Array
-    """(nv,): weighted mean of the velocities."""
+    """(nv,): weighted mean of the velocities, m/s and rad/s."""
     velocity: Array
-    """(4, nv): of each stage."""
+    """(4, nv): of each stage, m/s and rad/s."""
     acceleration: Array
-    """(4, nv): likewise."""
+    """(4, nv): likewise, m/s^2 and rad/s^2."""
 
 
 WEIGHTS = ((0.5, 0.0, 0.0, 0.0), (0.0, 0.5, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6))
@@ -109,14 +109,14 @@ class Engine(NamedTuple):
     stages: Stages | None
     """None: MuJoCo's semi-implicit Euler."""
     warned: Counts
-    """How often MuJoCo has given each of its warnings."""
+    """(warnings,): how often MuJoCo has given each of them."""
     position: Array
-    """Of all that moves, as the next two."""
+    """(nq,): of all that moves, m, rad, and quaternions; the next two (nv,), m/s and rad/s, m/s^2 and rad/s^2."""
     velocity: Array
     acceleration: Array
     """Without constraints."""
     torque: Array
-    """N m."""
+    """(nv,): N m, of the trunk's translations N."""
     q: Counts
     """(L, J): rows of ``position`` that are joint angles."""
     dq: Counts
@@ -133,11 +133,11 @@ class Engine(NamedTuple):
     anchor: Array
     """(L, 2): where each foot sticks in the world, m."""
     sensors: Array
-    """Values of MuJoCo's sensors."""
+    """(values,): of MuJoCo's sensors, in their units."""
     floor: Counts | None
     """(L,): those that are normal forces of MuJoCo's own contacts, N; None: they do not act, ``touch`` does."""
     travel: Array | None
-    """(3,): as of a Measurement."""
+    """(3,): m and rad, as of a Measurement."""
     joints: Joints | None
     """What turns joints beside the actuators; None: what the model says."""
     instruments: Instruments | None = None
@@ -146,7 +146,7 @@ class Engine(NamedTuple):
 
 @kernel
 def foot_velocity(bodies: Bodies, feet: Feet, i: int) -> Vector:
-    """Velocity of foot ``i`` in the world, m/s."""
+    """Velocity (3,) of foot ``i`` in the world, m/s."""
     place = bodies.place[feet.point[i]]
     motion = bodies.motion[feet.body[i]]
     root = bodies.centre[feet.root[i]]
@@ -179,7 +179,7 @@ def pull_at(bodies: Bodies, body: int, place: Array | Vector, force: Vector) -> 
 
 @kernel
 def press(touch: Touch, bodies: Bodies, feet: Feet, machine: PlantState, anchors: Array, in_stage: bool) -> None:
-    """Forces of the ground on the feet that stick at ``anchors`` (L, 2): fills ``bodies.pull``, and ``machine``.
+    """Forces of the ground on the feet that stick at ``anchors`` (L, 2), m: fills ``bodies.pull``, and ``machine``.
 
     Stiffness and the points where feet stick are those of the start of an integration step ``in_stage``.
     """
@@ -220,7 +220,10 @@ def load_trunk(payload: Payload, push: Push, origin: Array, bodies: Bodies, feet
 def observe_trunk(
     ground: Ground, bodies: Bodies, at: Vector, velocity: Vector, pose: Array, rate: Array, travel: Array | None
 ) -> None:
-    """Measure a body at ``at``, m, with ``velocity``, m/s, (3,) each; fills the last three, (3,) each."""
+    """Measure a body at ``at``, m, with ``velocity``, m/s, (3,) each.
+
+    Fills (3,) each: ``pose``, m and rad, ``rate``, m/s and rad/s, and ``travel``, m and rad.
+    """
     rotation, spin = bodies.trunk_rotation, bodies.trunk_rate[3:]
     pitch, roll = -math.asin(rotation[6]), math.atan2(rotation[7], rotation[8])
     pose[0] = at[2] - height_at(ground.slope, ground.slope_start, at[0])
@@ -264,7 +267,7 @@ def observe(engine: Engine, machine: PlantState, torque: Array) -> None:
 
 @kernel
 def read_floor(floor: Counts | None, sensors: Array, force: Array) -> None:
-    """Normal forces of MuJoCo's own contacts in the last step; fills ``force`` (L,), N."""
+    """Normal forces of MuJoCo's own contacts in the last step: fills ``force`` (L,), N, with ``sensors[floor]``."""
     if floor is not None:
         for i in range(force.shape[0]):
             force[i] = sensors[floor[i]]
@@ -280,7 +283,7 @@ def apply_forces(floor: Counts | None, engine: Engine, machine: PlantState, in_s
 
 @kernel
 def average(values: Array, stage: int, n: int) -> float:
-    """Weighted mean of ``values`` (4, nv) in column ``n``, which leads from a ``stage`` to the next."""
+    """Weighted mean of ``values`` (4, nv), in their unit, in column ``n``: it leads from a ``stage`` to the next."""
     a, b, c, d = WEIGHTS[stage]
     return a * values[0, n] + b * values[1, n] + c * values[2, n] + d * values[3, n]
 

@@ -181,7 +181,8 @@ class MujocoPlant:
     def hold(self) -> Array:
         """Remember this step as the one that :meth:`put` returns to; its state, (n,).
 
-        It contains positions, velocities, and where feet stick; on a floating trunk all are relative to its place.
+        It contains positions, m and rad, velocities, m/s and rad/s, and where feet stick, m; on a floating trunk all
+        are relative to its place.
         """
         kind = self.mujoco.mjtState.mjSTATE_INTEGRATION
         whole = np.empty(self.mujoco.mj_stateSize(self.model, kind))
@@ -196,7 +197,10 @@ class MujocoPlant:
         return np.concatenate([self.data.qpos[2 * self._floats :], self.data.qvel, anchor.ravel()])
 
     def put(self, state: Array | None = None) -> Measurement:
-        """Return to the step of :meth:`hold`, with this state (n,); None: with that of then, to the last bit."""
+        """Return to the step of :meth:`hold`, with this state (n,); None: with that of then, to the last bit.
+
+        Its units are those of :meth:`pack_state`, m, rad, m/s and rad/s.
+        """
         data, anchor = self.data, self.engine.anchor
         whole, self.state.force[...], self.state.clock[...], anchor[...] = self._held
         self.mujoco.mj_setState(self.model, data, whole, self.mujoco.mjtState.mjSTATE_INTEGRATION)

@@ -145,7 +145,7 @@ class MujocoRobot(MujocoPlant):
         """What reaches drives with loops of their own (``controller=drives``)."""
 
         def check(self, config: Config) -> None:
-            """Check that MuJoCo's floor is asked for nothing but to be flat and rigid."""
+            """Check that MuJoCo's floor is asked for nothing but to be flat and rigid; raises BadInput."""
             terrain = config.terrain
             changed = {"slope": terrain.slope, "patch_spread": terrain.patch_spread, "step_time": terrain.step_time}
             for key, value in changed.items() if self.contact == RIGID else ():

@@ -48,7 +48,7 @@ def view_state(state: tuple[Any, ...], travel: Array | None = None) -> Measureme
 
 
 def copy_state(state: Any, travel: Array | None = None, signals: RobotSignals | None = None) -> Measurement:
-    """A measurement of copies of what :func:`view_state` has, and of ``signals``."""
+    """A measurement of copies of what :func:`view_state` has, ``travel`` (3,), m and rad, too, and of ``signals``."""
     return Measurement(
         q=state.q.copy(),
         dq=state.dq.copy(),

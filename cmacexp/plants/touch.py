@@ -24,7 +24,10 @@ class Touch(NamedTuple):
 
 @kernel
 def ground_force(touch: Touch, stiffness: float, place: Array, velocity: Vector, anchor: Array) -> Vector:
-    """Force of the ground on a foot at ``place`` (3,), m, that sticks at ``anchor`` (2,), N."""
+    """Force (3,), N, of the ground of ``stiffness``, N/m, on a foot that sticks at ``anchor`` (2,), m.
+
+    It is at ``place``, m, and moves with ``velocity``, m/s, (3,) each, in the world.
+    """
     ground, (vx, vy, vz) = touch.ground, velocity
     depression = height_at(ground.slope, ground.slope_start, place[0]) - place[2]
     rate = grade_at(ground, place[0]) * vx - vz
@@ -43,7 +46,10 @@ def ground_force(touch: Touch, stiffness: float, place: Array, velocity: Vector,
 
 @kernel
 def slide_anchor(touch: Touch, place: Array, force: float, anchor: Array) -> None:
-    """Move the point ``anchor`` (2,), m, where a foot at ``place`` (3,) sticks, if it slides or is in the air."""
+    """Move the point ``anchor`` (2,), m, where a foot at ``place`` (3,), m, sticks, if it slides or is in the air.
+
+    ``force`` is the normal one, N.
+    """
     if touch.friction > 0.0:
         dx, dy = place[0] - anchor[0], place[1] - anchor[1]
         stretch, longest = math.sqrt(dx * dx + dy * dy), touch.friction * force / touch.stiffness

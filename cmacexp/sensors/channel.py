@@ -49,9 +49,9 @@ class Sensing(NamedTuple):
     keys: Counts
     """(C, 3): seeds of noise, drop-out and fault of a channel."""
     delay_buffer: Annotated[Array, Role("state", ring_axis=1)]
-    """(C, longest delay + 1): true values of the last steps."""
+    """(C, longest delay + 1): true values of the last steps, in the unit of each channel."""
     held: State
-    """(C, 3): last good reading, reading at the start of the fault, and output of the filter."""
+    """(C, 3): last good reading, reading at the start of the fault, and output of the filter, likewise."""
 
 
 # White noise is computed from counters: equal in every process, in any order, compiled or not.

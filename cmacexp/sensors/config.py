@@ -27,7 +27,7 @@ class FaultConfig:
     """The bias, the stuck reading or the standard deviation of the noise; 0 for kinds without a value."""
 
     def check(self, key: str) -> None:
-        """Check ``value`` against the kind of the fault."""
+        """Check ``value`` against the kind of the fault; raises BadInput."""
         if self.kind in WITHOUT_VALUE and self.value != 0.0:
             raise BadInput(f"{key}.value", self.value, f"must be 0 with {key}.kind={self.kind}, which takes no value")
         if self.kind == "bias" and self.value == 0.0:
@@ -74,7 +74,7 @@ class SignalConfig:
         return any(getattr(self, name) for name in IMPERFECTIONS) or self.fault.kind != "none"
 
     def check(self, key: str, config: Config) -> None:
-        """Check delay, starts and fault against the run."""
+        """Check delay, starts and fault against the run; raises BadInput."""
         longest, end = config.steps_per_cycle - 1, config.cycles * config.gait.cycle_time
         if self.delay > longest:
             raise BadInput(f"{key}.delay", self.delay, f"must be at most {longest} samples, less than a cycle")
@@ -93,7 +93,7 @@ class LegSignalConfig(SignalConfig):
     """Legs whose sensors this concerns, by their numbers; null: all."""
 
     def check(self, key: str, config: Config) -> None:
-        """Check the legs too."""
+        """Check the legs too; raises BadInput."""
         for place, chosen in ((f"{key}.legs", self.legs), (f"{key}.fault.legs", self.fault.legs)):
             if chosen and max(chosen) > config.legs:
                 raise BadInput(place, max(chosen), f"must be at most {config.legs}, the legs of the machine")
@@ -118,7 +118,7 @@ class ChannelsConfig(ComponentConfig):
         return any(s.noise or s.noise_relative or s.dropout or s.fault.kind == "noise" for s in signals)
 
     def check(self, config: Config) -> None:
-        """Check each signal against the machine and the run."""
+        """Check each signal against the machine and the run; raises BadInput."""
         for name, signal in self.signals.items():
             signal.check(f"sensors.{name}", config)
 
@@ -143,7 +143,7 @@ class RealSensorsConfig(ChannelsConfig):
     """rad/s."""
 
     def check(self, config: Config) -> None:
-        """Check each signal against the machine and the run."""
+        """Check each signal against the machine and the run; raises BadInput."""
         for name, signal in self.signals.items():
             if signal.alters and not config.has_body and not isinstance(signal, LegSignalConfig):
                 allowed = f"must be unaltered with machine.kind={config.machine.kind}, which has no body"

@@ -66,9 +66,9 @@ class Estimator(NamedTuple):
     radius: float
     """Of feet that roll, m; 0: they stick at their centres."""
     hips: Array
-    """(L, 2): as of a Mechanism."""
+    """(L, 2): m, as of a Mechanism."""
     links: Array
-    """(3, L, 21): chains whose feet are the centres of mass of hip, thigh and calf."""
+    """(3, L, 21): m, chains whose feet are the centres of mass of hip, thigh and calf."""
     link_masses: Array
     """(3, L): of these links, kg."""
     force_share: float
@@ -114,7 +114,7 @@ def read_joints(
 def read_attitude(
     errors: Errors, period: float, sensing: Sensing, signals: RobotSignals, step: int, pose: Array
 ) -> float:
-    """The heading in a ``step``, rad; fills pitch and roll of the ``pose`` (3,)."""
+    """The heading in a ``step``, rad; fills pitch and roll, rad, of the ``pose`` (3,)."""
     first = len(OF_A_JOINT) * signals.q.size + TILT
     for k in range(2):
         phase = math.pi * own_constant(sensing, first + k, 1.0)
@@ -135,7 +135,10 @@ def read_vector(sensing: Sensing, first: int, step: int, values: Array, bias: fl
 
 @kernel
 def turn_world(attitude: Turns, vector: Vector) -> Vector:
-    """``vector`` (3,) of the body's frame in the world; ``attitude`` are sines and cosines of roll, pitch and yaw."""
+    """``vector`` (3,), of any unit, of the body's frame in the world.
+
+    ``attitude`` are sines and cosines of roll, pitch and yaw.
+    """
     (sr, cr), (sp, cp), (sy, cy) = attitude
     x, y, z = vector
     y, z = cr * y - sr * z, sr * y + cr * z
@@ -145,7 +148,10 @@ def turn_world(attitude: Turns, vector: Vector) -> Vector:
 
 @kernel
 def link_torque(estimator: Estimator, i: int, turns: Turns, up: Vector) -> Vector:
-    """Torques (3,), N m, that hold the links of leg ``i`` against gravity; ``up`` (3,) is in the frame of the hip."""
+    """Torques (3,), N m, that hold the links of leg ``i`` against gravity.
+
+    ``turns`` are sines and cosines of its joint angles; ``up`` (3,), of length 1, is in the frame of the hip.
+    """
     total = (0.0, 0.0, 0.0)
     for m in range(3):
         second = turns[1] if m > 0 else STILL
@@ -180,7 +186,10 @@ def change_momentum(estimator: Estimator, i: int, rates: Array, begins: bool) ->
 
 @kernel
 def press_down(kinematics: Array, i: int, torque: Vector, up: Vector) -> float:
-    """Force down of foot ``i`` on the ground, N, by ``torque`` (3,), N m: J^-T tau; ``up`` (3,) as above."""
+    """Force down of foot ``i`` on the ground, N, by ``torque`` (3,), N m: J^-T tau.
+
+    ``kinematics`` (L, 12) has foot and Jacobian, m and m/rad; ``up`` (3,) is as of :func:`link_torque`.
+    """
     row = kinematics[i]
     hip, thigh, calf = (row[3], row[4], row[5]), (row[6], row[7], row[8]), (row[9], row[10], row[11])
     across = cross(thigh, calf)
@@ -201,7 +210,11 @@ def estimate_leg(
     spin: Vector,
     observation: Observation,
 ) -> None:
-    """Force, place and velocity of foot ``i``, which by the plan ``stands`` or not; fills all of ``estimator``."""
+    """Force, place and velocity of foot ``i``, which by the plan ``stands`` or not; fills all of ``estimator``.
+
+    ``attitude`` are sines and cosines of roll, pitch and yaw; ``spin`` (3,) is the angular velocity of the body along
+    its own axes, rad/s. Fills the force of ``observation``, N, whose joints and feet are those of this step.
+    """
     q, dq = observation.q[i], observation.dq[i]
     turns = (sine_cosine(q[0]), sine_cosine(q[1]), sine_cosine(q[2]))
     (sr, cr), (sp, cp), _ = attitude
@@ -236,7 +249,10 @@ def estimate_leg(
 
 @kernel
 def turn_of_calf(mechanism: Mechanism, i: int, turns: Turns, dq: Array, spin: Vector) -> Vector:
-    """Angular velocity (3,) of calf ``i`` in the frame of the body, which turns with ``spin``, rad/s."""
+    """Angular velocity (3,), rad/s, of calf ``i`` in the frame of the body, which turns with ``spin`` (3,), rad/s.
+
+    Its joints turn at ``dq`` (3,), rad/s.
+    """
     if mechanism.chains is None:
         return spin
     chain = mechanism.chains[i]

@@ -21,7 +21,10 @@ from cmacexp.typing import SCRATCH, Array, Scratch
 
 
 class Observation(NamedTuple):
-    """Input of the controller: the fields of :class:`Measurement`, and what the Jacobians follow from."""
+    """Input of the controller: the fields of :class:`Measurement`, and what the Jacobians follow from.
+
+    Shapes and units of the former are those of a measurement.
+    """
 
     q: Scratch
     dq: Scratch
@@ -31,9 +34,9 @@ class Observation(NamedTuple):
     body: Scratch
     body_rate: Scratch
     kinematics: Scratch
-    """Of the joint angles, see :func:`cmacexp.models.mechanism.update_kinematics`."""
+    """(L, 4) of planar legs, (L, 12), m and m/rad, of chains: :func:`cmacexp.models.mechanism.update_kinematics`."""
     travel: Annotated[Array | None, SCRATCH] = None
-    """(3,): as of a Measurement; the array of the plant itself where the sensors do not alter it."""
+    """(3,): m and rad, as of a Measurement; the array of the plant itself where the sensors do not alter it."""
 
 
 def new_observation(legs: int, axes: tuple[int, ...] = PLANE) -> Observation:

@@ -31,9 +31,9 @@ class PlaceFilter(NamedTuple):
     state: State
     """(3, 2 + L): place and speed of the body, places of the feet, m and m/s."""
     covariance: State
-    """(3, 2 + L, 2 + L)."""
+    """(3, 2 + L, 2 + L): of the state, m^2, m^2/s and m^2/s^2."""
     row: Scratch
-    """(2 + L,): of the covariance, in an update."""
+    """(2 + L,): of the covariance, in an update, in its units."""
     trust: Scratch
     """(L,): 0 to 1, in that a foot stands."""
     reach: Scratch

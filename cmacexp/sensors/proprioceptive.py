@@ -74,7 +74,7 @@ class ProprioceptiveConfig(ChannelsConfig):
         )
 
     def check(self, config: Config) -> None:
-        """Check that the machine is a robot, and each signal against it and the run."""
+        """Check that the machine is a robot, and each signal against it and the run; raises BadInput."""
         if config.machine.kind != "robot":
             allowed = "must be robot with sensors=proprioceptive: use scenario=robot"
             raise BadInput("machine.kind", config.machine.kind, allowed)
