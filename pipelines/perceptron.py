@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cmacexp.config import FeedforwardConfig, number
-from cmacexp.errors import BadInput, require_extra
+from cmacexp.errors import BadInput, CmacexpError, require_extra
 from cmacexp.feedforward.network import planned_inputs
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Weights
@@ -46,10 +46,12 @@ class Perceptron(OnceACycle):
         """Make the networks, whose output is zero until they learn.
 
         Raises:
-            CmacexpError: scikit-learn is missing.
-            BadInput: the learning rule is for networks linear in their weights.
+            BadInput: scikit-learn is missing, or the learning rule is for networks linear in their weights.
         """
-        require_extra("sklearn")
+        try:
+            require_extra("sklearn")
+        except CmacexpError as error:
+            raise BadInput("feedforward._target_", "pipelines.perceptron.Perceptron", str(error)) from error
         from sklearn.neural_network import MLPRegressor
 
         rule = setup.config.learning.rule

@@ -2,16 +2,17 @@
 
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 
 from cmacexp.data.files import write_atomically
-from cmacexp.data.parquet import table_writer
+from cmacexp.data.parquet import table_writer, write_table
 from cmacexp.engine.chunk import RunEnd, run_chunk
 from cmacexp.engine.equal_results import Outcome, find_idle_keys, hash_overrides
 from cmacexp.engine.job_tables import find_runs
@@ -32,9 +33,9 @@ from cmacexp.terminal.output import print_line
 if TYPE_CHECKING:
     import pandas as pd
 
-RUNS_AT_ONCE = 1 << 12
-"""Runs whose results are in memory at a time while they are written."""
 METRICS, TRACE = KEPT = ("metrics", "trace")
+AT_ONCE = {METRICS: 1 << 12, TRACE: 1 << 5}
+"""Runs whose results are in memory at a time while they are written, by what is kept."""
 
 
 def load_sweep(folder: str | Path) -> "pd.DataFrame":
@@ -90,17 +91,22 @@ def write_many(
 ) -> None:
     """Write the table of :func:`run_many` to one Parquet file, in little more memory than the overrides take.
 
-    Args, errors and warnings are the same; all runs must have the same columns, those of machines of one kind. The
-    file is whole or absent.
+    Args, errors and warnings are the same; a column that a run lacks is null. The file is whole or absent.
     """
-    with write_atomically(Path(file)) as place, ExitStack() as stack:
-        names, writer = list[str](), None
-        for part in _run_in_parts(runs, keep, processes, RUNS_AT_ONCE):
-            writer = writer or stack.enter_context(table_writer(place, part.schema))
-            names = names or part.column_names
-            if set(names) != set(part.column_names):
-                raise BadInput("runs", list(runs[0]), "must have the columns of all others: take one kind of machine")
-            writer.write_table(part.select(names))
+    place = Path(file)
+    if place.is_dir():
+        raise BadInput("file", place, "is a folder: name a file")
+    with write_atomically(place) as whole, TemporaryDirectory(dir=place.parent, prefix=".") as folder:
+        parts = list[Path]()
+        for part in _run_in_parts(runs, keep, processes, AT_ONCE.get(keep, 1)):
+            parts.append(Path(folder) / f"{len(parts)}.parquet")
+            write_table(part, parts[-1])
+        # No part knows the columns of later ones, and all must have run before one may be refused.
+        schema = pa.unify_schemas([pq.read_schema(each) for each in parts])
+        with table_writer(whole, schema) as writer:
+            for each in parts:
+                own = pq.read_table(each)
+                writer.write_table(pa.concat_tables([schema.empty_table(), own], promote_options="default"))
 
 
 def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | None, most: int) -> Iterator[pa.Table]:

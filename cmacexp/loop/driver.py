@@ -178,7 +178,7 @@ class Driver:
         self.taken, (legs, joints) = 0, loop.torques.total.shape
         """Steps whose torque the plant has taken, also when a component raised."""
         self.state = view_state(loop.plant_state)
-        if scenario.loop is None:  # else it has run
+        if scenario.loop is None:  # else it runs again, or its first run compiles
             self.run(*make_samples(0, legs, False, joints))
 
     @property

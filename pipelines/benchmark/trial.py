@@ -71,7 +71,7 @@ def run_stage(
             kept = scenario.kept.get(end.events[-1].restored, kept)
     except Exception as error:
         status = REFUSED if isinstance(error, BadInput) else FAILED
-        return _summarise(machine, status, describe_failure(error), {}, None, 0.0), None
+        return _summarise(machine, status, describe_failure(error), {}, None, np.nan), None
     if end.status == "interrupted":
         raise KeyboardInterrupt
     seconds = end.processor_seconds / max(1, end.steps)
