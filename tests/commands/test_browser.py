@@ -28,6 +28,7 @@ LegModel.load(cmacexpData).then((model) => model.leg(settings)).then((leg) => {
 def data(tmp_path_factory):
     module = browser.compile_leg() if shutil.which("node") else None
     if module is None:
+        # Few computers have both, and nothing of the package needs them: they build and try a page of the site.
         pytest.skip("needs node, and clang with the linker of WebAssembly")
     script = tmp_path_factory.mktemp("page") / browser.DATA
     script.write_text(browser.make_data(module))

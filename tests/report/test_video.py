@@ -48,6 +48,7 @@ def test_a_robot_is_rendered_where_it_is(tmp_path):
     """In a process of its own: MuJoCo chooses how it draws when it is imported."""
     done = python("-c", RENDER, folder=tmp_path, PYTHONPATH=f"{ROOT}:{ROOT / 'tests'}")
     if "cannot draw here" in done.stderr:
+        # The command then draws lines, which other tests look at; this one is of MuJoCo's picture alone.
         pytest.skip("no OpenGL without a screen on this machine, and MuJoCo renders with nothing else")
     assert done.returncode == 0, done.stderr
     edges = np.array([line.split() for line in done.stdout.splitlines()], dtype=float)

@@ -1,5 +1,6 @@
 """What methods have in common that play a torque for each sample, and learn once a cycle."""
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ class Acting:
         self.config = config
 
 
-class OnceACycle(Acting):
+class OnceACycle(Acting, ABC):
     """``torque`` (N, L, J), N m, which ``learn`` improves after a cycle from its ``feedback`` (N, L, J), N m."""
 
     lead = 0
@@ -28,9 +29,9 @@ class OnceACycle(Acting):
         self.torque: Array = np.zeros((*setup.plan.support.shape, setup.mechanism.shape[1]))
         self.feedback, self.steps = np.zeros_like(self.torque), 0
 
+    @abstractmethod
     def learn(self) -> None:
         """Improve the torque."""
-        raise NotImplementedError
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
         """Store the last step's feedback (L, J), N m; return this step's torque (L, J), N m."""
