@@ -10,11 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.metrics.text import format_number
-from cmacexp.study import Criterion, DataFrame, Results, declare
-from cmacexp.study.declaration import read_criteria
-from cmacexp.study.tables import tabulate
-from cmacexp.typing import Array, Mask
+from cmacexp.study import Array, Criterion, DataFrame, Mask, Results, declare, format_number, read_criteria, tabulate
 
 TAKEN = "assumed values"
 """The variant without a change."""

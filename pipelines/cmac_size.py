@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.study import Results, declare
-from cmacexp.study.samples import quotients
-from cmacexp.typing import Array
+from cmacexp.study import Array, Results, declare, quotients
 from pipelines.common_memory import (
     SIDES,
     colliding,

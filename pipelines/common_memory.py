@@ -6,10 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.data.run import Run
-from cmacexp.study.results import Results
-from cmacexp.study.samples import per_seed, quotients, relative
-from cmacexp.typing import Array
+from cmacexp.study import Array, Results, Run, per_seed, quotients, relative
 
 SIDES = ("transfer_rmse_x", "transfer_rmse_y")
 

@@ -7,14 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from cmacexp.data.run import Run
-from cmacexp.metrics.text import format_number
 from cmacexp.planning.reference import Gains, compute_support_reference
-from cmacexp.study.interval import estimate
-from cmacexp.study.quantity import compute_quantity
-from cmacexp.study.results import Results
-from cmacexp.study.samples import ended_in
-from cmacexp.typing import Array, Status
+from cmacexp.study import Array, Results, Run, Status, compute_quantity, ended_in, estimate, format_number
 
 
 def if_completed(measure: Callable[[Run], float]) -> Callable[[Run], float]:

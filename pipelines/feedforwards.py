@@ -11,11 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.data.run import Run
-from cmacexp.metrics.final import TRANSFER
-from cmacexp.study import Results, declare
-from cmacexp.study.samples import quotients
-from cmacexp.typing import Array
+from cmacexp.study import TRANSFER, Array, Results, Run, declare, quotients
 from pipelines.common_results import cycles_to
 from pipelines.worlds import TESTED, draw_worlds
 

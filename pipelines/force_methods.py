@@ -10,12 +10,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.control.hybrid_kernels import METHODS as FORCE_METHODS
-from cmacexp.data.run import Run
-from cmacexp.report.figures import Panel, Series, draw
-from cmacexp.study import Figure, Results, declare
-from cmacexp.study.quantity import compute_quantity
-from cmacexp.study.samples import quotients
-from cmacexp.typing import Array
+from cmacexp.study import Array, Figure, Panel, Results, Run, Series, compute_quantity, declare, draw, quotients
 from pipelines.common_results import find_depression, if_completed
 
 METHODS = {name: [f"force_control={name}"] for name in FORCE_METHODS}

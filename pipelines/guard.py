@@ -11,14 +11,23 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cmacexp.data.run import Run
-from cmacexp.metrics.final import FINAL_CYCLES, compute_final
 from cmacexp.models.robot_file import package_models
-from cmacexp.report.figures import Panel, Series
-from cmacexp.study import DataFrame, Figure, Results, declare, draw
-from cmacexp.study.interval import UNPAIRED
-from cmacexp.study.samples import Sample, relative
-from cmacexp.typing import Array
+from cmacexp.study import (
+    FINAL_CYCLES,
+    UNPAIRED,
+    Array,
+    DataFrame,
+    Figure,
+    Panel,
+    Results,
+    Run,
+    Sample,
+    Series,
+    compute_final,
+    declare,
+    draw,
+    relative,
+)
 from pipelines.common_results import find_least, if_completed
 from pipelines.worlds import ALIENGO, GO1, HARD, ONE_LEG, QUADRUPED, draw_hard_world, draw_long
 

@@ -7,9 +7,7 @@ of the paper's rule under its own conditions, and for long, randomised ones of l
 from functools import partial
 from typing import Any
 
-from cmacexp.study import DataFrame, Figure, Results, declare, draw
-from cmacexp.study.curves import over_setting
-from cmacexp.study.tables import completed, tabulate
+from cmacexp.study import DataFrame, Figure, Results, completed, declare, draw, over_setting, tabulate
 from pipelines.common_memory import (
     colliding,
     cost_against,

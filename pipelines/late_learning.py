@@ -8,11 +8,7 @@ from functools import partial
 from typing import Any
 
 from cmacexp.cmac.rules import PAPER_RATE, RULES
-from cmacexp.data.run import Run
-from cmacexp.metrics.final import FINAL_CYCLES, TRANSFER, find_history
-from cmacexp.study import Results, declare
-from cmacexp.study.samples import per_seed, relative
-from cmacexp.typing import Array
+from cmacexp.study import FINAL_CYCLES, TRANSFER, Array, Results, Run, declare, find_history, per_seed, relative
 from pipelines.common_results import describe_end, find_least, if_completed
 
 WORLDS = {

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.config.compose import compose_config
-from cmacexp.study import DataFrame, Figure, Panel, Results, Series, declare, draw
-from cmacexp.typing import Array
+from cmacexp.study import Array, DataFrame, Figure, Panel, Results, Series, declare, draw
 
 SCENARIOS = {"one leg": "one_leg", "quadruped": "quadruped"}
 OMEGAS, ALPHAS, POINTS = (0.2, 200.0), (1.0, 100.0), 30

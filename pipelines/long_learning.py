@@ -12,13 +12,20 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from cmacexp.cmac.rules import RULES
-from cmacexp.data.run import Run
-from cmacexp.metrics.final import TRANSFER, find_history
-from cmacexp.study import Results, declare
-from cmacexp.study.quantity import compute_quantity
-from cmacexp.study.results import RunRow
-from cmacexp.study.samples import ended_in, per_seed, quotients, relative
-from cmacexp.typing import Array
+from cmacexp.study import (
+    TRANSFER,
+    Array,
+    Results,
+    Run,
+    RunRow,
+    compute_quantity,
+    declare,
+    ended_in,
+    find_history,
+    per_seed,
+    quotients,
+    relative,
+)
 from pipelines.common_results import describe_end, if_completed
 from pipelines.worlds import FEWER, TESTED, draw_worlds
 

@@ -11,11 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.data.run import Run
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.recording.run_view import RunView
 from cmacexp.report.run_figures import draw_over_cycle, draw_torques, draw_tracking
-from cmacexp.study import Figure, Results, declare, draw
+from cmacexp.study import Figure, Results, Run, declare, draw
 from pipelines import one_leg_learning_trace as trace
 
 PUBLISHED, SMOOTH = "as published", "smooth path, without 1/K_ap"

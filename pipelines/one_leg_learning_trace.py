@@ -8,10 +8,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from cmacexp.data.run import Run
 from cmacexp.models.leg import Leg, bias_torque, jacobian, trigonometry
-from cmacexp.report.figures import Panel, Series, draw
-from cmacexp.typing import Array
+from cmacexp.study import Array, Panel, Run, Series, draw
 from pipelines.common_results import find_depression
 
 Config = Mapping[str, Any]

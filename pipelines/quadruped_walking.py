@@ -10,9 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cmacexp.study import DataFrame, Figure, Results, declare
-from cmacexp.study.samples import Sample, quotients
-from cmacexp.typing import Array
+from cmacexp.study import Array, DataFrame, Figure, Results, Sample, declare, quotients
 from pipelines import quadruped_walking_events as measured
 from pipelines import quadruped_walking_figures as figures
 from pipelines.quadruped_walking_events import LATE, Walk, event, instants, late

@@ -12,13 +12,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from cmacexp.data.run import Run
 from cmacexp.data.signals import TRUE_MARGINS
 from cmacexp.planning.stability import FRONT, REAR, STABILITY
 from cmacexp.recording.run_view import RunView
-from cmacexp.study import DataFrame, Results
-from cmacexp.study.samples import Sample
-from cmacexp.typing import Array, Mask, Status
+from cmacexp.study import Array, DataFrame, Mask, Results, Run, Sample, Status
 from pipelines.common_results import if_completed
 
 DUTY_FACTOR = 0.8

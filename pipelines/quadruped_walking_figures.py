@@ -7,11 +7,10 @@ import numpy as np
 
 from cmacexp.planning.stability import FRONT, REAR
 from cmacexp.recording import palette
-from cmacexp.report.figures import Panel, Series, draw, draw_panel
+from cmacexp.report.figures import draw_panel
 from cmacexp.report.machine_drawing import ALOFT, DENT, MM, NEAR, NEAR_SIDE, draw_leg, joints
 from cmacexp.report.style import DESIRED, GROUND, SERIES, colour, label, new_figure
-from cmacexp.study import Figure
-from cmacexp.typing import Array
+from cmacexp.study import Array, Figure, Panel, Series, draw
 from pipelines.quadruped_walking_events import Walk, instants
 
 if TYPE_CHECKING:

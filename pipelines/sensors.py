@@ -11,10 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.data.run import Run
-from cmacexp.study import Results, declare
-from cmacexp.study.samples import relative
-from cmacexp.typing import Array
+from cmacexp.study import Array, Results, Run, declare, relative
 from pipelines.common_results import describe_end
 
 KINDS = {

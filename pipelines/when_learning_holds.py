@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 
 from cmacexp.models.robot_file import package_models
-from cmacexp.report.figures import Panel, Series
 from cmacexp.stability.verdict import GROWS, HOLDS, MAX_CYCLES
-from cmacexp.study import Figure, Request, Results, declare, draw
-from cmacexp.typing import Array, Mask
+from cmacexp.study import Array, Figure, Mask, Panel, Request, Results, Series, declare, draw
 from pipelines.when_learning_holds_measures import MEASURES, SAID
 from pipelines.worlds import ONE_LEG, QUADRUPED, ROBOT, draw_settings
 

@@ -9,15 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from cmacexp.config import Config
-from cmacexp.data.run import Run, read_config
+from cmacexp.data.run import read_config
 from cmacexp.loop.scenario import make_scenario, resolve_lead
 from cmacexp.metrics.drift import DRIFT_RATIO
 from cmacexp.stability.cycle_map import NotPredictable
 from cmacexp.stability.growth import GROWTH_CYCLES, MAX_CYCLES_BEFORE, SETTLING_CYCLES, fitted_growth
 from cmacexp.stability.transfer import Spectrum, spectra_along
 from cmacexp.stability.verdict import FREQUENCIES, GROWS, HOLDS, MAX_CYCLES, PLACES, UNDECIDED, assess, compute_rise
-from cmacexp.study.results import Measures
-from cmacexp.typing import Array
+from cmacexp.study import Array, Measures, Run
 
 SAID = {HOLDS: 1.0, UNDECIDED: 0.0, GROWS: -1.0}
 """What a criterion says, as a number."""

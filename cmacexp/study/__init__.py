@@ -1,34 +1,72 @@
-"""Studies: runs, measures, claims, findings and figures, declared in one file, and a page that shows them."""
+"""Studies: runs, measures, claims, findings and figures, declared in one file, and a page that shows them.
 
+All that a study in Python is written with is imported from here: the declaration, results and samples of its runs,
+statistics, tables and figures.
+"""
+
+from cmacexp.data.run import Run
+from cmacexp.metrics.final import FINAL_CYCLES, TRANSFER, compute_final, find_history
+from cmacexp.metrics.text import format_number
 from cmacexp.report.figures import Panel, Series, draw
-from cmacexp.study.comparison import Comparison, compare
-from cmacexp.study.curves import over_cycles, over_setting
-from cmacexp.study.declaration import declare
-from cmacexp.study.results import Results
+from cmacexp.study.comparison import Comparison, compare, find_order, interval_panel, profile_panel
+from cmacexp.study.declaration import declare, read_criteria
+from cmacexp.study.interval import UNPAIRED, Interval, estimate
+from cmacexp.study.quantity import compute_quantity
+from cmacexp.study.results import Measures, Results, RunRow
+from cmacexp.study.samples import Sample, ended_in, per_seed, quotients, relative
 from cmacexp.study.statements import ANY, Claim, Criterion, Finding, at_least, at_most, between
 from cmacexp.study.study import DataFrame, Figure, Request, Study, grid, starting_from
+from cmacexp.study.views import completed, cross_tabulate, over_cycles, over_setting, tabulate
+from cmacexp.typing import Array, Mask, Status
 
 __all__ = [
     "ANY",
+    "FINAL_CYCLES",
+    "TRANSFER",
+    "UNPAIRED",
+    "Array",
     "Claim",
     "Comparison",
     "Criterion",
     "DataFrame",
     "Figure",
     "Finding",
+    "Interval",
+    "Mask",
+    "Measures",
     "Panel",
     "Request",
     "Results",
+    "Run",
+    "RunRow",
+    "Sample",
     "Series",
+    "Status",
     "Study",
     "at_least",
     "at_most",
     "between",
     "compare",
+    "completed",
+    "compute_final",
+    "compute_quantity",
+    "cross_tabulate",
     "declare",
     "draw",
+    "ended_in",
+    "estimate",
+    "find_history",
+    "find_order",
+    "format_number",
     "grid",
+    "interval_panel",
     "over_cycles",
     "over_setting",
+    "per_seed",
+    "profile_panel",
+    "quotients",
+    "read_criteria",
+    "relative",
     "starting_from",
+    "tabulate",
 ]

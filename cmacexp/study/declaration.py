@@ -19,23 +19,22 @@ from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.text import format_number
 from cmacexp.report.figures import Panel, draw
-from cmacexp.study.curves import over_cycles, over_setting
 from cmacexp.study.interval import estimate
 from cmacexp.study.quantity import check_quantity, compute_quantity
 from cmacexp.study.results import NoSuchRuns, Results
 from cmacexp.study.statements import ANY, Claim, Criterion, Finding, Limit
 from cmacexp.study.study import DataFrame, Figure, Request, Study, grid, starting_from
-from cmacexp.study.tables import completed, cross_tabulate, tabulate
-from cmacexp.typing import Array
+from cmacexp.study.views import completed, cross_tabulate, over_cycles, over_setting, tabulate
 
 SCALES = {"%": 100.0, "mm": 1e3, "mrad": 1e3, "ms": 1e3}
 """Factor from the unit of a metric to that of a limit, where it is not 1."""
 LIMIT = re.compile(r"(?:(at most|at least) )?(\S+?)(?: to (\S+?))? ?(%|[a-zA-Zµ]+(?:[ /][a-zA-Z]+)?)?")
-CRITERION = ("quantity", "value", "of", "over", "each", "limit", "opposite", "case", "infinite")
+CRITERION = ("quantity", "value", "of", "over", "each", "limit", "opposite", "case", "infinite", "beside")
 FORMS: dict[str, Sequence[str]] = {
     "study": (
         "title",
         "question",
+        "common",
         "runs",
         "measures",
         "computed",
@@ -105,11 +104,27 @@ def read_limit(text: str) -> tuple[Limit, str, float]:
 def read_criteria(given: Mapping[str, Any], measures: Collection[str] = ()) -> list[Criterion]:
     """The criteria of a statement: those under ``criteria``, or the one that it is itself, for ``each`` setting.
 
+    After them come the values of ratios that are to stand ``beside`` them.
+
     Raises:
         BadInput: a key is unknown or missing, or the quantity or the limit is none.
     """
-    if "criteria" in given:
-        return [criterion for each in given["criteria"] for criterion in read_criteria(each, measures)]
+    parts = given.get("criteria", [given])
+    shown = [_list_values(each) for each in parts if each.get("beside")]
+    return [criterion for each in (*parts, *shown) for criterion in _read_criterion(each, measures)]
+
+
+def _list_values(given: Mapping[str, Any]) -> dict[str, Any]:
+    """What shows the values of the runs that a criterion divides, those of ``over`` first; it decides nothing."""
+    own = _check("criteria", {key: each for key, each in given.items() if key in CRITERION}, ("of", "over"))
+    quantity, _, unit = str(own["beside"]).rpartition(", ")
+    pairs = {key: [value, own["of"][key]] for key, value in own["over"].items()}
+    case = {"case": ", ".join([str(own["case"]), *map("{{{}}}".format, pairs)])} if "case" in own else {}
+    more = {"quantity": quantity, "each": {**own.get("each", {}), **pairs}, "limit": f"any {unit}"}
+    return {"value": own["value"], "of": own["of"], **more, **case}
+
+
+def _read_criterion(given: Mapping[str, Any], measures: Collection[str]) -> list[Criterion]:
     own = {key: value for key, value in given.items() if key in CRITERION}
     for key in ("value", "limit"):
         if key not in own:
@@ -137,13 +152,13 @@ def _take_ends(values: Sequence[Any]) -> list[Any]:
     return [*values[:1], *values[1:][-1:]]
 
 
-def read_requests(parts: Sequence[Any], quick: bool) -> list[Request]:
+def read_requests(parts: Sequence[Any], quick: bool, common: Mapping[str, Any] | None = None) -> list[Request]:
     """The runs of all parts; a quick form takes what ``quick`` sets, and the first and last value of each setting.
 
-    A part whose ``quick`` is null is left out of it.
+    A part whose ``quick`` is null is left out of it. What a part does not say is ``common`` to all that do not.
     """
     found: list[Request] = []
-    for own in (_check("runs", given) for given in parts):
+    for own in ({**(common or {}), **_check("runs", given)} for given in parts):
         if quick and own.get("quick", {}) is None:
             continue
         over = {
@@ -160,9 +175,10 @@ def read_requests(parts: Sequence[Any], quick: bool) -> list[Request]:
         )
         requests = [replace(each, overrides=(*each.overrides, *format_overrides(more))) for each in requests]
         if "after" in own:
-            first = [each for each in found if own["after"].items() <= each.labels.items()]
             first = [
-                replace(each, labels={k: each.labels[k] for k in over if k not in own["after"]}) for each in first
+                replace(each, labels={key: each.labels[key] for key in over if key not in own["after"]})
+                for each in found
+                if own["after"].items() <= each.labels.items()
             ]
             requests = starting_from(first, requests)
         found += requests
@@ -181,19 +197,15 @@ def _cell(value: Any, measures: Collection[str]) -> Callable[[Results], Any]:
         check_quantity(text, measures)
 
     def show(results: Results) -> Any:
+        done = [row for row in results.rows if row.run.completed] or results.rows
         try:
-            return (describe if isinstance(value, list) else measure)(results)
+            if not isinstance(value, list):
+                return compute_quantity(value, Results(done, results.computed))
+            found = [estimate(compute_quantity(text, results)) for text in value]
         except BadInput:
             return None
-
-    def describe(results: Results) -> str:
-        found = [estimate(compute_quantity(text, results)) for text in value]
         errors = " / ".join(format_number(each.value) for each in found)
         return f"{errors} ({found[-1].size})" if found[-1].failed else errors
-
-    def measure(results: Results) -> Array:
-        done = [row for row in results.rows if row.run.completed] or results.rows
-        return compute_quantity(value, Results(done, results.computed))
 
     return completed if value == "completed" else show
 
@@ -282,7 +294,11 @@ def declare(**given: Any) -> Study:
         BadInput: some part of it is not as it must be.
     """
     own = _check("study", given, ["title", "question", "runs"])
-    runs = own["runs"] if callable(own["runs"]) else partial(read_requests, own["runs"])
+    runs = (
+        own["runs"]
+        if callable(own["runs"])
+        else partial(read_requests, own["runs"], common=_check("runs", own.get("common", {})))
+    )
     measures = {name: _find_measure(target) for name, target in (own.get("measures") or {}).items()}
     return Study(
         title=str(own["title"]),

@@ -192,8 +192,12 @@ def evaluate(
         {name: partial(figure, results) for name, figure in study.figures.items()},
         {name: partial(table, results) for name, table in study.tables.items()},
         {
-            "finding": lambda name: "" if quick else _format_finding(findings[name]),
-            "claim": lambda name: "" if quick else _format_claim(claims[name]),
+            "finding": lambda name: (
+                "" if quick else f"{findings[name].sentence}\n\n{format_html(evidence_of(findings[name]))}\n\n"
+            ),
+            "claim": lambda name: (
+                "" if quick else f"“{study.claims[name].words}” ({study.claims[name].where}): {claims[name].verdict}."
+            ),
             "last_cycles": LAST_CYCLES,
             "runs": len(results),
             "setting": lambda key, **of: results.select(of).rows[0].settings[key],
@@ -224,14 +228,6 @@ def restore(file: StudyFile, folder: Path, quick: bool) -> Evaluated:
         name: FindingResult(each, measured(name, each.criteria)) for name, each in file.study.findings.items()
     }
     return Evaluated(file.name, claims, findings, [], {}, known[1])
-
-
-def _format_finding(found: FindingResult) -> str:
-    return f"{found.sentence}\n\n{format_html(evidence_of(found))}\n\n"
-
-
-def _format_claim(judged: ClaimResult) -> str:
-    return f"“{judged.claim.words}” ({judged.claim.where}): {judged.verdict}."
 
 
 def make_claims_section(claims: Sequence[ClaimResult], folder: Path) -> Section:

@@ -153,7 +153,7 @@ TOGETHER = 100
 """Measured runs after which measures are written."""
 IDENTITY = ("config_hash", "code_hash", "custom_code", "model_hash", "start_weights", "status")
 """Entries of a manifest that say which result a folder holds."""
-WRITERS = ("study/page.py", "study/curves.py", "study/tables.py")
+WRITERS = ("study/page.py", "study/views.py")
 """Files that make pages."""
 Measured = Mapping[Path, Mapping[str, float]]
 

@@ -9,7 +9,7 @@ Python's notation of arithmetic and comparisons, with ``abs``, ``hypot``, ``max`
 
 import ast
 import operator
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import reduce
 from typing import Any
 
@@ -61,21 +61,14 @@ def parse_quantity(text: str) -> ast.expr:
     return tree
 
 
-def list_names(text: str) -> Iterator[str]:
-    """The metrics and measures that a quantity is made of; raises as :func:`parse_quantity`."""
-    called = (*CALLED, *OF_RUNS)
-    tree = parse_quantity(text)
-    return (node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and node.id not in called)
-
-
 def check_quantity(text: str, measures: Any = ()) -> None:
     """Check the names of a quantity before anything is run.
 
     Raises:
         BadInput: it is no quantity, or a name is neither a metric nor one of ``measures``.
     """
-    for name in list_names(text):
-        if name not in ALL_METRICS and name not in measures:
+    for name in (node.id for node in ast.walk(parse_quantity(text)) if isinstance(node, ast.Name)):
+        if name not in {*CALLED, *OF_RUNS, *measures, *ALL_METRICS}:
             allowed = [*OF_RUNS, *measures, *ALL_METRICS]
             raise BadInput("quantity", text, f"has no metric or measure {name!r}{suggest(name, allowed)}")
 

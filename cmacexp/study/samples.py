@@ -1,7 +1,6 @@
 """Samples of how far runs came, and of runs compared with others."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -23,11 +22,6 @@ def quotients(values: Array, references: Array | float) -> Array:
 def growth(late: Array, early: Array) -> Array:
     """(runs,): a value late in each run over one early in the same run; infinite of a run that ended before."""
     return np.divide(late, early, out=np.full(np.shape(late), np.inf), where=np.isfinite(late))
-
-
-def ratio(sample: Sample, chosen: Mapping[str, Any], reference: Mapping[str, Any]) -> Sample:
-    """A sample of the runs with some settings over that of the runs with others, in order; or over the only one."""
-    return lambda results: quotients(sample(results.select(chosen)), sample(results.select(reference)))
 
 
 def ended_in(results: Results) -> Array:

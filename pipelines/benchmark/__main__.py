@@ -19,8 +19,8 @@ from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.data.folder import HTML
 from cmacexp.errors import BadInput
+from cmacexp.study import Results
 from cmacexp.study.provenance import digest_files, make_provenance, make_witness
-from cmacexp.study.results import Results
 from cmacexp.study.study_file import StudyFile
 from cmacexp.terminal.messages import warn_of_models
 from cmacexp.terminal.output import print_line

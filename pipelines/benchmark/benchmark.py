@@ -7,10 +7,19 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cmacexp.study import Criterion, DataFrame, Finding, Results, Study, at_least, at_most
-from cmacexp.study.comparison import Comparison
-from cmacexp.study.interval import UNPAIRED
-from cmacexp.typing import Array, Mask
+from cmacexp.study import (
+    UNPAIRED,
+    Array,
+    Comparison,
+    Criterion,
+    DataFrame,
+    Finding,
+    Mask,
+    Results,
+    Study,
+    at_least,
+    at_most,
+)
 from pipelines.benchmark import summary
 from pipelines.benchmark.entrants import ALONE, CMAC
 from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, FOR_EACH, GUARDED

@@ -10,7 +10,7 @@ import pandas as pd
 
 from cmacexp.data.parquet import read_table
 from cmacexp.errors import BadInput
-from cmacexp.study.comparison import Comparison
+from cmacexp.study import Comparison
 from pipelines.benchmark.summary import make_comparison
 
 SAME = ("version", "tasks_hash")

@@ -26,12 +26,11 @@ from cmacexp.gap.learners import Learner, Maker, predict_all
 from cmacexp.gap.machine import read_machine
 from cmacexp.gap.signals import Signals
 from cmacexp.gap.validation import ABOVE, IDENTIFIED, choose_level, list_identified
-from cmacexp.study import Criterion, Finding, Results, Study, at_most
+from cmacexp.study import Array, Criterion, Finding, Results, Study, at_most
 from cmacexp.study.provenance import digest_files, make_provenance
 from cmacexp.study.study_file import StudyFile
 from cmacexp.terminal.output import print_line, show_progress
 from cmacexp.terminal.tables import print_table
-from cmacexp.typing import Array
 from pipelines.benchmark.entrants import choose_names, slug
 from pipelines.benchmark.simulated_log import MODEL, NAMES, simulate_log
 from pipelines.benchmark.summary import write_table

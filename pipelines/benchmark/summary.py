@@ -6,11 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cmacexp.report.figures import draw
-from cmacexp.study import Figure
-from cmacexp.study.comparison import Comparison, compare, find_order, profile_panel
-from cmacexp.study.interval import Interval
-from cmacexp.typing import Array, Mask
+from cmacexp.study import Array, Comparison, Figure, Interval, Mask, compare, draw, find_order, profile_panel
 from pipelines.benchmark.entrants import ALONE, CMAC
 from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, GUARDED, SETTINGS
 from pipelines.benchmark.tasks import MACHINES, TASKS

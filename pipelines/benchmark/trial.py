@@ -19,10 +19,10 @@ from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import exits_caught
 from cmacexp.jit.sources import code_hash
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.metrics.final import compute_final
 from cmacexp.metrics.pooling import pool_legs
+from cmacexp.study import Array, compute_final
 from cmacexp.terminal.messages import announce_compiling
-from cmacexp.typing import Array, Weights
+from cmacexp.typing import Weights
 from pipelines.benchmark.entrants import Method
 from pipelines.benchmark.tasks import PROTOCOL, VERSION, Machine, change_world
 

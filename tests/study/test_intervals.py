@@ -8,8 +8,8 @@ from support.made_studies import made_errors
 
 from cmacexp.study import Results, at_most
 from cmacexp.study.interval import EXACT, FEW, UNPAIRED, Interval, estimate
-from cmacexp.study.samples import per_seed, quotients, ratio, relative
-from cmacexp.study.tables import completed, tabulate
+from cmacexp.study.samples import per_seed, quotients, relative
+from cmacexp.study.views import completed, tabulate
 
 
 def last_error(results: Results) -> np.ndarray:
@@ -83,13 +83,11 @@ def test_a_ratio_is_that_of_the_same_seed_and_infinite_where_the_run_ended():
     assert per_seed(other, ratios, min).tolist() == pytest.approx([1.5, 0.5])
 
 
-def test_groups_of_runs_are_compared_and_tabulated_by_their_settings():
+def test_groups_of_runs_are_tabulated_by_their_settings():
     groups = {("soft", "a"): [0.001], ("soft", "b"): [0.009], ("hard", "a"): [0.002, math.nan]}
     results = Results(
         [row for (walk, law), errors in groups.items() for row in made_errors(*errors, walk=walk, law=law).rows]
     )
-    both = ratio(last_error, {"walk": "soft", "law": "b"}, {"walk": "soft", "law": "a"})
-    assert both(results) == pytest.approx([9.0])
     table = tabulate(results, {"walk": "ground", "law": "law"}, {"done": completed, "error": last_error})
     assert table.to_numpy().tolist() == [
         ["soft", "a", "1 of 1", pytest.approx(0.001)],
