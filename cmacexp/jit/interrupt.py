@@ -19,25 +19,28 @@ class _State:
     """Of the last signal."""
 
 
+_state = _State()
+
+
 def _handle(number: int, frame: object) -> None:
     """Note a signal that has to wait; a second one does not."""
-    _State.number, was_waiting = number, _State.waiting
-    _State.waiting = _State.held_back and not was_waiting
-    if not _State.waiting:
-        _State.raised = True
+    _state.number, was_waiting = number, _state.waiting
+    _state.waiting = _state.held_back and not was_waiting
+    if not _state.waiting:
+        _state.raised = True
         raise KeyboardInterrupt
 
 
 def raise_if_interrupted() -> None:
     """At a safe place, raise an interrupt that has been held back."""
-    if _State.waiting:
-        _State.waiting = False
+    if _state.waiting:
+        _state.waiting = False
         raise KeyboardInterrupt
 
 
 def is_interrupt(error: BaseException) -> bool:
     """Whether an error is an interrupt, or comes after one, of which libraries make errors such as AttributeError."""
-    return isinstance(error, KeyboardInterrupt) or _State.raised
+    return isinstance(error, KeyboardInterrupt) or _state.raised
 
 
 def _comes_from_handler(error: SystemExit) -> bool:
@@ -65,7 +68,7 @@ def exits_caught() -> Iterator[None]:
 
 def interrupted_exit_code() -> int:
     """The exit code of a command that was interrupted: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP."""
-    return 128 + _State.number
+    return 128 + _state.number
 
 
 @contextmanager
@@ -73,7 +76,7 @@ def handled(signals: tuple[int, ...] = SIGNALS) -> Iterator[None]:
     """Raise ``KeyboardInterrupt`` at signals, except those that this process ignores as after ``nohup``."""
     defaults = (signal.SIG_DFL, signal.default_int_handler)
     before = {number: signal.getsignal(number) for number in signals if signal.getsignal(number) in defaults}
-    _State.raised = _State.raised and not before
+    _state.raised = _state.raised and not before
     try:
         for number in before:
             signal.signal(number, _handle)
@@ -89,13 +92,13 @@ def interrupt_held_back() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = _State.held_back
+    before = _state.held_back
     with handled((signal.SIGINT,)):  # in a notebook, where no command handles it
-        _State.held_back = True
+        _state.held_back = True
         try:
             yield
         finally:
-            _State.held_back = before
+            _state.held_back = before
             if not before:
                 raise_if_interrupted()
 
@@ -109,11 +112,11 @@ def interruptible(function: Callable[[int], object]) -> Callable[[int], object]:
         return function
 
     def call(number: int) -> None:
-        before, _State.held_back = _State.held_back, False
+        before, _state.held_back = _state.held_back, False
         try:
             raise_if_interrupted()
             function(number)
         finally:
-            _State.held_back = before
+            _state.held_back = before
 
     return call

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.control.protocol import Drive
+from cmacexp.control.protocol import Action, Drive
 from cmacexp.errors import BadOutput, Diverged
 from cmacexp.feedforward import Observes
 from cmacexp.jit.hooks import Hook
@@ -22,11 +22,15 @@ from cmacexp.loop.samples import make_samples
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import FAILED_COMPONENT, Hooks, Loop, step_loop
 from cmacexp.loop.validation import (
+    DRIVE_NAMES,
+    SIGNAL_NAMES,
     copy_action,
     copy_drive,
     copy_measurement,
-    copy_output,
+    copy_outputs,
     copy_signals,
+    make_measurement_targets,
+    make_targets,
     require_finite,
 )
 from cmacexp.planning.plan import Plan
@@ -34,6 +38,7 @@ from cmacexp.planning.setup import Reference
 from cmacexp.planning.trajectory import ACTING, BEFORE, ControlReference
 from cmacexp.plants.drives import ANGLE, DAMPING, DRIVE, FEEDFORWARD, STIFFNESS, TORQUE, VELOCITY
 from cmacexp.plants.protocol import STATE, Measurement, copy_state, get_state, view_state
+from cmacexp.plants.robot_signals import RobotSignals
 from cmacexp.typing import Array
 
 
@@ -65,6 +70,13 @@ class ExternalComponents:
         self.controller, self.feedforward = scenario.controller, scenario.feedforward
         self.state = view_state(loop.plant_state, loop.travel)
         self.observation = view_state(loop.observation, loop.observation.travel)
+        state, torques, drives = loop.control_state, loop.torques, loop.drives
+        self.measured, self.observed = map(make_measurement_targets, (self.state, self.observation))
+        self.signals = [] if loop.signals is None else make_targets(SIGNAL_NAMES, loop.signals)
+        self.action = make_targets(Action._fields[:3], (state.feedback, torques.feedforward, state.reference))
+        self.learning_error = make_targets(("learning_error",), (state.learning_error,))
+        self.drive = [] if drives is None else make_targets(DRIVE_NAMES, drives.command[ANGLE:])
+        self.torque = make_targets(("torque",), (torques.feedforward,))
         self.has_fault_status = external.controller and hasattr(scenario.controller, "force_trusted")
         self.divergence = ""
         """Cause that an external plant itself reported, if it has diverged."""
@@ -95,7 +107,7 @@ class ExternalComponents:
         true, seen = copy_state(self.state, self.loop.travel, self.loop.signals), self.observation.travel
         if seen is not None:  # unless they measure that too
             seen[...] = self.loop.travel
-        copy_measurement(self.sensors, "measure", self.sensors.measure(true), self.observation)
+        copy_measurement(self.sensors, "measure", self.sensors.measure(true), self.observed)
 
     def _show(self, feedforward: Observes, step: int) -> None:
         """Show what the sensors show, and what the plant took."""
@@ -106,20 +118,20 @@ class ExternalComponents:
         action = self.controller.act(reference, copy_state(self.observation, self.observation.travel))
         if self.has_fault_status:
             state.fault_status.trusted[...] = self.controller.force_trusted  # type: ignore[attr-defined]
-        if not copy_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
+        if not copy_action(self.controller, action, self.action):
             state.reference[...] = reference.control.position
         if self.loop.guard is not None:  # what teaches is known to the controller alone
             error = state.feedback if action.learning_error is None else action.learning_error
-            copy_output(self.controller, "act", "learning_error", error, state.learning_error)
+            copy_outputs(self.controller, "act", (error,), self.learning_error)
         if self.loop.drives is not None:
-            copy_drive(self.controller, action.drive, self.loop.drives.command)
+            copy_drive(self.controller, action.drive, self.drive)
         elif action.drive is not None:
             name = type(self.controller).__name__
             raise BadOutput(f"{name}.act returned a drive, which nothing takes: give {name} sends_drives = True")
 
     def _predict(self, step: int) -> None:
         torque = self.feedforward.predict(self._refer(step), self.loop.control_state.learning_error.copy())
-        copy_output(self.feedforward, "predict", "torque", torque, self.loop.torques.feedforward)
+        copy_outputs(self.feedforward, "predict", (torque,), self.torque)
 
     def _step(self, step: int) -> None:
         try:
@@ -128,10 +140,10 @@ class ExternalComponents:
             self.divergence = str(error)
             self.state.q[...] = np.nan  # for which the check of this step stops the run
             return
-        copy_measurement(self.plant, "step", measured, self.state)
+        copy_measurement(self.plant, "step", measured, self.measured)
         if self.loop.signals is not None:
-            copy_signals(self.plant, "step", measured.signals, self.loop.signals)
-        self._note_drives()
+            copy_signals(self.plant, "step", measured.signals, self.signals)
+            self._note_drives(self.loop.signals)
         if step == 0:
             for name, values in _name(self.state):
                 require_finite(self.plant, "step", name, values)
@@ -144,10 +156,10 @@ class ExternalComponents:
         parts = (drives.command[part].copy() for part in (ANGLE, VELOCITY, STIFFNESS, DAMPING))
         return self.plant.step(torque, Drive(*parts))  # type: ignore[call-arg]  # its takes_drives says so
 
-    def _note_drives(self) -> None:
-        """What the drives of an external plant added to the torque sent to them, by what the plant measured."""
-        drives, signals = self.loop.drives, self.loop.signals
-        if drives is None or signals is None:
+    def _note_drives(self, signals: RobotSignals) -> None:
+        """What the drives of an external plant, if it has any, added to the torque that was sent to them."""
+        drives = self.loop.drives
+        if drives is None:
             return
         feedback, feedforward = self.loop.control_state.feedback, self.loop.torques.feedforward
         drives.acted[TORQUE], drives.acted[FEEDFORWARD] = feedback, feedforward

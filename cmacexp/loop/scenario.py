@@ -18,7 +18,14 @@ from cmacexp.jit.interrupt import exits_caught
 from cmacexp.loop.factory import PROTOCOLS, make_component, require_members
 from cmacexp.loop.margin import check_margin
 from cmacexp.loop.step import Loop
-from cmacexp.loop.validation import copy_measurement, copy_signals, require_finite
+from cmacexp.loop.validation import (
+    SIGNAL_NAMES,
+    copy_measurement,
+    copy_signals,
+    make_measurement_targets,
+    make_targets,
+    require_finite,
+)
 from cmacexp.models.loop_delay import LoopDelay, add_delays
 from cmacexp.planning import Plan, Setup, make_plan
 from cmacexp.planning.machine import check_load_sharing, make_mechanism
@@ -132,14 +139,14 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     sensors.reset(_own(nominal, sensors))
     first = new_measurement(*setup.mechanism.shape)
     measured = plant.reset(_own(setup, plant))
-    copy_measurement(plant, "reset", measured, first)
+    copy_measurement(plant, "reset", measured, make_measurement_targets(first))
     if not isinstance(plant, AnalyticPlant):  # its body may have no equilibrium: it has fallen, which is a result
         for name, values in zip(STATE, get_state(first), strict=True):
             require_finite(plant, "reset", name, values)
     signals = None
     if measured.signals is not None:
         signals = new_instruments(*setup.mechanism.shape, setup.config.sampling_period).signals
-        copy_signals(plant, "reset", measured.signals, signals)
+        copy_signals(plant, "reset", measured.signals, make_targets(SIGNAL_NAMES, signals))
     return first._replace(travel=measured.travel, signals=signals)
 
 

@@ -1,5 +1,6 @@
 """Validation of the output of external components; errors name the component, in the step of its mistake."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -7,16 +8,16 @@ import numpy as np
 from cmacexp.control.protocol import Action, Drive
 from cmacexp.data.signals import list_units
 from cmacexp.errors import BadOutput
-from cmacexp.plants.drives import ANGLE
 from cmacexp.plants.protocol import STATE, Measurement, get_state
 from cmacexp.plants.robot_signals import RobotSignals
 from cmacexp.typing import Array
 
 UNITS = list_units()
+"""Of all outputs, by name."""
 UNITS["torque"] = UNITS["learning_error"] = UNITS["signals.torque"] = UNITS["feedback"]
-UNITS |= {
-    f"drive.{name}": unit for name, unit in zip(Drive._fields, ("rad", "rad/s", "N m/rad", "N m s/rad"), strict=True)
-}
+DRIVE_NAMES = [f"drive.{name}" for name in Drive._fields]
+SIGNAL_NAMES = [f"signals.{name}" for name in RobotSignals._fields]
+UNITS |= dict(zip(DRIVE_NAMES, ("rad", "rad/s", "N m/rad", "N m s/rad"), strict=True))
 UNITS |= {"signals.q": "rad", "signals.dq": "rad/s", "signals.attitude": "rad", "signals.gyroscope": "rad/s"}
 UNITS |= {"signals.accelerometer": "m/s^2", "signals.tick": "samples"}
 
@@ -33,15 +34,36 @@ def _expected(name: str, shape: tuple[int, ...], unit: str) -> str:
     return f"expected {sides}{size} float64, {unit}"
 
 
-def copy_output(component: object, method: str, name: str, output: Any, target: Array) -> None:
-    """Copy an array that a component returned into ``target``, whose shape and unit it has; raises BadOutput."""
-    try:
-        if output.dtype is FLOAT and output.shape == target.shape:
-            target[...] = output
-            return
-    except AttributeError:
-        pass
-    expected = _expected(name, target.shape, UNITS[name])
+Target = tuple[str, Array, tuple[int, ...]]
+"""What a component's output is copied to: its name, a key of UNITS, an array, and the shape of that.
+
+To ask an array for its shape takes as long as half a copy of a few numbers.
+"""
+
+
+def make_targets(names: Iterable[str], arrays: Iterable[Array]) -> list[Target]:
+    """Targets of outputs with these names, in the units of UNITS."""
+    return [(name, array, array.shape) for name, array in zip(names, arrays, strict=True)]
+
+
+def make_measurement_targets(state: Measurement) -> list[Target]:
+    """Targets of a measurement; a travel that the loop does not have is checked all the same."""
+    travel = np.empty(3) if state.travel is None else state.travel
+    return make_targets((*STATE, "travel"), (*get_state(state), travel))
+
+
+def copy_outputs(component: object, method: str, outputs: Iterable[Any], targets: Iterable[Target]) -> None:
+    """Copy arrays that a component returned, the first ones if there are fewer targets; raises BadOutput."""
+    for output, (name, array, shape) in zip(outputs, targets, strict=False):
+        if getattr(output, "dtype", None) is FLOAT and output.shape == shape:
+            array[...] = output
+        else:
+            array[...] = _convert(component, method, name, output, shape)
+
+
+def _convert(component: object, method: str, name: str, output: Any, shape: tuple[int, ...]) -> Array:
+    """Numbers of a ``shape`` that a component returned, in the unit of their name, as an array; raises BadOutput."""
+    expected = _expected(name, shape, UNITS[name])
     try:
         values = np.asarray(output)
         kind = values.dtype.kind
@@ -49,9 +71,9 @@ def copy_output(component: object, method: str, name: str, output: Any, target: 
         kind, values = "O", np.empty(0)
     if output is None or kind not in "fiub":
         raise BadOutput(f"{_method(component, method)} returned {name} of type {type(output).__name__}: {expected}")
-    if values.shape != target.shape:
+    if values.shape != shape:
         raise BadOutput(f"{_method(component, method)} returned {name} of shape {values.shape}: {expected}")
-    target[...] = values
+    return values
 
 
 def require_finite(component: object, method: str, name: str, values: Array) -> None:
@@ -65,25 +87,21 @@ def require_finite(component: object, method: str, name: str, values: Array) -> 
         )
 
 
-def copy_measurement(component: object, method: str, output: Any, target: Measurement) -> None:
-    """Copy a measurement that a plant or sensors returned into the arrays of ``target``; raises BadOutput."""
+def copy_measurement(component: object, method: str, output: Any, targets: list[Target]) -> None:
+    """Copy a measurement that a plant or sensors returned to the targets of one; raises BadOutput."""
     if not isinstance(output, Measurement):
         raise BadOutput(
             f"{_method(component, method)} returned {_describe(output)}: "
             f"expected cmacexp.plants.Measurement({', '.join(Measurement._fields)})"
         )
-    for name, values, array in zip(STATE, output, get_state(target), strict=False):  # but for the travel
-        copy_output(component, method, name, values, array)
-    if output.travel is not None:
-        travel = np.empty(3)
-        copy_output(component, method, "travel", output.travel, travel)
-        require_finite(component, method, "travel", travel)
-        if target.travel is not None:
-            target.travel[...] = travel
+    has_travel = output.travel is not None
+    copy_outputs(component, method, output, targets if has_travel else targets[:-1])
+    if has_travel:
+        require_finite(component, method, "travel", targets[-1][1])
 
 
-def copy_action(component: object, output: Any, feedback: Array, feedforward: Array, reference: Array) -> bool:
-    """Copy the action of a controller into the arrays (L, J) of the loop, N m and m; raises BadOutput.
+def copy_action(component: object, output: Any, targets: list[Target]) -> bool:
+    """Copy the action of a controller to the targets of feedback, feedforward and reference; raises BadOutput.
 
     Returns whether it contains the reference that the controller followed.
     """
@@ -92,41 +110,38 @@ def copy_action(component: object, output: Any, feedback: Array, feedforward: Ar
             f"{_method(component, 'act')} returned {_describe(output)}: "
             "expected cmacexp.control.Action(feedback, feedforward[, reference])"
         )
-    copy_output(component, "act", "feedback", output[0], feedback)
-    copy_output(component, "act", "feedforward", output[1], feedforward)
-    if output[2] is None:
-        return False
-    copy_output(component, "act", "reference", output[2], reference)
-    return True
+    has_reference = output.reference is not None
+    copy_outputs(component, "act", output, targets if has_reference else targets[:2])
+    return has_reference
 
 
-def copy_drive(component: object, drive: Any, command: Array) -> None:
-    """Copy what a controller sends to drives beside its torques into their ``command`` (6, L, J).
+def copy_drive(component: object, drive: Any, targets: list[Target]) -> None:
+    """Copy what a controller sends to drives beside its torques to its targets; raises BadOutput.
 
-    Its units are those of :class:`cmacexp.control.Drive`. None: torques alone, with gains of 0. Raises BadOutput.
+    None: torques alone, with gains of 0.
     """
     if drive is None:
-        command[ANGLE:] = 0.0
+        for _, array, _ in targets:
+            array[...] = 0.0
         return
     if not isinstance(drive, Drive):
         raise BadOutput(
             f"{_method(component, 'act')} returned drive={_describe(drive)}: "
             f"expected cmacexp.control.Drive({', '.join(Drive._fields)}), or None"
         )
-    for name, values, target in zip(Drive._fields, drive, command[ANGLE:], strict=True):
-        copy_output(component, "act", f"drive.{name}", values, target)
-        require_finite(component, "act", f"drive.{name}", target)
+    copy_outputs(component, "act", drive, targets)
+    for name, array, _ in targets:
+        require_finite(component, "act", name, array)
 
 
-def copy_signals(component: object, method: str, signals: Any, target: RobotSignals) -> None:
-    """Copy what a plant says that a robot measures by itself into the arrays of ``target``; raises BadOutput."""
+def copy_signals(component: object, method: str, signals: Any, targets: list[Target]) -> None:
+    """Copy what a plant says that a robot measures by itself to its targets; raises BadOutput."""
     if not isinstance(signals, RobotSignals):
         raise BadOutput(
             f"{_method(component, method)} returned signals={_describe(signals)}: "
             f"expected cmacexp.plants.RobotSignals({', '.join(RobotSignals._fields)})"
         )
-    for name, values, array in zip(RobotSignals._fields, signals, target, strict=True):
-        copy_output(component, method, f"signals.{name}", values, array)
+    copy_outputs(component, method, signals, targets)
 
 
 def _describe(output: Any) -> str:

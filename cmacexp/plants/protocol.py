@@ -49,17 +49,9 @@ def view_state(state: tuple[Any, ...], travel: Array | None = None) -> Measureme
 
 def copy_state(state: Any, travel: Array | None = None, signals: RobotSignals | None = None) -> Measurement:
     """A measurement of copies of what :func:`view_state` has, ``travel`` (3,), m and rad, too, and of ``signals``."""
-    return Measurement(
-        q=state.q.copy(),
-        dq=state.dq.copy(),
-        foot=state.foot.copy(),
-        velocity=state.velocity.copy(),
-        force=state.force.copy(),
-        body=state.body.copy(),
-        body_rate=state.body_rate.copy(),
-        travel=None if travel is None else travel.copy(),
-        signals=None if signals is None else RobotSignals(*(values.copy() for values in signals)),
-    )
+    own_signals = None if signals is None else RobotSignals(*map(np.ndarray.copy, signals))
+    own_travel = None if travel is None else travel.copy()
+    return Measurement._make((*map(np.ndarray.copy, get_state(state)), own_travel, own_signals))
 
 
 def new_measurement(legs: int, axes: int = 2) -> Measurement:
