@@ -26,6 +26,7 @@ SIGNALS = {
     "`trace.parquet` of a robot": signals.SPATIAL_SIGNALS,
     "`trace.parquet` with a model": signals.MODEL_SIGNALS,
     "`body.parquet`": signals.BODY_SIGNALS,
+    "`body.parquet` of a real robot": signals.LIVE_SIGNALS,
     "`memory.parquet`": signals.MEMORY_SIGNALS,
 }
 

@@ -152,6 +152,20 @@ BODY_SIGNALS = (
 )
 """Of ``body.parquet``: one row per step."""
 
+LIVE_SIGNALS = (
+    Signal(
+        "answer_time",
+        "s",
+        "from the state of the machine to the command that answers it; NaN if none was sent",
+        PLANT,
+    ),
+    Signal("states_missed", "", "states that were sent and not received, since the run began; NaN likewise", PLANT),
+)
+"""Of ``body.parquet`` of a machine that is not simulated, after :data:`BODY_SIGNALS`.
+
+A step whose answer takes longer than a sampling period has overrun.
+"""
+
 LEARNS, REPEATED, FEEDBACK_ALONE = range(3)
 GUARD_STATES = (
     f"{LEARNS} learning goes on, {REPEATED} the torque of the best cycle acts, {FEEDBACK_ALONE} feedback alone acts"

@@ -22,7 +22,15 @@ from cmacexp.data.folder import RUN_KEY, ResultWriter, new_result
 from cmacexp.data.integrity import compute_hashes
 from cmacexp.data.parquet import write_table
 from cmacexp.data.run import Run
-from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, MODEL_SIGNALS, SPATIAL_SIGNALS, Signal, select_signals
+from cmacexp.data.signals import (
+    BODY_SIGNALS,
+    LEG_SIGNALS,
+    LIVE_SIGNALS,
+    MODEL_SIGNALS,
+    SPATIAL_SIGNALS,
+    Signal,
+    select_signals,
+)
 from cmacexp.data.tables import (
     BODY_FILE,
     MEMORY_FILE,
@@ -63,7 +71,8 @@ def _columns(scenario: Scenario) -> Columns:
     if _known_torque(scenario) is not None:
         table = (*table, *MODEL_SIGNALS[: mechanism.shape[1]])
     legs = _select(table, altered, watched)
-    return legs, _select(BODY_SIGNALS, altered) if has_body(mechanism) else None
+    body = (*BODY_SIGNALS, *LIVE_SIGNALS) if hasattr(scenario.plant, "list_steps") else BODY_SIGNALS
+    return legs, _select(body, altered) if has_body(mechanism) else None
 
 
 def _known_torque(scenario: Scenario) -> Array | None:
@@ -78,8 +87,10 @@ def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Sampled
     period, start = config.sampling_period, samples.start
     body = memory = None
     if columns[1] is not None:
-        moves = scenario.first.travel is not None
-        body = Trace(assemble_body(scenario.setup, samples.body_columns(), legs, moves, start, columns[1]))
+        moves, sampled = scenario.first.travel is not None, samples.body_columns()
+        if hasattr(scenario.plant, "list_steps"):
+            sampled |= scenario.plant.list_steps(start, start + len(samples.body))
+        body = Trace(assemble_body(scenario.setup, sampled, legs, moves, start, columns[1]))
     if samples.memory is not None:
         memory = assemble_memory(samples.memory, start // config.steps_per_cycle + 1)
     controller, steered = scenario.controller, False

@@ -63,8 +63,12 @@ class Plant(Protocol):
     """A machine on its ground.
 
     A plant that is not simulated also has ``end_run(is_safe)``: it comes to rest, however the run has ended, and only
-    then files are written. It may have ``describe()``, an entry of the manifest, and ``takes_drives = True``: then
-    ``step(torque, drive)`` also gets the :class:`cmacexp.control.protocol.Drive` of a controller that sends drives.
+    then files are written. It may have
+
+    - ``describe()``, an entry of the manifest,
+    - ``list_steps(start, stop)``: LIVE_SIGNALS of the body's trace, (stop - start,) by name,
+    - ``takes_drives = True``: then ``step(torque, drive)`` also gets the
+      :class:`cmacexp.control.protocol.Drive` of a controller that sends drives.
     """
 
     def reset(self, setup: Setup) -> Measurement:

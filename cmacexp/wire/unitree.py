@@ -19,6 +19,7 @@ from cmacexp.config.component import find_option
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.config.schema import read_component
 from cmacexp.control.protocol import Drive
+from cmacexp.data.signals import LIVE_SIGNALS
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.jit.compiler import program
 from cmacexp.models.leg import GRAVITY
@@ -120,8 +121,8 @@ class UnitreeRobot:
         self.config = config
         self.stages: list[tuple[Stage, float]] = []
         """Each with the time at which it began, s on the clock of ``time.perf_counter``."""
-        self.work: list[float] = []
-        """From a state to the command that answers it, s, of every step."""
+        self.steps: list[tuple[float, int]] = []
+        """Of each step in which a command was sent, what LIVE_SIGNALS name."""
         self.heading = 0.0
         """Yaw of the inertial unit when the walk began, rad."""
         self.trouble: str | None = None
@@ -169,10 +170,10 @@ class UnitreeRobot:
         link = self.link
         if self.stages[-1][0] != Stage.WALK:
             self._stand_up((float(drive.stiffness.max()), float(drive.damping.max())))
-        share = min(1.0, len(self.work) * link.period / self.config.blend)
+        share = min(1.0, len(self.steps) * link.period / self.config.blend)
         angle = share * drive.q + (1.0 - share) * self.stand
         link.send(angle, share * drive.dq, share * torque, drive.stiffness, drive.damping)
-        self.work.append(time.perf_counter() - link.arrived)
+        self.steps.append((time.perf_counter() - link.arrived, link.watch.missed))
         link.receive()
         return self._measure(link.reading)
 
@@ -226,11 +227,17 @@ class UnitreeRobot:
             except OSError as error:
                 self._note_trouble(f"{self.config.log} cannot be written: {error.strerror}")
 
+    def list_steps(self, start: int, stop: int) -> dict[str, Array]:
+        """Columns of these steps of the walk, (stop - start,) by name, in the units of LIVE_SIGNALS."""
+        rows = np.full((stop, len(LIVE_SIGNALS)), np.nan)
+        rows[: len(self.steps)] = np.reshape(self.steps[:stop], (-1, len(LIVE_SIGNALS)))
+        return {signal.name: values for signal, values in zip(LIVE_SIGNALS, rows[start:].T, strict=True)}
+
     def describe(self) -> dict[str, Any]:
         """For the manifest: stages, states that were missed, and the time that each step took."""
-        late = np.array(self.work)
-        names = ("median", "p99", "p99.9", "worst") if self.work else ()
-        quantiles = np.quantile(late, [0.5, 0.99, 0.999, 1.0]) * 1e3 if self.work else late
+        late = np.array([answer for answer, _ in self.steps])
+        names = ("median", "p99", "p99.9", "worst") if self.steps else ()
+        quantiles = np.quantile(late, [0.5, 0.99, 0.999, 1.0]) * 1e3 if self.steps else late
         return {
             "stages": [
                 {"stage": str(stage), "second": round(at - self.stages[0][1], 3)} for stage, at in self.stages

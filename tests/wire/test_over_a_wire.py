@@ -25,7 +25,7 @@ SIMULATED = ["-m", "cmacexp", "robot", "--simulate", "--patient", f"--domain={DO
 WALK = [
     "-m", "cmacexp", "scenario=robot", "plant=unitree", "controller=drives", f"plant.domain={DOMAIN}",
     "plant.guardian=5", "plant.limits.silence=4", "gait.cycle_time=0.8", "gait.stroke=0.04", "gait.lift=0.02",
-    "cycles=2", "record=metrics",
+    "cycles=2", "record=trace",
 ]  # fmt: skip
 CONTROLLER = f"""
 import os, signal
@@ -65,6 +65,9 @@ def test_a_robot_walks_over_the_wire_and_a_fault_ends_it_in_damping(tmp_path):
         manifest = json.loads((tmp_path / fault / "manifest.json").read_text())
         assert (run.returncode, [each["stage"] for each in manifest["plant"]["stages"]][-2:]) == (code, stages)
         assert manifest["plant"]["trouble"] is None
+        steps = pd.read_parquet(tmp_path / fault / "body.parquet").dropna(subset=["answer_time"])
+        assert (steps["answer_time"] > 0.0).sum() == (800 if fault == "none" else 0)
+        assert (steps["states_missed"] <= manifest["plant"]["states_missed"]).all()
         rows = pd.read_parquet(tmp_path / f"{fault}.parquet")
         rows[rows["kp_FL_hip_joint"] == rows["kp_FL_hip_joint"][0]].to_parquet(tmp_path / "hung.parquet")
         log = read_log(tmp_path / "hung.parquet")  # as cmacexp gap does, of one pair of gains
