@@ -17,8 +17,7 @@ from pipelines.benchmark.benchmark import QUESTION, TITLE
 from pipelines.benchmark.summary import write_scores
 from pipelines.groups import GROUPS, find_study
 from pipelines.groups import main as run_group
-from pipelines.quotes import LOG_SCORES, PAGES, README, SCORES, all_studies, find_outdated
-from pipelines.readme import renew_readme
+from pipelines.quotes import LOG_SCORES, PAGES, README, SCORES, all_studies, find_outdated, renew_readme
 from pipelines.results import CHANGED, RESULTS_FILE, list_states, read_results
 
 STATUS = "status"

@@ -100,14 +100,10 @@ def count_changes(results: Results, conclusion: Criterion) -> Array:
     return np.sum([differs(conclusion, results, name) for name in kept], axis=0)
 
 
-def _over_method(name: str, method: str) -> Callable[[Results], Array]:
+def _over_method(results: Results, name: str, method: str) -> Array:
     """A metric of combined control over that of another method; what is undefined counts as infinite."""
-
-    def sample(results: Results) -> Array:
-        ours, theirs = (results.select(force_control=each).at(1, name) for each in ("combined", method))
-        return np.nan_to_num(ours, nan=np.inf) / np.nan_to_num(theirs, nan=np.inf)
-
-    return sample
+    ours, theirs = (results.select(force_control=each).at(1, name) for each in ("combined", method))
+    return np.nan_to_num(ours, nan=np.inf) / np.nan_to_num(theirs, nan=np.inf)
 
 
 def _conclude(quantity: str, value: str | Callable[[Results], Array], limit: str) -> Criterion:
@@ -156,12 +152,12 @@ CONCLUSIONS = {
     MASS: {
         "overshoot": _conclude(
             "overshoot of combined over that of stiffness control",
-            _over_method("force_overshoot", "stiffness"),
+            partial(_over_method, name="force_overshoot", method="stiffness"),
             "at most 1",
         ),
         "settling time": _conclude(
             "settling time of combined over that of damping control",
-            _over_method("force_settling_time", "damping"),
+            partial(_over_method, name="force_settling_time", method="damping"),
             "at most 1",
         ),
     },

@@ -2,11 +2,10 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 
-from cmacexp.study import Array, Results, Run, per_seed, quotients, relative
+from cmacexp.study import Array, Results, Run, compute_quantity, per_seed, relative
 
 SIDES = ("transfer_rmse_x", "transfer_rmse_y")
 
@@ -25,24 +24,13 @@ def _sum(run: Run, key: str) -> int:
     return sum(int(leg[key]) for leg in run.manifest["memory"])
 
 
-def _errors(results: Results, side: str, cycle: int | None) -> Array:
-    return results.end(side) if cycle is None else results.at(cycle, side)
+def worsening(own: Results, base: Results, at: str = "") -> Array:
+    """(runs of ``own``,): transfer errors over those of ``base`` in the same world, or of the same seed; the larger.
 
-
-def worsening(own: Results, base: Results, cycle: int | None = None) -> Array:
-    """(runs of ``own``,): transfer errors over the mean of ``base``, in x or y, the larger.
-
-    Args:
-        own: runs to compare; one that ended early counts as infinitely large.
-        base: runs to compare with.
-        cycle: whose errors; None: at the end.
+    ``at`` is the cycle, ``[5]``; empty: at the end. A run that ended early counts as infinitely large.
     """
-    return np.max([quotients(_errors(own, side, cycle), _errors(base, side, cycle).mean()) for side in SIDES], axis=0)
-
-
-def worsening_in_worlds(own: Results, base: Results, cycle: int | None = None) -> Array:
-    """(runs of ``own``,): as :func:`worsening`, over the run of ``base`` in the same world, or of the same seed."""
-    return np.max([relative(own, base, partial(_errors, side=side, cycle=cycle)) for side in SIDES], axis=0)
+    samples = [partial(compute_quantity, f"{side}{at}") for side in SIDES]
+    return np.max([relative(own, base, sample) for sample in samples], axis=0)
 
 
 def hashed(results: Results) -> Results:
@@ -50,26 +38,22 @@ def hashed(results: Results) -> Results:
     return results.select({"cmac.addressing": "hashed"})
 
 
-def cost_of_collisions(results: Results) -> Array:
-    """(hashed runs,): :func:`worsening` of the runs with hashed memory against the one without collisions."""
-    return worsening(hashed(results), results.select({"cmac.addressing": "visited"}))
+def hashed_where(results: Results, measure: str, least: float) -> Results:
+    """Those in which a measure of the study is at least so large."""
+    return Results([row for row in hashed(results).rows if row.measures[measure] >= least])
+
+
+def cost_of_collisions(results: Results, measure: str, least: float) -> Array:
+    """Errors in the runs of :func:`hashed_where` over those without collisions."""
+    return worsening(hashed_where(results, measure, least), results.select({"cmac.addressing": "visited"}))
+
+
+def worst_in_worlds(results: Results, measure: str, least: float) -> Array:
+    """(worlds,): the largest :func:`cost_of_collisions`."""
+    return per_seed(hashed_where(results, measure, least), cost_of_collisions(results, measure, least), max)
 
 
 def cost_against(results: Results) -> Callable[[Results], Array]:
     """A sample of hashed runs with one rule: errors over those of the run of the same world without collisions."""
     free = results.select({"cmac.addressing": "visited"}).by("rule")
-    return lambda own: worsening_in_worlds(own, free[own.value("rule")])
-
-
-def worst_in_worlds(results: Results, measure: str, least: float) -> Array:
-    """(worlds,): the largest cost of collisions of the hashed runs in which a measure is at least so large."""
-    chosen = Results([row for row in hashed(results).rows if row.measures[measure] >= least])
-    free = results.select({"cmac.addressing": "visited"})
-    return per_seed(chosen, worsening_in_worlds(chosen, free), max)
-
-
-def where_hashed(
-    measure: str, least: float, sample: Callable[[Results], Any] = cost_of_collisions
-) -> Callable[[Results], Any]:
-    """A sample of the hashed runs in which a measure of the study is at least so large."""
-    return lambda results: np.asarray(sample(results))[hashed(results).measure(measure) >= least]
+    return lambda own: worsening(own, free[own.value("rule")])

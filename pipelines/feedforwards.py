@@ -88,28 +88,6 @@ AFTER: list[tuple[dict[str, list[str]], list[str], dict[str, Any]]] = [
     (KEPT, [AT_ONCE], {"labels": {"start": "carried over"}, "after": {"group": IN_LEG}}),
 ]
 """Learners, overrides and further parts of the runs after a change."""
-RUNS = [
-    _learn("one_leg", 100, LEG, UNSEEDED),
-    _learn("one_leg", 100, LEG, SEEDED, WEIGHTS),
-    _learn("quadruped", 40, WALK, UNSEEDED),
-    _learn("quadruped", 40, WALK, SEEDED),
-    *(
-        _learn("one_leg", 3, f"another stroke: {1000 * stroke:g} mm", kinds, f"gait.stroke={stroke}", quick={},
-        **part)
-        for stroke in (0.15, 0.25)
-        for kinds, part in ((ALONE, {}), ({"CMAC": [*CMAC["CMAC"], AT_ONCE]}, {"after": {"group": LEG}}))
-    ),
-    _in_worlds(IN_LEG, KEPT, WEIGHTS),
-    _in_worlds(IN_LEG, {**ALONE, **MODEL, **MLP, **ILC}),
-    _in_worlds(IN_WALK, {**ALONE, **MODEL, **LEARNERS}, scenario="quadruped_lasting"),
-    _in_worlds(SMOOTH, {**MODEL, **CMAC}, "gait.vertical=two_cubics"),
-    _in_worlds(GUARDED, LEARNERS, "learning.guard=freeze"),
-    *(
-        _in_worlds(change, kinds, *words, *more, stiffer=stiffer, **part)
-        for change, (stiffer, words) in CHANGES.items()
-        for kinds, more, part in AFTER
-    ),
-]  # fmt: skip
 
 
 def find_small_error(results: Results) -> float:
@@ -174,7 +152,28 @@ STUDY = declare(
     title="Alternatives to the CMAC",
     question="How do models, CMAC, radial basis functions, a perceptron and iterative learning control compare in "
              "accuracy and speed of learning, and how much of what they learn is of use after a change?",
-    runs=RUNS,
+    runs=[
+        _learn("one_leg", 100, LEG, UNSEEDED),
+        _learn("one_leg", 100, LEG, SEEDED, WEIGHTS),
+        _learn("quadruped", 40, WALK, UNSEEDED),
+        _learn("quadruped", 40, WALK, SEEDED),
+        *(
+            _learn("one_leg", 3, f"another stroke: {1000 * stroke:g} mm", kinds, f"gait.stroke={stroke}", quick={},
+            **part)
+            for stroke in (0.15, 0.25)
+            for kinds, part in ((ALONE, {}), ({"CMAC": [*CMAC["CMAC"], AT_ONCE]}, {"after": {"group": LEG}}))
+        ),
+        _in_worlds(IN_LEG, KEPT, WEIGHTS),
+        _in_worlds(IN_LEG, {**ALONE, **MODEL, **MLP, **ILC}),
+        _in_worlds(IN_WALK, {**ALONE, **MODEL, **LEARNERS}, scenario="quadruped_lasting"),
+        _in_worlds(SMOOTH, {**MODEL, **CMAC}, "gait.vertical=two_cubics"),
+        _in_worlds(GUARDED, LEARNERS, "learning.guard=freeze"),
+        *(
+            _in_worlds(change, kinds, *words, *more, stiffer=stiffer, **part)
+            for change, (stiffer, words) in CHANGES.items()
+            for kinds, more, part in AFTER
+        ),
+    ],
     measures={"ended_by_guard": ended_by_guard},
     claims={
         "rapid": {

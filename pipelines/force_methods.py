@@ -86,17 +86,18 @@ def _largest_miss(results: Results) -> Array:
     return compute_quantity("abs(settled_force / predicted - 1)", results).max(keepdims=True)
 
 
+def _show_force(ground: str, run: Run) -> Series:
+    """Contact force of a run while it is small, in its first seconds."""
+    shown = run.trace[(run.trace["time"] <= 2.0) & (run.trace["force"] <= 4.0)]
+    return Series(f"ground {ground}", shown["time"].to_numpy(), shown["force"].to_numpy())
+
+
 def draw_forces(results: Results) -> Figure:
     """Contact force after the release, a panel for each method."""
-    panels = []
+    panels, axes = [], ("time since the release, s", "force, N")
     for method, own in results.select({CLEARANCE: 0.05, "part": "known ground", **PRINTED}).by("method").items():
-        series = []
-        for ground, group in own.by("ground").items():
-            trace = group.run.trace
-            shown = trace[(trace["time"] <= 2.0) & (trace["force"] <= 4.0)]
-            series.append(Series(f"ground {ground}", shown["time"].to_numpy(), shown["force"].to_numpy()))
-        desired = [own.value("force_control.desired_force")]
-        panels.append(Panel(method, "time since the release, s", "force, N", series, y_limits=desired))
+        series = [_show_force(ground, group.run) for ground, group in own.by("ground").items()]
+        panels.append(Panel(method, *axes, series, y_limits=[own.value("force_control.desired_force")]))
     return draw(panels, height=2.0)
 
 

@@ -118,16 +118,20 @@ def table_worlds(results: Results) -> DataFrame:
     )
 
 
+def _sort_errors(kind: str, worlds: Results) -> Series:
+    """Error over that with feedback only, of the worlds that completed, in the order of their ratio."""
+    ratio = compare(worlds, kind)
+    found = np.sort(ratio[np.isfinite(ratio)])
+    return Series(kind, np.arange(1.0, len(found) + 1), found)
+
+
 def draw_errors(results: Results) -> Figure:
-    """Error over that with feedback only, of all worlds in the order of their ratio."""
-    panels = []
-    for machine, worlds in results.select(part="worlds").by("machine").items():
-        series = []
-        for kind in ("guarded", "unguarded"):
-            ratio = np.sort(compare(worlds, kind))
-            known = np.isfinite(ratio)
-            series.append(Series(kind, np.arange(1.0, len(ratio) + 1)[known], ratio[known]))
-        panels.append(Panel(machine, "worlds, in order", "error over feedback only", series, log="y"))
+    """A panel for each machine."""
+    axes, groups = ("worlds, in order", "error over feedback only"), results.select(part="worlds").by("machine")
+    panels = [
+        Panel(machine, *axes, [_sort_errors(kind, worlds) for kind in ("guarded", "unguarded")], log="y")
+        for machine, worlds in groups.items()
+    ]
     return draw(panels, columns=2)
 
 

@@ -12,8 +12,8 @@ from pipelines.common_memory import (
     colliding,
     cost_against,
     hashed,
+    hashed_where,
     rows_per_cell,
-    where_hashed,
     worst_in_worlds,
 )
 from pipelines.worlds import FEWER, draw_worlds
@@ -112,7 +112,7 @@ STUDY = declare(
             "stable": {
                 "says": f"Runs of {who} with crowded memory complete",
                 "quantity": "runs that complete where at least half of the visited cells collide",
-                "value": where_hashed("colliding", 0.5, lambda results: hashed(results).completed),
+                "value": lambda results: hashed_where(results, "colliding", 0.5).completed,
                 "of": {"machine": machine}, "each": {"rule": [PAPER, LASTING]}, "limit": "at least 80 %",
             },
         }.items()

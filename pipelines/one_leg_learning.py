@@ -90,8 +90,8 @@ STUDY = declare(
          "quick": {"cycles": 12, "record.cycles": [5, 12]}},
     ],
     measures={
-        "peak_x": trace.in_cycle(1, trace.peak_error("x", "stroke")),
-        "peak_y": trace.in_cycle(1, trace.peak_error("y", "lift")),
+        "peak_x": trace.in_cycle(1, partial(trace.peak_error, axis="x", extent="stroke")),
+        "peak_y": trace.in_cycle(1, partial(trace.peak_error, axis="y", extent="lift")),
         "weight": WEIGHT,
         "statics": lambda run: trace.feedback_force(run.config, WEIGHT(run)),
         "bias": lambda run: trace.learned_error(run.config),

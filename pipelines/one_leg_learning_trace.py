@@ -61,14 +61,10 @@ def differentiate(rows: pd.DataFrame, values: Array) -> Array:
     return result
 
 
-def peak_error(axis: str, extent: str) -> Measure:
+def peak_error(rows: pd.DataFrame, config: Config, axis: str, extent: str) -> float:
     """Largest error of the foot in transfer, over the stroke or lift of the gait."""
-
-    def measure(rows: pd.DataFrame, config: Config) -> float:
-        swing = rows[rows["phase"] == "transfer"]
-        return float((swing[axis] - swing[f"{axis}_desired"]).abs().max()) / float(config["gait"][extent])
-
-    return measure
+    swing = rows[rows["phase"] == "transfer"]
+    return float((swing[axis] - swing[f"{axis}_desired"]).abs().max()) / float(config["gait"][extent])
 
 
 def without_trend(values: Array, window: float, period: float) -> Array:

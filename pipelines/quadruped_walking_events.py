@@ -6,7 +6,7 @@ counts as -inf: fewer than three feet carry, or the line along the body misses w
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ import pandas as pd
 from cmacexp.data.signals import TRUE_MARGINS
 from cmacexp.planning.stability import FRONT, REAR, STABILITY
 from cmacexp.recording.run_view import RunView
-from cmacexp.study import Array, DataFrame, Mask, Results, Run, Sample, Status
+from cmacexp.study import Array, DataFrame, Mask, Measures, Run, Status
 from pipelines.common_results import if_completed
 
 DUTY_FACTOR = 0.8
@@ -149,14 +149,14 @@ def four_feet(walk: Walk, cycle: int) -> dict[str, float]:
     return {"four_feet": there / float((error**2).sum()), "diagonal": float((diagonal**2).sum()) / there}
 
 
-def events_in(run: Run) -> DataFrame:
+@cache
+def events_in(folder: Path) -> DataFrame:
     """One row per whole cycle of a run; some events are only measured in the last :data:`LATE` ones, else NaN."""
-    walk, rows = walk_in(run.folder), []
-    for cycle in range(1, run.whole_cycles + 1):
-        row = {"cycle": cycle} | contacts(walk, cycle) | touch_down_of_3(walk, cycle)
-        if cycle > run.whole_cycles - LATE:
-            row |= lift_off_of_3(walk, cycle) | touch_down_of_2(walk, cycle) | four_feet(walk, cycle)
-        rows.append(row)
+    walk, rows = walk_in(folder), []
+    for cycle in range(1, walk.view.run.whole_cycles + 1):
+        rows.append(contacts(walk, cycle) | touch_down_of_3(walk, cycle))
+        if cycle > walk.view.run.whole_cycles - LATE:
+            rows[-1] |= lift_off_of_3(walk, cycle) | touch_down_of_2(walk, cycle) | four_feet(walk, cycle)
     return pd.DataFrame(rows)
 
 
@@ -176,29 +176,15 @@ def instants(walk: Walk, cycle: int) -> dict[int, int]:
     }
 
 
-def event(column: str, reduce: Callable[[Array], float]) -> Sample:
-    """An event, of the table ``events``, reduced over all cycles of each run."""
-
-    def sample(results: Results) -> Array:
-        table = results.computed["events"]
-        return np.array([reduce(table.loc[table["run"] == str(f), column].to_numpy()) for f in results.folders])
-
-    return sample
+def find_late(values: Array) -> float:
+    """Median over the last cycles."""
+    return float(np.median(values[-LATE:]))
 
 
-def late(column: str, worst: float = 0.0) -> Sample:
-    """Median of an event over the last cycles of each run; ``worst`` of a run that did not complete."""
-
-    def sample(results: Results) -> Array:
-        values = event(column, lambda values: float(np.median(values[-LATE:])) if len(values) else worst)(results)
-        return np.where(results.completed, values, worst)
-
-    return sample
-
-
-def margin_while_late(results: Results) -> Array:
-    """(runs,): least margin while foot 1 is late, over the least planned margin."""
-    return event("margin", np.min)(results) / results.at(1, "stability_margin_min")
+def measure_event(run: Run, event: str, reduce: Callable[[Array], float] = find_late, worst: float = np.inf) -> float:
+    """An event, reduced over all cycles of a run; ``worst`` of one that did not complete or kept only some cycles."""
+    kept = run.status == Status.COMPLETED and run.config["record"]["cycles"] is None
+    return float(reduce(events_in(run.folder)[event].to_numpy())) if kept else worst
 
 
 @if_completed
@@ -223,3 +209,22 @@ def force_at_fall(run: Run) -> float:
         return np.inf
     last = run.trace.tail(4)
     return float(last.loc[last["phase"] == "support", "force"].min()) / run.config["machine"]["weight"]
+
+
+MEASURES: Measures = {
+    **{
+        name: partial(measure_event, event=name)
+        for name in ("duty_factor_off", "wave_off", "rear", "front", "restored")
+    },
+    **{
+        name: partial(measure_event, event=name, worst=0.0)
+        for name in ("correlation", "front_gain", "four_feet", "diagonal")
+    },
+    "two_feet": partial(measure_event, event="two_feet", reduce=np.mean),
+    "late": partial(measure_event, event="force_1", reduce=lambda force: (force > 0.0).mean(), worst=0.0),
+    "margin_late": partial(measure_event, event="margin", reduce=np.min, worst=0.0),
+    "height_off": height_off,
+    "burst": burst,
+    "force_at_fall": force_at_fall,
+}
+"""Of a run; the events are medians over the last cycles, but for those that say otherwise."""

@@ -2,15 +2,17 @@
 
 ``{{ quote("one_leg_learning.bias") }}`` on a page stands for the first value of a statement, ``quote("...", 1)`` for
 the second, ``interval`` for its interval, ``measured`` for both, ``size`` for its n, ``verdict`` for the verdict,
-``sentence`` for the sentence of a finding.
+``sentence`` for the sentence of a finding. Sections of the README stand in ``readme_blocks``, likewise.
 """
 
 import re
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import cmacexp
 from cmacexp.study import Claim, Finding
 from cmacexp.study.page import count_verdicts
 from cmacexp.study.study_file import StudyFile, load_study
@@ -28,6 +30,11 @@ SCORES, LOG_SCORES = (PIPELINES / BENCHMARK / f"{name}.md" for name in ("scores"
 """Every table of the last full benchmark, and of its log track."""
 PAGES = (README, *sorted(DOCS.glob("*.md")))
 """What may quote the studies."""
+BLOCKS = Path(__file__).with_name("readme_blocks")
+"""A file of Markdown with quotes for each section of its name."""
+FENCE = re.compile(r"(?<=```text\n).*?(?=^```$)", flags=re.DOTALL | re.MULTILINE)
+"""What a command printed, in a section."""
+FIRST_RUN = "Install and run"
 QUOTE = re.compile(r'\{\{ (quote|interval|measured|size|verdict|sentence)\("(\w+)\.([^"]+)"(?:, (\d+))?\) \}\}')
 LISTS = {"quote": "values", "interval": "intervals", "size": "counts"}
 """Entries of a statement with a value for each criterion, by what quotes them."""
@@ -127,3 +134,30 @@ def count_claims(results: Quotable) -> str:
     """How many claims of the paper have each verdict, as a sentence."""
     entries = [find_entry(file.name, name, results) for file in all_studies() for name in file.study.claims]
     return count_verdicts([entry["verdict"] for entry in entries if entry])
+
+
+def print_first_run(section: str) -> str:
+    """The table that the first run of a section prints at its end."""
+    with TemporaryDirectory() as folder:
+        return str(
+            cmacexp.run(re.findall(r"-m cmacexp (.*)$", section, re.MULTILINE)[0].split(), Path(folder) / "run")
+        ).partition("\n")[2]
+
+
+def find_section(text: str, heading: str) -> str:
+    """What stands below a heading of the README, up to the next one."""
+    return text.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
+
+
+def make_section(path: Path, statements: Quotable) -> str:
+    """A section with its quotes filled in."""
+    text = fill_quotes(path.read_text(encoding="utf-8"), statements)
+    return text.replace("{{ count }}", count_claims(statements))
+
+
+def renew_readme(text: str, statements: Quotable) -> str:
+    """The README with its sections made anew."""
+    for path in sorted(BLOCKS.glob("*.md")):
+        text = text.replace(find_section(text, path.stem), make_section(path, statements))
+    first = find_section(text, FIRST_RUN)
+    return text.replace(first, FENCE.sub(lambda _: f"{print_first_run(first)}\n", first))

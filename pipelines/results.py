@@ -21,7 +21,7 @@ from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.errors import BadInput
 from cmacexp.models.robot_file import package_models
 from cmacexp.study.page import CLAIMS
-from cmacexp.study.provenance import PROVENANCE, digest_package, digest_source, list_changed
+from cmacexp.study.provenance import PROVENANCE, digest_package, digest_source, list_changed, make_witness
 from cmacexp.study.statements import OUTCOMES
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
 from pipelines.benchmark.log_track import NAME as LOG_TRACK
@@ -110,7 +110,7 @@ class PublishedResults:
         changed = self._list_changed(study)
         known = {} if changed else study["models"]  # reading models takes long, and could only add reasons
         models = [
-            f"model of {model}" for model, digest in known.items() if _find_model_hash(model) not in ("", digest)
+            f"model of {model}" for model, digest in known.items() if find_model_hash(model) not in ("", digest)
         ]
         again = study.get("confirmed")
         if changed and again and not self._list_changed(again):
@@ -123,17 +123,20 @@ class PublishedResults:
         return [*list_changed(self.code[known["code"]], digest_package()), *list_changed(known["own"], now)]
 
 
+def run_witness(overrides: Sequence[str]) -> dict[str, Any]:
+    """The entry of a run: its overrides, and the metrics of its last whole cycle."""
+    with TemporaryDirectory() as folder:
+        return make_witness(overrides, cmacexp.run([*overrides, "record=metrics", "warn=false"], Path(folder, "run")))
+
+
 def repeat_witness(witness: Mapping[str, Any]) -> list[str]:
     """Run one of a study's runs again; the metrics of its last whole cycle that differ, with both values."""
-    with TemporaryDirectory() as folder:
-        run = cmacexp.run([*witness["overrides"], "record=metrics", "warn=false"], Path(folder, "run"))
-        found = {name: run.final(name) for name in run.pooled}
-    expected = {name: math.nan if value is None else value for name, value in witness["metrics"].items()}
-    pairs = {name: (expected.get(name, math.nan), found.get(name, math.nan)) for name in {*expected, *found}}
+    expected, found = witness["metrics"], run_witness(witness["overrides"])["metrics"]
+    pairs = {name: (expected.get(name), found.get(name)) for name in sorted({*expected, *found})}
     return [
         f"{' '.join(witness['overrides'])}: {name} was {old!r}, is {new!r}"
-        for name, (old, new) in sorted(pairs.items())
-        if not (math.isclose(old, new, rel_tol=CLOSE) or (math.isnan(old) and math.isnan(new)))
+        for name, (old, new) in pairs.items()
+        if old != new and (old is None or new is None or not math.isclose(old, new, rel_tol=CLOSE))
     ]
 
 
@@ -142,7 +145,7 @@ def _digest(path: Path) -> str:
 
 
 @cache
-def _find_model_hash(model: str) -> str:
+def find_model_hash(model: str) -> str:
     """The hash of an installed model of a robot; empty if it is not installed."""
     if model not in package_models():
         return ""

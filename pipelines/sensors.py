@@ -108,11 +108,9 @@ def rejected_sound(run: Run) -> float:
 def where_sound_walks(results: Results, check: str, gains: Sequence[str]) -> Results:
     """The failures with a controller and a gain with which all machines with sound sensors complete."""
     sound, broken = results.select(part="sound"), results.select(part="failures", check=check, gain=list(gains))
-
-    def walks(feedforward: str, gain: str) -> bool:
-        return all(sound.select(feedforward=feedforward, gain=gain).completed)
-
-    return Results([row for row in broken.rows if walks(row.settings["feedforward"], row.settings["gain"])])
+    alike = {name: sound.by("feedforward")[name].by("gain") for name in sound.values("feedforward")}
+    walks = {name: {gain for gain, own in by_gain.items() if all(own.completed)} for name, by_gain in alike.items()}
+    return Results([row for row in broken.rows if row.settings["gain"] in walks[row.settings["feedforward"]]])
 
 
 def worsening(results: Results, metric: str = "feedback_rms") -> Array:

@@ -6,32 +6,27 @@ take a log: see ``docs/benchmark.md``.
 
 import argparse
 import json
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any, NoReturn
+from typing import NoReturn
 
-import cmacexp
 from cmacexp.commands.gap import add_log_options
 from cmacexp.commands.study import Options, command, study_parser, write_results
 from cmacexp.config.component import find_sources
 from cmacexp.config.compose import compose_config
-from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.data.folder import HTML
-from cmacexp.errors import BadInput
+from cmacexp.models.robot_file import package_models
 from cmacexp.study import Results
-from cmacexp.study.provenance import digest_files, make_provenance, make_witness
+from cmacexp.study.provenance import digest_files, make_provenance
 from cmacexp.study.study_file import StudyFile
 from cmacexp.terminal.messages import warn_of_models
 from cmacexp.terminal.output import print_line
 from cmacexp.terminal.tables import print_table
 from pipelines.benchmark import log_track, summary
 from pipelines.benchmark.benchmark import NAME, QUESTION, make_study
-from pipelines.benchmark.compare import compare_results
-from pipelines.benchmark.entrants import ALONE, CMAC, Method, choose_methods
-from pipelines.benchmark.results import DEFAULT, Bench, test, tune
+from pipelines.benchmark.entrants import ALONE, CMAC, Method, choose_methods, choose_names
+from pipelines.benchmark.results import DEFAULT, Bench, list_overrides, test, tune
 from pipelines.benchmark.tasks import LEG, MACHINES, TASKS, VERSION, Machine, hash_tasks, make_quick
-from pipelines.benchmark.trial import list_overrides
+from pipelines.results import find_model_hash, run_witness
 
 ALL, TRIALS = "all", "trials"
 """Every machine; the folder of outcomes, which are used again, beside the reports of studies."""
@@ -43,24 +38,6 @@ def _list_sources() -> set[Path]:
     return {*imported, *Path(__file__).parent.rglob("*.py")}
 
 
-def _hash_models(machines: Mapping[str, Machine]) -> dict[str, str]:
-    """Hashes of the models of the robots that take part, by name."""
-    configs = [compose_config([*machine.overrides]) for machine in machines.values()]
-    robots = [each.machine for each in configs if isinstance(each.machine, RobotMachine)]
-    return {str(machine.model): read_model(machine).model_hash for machine in robots}
-
-
-def _make_witnesses(machine: Machine, methods: Sequence[Method]) -> list[dict[str, Any]]:
-    """What the first methods give before the change, in the first world."""
-    found = []
-    for method in [each for each in methods if each.name in (ALONE, CMAC)]:
-        overrides = list_overrides(machine, method, DEFAULT, machine.draw(0))
-        with TemporaryDirectory() as folder:
-            run = cmacexp.run([*overrides, "record=metrics", "warn=false"], Path(folder) / "run")
-            found.append(make_witness(overrides, run))
-    return found
-
-
 def _write(machines: dict[str, Machine], methods: list[Method], options: Options) -> Path:
     """Tune and test; write table, JSON and page; returns the page."""
     with options.start_workers() as each:
@@ -69,9 +46,14 @@ def _write(machines: dict[str, Machine], methods: list[Method], options: Options
         frame = test(bench, chosen)
     results = Results([], {NAME: frame, "settings": summary.table_settings(tuned)})
     own = digest_files(sorted(_list_sources()), Path(__file__).parents[2])
-    witnesses = [] if options.quick else _make_witnesses(next(iter(machines.values())), methods)
+    first = next(iter(machines.values()))
+    known = [list_overrides(first, each, DEFAULT, first.draw(0)) for each in methods if each.name in (ALONE, CMAC)]
+    witnesses = [] if options.quick else [run_witness(overrides) for overrides in known]
     provenance = make_provenance(own, results, witnesses, seeds=max(each.worlds for each in machines.values()))
-    provenance |= {"runs": len(frame), "models": _hash_models(machines)}
+    provenance |= {
+        "runs": len(frame),
+        "models": {name: find_model_hash(name) for name in machines if name in package_models()},
+    }
     file = StudyFile(Path(__file__).with_name(f"{NAME}.py"), make_study(machines, bench.methods))
     about = {"version": VERSION, "quick": options.quick, "tasks_hash": hash_tasks(machines)}
     about["settings"] = {f"{machine}, {method}": own for (machine, method), own in chosen.items()}
@@ -91,13 +73,11 @@ def run(arguments: argparse.Namespace, options: Options) -> Path:
     if arguments.log is not None:
         return log_track.run(arguments, options)
     if arguments.compare is not None:
-        for line in compare_results(*arguments.compare):
+        for line in summary.compare_results(*arguments.compare):
             print_line(line)
         return Path(arguments.compare[1])
-    names = list(MACHINES) if arguments.machine == ALL else arguments.machine.split(",")
-    for name in names:
-        if name not in MACHINES:
-            raise BadInput("--machine", name, f"choose from {', '.join(MACHINES)}, {ALL}")
+    chosen = choose_names("--machine", arguments.machine, [*MACHINES, ALL])
+    names = MACHINES if ALL in chosen else chosen
     machines = {name: make_quick(MACHINES[name]) if options.quick else MACHINES[name] for name in names}
     methods = choose_methods(arguments.methods, arguments.method)
     warn_of_models(compose_config(machine.overrides).machine for machine in machines.values())
@@ -107,14 +87,25 @@ def run(arguments: argparse.Namespace, options: Options) -> Path:
 def main() -> NoReturn:
     """The command."""
     parser = study_parser("pipelines.benchmark", QUESTION, seeded=False)
-    entered = "a feedforward or controller of your own that takes part, as often as needed"
-    parser.add_argument("--method", action="append", default=[], metavar="FILE.CLASS", help=entered)
-    shipped = "methods of the benchmark that take part (default: all)"
-    parser.add_argument("--methods", metavar="NAME,...", help=shipped)
+    parser.add_argument(
+        "--method",
+        action="append",
+        default=[],
+        metavar="FILE.CLASS",
+        help="a feedforward or controller of your own that takes part, as often as needed",
+    )
+    parser.add_argument(
+        "--methods", metavar="NAME,...", help="methods of the benchmark that take part (default: all)"
+    )
     machines = f"{', '.join(MACHINES)}, or {ALL} (default: {LEG})"
     parser.add_argument("--machine", default=LEG, metavar="NAME,...", help=machines)
-    results = "compare two tables of results instead of running"
-    parser.add_argument("--compare", nargs=2, type=Path, metavar="FILE.parquet", help=results)
+    parser.add_argument(
+        "--compare",
+        nargs=2,
+        type=Path,
+        metavar="FILE.parquet",
+        help="compare two tables of results instead of running",
+    )
     track = parser.add_argument_group("log track", "methods that take a log, instead of machines that walk")
     logs = f"a log for python -m cmacexp.gap, or {log_track.SIMULATED}"
     track.add_argument("--log", type=Path, metavar="LOG", help=logs)

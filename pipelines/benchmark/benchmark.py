@@ -105,7 +105,7 @@ def _beaten(results: Results, method: str) -> Array:
     Machine and rival are chosen in every second world, and judged in the others.
     """
     frame, most, found = results.computed[NAME], 0.0, np.array([UNPAIRED])
-    for machine in summary.machines_of(frame):
+    for machine in [*frame["machine"].unique()]:
         comparison = summary.make_comparison(frame, machine, FOR_ALL)
         for rival in (name for name in LEARNERS if name != method):
             sums = comparison.sums(method, rival)
@@ -245,7 +245,7 @@ def _findings_of_all() -> dict[str, Finding]:
 
 def _values(results: Results) -> dict[str, Any]:
     frame = results.computed[NAME]
-    machines = summary.machines_of(frame)
+    machines = [*frame["machine"].unique()]
     return {
         "machines": machines,
         "version": VERSION,

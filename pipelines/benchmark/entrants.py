@@ -93,12 +93,12 @@ def slug(name: str) -> str:
     return "_".join("".join(letter if letter.isalnum() else " " for letter in name.lower()).split())
 
 
-def choose_names(names: str | None, known: Collection[str]) -> list[str]:
-    """Names of the command line as they are ``known``, all of them for None; raises BadInput."""
+def choose_names(option: str, names: str | None, known: Collection[str]) -> list[str]:
+    """Names of an option of the command line as they are ``known``, all of them for None; raises BadInput."""
     wanted = [*known] if names is None else [RENAMED.get(slug(name), slug(name)) for name in names.split(",")]
     for name in wanted:
         if name not in known:
-            raise BadInput("--methods", name, f"choose from {', '.join(known)}")
+            raise BadInput(option, name, f"choose from {', '.join(known)}")
     return wanted
 
 
@@ -113,7 +113,7 @@ def choose_methods(names: str | None, targets: Sequence[str]) -> list[Method]:
         BadInput: there is no such method, or two have the same name.
     """
     known = {slug(method.name): method for method in list_methods()}
-    chosen = {known[name].name: known[name] for name in (slug(ALONE), *choose_names(names, known))}
+    chosen = {known[name].name: known[name] for name in (slug(ALONE), *choose_names("--methods", names, known))}
     for method in map(enter, targets):
         if method.name in chosen:
             raise BadInput("--method", method.name, "a method of that name takes part already; rename the class")

@@ -203,7 +203,7 @@ def choose(gap: Gap, names: str | None, targets: Sequence[str], identified: bool
         level, _ = choose_level(gap.problem)
         gap.makers |= list_identified(gap.problem, level, gap.makers["model"])
     known = {slug(name): name for name in METHODS if name in gap.makers}
-    return {known[name]: gap.makers[known[name]] for name in choose_names(names, known)} | own
+    return {known[name]: gap.makers[known[name]] for name in choose_names("--methods", names, known)} | own
 
 
 def run(arguments: argparse.Namespace, options: Options) -> Path:

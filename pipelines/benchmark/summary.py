@@ -1,16 +1,19 @@
-"""What the rows of the benchmark say: comparisons, tables and figures."""
+"""What the rows of the benchmark say: comparisons, tables and figures; and what differs between two results."""
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from cmacexp.data.parquet import read_table
+from cmacexp.errors import BadInput
 from cmacexp.study import Array, Comparison, Figure, Interval, Mask, compare, draw, find_order, profile_panel
 from pipelines.benchmark.entrants import ALONE, CMAC
-from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, GUARDED, SETTINGS
+from pipelines.benchmark.results import BY_DEFAULT, COMPLETED, FOR_ALL, GUARDED, SETTINGS
 from pipelines.benchmark.tasks import MACHINES, TASKS
-from pipelines.benchmark.trial import COMPLETED
 from pipelines.common_results import cycles_to
 
 END, WORST, FORCE = "end_error", "worst_error", "force"
@@ -18,6 +21,8 @@ TENTH = 0.1
 """Of the error of feedback only at the end: what a method is to reach."""
 METRICS = {"end error": END, "worst cycle": WORST}
 """What decides an order, by its name."""
+SAME = ("version", "tasks_hash")
+"""Entries in which results must agree to be compared."""
 UNDEFINED = "n/a"
 """Of what no completed run defines, or is relative to a reference that failed."""
 
@@ -25,11 +30,6 @@ UNDEFINED = "n/a"
 def take(frame: pd.DataFrame, machine: str, setting: str) -> pd.DataFrame:
     """The rows of a machine with a kind of setting."""
     return frame[(frame["machine"] == machine) & (frame["setting"] == setting)]
-
-
-def machines_of(frame: pd.DataFrame) -> list[str]:
-    """The machines that took part."""
-    return list(frame["machine"].unique())
 
 
 def tabulate_values(rows: pd.DataFrame, column: str, tasks: tuple[str, ...] = TASKS) -> dict[str, Array]:
@@ -136,7 +136,7 @@ def table_guarded(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
 def table_absolute(frame: pd.DataFrame) -> pd.DataFrame:
     """What ratios are relative to: medians of the errors of feedback only, and of the CMAC if it takes part."""
     rows = []
-    for machine in machines_of(frame):
+    for machine in frame["machine"].unique():
         own = take(frame, machine, find_setting(machine))
         for task in TASKS:
             row: dict[str, Any] = {"machine": machine, "task": task}
@@ -223,7 +223,7 @@ def table_failures(frame: pd.DataFrame) -> pd.DataFrame:
 
 def table_settings(tuned: pd.DataFrame) -> pd.DataFrame:
     """What was chosen for all tasks, and the median of the cycles to a tenth in the worlds of tuning."""
-    cycles = {machine: count_cycles(take(tuned, machine, FOR_ALL)) for machine in machines_of(tuned)}
+    cycles = {machine: count_cycles(take(tuned, machine, FOR_ALL)) for machine in tuned["machine"].unique()}
     rows = tuned[tuned["method"] != ALONE].drop_duplicates(["machine", "method"])
     medians = [find_median(cycles[row.machine][row.method]) for row in rows.itertuples()]
     columns = ["machine", "method", "setting", "cycles to a tenth"]
@@ -232,15 +232,14 @@ def table_settings(tuned: pd.DataFrame) -> pd.DataFrame:
 
 def draw_profiles(frame: pd.DataFrame) -> Figure:
     """Share of runs that score at most so much, on each machine."""
-    machines = machines_of(frame)
-    panels = [profile_panel(make_comparison(frame, each, find_setting(each)), each) for each in machines]
-    return draw(panels, height=3.2)
+    machines = frame["machine"].unique()
+    return draw([profile_panel(make_comparison(frame, m, find_setting(m)), m) for m in machines], height=3.2)
 
 
 def write_scores(frame: pd.DataFrame) -> str:
     """Absolute errors, and the headline of each machine, in Markdown, for the documentation."""
     parts = [f"**Absolute errors at the end, medians over the worlds**\n\n{write_table(table_absolute(frame))}\n"]
-    for machine in machines_of(frame):
+    for machine in frame["machine"].unique():
         excluded = make_comparison(frame, machine, BY_DEFAULT).excluded
         notes = [f"The task {task} does not count there: {why}." for task, why in excluded.items()]
         order, scores = " ".join([describe_order(frame, machine), *notes]), write_table(table_scores(frame, machine))
@@ -264,3 +263,45 @@ def write_table(table: pd.DataFrame) -> str:
 def over_worlds(machine: str, compute: Callable[[Comparison], Array | Mask], setting: str = FOR_ALL) -> Any:
     """A sample that is computed from the comparison of a machine."""
     return lambda results: compute(make_comparison(results.computed["benchmark"], machine, setting))
+
+
+def _read(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """A table of results, and the JSON beside it.
+
+    Raises:
+        BadInput: one of them is missing, or is none.
+    """
+    beside = path.with_suffix(".json")
+    try:
+        entry = json.loads(beside.read_text(encoding="utf-8"))
+        frame = read_table(path, texts=True).to_pandas()
+    except (OSError, ValueError) as error:
+        allowed = f"must be a table of results with {beside.name} beside it: {error}"
+        raise BadInput("--compare", path, allowed) from error
+    if not isinstance(entry, dict) or not set(SAME) <= set(entry) or "end_error" not in frame:
+        raise BadInput("--compare", path, "must be benchmark.parquet of a report of the benchmark")
+    return frame, entry
+
+
+def compare_results(first: Path, second: Path) -> Iterator[str]:
+    """A line for each machine, method and kind of setting that both have and that changed: its score and failures.
+
+    The score is the mean over the runs that complete in both, as a ratio of the second to the first.
+
+    Raises:
+        BadInput: a file is no result, or they are of different tasks.
+    """
+    (before, of_before), (after, of_after) = _read(first), _read(second)
+    for name in SAME:
+        if of_before[name] != of_after[name]:
+            raise BadInput("--compare", second, f"has another {name} than {first}: their scores mean other things")
+    places = [frame[["machine", "setting"]].drop_duplicates() for frame in (before, after)]
+    for machine, setting in pd.merge(*places).itertuples(index=False):
+        old, new = (make_comparison(frame, machine, setting) for frame in (before, after))
+        for method in (name for name in old.scores if name in new.scores):
+            pair = Comparison({"old": old.scores[method], "new": new.scores[method]}, old.tasks, old.worlds)
+            if not np.array_equal(pair.scores["old"], pair.scores["new"]):
+                found, failed = pair.ratio("new", "old"), [(~pair.completed(name)).sum() for name in pair.scores]
+                text = f"score times {found.value:.3f} [{found.low:.3f}, {found.high:.3f}]"
+                yield f"{machine}, {method}, {setting}: {text}, failed {failed[0]}, then {failed[1]}"
+    yield "no other score has changed"

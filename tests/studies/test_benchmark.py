@@ -12,11 +12,17 @@ from support.doors import BadInput, compose_config, make_scenario
 from cmacexp.study import Results
 from pipelines.benchmark import summary
 from pipelines.benchmark.benchmark import CYCLES, LEARNERS, MODELS, make_study
-from pipelines.benchmark.compare import compare_results
 from pipelines.benchmark.entrants import ALONE, CMAC, choose_methods
-from pipelines.benchmark.results import BY_DEFAULT, DEFAULT, GUARDED, SETTINGS, choose_setting
+from pipelines.benchmark.results import (
+    BY_DEFAULT,
+    COMPLETED,
+    DEFAULT,
+    GUARDED,
+    SETTINGS,
+    choose_setting,
+    list_overrides,
+)
 from pipelines.benchmark.tasks import LEG, MACHINES, STRESS, TASKS, VERSION, change_world, hash_tasks
-from pipelines.benchmark.trial import COMPLETED, list_overrides
 
 TASKS_OF_VERSION_1 = "fe5a5ab1812333e398fc5fcc1c12e9b39d3d9a85a11295abfa91819ff2f297ff"
 ENTRANTS = '''
@@ -232,10 +238,10 @@ def test_results_are_compared_by_scores_and_by_failures_apart_and_of_one_version
         path.with_suffix(".json").write_text(json.dumps({"version": VERSION, "tasks_hash": "a"}))
         rows.loc[rows["method"] == "model", "end_error"] *= 0.5
         rows.loc[(rows["method"] == "model") & (rows["task"] == "slope"), "end_error"] = np.inf
-    line, _ = compare_results(*paths)
+    line, _ = summary.compare_results(*paths)
     assert line.startswith(f"{LEG}, model, ")
     assert "0.500 [0.500, 0.500]" in line
     assert line.endswith("failed 0, then 2")
     paths[1].with_suffix(".json").write_text(json.dumps({"version": VERSION + 1, "tasks_hash": "a"}))
     with pytest.raises(BadInput, match=r"^--compare="):
-        list(compare_results(*paths))
+        list(summary.compare_results(*paths))

@@ -10,14 +10,16 @@ from support.pages import PAGES
 from cmacexp.study import Criterion, Finding, at_most
 from pipelines import quotes
 from pipelines.quotes import (
+    BLOCKS,
     NOT_MEASURED,
     QUOTE,
     declared,
     fill_quotes,
     find_entry,
     find_outdated,
+    find_section,
+    make_section,
 )
-from pipelines.readme import BLOCKS, find_section, make_section
 from pipelines.results import CHANGED, CURRENT, NEVER, PublishedResults, read_results
 
 RESULTS = read_results()

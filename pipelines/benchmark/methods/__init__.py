@@ -1,5 +1,4 @@
 """Methods of the benchmark that the project does not ship: custom components, as any user would write them.
 
-One file each, chosen by ``feedforward._target_=pipelines.benchmark.methods.FILE.CLASS``. ``frozen_loop`` and
-``model_torques`` are what several need of the nominal model.
+One file each, chosen by ``feedforward._target_=pipelines.benchmark.methods.FILE.CLASS``.
 """
