@@ -68,6 +68,12 @@ def find_entered(cells: Cells | Positions) -> Mask:
     return entered
 
 
+def find_distinct(cells: Cells) -> Cells:
+    """The distinct ones of ``cells`` (samples, C), in ascending order."""
+    found: Cells = np.unique(cells[find_entered(cells)], return_counts=True)[0]  # uncounted ones are not sorted first
+    return found
+
+
 @dataclass
 class Visited:
     """The cells visited so far, by their ``positions`` (cells,) in dense memory; the n-th of them has row n.

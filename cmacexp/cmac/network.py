@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from cmacexp.cmac.addressing import Address, InputRange, address_batch, count_outside
 from cmacexp.cmac.addressing import displacement as find_displacement
-from cmacexp.cmac.memory import Visited, find_entered, read_batch
+from cmacexp.cmac.memory import Visited, find_distinct, find_entered, read_batch
 from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, RECTANGULAR, activate_batch
 from cmacexp.cmac.rules import PAPER, train_batch
 from cmacexp.cmac.single import NOT_FINITE, Single
@@ -85,8 +85,9 @@ class Cmac:
         self.address = Address(ranges, shifts, cells, rows, addressing == "hashed", seed & MASK)
         self.visited = Visited(rows, WORD_BYTES * outputs) if addressing == "visited" else None
         self.receptive_field = RECEPTIVE_FIELDS[receptive_field]
-        self.weights = np.zeros((rows, outputs))
-        self.clipped = 0
+        self._outputs, self.clipped = outputs, 0
+        self._weights: Array | None = None  # a network of many runs has weights of its own
+        self._single: Single | None = None
 
     @classmethod
     def from_config(cls, config: CmacConfig, ranges: InputRange, outputs: int = 2, seed: int = 0) -> "Cmac":
@@ -106,12 +107,13 @@ class Cmac:
     @property
     def weights(self) -> Array:
         """(rows, outputs), in the units of the outputs, zero at first; an array of the same shape may replace it."""
+        if self._weights is None:
+            self._weights = np.zeros((self.address.rows, self._outputs))
         return self._weights
 
     @weights.setter
     def weights(self, weights: Array) -> None:
-        self._weights = weights
-        self._single: Single | None = None
+        self._weights, self._single = weights, None
 
     def __getstate__(self) -> dict[str, Any]:
         return vars(self) | {"_single": None}  # a generator cannot be copied
@@ -146,7 +148,7 @@ class Cmac:
 
     def _serve(self, inputs: Array, rate: float, error: Array | None = None) -> Single:
         """Predict at one input (n,) with rate 0, else train there."""
-        single = self._single = self._single or Single(self.address, self.receptive_field, self._weights)
+        single = self._single = self._single or Single(self.address, self.receptive_field, self.weights)
         request = single.request
         if inputs.shape != request.inputs.shape or (error is not None and error.shape != request.error.shape):
             given = f"{inputs.shape}" if error is None else f"{inputs.shape} and {error.shape}"
@@ -166,8 +168,8 @@ class Cmac:
         x = np.asarray(inputs, dtype=float)
         if x.ndim == 1:
             return self.predict(x[None])[0] if self.visited else self._serve(x, 0.0).request.output.copy()
-        output = np.empty((len(x), self._weights.shape[1]))
-        read_batch(self._weights, self.cells(x), self.activation(x), output)
+        output = np.empty((len(x), self.weights.shape[1]))
+        read_batch(self.weights, self.cells(x), self.activation(x), output)
         return output
 
     def update(self, inputs: ArrayLike, error: ArrayLike, rate: float) -> None:
@@ -183,10 +185,10 @@ class Cmac:
                 self._serve(x, rate, errors)
                 return
             x, errors = x[None], errors[None]
-        expected = (len(x), self._weights.shape[1])
+        expected = (len(x), self.weights.shape[1])
         if errors.shape != expected or not np.isfinite(errors).all():
             raise ValueError(f"error of shape {errors.shape}: expected finite numbers of shape {expected}")
-        train_batch(PAPER, self._weights, self.cells(x), self.activation(x), errors, rate)
+        train_batch(PAPER, self.weights, self.cells(x), self.activation(x), errors, rate)
 
     def save(self, path: str | Path) -> None:
         """Save addressing and weights in one ``.npz`` file."""
@@ -241,8 +243,7 @@ def memory_use(cmac: Cmac, inputs: Array, cells: Cells) -> MemoryUse:
     params = cmac.address
     clipped = count_outside(params.ranges, inputs)
     if cmac.layers * params.resolution_elements ** inputs.shape[1] > MOST_POSITIONS:
-        used = np.unique(cells[find_entered(cells)])
-        return MemoryUse(params.rows, len(used), None, None, clipped)
+        return MemoryUse(params.rows, len(find_distinct(cells)), None, None, clipped)
     positions = np.empty((len(inputs), cmac.layers), dtype=np.uint64)
     address_batch(params._replace(hashed=False), inputs, positions)
     entered = find_entered(positions)

@@ -3,23 +3,25 @@
 import pickle
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from contextlib import suppress
+from dataclasses import is_dataclass
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
 import yaml
 from omegaconf import DictConfig, OmegaConf, open_dict
 
+from cmacexp.config.check import check
 from cmacexp.config.component import config_folder
+from cmacexp.config.fields import read_field
 from cmacexp.config.load import to_config
 from cmacexp.config.robot_rule import find_mistake
 from cmacexp.config.schema import Config
-from cmacexp.errors import CmacexpError
+from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.jit.interrupt import exits_caught
 
 _MISSING = object()
-_composed: dict[tuple[str, ...], bytes] = {}
-"""Results of :func:`_compose` by the options chosen: Hydra takes longer to read some 30 files than most runs take.
-Pickled: nothing copies a config faster."""
 Node = DictConfig | Mapping[str, Any]
 _NUMBER = re.compile(r"([a-z]\w*(?:\.\w+)*)=(-?(?:0|[1-9]\d*)(\.\d+)?(e-?\d+)?)")
 """An override that sets a number: its key, the number, its fraction and its exponent, with which it is a float."""
@@ -52,10 +54,23 @@ def _compose(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
     return config, choices
 
 
-@lru_cache(4096)
+@cache
+def _is_group(key: str) -> bool:
+    return (config_folder() / key).is_dir()
+
+
 def _is_option(override: str) -> bool:
     """Whether an override chooses the option of a group."""
-    return (config_folder() / override.partition("=")[0]).is_dir()
+    return _is_group(override.partition("=")[0])
+
+
+@cache
+def _pickle_options(options: tuple[str, ...]) -> bytes:
+    """What :func:`_compose` gives for options alone: Hydra takes longer to read some 30 files than most runs take.
+
+    Pickled: nothing copies a config faster.
+    """
+    return pickle.dumps(_compose(options))
 
 
 def _compose_cached(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
@@ -63,9 +78,7 @@ def _compose_cached(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str
     from hydra.core.override_parser.types import OverrideType
 
     options = tuple(filter(_is_option, overrides))
-    if options not in _composed:
-        _composed[options] = pickle.dumps(_compose(options))
-    config, choices = pickle.loads(_composed[options])
+    config, choices = pickle.loads(_pickle_options(options))
     for text in overrides:
         if text in options:
             continue
@@ -85,52 +98,60 @@ def compose_config(overrides: Sequence[str], config_dir: str | Path | None = Non
     ``config_dir`` is a folder of custom configs, as ``--config-dir``; its files are read anew by each call. Raises
     CmacexpError with the message of the command line.
     """
-    known = _compose_plain(tuple(filter(_is_option, overrides))) if config_dir is None else None
+    known = _compose_options(tuple(filter(_is_option, overrides))) if config_dir is None else None
     if known is not None:
-        plain = set_numbers(known[0], [text for text in overrides if not _is_option(text)], known[1])
-        if plain is not None:
-            return to_config(plain)
+        with suppress(BadInput):  # of several mistakes the longer way names the first
+            if config := set_numbers(known[0], [text for text in overrides if not _is_option(text)], known[1]):
+                return config
     return to_config(compose_untyped(overrides, config_dir)[0])
 
 
-def set_numbers(
-    pickled: bytes, overrides: Iterable[str], referred: frozenset[str] = frozenset()
-) -> dict[str, Any] | None:
-    """A copy of a pickled plain config with numbers set, such as ``learning.rate=0.5``, as in most of many runs.
+@exits_caught()  # of the check of a component
+def set_numbers(pickled: bytes, overrides: Iterable[str], referred: frozenset[str] = frozenset()) -> Any:
+    """A copy of a pickled config, plain or not, with numbers set, such as ``learning.rate=0.5``, as in most runs.
 
     That takes a tenth of the time of Hydra's grammar and of OmegaConf. ``referred`` are groups to which other values
-    referred, so that no number in them can be set alone. None if an override does something else.
+    referred, so that no number in them can be set alone. None if an override does something else. Raises BadInput if
+    the config is not plain and is wrong with these numbers.
     """
-    plain: dict[str, Any] = pickle.loads(pickled)
+    config = pickle.loads(pickled)
     for text in overrides:
         if (found := _NUMBER.fullmatch(text)) is None:
             return None
         *path, name = found[1].split(".")
-        node: Any = plain
+        owner = config
         for key in path:
-            node = node.get(key) if isinstance(node, dict) else None
-        is_value = isinstance(node, dict) and not isinstance(node.get(name, {}), dict | list)
-        if not is_value or {*path[:1]} & referred:
+            owner = _list_values(owner).get(key)
+        value = float(found[2]) if found[3] or found[4] else int(found[2])
+        values = _list_values(owner)
+        if isinstance(values.get(name, {}), dict | list) or is_dataclass(values[name]) or {*path[:1]} & referred:
             return None
-        node[name] = float(found[2]) if found[3] or found[4] else int(found[2])
-    return plain
+        values[name] = value if owner is values else read_field(type(owner), name, value, found[1])
+    if isinstance(config, Config):
+        check(config)
+    return config
+
+
+def _list_values(node: Any) -> dict[str, Any]:
+    """What a group of fields has, by name; of a value nothing."""
+    return node if isinstance(node, dict) else vars(node) if is_dataclass(node) else {}
 
 
 @lru_cache(64)
-def _compose_plain(options: tuple[str, ...]) -> tuple[bytes, frozenset[str]] | None:
+def _compose_options(options: tuple[str, ...]) -> tuple[bytes, frozenset[str]] | None:
     """The config that the options alone give, as :func:`set_numbers` takes it, and groups that its values refer to.
 
     None if they give no config, or a value follows from others by a rule.
     """
     try:
         config = _compose_cached(options)[0]
-        resolved = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+        pickled = pickle.dumps(to_config(config))
     except Exception:  # of whatever kind: the longer way raises it again, and says what is wrong
         return None
     references = re.findall(r"\$\{([^}]*)", str(OmegaConf.to_container(config)))
     if not all(re.fullmatch(r"[a-z]\w*\.[\w.]+", name) for name in references):
         return None
-    return pickle.dumps(resolved), frozenset(name.partition(".")[0] for name in references)
+    return pickled, frozenset(name.partition(".")[0] for name in references)
 
 
 def compose_untyped(

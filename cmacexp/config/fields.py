@@ -85,18 +85,16 @@ def read_fields(schema: type[T], node: Mapping[str, Any], key: str = "") -> T:
     for name, (each, _) in declared.items():
         if name not in node and each.default is MISSING and each.default_factory is MISSING:
             raise BadInput(before + name, "(not set)", "must have a value")
-    values = {
-        name: _read_value(given, declared[name][1], declared[name][0].metadata, before + name)
-        for name, given in node.items()
-    }
-    return schema(**values)
+    return schema(**{name: read_field(schema, name, given, before + name) for name, given in node.items()})
 
 
 class _OtherType(Exception):
     """A value, or one in a list, that cannot be converted to the type of its field."""
 
 
-def _read_value(given: Any, declared: Any, metadata: Mapping[str, Any], key: str) -> Any:
+def read_field(schema: Any, name: str, given: Any, key: str) -> Any:
+    """A plain value as the field ``name`` of a dataclass holds it, checked; raises BadInput, which names the key."""
+    each, declared = _list_declared(schema)[name]
     try:
         value = _convert(given, declared, key)
     except _OtherType:
@@ -106,10 +104,10 @@ def _read_value(given: Any, declared: Any, metadata: Mapping[str, Any], key: str
         else:
             allowed = _describe_type(declared)
         raise BadInput(key, given, allowed) from None
-    if "choices" in metadata:
-        _check_choice(key, value, metadata["choices"])
-    elif "unit" in metadata:
-        _check_range(key, value, metadata)
+    if "choices" in each.metadata:
+        _check_choice(key, value, each.metadata["choices"])
+    elif "unit" in each.metadata:
+        _check_range(key, value, each.metadata)
     return value
 
 

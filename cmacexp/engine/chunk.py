@@ -5,7 +5,7 @@ Most of what the metrics of a short run take is the overhead of calls, which doe
 
 import hashlib
 from collections import defaultdict, deque
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from itertools import zip_longest
 from typing import NamedTuple
@@ -86,21 +86,17 @@ class Chunk:
 
     def score(self) -> dict[int, Scores]:
         """The metrics of all runs by their numbers, in their order."""
-        for alike in self._group():
+        groups = defaultdict[Hashable, list[int]](list)  # equally many steps of the same gait, and the same signals
+        for number, trace in self.traces.items():
+            config = self._configs[number]
+            rhythm = repr(config.gait), config.sampling_period, *trace.shape
+            groups[*rhythm, *trace.names, *trace.arrays, trace.memory is None].append(number)
+        for alike in groups.values():
             found = score_together([self.traces[number] for number in alike], self._configs[alike[0]].steps_per_cycle)
             self._scores |= zip(alike, found, strict=True)
         if not self.keeps_trace:
             self.traces.clear()
         return {number: self._scores[number] for number in self._configs}
-
-    def _group(self) -> Iterable[list[int]]:
-        """Numbers of runs that can be scored together: equally many steps of the same gait, and the same signals."""
-        groups = defaultdict[Hashable, list[int]](list)
-        for number, trace in self.traces.items():
-            config = self._configs[number]
-            rhythm = repr(config.gait), config.sampling_period, *trace.shape
-            groups[*rhythm, *trace.names, *trace.arrays, trace.memory is None].append(number)
-        return groups.values()
 
 
 def _without_rate(config: Config) -> Config:

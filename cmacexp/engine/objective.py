@@ -16,14 +16,9 @@ DIRECTION, MINIMIZE, MAXIMIZE = "hydra.sweeper.direction", "minimize", "maximize
 """What a sweeper that searches does with what jobs return, as Optuna calls it."""
 
 
-def list_metrics(kind: str) -> list[str]:
-    """Names of the metrics that a kind of machine has; only legs of a robot move in space."""
-    return [name for name in ALL_METRICS if kind == "robot" or name not in SPATIAL]
-
-
 def check_metric(name: str | None, kind: str) -> None:
     """Check that ``optimize`` names a metric that the ``kind`` of machine has; raises BadInput."""
-    known = list_metrics(kind)
+    known = [other for other in ALL_METRICS if kind == "robot" or other not in SPATIAL]
     if name is not None and name not in known:
         raise BadInput("optimize", name, f"choose from {', '.join(known)}, or null{suggest(name, known)}")
 

@@ -73,19 +73,13 @@ def _leaves(key: str, value: Any) -> Iterator[str]:
         yield key
 
 
-def _reason(config: Config, key: str, composed: DictConfig) -> str:
-    """Why a key has no effect; empty if it has one, if only where it is interpolated."""
-    reason = explain_idle(config, key, strength_needs(key))
-    used = reason and f"${{{key}}}" in str(OmegaConf.to_container(composed, resolve=False))
-    return "" if used else reason
-
-
 def list_idle_overrides(config: Config, overrides: Sequence[str], composed: DictConfig) -> list[str]:
     """A line for each override of a single run that has no effect; none if the config has ``warn: false``."""
     typed = list(read_keys(overrides)) if config.warn else []
-    found: dict[str, str] = {}
+    found, unresolved = dict[str, str](), str(OmegaConf.to_container(composed, resolve=False))
     for i, (key, text) in enumerate(typed):
         later = next((other for again, other in typed[i + 1 :] if again == key), None)
-        if reason := f"{later} comes after it" if later else _reason(config, key, composed):
+        reason = f"{later} comes after it" if later else explain_idle(config, key, strength_needs(key))
+        if reason and (later or f"${{{key}}}" not in unresolved):  # else it has an effect where it is interpolated
             found[text] = reason
     return [f"{format_value(text)} has no effect: {reason}" for text, reason in found.items()]

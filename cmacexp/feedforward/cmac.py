@@ -3,6 +3,7 @@
 import copy
 from collections import deque
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from cmacexp.cmac.network import Cmac, MemoryUse, memory_use
 from cmacexp.cmac.receptive_field import RECTANGULAR
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.feedforward.weight_log import WeightLog, new_log
+from cmacexp.planning.plan import recall
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Array, Cells, Weights
 
@@ -30,12 +32,15 @@ class _Path(NamedTuple):
     """Of each leg."""
 
 
-_paths: deque[tuple[Any, _Path]] = deque(maxlen=16)
-"""The last paths, and all that each follows from: many of the runs of a sweep share one."""
+_paths = deque[Any](maxlen=16)
 
 
-def _follow(cmacs: list[Cmac], inputs: Sequence[Array]) -> _Path:
-    """What new CMACs find along their inputs (N, n); one with addressing ``visited`` notes its cells."""
+def _follow(setup: Setup, inputs: Sequence[Array], ranges: Sequence[InputRange], seed: int) -> _Path:
+    """What new CMACs of given ranges find along inputs (N, n) of each leg; with ``visited`` cells they note them."""
+    cmacs = [Cmac.from_config(setup.config.cmac, own, setup.mechanism.shape[1], seed) for own in ranges]
+    for i, cmac in enumerate(cmacs):
+        if setup.learnt is not None and cmac.visited is not None:
+            cmac.visited.positions = setup.learnt[f"visited_{i + 1}"]
     of_legs = list(zip(cmacs, inputs, strict=True))
     cells, activation = np.stack([cmac.cells(own) for cmac, own in of_legs], axis=1), None
     if cmacs[0].receptive_field != RECTANGULAR:
@@ -55,27 +60,15 @@ class CmacFeedforward(BuiltInFeedforward):
             ranges, self.seed = [spanning(own, config.cmac.range_factor) for own in inputs], config.seed
         else:
             ranges, self.seed = [InputRange(*ends) for ends in learnt["ranges"]], int(learnt["seed"])
-        path = self._find_path(setup, inputs, ranges)
-        self.cmacs, self.memory = path.cmacs, path.memory
+        follow = partial(_follow, setup, inputs, ranges, self.seed)
+        path_inputs = [values.tobytes() for values in (*inputs, *np.array(ranges))]
+        known = self.seed, path_inputs, setup.mechanism.shape, config.cmac
+        # Visited cells follow from what was learnt, too.
+        path: _Path = follow() if config.cmac.addressing == "visited" else recall(_paths, known, follow)
+        self.cmacs, self.memory = list(map(copy.copy, path.cmacs)), path.memory
         self.params = network(setup, path.cells, self.cmacs[0].address.rows, path.activation, log=path.log)
         for cmac, own in zip(self.cmacs, self.params.weights, strict=True):
             cmac.weights = own
-
-    def _find_path(self, setup: Setup, inputs: Sequence[Array], ranges: Sequence[InputRange]) -> _Path:
-        """The path along inputs (N, n) of given ranges, of each leg; it belongs to this run."""
-        config, joints = setup.config.cmac, setup.mechanism.shape[1]
-        known = self.seed, [values.tobytes() for values in (*inputs, *np.array(ranges))], joints, config
-        path = next((path for other, path in _paths if other == known), None)
-        if path is None:
-            cmacs = [Cmac.from_config(config, own, joints, self.seed) for own in ranges]
-            for i, cmac in enumerate(cmacs):
-                if setup.learnt is not None and cmac.visited is not None:
-                    cmac.visited.positions = setup.learnt[f"visited_{i + 1}"]
-            path = _follow(cmacs, inputs)
-            if cmacs[0].visited is not None:  # which follows from what was learnt, too
-                return path
-            _paths.appendleft((known, path))
-        return _Path(list(map(copy.copy, path.cmacs)), *copy.deepcopy(path[1:]))
 
     def learnt(self) -> Weights:
         """``weights`` (L, rows, J), N m; ``ranges`` (L, 2, n) of the inputs, low and high; ``seed`` of the hash.

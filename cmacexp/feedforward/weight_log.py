@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from cmacexp.cmac.memory import find_entered
+from cmacexp.cmac.memory import find_distinct
 from cmacexp.data.signals import FEEDFORWARD, MEMORY_SIGNALS
 from cmacexp.jit.compiler import kernel, program
 from cmacexp.typing import CLOCK, Array, Cells, Clock, Counts
@@ -29,7 +29,7 @@ class WeightLog(NamedTuple):
 
 def new_log(cells: Cells) -> WeightLog:
     """A log of networks whose active rows are ``cells`` (N, L, C), which holds no cycle yet."""
-    legs = [np.unique(own[find_entered(own)]) for own in np.moveaxis(cells, 1, 0)]
+    legs = [find_distinct(own) for own in np.moveaxis(cells, 1, 0)]
     rows = np.zeros((len(legs), max(map(len, legs))), dtype=np.uint32)
     for own, found in zip(rows, legs, strict=True):
         own[: len(found)] = found
@@ -38,8 +38,8 @@ def new_log(cells: Cells) -> WeightLog:
 
 
 def hold_cycles(log: WeightLog, cycles: int) -> WeightLog:
-    """The log with room for ``cycles`` cycles, all of a run: a machine on a wire cannot wait until it is taken."""
-    return log._replace(values=np.zeros((cycles, *log.values.shape[1:])))
+    """A new log of the same rows with room for all cycles of a run: a machine on a wire cannot wait for it."""
+    return log._replace(values=np.zeros((cycles, *log.values.shape[1:])), begun=np.zeros_like(log.begun))
 
 
 @kernel

@@ -22,15 +22,6 @@ MOST = LoadEstimate(weight=math.inf, x=0.002, y=0.002, slope_x=0.02, slope_y=0.0
 """Changes from one cycle to the next that the plan follows."""
 
 
-def _require_weight(setup: Setup, share: float) -> None:
-    if not LEAST_BORNE <= share <= MOST_BORNE:
-        carried = (
-            f"in the first cycle its feet carried {share:.2g} of its weight, not {LEAST_BORNE:g} to {MOST_BORNE:g}"
-        )
-        reason = f"{carried}: use m, kg and rad in the model, or a lighter payload"
-        raise BadInput("machine.kind", setup.config.machine.kind, reason)
-
-
 class Adaptation:
     """Makes the plan of a run anew, in place, wherever its feet have met something else."""
 
@@ -68,7 +59,11 @@ class Adaptation:
         met, planned = read_meter(self.meter, self.nominal), self.nominal.load.force.mean()
         self.measured = float(planned) + met.weight
         if not self.begun:
-            _require_weight(self.setup, met.weight / planned + 1.0)
+            share, limits = met.weight / planned + 1.0, f"{LEAST_BORNE:g} to {MOST_BORNE:g}"
+            if not LEAST_BORNE <= share <= MOST_BORNE:
+                carried = f"in the first cycle its feet carried {share:.2g} of its weight, not {limits}"
+                reason = f"{carried}: use m, kg and rad in the model, or a lighter payload"
+                raise BadInput("machine.kind", self.setup.config.machine.kind, reason)
             self.new, self.begun = NOTHING._replace(weight=met.weight), True
         else:
             change, least = np.subtract(met, self.known), LEAST._replace(weight=LEAST.weight * planned)

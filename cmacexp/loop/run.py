@@ -106,13 +106,6 @@ def _format_error(raised: Exception) -> str:
     return " ".join(message.split())
 
 
-def _fill_planned_travel(body: Array, start: int, config: Config) -> None:
-    """Fill the position in the world of a body that goes straight ahead, as planned."""
-    step = np.arange(start, start + len(body))
-    body[:, TRAVEL] = 0.0
-    body[:, TRAVEL[0]] = step * config.sampling_period * config.body_speed
-
-
 def _samples_measured(scenario: Scenario) -> bool:
     """Whether sensors, or their supervision, add columns to the samples."""
     return scenario.setup.config.plausibility.enabled or bool(find_altered(scenario.sensors) - {"force"})
@@ -176,7 +169,8 @@ class _Stream:
             self.adaptation.update_plan(start // config.steps_per_cycle + 1)
         steps = min(len(self.samples), config.cycles * config.steps_per_cycle - start)
         samples, body = self.samples[:steps], self.body[:steps]
-        _fill_planned_travel(body, start, config)
+        body[:, TRAVEL] = 0.0  # a body goes straight ahead unless the plant moves it
+        body[:, TRAVEL[0]] = np.arange(start, start + steps) * config.sampling_period * config.body_speed
         began, worked = time.perf_counter(), time.process_time()
         try:
             stop = self._drive(samples, body)
@@ -203,19 +197,15 @@ class _Stream:
             steps, began = min(self._most_steps(), len(samples) - done), time.perf_counter()
             stop = self.driver.run(samples[done : done + steps], body[done : done + steps])
             done += steps
-            if self.driver.taken % self.config.steps_per_cycle == 0:
+            ends_cycle = self.driver.taken % self.config.steps_per_cycle == 0
+            if ends_cycle:
                 self._apply_estimate()
-            adapts = stop == RUNNING and self._ends_plan()
+            adapts = stop == RUNNING and ends_cycle and self.adaptation is not None and self.adaptation.end_cycle()
             self.steps_per_call = max(1, int(steps * LONGEST_CALL / max(time.perf_counter() - began, 1e-6)))
             self.on_progress(self.driver.taken / self.config.steps_per_cycle)
             if adapts:
                 break
         return stop
-
-    def _ends_plan(self) -> bool:
-        """Whether another plan is needed from here on."""
-        ends_cycle = self.driver.taken % self.config.steps_per_cycle == 0
-        return self.adaptation is not None and ends_cycle and self.adaptation.end_cycle()
 
     def _most_steps(self) -> int:
         """Steps of the next call of the driver; lead and plan can change only between calls, where a cycle starts."""

@@ -29,15 +29,11 @@ class Timing(NamedTuple):
         return self.sample / length
 
 
-def compute_touch_downs(pattern: str, duty_factor: float) -> list[float]:
-    """Touch-down of each leg within the cycle, 0 to 1, as :data:`cmacexp.config.gait.PATTERNS` gives it."""
-    return [(start + slope * duty_factor) % 1.0 for start, slope in PATTERNS[pattern].touch_downs]
-
-
 def make_timing(gait: GaitConfig, samples: int) -> Timing:
     """Phases of every leg over one cycle of ``samples`` samples."""
     support_samples = round(samples * gait.duty_factor)
-    phases = gait.touch_down if gait.touch_down is not None else compute_touch_downs(gait.pattern, gait.duty_factor)
+    of_pattern = [(start + slope * gait.duty_factor) % 1.0 for start, slope in PATTERNS[gait.pattern].touch_downs]
+    phases = of_pattern if gait.touch_down is None else gait.touch_down
     since = (np.arange(samples)[:, None] - np.rint(np.array(phases) * samples).astype(np.int64)) % samples
     support = since < support_samples
     return Timing(

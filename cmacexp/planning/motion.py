@@ -70,8 +70,10 @@ def make_ramp(shape: str, elapsed: Array, duration: float) -> tuple[Array, Array
     return s, np.where(within, 1.0, 0.0)
 
 
-def plan_motion(config: Config, timing: Timing, mechanism: Mechanism, force: Array, rate: Array) -> Motion:
-    """Desired motion of every foot; in support at the depression that gives the desired ``force``.
+def plan_motion(
+    config: Config, timing: Timing, mechanism: Mechanism, forward: Motion, force: Array, rate: Array
+) -> Motion:
+    """Desired motion of every foot, whose way ``forward`` (N, L) is known; in support it presses with ``force``.
 
     Force (N, L) is in N, its ``rate`` (N, L) in N/s. Raises BadInput of a gait whose feet lift too little.
     """
@@ -79,10 +81,10 @@ def plan_motion(config: Config, timing: Timing, mechanism: Mechanism, force: Arr
     hip_height, axes = mechanism.hip_height, mechanism.shape[1]
     transfer_time = timing.transfer_samples * config.sampling_period
     motion = np.zeros((3, *timing.support.shape, axes))
-    motion[..., X] = plan_horizontal(config, timing)
-    desired = Motion(*motion)
+    motion[..., X] = forward
+    desired, progress = Motion(*motion), timing.progress
     for i in range(timing.support.shape[1]):
-        support, s = timing.support[:, i], timing.progress[:, i]
+        support, s = timing.support[:, i], progress[:, i]
         desired.position[support, i, Y] = hip_height + depression_for(stiffness, force[support, i])
         desired.velocity[support, i, Y] = depression_for(stiffness, rate[support, i])
         if timing.transfer_samples:

@@ -2,6 +2,7 @@
 
 import copy
 from collections import deque
+from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any, NamedTuple
 
@@ -10,6 +11,7 @@ import numpy as np
 from cmacexp.config import Config
 from cmacexp.config.gait import PATTERNS
 from cmacexp.config.machine import RobotMachine
+from cmacexp.config.schema import ADAPTIVE
 from cmacexp.errors import BadInput
 from cmacexp.models.ground import NEVER
 from cmacexp.models.mechanism import POINT_MASS, SPACE, Mechanism, has_body
@@ -84,17 +86,43 @@ class _Walk(NamedTuple):
     config: Config
     mechanism: Mechanism
     timing: Timing
+    forward: Motion
+    """(N, L): of every foot in the frame of its hip, along x."""
     feet: Array
     """(N, L, 2): forward and left of the body's centre, m."""
     sway: Motion
+    margins: Array
+    """(N, 3): of the plan, before the body sways."""
+
+
+_walks, _plans = deque[Any](maxlen=4), deque[Any](maxlen=16)
+
+
+def recall(recent: deque[Any], known: Any, make: Callable[[], Any]) -> Any:
+    """What was made ``recent``ly of what equals ``known``, else what ``make`` makes of it now.
+
+    Many of the runs of a sweep share it, so nothing may change it.
+    """
+    found = next((made for other, made in recent if other == known), None)
+    if found is None:
+        found = make()
+        recent.appendleft((known, found))
+    return found
 
 
 def _start_walk(config: Config, mechanism: Mechanism) -> _Walk:
-    timing = make_timing(config.gait, config.steps_per_cycle)
-    feet = np.zeros((*timing.support.shape, 2))
-    feet[..., 0] = plan_horizontal(config, timing).position
-    still = Motion(*np.zeros((3, len(feet), 2)))
-    return _Walk(config, mechanism, timing, feet + mechanism.hips, still)
+    """A walk without sway, which follows from machine and gait alone; raises BadInput if it is not stable."""
+
+    def start() -> _Walk:
+        timing = make_timing(config.gait, config.steps_per_cycle)
+        feet, forward = np.zeros((*timing.support.shape, 2)), plan_horizontal(config, timing)
+        feet[..., 0] = forward.position
+        feet, still = feet + mechanism.hips, Motion(*np.zeros((3, len(feet), 2)))
+        return _Walk(config, mechanism, timing, forward, feet, still, margins(feet, timing.support))
+
+    known = config.sampling_period, config.gait, config.machine
+    walk: _Walk = recall(_walks, known, start)
+    return walk._replace(config=config, mechanism=mechanism)
 
 
 def _sway(walk: _Walk, load: BodyLoad) -> _Walk:
@@ -117,9 +145,9 @@ def _require_balance(walk: _Walk, load: BodyLoad, force: Array) -> None:
 
 def _plan_under_load(walk: _Walk, load: BodyLoad, met: LoadEstimate = NOTHING) -> tuple[Motion, Motion, Array]:
     """Desired motion of feet that share a load, the same of joints, and desired forces (N, L), N."""
-    config, mechanism, timing, feet, sway = walk
+    config, mechanism, timing, forward, feet, sway, _ = walk
     force, rate = plan_force(config, timing, feet, load)
-    desired = plan_motion(config, timing, mechanism, force, rate)
+    desired = plan_motion(config, timing, mechanism, forward, force, rate)
     horizontal = [X, Z][: mechanism.shape[1] - 1]
     for values, swaying in zip(desired, sway, strict=True):
         values[..., horizontal] -= swaying[:, None, : len(horizontal)]
@@ -149,11 +177,9 @@ def _moving_load(walk: _Walk, desired: Motion, joints: Motion) -> BodyLoad:
     return load
 
 
-_READ = ("machine", "terrain", "gait", "controller", "force_control", "sampling_period", "reference")
+_READ = ("terrain", "gait", "controller", "force_control", "sampling_period", "reference", "machine")
 _UNREAD: dict[str, Any] = {field.name: None for field in fields(Config) if field.name not in _READ}
 """Fields of a config that a plan does not follow from."""
-_plans: deque[tuple[Config, Plan]] = deque(maxlen=16)
-"""The last plans, and all that each follows from: many of the runs of a sweep share one."""
 
 
 def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> Plan:
@@ -163,22 +189,20 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
     its leg, or the gait is neither statically stable nor one in which a swaying body keeps its balance.
     """
     start = (config.first_learning - 1) * config.steps_per_cycle if feedforward_acts else NEVER
-    read = replace(config, **_UNREAD)
-    plan = next((plan for known, plan in _plans if known == read), None)
-    if plan is None:
-        plan = _make_plan(read, mechanism)
-        _plans.appendleft((read, plan))
-    return copy.deepcopy(plan)._replace(start_step=start)  # a run may change its own
+    known = [getattr(config, name) for name in _READ]
+    plan: Plan = recall(_plans, known, lambda: _make_plan(replace(config, **_UNREAD), mechanism))
+    if config.force_control.load_sharing == ADAPTIVE:
+        plan = copy.deepcopy(plan)  # the run changes its own
+    return plan._replace(start_step=start)
 
 
 def _make_plan(config: Config, mechanism: Mechanism) -> Plan:
     """:func:`make_plan` of a config that has nothing but what is read here."""
     walk = _start_walk(config, mechanism)
-    timing, feet = walk.timing, walk.feet
-    planned_margins = margins(feet, timing.support)
+    timing = walk.timing
     if has_body(mechanism):
-        check_stability(config, timing.support, planned_margins)
-    load = static_load(mechanism.weight, len(feet))
+        check_stability(config, timing.support, walk.margins)
+    load = static_load(mechanism.weight, len(walk.feet))
     desired, joints, force = _plan_under_load(walk, load)
     if config.force_control.load_sharing != "static":
         dynamic = PATTERNS[config.gait.pattern].is_dynamic
@@ -198,7 +222,7 @@ def _make_plan(config: Config, mechanism: Mechanism) -> Plan:
         reference=plan_reference(config, timing.support, mechanism.hip_height, desired, force),
         load=load,
         sway=walk.sway,
-        margins=planned_margins,
+        margins=walk.margins,
         start_step=NEVER,
     )
 

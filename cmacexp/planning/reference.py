@@ -71,11 +71,6 @@ def compute_support_reference(method: str, gains: Gains, static_load: bool) -> S
     return SupportReference(1.0 / gains.stiffness + load + gains.elasticity + damping, 0.0, NOT_USED)
 
 
-def keeps_static_load(reference: str, feedforward_acts: bool) -> bool:
-    """Whether equations have the 1/K_a term: ``literal`` always, ``aware`` until a feedforward acts, else never."""
-    return reference == "literal" or (reference == "aware" and not feedforward_acts)
-
-
 def plan_reference(
     config: Config, support: Mask, hip_height: float, desired: Motion, force: Array
 ) -> ControlReference:
@@ -83,16 +78,17 @@ def plan_reference(
 
     ``hip_height`` is in m, the desired ``force`` (N, L) in N.
 
-    For a controller without K_ap and K_av they omit their terms in 1/K_a and K_av/K_ap. With ``load_rate`` the
-    reference follows the depression as the desired force changes: the velocity gain would resist that, and on ground
-    with damping the depression lags behind.
+    Equations have the term in 1/K_a with ``literal`` always, with ``aware`` until a feedforward acts, else never. For
+    a controller without K_ap and K_av they omit it, and that in K_av/K_ap. With ``load_rate`` the reference follows
+    the depression as the desired force changes: the velocity gain would resist that, and on ground with damping the
+    depression lags behind.
     """
     method = config.force_control
     gains = make_gains(config, *(config.gains or (math.inf, 0.0)))
     none = np.zeros_like(force)
     reference = ControlReference(*(np.stack([each, each]) for each in (*desired[:2], none, none, force)))
     for stage in (BEFORE, ACTING):
-        keeps = config.gains is not None and keeps_static_load(config.reference, stage == ACTING)
+        keeps = config.gains is not None and config.reference in ("literal", "aware" if stage == BEFORE else "")
         per_newton = compute_support_reference(method.method, gains, keeps)
         reference.position[stage, support, Y] = hip_height + per_newton.depression * force[support]
         reference.velocity[stage, support, Y] = per_newton.velocity * force[support]

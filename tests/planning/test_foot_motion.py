@@ -218,9 +218,9 @@ def test_plans_that_are_compiled_are_those_of_plain_python(make_config, compiled
 
 
 def test_a_run_that_changes_its_plan_changes_that_of_no_other(make_config):
-    plans = []
+    plans, adapts = [], ("learning.start_cycle=2", "force_control.load_sharing=adaptive", "machine.weight=null")
     for feedforward in ("cmac", "none"):
-        config = make_config("scenario=one_leg", f"feedforward={feedforward}", "learning.start_cycle=2")
+        config = make_config("scenario=quadruped", f"feedforward={feedforward}", *adapts)
         plans.append(make_scenario(config).setup.plan)
         plans[-1].joints.position[...] = plans[-1].reference.position[...] = 0.0
     assert plans[0].start_step == config.steps_per_cycle < 10**12 < plans[1].start_step
