@@ -76,7 +76,7 @@ def repeat_witnesses() -> None:
 
 
 def _run() -> int:
-    parser = Parser("pipelines", "List the studies.")
+    parser = Parser("pipelines", "List the studies.", {})
     parser.add_argument("--write-docs", action="store_true", help=f"renew docs from the full studies in {FOLDER}")
     parser.add_argument(
         "what", nargs="?", metavar=STATUS, help="whether every study is current, changed or never run"

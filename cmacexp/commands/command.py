@@ -4,9 +4,9 @@ import argparse
 import atexit
 import gc
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadComponent, CmacexpError, format_user_traceback, in_one_line
@@ -15,6 +15,14 @@ from cmacexp.terminal.output import keep_outputs, print_line
 
 Arguments = argparse.Namespace
 """Those of a command, by the names of its options."""
+OptionTable = Mapping[str, Mapping[str, Any]]
+"""What a command takes: arguments and options by their names, each with what ``add_argument`` takes of it."""
+FOLDERS: OptionTable = {
+    "folders": {"nargs": "+", "type": Path, "metavar": "DIR", "help": "a run, or a folder of runs"}
+}
+OVERRIDES: OptionTable = {
+    "overrides": {"nargs": "*", "metavar": "KEY=VALUE", "help": "overrides as of python -m cmacexp"},
+}
 COMPLETED, FAILED, BAD_INPUT, STOPPED, NOT_INTACT = range(5)
 """Exit codes; that of an interrupted command is :func:`cmacexp.jit.interrupt.interrupted_exit_code`."""
 
@@ -24,16 +32,30 @@ def report_usage(parser: argparse.ArgumentParser, message: str) -> NoReturn:
     parser.exit(BAD_INPUT, f"error: {in_one_line(message)}; {parser.prog} --help shows how it is used\n")
 
 
+def make_flag(meaning: str) -> dict[str, Any]:
+    """An option without a value, off unless given; ``meaning`` is its line of the help."""
+    return {"action": "store_true", "help": meaning}
+
+
+def add_options(parser: "argparse._ActionsContainer", options: OptionTable) -> None:
+    """Add ``options`` to a parser, or to a group of its options, in their order."""
+    for name, described in options.items():
+        parser.add_argument(name, **described)
+
+
 class Parser(argparse.ArgumentParser):
-    """Reads the arguments of a command, of the module ``name``; ``folders``: it takes folders of runs."""
+    """Reads the arguments of a command, of the module ``name``."""
 
     error = report_usage
 
-    def __init__(self, name: str, description: str, folders: bool = False):
+    def __init__(self, name: str, description: str, options: OptionTable):
         super().__init__(prog=f"python -m {name}", description=description)
         self.add_argument("--version", action="version", version=f"cmacexp {__version__}")
-        if folders:
-            self.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="a run, or a folder of runs")
+        add_options(self, options)
+
+    def run(self, work: Callable[[Arguments], int], hint: str = "") -> int:
+        """Read the arguments of this process, and do the ``work`` of the command; see :func:`run_command`."""
+        return run_command(lambda: work(self.parse_args()), hint)
 
 
 def run_command(work: Callable[[], int], hint: str = "") -> int:

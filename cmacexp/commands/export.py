@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from cmacexp.commands.command import Arguments, Parser, run_command
+from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag, run_command
 from cmacexp.data.discovery import is_run, name_of, require_place
 from cmacexp.data.folder import OUT_KEY, require_no_link
 from cmacexp.data.run import Run
@@ -13,13 +13,23 @@ from cmacexp.export.tables import write_mcap, write_wide
 from cmacexp.terminal.output import print_line, show_activity
 
 FORMATS = ("c", "wide", "mcap")
+OPTIONS: OptionTable = {
+    "folder": {"type": Path, "metavar": "DIR", "help": "a run"},
+    "--c": make_flag("cmac_leg.h, cmac_leg.c and main.c, which checks itself"),
+    "--single": make_flag("the C code in single precision"),
+    "--path": make_flag("the C code for the planned path alone: little memory"),
+    "--law": make_flag("the C code of the whole control law, with --path"),
+    "--wide": make_flag("the trace as a table with one row a step"),
+    "--mcap": make_flag("the trace as MCAP"),
+    "--out": {"type": Path, "metavar": "FOLDER", "help": "where to write (default: export-NAME OF DIR)"},
+}
 
 
 def _find_place(arguments: Arguments) -> Path:
     """The folder to write to; never that of a run, which stays as its run wrote it."""
     if arguments.out is None:
         return require_no_link(Path(f"export-{name_of(arguments.folder)}"))
-    folder = require_place(OUT_KEY, Path(arguments.out))
+    folder = require_place(OUT_KEY, arguments.out)
     if is_run(folder):
         raise BadInput(OUT_KEY, folder, "is the folder of a run, which stays as it is; choose another")
     return folder
@@ -63,13 +73,6 @@ def _parse(parser: argparse.ArgumentParser) -> Arguments:
 
 def main() -> int:
     """Run the command."""
-    parser = Parser("cmacexp.export", "Write a stored run for other programs: C code of its network, or its tables.")
-    parser.add_argument("folder", type=Path, metavar="DIR", help="a run")
-    parser.add_argument("--c", action="store_true", help="cmac_leg.h, cmac_leg.c and main.c, which checks itself")
-    parser.add_argument("--single", action="store_true", help="the C code in single precision")
-    parser.add_argument("--path", action="store_true", help="the C code for the planned path alone: little memory")
-    parser.add_argument("--law", action="store_true", help="the C code of the whole control law, with --path")
-    parser.add_argument("--wide", action="store_true", help="the trace as a table with one row a step")
-    parser.add_argument("--mcap", action="store_true", help="the trace as MCAP")
-    parser.add_argument("--out", metavar="FOLDER", help="where to write (default: export-NAME OF DIR)")
+    description = "Write a stored run for other programs: C code of its network, or its tables."
+    parser = Parser("cmacexp.export", description, OPTIONS)
     return run_command(lambda: _export(_parse(parser)))

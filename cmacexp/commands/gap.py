@@ -1,11 +1,10 @@
 """``python -m cmacexp.gap LOG --robot go2``: what a model does not explain of a log, and what learning would."""
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cmacexp.commands.command import Arguments, Parser, run_command
+from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
 from cmacexp.data.folder import OUT_KEY, check_place
 from cmacexp.data.manifest import REPORT
 from cmacexp.errors import BadInput
@@ -17,6 +16,25 @@ if TYPE_CHECKING:
     from cmacexp.gap.machine import Machine
 
 FOLDER = Path("outputs/gap")
+SEVERAL = {"action": "append", "default": []}
+"""Of an option that can be given more than once."""
+LOG_OPTIONS: OptionTable = {
+    "--names": {**SEVERAL, "metavar": "WHAT=COLUMN", "help": "e.g. angle=pos_{joint},command=cmd_{joint}"},
+    "--units": {**SEVERAL, "metavar": "WHAT=UNIT", "help": "e.g. angle=deg,time=ms"},
+    "--joints": {**SEVERAL, "metavar": "LOG=MODEL", "help": "the joint of the model for one of the log"},
+    "--leave-out": {"metavar": "JOINTS", "help": "joints of the log that are not used, separated by commas"},
+    "--kp": {"help": "gains of the drives, N m/rad: one number, or one for each joint"},
+    "--kd": {"help": "likewise, N m s/rad"},
+    "--reader": {"metavar": "FILE.py:FUNCTION", "help": "reads another format: path to columns by name"},
+}
+"""How a log is read."""
+OPTIONS: OptionTable = {
+    "log": {"type": Path, "metavar": "LOG", "help": "Parquet, CSV, NPZ or MCAP, or what --reader reads"},
+    "--robot": {"required": True, "help": "go2 or another option of conf/machine, or an MJCF or URDF file"},
+    **LOG_OPTIONS,
+    "--quick": make_flag("without identification"),
+    "--out": {"type": Path, "metavar": "FOLDER", "help": f"where the page goes; unless given, in {FOLDER}"},
+}
 
 
 def _read_pairs(given: Sequence[str], key: str) -> dict[str, str]:
@@ -36,7 +54,7 @@ def _read_gain(text: str | None, key: str) -> list[float]:
 
 
 def read_given(arguments: Arguments) -> "tuple[Log, Machine]":
-    """The log and the machine of the options of :func:`add_log_options`; raises BadInput."""
+    """The log and the machine of the options of :data:`LOG_OPTIONS`; raises BadInput."""
     from cmacexp.gap.log import load_reader, read_log
     from cmacexp.gap.machine import read_machine
 
@@ -82,39 +100,10 @@ def _show(arguments: Arguments) -> int:
     return 0
 
 
-def add_log_options(parser: "argparse._ActionsContainer") -> None:
-    """Add the options that say how a log is read."""
-    parser.add_argument(
-        "--names",
-        action="append",
-        default=[],
-        metavar="WHAT=COLUMN",
-        help="e.g. angle=pos_{joint},command=cmd_{joint}",
-    )
-    parser.add_argument("--units", action="append", default=[], metavar="WHAT=UNIT", help="e.g. angle=deg,time=ms")
-    parser.add_argument(
-        "--joints", action="append", default=[], metavar="LOG=MODEL", help="the joint of the model for one of the log"
-    )
-    parser.add_argument(
-        "--leave-out", metavar="JOINTS", help="joints of the log that are not used, separated by commas"
-    )
-    parser.add_argument("--kp", help="gains of the drives, N m/rad: one number, or one for each joint")
-    parser.add_argument("--kd", help="likewise, N m s/rad")
-    parser.add_argument("--reader", metavar="FILE.py:FUNCTION", help="reads another format: path to columns by name")
-
-
 def main() -> int:
     """Run the command."""
     description = (
         "Read a log of a robot, identify its joints, validate them on strokes that identification did not see, and "
         "say what learners would remove of its feedback torque."
     )
-    parser = Parser("cmacexp.gap", description)
-    parser.add_argument("log", type=Path, metavar="LOG", help="Parquet, CSV, NPZ or MCAP, or what --reader reads")
-    parser.add_argument(
-        "--robot", required=True, help="go2 or another option of conf/machine, or an MJCF or URDF file"
-    )
-    add_log_options(parser)
-    parser.add_argument("--quick", action="store_true", help="without identification")
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help=f"where the page goes; unless given, in {FOLDER}")
-    return run_command(lambda: _show(parser.parse_args()))
+    return Parser("cmacexp.gap", description, OPTIONS).run(_show)

@@ -1,10 +1,9 @@
 """``python -m cmacexp.replay DIR...``: show a run, or several side by side, in the Rerun viewer."""
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
-from cmacexp.commands.command import Arguments, Parser, run_command
+from cmacexp.commands.command import FOLDERS, Arguments, OptionTable, Parser, add_options, make_flag
 from cmacexp.config.describe import differences
 from cmacexp.data.discovery import is_run, name_of, require_place, runs_below
 from cmacexp.data.run import Run
@@ -16,6 +15,31 @@ from cmacexp.terminal.output import print_line, show_activity
 COMPARISONS = Path("outputs", "comparisons")
 LONGEST_NAME = 120
 """Most characters in the name of the file of a comparison."""
+VIEWERS: OptionTable = {
+    "--no-viewer": make_flag("only build the recording"),
+    "--web": make_flag("serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window"),
+}
+"""Of which one can be given."""
+OPTIONS: OptionTable = {
+    "--table": make_flag("show a table of the runs, to filter by config and metrics; a row opens its recording"),
+    "--rebuild": make_flag("build the recording of a run even if it exists, with all cycles"),
+    "--meshes": make_flag("draw robots as their models show them, if these are still those of the runs"),
+    "--cycles": {
+        "metavar": "CYCLES",
+        "help": "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all runs took)",
+    },
+    "--every": {
+        "metavar": "N",
+        "type": int,
+        "help": "show one step in N; unless given, all of a short run, fewer of a long one",
+    },
+    "--out": {
+        "metavar": "FILE.rrd",
+        "type": Path,
+        "help": f"where the recording goes; unless given, {RECORDING_FILE} in the folder of a run, or in "
+        f"{COMPARISONS}",
+    },
+}
 
 
 def _show(shown: Path | str, arguments: Arguments) -> int:
@@ -79,18 +103,7 @@ def main() -> int:
         "Show a run in the Rerun viewer, or several side by side. A recording that is missing, or of another run or "
         "version, is built from the trace; --cycles, --every and --meshes build it anew."
     )
-    parser = Parser("cmacexp.replay", description, folders=True)
-    flag = partial(parser.add_argument, action="store_true")
-    viewer = partial(parser.add_mutually_exclusive_group().add_argument, action="store_true")
-    viewer("--no-viewer", help="only build the recording")
-    viewer("--web", help="serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window")
-    flag("--table", help="show a table of the runs, to filter by config and metrics; a row opens its recording")
-    flag("--rebuild", help="build the recording of a run even if it exists, with all cycles")
-    flag("--meshes", help="draw robots as their models show them, if these are still those of the runs")
-    text = "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all runs took)"
-    parser.add_argument("--cycles", metavar="CYCLES", help=text)
-    text = "show one step in N; unless given, all of a short run, fewer of a long one"
-    parser.add_argument("--every", metavar="N", type=int, help=text)
-    text = f"where the recording goes; unless given, {RECORDING_FILE} in the folder of a run, or in {COMPARISONS}"
-    parser.add_argument("--out", metavar="FILE.rrd", type=Path, help=text)
-    return run_command(lambda: _replay(parser.parse_args()))
+    parser = Parser("cmacexp.replay", description, FOLDERS)
+    add_options(parser.add_mutually_exclusive_group(), VIEWERS)
+    add_options(parser, OPTIONS)
+    return parser.run(_replay)

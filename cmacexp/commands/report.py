@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cmacexp.commands.command import Arguments, Parser, run_command
+from cmacexp.commands.command import FOLDERS, Arguments, OptionTable, Parser
 from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
 from cmacexp.data.run import Run
@@ -23,10 +23,10 @@ REPORTS = Path("outputs/reports")
 """Reports over several folders are written to a folder in here."""
 
 
-def _find_destination(given: Sequence[Path], out: str | None) -> Path:
+def _find_destination(given: Sequence[Path], out: Path | None) -> Path:
     """The folder of the page; raises BadInput if a report cannot take its place."""
     if out is not None:
-        folder = Path(out)
+        folder = out
     elif len(given) == 1:
         folder = require_no_link(given[0] / REPORT)
     else:
@@ -83,12 +83,21 @@ class _Key(argparse.Action):
         parser.exit()
 
 
+OPTIONS: OptionTable = {
+    "--out": {
+        "type": Path,
+        "metavar": "FOLDER",
+        "help": f"folder of the page (default: DIR/report, or {REPORTS}/NAMES for several)",
+    },
+    "--key": {
+        "nargs": 0,
+        "action": _Key,
+        "help": "print what each column of the tables means: name, symbol, definition; needs no DIR",
+    },
+}
+
+
 def main() -> int:
     """Run the command."""
     description = "Figures and tables of a run, or a comparison of several runs or a sweep, as one HTML page."
-    parser = Parser("cmacexp.report", description, folders=True)
-    text = f"folder of the page (default: DIR/report, or {REPORTS}/NAMES for several)"
-    parser.add_argument("--out", metavar="FOLDER", help=text)
-    text = "print what each column of the tables means: name, symbol, definition; needs no DIR"
-    parser.add_argument("--key", nargs=0, action=_Key, help=text)
-    return run_command(lambda: _report(parser.parse_args()))
+    return Parser("cmacexp.report", description, {**FOLDERS, **OPTIONS}).run(_report)

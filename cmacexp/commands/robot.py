@@ -4,7 +4,15 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from cmacexp.commands.command import Arguments, Parser, run_command
+from cmacexp.commands.command import (
+    OVERRIDES,
+    Arguments,
+    OptionTable,
+    Parser,
+    add_options,
+    make_flag,
+    run_command,
+)
 from cmacexp.commands.robots import quote_value
 from cmacexp.config import config_folder
 from cmacexp.config.compose import compose_config
@@ -16,7 +24,7 @@ from cmacexp.typing import Array
 from cmacexp.wire.faults import KINDS, NO_FAULT, Fault
 from cmacexp.wire.network import LOOPBACK
 
-OVERRIDES = [
+PLAYED = [
     "scenario=robot", "machine=go2", "plant=mujoco_robot_rigid", "plant/as_built=go2", "actuator=go2",
     "controller=drives", "feedforward=none", "sensors=proprioceptive",
 ]  # fmt: skip
@@ -27,6 +35,34 @@ HUNG = ["scenario=robot", "machine=go2", "plant=unitree", "controller=drives"]
 
 LONGEST = 3600.0
 """For which a robot is played if commands do not cease, s."""
+
+ACTS: OptionTable = {
+    "--simulate": make_flag("play a robot; it ends once commands cease"),
+    "--chirp": {"metavar": "LOG", "help": "move the joints of a robot that hangs, for cmacexp gap LOG"},
+    "--learn": {"metavar": "LEG", "choices": LEG_NAMES, "help": "let a leg of a robot that hangs learn"},
+}
+"""What a command does, of which one must be given."""
+
+OPTIONS: OptionTable = {
+    "--domain": {"type": int, "default": 0, "metavar": "N", "help": "of DDS, as plant.domain (0)"},
+    "--lying": make_flag("it lies on the ground and does not hang at first"),
+    "--patient": make_flag("wait for each command: not in real time"),
+    "--fault": {"default": NO_FAULT, "metavar": "KIND", "help": "a fault that it has"},
+    "--after": {
+        "type": float,
+        "default": 0.0,
+        "metavar": "S",
+        "help": "second after the first command from which on it has it",
+    },
+    "--motor": {
+        "type": int,
+        "default": 0,
+        "choices": range(12),
+        "metavar": "N",
+        "help": "0 to 11, whose fault it is",
+    },
+    **OVERRIDES,
+}
 
 
 def _run(arguments: Arguments) -> int:
@@ -65,7 +101,7 @@ def _move_hung(arguments: Arguments) -> int:
 def _play(arguments: Arguments) -> int:
     from cmacexp.wire.simulated import SimulatedRobot, play
 
-    config = compose_config([*OVERRIDES, *arguments.overrides])
+    config = compose_config([*PLAYED, *arguments.overrides])
     start = round(arguments.after / config.sampling_period)
     fault = Fault(arguments.fault, start, arguments.motor)
     crouch = OmegaConf.load(config_folder() / "plant" / "unitree.yaml").crouch
@@ -77,20 +113,8 @@ def _play(arguments: Arguments) -> int:
 def main() -> int:
     """Run the command."""
     kinds = "; ".join(f"{name}: {meaning}" for name, meaning in KINDS.items())
-    parser = Parser("cmacexp robot", f"Play a robot on this computer's loopback for plant=unitree. Faults: {kinds}.")
-    does = parser.add_mutually_exclusive_group(required=True)
-    does.add_argument("--simulate", action="store_true", help="play a robot; it ends once commands cease")
-    does.add_argument("--chirp", metavar="LOG", help="move the joints of a robot that hangs, for cmacexp gap LOG")
-    does.add_argument("--learn", metavar="LEG", choices=LEG_NAMES, help="let a leg of a robot that hangs learn")
-    parser.add_argument("--domain", type=int, default=0, metavar="N", help="of DDS, as plant.domain (0)")
-    parser.add_argument("--lying", action="store_true", help="it lies on the ground and does not hang at first")
-    parser.add_argument("--patient", action="store_true", help="wait for each command: not in real time")
-    parser.add_argument("--fault", default=NO_FAULT, metavar="KIND", help="a fault that it has")
-    parser.add_argument(
-        "--after", type=float, default=0.0, metavar="S", help="second after the first command from which on it has it"
-    )
-    parser.add_argument(
-        "--motor", type=int, default=0, choices=range(12), metavar="N", help="0 to 11, whose fault it is"
-    )
-    parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="overrides as of python -m cmacexp")
+    description = f"Play a robot on this computer's loopback for plant=unitree. Faults: {kinds}."
+    parser = Parser("cmacexp robot", description, {})
+    add_options(parser.add_mutually_exclusive_group(required=True), ACTS)
+    add_options(parser, OPTIONS)
     return run_command(lambda: _run(parser.parse_intermixed_args()))

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cmacexp.commands.command import Arguments, Parser, run_command
+from cmacexp.commands.command import FOLDERS, Arguments, Parser
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.folder import update_run
 from cmacexp.data.manifest import require_intact
@@ -40,5 +40,4 @@ def _score(arguments: Arguments) -> int:
 
 def main() -> int:
     """Run the command."""
-    parser = Parser("cmacexp.score", "Compute the metrics of runs again from their traces.", folders=True)
-    return run_command(lambda: _score(parser.parse_args()))
+    return Parser("cmacexp.score", "Compute the metrics of runs again from their traces.", FOLDERS).run(_score)

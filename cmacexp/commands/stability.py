@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cmacexp.commands.command import Arguments, Parser, run_command
+from cmacexp.commands.command import FOLDERS, Arguments, OptionTable, Parser
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
 from cmacexp.data.manifest import REPORT
@@ -12,6 +12,9 @@ from cmacexp.terminal.output import print_line, show_activity
 from cmacexp.terminal.tables import print_table
 
 FOLDER = "stability"
+OPTIONS: OptionTable = {
+    "--out": {"type": Path, "metavar": "FOLDER", "help": f"where the page goes; unless given, {FOLDER} in DIR"},
+}
 
 
 def _analyse(arguments: Arguments) -> int:
@@ -23,7 +26,7 @@ def _analyse(arguments: Arguments) -> int:
     if arguments.out is not None and len(folders) > 1:
         raise BadInput(OUT_KEY, arguments.out, f"is for one run, but {len(folders)} were given")
     for folder in folders:
-        out = require_no_link(folder / FOLDER) if arguments.out is None else Path(arguments.out)
+        out = arguments.out or require_no_link(folder / FOLDER)
         check_place(out, OUT_KEY, REPORT)
         _analyse_run(Run(folder), out)
     return 0
@@ -60,6 +63,4 @@ def main() -> int:
         "Linearise the loop of runs, predict how their learning grows from cycle to cycle with each lead, compare "
         "the prediction with the measurement, and explain it; as one HTML page with figures."
     )
-    parser = Parser("cmacexp.stability", description, folders=True)
-    parser.add_argument("--out", metavar="FOLDER", help=f"where the page goes; unless given, {FOLDER} in DIR")
-    return run_command(lambda: _analyse(parser.parse_args()))
+    return Parser("cmacexp.stability", description, {**FOLDERS, **OPTIONS}).run(_analyse)

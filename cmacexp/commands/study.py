@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
-from cmacexp.commands.command import COMPLETED, Parser, run_command
+from cmacexp.commands.command import COMPLETED, Arguments, OptionTable, Parser, make_flag
 from cmacexp.data.discovery import require_place
 from cmacexp.data.folder import HTML, new_result
 from cmacexp.data.manifest import REPORT
@@ -213,34 +213,53 @@ def print_statements(studies: Sequence[Evaluated]) -> None:
         print(format_text(f"- {found.sentence}"))
 
 
-def study_parser(name: str, description: str, seeded: bool = True) -> Parser:
-    """The options of every study; ``seeded``: of one whose runs can be repeated for other seeds."""
-    parser = Parser(name, description)
-    parser.set_defaults(seeds=SEEDS)
-    parser.add_argument("--quick", action="store_true", help="fewer and shorter runs that only check the machinery")
-    if seeded:
-        seeds = f"seeds of each run that depends on its seed (default: {SEEDS})"
-        parser.add_argument("--seeds", type=_positive, metavar="N", help=seeds)
-    parser.add_argument("--folder", type=Path, default=FOLDER, help=f"reports and runs of all studies ({FOLDER})")
-    parser.add_argument("--launcher", metavar="NAME", help="of Hydra, for the runs (default: all cores here)")
-    tasks = f"processes (default: one for each core), or tasks of that launcher (default: {WORKERS})"
-    parser.add_argument("--workers", type=_positive, metavar="N", help=tasks)
-    setting = "of its config, as often as needed: --setting timeout_min=600"
-    parser.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help=setting)
-    return parser
-
-
-def _positive(text: str) -> int:
+def _read_count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number, at least 1")
     return int(text)
 
 
-def command(parser: Parser, work: Callable[[argparse.Namespace, Options], Path]) -> NoReturn:
+SEEDED: OptionTable = {
+    "--seeds": {
+        "type": _read_count,
+        "metavar": "N",
+        "help": f"seeds of each run that depends on its seed (default: {SEEDS})",
+    },
+}
+"""Of studies whose runs can be repeated for other seeds."""
+OPTIONS: OptionTable = {
+    "--folder": {"type": Path, "default": FOLDER, "help": f"reports and runs of all studies ({FOLDER})"},
+    "--launcher": {"metavar": "NAME", "help": "of Hydra, for the runs (default: all cores here)"},
+    "--workers": {
+        "type": _read_count,
+        "metavar": "N",
+        "help": f"processes (default: one for each core), or tasks of that launcher (default: {WORKERS})",
+    },
+    "--setting": {
+        "action": "append",
+        "default": [],
+        "metavar": "KEY=VALUE",
+        "help": "of its config, as often as needed: --setting timeout_min=600",
+    },
+}
+"""How the runs of any study are made."""
+FILE: OptionTable = {
+    "file": {"type": Path, "metavar": "FILE.py", "help": "defines STUDY; its page stands beside it"},
+}
+
+
+def study_parser(name: str, description: str, own: OptionTable = SEEDED) -> Parser:
+    """The options of every study, and those of its ``own`` after the first."""
+    quick = {"--quick": make_flag("fewer and shorter runs that only check the machinery")}
+    parser = Parser(name, description, {**quick, **own, **OPTIONS})
+    parser.set_defaults(seeds=SEEDS)
+    return parser
+
+
+def command(parser: Parser, work: Callable[[Arguments, Options], Path]) -> NoReturn:
     """Run studies from the command line, and exit; ``work`` writes the reports and returns the page to open."""
 
-    def run() -> int:
-        arguments = parser.parse_args()
+    def run(arguments: Arguments) -> int:
         if arguments.setting and arguments.launcher is None:
             raise BadInput("--setting", arguments.setting[0], "is of a launcher: add --launcher NAME")
         folder, chosen = require_place(FOLDER_KEY, arguments.folder), (arguments.launcher, arguments.workers)
@@ -248,7 +267,7 @@ def command(parser: Parser, work: Callable[[argparse.Namespace, Options], Path])
         print_line(str(work(arguments, options)))
         return COMPLETED
 
-    sys.exit(run_command(run, "; the same command runs what is missing"))
+    sys.exit(parser.run(run, "; the same command runs what is missing"))
 
 
 def main(path: str | None = None) -> NoReturn:
@@ -257,6 +276,5 @@ def main(path: str | None = None) -> NoReturn:
         file = load_study(Path(path))
         parser = study_parser(f"pipelines.{file.name}", file.study.question)
         command(parser, lambda arguments, options: write_study(file, options))
-    parser = study_parser("cmacexp.study", "Run a study and write its report.")
-    parser.add_argument("file", type=Path, metavar="FILE.py", help="defines STUDY; its page stands beside it")
+    parser = study_parser("cmacexp.study", "Run a study and write its report.", {**SEEDED, **FILE})
     command(parser, lambda arguments, options: write_study(load_study(arguments.file), options))

@@ -1,6 +1,6 @@
 """``python -m cmacexp.verify DIR...``: which runs are intact."""
 
-from cmacexp.commands.command import NOT_INTACT, Arguments, Parser, run_command
+from cmacexp.commands.command import FOLDERS, NOT_INTACT, Arguments, Parser
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import everything_below
 from cmacexp.data.integrity import faults
@@ -23,5 +23,4 @@ def _verify(arguments: Arguments) -> int:
 def main() -> int:
     """Run the command; returns its exit code: 0 if all is intact, 4 if something is not, 2 if there is nothing."""
     description = "Check which runs are intact: every file that their manifests list is present and unchanged."
-    parser = Parser("cmacexp.verify", description, folders=True)
-    return run_command(lambda: _verify(parser.parse_args()))
+    return Parser("cmacexp.verify", description, FOLDERS).run(_verify)

@@ -2,7 +2,7 @@
 
 import time
 
-from cmacexp.commands.command import Arguments, Parser, run_command
+from cmacexp.commands.command import Arguments, OptionTable, Parser
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.terminal.output import print_line, show_activity
 
@@ -15,6 +15,7 @@ FORMS = {
     "robot": ["scenario=robot"],
 }
 """Overrides of runs, each of which needs a form of the control loop of its own."""
+OPTIONS: OptionTable = {"forms": {"nargs": "*", "metavar": "FORM", "help": f"{', '.join(FORMS)}; without one: all"}}
 MANY = 10**6
 """Runs that repay compiling everything that many runs use."""
 
@@ -39,6 +40,5 @@ def _warm(arguments: Arguments) -> int:
 
 def main() -> int:
     """Run the command; its exit code: 0, or 2 if there is no such form."""
-    parser = Parser("cmacexp.warm", "Compile what usual runs need, once for a version, before they need it.")
-    parser.add_argument("forms", nargs="*", metavar="FORM", help=f"{', '.join(FORMS)}; without one: all")
-    return run_command(lambda: _warm(parser.parse_args()))
+    description = "Compile what usual runs need, once for a version, before they need it."
+    return Parser("cmacexp.warm", description, OPTIONS).run(_warm)

@@ -9,7 +9,8 @@ import json
 from pathlib import Path
 from typing import NoReturn
 
-from cmacexp.commands.gap import add_log_options
+from cmacexp.commands.command import OptionTable, add_options
+from cmacexp.commands.gap import LOG_OPTIONS
 from cmacexp.commands.study import Options, command, study_parser, write_results
 from cmacexp.config.component import find_sources
 from cmacexp.config.compose import compose_config
@@ -84,33 +85,43 @@ def run(arguments: argparse.Namespace, options: Options) -> Path:
     return _write(machines, methods, options)
 
 
+OPTIONS: OptionTable = {
+    "--method": {
+        "action": "append",
+        "default": [],
+        "metavar": "FILE.CLASS",
+        "help": "a feedforward or controller of your own that takes part, as often as needed",
+    },
+    "--methods": {"metavar": "NAME,...", "help": "methods of the benchmark that take part (default: all)"},
+    "--machine": {
+        "default": LEG,
+        "metavar": "NAME,...",
+        "help": f"{', '.join(MACHINES)}, or {ALL} (default: {LEG})",
+    },
+    "--compare": {
+        "nargs": 2,
+        "type": Path,
+        "metavar": "FILE.parquet",
+        "help": "compare two tables of results instead of running",
+    },
+}
+LOG: OptionTable = {
+    "--log": {
+        "type": Path,
+        "metavar": "LOG",
+        "help": f"a log for python -m cmacexp.gap, or {log_track.SIMULATED}",
+    },
+    "--robot": {"help": "of the log: an option of conf/machine, or an MJCF or URDF file"},
+    **LOG_OPTIONS,
+}
+
+
 def main() -> NoReturn:
     """The command."""
-    parser = study_parser("pipelines.benchmark", QUESTION, seeded=False)
-    parser.add_argument(
-        "--method",
-        action="append",
-        default=[],
-        metavar="FILE.CLASS",
-        help="a feedforward or controller of your own that takes part, as often as needed",
-    )
-    parser.add_argument(
-        "--methods", metavar="NAME,...", help="methods of the benchmark that take part (default: all)"
-    )
-    machines = f"{', '.join(MACHINES)}, or {ALL} (default: {LEG})"
-    parser.add_argument("--machine", default=LEG, metavar="NAME,...", help=machines)
-    parser.add_argument(
-        "--compare",
-        nargs=2,
-        type=Path,
-        metavar="FILE.parquet",
-        help="compare two tables of results instead of running",
-    )
+    parser = study_parser("pipelines.benchmark", QUESTION, {})
+    add_options(parser, OPTIONS)
     track = parser.add_argument_group("log track", "methods that take a log, instead of machines that walk")
-    logs = f"a log for python -m cmacexp.gap, or {log_track.SIMULATED}"
-    track.add_argument("--log", type=Path, metavar="LOG", help=logs)
-    track.add_argument("--robot", help="of the log: an option of conf/machine, or an MJCF or URDF file")
-    add_log_options(track)
+    add_options(track, LOG)
     command(parser, run)
 
 
