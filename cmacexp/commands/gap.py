@@ -72,9 +72,8 @@ def read_given(arguments: Arguments) -> "tuple[Log, Machine]":
 
 
 def _show(arguments: Arguments) -> int:
-    from cmacexp.gap.advice import summarise
     from cmacexp.gap.analysis import begin
-    from cmacexp.gap.page import write_page
+    from cmacexp.gap.page import summarise, write_page
     from cmacexp.gap.validation import identify
 
     out = arguments.out or FOLDER / arguments.log.stem

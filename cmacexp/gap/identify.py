@@ -150,11 +150,6 @@ class Problem:
         found: Array = np.einsum("kjp,jp->kj", self.make_regressors(values.shape[1] - OWN, motion), values)
         return found
 
-    def make_params(self, block: Counts, values: Array, delay: float) -> JointParams:
-        """The parameters of the joints of a block, whose ``values`` are (B, 4 + K)."""
-        low, high = self.ranges[:, block]
-        return JointParams(values, low, high, delay)
-
     @cached_property
     def drive(self) -> Drive:
         """The drives of all joints in the log."""
@@ -182,7 +177,8 @@ class Problem:
         drive, first = drive or self.drive, np.array(start or self.start)
         angle, velocity = np.empty_like(drive.command), np.empty_like(drive.command)
         for block, expansion in zip(self.machine.blocks, expansions or self.expansions, strict=True):
-            own, params = Drive(*(each[..., block] for each in drive)), self.make_params(block, values[block], delay)
+            own = Drive(*(each[..., block] for each in drive))
+            params = JointParams(values[block], self.ranges[:, block], delay)
             found = replay_block(expansion, own, params, self.signals.log.period, first[:, block])
             angle[:, block], velocity[:, block] = found.angle, found.velocity
         return angle, velocity
@@ -293,10 +289,8 @@ class _BlockFit:
         self.drive = Drive(drive.command[:end], drive.rate[:end], drive.torque[:end], drive.kp, drive.kd)
         self.measured = problem.signals.log.angle[self.used][:, self.block]
         self.masses = [joint for joint in self.block.tolist() if level.masses and joint in problem.masses]
-        forces = np.zeros((len(self.masses), end, len(self.block)))
-        for own, joint in zip(forces, self.masses, strict=True):
-            own[:] = -problem.masses[joint][:end, self.block]
-        self.forces = np.moveaxis(forces, 0, -1)
+        forces = [-problem.masses[joint][:end, self.block] for joint in self.masses]
+        self.forces = np.moveaxis(np.reshape(forces, (-1, end, len(self.block))), 0, -1)
         free, others = np.tile(level.free, len(self.block)), np.ones(1 + len(self.masses), dtype=bool)
         self.own, self.columns = int(free.sum()), np.flatnonzero(np.append(free, others))
         scale, delays = problem.scale(level)[self.block].ravel()[free], DELAY_PRIOR[1]
@@ -317,7 +311,7 @@ class _BlockFit:
     def _compare(self, x: Array) -> tuple[Array, Array]:
         """Replayed less measured angles (rows, B), rad; their slopes (rows B, parameters) in units of the scales."""
         if self._compared is None or self._compared[0] != x.tobytes():
-            params = self.problem.make_params(self.block, self.get_values(x), x[self.own])
+            params = JointParams(self.get_values(x), self.problem.ranges[:, self.block], x[self.own])
             start, period = np.array(self.problem.start)[:, self.block], self.problem.signals.log.period
             weights = x[self.own + 1 :]
             found = replay_block(self.expansion, self.drive, params, period, start, self.forces, weights, derive=True)

@@ -4,8 +4,8 @@ A reader is a function from a path to columns by name, arrays (n,) or (n, J); an
 begin with ``#`` are declarations: ``#units``, ``#kp``, ``#kd``.
 """
 
-import importlib.util
 import re
+import runpy
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -353,12 +353,9 @@ READERS: dict[str, Reader] = {".parquet": read_parquet, ".csv": read_csv, ".npz"
 def load_reader(spec: str) -> Reader:
     """The reader ``FILE.py:FUNCTION`` of a user; raises BadInput."""
     file, _, name = spec.partition(":")
-    found = importlib.util.spec_from_file_location("reader", file) if Path(file).is_file() else None
-    if found is None or found.loader is None:
+    if not Path(file).is_file():
         raise BadInput("--reader", spec, "there is no such file; it must be FILE.py:FUNCTION")
-    module = importlib.util.module_from_spec(found)
-    found.loader.exec_module(module)
-    reader: Reader | None = getattr(module, name, None)
+    reader: Reader | None = runpy.run_path(file).get(name)
     if reader is None:
         raise BadInput("--reader", spec, f"{file} has no function {name}; it must be FILE.py:FUNCTION")
     return reader

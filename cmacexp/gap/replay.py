@@ -45,10 +45,8 @@ class JointParams(NamedTuple):
 
     values: Array
     """(B, 4 + K): kg m^2, N m s/rad, N m, N m, N m."""
-    low: Array
-    """(B,) where the range begins over which friction and spring are given, rad."""
-    high: Array
-    """(B,) where it ends."""
+    ranges: Array
+    """(2, B) least and largest angles of the ranges over which friction and spring are given, rad."""
     delay: float
     """By which commands act later than their rows, s."""
 
@@ -86,7 +84,7 @@ def replay(
     found = Replay(np.zeros((rows, size)), np.zeros((rows, size)), np.zeros((rows, size, count)))
     scratch = (np.zeros((size, size)), tuple(np.zeros((6, size))), tuple(np.zeros((3, size, count))))
     equations = expansion._replace(mass=expansion.mass + np.diag(params.values[:, 0]))
-    inputs = (tuple(map(np.ascontiguousarray, each)) for each in (equations, drive, params[:3]))
+    inputs = (tuple(map(np.ascontiguousarray, each)) for each in (equations, drive, (params.values, *params.ranges)))
     substeps = math.ceil(period / SUBSTEP - 1e-9)
     taken: Any = take_rows
     taken(*inputs, params.delay, further, own, period / substeps, substeps, tuple(np.array(start)), found, scratch)

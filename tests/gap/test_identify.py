@@ -22,7 +22,7 @@ def replay_two(values, delay=0.0062, rows=60, derive=False):
     angle = np.sin(6.0 * time[:, None] + [0.0, 1.0])
     expansion = Expansion(angle, mass, 0.5 * np.cos(angle), np.tile([[0.3, 0.1], [0.1, 0.2]], (rows, 1, 1)))
     drive = Drive(1.2 * angle, 0.0 * angle, 0.1 * angle, np.array([20.0, 15.0]), np.array([0.5, 0.4]))
-    params = JointParams(values, np.array([-1.0, -1.0]), np.array([1.0, 1.0]), delay)
+    params = JointParams(values, np.array([[-1.0, -1.0], [1.0, 1.0]]), delay)
     return replay(expansion, drive, params, 0.005, (angle[0], np.zeros(2)), derive=derive)
 
 
