@@ -2,10 +2,19 @@
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes as Axes
+    from matplotlib.figure import Figure as Figure
+    from pandas import DataFrame as DataFrame
+    from xarray import Dataset as Dataset
+else:
+    Axes = Figure = DataFrame = Dataset = Any
+    """For annotations alone: their libraries are imported where they are needed."""
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

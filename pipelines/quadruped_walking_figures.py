@@ -1,20 +1,30 @@
 """The quadruped as the paper draws it: gait diagram (Fig. 14), in three views (Fig. 16 to 20)."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cmacexp.planning.stability import FRONT, REAR
 from cmacexp.recording import palette
 from cmacexp.report.figures import draw_panel
-from cmacexp.report.machine_drawing import ALOFT, DENT, MM, NEAR, NEAR_SIDE, draw_leg, joints
-from cmacexp.report.style import DESIRED, GROUND, SERIES, colour, label, new_figure
+from cmacexp.report.style import (
+    ALOFT,
+    DENT,
+    DESIRED,
+    GROUND,
+    MM,
+    NEAR,
+    NEAR_SIDE,
+    SERIES,
+    colour,
+    draw_leg,
+    joints,
+    label,
+    new_figure,
+)
 from cmacexp.study import Array, Figure, Panel, Series, draw
+from cmacexp.typing import Axes
 from pipelines.quadruped_walking_events import Walk, instants
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 X, Y, Z = range(3)
 DEPRESSION_SCALE = 20.0
@@ -36,12 +46,12 @@ def gait_diagram(walk: Walk, cycles: int = 2) -> Figure:
     return draw([replace(panel, y_down=True)])
 
 
-def _draw_cog(axes: "Axes", height: float) -> None:
+def _draw_cog(axes: Axes, height: float) -> None:
     axes.plot(0.0, height, "o", ms=8.5, color="white", mec=COG, mew=1.6, zorder=8)
     axes.plot(0.0, height, "+", ms=8.5, color=COG, mew=1.4, zorder=9)
 
 
-def _number(axes: "Axes", x: float, y: float, text: str, ink: str = "black") -> None:
+def _number(axes: Axes, x: float, y: float, text: str, ink: str = "black") -> None:
     axes.text(x, y, text, ha="center", va="center", color=ink, weight="bold")
 
 
@@ -52,7 +62,7 @@ def _hull(points: Array) -> Array:
     return points[ConvexHull(points).vertices]
 
 
-def _draw_elevation(axes: "Axes", walk: Walk, k: int, across: int, near: tuple[int, ...]) -> None:
+def _draw_elevation(axes: Axes, walk: Walk, k: int, across: int, near: tuple[int, ...]) -> None:
     """A view along the ground; far legs are pale, their numbers stand in the upper row below the ground."""
     links, flat = joints(walk.view)[k], [across, Z]
     dents = MM * DEPRESSION_SCALE * walk.force[k] / walk.view.run.config["terrain"]["stiffness"]
@@ -70,7 +80,7 @@ def _draw_elevation(axes: "Axes", walk: Walk, k: int, across: int, near: tuple[i
     _draw_cog(axes, height)
 
 
-def _draw_plan(axes: "Axes", walk: Walk, k: int) -> None:
+def _draw_plan(axes: Axes, walk: Walk, k: int) -> None:
     """The view from above: what the feet that carry span, what is planned, and the margins along the body."""
     links, carries, aloft = joints(walk.view)[k], walk.force[k] > 0.0, ~walk.support[k]
     feet = links[:, 2, :2]
@@ -92,7 +102,7 @@ def _draw_plan(axes: "Axes", walk: Walk, k: int) -> None:
     axes.plot(0.0, 0.0, "o", ms=4.0, color=COG, mec="black", mew=0.6, zorder=8)
 
 
-def _draw_forces(axes: "Axes", walk: Walk, k: int) -> None:
+def _draw_forces(axes: Axes, walk: Walk, k: int) -> None:
     """The paper's foot force display: actual beside desired, leg by leg."""
     forces = [
         Series("actual", range(4), walk.force[k]),

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -13,10 +13,7 @@ from numpy.typing import NDArray
 from cmacexp.data.files import open_file
 from cmacexp.data.manifest import require_intact
 from cmacexp.errors import BadRun
-from cmacexp.typing import Array, Mask
-
-if TYPE_CHECKING:
-    import pandas as pd
+from cmacexp.typing import Array, DataFrame, Mask
 
 
 def arrow(values: NDArray[Any], kind: pa.DataType) -> pa.Array:
@@ -117,9 +114,9 @@ def list_units(schema: pa.Schema) -> dict[str, str]:
     return {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in schema}
 
 
-def to_frame(table: pa.Table) -> "pd.DataFrame":
+def to_frame(table: pa.Table) -> DataFrame:
     """A table as a DataFrame, whose ``attrs["units"]`` has the unit of each column."""
-    frame: pd.DataFrame = table.replace_schema_metadata().to_pandas()  # no file says what its index is
+    frame: DataFrame = table.replace_schema_metadata().to_pandas()  # no file says what its index is
     frame.attrs["units"] = list_units(table.schema)
     return frame
 

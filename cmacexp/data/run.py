@@ -8,7 +8,7 @@ from functools import cached_property
 from html import escape
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,11 +21,7 @@ from cmacexp.data.parquet import as_array, list_units, read_cycles, read_schema,
 from cmacexp.data.tables import BODY_FILE, BODY_METRICS_FILE, METRICS_FILE, TABLES, TRACE_FILE, Scores
 from cmacexp.data.trace import Trace, read_trace
 from cmacexp.errors import BadRun, CmacexpError, in_one_line, require_extra
-from cmacexp.typing import RESULTS, Array, Status
-
-if TYPE_CHECKING:
-    import pandas as pd
-    import xarray
+from cmacexp.typing import RESULTS, Array, DataFrame, Dataset, Status
 
 VIEWS = {
     "pool": "cmacexp.metrics.pooling:pool_legs",
@@ -141,27 +137,27 @@ class Run:
         """Whether there is a body on legs."""
         return self.wrote(BODY_METRICS_FILE)
 
-    def _table(self, name: str) -> "pd.DataFrame":
+    def _table(self, name: str) -> DataFrame:
         _ = self.manifest  # without one there is nothing that the table could be compared with
         return to_frame(read_table(self.folder / name))
 
     @cached_property
-    def trace(self) -> "pd.DataFrame":
+    def trace(self) -> DataFrame:
         """One row per step and leg."""
         return self._table(TRACE_FILE)
 
     @cached_property
-    def metrics(self) -> "pd.DataFrame":
+    def metrics(self) -> DataFrame:
         """One row per cycle and leg."""
         return self._table(METRICS_FILE)
 
     @cached_property
-    def body(self) -> "pd.DataFrame":
+    def body(self) -> DataFrame:
         """One row per step; only of a run that :attr:`walks`."""
         return self._table(BODY_FILE)
 
     @cached_property
-    def body_metrics(self) -> "pd.DataFrame":
+    def body_metrics(self) -> DataFrame:
         """One row per cycle; only of a run that :attr:`walks`."""
         return self._table(BODY_METRICS_FILE)
 
@@ -171,7 +167,7 @@ class Run:
         names = [name for name in TABLES if self.wrote(name)]
         return {key: unit for name in names for key, unit in list_units(read_schema(self.folder / name)).items()}
 
-    def cycles(self, numbers: Collection[int], name: str = TRACE_FILE) -> "pd.DataFrame":
+    def cycles(self, numbers: Collection[int], name: str = TRACE_FILE) -> DataFrame:
         """Rows of some cycles of the trace, or of another table, without holding all of a long run in memory."""
         _ = self.manifest
         return to_frame(read_cycles(self.folder / name, numbers))
@@ -251,7 +247,7 @@ class Run:
         page: Path = _find_view("report")(self)
         return page
 
-    def to_xarray(self) -> "xarray.Dataset":
+    def to_xarray(self) -> Dataset:
         """The trace as a Dataset with units: signals of the legs over (step, leg), of the body over (step).
 
         ``support`` takes the place of ``phase``. Needs the extra ``xarray``; raises CmacexpError without it.

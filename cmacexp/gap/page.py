@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,11 +20,7 @@ from cmacexp.models.robot_gains import DECAY_TIME, choose_feedback
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.markdown import render_markdown
 from cmacexp.report.page import Renderer, Report, write_report
-from cmacexp.typing import Array
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from pandas import DataFrame
+from cmacexp.typing import Array, DataFrame, Figure
 
 JSON, OPTION = "gap.json", "as_built.yaml"
 SHOWN = 6
@@ -112,7 +108,7 @@ def advise(gap: Gap) -> list[str]:
     return found
 
 
-def _draw_strokes(gap: Gap) -> "Figure":
+def _draw_strokes(gap: Gap) -> Figure:
     """Percent left in each stroke for the best learners."""
     left = gap.values["left"]
     names = sorted(left, key=lambda name: left[name]["value"])[:SHOWN]
@@ -121,7 +117,7 @@ def _draw_strokes(gap: Gap) -> "Figure":
     return draw([Panel("Torque left", "stroke", "left, %", series)], columns=1, height=3.0)
 
 
-def _tabulate(gap: Gap) -> "dict[str, Callable[[], DataFrame]]":
+def _tabulate(gap: Gap) -> dict[str, Callable[[], DataFrame]]:
     """Makers of the tables of the page by name."""
     from pandas import DataFrame
 

@@ -2,18 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.errors import BadInput
 from cmacexp.report.style import DESIRED, MARKERS, add_legend, include_zero, label, logarithmic, mark, new_figure
-from cmacexp.typing import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from cmacexp.typing import Array, Axes, Figure
 
 KINDS, LOG = ("lines", "scatter", "bars"), ("", "x", "y", "xy")
 Values = Sequence[float] | NDArray[Any]
@@ -89,7 +85,7 @@ def draw(
     *,
     share: str = "",
     legend_title: str = "",
-) -> "Figure":
+) -> Figure:
     """A figure of panels, in rows of so many ``columns``, each so many inches high.
 
     All share the axes ``x`` or ``xy`` of ``share``; the legend below the figure is that of all.
@@ -108,7 +104,7 @@ def draw(
     return figure
 
 
-def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str]) -> None:
+def draw_panel(axes: Axes, panel: Panel, names: Sequence[str]) -> None:
     """Draw a panel, but for its title and the names of its axes; ``names`` are those of all series of the figure."""
     from matplotlib.ticker import MaxNLocator
 
@@ -143,7 +139,7 @@ def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str]) -> None:
         axes.set_xticks(range(len(panel.ticks)), panel.ticks, **turned)
 
 
-def _set_ranges(axes: "Axes", panel: Panel) -> None:
+def _set_ranges(axes: Axes, panel: Panel) -> None:
     if panel.equal:
         shared = axes.get_shared_x_axes().get_siblings(axes)
         axes.set_aspect("equal", adjustable="box" if len(shared) > 1 else "datalim")
@@ -157,7 +153,7 @@ def _set_ranges(axes: "Axes", panel: Panel) -> None:
         axes.invert_yaxis()
 
 
-def _line(axes: "Axes", series: Series, style: dict[str, Any]) -> None:
+def _line(axes: Axes, series: Series, style: dict[str, Any]) -> None:
     if len(series.x) > 30 and style["linestyle"] != "none":
         style["marker"] = None
     axes.plot(series.x, series.y, **{"ms": 3, **style})
@@ -167,14 +163,14 @@ def _line(axes: "Axes", series: Series, style: dict[str, Any]) -> None:
         axes.fill_between(series.x, series.low, series.high, rasterized=bitmap, **band)
 
 
-def _bars(axes: "Axes", series: Series, style: dict[str, Any], place: int, count: int) -> None:
+def _bars(axes: Axes, series: Series, style: dict[str, Any], place: int, count: int) -> None:
     width = 0.8 / count
     x = np.asarray(series.x, dtype=float) + width * (place - (count - 1) / 2.0)
     axes.bar(x, series.y, width, **({"color": style["color"], "label": series.name} | dict(series.style)))
     _error_bars(axes, x, series)
 
 
-def _error_bars(axes: "Axes", x: Array, series: Series) -> None:
+def _error_bars(axes: Axes, x: Array, series: Series) -> None:
     if series.low is not None and series.high is not None:
         y = np.asarray(series.y, dtype=float)
         reach = [y - np.asarray(series.low), np.asarray(series.high) - y]

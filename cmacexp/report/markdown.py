@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jinja2 import Environment, StrictUndefined, TemplateSyntaxError, UndefinedError, nodes
 from markupsafe import Markup
@@ -12,10 +12,7 @@ from cmacexp.config.fields import listed
 from cmacexp.errors import BadInput
 from cmacexp.metrics.text import format_number
 from cmacexp.report.page import Drawing, Renderer, Section, Table
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
+from cmacexp.typing import DataFrame, Figure
 
 
 def render_markdown(
@@ -23,8 +20,8 @@ def render_markdown(
     template: Path,
     title: str,
     renderer: Renderer,
-    figures: "Mapping[str, Callable[[], Figure]]",
-    tables: "Mapping[str, Callable[[], pd.DataFrame]]",
+    figures: Mapping[str, Callable[[], Figure]],
+    tables: Mapping[str, Callable[[], DataFrame]],
     values: Mapping[str, Any],
 ) -> list[Section]:
     """The sections of a ``page`` of Markdown with Jinja, the text of ``template``.

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -19,10 +19,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import FIGURES, HTML, OUT_KEY, ResultWriter, new_result
 from cmacexp.data.version import __version__
 from cmacexp.metrics.text import find_numeric
-from cmacexp.typing import Array, Status
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from cmacexp.typing import Array, Figure, Status
 
 SVG = "svg"
 GROUPS = re.compile(r'^  <g id="(?P<kind>axes|legend)_\d+">\n.*?^  </g>\n', re.DOTALL | re.MULTILINE)
@@ -58,7 +55,7 @@ class Drawing:
     """A figure, the name of its file, and its caption."""
 
     name: str
-    figure: "Figure"
+    figure: Figure
     caption: str
     title: str = ""
     """E.g. ``Fig. 10``, if it is one of the paper's."""
@@ -120,7 +117,7 @@ class Renderer:
         return Markup(cut_figure(drawing.figure, path.read_text(encoding="utf-8")))
 
 
-def _find_panels(figure: "Figure") -> list[tuple[Array, list[int]]]:
+def _find_panels(figure: Figure) -> list[tuple[Array, list[int]]]:
     """Extent (2, 2) of each panel, display units, as wide as its column and as high as its row; and its axes."""
     boxes = [np.asarray(axes.get_tightbbox()) for axes in figure.axes]
     specs = {n: spec for n, axes in enumerate(figure.axes) if (spec := axes.get_subplotspec()) is not None}
@@ -141,7 +138,7 @@ def _find_panels(figure: "Figure") -> list[tuple[Array, list[int]]]:
     return found
 
 
-def cut_figure(figure: "Figure", drawn: str) -> str:
+def cut_figure(figure: Figure, drawn: str) -> str:
     """The pieces of a drawn figure as HTML; ``drawn`` is its SVG. Names of groups, which a page repeats, go."""
     plain = re.sub(r"\s*<!--.*?-->", "", drawn, flags=re.DOTALL)  # a blank line would end HTML in Markdown
     texts: dict[str, list[str]] = {"axes": [], "legend": []}

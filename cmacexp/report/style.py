@@ -1,17 +1,13 @@
-"""Style of all figures: legible in print and for colour-blind readers (Okabe & Ito 2008); fair axes, legends."""
+"""Style of all figures, legible in print and for colour-blind readers (Okabe & Ito 2008): axes, legends, legs."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cmacexp.recording import palette
-from cmacexp.typing import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
+from cmacexp.recording.run_view import RunView
+from cmacexp.typing import Array, Axes, Figure
 
 WIDTH = 7.2
 """Width of a figure, inches: the text width of a page."""
@@ -58,9 +54,15 @@ def colour(rgb: tuple[int, ...]) -> str:
 
 DESIRED, GROUND = colour(palette.DESIRED), colour(palette.GROUND)
 FEEDBACK, FEEDFORWARD = colour(palette.FEEDBACK), colour(palette.FEEDFORWARD)
+MM = 1e3
+DENT = 26.0
+"""Half the length of the dent that a foot presses, mm."""
+NEAR, FAR, ALOFT = colour(palette.THIGH), "#AEB9C6", colour(palette.TRANSFER)
+NEAR_SIDE = (2, 4)
+"""Legs on the viewer's side, who looks from the right."""
 
 
-def new_figure(rows: int = 1, columns: int = 1, height: float = 2.6, **options: Any) -> tuple["Figure", list["Axes"]]:
+def new_figure(rows: int = 1, columns: int = 1, height: float = 2.6, **options: Any) -> tuple[Figure, list[Axes]]:
     """A figure in this style with rows of so many inches, and its axes row by row."""
     import matplotlib
     from matplotlib.figure import Figure
@@ -86,7 +88,7 @@ def nested(index: int, count: int) -> dict[str, Any]:
     return {"linewidth": 1.2 + 2.0 * (count - 1 - index) / max(count - 1, 1)}
 
 
-def label(axes: "Axes", title: str, x: str, y: str) -> None:
+def label(axes: Axes, title: str, x: str, y: str) -> None:
     """Title and named axes with their units, e.g. ``label(axes, "foot", "x forward, mm", "y down, mm")``."""
     axes.set(title=title, xlabel=x, ylabel=y)
 
@@ -97,7 +99,7 @@ def _select_finite(values: Sequence[float] | Array) -> Array:
     return known[np.isfinite(known)]
 
 
-def include_zero(axes: "Axes", values: Sequence[float] | Array, from_zero: bool = True) -> None:
+def include_zero(axes: Axes, values: Sequence[float] | Array, from_zero: bool = True) -> None:
     """Extend a linear y axis with these values so that it does not exaggerate differences.
 
     It includes zero or, if not ``from_zero``, spans at least :data:`LEAST_SPAN` of the values.
@@ -118,7 +120,7 @@ def spans_decades(values: Sequence[float] | Array) -> bool:
     return bool(above.size and known.min() >= 0 and above.max() > DECADES * above.min())
 
 
-def logarithmic(axes: "Axes", which: str, values: Sequence[float] | Array) -> None:
+def logarithmic(axes: Axes, which: str, values: Sequence[float] | Array) -> None:
     """Make the ``x`` or ``y`` axis logarithmic, with plain numbers at its ticks; values not above 0 are not drawn."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
@@ -134,7 +136,7 @@ def logarithmic(axes: "Axes", which: str, values: Sequence[float] | Array) -> No
     axis.set_minor_formatter(NullFormatter())
 
 
-def add_legend(figure: "Figure", axes: "Sequence[Axes]", title: str = "") -> None:
+def add_legend(figure: Figure, axes: Sequence[Axes], title: str = "") -> None:
     """A legend of all names in ``axes``, each once, below the figure; a single name without a title has none."""
     handles: dict[str, Any] = {}
     for ax in axes:
@@ -147,3 +149,24 @@ def add_legend(figure: "Figure", axes: "Sequence[Axes]", title: str = "") -> Non
     columns = -(-len(handles) // max(-(-len(handles) // most), 1))  # rows of equal length
     place: dict[str, Any] = {"loc": "outside lower center", "ncols": max(columns, 1), "handlelength": 3}
     figure.legend(list(handles.values()), list(handles), title=title or None, **place)
+
+
+def in_travel(view: RunView, points: Array) -> Array:
+    """Points (steps, ..., 3) of the body frame in the frame that moves with the machine but does not tilt, mm."""
+    travel = (view.way() * [1.0, 1.0, 0.0]).reshape(-1, *[1] * (points.ndim - 2), 3)
+    moved: Array = MM * (view.in_world(points) - travel)
+    return moved
+
+
+def joints(view: RunView) -> Array:
+    """Joints and foot of each leg (steps, legs, joints + 1, 3) in the frame that moves with the machine, mm."""
+    return in_travel(view, view.joints)
+
+
+def draw_leg(axes: Axes, points: Array, near: bool, aloft: bool) -> None:
+    """Joints and foot (n, 2), mm; of the far side paler, light blue while in transfer."""
+    ink = ALOFT if aloft else NEAR if near else FAR
+    order = 4 if near else 2
+    axes.plot(*points.T, color=ink, lw=3.0 if near else 2.4, solid_capstyle="round", zorder=order)
+    axes.plot(*points[:-1].T, "o", ms=4.5, color="white", mec=ink, mew=1.3, zorder=order + 0.5)
+    axes.plot(*points[-1], "o", ms=5.5, color=ink, zorder=order + 0.5)

@@ -21,9 +21,20 @@ from cmacexp.models.robot import Robot
 from cmacexp.recording import palette
 from cmacexp.recording.run_view import RunView
 from cmacexp.report.figures import Panel, Series, draw_panel
-from cmacexp.report.machine_drawing import DENT, MM, NEAR, NEAR_SIDE, draw_leg, in_travel, joints
 from cmacexp.report.robot_picture import RobotPicture
-from cmacexp.report.style import DESIRED, GROUND, STYLE, colour
+from cmacexp.report.style import (
+    DENT,
+    DESIRED,
+    GROUND,
+    MM,
+    NEAR,
+    NEAR_SIDE,
+    STYLE,
+    colour,
+    draw_leg,
+    in_travel,
+    joints,
+)
 from cmacexp.typing import Array
 
 MOST_CYCLES = 3

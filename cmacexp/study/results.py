@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,10 +14,7 @@ from cmacexp.metrics.final import FINAL_CYCLES, compute_final, find_history
 from cmacexp.metrics.metric import LARGE, NEITHER
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.metrics.text import format_setting
-from cmacexp.typing import Array
-
-if TYPE_CHECKING:
-    import pandas as pd
+from cmacexp.typing import Array, DataFrame
 
 Measures = Mapping[str, Callable[[Run], float]]
 LAST_CYCLES = FINAL_CYCLES
@@ -65,7 +62,7 @@ class Results:
     """The runs of a study, or a selection of them."""
 
     rows: Sequence[RunRow]
-    computed: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)
+    computed: Mapping[str, DataFrame] = field(default_factory=dict)
     """Tables that the study computes besides its runs."""
 
     def __len__(self) -> int:
@@ -183,7 +180,7 @@ class Results:
         return [row.run.cycles_done for row in self.rows]
 
     @cached_property
-    def table(self) -> "pd.DataFrame":
+    def table(self) -> DataFrame:
         """One row a run: what the study sets, how the run ended, its measures, and its metrics in the last cycle."""
         import pandas as pd
 

@@ -3,18 +3,13 @@
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cmacexp.errors import BadInput
 from cmacexp.study.results import Measures, Results
 from cmacexp.study.statements import Claim, Finding
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Figure
-    from pandas import DataFrame as DataFrame
-else:
-    DataFrame = Figure = Any  # for annotations alone: neither library is read before it is needed
-
+from cmacexp.typing import DataFrame as DataFrame
+from cmacexp.typing import Figure as Figure
 
 Values = Mapping[str, Sequence[Any] | Mapping[str, Sequence[str]]]
 

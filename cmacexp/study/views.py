@@ -1,7 +1,7 @@
 """Panels and tables of results: over cycles, over a setting, and a row for each group of runs."""
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -9,10 +9,7 @@ from cmacexp.report import curves
 from cmacexp.report.figures import Panel
 from cmacexp.study.interval import estimate
 from cmacexp.study.results import Results
-from cmacexp.typing import Array
-
-if TYPE_CHECKING:
-    import pandas as pd
+from cmacexp.typing import Array, DataFrame
 
 
 def over_cycles(results: Results, name: str, by: str, log: str = "", title: str = "") -> Panel:
@@ -65,9 +62,7 @@ def over_setting(
     return curves.over_setting(groups, x, y, _interval, kind=kind, log=log, title=title, order=results.values(key))
 
 
-def tabulate(
-    results: Results, by: Mapping[str, str], columns: Mapping[str, Callable[[Results], Any]]
-) -> "pd.DataFrame":
+def tabulate(results: Results, by: Mapping[str, str], columns: Mapping[str, Callable[[Results], Any]]) -> DataFrame:
     """A row for each combination of settings that occurs: their values, and what functions give of its runs.
 
     Args:
@@ -87,7 +82,7 @@ def tabulate(
 
 def cross_tabulate(
     results: Results, rows: tuple[str, str], columns: tuple[str, str], cell: Callable[[Results], Any]
-) -> "pd.DataFrame":
+) -> DataFrame:
     """A row for each value of one setting, a column for each value of another; ``cell`` shows the runs with both.
 
     ``rows`` are the first setting and the title of its column, ``columns`` the second and what its titles begin with.
