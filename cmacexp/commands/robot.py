@@ -65,10 +65,6 @@ OPTIONS: OptionTable = {
 }
 
 
-def _run(arguments: Arguments) -> int:
-    return _play(arguments) if arguments.simulate else _move_hung(arguments)
-
-
 def _move_hung(arguments: Arguments) -> int:
     from cmacexp.loop.run import come_to_rest
     from cmacexp.loop.scenario import make_scenario
@@ -117,4 +113,5 @@ def main() -> int:
     parser = Parser("cmacexp robot", description, {})
     add_options(parser.add_mutually_exclusive_group(required=True), ACTS)
     add_options(parser, OPTIONS)
-    return run_command(lambda: _run(parser.parse_intermixed_args()))
+    arguments = parser.parse_intermixed_args()
+    return run_command(lambda: _play(arguments) if arguments.simulate else _move_hung(arguments))

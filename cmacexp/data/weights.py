@@ -43,16 +43,20 @@ def read_weights(config: Config) -> Weights | None:
         return load_weights(folder)
     except BadRun as error:
         raise refusal(f"must hold the weights that its run wrote ({error})") from None
-    except Exception as error:  # whatever zipfile, zlib and numpy raise for a file that nobody wrote with them
-        raise refusal(f"{WEIGHTS} cannot be read ({error}); run it again") from None
 
 
 def load_weights(folder: Path) -> Weights:
-    """The weights that the run in a folder stored; raises BadRun, and whatever zipfile, zlib and numpy raise."""
-    with open_file(require_intact(folder / WEIGHTS)) as file, np.load(file, allow_pickle=False) as arrays:
-        if sum(array.file_size for array in arrays.zip.infolist()) > MAX_BYTES:
-            raise ValueError(f"its arrays have more than {MAX_BYTES} B")
-        weights = dict(arrays)
-    if other := [name for name, array in weights.items() if array.dtype.kind not in "fiu"]:
-        raise ValueError(f"{other[0]} holds no numbers")
+    """The weights that the run in a folder stored; raises BadRun."""
+    path = folder / WEIGHTS
+    try:
+        with open_file(require_intact(path)) as file, np.load(file, allow_pickle=False) as arrays:
+            if sum(array.file_size for array in arrays.zip.infolist()) > MAX_BYTES:
+                raise ValueError(f"its arrays have more than {MAX_BYTES} B")
+            weights = dict(arrays)
+        if other := [name for name, array in weights.items() if array.dtype.kind not in "fiu"]:
+            raise ValueError(f"{other[0]} holds no numbers")
+    except BadRun:
+        raise
+    except Exception as error:  # whatever zipfile, zlib and numpy raise for a file that nobody wrote with them
+        raise BadRun(f"{path}: cannot be read ({error}); run it again") from None
     return weights

@@ -10,7 +10,7 @@ from cmacexp.cmac.addressing import Address
 from cmacexp.cmac.receptive_field import RECTANGULAR
 from cmacexp.cmac.rules import NEIGHBOURS
 from cmacexp.config import Config
-from cmacexp.config.machine import RobotMachine, read_model
+from cmacexp.config.machine import RobotMachine
 from cmacexp.config.schema import NONE
 from cmacexp.data.run import Run, read_config
 from cmacexp.data.weights import WEIGHTS, load_weights
@@ -18,9 +18,9 @@ from cmacexp.errors import BadInput, BadRun
 from cmacexp.feedforward import CmacFeedforward, CmacOnModel, RadialBasis
 from cmacexp.feedforward.kernels import FeedforwardParams
 from cmacexp.feedforward.network import planned_inputs
-from cmacexp.models.robot_file import find_model
 from cmacexp.planning import Setup, make_plan
 from cmacexp.planning.machine import make_mechanism
+from cmacexp.recording.run_view import read_robot_of_run
 from cmacexp.typing import Array, Weights
 
 EXPORTED = {"cmac": CmacFeedforward, "cmac_on_model": CmacOnModel, "rbf": RadialBasis}
@@ -99,11 +99,7 @@ def read_final_config(run: Run) -> Config:
     """The config, with lead and rate as they were at the end of the run; raises BadInput or BadRun."""
     config = read_config(run)
     if isinstance(config.machine, RobotMachine):
-        path = find_model(config.machine.model, config.machine.path)
-        if path.is_relative_to(run.folder.resolve()):
-            raise BadInput("machine.path", path, "lies in the folder of the run, whose files are not trusted")
-        if read_model(config.machine).model_hash != run.manifest.get("model_hash"):
-            raise BadRun(f"{run.folder}: ran with another model than {path} is to this MuJoCo; run it again")
+        read_robot_of_run(run, config.machine)
     lead, rate = (run.manifest.get(f"learning_{name}") for name in ("lead", "rate"))
     if lead is None or rate is None or not -MOST_LEAD <= lead <= MOST_LEAD or not 0 < rate < 2:
         raise BadRun(f"{run.folder}: learning_lead={lead} and learning_rate={rate} are none of a run; run it again")
@@ -116,12 +112,7 @@ def read_learnt(run: Run) -> Weights | None:
         if run.config["learning"].get("start_from") is not None:
             raise BadRun(f"{run.folder}: started from weights, but stored none; run it with record.weights=true")
         return None
-    try:
-        return load_weights(run.folder)
-    except BadRun:
-        raise
-    except Exception as error:  # whatever zipfile, zlib and numpy raise for a file that nobody wrote with them
-        raise BadRun(f"{run.folder / WEIGHTS}: cannot be read ({error}); run it again") from None
+    return load_weights(run.folder)
 
 
 def _reset(run: Run, kind: str, config: Config, learnt: Weights | None) -> tuple[NetworkFeedforward, Setup]:

@@ -5,8 +5,7 @@ from cmacexp.config.machine import read_model
 from cmacexp.control import HybridController
 from cmacexp.models.lead import discretise
 from cmacexp.models.loop_delay import LoopDelay, Margin
-from cmacexp.models.robot_gains import Gains, derive_basis, find_delay_margin
-from cmacexp.models.robot_margin import find_standing_margin
+from cmacexp.models.robot_gains import Gains, derive_basis, find_delay_margin, find_standing_margin
 
 SMALL_MARGIN = 0.004
 """Delay that feedback should bear beyond what is counted, s: buses of robots have it."""

@@ -6,13 +6,12 @@ import numpy as np
 import rerun as rr
 
 from cmacexp.config.fields import read_fields
-from cmacexp.config.machine import RobotMachine, read_model
+from cmacexp.config.machine import RobotMachine
 from cmacexp.data.run import Run
 from cmacexp.errors import BadInput
 from cmacexp.models.robot import Robot, load_mujoco, place
-from cmacexp.models.robot_file import find_model
 from cmacexp.recording.entities import FINENESS, Entities, round_angles, round_points
-from cmacexp.recording.run_view import RunView
+from cmacexp.recording.run_view import RunView, read_robot_of_run
 from cmacexp.recording.scene import MESHES
 from cmacexp.typing import Array, Counts, Mask
 
@@ -23,21 +22,11 @@ UNSET = (0.5, 0.5, 0.5, 1.0)
 
 
 def read_shown_model(run: Run) -> Robot:
-    """The model with which a robot ran, as its config names it; no file of the run's folder is read for it.
-
-    Raises BadInput if it is no run of a robot, MuJoCo or the model is missing, or the model is not that of the run.
-    """
+    """The model with which a robot ran, see :func:`read_robot_of_run`; raises BadInput, too, if it was no robot."""
     plain = run.config["machine"]
     if plain["kind"] != "robot" or "robot" not in run.manifest:
         raise BadInput("--meshes", run.folder, "is no run of a robot, which alone has meshes; leave out --meshes")
-    machine = read_fields(RobotMachine, plain, "machine")
-    path = find_model(machine.model, machine.path)
-    if path.is_relative_to(run.folder.resolve()):
-        raise BadInput("machine.path", path, "lies in the folder of the run, whose files are not trusted")
-    robot = read_model(machine)
-    if run.manifest.get("model_hash") != robot.model_hash:
-        raise BadInput("--meshes", run.folder, f"ran with another model than {path} is to this MuJoCo; run it again")
-    return robot
+    return read_robot_of_run(run, read_fields(RobotMachine, plain, "machine"))
 
 
 def _find_colours(model: Any) -> Array:

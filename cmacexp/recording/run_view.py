@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.config.machine import LEG_NAMES
+from cmacexp.config.machine import LEG_NAMES, RobotMachine, read_model
 from cmacexp.data.run import Run
 from cmacexp.data.trace import Trace, count_steps_by_cycle
-from cmacexp.errors import BadRun
+from cmacexp.errors import BadInput, BadRun
 from cmacexp.models.chain import chain_points
 from cmacexp.models.ground import height_at
+from cmacexp.models.robot import Robot
+from cmacexp.models.robot_file import find_model
 from cmacexp.typing import Array
 
 POSE = ("cog_x", "cog_y", "yaw", "pitch", "roll")
@@ -34,6 +36,20 @@ def count_kept(run: Run) -> dict[int, int]:
     taken = run.manifest.get("steps", 0)
     kept_none = f"its trace kept none of its {taken} steps; run it again without record.cycles"
     raise BadRun(f"{run.folder}: {kept_none if taken else 'the run took no step, there is nothing to show'}")
+
+
+def read_robot_of_run(run: Run, machine: RobotMachine) -> Robot:
+    """The model with which a robot ran, as its config names it; no file of the run's folder is read for it.
+
+    Raises BadInput if MuJoCo or the model is missing, BadRun if the model is not that of the run.
+    """
+    path = find_model(machine.model, machine.path)
+    if path.is_relative_to(run.folder.resolve()):
+        raise BadInput("machine.path", path, "lies in the folder of the run, whose files are not trusted")
+    robot = read_model(machine)
+    if run.manifest.get("model_hash") != robot.model_hash:
+        raise BadRun(f"{run.folder}: ran with another model than {path} is to this MuJoCo; run it again")
+    return robot
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,6 @@ class Wire:
         if sends is not None:
             self._writer = DataWriter(self._participant, Topic(self._participant, sends, self._kind))
         self._received = "LowCmd_" if receives == COMMANDS else "LowState_"
-        self._reader = None
         if receives is not None:
             self._reader = DataReader(self._participant, Topic(self._participant, receives, types[self._received]))
             self._arrivals = WaitSet(self._participant)
@@ -117,7 +116,7 @@ class Wire:
 
         The reader keeps one message: an older one that nobody has asked for is lost.
         """
-        if self._reader is None or self._arrivals.wait(int(timeout * 1e9)) == 0:
+        if self._arrivals.wait(int(timeout * 1e9)) == 0:
             return None
         data = [sample.data for sample in self._reader.take(1) if hasattr(sample, "data")]
         return Message(self._received, data[-1]) if data else None

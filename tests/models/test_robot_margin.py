@@ -5,8 +5,7 @@ from support.robots import read
 
 from cmacexp.models.lead import discretise
 from cmacexp.models.loop_delay import LoopDelay
-from cmacexp.models.robot_gains import derive_basis, derive_gains
-from cmacexp.models.robot_margin import find_standing_margin
+from cmacexp.models.robot_gains import derive_basis, derive_gains, find_standing_margin
 
 pytestmark = pytest.mark.ci
 PERIOD = 0.001
