@@ -1,10 +1,9 @@
 """The whole command, compiled before, against the imports that every run needs."""
 
-import os
 import tempfile
 from pathlib import Path
 
-from benchmarks.timing import ROOT, WITHOUT_PRIVATE_NAMES, Table, compared, in_turn, processor_time, python, stopwatch
+from benchmarks.timing import WITHOUT_PRIVATE_NAMES, Table, compared, in_turn, processor_time, python, stopwatch
 
 FLOOR = ["-c", "import hydra, numpy, numba, pyarrow.parquet, rerun"]
 
@@ -12,12 +11,11 @@ FLOOR = ["-c", "import hydra, numpy, numba, pyarrow.parquet, rerun"]
 def tables(quick: bool) -> list[Table]:
     """All of this file."""
     targets = {"one_leg": "1.5"} if quick else {"one_leg": "1.5", "force_step": "", "quadruped": ""}
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
 
         def start(*arguments: str) -> None:
-            python(*arguments, folder=folder, environment=environment)
+            python(*arguments, folder=folder)
 
         workers = {"floor": stopwatch(lambda: start(*FLOOR))}
         for scenario in targets:

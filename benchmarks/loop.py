@@ -1,7 +1,6 @@
 """The closed loop per step: every scenario, against C and against the same kernels in plain Python; its growth."""
 
 import json
-import os
 import tempfile
 import time
 from collections.abc import Callable
@@ -10,7 +9,7 @@ from pathlib import Path
 
 from benchmarks import external
 from benchmarks.c_loop import build, compiler, run_in_c
-from benchmarks.timing import ROOT, Row, Table, compared, in_turn, make_config, python
+from benchmarks.timing import Row, Table, compared, in_turn, make_config, python
 from cmacexp.config import Config
 from cmacexp.loop import stream
 from cmacexp.loop.scenario import make_scenario
@@ -52,9 +51,8 @@ def in_plain_python(scenario: str) -> float:
     """Seconds a step of one cycle with compiling switched off, in a process of its own."""
     with tempfile.TemporaryDirectory() as name:
         overrides = [f"scenario={scenario}", "cycles=1", "learning.start_cycle=1", "record=trace"]
-        environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_DISABLE_JIT": "1"}
         run = ["-m", "cmacexp", *overrides, f"hydra.run.dir={name}/run"]
-        python(*run, folder=Path(name), environment=environment)
+        python(*run, folder=Path(name), NUMBA_DISABLE_JIT="1")
         manifest = json.loads((Path(name) / "run" / "manifest.json").read_text())
     return float(manifest["rollout_seconds"] / manifest["steps"])
 

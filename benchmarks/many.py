@@ -1,12 +1,11 @@
 """Many runs: processor time a job, against a job of an empty Hydra app; and what a million of them take."""
 
-import os
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from benchmarks.sweep import EMPTY
-from benchmarks.timing import ROOT, Row, Table, format_time, processor_time, python, stopwatch
+from benchmarks.timing import Row, Table, format_time, processor_time, python, stopwatch
 
 CHUNK = 50
 LOAD = "import sys; from cmacexp import load_sweep; load_sweep(sys.argv[1])"
@@ -17,13 +16,12 @@ MILLION = 10**6
 def tables(quick: bool) -> list[Table]:
     """All of this file."""
     runs, many = (8, 16) if quick else (1_000, 10_000)
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "empty.py").write_text(EMPTY)
 
         def start(*arguments: str) -> Callable[[], None]:
-            return lambda: python(*arguments, folder=folder, environment=environment)
+            return lambda: python(*arguments, folder=folder)
 
         def sweep(kind: str, count: int, *overrides: str) -> Callable[[], None]:
             swept = [f"seed=range({count})", f"hydra.sweep.dir={kind}", *overrides]

@@ -1,12 +1,11 @@
 """A sweep of 64 runs of one leg, by each launcher, against the same sweep of an empty Hydra app."""
 
 import importlib.util
-import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.timing import ROOT, Table, compared, in_turn, python, stopwatch
+from benchmarks.timing import Table, compared, in_turn, python, stopwatch
 
 EMPTY = """
 import hydra
@@ -20,14 +19,13 @@ CORES = 2
 def tables(quick: bool) -> list[Table]:
     """All of this file."""
     runs = 8 if quick else 64
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "empty.py").write_text(EMPTY)
 
         def sweep(kind: str, *command: str) -> Callable[[], float]:
             arguments = [*command, f"hydra.sweep.dir={folder}/{kind}"]
-            return stopwatch(lambda: python(*arguments, folder=folder, environment=environment))
+            return stopwatch(lambda: python(*arguments, folder=folder))
 
         ours = ["-m", "cmacexp", "-m", f"seed=range({runs})", "record=trace"]
         workers = {

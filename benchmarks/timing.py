@@ -17,10 +17,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from hydra import compose, initialize_config_dir
-from hydra.core.global_hydra import GlobalHydra
-
-from cmacexp.config import Config, config_folder, to_config
+from cmacexp.config import Config
+from cmacexp.config.compose import compose_config
 
 ROOT = Path(__file__).parents[1]
 WITHOUT_PRIVATE_NAMES = [
@@ -136,14 +134,15 @@ def processor_time(work: Callable[[], object]) -> Callable[[], float]:
     return timed
 
 
-def python(*arguments: str, folder: Path, environment: dict[str, str] | None = None) -> None:
-    """Run a Python process to its end.
+def python(*arguments: str, folder: Path, **environment: str) -> None:
+    """Run a Python process to its end, with this project on its path, and more variables of its ``environment``.
 
     Raises:
         CalledProcessError: it failed; its last words are shown.
     """
     command = [sys.executable, *arguments]
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+    variables = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
+    done = subprocess.run(command, cwd=folder, env=variables, capture_output=True, text=True)
     if done.returncode:
         print(done.stderr[-2000:], file=sys.stderr)
         done.check_returncode()
@@ -151,9 +150,7 @@ def python(*arguments: str, folder: Path, environment: dict[str, str] | None = N
 
 def make_config(*overrides: str) -> Config:
     """The checked config of a command line."""
-    GlobalHydra.instance().clear()
-    with initialize_config_dir(str(config_folder()), version_base="1.3"):
-        return to_config(compose("config", overrides=list(overrides)))
+    return compose_config(overrides)
 
 
 def markdown(table: Table) -> str:
