@@ -161,6 +161,17 @@ class RunView:
         knee = np.stack([thighs * np.cos(angle), thighs * np.sin(angle), hip[..., 2]], axis=2)
         return np.stack([self._in_body(hip), self._in_body(knee), self.feet()], axis=2)
 
+    def torques(self, joint: int) -> dict[str, Array]:
+        """Torques (N, L) of a joint, from 1 on, by their parts, N m; forces along an axis, N, of a point mass.
+
+        Of a robot J^T F_d, which the plan knows, is apart from the feedback.
+        """
+        feedback, known = self.trace[f"tau_feedback_{joint}"], dict[str, Array]()
+        if self.robot:
+            known["for the desired force"] = self.trace[f"tau_force_{joint}"]
+            feedback = feedback - known["for the desired force"]
+        return {**known, "feedback": feedback, "feedforward": self.trace[f"tau_feedforward_{joint}"]}
+
     @cached_property
     def trunk(self) -> tuple[Array, Array]:
         """Middle and half the size of the box that joins the hips, (3,) each, in the body frame, m."""

@@ -38,10 +38,16 @@ BODY_PLOTS = {
     },
 }
 """Plots of the body: the name and the colour of each signal; in mm or mrad."""
+TORQUES = {
+    "for the desired force": palette.DESIRED,
+    "feedback": palette.FEEDBACK,
+    "feedforward": palette.FEEDFORWARD,
+}
+"""Colours of the parts of a torque."""
 
 
 def _list_leg_lines(view: RunView, leg: int) -> dict[str, list[Line]]:
-    """The plots of a leg, by its index; of a robot J^T F_d, which the plan knows, stands apart from the feedback."""
+    """The plots of a leg, by its index."""
 
     def signal(name: str) -> Array:
         return view.trace[name][:, leg]
@@ -58,14 +64,8 @@ def _list_leg_lines(view: RunView, leg: int) -> dict[str, list[Line]]:
     ]
     lines = {"force": force, "error": error}
     for joint in range(1, len(axes) + 1):
-        feedback = signal(f"tau_feedback_{joint}")
-        torque: list[Line] = []
-        if view.robot:
-            known = signal(f"tau_force_{joint}")
-            torque, feedback = [("for desired force", known, palette.DESIRED)], feedback - known
-        torque.append(("feedback", feedback, palette.FEEDBACK))
-        torque.append(("feedforward", signal(f"tau_feedforward_{joint}"), palette.FEEDFORWARD))
-        lines[f"torque_{joint}"] = torque
+        torques = view.torques(joint)
+        lines[f"torque_{joint}"] = [(name, torques[name][:, leg], TORQUES[name]) for name in torques]
     return lines
 
 

@@ -22,7 +22,12 @@ from cmacexp.typing import Array, Mask, Status
 JOINTS = {2: ("joint 1, hip", "joint 2, knee"), 3: ("hip", "thigh", "knee")}
 """Names of joints, by their number."""
 CLOCK = "time in the cycle, s"
-FEEDBACK_LINE, FEEDFORWARD_LINE = {"color": FEEDBACK, "linestyle": "-"}, {"color": FEEDFORWARD, "linestyle": "--"}
+TORQUES = {
+    "for the desired force": DESIRED_LINE,
+    "feedback": {"color": FEEDBACK, "linestyle": "-"},
+    "feedforward": {"color": FEEDFORWARD, "linestyle": "--"},
+}
+"""Styles of the parts of a torque."""
 Rows = dict[str, Array]
 """Signals of one leg or of the body by name, (steps,) each."""
 VISIBLE = 0.005
@@ -248,19 +253,13 @@ def draw_torques(view: RunView) -> Drawing:
     learns = any(view.trace[f"tau_feedforward_{joint + 1}"].any() for joint in range(count))
     panels = []
     for leg in range(1, view.trace.legs + 1):
-        rows = select(view, cycle, leg)
-        time, leg_name = measure_time(view, rows), name_leg(view, leg)
+        time, leg_name = measure_time(view, select(view, cycle, leg)), name_leg(view, leg)
         if view.robot:  # three beside each other are narrow
             leg_name = f"{leg} {LEG_NAMES[leg - 1]}"
         for joint, name in enumerate(names, 1):
-            feedback, lines = rows[f"tau_feedback_{joint}"], []
-            if view.robot:
-                known = rows[f"tau_force_{joint}"]
-                feedback = feedback - known
-                lines.append(Series("for the desired force", time, known, style=DESIRED_LINE))
-            lines.append(Series("feedback", time, feedback, style=FEEDBACK_LINE))
-            if learns:
-                lines.append(Series("feedforward", time, rows[f"tau_feedforward_{joint}"], style=FEEDFORWARD_LINE))
+            parts = {key: own[view.cycle == cycle, leg - 1] for key, own in view.torques(joint).items()}
+            shown = {key: own for key, own in parts.items() if learns or key != "feedforward"}
+            lines = [Series(key, time, own, style=TORQUES[key]) for key, own in shown.items()]
             title, shaded = f"{leg_name}: {name}" if leg_name else name, find_support(view, leg)
             panels.append(Panel(title, CLOCK, unit, lines, x_range=(0.0, measure_duration(view)), shaded=shaded))
     torques = "Feedback and feedforward" if learns else "Feedback"
