@@ -203,8 +203,7 @@ class LoopEnv(Env[Array, Array]):
         values = np.concatenate([np.hstack(in_legs).ravel(), *body, [math.cos(angle), math.sin(angle)]])
         if moment.status != "running":
             values = np.nan_to_num(values)
-        clipped: Array = np.minimum(np.maximum(values, -self._bounds), self._bounds)
-        return clipped
+        return np.minimum(np.maximum(values, -self._bounds), self._bounds)
 
     def _inform(self, moment: LoopState) -> dict[str, Any]:
         return {"step": moment.step, "status": moment.status, "cause": moment.cause}

@@ -139,8 +139,7 @@ def as_array(table: pa.Table, name: str) -> Array:
     column = _contiguous(table, name)
     if column.null_count:
         raise BadRun(f"{name}: the table lacks some of its values: not a table of a run")
-    values: Array = np.asarray(np.from_dlpack(column))
-    return values
+    return np.asarray(np.from_dlpack(column))
 
 
 def is_support(table: pa.Table) -> Mask:

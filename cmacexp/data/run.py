@@ -50,8 +50,7 @@ class Outcome(NamedTuple):
 
 def _find_view(name: str) -> Callable[..., Any]:
     module, _, function = VIEWS[name].partition(":")
-    found: Callable[..., Any] = getattr(import_module(module), function)
-    return found
+    return getattr(import_module(module), function)
 
 
 class Run:
@@ -244,8 +243,7 @@ class Run:
 
     def report(self) -> Path:
         """Write the report of the run, as ``python -m cmacexp.report`` with its folder; returns the page."""
-        page: Path = _find_view("report")(self)
-        return page
+        return _find_view("report")(self)
 
     def to_xarray(self) -> Dataset:
         """The trace as a Dataset with units: signals of the legs over (step, leg), of the body over (step).

@@ -154,8 +154,7 @@ def _resample(gap: Gap, predicted: Array, stroke: int, random: np.random.Generat
         for own in squares
     )
     chosen = random.integers(error.size, size=(DRAWS, error.size))
-    drawn: Array = PERCENT * np.sqrt(error[chosen].sum(axis=1) / np.maximum(total[chosen].sum(axis=1), 1e-18))
-    return drawn
+    return PERCENT * np.sqrt(error[chosen].sum(axis=1) / np.maximum(total[chosen].sum(axis=1), 1e-18))
 
 
 def _describe_lag(signals: Signals) -> dict[str, Any]:

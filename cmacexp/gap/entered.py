@@ -49,8 +49,7 @@ class Entered:
 
     def predict(self, rows: slice) -> Array:
         """What the method says, whatever that is."""
-        found: Array = self.method.predict(self._cut(rows))
-        return found
+        return self.method.predict(self._cut(rows))
 
     def learn(self, rows: slice, torque: Array) -> None:
         """Let it fit to one more stroke."""

@@ -147,8 +147,7 @@ class Problem:
 
     def compute_joint_torque(self, values: Array, motion: tuple[Array, Array, Array] | None = None) -> Array:
         """(n, J) torque of joints with ``values`` (J, 4 + K) along a motion, or along the measured one, N m."""
-        found: Array = np.einsum("kjp,jp->kj", self.make_regressors(values.shape[1] - OWN, motion), values)
-        return found
+        return np.einsum("kjp,jp->kj", self.make_regressors(values.shape[1] - OWN, motion), values)
 
     @cached_property
     def drive(self) -> Drive:

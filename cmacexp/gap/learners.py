@@ -132,8 +132,7 @@ class Linear:
     def predict(self, rows: slice) -> Array:
         """The outputs with the weights so far."""
         weights = np.linalg.solve(self.information, self.moment[..., None])[..., 0]
-        found: Array = np.einsum("kjf,jf->kj", self.features[rows], weights)
-        return found
+        return np.einsum("kjf,jf->kj", self.features[rows], weights)
 
     def learn(self, rows: slice, torque: Array) -> None:
         """Add the samples of the stroke."""

@@ -27,16 +27,14 @@ def differentiate(values: Array, period: float, order: int = 1, window: float = 
     from scipy.signal import savgol_filter
 
     length = max(5, 2 * round(window / period / 2.0) + 1)
-    found: Array = savgol_filter(values, min(length, (len(values) - 1) // 2 * 2 + 1), 3, order, period, axis=0)
-    return found
+    return savgol_filter(values, min(length, (len(values) - 1) // 2 * 2 + 1), 3, order, period, axis=0)
 
 
 def low_pass(values: Array, period: float, cutoff: float = CUTOFF) -> Array:
     """Signals (n, ...) through a Butterworth filter of second order, forwards and backwards."""
     from scipy.signal import butter, sosfiltfilt
 
-    found: Array = sosfiltfilt(butter(2, min(cutoff, 0.4 / period), fs=1.0 / period, output="sos"), values, axis=0)
-    return found
+    return sosfiltfilt(butter(2, min(cutoff, 0.4 / period), fs=1.0 / period, output="sos"), values, axis=0)
 
 
 def find_turns(motion: Array, period: float) -> Counts:
@@ -126,14 +124,12 @@ class Signals:
     def phase(self) -> Array:
         """(n,) of each row in its stroke, from 0 to 1."""
         begin, end = self.bounds[self.stroke - 1], self.bounds[self.stroke]
-        phase: Array = np.clip((np.arange(len(self.stroke)) - begin) / (end - begin), 0.0, 1.0)
-        return phase
+        return np.clip((np.arange(len(self.stroke)) - begin) / (end - begin), 0.0, 1.0)
 
     @cached_property
     def speed(self) -> Array:
         """(n,) strokes a second."""
-        speed: Array = 1.0 / (np.diff(self.bounds)[self.stroke - 1] * self.log.period)
-        return speed
+        return 1.0 / (np.diff(self.bounds)[self.stroke - 1] * self.log.period)
 
     @property
     def fastest(self) -> int:
@@ -164,5 +160,4 @@ def measure_lag(signals: Signals) -> Array:
     before, at, after = (np.take_along_axis(errors, best[None] + step, 0)[0] for step in (-1, 0, 1))
     bend = before - 2.0 * at + after
     part = np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend > 0.0)
-    lag: Array = (best + first + part) * log.period
-    return lag
+    return (best + first + part) * log.period

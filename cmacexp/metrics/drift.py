@@ -90,8 +90,7 @@ class DriftDetector:
         lowest, highest = np.fmin.accumulate(level), np.fmax.accumulate(level)
         lowest_cycle = np.fmax.accumulate(np.where(level == lowest, middle, 0.0))
         risen = level > np.maximum(lowest, highest + np.log(LEAST)) + np.log(DRIFT_RATIO)
-        started: Array = np.fmin.accumulate(np.where(self._rises & risen, lowest_cycle, np.nan))
-        return started
+        return np.fmin.accumulate(np.where(self._rises & risen, lowest_cycle, np.nan))
 
 
 def make_drift_entry(metrics: pa.Table) -> dict[str, int | float] | None:

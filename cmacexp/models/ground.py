@@ -49,8 +49,7 @@ def height_at(slope: float, start: float, x: Places) -> Places:
 
     ``x`` in the world, m, is one place or an array of any shape, which is that of the result.
     """
-    height: Places = slope * np.maximum(x - start, 0.0)
-    return height
+    return slope * np.maximum(x - start, 0.0)
 
 
 @kernel

@@ -97,11 +97,11 @@ def find_drive_margin(inertia: float, stiffness: float, damping: float, lag: flo
 
     Its loop gain is (K + D s) / (J s^2 (1 + T s)): ``inertia`` J in kg m^2, K in N m/rad, D, above T K, in N m s/rad.
     """
-
-    def is_beyond(rate: float) -> bool:
-        return math.hypot(stiffness, damping * rate) <= inertia * rate * rate * math.hypot(1.0, lag * rate)
-
-    rate = _bisect(0.0, damping / inertia + math.sqrt(stiffness / inertia), is_beyond)
+    rate = _bisect(
+        0.0,
+        damping / inertia + math.sqrt(stiffness / inertia),
+        lambda rate: math.hypot(stiffness, damping * rate) <= inertia * rate * rate * math.hypot(1.0, lag * rate),
+    )
     return Margin(rate, (math.atan(damping * rate / stiffness) - math.atan(lag * rate)) / rate)
 
 

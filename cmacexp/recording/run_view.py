@@ -103,8 +103,7 @@ class RunView:
     @property
     def robot(self) -> Mapping[str, Any]:
         """How a robot, whose legs move in space, is built, as its model says; empty of other machines."""
-        robot: Mapping[str, Any] = self.run.manifest.get("robot", {})
-        return robot
+        return self.run.manifest.get("robot", {})
 
     @property
     def foot_radius(self) -> float:

@@ -61,8 +61,7 @@ def select(view: RunView, cycle: int, leg: int) -> Rows:
 
 def measure_time(view: RunView, rows: Rows) -> Array:
     """Time since the cycle began, s."""
-    time: Array = rows["time"] - (rows["cycle"] - 1) * view.run.config["gait"]["cycle_time"]
-    return time
+    return rows["time"] - (rows["cycle"] - 1) * view.run.config["gait"]["cycle_time"]
 
 
 def measure_duration(view: RunView) -> float:

@@ -154,8 +154,7 @@ def add_legend(figure: Figure, axes: Sequence[Axes], title: str = "") -> None:
 def in_travel(view: RunView, points: Array) -> Array:
     """Points (steps, ..., 3) of the body frame in the frame that moves with the machine but does not tilt, mm."""
     travel = (view.way() * [1.0, 1.0, 0.0]).reshape(-1, *[1] * (points.ndim - 2), 3)
-    moved: Array = MM * (view.in_world(points) - travel)
-    return moved
+    return MM * (view.in_world(points) - travel)
 
 
 def joints(view: RunView) -> Array:

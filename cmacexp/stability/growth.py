@@ -170,11 +170,8 @@ def grow(loop: RestorableLoop, dimension: int = DIMENSION, seed: int | None = No
     """
     done, now = loop.cycles, loop.hold()
 
-    def observe() -> Array:
-        return loop.column("tau_feedback").ravel()
-
     def apply(along: Array) -> tuple[Array, Array]:
-        return loop.derivative(now, along, observe, loop.period)
+        return loop.derivative(now, along, lambda: loop.column("tau_feedback").ravel(), loop.period)
 
     try:
         if seed is not None:  # its change: most weights in use change no torque, so the map keeps them as they are
