@@ -66,11 +66,15 @@ def write_c(
     if single:
         off, largest, measured = measure_single(network, vectors)
         context |= {"error": f"{1.1 * off:.1e}", "largest": f"{largest:.2g}", "error_steps": measured}
-    context |= _list_tables(network) | {"loaded": vectors.loaded, "learnt_sum": vectors.learnt}
-    context["steps"] = steps = len(vectors.errors)
-    for name in ("inputs", "errors", "torque"):
-        context[f"vector_{name}"] = getattr(vectors, name).reshape(steps, -1)
-    context |= law or {}
+    steps = len(vectors.errors)
+    context |= {
+        **_list_tables(network),
+        "loaded": vectors.loaded,
+        "learnt_sum": vectors.learnt,
+        "steps": steps,
+        **{f"vector_{name}": getattr(vectors, name).reshape(steps, -1) for name in ("inputs", "errors", "torque")},
+        **(law or {}),
+    }
     files = FILES + LAW_FILES * (law is not None)
     texts = [_render(name, context, single) for name in files]
     folder.mkdir(parents=True, exist_ok=True)

@@ -69,12 +69,13 @@ class _PandasLeftOut(MetaPathFinder):
 
 def _list_facts(run: Run) -> dict[str, object]:
     """How a run ended, and what wrote it and its recording."""
-    facts = {
-        name: run.manifest.get(name) for name in ("status", "cause", "seed", "steps", "config_hash", "git_commit")
+    manifest = run.manifest
+    return {
+        **{name: manifest.get(name) for name in ("status", "cause", "seed", "steps", "config_hash", "git_commit")},
+        "overrides": " ".join(manifest.get("overrides", ())) or None,
+        "version": manifest.get("versions", {}).get("cmacexp"),
+        "recorded_by": __version__,
     }
-    facts["overrides"] = " ".join(run.manifest.get("overrides", ())) or None
-    facts["version"] = run.manifest.get("versions", {}).get("cmacexp")
-    return facts | {"recorded_by": __version__}
 
 
 def _send_facts(recording: rr.RecordingStream, run: Run, root: str) -> None:

@@ -29,10 +29,12 @@ def _channel(signal: SignalConfig, leg: int, sampling_period: float) -> tuple[An
     fault = signal.fault
     row: dict[str, Any] = dict.fromkeys(CHANNEL.names or (), 0)
     if _applies(signal, leg):
-        row |= {each: getattr(signal, each) for each in IMPERFECTIONS}
-        row["lag"] = first_order_share(signal.lag, sampling_period) if signal.lag else 0.0
-        row["start"] = round(signal.start / sampling_period)
-        row["drops_to_zero"] = signal.dropout_reads == "zero"
+        row |= {
+            **{each: getattr(signal, each) for each in IMPERFECTIONS},
+            "lag": first_order_share(signal.lag, sampling_period) if signal.lag else 0.0,
+            "start": round(signal.start / sampling_period),
+            "drops_to_zero": signal.dropout_reads == "zero",
+        }
     if _applies(fault, leg):
         start = round(fault.start / sampling_period)
         row |= {"fault": FAULTS[fault.kind], "fault_start": start, "fault_value": fault.value}
