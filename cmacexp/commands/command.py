@@ -53,13 +53,13 @@ class Parser(argparse.ArgumentParser):
         self.add_argument("--version", action="version", version=f"cmacexp {__version__}")
         add_options(self, options)
 
-    def run(self, work: Callable[[Arguments], int], hint: str = "") -> int:
+    def run(self, work: Callable[[Arguments], int | None], hint: str = "") -> int:
         """Read the arguments of this process, and do the ``work`` of the command; see :func:`run_command`."""
         return run_command(lambda: work(self.parse_args()), hint)
 
 
-def run_command(work: Callable[[], int], hint: str = "") -> int:
-    """Do the work of a command; its exit code. ``hint`` says what to do after an interrupt.
+def run_command(work: Callable[[], int | None], hint: str = "") -> int:
+    """Do the work of a command; its exit code, 0 if it returns none. ``hint`` says what to do after an interrupt.
 
     Errors of this project are about its input. Errors of the operating system, such as a full disk, need no stack
     trace; any other error is raised.
@@ -69,7 +69,7 @@ def run_command(work: Callable[[], int], hint: str = "") -> int:
     keep_outputs()
     with handled():
         try:
-            return work()
+            return work() or COMPLETED
         except (KeyboardInterrupt, Exception) as error:
             if is_interrupt(error):
                 print_line(f"interrupted{hint}", error=True)

@@ -35,7 +35,7 @@ def _find_place(arguments: Arguments) -> Path:
     return folder
 
 
-def _export(arguments: Arguments) -> int:
+def _export(arguments: Arguments) -> None:
     run, out = Run(arguments.folder), _find_place(arguments)
     _ = run.manifest
     earlier = set(out.glob("*"))
@@ -57,7 +57,6 @@ def _export(arguments: Arguments) -> int:
         )
     for path in written:
         print_line(f"{path}: it replaces the one that was there" if path in earlier else str(path))
-    return 0
 
 
 def _parse(parser: argparse.ArgumentParser) -> Arguments:

@@ -71,7 +71,7 @@ def read_given(arguments: Arguments) -> "tuple[Log, Machine]":
     return log, read_machine(arguments.robot, log.joints, arguments.joints)
 
 
-def _show(arguments: Arguments) -> int:
+def _show(arguments: Arguments) -> None:
     from cmacexp.gap.analysis import begin
     from cmacexp.gap.page import summarise, write_page
     from cmacexp.gap.validation import identify
@@ -96,7 +96,6 @@ def _show(arguments: Arguments) -> int:
     for note in gap.values["notes"]:
         print_line(f"note: {note}")
     print_line(str(page))
-    return 0
 
 
 def main() -> int:

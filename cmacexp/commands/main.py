@@ -120,7 +120,7 @@ def _run(composed: DictConfig, hydra: Any) -> str:
         from cmacexp.engine.run import run_scenario
         from cmacexp.engine.without_effect import list_idle_overrides
         from cmacexp.loop.scenario import make_scenario
-        from cmacexp.metrics.drift import Drift, format_drift
+        from cmacexp.metrics.drift import format_drift
         from cmacexp.terminal.messages import announce_compiling, print_summary, warn_of_models
         from cmacexp.terminal.output import print_line, show_activity, show_progress
 
@@ -133,13 +133,17 @@ def _run(composed: DictConfig, hydra: Any) -> str:
     if scenario.warning:
         print_line(f"warning: {scenario.warning}", error=True)
     warn_of_models([config.machine])
-
-    def warn(drift: Drift) -> None:
-        print_line(f"warning: {format_drift(drift)}", error=True)
-
     folder, record = Path(hydra.runtime.output_dir), make_record(composed, hydra) if config.record.trace else None
     with show_progress(config.scenario, config.cycles, "cycles") as watch:
-        result = run_scenario(config, folder, watch, scenario, warn, record, hydra.overrides.task)
+        result = run_scenario(
+            config,
+            folder,
+            watch,
+            scenario,
+            lambda drift: print_line(f"warning: {format_drift(drift)}", error=True),
+            record,
+            hydra.overrides.task,
+        )
     print_summary(result)
     if result.status == Status.INTERRUPTED:
         raise KeyboardInterrupt

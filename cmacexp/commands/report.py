@@ -61,7 +61,7 @@ def _report_of_several(runs: Sequence[Run], given: Sequence[Path], out: Path) ->
     return path
 
 
-def _report(arguments: Arguments) -> int:
+def _report(arguments: Arguments) -> None:
     """Write the page of one run or of several."""
     given: list[Path] = arguments.folders
     runs = list({run.folder.resolve(): run for folder in given for run in find_runs(folder)}.values())
@@ -72,7 +72,6 @@ def _report(arguments: Arguments) -> int:
     else:
         page = _report_of_several(runs, given, out)
     print_line(str(page))
-    return 0
 
 
 class _Key(argparse.Action):

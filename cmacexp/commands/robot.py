@@ -65,7 +65,7 @@ OPTIONS: OptionTable = {
 }
 
 
-def _move_hung(arguments: Arguments) -> int:
+def _move_hung(arguments: Arguments) -> None:
     from cmacexp.loop.run import come_to_rest
     from cmacexp.loop.scenario import make_scenario
     from cmacexp.typing import Status
@@ -91,10 +91,9 @@ def _move_hung(arguments: Arguments) -> int:
     else:
         rows = [[str(k), *map(format_number, row * [1e3, 1.0])] for k, row in enumerate(strokes, start=1)]
         print_table(["stroke", "joint error, mrad", "feedback, N m"], rows)
-    return 0
 
 
-def _play(arguments: Arguments) -> int:
+def _play(arguments: Arguments) -> None:
     from cmacexp.wire.simulated import SimulatedRobot, play
 
     config = compose_config([*PLAYED, *arguments.overrides])
@@ -103,7 +102,6 @@ def _play(arguments: Arguments) -> int:
     crouch = OmegaConf.load(config_folder() / "plant" / "unitree.yaml").crouch
     robot = SimulatedRobot(config, not arguments.lying, list(crouch))
     print_line(play(robot, LOOPBACK, arguments.domain, LONGEST, fault, arguments.patient))
-    return 0
 
 
 def main() -> int:

@@ -145,7 +145,7 @@ def _list_margins(config: Config, overrides: list[str]) -> list[list[str]]:
     return [*rows.values()]
 
 
-def _show(arguments: Arguments) -> int:
+def _show(arguments: Arguments) -> None:
     chosen = _choose(arguments.robot)
     if len(chosen) > 1 and not any(word.startswith("machine.") for word in arguments.overrides):
         chosen += (found := _find_legs(Path(arguments.robot).resolve()))
@@ -164,7 +164,6 @@ def _show(arguments: Arguments) -> int:
     print_table(["controller", "period, s", "crossover, Hz", "more delay, ms", ""], margins)
     print_table(["", "unit", "hip", "thigh", "calf"], list_joints(robot))
     print_table(["", "unit", "value"], list_settings(config))
-    return 0
 
 
 def main() -> int:

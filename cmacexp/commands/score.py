@@ -28,14 +28,13 @@ def score(folder: Path) -> Scores:
     return scores
 
 
-def _score(arguments: Arguments) -> int:
+def _score(arguments: Arguments) -> None:
     for folder in [run for given in arguments.folders for run in runs_below(given)]:
         with show_activity(f"scoring {folder}"):
             scores = score(folder)
         print_line(str(folder))
         print_scores(scores, folder)
     print_line(KEY)
-    return 0
 
 
 def main() -> int:

@@ -17,7 +17,7 @@ OPTIONS: OptionTable = {
 }
 
 
-def _analyse(arguments: Arguments) -> int:
+def _analyse(arguments: Arguments) -> None:
     """Analyse each run."""
     from cmacexp.terminal.messages import announce_compiling
 
@@ -29,7 +29,6 @@ def _analyse(arguments: Arguments) -> int:
         out = arguments.out or require_no_link(folder / FOLDER)
         check_place(out, OUT_KEY, REPORT)
         _analyse_run(Run(folder), out)
-    return 0
 
 
 def _analyse_run(run: Run, out: Path) -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
-from cmacexp.commands.command import COMPLETED, Arguments, OptionTable, Parser, make_flag
+from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
 from cmacexp.data.discovery import require_place
 from cmacexp.data.folder import HTML, new_result
 from cmacexp.data.manifest import REPORT
@@ -259,13 +259,12 @@ def study_parser(name: str, description: str, own: OptionTable = SEEDED) -> Pars
 def command(parser: Parser, work: Callable[[Arguments, Options], Path]) -> NoReturn:
     """Run studies from the command line, and exit; ``work`` writes the reports and returns the page to open."""
 
-    def run(arguments: Arguments) -> int:
+    def run(arguments: Arguments) -> None:
         if arguments.setting and arguments.launcher is None:
             raise BadInput("--setting", arguments.setting[0], "is of a launcher: add --launcher NAME")
         folder, chosen = require_place(FOLDER_KEY, arguments.folder), (arguments.launcher, arguments.workers)
         options = Options(folder, arguments.quick, arguments.seeds, *chosen, arguments.setting)
         print_line(str(work(arguments, options)))
-        return COMPLETED
 
     sys.exit(parser.run(run, "; the same command runs what is missing"))
 

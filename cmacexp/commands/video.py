@@ -54,7 +54,7 @@ def _choose(arguments: Arguments) -> list[RunView]:
     return [view_cycles(run, [])[-1] for run in runs]
 
 
-def _video(arguments: Arguments) -> int:
+def _video(arguments: Arguments) -> None:
     out = arguments.out
     if out.suffix not in FORMATS:
         raise BadInput("--out", out, f"must end in {', '.join(FORMATS)}")
@@ -71,7 +71,6 @@ def _video(arguments: Arguments) -> int:
     with show_activity("drawing"):
         write_video(views, out, titles) if arguments.lines else _draw(views, out, titles)
     print_line(str(out))
-    return 0
 
 
 def main() -> int:

@@ -20,7 +20,7 @@ MANY = 10**6
 """Runs that repay compiling everything that many runs use."""
 
 
-def _warm(arguments: Arguments) -> int:
+def _warm(arguments: Arguments) -> None:
     for name in arguments.forms:
         if name not in FORMS:
             raise BadInput("FORM", name, f"choose from {', '.join(FORMS)}")
@@ -35,7 +35,6 @@ def _warm(arguments: Arguments) -> int:
             print_line(f"{name}: left out: {error}")
         else:
             print_line(f"{name}: ready after {time.monotonic() - began:.1f} s")
-    return 0
 
 
 def main() -> int:

@@ -45,9 +45,18 @@ class Entities:
         self._recording.log(self._root + path, entity, static=True)
 
     def send_columns(
-        self, path: str, columns: Iterable[rr.ComponentColumn], rows: NDArray[np.intp] | None = None
+        self,
+        path: str,
+        columns: Iterable[rr.ComponentColumn],
+        rows: NDArray[np.intp] | None = None,
+        constant: rr.AsComponents | None = None,
     ) -> None:
-        """Log columns for all steps of the view, or for those at ``rows``; each step has as many instances."""
+        """Log columns for all steps of the view, or for those at ``rows``; each step has as many instances.
+
+        ``constant`` is what stays the same of the entity.
+        """
+        if constant is not None:
+            self.log(path, constant)
         time, step = (self._time, self._step) if rows is None else (self._time[rows], self._step[rows])
         timelines = [rr.TimeColumn("time", duration=time), rr.TimeColumn("step", sequence=step)]
         each_step = []

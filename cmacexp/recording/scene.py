@@ -89,10 +89,13 @@ def _log_links(entities: Entities, view: RunView) -> None:
         colors=([palette.THIGH] * (lengths.shape[1] - 1) + [palette.SHANK]) * len(lengths),
         fill_mode="solid",
     )
-    entities.log("world/travel/body/links", links)
     turns = round_angles(_turn_from_up(along.reshape(-1, 3)))
     ends = flatten_points(view.joints[:, :, 1:].reshape(len(along), -1, 3))
-    entities.send_columns("world/travel/body/links", rr.Capsules3D.columns(translations=ends, quaternions=turns))
+    entities.send_columns(
+        "world/travel/body/links",
+        rr.Capsules3D.columns(translations=ends, quaternions=turns),
+        constant=links,
+    )
 
 
 def _log_paths(entities: Entities, view: RunView) -> None:
@@ -113,8 +116,12 @@ def _log_paths(entities: Entities, view: RunView) -> None:
         entities.log(f"{path}/{name}", strips)
     cycles, begins = np.unique(view.cycle, return_index=True)
     moving = [strip for cycle in cycles for strip in collect_strips(cycle, desired)]
-    entities.log(f"{path}/desired", rr.LineStrips3D.from_fields(radii=[0.003], colors=[palette.DESIRED]))
-    entities.send_columns(f"{path}/desired", rr.LineStrips3D.columns(strips=moving), rows=begins)
+    entities.send_columns(
+        f"{path}/desired",
+        rr.LineStrips3D.columns(strips=moving),
+        begins,
+        rr.LineStrips3D.from_fields(radii=[0.003], colors=[palette.DESIRED]),
+    )
 
 
 def _log_numbers(entities: Entities, view: RunView) -> None:
@@ -152,8 +159,11 @@ def _log_dents(entities: Entities, view: RunView, feet: Array) -> None:
         along, deep = np.concatenate([-end, along, end], axis=2), np.pad(deep, ((0, 0), (0, 0), (1, 1)))
     surface = np.stack([along, np.broadcast_to(y, along.shape), view.surface(along) - deep], axis=3)
     strips = round_points(surface.reshape(-1, *surface.shape[2:]))
-    entities.log("world/ground", rr.LineStrips3D.from_fields(radii=[0.005], colors=[palette.GROUND]))
-    entities.send_columns("world/ground", rr.LineStrips3D.columns(strips=strips))
+    entities.send_columns(
+        "world/ground",
+        rr.LineStrips3D.columns(strips=strips),
+        constant=rr.LineStrips3D.from_fields(radii=[0.005], colors=[palette.GROUND]),
+    )
 
 
 def _log_feet(entities: Entities, view: RunView, feet: Array) -> None:
@@ -162,19 +172,18 @@ def _log_feet(entities: Entities, view: RunView, feet: Array) -> None:
     changes = np.flatnonzero(np.any(np.diff(support, axis=0, prepend=~support[:1]), axis=1))
     colours = np.where(support[changes, :, None], palette.SUPPORT, palette.TRANSFER).astype(np.uint8)
     radius = (view.foot_radius or FOOT) * (1.1 if view.meshes else 1.0)  # else its mesh would hide its colour
-    entities.log("world/feet", rr.Ellipsoids3D.from_fields(half_sizes=[[radius] * 3] * legs, fill_mode="solid"))
-    entities.send_columns("world/feet", rr.Ellipsoids3D.columns(centers=flatten_points(feet)))
+    balls = rr.Ellipsoids3D.from_fields(half_sizes=[[radius] * 3] * legs, fill_mode="solid")
+    entities.send_columns("world/feet", rr.Ellipsoids3D.columns(centers=flatten_points(feet)), constant=balls)
     entities.send_columns("world/feet", rr.Ellipsoids3D.columns(colors=colours.reshape(-1, 3)), rows=changes)
     force, desired = view.trace["force"], view.trace["force_desired"]
     scale = FORCE_LENGTH / max(1e-9, float(desired.max()))
     # Arrows stand on the foot and point the way the ground pushes it.
     up = np.clip(np.concatenate([force, desired], axis=1) * scale, 0.0, 4.0 * FORCE_LENGTH)
     both = [palette.ACTUAL] * legs + [palette.DESIRED] * legs
-    entities.log("world/forces", rr.Arrows3D.from_fields(radii=[0.006], colors=both))
     beside = feet + np.array([ASIDE, 0.0, 0.0])
     vectors = flatten_points(up[..., None] * [0.0, 0.0, 1.0])
     arrows = rr.Arrows3D.columns(vectors=vectors, origins=flatten_points(feet, beside))
-    entities.send_columns("world/forces", arrows)
+    entities.send_columns("world/forces", arrows, constant=rr.Arrows3D.from_fields(radii=[0.006], colors=both))
 
 
 def _find_corners(feet: Array, support: Mask) -> Array:
@@ -202,8 +211,7 @@ def _log_stability(entities: Entities, view: RunView, feet: Array) -> None:
     plumb[:, 0, 2] = view.surface(way[:, 0, 0]) + ABOVE_GROUND
     strips = round_points(np.stack([corners, plumb], axis=1).reshape(-1, *corners.shape[1:]))
     lines = rr.LineStrips3D.from_fields(radii=[0.004, 0.0015], colors=[palette.POLYGON, palette.COG])
-    entities.log("world/support", lines)
-    entities.send_columns("world/support", rr.LineStrips3D.columns(strips=strips))
+    entities.send_columns("world/support", rr.LineStrips3D.columns(strips=strips), constant=lines)
     place, size = [[0.0, 0.0, ABOVE_GROUND]], [[0.012] * 3]
     ball = rr.Ellipsoids3D(centers=place, half_sizes=size, colors=[palette.COG], fill_mode="solid")
     entities.log("world/travel/centre_of_gravity", ball)

@@ -98,8 +98,7 @@ def _log_gait(entities: Entities, view: RunView) -> None:
         style = rr.SeriesLines(
             names=f"{number} {name}", colors=palette.SUPPORT, widths=9.0, interpolation_mode="StepAfter"
         )
-        entities.log(path, style)
-        entities.send_columns(path, rr.Scalars.columns(scalars=bar[rows]), rows=rows)
+        entities.send_columns(path, rr.Scalars.columns(scalars=bar[rows]), rows, style)
 
 
 def log_series(entities: Entities, view: RunView) -> None:
