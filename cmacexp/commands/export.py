@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag, run_command
+from cmacexp.commands.command import Arguments, Parser, make_flag, run_command
 from cmacexp.data.discovery import is_run, name_of, require_place
 from cmacexp.data.folder import OUT_KEY, require_no_link
 from cmacexp.data.run import Run
@@ -13,16 +13,6 @@ from cmacexp.export.tables import write_mcap, write_wide
 from cmacexp.terminal.output import print_line, show_activity
 
 FORMATS = ("c", "wide", "mcap")
-OPTIONS: OptionTable = {
-    "folder": {"type": Path, "metavar": "DIR", "help": "a run"},
-    "--c": make_flag("cmac_leg.h, cmac_leg.c and main.c, which checks itself"),
-    "--single": make_flag("the C code in single precision"),
-    "--path": make_flag("the C code for the planned path alone: little memory"),
-    "--law": make_flag("the C code of the whole control law, with --path"),
-    "--wide": make_flag("the trace as a table with one row a step"),
-    "--mcap": make_flag("the trace as MCAP"),
-    "--out": {"type": Path, "metavar": "FOLDER", "help": "where to write (default: export-NAME OF DIR)"},
-}
 
 
 def _find_place(arguments: Arguments) -> Path:
@@ -72,6 +62,18 @@ def _parse(parser: argparse.ArgumentParser) -> Arguments:
 
 def main() -> int:
     """Run the command."""
-    description = "Write a stored run for other programs: C code of its network, or its tables."
-    parser = Parser("cmacexp.export", description, OPTIONS)
+    parser = Parser(
+        "cmacexp.export",
+        "Write a stored run for other programs: C code of its network, or its tables.",
+        {
+            "folder": {"type": Path, "metavar": "DIR", "help": "a run"},
+            "--c": make_flag("cmac_leg.h, cmac_leg.c and main.c, which checks itself"),
+            "--single": make_flag("the C code in single precision"),
+            "--path": make_flag("the C code for the planned path alone: little memory"),
+            "--law": make_flag("the C code of the whole control law, with --path"),
+            "--wide": make_flag("the trace as a table with one row a step"),
+            "--mcap": make_flag("the trace as MCAP"),
+            "--out": {"type": Path, "metavar": "FOLDER", "help": "where to write (default: export-NAME OF DIR)"},
+        },
+    )
     return run_command(lambda: _export(_parse(parser)))

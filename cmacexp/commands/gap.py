@@ -28,13 +28,6 @@ LOG_OPTIONS: OptionTable = {
     "--reader": {"metavar": "FILE.py:FUNCTION", "help": "reads another format: path to columns by name"},
 }
 """How a log is read."""
-OPTIONS: OptionTable = {
-    "log": {"type": Path, "metavar": "LOG", "help": "Parquet, CSV, NPZ or MCAP, or what --reader reads"},
-    "--robot": {"required": True, "help": "go2 or another option of conf/machine, or an MJCF or URDF file"},
-    **LOG_OPTIONS,
-    "--quick": make_flag("without identification"),
-    "--out": {"type": Path, "metavar": "FOLDER", "help": f"where the page goes; unless given, in {FOLDER}"},
-}
 
 
 def _read_pairs(given: Sequence[str], key: str) -> dict[str, str]:
@@ -100,8 +93,15 @@ def _show(arguments: Arguments) -> None:
 
 def main() -> int:
     """Run the command."""
-    description = (
+    return Parser(
+        "cmacexp.gap",
         "Read a log of a robot, identify its joints, validate them on strokes that identification did not see, and "
-        "say what learners would remove of its feedback torque."
-    )
-    return Parser("cmacexp.gap", description, OPTIONS).run(_show)
+        "say what learners would remove of its feedback torque.",
+        {
+            "log": {"type": Path, "metavar": "LOG", "help": "Parquet, CSV, NPZ or MCAP, or what --reader reads"},
+            "--robot": {"required": True, "help": "go2 or another option of conf/machine, or an MJCF or URDF file"},
+            **LOG_OPTIONS,
+            "--quick": make_flag("without identification"),
+            "--out": {"type": Path, "metavar": "FOLDER", "help": f"where the page goes; unless given, in {FOLDER}"},
+        },
+    ).run(_show)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from cmacexp.commands.command import FOLDERS, Arguments, OptionTable, Parser, add_options, make_flag
+from cmacexp.commands.command import FOLDERS, Arguments, Parser, add_options, make_flag
 from cmacexp.config.describe import differences
 from cmacexp.data.discovery import is_run, name_of, require_place, runs_below
 from cmacexp.data.run import Run
@@ -15,31 +15,6 @@ from cmacexp.terminal.output import print_line, show_activity
 COMPARISONS = Path("outputs", "comparisons")
 LONGEST_NAME = 120
 """Most characters in the name of the file of a comparison."""
-VIEWERS: OptionTable = {
-    "--no-viewer": make_flag("only build the recording"),
-    "--web": make_flag("serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window"),
-}
-"""Of which one can be given."""
-OPTIONS: OptionTable = {
-    "--table": make_flag("show a table of the runs, to filter by config and metrics; a row opens its recording"),
-    "--rebuild": make_flag("build the recording of a run even if it exists, with all cycles"),
-    "--meshes": make_flag("draw robots as their models show them, if these are still those of the runs"),
-    "--cycles": {
-        "metavar": "CYCLES",
-        "help": "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all runs took)",
-    },
-    "--every": {
-        "metavar": "N",
-        "type": int,
-        "help": "show one step in N; unless given, all of a short run, fewer of a long one",
-    },
-    "--out": {
-        "metavar": "FILE.rrd",
-        "type": Path,
-        "help": f"where the recording goes; unless given, {RECORDING_FILE} in the folder of a run, or in "
-        f"{COMPARISONS}",
-    },
-}
 
 
 def _show(shown: Path | str, arguments: Arguments) -> int:
@@ -99,11 +74,45 @@ def _replay(arguments: Arguments) -> int:
 
 def main() -> int:
     """Run the command."""
-    description = (
+    parser = Parser(
+        "cmacexp.replay",
         "Show a run in the Rerun viewer, or several side by side. A recording that is missing, or of another run or "
-        "version, is built from the trace; --cycles, --every and --meshes build it anew."
+        "version, is built from the trace; --cycles, --every and --meshes build it anew.",
+        FOLDERS,
     )
-    parser = Parser("cmacexp.replay", description, FOLDERS)
-    add_options(parser.add_mutually_exclusive_group(), VIEWERS)
-    add_options(parser, OPTIONS)
+    add_options(
+        parser.add_mutually_exclusive_group(),
+        {
+            "--no-viewer": make_flag("only build the recording"),
+            "--web": make_flag(
+                "serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window"
+            ),
+        },
+    )
+    add_options(
+        parser,
+        {
+            "--table": make_flag(
+                "show a table of the runs, to filter by config and metrics; a row opens its recording"
+            ),
+            "--rebuild": make_flag("build the recording of a run even if it exists, with all cycles"),
+            "--meshes": make_flag("draw robots as their models show them, if these are still those of the runs"),
+            "--cycles": {
+                "metavar": "CYCLES",
+                "help": "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all "
+                "runs took)",
+            },
+            "--every": {
+                "metavar": "N",
+                "type": int,
+                "help": "show one step in N; unless given, all of a short run, fewer of a long one",
+            },
+            "--out": {
+                "metavar": "FILE.rrd",
+                "type": Path,
+                "help": f"where the recording goes; unless given, {RECORDING_FILE} in the folder of a run, or in "
+                f"{COMPARISONS}",
+            },
+        },
+    )
     return parser.run(_replay)

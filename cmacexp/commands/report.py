@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cmacexp.commands.command import FOLDERS, Arguments, OptionTable, Parser
+from cmacexp.commands.command import FOLDERS, Arguments, Parser
 from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
 from cmacexp.data.run import Run
@@ -82,21 +82,22 @@ class _Key(argparse.Action):
         parser.exit()
 
 
-OPTIONS: OptionTable = {
-    "--out": {
-        "type": Path,
-        "metavar": "FOLDER",
-        "help": f"folder of the page (default: DIR/report, or {REPORTS}/NAMES for several)",
-    },
-    "--key": {
-        "nargs": 0,
-        "action": _Key,
-        "help": "print what each column of the tables means: name, symbol, definition; needs no DIR",
-    },
-}
-
-
 def main() -> int:
     """Run the command."""
-    description = "Figures and tables of a run, or a comparison of several runs or a sweep, as one HTML page."
-    return Parser("cmacexp.report", description, {**FOLDERS, **OPTIONS}).run(_report)
+    return Parser(
+        "cmacexp.report",
+        "Figures and tables of a run, or a comparison of several runs or a sweep, as one HTML page.",
+        {
+            **FOLDERS,
+            "--out": {
+                "type": Path,
+                "metavar": "FOLDER",
+                "help": f"folder of the page (default: DIR/report, or {REPORTS}/NAMES for several)",
+            },
+            "--key": {
+                "nargs": 0,
+                "action": _Key,
+                "help": "print what each column of the tables means: name, symbol, definition; needs no DIR",
+            },
+        },
+    ).run(_report)

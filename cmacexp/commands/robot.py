@@ -7,7 +7,6 @@ from omegaconf import OmegaConf
 from cmacexp.commands.command import (
     OVERRIDES,
     Arguments,
-    OptionTable,
     Parser,
     add_options,
     make_flag,
@@ -36,33 +35,9 @@ HUNG = ["scenario=robot", "machine=go2", "plant=unitree", "controller=drives"]
 LONGEST = 3600.0
 """For which a robot is played if commands do not cease, s."""
 
-ACTS: OptionTable = {
-    "--simulate": make_flag("play a robot; it ends once commands cease"),
-    "--chirp": {"metavar": "LOG", "help": "move the joints of a robot that hangs, for cmacexp gap LOG"},
-    "--learn": {"metavar": "LEG", "choices": LEG_NAMES, "help": "let a leg of a robot that hangs learn"},
-}
-"""What a command does, of which one must be given."""
 
-OPTIONS: OptionTable = {
-    "--domain": {"type": int, "default": 0, "metavar": "N", "help": "of DDS, as plant.domain (0)"},
-    "--lying": make_flag("it lies on the ground and does not hang at first"),
-    "--patient": make_flag("wait for each command: not in real time"),
-    "--fault": {"default": NO_FAULT, "metavar": "KIND", "help": "a fault that it has"},
-    "--after": {
-        "type": float,
-        "default": 0.0,
-        "metavar": "S",
-        "help": "second after the first command from which on it has it",
-    },
-    "--motor": {
-        "type": int,
-        "default": 0,
-        "choices": range(12),
-        "metavar": "N",
-        "help": "0 to 11, whose fault it is",
-    },
-    **OVERRIDES,
-}
+def _run(arguments: Arguments) -> None:
+    return _play(arguments) if arguments.simulate else _move_hung(arguments)
 
 
 def _move_hung(arguments: Arguments) -> None:
@@ -107,9 +82,38 @@ def _play(arguments: Arguments) -> None:
 def main() -> int:
     """Run the command."""
     kinds = "; ".join(f"{name}: {meaning}" for name, meaning in KINDS.items())
-    description = f"Play a robot on this computer's loopback for plant=unitree. Faults: {kinds}."
-    parser = Parser("cmacexp robot", description, {})
-    add_options(parser.add_mutually_exclusive_group(required=True), ACTS)
-    add_options(parser, OPTIONS)
-    arguments = parser.parse_intermixed_args()
-    return run_command(lambda: _play(arguments) if arguments.simulate else _move_hung(arguments))
+    parser = Parser(
+        "cmacexp robot", f"Play a robot on this computer's loopback for plant=unitree. Faults: {kinds}.", {}
+    )
+    add_options(
+        parser.add_mutually_exclusive_group(required=True),
+        {
+            "--simulate": make_flag("play a robot; it ends once commands cease"),
+            "--chirp": {"metavar": "LOG", "help": "move the joints of a robot that hangs, for cmacexp gap LOG"},
+            "--learn": {"metavar": "LEG", "choices": LEG_NAMES, "help": "let a leg of a robot that hangs learn"},
+        },
+    )
+    add_options(
+        parser,
+        {
+            "--domain": {"type": int, "default": 0, "metavar": "N", "help": "of DDS, as plant.domain (0)"},
+            "--lying": make_flag("it lies on the ground and does not hang at first"),
+            "--patient": make_flag("wait for each command: not in real time"),
+            "--fault": {"default": NO_FAULT, "metavar": "KIND", "help": "a fault that it has"},
+            "--after": {
+                "type": float,
+                "default": 0.0,
+                "metavar": "S",
+                "help": "second after the first command from which on it has it",
+            },
+            "--motor": {
+                "type": int,
+                "default": 0,
+                "choices": range(12),
+                "metavar": "N",
+                "help": "0 to 11, whose fault it is",
+            },
+            **OVERRIDES,
+        },
+    )
+    return run_command(lambda: _run(parser.parse_intermixed_args()))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from omegaconf import OmegaConf
 
-from cmacexp.commands.command import OVERRIDES, Arguments, OptionTable, Parser
+from cmacexp.commands.command import OVERRIDES, Arguments, Parser
 from cmacexp.config import Config, config_folder, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.config.describe import describe_fields, flatten_config
@@ -48,9 +48,6 @@ BY_RULE = (("hybrid", ""), ("hybrid", "0.002"), ("hybrid", "0.001"), ("drives", 
 """Controllers and sampling periods, s, or those by rule, that the margin of a robot is shown for."""
 COUNTED = ("scenario", "machine", "gait", "sensors", "actuator")
 """Groups on which it depends besides."""
-ROBOT: OptionTable = {
-    "robot": {"metavar": "ROBOT", "help": "go1 or another option of conf/machine, or an MJCF or URDF file"},
-}
 
 
 def _choose(robot: str) -> list[str]:
@@ -168,5 +165,11 @@ def _show(arguments: Arguments) -> None:
 
 def main() -> int:
     """Run the command."""
-    description = "Show what the model of a robot holds, and the settings that follow from it by rule."
-    return Parser("cmacexp.robots", description, {**ROBOT, **OVERRIDES}).run(_show)
+    return Parser(
+        "cmacexp.robots",
+        "Show what the model of a robot holds, and the settings that follow from it by rule.",
+        {
+            "robot": {"metavar": "ROBOT", "help": "go1 or another option of conf/machine, or an MJCF or URDF file"},
+            **OVERRIDES,
+        },
+    ).run(_show)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cmacexp.commands.command import FOLDERS, Arguments, OptionTable, Parser
+from cmacexp.commands.command import FOLDERS, Arguments, Parser
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
 from cmacexp.data.manifest import REPORT
@@ -12,9 +12,6 @@ from cmacexp.terminal.output import print_line, show_activity
 from cmacexp.terminal.tables import print_table
 
 FOLDER = "stability"
-OPTIONS: OptionTable = {
-    "--out": {"type": Path, "metavar": "FOLDER", "help": f"where the page goes; unless given, {FOLDER} in DIR"},
-}
 
 
 def _analyse(arguments: Arguments) -> None:
@@ -58,8 +55,16 @@ def _analyse_run(run: Run, out: Path) -> None:
 
 def main() -> int:
     """Run the command."""
-    description = (
+    return Parser(
+        "cmacexp.stability",
         "Linearise the loop of runs, predict how their learning grows from cycle to cycle with each lead, compare "
-        "the prediction with the measurement, and explain it; as one HTML page with figures."
-    )
-    return Parser("cmacexp.stability", description, {**FOLDERS, **OPTIONS}).run(_analyse)
+        "the prediction with the measurement, and explain it; as one HTML page with figures.",
+        {
+            **FOLDERS,
+            "--out": {
+                "type": Path,
+                "metavar": "FOLDER",
+                "help": f"where the page goes; unless given, {FOLDER} in DIR",
+            },
+        },
+    ).run(_analyse)

@@ -227,31 +227,31 @@ SEEDED: OptionTable = {
     },
 }
 """Of studies whose runs can be repeated for other seeds."""
-OPTIONS: OptionTable = {
-    "--folder": {"type": Path, "default": FOLDER, "help": f"reports and runs of all studies ({FOLDER})"},
-    "--launcher": {"metavar": "NAME", "help": "of Hydra, for the runs (default: all cores here)"},
-    "--workers": {
-        "type": _read_count,
-        "metavar": "N",
-        "help": f"processes (default: one for each core), or tasks of that launcher (default: {WORKERS})",
-    },
-    "--setting": {
-        "action": "append",
-        "default": [],
-        "metavar": "KEY=VALUE",
-        "help": "of its config, as often as needed: --setting timeout_min=600",
-    },
-}
-"""How the runs of any study are made."""
-FILE: OptionTable = {
-    "file": {"type": Path, "metavar": "FILE.py", "help": "defines STUDY; its page stands beside it"},
-}
 
 
 def study_parser(name: str, description: str, own: OptionTable = SEEDED) -> Parser:
     """The options of every study, and those of its ``own`` after the first."""
-    quick = {"--quick": make_flag("fewer and shorter runs that only check the machinery")}
-    parser = Parser(name, description, {**quick, **own, **OPTIONS})
+    parser = Parser(
+        name,
+        description,
+        {
+            "--quick": make_flag("fewer and shorter runs that only check the machinery"),
+            **own,
+            "--folder": {"type": Path, "default": FOLDER, "help": f"reports and runs of all studies ({FOLDER})"},
+            "--launcher": {"metavar": "NAME", "help": "of Hydra, for the runs (default: all cores here)"},
+            "--workers": {
+                "type": _read_count,
+                "metavar": "N",
+                "help": f"processes (default: one for each core), or tasks of that launcher (default: {WORKERS})",
+            },
+            "--setting": {
+                "action": "append",
+                "default": [],
+                "metavar": "KEY=VALUE",
+                "help": "of its config, as often as needed: --setting timeout_min=600",
+            },
+        },
+    )
     parser.set_defaults(seeds=SEEDS)
     return parser
 
@@ -275,5 +275,9 @@ def main(path: str | None = None) -> NoReturn:
         file = load_study(Path(path))
         parser = study_parser(f"pipelines.{file.name}", file.study.question)
         command(parser, lambda arguments, options: write_study(file, options))
-    parser = study_parser("cmacexp.study", "Run a study and write its report.", {**SEEDED, **FILE})
+    parser = study_parser(
+        "cmacexp.study",
+        "Run a study and write its report.",
+        {**SEEDED, "file": {"type": Path, "metavar": "FILE.py", "help": "defines STUDY; its page stands beside it"}},
+    )
     command(parser, lambda arguments, options: write_study(load_study(arguments.file), options))

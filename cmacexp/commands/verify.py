@@ -22,5 +22,8 @@ def _verify(arguments: Arguments) -> int:
 
 def main() -> int:
     """Run the command; returns its exit code: 0 if all is intact, 4 if something is not, 2 if there is nothing."""
-    description = "Check which runs are intact: every file that their manifests list is present and unchanged."
-    return Parser("cmacexp.verify", description, FOLDERS).run(_verify)
+    return Parser(
+        "cmacexp.verify",
+        "Check which runs are intact: every file that their manifests list is present and unchanged.",
+        FOLDERS,
+    ).run(_verify)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
+from cmacexp.commands.command import Arguments, Parser, make_flag
 from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, CmacexpError, require_extra
 from cmacexp.recording.run_view import RunView
@@ -16,14 +16,6 @@ from cmacexp.report.video import (
     write_video,
 )
 from cmacexp.terminal.output import print_line, show_activity
-
-OPTIONS: OptionTable = {
-    "folders": {"type": Path, "metavar": "DIR", "nargs": "+", "help": f"a run, or up to {MOST_CYCLES}"},
-    "--cycles": {"metavar": "1,10", "help": "of one run (default: the first and the last)"},
-    "--titles": {"metavar": "A,B", "help": "above the cycles (default: their numbers)"},
-    "--lines": make_flag("draw a robot as lines, without its model"),
-    "--out": {"type": Path, "default": Path("walk.gif"), "metavar": "FILE", "help": ", ".join(FORMATS)},
-}
 
 
 def _draw(views: Sequence[RunView], out: Path, titles: Sequence[str]) -> None:
@@ -75,5 +67,14 @@ def _video(arguments: Arguments) -> None:
 
 def main() -> int:
     """Run the command."""
-    description = "Cycles of a run, or the last cycles of runs, side by side as a moving picture."
-    return Parser("cmacexp.video", description, OPTIONS).run(_video)
+    return Parser(
+        "cmacexp.video",
+        "Cycles of a run, or the last cycles of runs, side by side as a moving picture.",
+        {
+            "folders": {"type": Path, "metavar": "DIR", "nargs": "+", "help": f"a run, or up to {MOST_CYCLES}"},
+            "--cycles": {"metavar": "1,10", "help": "of one run (default: the first and the last)"},
+            "--titles": {"metavar": "A,B", "help": "above the cycles (default: their numbers)"},
+            "--lines": make_flag("draw a robot as lines, without its model"),
+            "--out": {"type": Path, "default": Path("walk.gif"), "metavar": "FILE", "help": ", ".join(FORMATS)},
+        },
+    ).run(_video)

@@ -2,7 +2,7 @@
 
 import time
 
-from cmacexp.commands.command import Arguments, OptionTable, Parser
+from cmacexp.commands.command import Arguments, Parser
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.terminal.output import print_line, show_activity
 
@@ -15,7 +15,6 @@ FORMS = {
     "robot": ["scenario=robot"],
 }
 """Overrides of runs, each of which needs a form of the control loop of its own."""
-OPTIONS: OptionTable = {"forms": {"nargs": "*", "metavar": "FORM", "help": f"{', '.join(FORMS)}; without one: all"}}
 MANY = 10**6
 """Runs that repay compiling everything that many runs use."""
 
@@ -39,5 +38,8 @@ def _warm(arguments: Arguments) -> None:
 
 def main() -> int:
     """Run the command; its exit code: 0, or 2 if there is no such form."""
-    description = "Compile what usual runs need, once for a version, before they need it."
-    return Parser("cmacexp.warm", description, OPTIONS).run(_warm)
+    return Parser(
+        "cmacexp.warm",
+        "Compile what usual runs need, once for a version, before they need it.",
+        {"forms": {"nargs": "*", "metavar": "FORM", "help": f"{', '.join(FORMS)}; without one: all"}},
+    ).run(_warm)
