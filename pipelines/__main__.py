@@ -13,11 +13,19 @@ from cmacexp.study.study_file import YAML
 from pipelines.benchmark import log_track
 from pipelines.benchmark.__main__ import main as run_benchmark
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
-from pipelines.benchmark.benchmark import QUESTION, TITLE
 from pipelines.benchmark.summary import write_scores
 from pipelines.groups import GROUPS, find_study
 from pipelines.groups import main as run_group
-from pipelines.quotes import LOG_SCORES, PAGES, README, SCORES, all_studies, find_outdated, renew_readme
+from pipelines.quotes import (
+    LOG_SCORES,
+    PAGES,
+    README,
+    SCORES,
+    all_studies,
+    find_outdated,
+    renew_readme,
+    whole_benchmark,
+)
 from pipelines.results import CHANGED, RESULTS_FILE, list_states, read_results
 
 STATUS = "status"
@@ -87,21 +95,18 @@ def _run() -> int:
     arguments = parser.parse_args()
     if arguments.write_docs:
         write_docs()
-        return COMPLETED
-    if arguments.what == STATUS:
+    elif arguments.what == STATUS:
         if arguments.witnesses:
             repeat_witnesses()
         print_status()
         print_stages()
-        return COMPLETED
-    files = all_studies()
-    for name, group in GROUPS.items():
-        print(f"python -m pipelines.{name}\n    {group.title}: {group.question}\n    {', '.join(group.studies)}")
-    for file in files:
-        print(f"python -m pipelines.{file.name}\n    {file.study.title}: {file.study.question}")
-    print(f"python -m pipelines.{BENCHMARK}\n    {TITLE}: {QUESTION}")
-    if arguments.what is not None:
-        raise BadInput("study", arguments.what, "no such study; choose one of this list")
+    else:
+        for name, group in GROUPS.items():
+            print(f"python -m pipelines.{name}\n    {group.title}: {group.question}\n    {', '.join(group.studies)}")
+        for file in (*all_studies(), whole_benchmark()):
+            print(f"python -m pipelines.{file.name}\n    {file.study.title}: {file.study.question}")
+        if arguments.what is not None:
+            raise BadInput("study", arguments.what, "no such study; choose one of this list")
     return COMPLETED
 
 

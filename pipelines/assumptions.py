@@ -108,8 +108,7 @@ def _over_method(results: Results, name: str, method: str) -> Array:
 
 def _conclude(quantity: str, value: str | Callable[[Results], Array], limit: str) -> Criterion:
     """A number of a run, and the limit within which the paper's conclusion from it holds."""
-    (conclusion,) = read_criteria({"quantity": quantity, "value": value, "limit": limit})
-    return conclusion
+    return read_criteria({"quantity": quantity, "value": value, "limit": limit})[0]
 
 
 def _list_learnt(when: str, at: str) -> dict[str, Criterion]:

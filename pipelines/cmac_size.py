@@ -86,11 +86,6 @@ def weigh_collisions(results: Results) -> Array:
     return quotients(*costs)
 
 
-def cost_with_room(results: Results) -> Array:
-    """(worlds,): largest errors at the end in roomy memory over those without collisions, with as many layers."""
-    return np.max([worst_in_worlds(own, "rows_per_cell", 2.0) for own in results.by(LAYERS).values()], axis=0)
-
-
 def _tabulate_sizes(machine: str, *keys: str) -> dict[str, Any]:
     """Every size: errors early and at the end, use of memory."""
     return {
@@ -200,7 +195,9 @@ STUDY = declare(
             "leg little accuracy",
             "quantity": "largest error at the end with at least 2 rows for each visited cell, over that without "
             "collisions",
-            "value": cost_with_room, "of": {"machine": "one leg in worlds",
+            "value": lambda results: np.max(
+                [worst_in_worlds(own, "rows_per_cell", 2.0) for own in results.by(LAYERS).values()], axis=0
+            ), "of": {"machine": "one leg in worlds",
             "varied": [MEMORY, "layers and memory", FREE]},
             "case": "one leg, any number of layers", "limit": "at most 1.25",
         },

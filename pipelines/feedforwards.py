@@ -44,16 +44,15 @@ CHANGES: dict[str, tuple[float, list[str]]] = {
     "ground stiffer, unknown": (1.5, []),
 }
 """What becomes of path and ground after the first runs: how many times as stiff the ground is; overrides."""
-AS_PRINTED = ["reference=literal", "learning.lead=0", "record.cycles=[1]"]
 WEIGHTS, AT_ONCE = "record.weights=true", "learning.start_cycle=1"
 
 
 def _learn(scenario: str, cycles: int, group: str, kinds: dict[str, list[str]], *more: str, **part: Any) -> Any:
     """Runs in the paper's world; those that depend on a seed for each."""
-    words = [*AS_PRINTED, f"scenario={scenario}", f"cycles={cycles}", *more]
+    printed = ["reference=literal", "learning.lead=0", "record.cycles=[1]"]
     seeds = not kinds.keys() & UNSEEDED.keys()
     return {
-        "set": words,
+        "set": [*printed, f"scenario={scenario}", f"cycles={cycles}", *more],
         "over": {"kind": kinds},
         "seeds": seeds,
         "labels": {"group": group},
@@ -90,11 +89,6 @@ AFTER: list[tuple[dict[str, list[str]], list[str], dict[str, Any]]] = [
 """Learners, overrides and further parts of the runs after a change."""
 
 
-def find_small_error(results: Results) -> float:
-    """A tenth of the transfer error of feedback only in its last cycle, m."""
-    return 0.1 * float(results.select(kind="feedback only").measure(TRANSFER)[0])
-
-
 def count_cycles(results: Results, small: float) -> Array:
     """(runs,): cycles to an error that stays at most ``small``; infinite if there is none."""
     asked = results.value("cycles")
@@ -103,8 +97,8 @@ def count_cycles(results: Results, small: float) -> Array:
 
 
 def cycles_over(results: Results, kind: str, others: list[str]) -> Array:
-    """(seeds,): cycles to a tenth of the error of feedback only, over those of the fastest of others, in the mean."""
-    small = find_small_error(results)
+    """(seeds,): cycles to a tenth of the last error of feedback only, over the mean of those of the fastest other."""
+    small = 0.1 * float(results.select(kind="feedback only").measure(TRANSFER)[0])
     fastest = min(float(count_cycles(results.select(kind=other), small).mean()) for other in others)
     return quotients(count_cycles(results.select(kind=kind), small), fastest)
 

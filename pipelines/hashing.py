@@ -83,7 +83,6 @@ def tabulate_memory(results: Results) -> DataFrame:
     return tabulate(hashed(results), {"rule": "rule", MEMORY: "bytes of a leg"}, columns)
 
 
-WHO = {"one leg": "one leg", "quadruped": "the quadruped"}
 STUDY = declare(
     title="Hashing: from 64 words to a row for every cell",
     question="What do collisions of hashed memory cost in accuracy and stability, and how much memory avoids them?",
@@ -91,7 +90,7 @@ STUDY = declare(
     measures={"colliding": colliding, "rows_per_cell": rows_per_cell},
     findings={
         f"{name}_{machine}": finding
-        for machine, who in WHO.items()
+        for machine, who in (("one leg", "one leg"), ("quadruped", "the quadruped"))
         for name, finding in {
             "accurate": {
                 "says": f"Randomised runs, {who}: with at least half of the visited cells colliding, the final "

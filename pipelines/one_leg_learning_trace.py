@@ -36,11 +36,6 @@ def in_cycle(number: int, measure: Measure) -> Callable[[Run], float]:
     return lambda run: measure(rows, run.config) if len(rows := rows_of(run, number)) else float("nan")
 
 
-def in_last_recorded(measure: Measure) -> Callable[[Run], float]:
-    """The measure of the last whole cycle in the trace as one of a run."""
-    return lambda run: in_cycle(run.select_whole(run.trace["cycle"].unique().tolist())[-1], measure)(run)
-
-
 def phases(rows: pd.DataFrame) -> list[slice]:
     """The samples of each phase in a cycle, in order."""
     support = (rows["phase"] == "support").to_numpy()
@@ -128,9 +123,8 @@ def weight_at_foot(rows: pd.DataFrame, config: Config) -> float:
     pressing = []
     for q1, q2 in settled[["q1", "q2"]].iloc[::20].to_numpy():  # postures change little from sample to sample
         trig = trigonometry(q1, q2)
-        j11, j12, j21, j22 = jacobian(leg, trig)
-        lifting = np.linalg.solve([[j11, j21], [j12, j22]], bias_torque(leg, trig, 0.0, 0.0))
-        pressing.append(-lifting[1])
+        transposed = np.reshape(jacobian(leg, trig), (2, 2)).T
+        pressing.append(-np.linalg.solve(transposed, bias_torque(leg, trig, 0.0, 0.0))[1])
     return float(np.mean(pressing))
 
 

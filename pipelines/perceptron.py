@@ -54,8 +54,7 @@ class Perceptron(OnceACycle):
             raise BadInput("feedforward._target_", "pipelines.perceptron.Perceptron", str(error)) from error
         from sklearn.neural_network import MLPRegressor
 
-        rule = setup.config.learning.rule
-        if rule != "paper":
+        if (rule := setup.config.learning.rule) != "paper":
             allowed = "needs a network that is linear in its weights; a perceptron is not, use paper"
             raise BadInput("learning.rule", rule, allowed)
         self.start(setup)
@@ -69,8 +68,14 @@ class Perceptron(OnceACycle):
         self.paths = (paths - self.middle) / self.spread
         self.scale = np.zeros(legs)
         own = self.config
-        options = {"activation": "tanh", "solver": "adam", "alpha": 0.0, "batch_size": min(own.batch, samples)}
-        options |= {"hidden_layer_sizes": (own.hidden,), "learning_rate_init": own.step_size}
+        options = {
+            "hidden_layer_sizes": (own.hidden,),
+            "activation": "tanh",
+            "solver": "adam",
+            "alpha": 0.0,
+            "batch_size": min(own.batch, samples),
+            "learning_rate_init": own.step_size,
+        }
         self.networks = [MLPRegressor(**options, random_state=(setup.config.seed + i) % 2**32) for i in range(legs)]
         for i, one in enumerate(self.networks):
             one.partial_fit(self.paths[i], self.torque[:, i])  # makes its arrays

@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cmacexp.study import Array, DataFrame, Figure, Results, declare, quotients
-from pipelines import quadruped_walking_events as measured
-from pipelines import quadruped_walking_figures as figures
-from pipelines.quadruped_walking_events import LATE, Walk, instants
+from cmacexp.study import Array, DataFrame, Results, declare, quotients
+from pipelines import quadruped_walking_trace as trace
 
 FEEDBACK, NO_CMAC = {"feedback": ["feedforward=none", "posture.gain=0"]}, {"feedback + posture": ["feedforward=none"]}
 NO_POSTURE = {"feedback + CMAC": ["posture.gain=0", "learning.start_cycle=1"]}
@@ -61,7 +59,10 @@ def deviations(results: Results) -> DataFrame:
         reference = results.select(same, part="ladder").run
         feet = force = np.inf
         if run.status == reference.status == "completed":
-            cycles, columns = range(max(1, run.whole_cycles - LATE + 1), run.whole_cycles + 1), ["x", "y", "force"]
+            cycles, columns = (
+                range(max(1, run.whole_cycles - trace.LATE + 1), run.whole_cycles + 1),
+                ["x", "y", "force"],
+            )
             change = ((run.cycles(cycles)[columns] - reference.cycles(cycles)[columns]) ** 2).mean()
             feet, force = 1e3 * float(change["x"] + change["y"]) ** 0.5, float(change["force"]) ** 0.5
         rows.append({**by, "feet": feet, "force": force})
@@ -76,23 +77,18 @@ def noise_ratio(results: Results, column: str) -> Array:
     return quotients(by_seed["all"].to_numpy(), by_seed["feedback + posture"].to_numpy())
 
 
-def shown_walk(results: Results) -> tuple[Walk, int]:
+def shown_walk(results: Results) -> tuple[trace.Walk, int]:
     """The walk that the paper's figures are drawn from, and the cycle: its last."""
     run = results.select(LADDER, reference="aware").run
-    return measured.walk_in(run.folder), run.whole_cycles
+    return trace.walk_in(run.folder), run.whole_cycles
 
 
 def values(results: Results) -> dict[str, Any]:
     """When Fig. 17 to 20 are."""
     walk, cycle = shown_walk(results)
     began = walk.view.time[walk.view.cycle == cycle][0]
-    times = {f"fig{n}": float(walk.view.time[k] - began) for n, k in instants(walk, cycle).items()}
+    times = {f"fig{n}": float(walk.view.time[k] - began) for n, k in trace.instants(walk, cycle).items()}
     return {**times, "last": cycle}
-
-
-def draw_views(results: Results, number: int) -> Figure:
-    """Fig. 16 to 20."""
-    return figures.views(*shown_walk(results), number)
 
 
 AT_END, OF_BODY = "median of the last 5 cycles", "over the length of the body, median of the last 5 cycles"
@@ -110,7 +106,6 @@ WALKS = {
     "quantity": "part of the cycles that are walked", "value": "done",
     "limit": "at least 90 %", "opposite": "at most 50 %",
 }  # fmt: skip
-FALLS = {**WALKS, "limit": "at most 50 %", "opposite": "at least 90 %"}
 ERRORS = {
     "transfer_rmse_x": "transfer, in x",
     "transfer_rmse_y": "transfer, in y",
@@ -202,7 +197,8 @@ SAID: dict[str, tuple[str, str, str, list[dict[str, Any]]]] = {
         "sections 6, 6.2",
         "the machine walks with posture control and falls without it",
         [
-            {**FALLS, "each": {"controller": [*FEEDBACK, *NO_POSTURE]}},
+            {**WALKS, "limit": "at most 50 %", "opposite": "at least 90 %",
+             "each": {"controller": [*FEEDBACK, *NO_POSTURE]}},
             {**WALKS, "each": {"controller": [*NO_CMAC, *ALL]}},
         ],
     ),
@@ -241,8 +237,6 @@ def _with(reference: str, criteria: list[dict[str, Any]]) -> list[dict[str, Any]
     return [{**own, "of": {**LADDER, **own.get("of", {}), "reference": reference}} for own in criteria]
 
 
-SHARE = "part of the squared force error {}, last 5 cycles"
-LONG = {"set": ["scenario=quadruped", "record.cycles=[1]", "cycles=500"], "quick": {"cycles": 8}, "seeds": True}
 STUDY = declare(
     title="Quadruped walking",
     question="How do posture control and a CMAC for each leg change the walk of four legs on soft ground, with "
@@ -251,10 +245,11 @@ STUDY = declare(
         _request("ladder", UNSEEDED, **{**WALK, "seeds": False}),
         _request("ladder", NO_POSTURE | ALL, **WALK),
         _request("noise", NO_CMAC | ALL, **NOISY),
-        {**LONG, "over": {"law": {"as published": ["learning.lead=0"], "lead of one sample": ["learning.lead=1"]}},
+        {"set": ["scenario=quadruped", "record.cycles=[1]", "cycles=500"], "quick": {"cycles": 8}, "seeds": True,
+         "over": {"law": {"as published": ["learning.lead=0"], "lead of one sample": ["learning.lead=1"]}},
          "labels": {"part": "long", "controller": "all"}},
     ],
-    measures=measured.MEASURES,
+    measures=trace.MEASURES,
     computed={"noise": deviations},
     claims={
         name: {"words": words, "where": where, "criteria": _with("literal", criteria)}
@@ -281,7 +276,8 @@ STUDY = declare(
             "says": "Most of the force error that is left falls where four feet are planned to be down, and most of "
             "that moves load from one diagonal pair of feet to the other",
             "criteria": [
-                {"quantity": SHARE.format(what), "value": column, "of": {**LADDER, "reference": "aware"},
+                {"quantity": f"part of the squared force error {what}, last 5 cycles",
+                 "value": column, "of": {**LADDER, "reference": "aware"},
                  "limit": "at least 50 %"}
                 for what, column in (
                     ("where four feet are planned to be down", "four_feet"),
@@ -315,8 +311,11 @@ STUDY = declare(
         },
     },
     figures={
-        "fig14": lambda results: figures.gait_diagram(shown_walk(results)[0]),
-        **{f"fig{number}": partial(draw_views, number=number) for number in range(16, 21)},
+        "fig14": lambda results: trace.gait_diagram(shown_walk(results)[0]),
+        **{
+            f"fig{number}": lambda results, number=number: trace.views(*shown_walk(results), number)
+            for number in range(16, 21)
+        },
         "learning": [
             {"metric": name, "by": "reference", "of": LADDER, "log": None}
             for name in ("feedforward_share", "tilt_max", "transfer_rmse_y", "force_rmse_three_feet")

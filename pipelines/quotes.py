@@ -7,7 +7,7 @@ the second, ``interval`` for its interval, ``measured`` for both, ``size`` for i
 
 import re
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -21,9 +21,8 @@ from pipelines.benchmark.benchmark import make_study
 from pipelines.benchmark.entrants import list_methods
 from pipelines.benchmark.log_track import make_study as make_log_study
 from pipelines.benchmark.tasks import MACHINES
-from pipelines.groups import find_study
+from pipelines.groups import PIPELINES, find_study
 
-PIPELINES = Path(__file__).resolve().parent
 DOCS = PIPELINES.parent / "docs"
 README = PIPELINES.parent / "README.md"
 SCORES, LOG_SCORES = (PIPELINES / BENCHMARK / f"{name}.md" for name in ("scores", "log_scores"))
@@ -85,10 +84,9 @@ def quoted(match: re.Match[str], results: Quotable) -> str:
         LookupError: there is no such study, statement or value.
     """
     kind, study, name, number = match.groups()
-    index = int(number or 0)
-    statement = declared()[study][name]
-    if index >= len(statement.criteria):
-        raise LookupError(f"{study}.{name} has no value {index}")
+    statement, index = declared().get(study, {}).get(name), int(number or 0)
+    if statement is None or index >= len(statement.criteria):
+        raise LookupError(f"{match[0]}: no study declares it")
     if (entry := find_entry(study, name, results)) is None:
         return NOT_MEASURED
     if kind == "sentence" and isinstance(statement, Finding):
@@ -99,15 +97,8 @@ def quoted(match: re.Match[str], results: Quotable) -> str:
 
 
 def fill_quotes(text: str, results: Quotable) -> str:
-    """A page with its quotes filled in; raises LookupError, with the quote, if nothing declares it."""
-
-    def find(match: re.Match[str]) -> str:
-        try:
-            return quoted(match, results)
-        except LookupError as error:
-            raise LookupError(f"{match[0]}: no study declares it") from error
-
-    return QUOTE.sub(find, text)
+    """A page with its quotes filled in; raises as :func:`quoted`."""
+    return QUOTE.sub(partial(quoted, results=results), text)
 
 
 def find_outdated(sentences: Sequence[Mapping[str, Any]], texts: Mapping[str, str], results: Quotable) -> list[str]:

@@ -8,7 +8,7 @@ pages that were written for one verdict.
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
@@ -25,10 +25,10 @@ from cmacexp.study.provenance import PROVENANCE, digest_package, digest_source, 
 from cmacexp.study.statements import OUTCOMES
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
 from pipelines.benchmark.log_track import NAME as LOG_TRACK
-from pipelines.quotes import DOCS, PIPELINES, Quotable
+from pipelines.groups import PIPELINES
+from pipelines.quotes import DOCS, Quotable
 
 RESULTS_FILE = DOCS / "results.json"
-CODE_DIGITS = 12
 CURRENT, EQUAL, CHANGED, NEVER = "current", "equal", "changed", "never run"
 """EQUAL: its files changed, and its witnesses gave the same values on the files of today."""
 CLOSE = 1e-9
@@ -78,7 +78,7 @@ class PublishedResults:
 
     def _add_code(self, files: dict[str, str]) -> str:
         """Keep digests of files; their key."""
-        key = hashlib.sha256(json.dumps(files, sort_keys=True).encode()).hexdigest()[:CODE_DIGITS]
+        key = hashlib.sha256(json.dumps(files, sort_keys=True).encode()).hexdigest()[:12]
         self.code[key] = files
         return key
 
@@ -91,9 +91,8 @@ class PublishedResults:
         study = self.studies[name]
         differing = [line for witness in study["witnesses"] for line in repeat_witness(witness)]
         if study["witnesses"] and not differing:
-            now = {file: _digest(PIPELINES.parent / file) for file in study["own"]}
-            date = datetime.now(UTC).date().isoformat()
-            study["confirmed"] = {"date": date, "code": self._add_code(digest_package()), "own": now}
+            known = {"code": self._add_code(digest_package()), "own": _digest_own(study["own"])}
+            study["confirmed"] = {"date": datetime.now(UTC).date().isoformat(), **known}
         return differing
 
     def format(self) -> str:
@@ -119,8 +118,8 @@ class PublishedResults:
 
     def _list_changed(self, known: Mapping[str, Any]) -> list[str]:
         """Files of the package and of a study that are not those of digests that are ``known``."""
-        now = {file: _digest(PIPELINES.parent / file) for file in known["own"]}
-        return [*list_changed(self.code[known["code"]], digest_package()), *list_changed(known["own"], now)]
+        package = list_changed(self.code[known["code"]], digest_package())
+        return [*package, *list_changed(known["own"], _digest_own(known["own"]))]
 
 
 def run_witness(overrides: Sequence[str]) -> dict[str, Any]:
@@ -140,8 +139,10 @@ def repeat_witness(witness: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _digest(path: Path) -> str:
-    return digest_source(path) if path.is_file() else ""
+def _digest_own(names: Iterable[str]) -> dict[str, str]:
+    """Digests of those files of a study that are there."""
+    paths = {name: PIPELINES.parent / name for name in names}
+    return {name: digest_source(path) for name, path in paths.items() if path.is_file()}
 
 
 @cache

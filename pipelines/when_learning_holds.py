@@ -63,8 +63,8 @@ def _sample(compute: Callable[[Mask, Mask, Mask], Mask], criterion: str = "verdi
 def find_growth_errors(results: Results) -> Array:
     """Distances of predicted from measured growth, of runs whose changes stay small."""
     own = learning(results)
-    errors = np.abs(own.measure("predicted") - own.measure("measured"))
-    return np.asarray(errors[np.isfinite(errors)])
+    errors: Array = np.abs(own.measure("predicted") - own.measure("measured"))
+    return errors[np.isfinite(errors)]
 
 
 def draw_growth(results: Results) -> Figure:

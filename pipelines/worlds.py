@@ -119,8 +119,11 @@ def _draw_ground(draw: Draw, known: float | None) -> list[str]:
         stiffness = known * float(f"{draw.even_log(0.5, 2.0):.3g}")
         ground += [f"terrain.stiffness={stiffness:.4g}", f"terrain.assumed_stiffness={known:g}"]
     if draw.happens(0.4):
-        ground += ["terrain.patch_spread=0.3", "terrain.patch_size=0.15"]
-        ground += [f"terrain.patch_seed={draw.random.integers(100)}"]
+        ground += [
+            "terrain.patch_spread=0.3",
+            "terrain.patch_size=0.15",
+            f"terrain.patch_seed={draw.random.integers(100)}",
+        ]
     if draw.happens(0.4):
         ground += [f"terrain.slope={draw.even(-0.05, 0.05):.3g}"]
     return ground

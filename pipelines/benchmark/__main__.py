@@ -33,12 +33,6 @@ ALL, TRIALS = "all", "trials"
 """Every machine; the folder of outcomes, which are used again, beside the reports of studies."""
 
 
-def _list_sources() -> set[Path]:
-    """Files of the benchmark, its methods, and what they import from this folder."""
-    imported = [path for name in ("benchmark.benchmark", "perceptron") for path in find_sources(f"pipelines.{name}")]
-    return {*imported, *Path(__file__).parent.rglob("*.py")}
-
-
 def _write(machines: dict[str, Machine], methods: list[Method], options: Options) -> Path:
     """Tune and test; write table, JSON and page; returns the page."""
     with options.start_workers() as each:
@@ -46,18 +40,19 @@ def _write(machines: dict[str, Machine], methods: list[Method], options: Options
         chosen, tuned = tune(bench)
         frame = test(bench, chosen)
     results = Results([], {NAME: frame, "settings": summary.table_settings(tuned)})
-    own = digest_files(sorted(_list_sources()), Path(__file__).parents[2])
+    imported = {*find_sources("pipelines.benchmark.benchmark"), *find_sources("pipelines.perceptron")}
+    own = digest_files(sorted(imported.union(Path(__file__).parent.rglob("*.py"))), Path(__file__).parents[2])
     first = next(iter(machines.values()))
     known = [list_overrides(first, each, DEFAULT, first.draw(0)) for each in methods if each.name in (ALONE, CMAC)]
     witnesses = [] if options.quick else [run_witness(overrides) for overrides in known]
-    provenance = make_provenance(own, results, witnesses, seeds=max(each.worlds for each in machines.values()))
-    provenance |= {
+    provenance = {
+        **make_provenance(own, results, witnesses, seeds=max(each.worlds for each in machines.values())),
         "runs": len(frame),
         "models": {name: find_model_hash(name) for name in machines if name in package_models()},
     }
     file = StudyFile(Path(__file__).with_name(f"{NAME}.py"), make_study(machines, bench.methods))
-    about = {"version": VERSION, "quick": options.quick, "tasks_hash": hash_tasks(machines)}
-    about["settings"] = {f"{machine}, {method}": own for (machine, method), own in chosen.items()}
+    settings = {f"{machine}, {method}": own for (machine, method), own in chosen.items()}
+    about = {"version": VERSION, "quick": options.quick, "tasks_hash": hash_tasks(machines), "settings": settings}
     texts = {f"{NAME}.json": json.dumps(about, indent=1) + "\n"}  # code, versions and models are in the provenance
     write_results(file, results, options.place(NAME), options.quick, provenance, texts)
     for machine in machines:

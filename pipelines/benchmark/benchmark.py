@@ -26,7 +26,6 @@ from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, FOR_EACH, GUARDED
 from pipelines.benchmark.tasks import MACHINES, SPEED, STRESS, STROKE, TASKS, VERSION
 
 NAME = "benchmark"
-TITLE = "Learned feedforward under contact"
 QUESTION = "How well do methods learn the torque of legs that press on the ground, when something changes for them?"
 ON_MODEL, RBF, ILC, REPETITIVE = "CMAC on model", "RBF", "ILC", "repetitive control"
 MODEL, HEAVY, SMOOTH, IDENTIFIED = "model", "model 20 % heavy", "model, smooth plan", "model, identified"
@@ -62,8 +61,9 @@ def _ratio(machine: str, one: str, other: str, setting: str = FOR_ALL) -> Callab
 
 def _failures(machine: str, methods: Sequence[str], setting: str = FOR_ALL) -> Callable[[Results], Mask]:
     """(runs,): whether each run of the methods failed."""
-    failed = lambda found: ~np.array([found.completed(name) for name in methods]).ravel()  # noqa: E731
-    return summary.over_worlds(machine, failed, setting)
+    return summary.over_worlds(
+        machine, lambda found: ~np.array([found.completed(name) for name in methods]).ravel(), setting
+    )
 
 
 def _over_best(machine: str, method: str, models: Sequence[str]) -> Callable[[Results], Array]:
@@ -276,7 +276,7 @@ def make_study(machines: Collection[str], methods: Collection[str]) -> Study:
         **{f"{title} {name}": partial(table, machine=name) for name in machines for title, table in TABLES.items()},
     }
     return Study(
-        title=TITLE,
+        title="Learned feedforward under contact",
         question=QUESTION,
         runs=lambda quick: [],
         findings=findings,

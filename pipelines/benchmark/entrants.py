@@ -57,10 +57,9 @@ def enter(target: str, name: str | None = None, has_rate: bool = False) -> Metho
     own = _list_tuned(group, config_class(found))
     if group == FEEDFORWARD and (has_rate or issubclass(found, BuiltInFeedforward) or not own):
         own += LEARNING
-    alone = ("feedforward=none",) if group == CONTROLLER else ()
-    shown = name or target.rpartition(".")[2]
+    overrides = (*(["feedforward=none"] if group == CONTROLLER else []), f"{group}._target_={target}")
     learns = group == FEEDFORWARD and hasattr(found, "learnt")
-    return Method(shown, (*alone, f"{group}._target_={target}"), own, learns=learns)
+    return Method(name or target.rpartition(".")[2], overrides, own, learns=learns)
 
 
 def list_methods() -> list[Method]:

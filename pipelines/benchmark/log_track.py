@@ -90,8 +90,16 @@ def try_method(gap: Gap, name: str, make: Maker, setting: str) -> dict[str, Any]
     except Exception as error:
         predicted, cause = np.full_like(signals.torque, np.inf), describe_failure(error)
     left = [measure_left(signals, predicted, stroke) for stroke in range(1, signals.count + 1)]
-    own = {"method": name, "setting": setting, "status": "failed" if cause else "completed", "cause": cause}
-    return {**own, "value": np.nan, **scores, "harmful": sum(each > 100.0 for each in left), "left": left}
+    return {
+        "method": name,
+        "setting": setting,
+        "status": "failed" if cause else "completed",
+        "cause": cause,
+        "value": np.nan,
+        **scores,
+        "harmful": sum(each > 100.0 for each in left),
+        "left": left,
+    }
 
 
 def _divide(one: str, other: str, setting: str, results: Results) -> Array:
@@ -141,7 +149,7 @@ def write_scores(scores: pd.DataFrame) -> str:
 
 def make_study(names: Sequence[str] = METHODS, values: Mapping[str, Any] | None = None) -> StudyFile:
     """The log track as a study of the methods ``names``, whose results are computed; ``values`` of its page."""
-    plant, cmac = "An identified plant", "CMAC over phase"
+    plant = "An identified plant"
     stated = {
         "identified": (f"{plant} leaves less torque than any table or network", IDENTIFIED, TABLES, 1.0, UPDATED),
         "carries": (
@@ -167,8 +175,8 @@ def make_study(names: Sequence[str] = METHODS, values: Mapping[str, Any] | None 
         ),
         "below": (
             "A model with generic joints below a CMAC leaves at most 80 % of what the CMAC leaves alone",
-            f"generic joints and {cmac}",
-            (cmac,),
+            "generic joints and CMAC over phase",
+            ("CMAC over phase",),
             0.8,
             UPDATED,
         ),
@@ -221,8 +229,15 @@ def run(arguments: argparse.Namespace, options: Options) -> Path:
             set_done(len(rows))
     scores, strokes = pd.DataFrame(rows), list_scored(gap.signals)
     causes = [f"{row['method']}, {row['setting']}: {row['cause']}" for row in rows if row["cause"]]
-    about = {"log": log.path.name, "robot": Path(machine.name).name, "strokes": gap.signals.count, "scored": strokes}
-    about |= {"fastest": gap.signals.fastest, "version": VERSION, "causes": causes}
+    about = {
+        "log": log.path.name,
+        "robot": Path(machine.name).name,
+        "strokes": gap.signals.count,
+        "scored": strokes,
+        "fastest": gap.signals.fastest,
+        "version": VERSION,
+        "causes": causes,
+    }
     file, results, root = make_study([*makers], about), Results([], {SCORES: scores}), Path(__file__).parents[2]
     sources = [*(root / "cmacexp" / "gap").glob("*.py"), *Path(__file__).parent.glob("*log*.py")]
     provenance = make_provenance(digest_files(sources, root), results, [], seeds=1) | {"runs": len(pairs)}

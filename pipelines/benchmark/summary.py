@@ -35,7 +35,7 @@ def take(frame: pd.DataFrame, machine: str, setting: str) -> pd.DataFrame:
 def tabulate_values(rows: pd.DataFrame, column: str, tasks: tuple[str, ...] = TASKS) -> dict[str, Array]:
     """(tasks, worlds) of a column by method, of the rows of a machine with a kind of setting."""
     return {
-        method: own.pivot(index="task", columns="world", values=column).loc[list(tasks)].to_numpy(dtype=float)
+        method: own.pivot(index="task", columns="world", values=column).loc[list(tasks)].to_numpy()
         for method, own in rows.groupby("method", sort=False)
     }
 
@@ -48,8 +48,8 @@ def make_comparison(frame: pd.DataFrame, machine: str, setting: str, column: str
 
 def describe_order(frame: pd.DataFrame, machine: str) -> str:
     """The order of the methods, as far as end error and worst cycle agree on it."""
-    setting = find_setting(machine)
-    return find_order({name: make_comparison(frame, machine, setting, key) for name, key in METRICS.items()}).sentence
+    views = {name: make_comparison(frame, machine, find_setting(machine), key) for name, key in METRICS.items()}
+    return find_order(views).sentence
 
 
 def count_cycles(rows: pd.DataFrame) -> dict[str, Array]:
@@ -57,18 +57,17 @@ def count_cycles(rows: pd.DataFrame) -> dict[str, Array]:
 
     Infinite where that is never; NaN where feedback only failed.
     """
-    alone, found = tabulate_values(rows, END)[ALONE], {}
-    for method, own in rows.groupby("method", sort=False):
-        errors = own.pivot(index="task", columns="world", values="errors").loc[list(TASKS)].to_numpy()
-        cycles = cycles_to(np.stack(errors.ravel()), TENTH * alone.reshape(-1, 1)).reshape(alone.shape)
-        found[method] = np.where(np.isfinite(alone), cycles, np.nan)
-    return found
+    alone = tabulate_values(rows, END)[ALONE]
+    level, known = TENTH * alone.reshape(-1, 1), np.isfinite(alone)
+    return {
+        method: np.where(known, cycles_to(np.array(errors.ravel().tolist()), level).reshape(alone.shape), np.nan)
+        for method, errors in tabulate_values(rows, "errors").items()
+    }
 
 
 def _format(interval: Interval) -> str:
-    if np.isnan(interval.value):
-        return UNDEFINED
-    return f"{interval.value:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
+    known = f"{interval.value:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
+    return UNDEFINED if np.isnan(interval.value) else known
 
 
 def find_median(cycles: Array) -> float:
@@ -213,12 +212,12 @@ def table_costs(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
 
 def table_failures(frame: pd.DataFrame) -> pd.DataFrame:
     """Where methods fail, and why: the most frequent cause of each method in each task."""
-    failed = frame[frame["status"] != COMPLETED].copy()
-    failed["cause"] = failed["cause"].str.replace(r"[-+]?\d[\d.e+-]*", "N", regex=True)
-    by = ["machine", "setting", "method", "task"]
+    failed = frame[frame["status"] != COMPLETED]
+    causes = failed["cause"].str.replace(r"[-+]?\d[\d.e+-]*", "N", regex=True)
     most_frequent = lambda values: str(values.value_counts().index[0])  # noqa: E731
     columns = {"worlds": ("world", "count"), "status": ("status", "first"), "cause": ("cause", most_frequent)}
-    return failed.groupby(by, sort=False).agg(**columns).reset_index()
+    by = failed.assign(cause=causes).groupby(["machine", "setting", "method", "task"], sort=False)
+    return by.agg(**columns).reset_index()
 
 
 def table_settings(tuned: pd.DataFrame) -> pd.DataFrame:
@@ -226,8 +225,8 @@ def table_settings(tuned: pd.DataFrame) -> pd.DataFrame:
     cycles = {machine: count_cycles(take(tuned, machine, FOR_ALL)) for machine in tuned["machine"].unique()}
     rows = tuned[tuned["method"] != ALONE].drop_duplicates(["machine", "method"])
     medians = [find_median(cycles[row.machine][row.method]) for row in rows.itertuples()]
-    columns = ["machine", "method", "setting", "cycles to a tenth"]
-    return rows.assign(setting=rows["overrides"].replace("", "default"), **{columns[-1]: medians})[columns]
+    chosen = rows[["machine", "method"]].assign(setting=rows["overrides"].replace("", "default"))
+    return chosen.assign(**{"cycles to a tenth": medians})
 
 
 def draw_profiles(frame: pd.DataFrame) -> Figure:
@@ -240,8 +239,8 @@ def write_scores(frame: pd.DataFrame) -> str:
     """Absolute errors, and the headline of each machine, in Markdown, for the documentation."""
     parts = [f"**Absolute errors at the end, medians over the worlds**\n\n{write_table(table_absolute(frame))}\n"]
     for machine in frame["machine"].unique():
-        excluded = make_comparison(frame, machine, BY_DEFAULT).excluded
-        notes = [f"The task {task} does not count there: {why}." for task, why in excluded.items()]
+        excluded = make_comparison(frame, machine, BY_DEFAULT).excluded.items()
+        notes = [f"The task {task} does not count there: {why}." for task, why in excluded]
         order, scores = " ".join([describe_order(frame, machine), *notes]), write_table(table_scores(frame, machine))
         parts.append(f"**{machine}**\n\n{scores}\n\n{order}\n")
         if has_guarded(frame):
@@ -265,8 +264,8 @@ def over_worlds(machine: str, compute: Callable[[Comparison], Array | Mask], set
     return lambda results: compute(make_comparison(results.computed["benchmark"], machine, setting))
 
 
-def _read(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """A table of results, and the JSON beside it.
+def _read(path: Path) -> tuple[pd.DataFrame, list[Any]]:
+    """A table of results, and what the JSON beside it says of SAME.
 
     Raises:
         BadInput: one of them is missing, or is none.
@@ -274,13 +273,11 @@ def _read(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
     beside = path.with_suffix(".json")
     try:
         entry = json.loads(beside.read_text(encoding="utf-8"))
-        frame = read_table(path, texts=True).to_pandas()
-    except (OSError, ValueError) as error:
-        allowed = f"must be a table of results with {beside.name} beside it: {error}"
+        frame = read_table(path, texts=True).to_pandas().astype({"end_error": float})
+        return frame, [entry[name] for name in SAME]
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        allowed = f"must be benchmark.parquet of a report of the benchmark, with {beside.name} beside it: {error}"
         raise BadInput("--compare", path, allowed) from error
-    if not isinstance(entry, dict) or not set(SAME) <= set(entry) or "end_error" not in frame:
-        raise BadInput("--compare", path, "must be benchmark.parquet of a report of the benchmark")
-    return frame, entry
 
 
 def compare_results(first: Path, second: Path) -> Iterator[str]:
@@ -292,9 +289,9 @@ def compare_results(first: Path, second: Path) -> Iterator[str]:
         BadInput: a file is no result, or they are of different tasks.
     """
     (before, of_before), (after, of_after) = _read(first), _read(second)
-    for name in SAME:
-        if of_before[name] != of_after[name]:
-            raise BadInput("--compare", second, f"has another {name} than {first}: their scores mean other things")
+    if of_before != of_after:
+        differs = f"has another {' or '.join(SAME)} than {first}: their scores mean other things"
+        raise BadInput("--compare", second, differs)
     places = [frame[["machine", "setting"]].drop_duplicates() for frame in (before, after)]
     for machine, setting in pd.merge(*places).itertuples(index=False):
         old, new = (make_comparison(frame, machine, setting) for frame in (before, after))

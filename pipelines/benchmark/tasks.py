@@ -60,10 +60,17 @@ def _changes(
 
 
 def _robot(name: str, payload: float) -> Machine:
-    walk = ("scenario=robot", f"machine={name}")
-    carries = [f"payload.weight={payload:g}"]
-    changes = _changes("0.15", "1.6", "3", carries, ["terrain.slope=0.05", "terrain.slope_start=0.2"])
-    return Machine("robot", walk, changes, worlds=5, before=10, after=10, last=3, draws=0)
+    slope = ["terrain.slope=0.05", "terrain.slope_start=0.2"]
+    return Machine(
+        "robot",
+        ("scenario=robot", f"machine={name}"),
+        _changes("0.15", "1.6", "3", [f"payload.weight={payload:g}"], slope),
+        worlds=5,
+        before=10,
+        after=10,
+        last=3,
+        draws=0,
+    )
 
 
 LEG, QUADRUPED, GO1, MINI_CHEETAH = "leg", "quadruped", "go1", "mini_cheetah"
@@ -104,5 +111,4 @@ def hash_tasks(machines: Mapping[str, Machine]) -> str:
         name: asdict(machine) | {"drawn": [machine.draw(n, tuning) for tuning in (False, True) for n in range(3)]}
         for name, machine in machines.items()
     }
-    text = json.dumps([VERSION, PROTOCOL, plain], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()
+    return hashlib.sha256(json.dumps([VERSION, PROTOCOL, plain], sort_keys=True).encode()).hexdigest()

@@ -59,11 +59,9 @@ def test_weight_at_the_foot_is_that_of_virtual_work():
 )
 def test_the_nearest_bandwidth_is_that_of_a_stable_loop_whose_resonance_is_low(loops, expected):
     rows = {
-        "GOOD": (1.05, 10.5, 10.0, True), "PEAKED": (1.20, 10.5, 10.0, True), "FAST": (1.05, 30.0, 10.0, True),
-        "UNSTABLE": (1.05, 10.5, 10.0, False),
+        "GOOD": (0.05, 0.05), "PEAKED": (0.20, 0.05), "FAST": (0.05, 2.0), "UNSTABLE": (math.inf, math.inf),
     }  # fmt: skip
-    columns = ("resonance", "bandwidth", "open_bandwidth", "stable")
-    table = pd.DataFrame([rows[name] for name in loops.split()], columns=columns)
+    table = pd.DataFrame([rows[name] for name in loops.split()], columns=("excess", "distance"))
     assert nearest(table) == pytest.approx([expected])
 
 

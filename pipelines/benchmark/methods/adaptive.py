@@ -80,8 +80,7 @@ def make_gains(regressor: Array) -> Array:
     size = np.sqrt(np.diagonal(power, axis1=1, axis2=2))
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 1e-9)
     both = scale[:, :, None] * scale[:, None]
-    gains: Array = both * np.linalg.inv(both * power + RIDGE * np.eye(power.shape[1]))
-    return gains
+    return np.asarray(both * np.linalg.inv(both * power + RIDGE * np.eye(power.shape[1])))
 
 
 class AdaptiveRegressor(Acting):

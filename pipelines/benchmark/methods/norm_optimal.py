@@ -12,14 +12,13 @@ from scipy.linalg import expm
 from cmacexp.config import FeedforwardConfig, number
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.control.hybrid_kernels import DAMPING, EXPLICIT, METHODS, STIFFNESS
-from cmacexp.feedforward.network import resample
 from cmacexp.models.chain import batch_kinematics
 from cmacexp.models.lead import discretise
 from cmacexp.models.leg import GRAVITY, inertia, jacobian, trigonometry
 from cmacexp.models.mechanism import POINT_MASS, get_leg, has_body
 from cmacexp.models.robot_gains import list_jacobians
 from cmacexp.planning.setup import Setup
-from cmacexp.typing import Array, Weights
+from cmacexp.typing import Array
 from pipelines.benchmark.methods.once_a_cycle import OnceACycle
 
 NEAR_CIRCLE = 1e-8
@@ -98,15 +97,13 @@ def feedback_removed(setup: Setup, i: int, q: Array, support: bool) -> Array:
     fed_back = foot.T @ np.hstack([each[:, None] * foot for each in foot_gains(setup, support, ground)])
     lead = (b0 + b1 / z) / (1.0 + a1 / z) * z ** -max(0, setup.lead - 1)
     loop = lead * (fed_back @ state)
-    removed: Array = np.linalg.solve(np.eye(joints) + loop, loop)
-    return removed
+    return np.asarray(np.linalg.solve(np.eye(joints) + loop, loop))
 
 
 def low_pass(cutoff: float, setup: Setup) -> Array:
     """Gains (F, 1, 1) of a Gaussian low-pass at the frequencies of an FFT of a cycle, 1/sqrt(2) at ``cutoff`` Hz."""
     hertz: Any = np.fft.rfftfreq(len(setup.plan.support), setup.config.sampling_period)[:, None, None]
-    gains: Array = 0.5 ** (0.5 * (hertz / cutoff) ** 2)
-    return gains
+    return np.asarray(0.5 ** (0.5 * (hertz / cutoff) ** 2))
 
 
 class NormOptimal(OnceACycle):
@@ -143,18 +140,12 @@ class NormOptimal(OnceACycle):
                     model = feedback_removed(setup, i, angles[chosen, i].mean(axis=0), bool(phase))
                     self.inverse[phase, :, i] = self._invert(model)
         self.low_pass = low_pass(self.config.cutoff, setup)
-        if setup.learnt is not None:
-            self.torque[:] = resample(setup.learnt["torque"], samples)
 
     def _invert(self, model: Array) -> Array:
         """(F, J, J): gain (G^T G + r I)^-1 G^T."""
         adjoint = model.conj().swapaxes(1, 2)
         inverse: Any = np.linalg.solve(adjoint @ model + self.config.penalty * np.eye(model.shape[1]), adjoint)
         return self.config.gain * inverse
-
-    def learnt(self) -> Weights:
-        """``torque`` (N, L, J), N m."""
-        return {"torque": self.torque.copy()}
 
     def learn(self) -> None:
         """Correct the torque, and filter it."""

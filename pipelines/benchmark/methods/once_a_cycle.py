@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from cmacexp.feedforward.network import resample
 from cmacexp.planning.setup import Reference, Setup
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Weights
 
 
 class Acting:
@@ -18,15 +19,29 @@ class Acting:
         self.config = config
 
 
-class OnceACycle(Acting, ABC):
-    """``torque`` (N, L, J), N m, which ``learn`` improves after a cycle from its ``feedback`` (N, L, J), N m."""
+class Playing(Acting):
+    """A feedforward that plays a ``torque`` (N, L, J), N m, for each sample of the cycle."""
+
+    def start(self, setup: Setup) -> None:
+        """Start with no torque, or with that of an earlier run at the same phase."""
+        self.torque: Array = np.zeros((*setup.plan.support.shape, setup.mechanism.shape[1]))
+        if setup.learnt is not None and "torque" in setup.learnt:
+            self.torque[:] = resample(setup.learnt["torque"], len(self.torque))
+
+    def learnt(self) -> Weights:
+        """``torque`` (N, L, J), N m."""
+        return {"torque": self.torque.copy()}
+
+
+class OnceACycle(Playing, ABC):
+    """``learn`` improves the torque after a cycle, from its ``feedback`` (N, L, J), N m."""
 
     lead = 0
     """Samples from a torque to the feedback that is stored for it."""
 
     def start(self, setup: Setup) -> None:
-        """Start with no torque."""
-        self.torque: Array = np.zeros((*setup.plan.support.shape, setup.mechanism.shape[1]))
+        """Start with what is known."""
+        super().start(setup)
         self.feedback, self.steps = np.zeros_like(self.torque), 0
 
     @abstractmethod

@@ -10,13 +10,12 @@ import numpy as np
 from cmacexp.config import FeedforwardConfig, number
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.ilc import gaussian_taps
-from cmacexp.feedforward.network import resample
 from cmacexp.planning.setup import Reference, Setup
-from cmacexp.typing import Array, Weights
-from pipelines.benchmark.methods.once_a_cycle import Acting
+from cmacexp.typing import Array
+from pipelines.benchmark.methods.once_a_cycle import Playing
 
 
-class Repetitive(Acting):
+class Repetitive(Playing):
     """u(k) = Q(q) [u(k - N) + gain U(k - N + lead)] in every sample (Inoue 1990; Longman 2010).
 
     Q is a symmetric FIR, without phase: a Gaussian low-pass over samples of the last period. The iterative learning
@@ -45,24 +44,18 @@ class Repetitive(Acting):
         if 4 * len(taps) > samples:
             raise BadInput("feedforward.cutoff", self.config.cutoff, "must be higher: Q is longer than half a cycle")
         self.taps, self.lead = np.concatenate([taps[:0:-1], taps]), setup.lead
-        self.reach, self.samples, self.size = len(taps) - 1, samples, legs * joints
-        self.torque = np.zeros((samples, legs * joints))
-        if setup.learnt is not None:
-            self.torque[:] = resample(setup.learnt["torque"], samples).reshape(self.torque.shape)
+        self.reach, self.samples = len(taps) - 1, samples
+        self.start(setup)
+        self.flat = self.torque.reshape(samples, legs * joints)  # a view
         # Of the last 2 reach samples and of a cycle, so that the samples of Q are always one slice.
-        self.raw = np.take(self.torque, np.arange(-2 * self.reach, samples), axis=0, mode="wrap")
-        self.played = self.torque.reshape(samples, legs, joints)
-
-    def learnt(self) -> Weights:
-        """``torque`` (N, L, J), N m."""
-        return {"torque": self.played.copy()}
+        self.raw = np.take(self.flat, np.arange(-2 * self.reach, samples), axis=0, mode="wrap")
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
         """Update the torque of the next period; return this step's torque (L, J), N m."""
         new, ahead = (reference.sample - 1 - self.lead) % self.samples, 2 * self.reach
         if new == 0:
             self.raw[:ahead] = self.raw[self.samples :]
-        self.raw[new + ahead] = self.torque[new] + self.config.gain * learning_error.ravel()
+        self.raw[new + ahead] = self.flat[new] + self.config.gain * learning_error.ravel()
         # Its samples are of one period: none is played again before all are known.
-        self.torque[new - self.reach] = self.taps @ self.raw[new : new + ahead + 1]
-        return self.played[reference.sample]
+        self.flat[new - self.reach] = self.taps @ self.raw[new : new + ahead + 1]
+        return self.torque[reference.sample]
