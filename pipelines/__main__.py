@@ -3,17 +3,16 @@
 import sys
 from pathlib import Path
 
-from cmacexp.commands.command import COMPLETED, Parser, run_command
+from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
 from cmacexp.commands.study import FOLDER, Options
 from cmacexp.commands.study import main as run_study
 from cmacexp.data.parquet import read_table
 from cmacexp.errors import BadInput
 from cmacexp.study.provenance import STAGES_FILE, list_stages
 from cmacexp.study.study_file import YAML
-from pipelines.benchmark import log_track
+from pipelines.benchmark import log_track, summary
 from pipelines.benchmark.__main__ import main as run_benchmark
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
-from pipelines.benchmark.summary import write_scores
 from pipelines.groups import GROUPS, find_study
 from pipelines.groups import main as run_group
 from pipelines.quotes import (
@@ -43,12 +42,15 @@ def write_docs() -> None:
     results.add_studies(FOLDER)
     README.write_text(renew_readme(README.read_text(encoding="utf-8"), results.statements), encoding="utf-8")
     scored = {
-        SCORES: (FOLDER / BENCHMARK / f"{BENCHMARK}.parquet", write_scores),
-        LOG_SCORES: (FOLDER / log_track.NAME / f"{log_track.SCORES}.parquet", log_track.write_scores),
+        SCORES: (f"{BENCHMARK}/{BENCHMARK}", summary.write_scores),
+        LOG_SCORES: (
+            f"{log_track.NAME}/{log_track.SCORES}",
+            lambda table: summary.write_table(log_track.tabulate(table)),
+        ),
     }
     for page, (table, write) in scored.items():
-        if table.is_file():
-            page.write_text(f"{write(read_table(table, texts=True).to_pandas())}\n", encoding="utf-8")
+        if (path := FOLDER / f"{table}.parquet").is_file():
+            page.write_text(f"{write(read_table(path, texts=True).to_pandas())}\n", encoding="utf-8")
     texts = {page.name: page.read_text(encoding="utf-8") for page in PAGES}
     for line in find_outdated(results.sentences, texts, results.statements):
         print(line)
@@ -83,16 +85,14 @@ def repeat_witnesses() -> None:
     RESULTS_FILE.write_text(results.format(), encoding="utf-8")
 
 
-def _run() -> int:
-    parser = Parser("pipelines", "List the studies.", {})
-    parser.add_argument("--write-docs", action="store_true", help=f"renew docs from the full studies in {FOLDER}")
-    parser.add_argument(
-        "what", nargs="?", metavar=STATUS, help="whether every study is current, changed or never run"
-    )
-    parser.add_argument(
-        "--witnesses", action="store_true", help=f"{STATUS}: run two runs of each changed study again"
-    )
-    arguments = parser.parse_args()
+OPTIONS: OptionTable = {
+    "what": {"nargs": "?", "metavar": STATUS, "help": "whether every study is current, changed or never run"},
+    "--write-docs": make_flag(f"renew docs from the full studies in {FOLDER}"),
+    "--witnesses": make_flag(f"{STATUS}: run two runs of each changed study again"),
+}
+
+
+def _run(arguments: Arguments) -> None:
     if arguments.write_docs:
         write_docs()
     elif arguments.what == STATUS:
@@ -107,7 +107,6 @@ def _run() -> int:
             print(f"python -m pipelines.{file.name}\n    {file.study.title}: {file.study.question}")
         if arguments.what is not None:
             raise BadInput("study", arguments.what, "no such study; choose one of this list")
-    return COMPLETED
 
 
 def main() -> int:
@@ -119,7 +118,7 @@ def main() -> int:
     if (path := Path(word) if Path(word).suffix in (".py", *YAML) else find_study(word)) is not None:
         del sys.argv[1]
         run_study(str(path))
-    return run_command(_run)
+    return Parser("pipelines", "List the studies.", OPTIONS).run(_run)
 
 
 if __name__ == "__main__":

@@ -338,10 +338,13 @@ def views(walk: Walk, cycle: int, number: int) -> Figure:
     _draw_forces(forces, walk, k)
     _draw_elevation(side, walk, k, X, NEAR_SIDE)
     _draw_elevation(front, walk, k, Y, (1, 2))
-    label(plan, "from above", "x forward of the centre of gravity, mm", "y left, mm")
-    label(side, "side, from the right", "x forward of the centre of gravity, mm", "z up, mm")
-    label(front, "front", "y left, mm", "z up, mm")
-    plan.set(xlim=(-560.0, 560.0), ylim=(-370.0, 340.0), aspect="equal")
-    side.set(xlim=(-560.0, 560.0), ylim=(-150.0, 620.0), aspect="equal")
-    front.set(xlim=(-340.0, 340.0), ylim=(-150.0, 620.0), aspect="equal")
+    forward, left, up = "x forward of the centre of gravity, mm", "y left, mm", "z up, mm"
+    shown = (
+        (plan, "from above", forward, left, 560.0, (-370.0, 340.0)),
+        (side, "side, from the right", forward, up, 560.0, (-150.0, 620.0)),
+        (front, "front", left, up, 340.0, (-150.0, 620.0)),
+    )
+    for axes, title, x, y, reach, limits in shown:
+        label(axes, title, x, y)
+        axes.set(xlim=(-reach, reach), ylim=limits, aspect="equal")
     return figure

@@ -204,9 +204,9 @@ def draw_settings(machine: str, seed: int, number: int) -> tuple[str, ...]:
         number: of the config.
     """
     draw = Draw(seed, number)
-    parts = [f"machine={draw.choose(*ROBOTS)}"] if machine == ROBOT else _draw_machine(draw, machine)
     return (
-        f"scenario={SCENARIOS[machine]}", "warn=false", *parts, "sensors=real",
+        f"scenario={SCENARIOS[machine]}", "warn=false",
+        *([f"machine={draw.choose(*ROBOTS)}"] if machine == ROBOT else _draw_machine(draw, machine)), "sensors=real",
         f"sensors.velocity.delay={draw.choose(0, 0, 0, 1, 2)}", f"actuator.delay={draw.choose(0, 0, 0, 0, 1, 2)}",
         f"actuator.lag={draw.choose(0, 0, 0, 0.005, 0.01)}", f"learning.rate={draw.even_log(0.02, 0.6):.3g}",
         f"learning.lead={draw.choose('auto', 'auto', *range(5))}", f"learning.rule={draw.choose(*RULES)}",

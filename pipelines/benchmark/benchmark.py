@@ -230,19 +230,6 @@ def _findings_of_tuning(machine: str) -> dict[str, Finding]:
     }  # fmt: skip
 
 
-def _findings_of_all() -> dict[str, Finding]:
-    """What needs every machine."""
-    where = "on the machine where it is the farthest behind, which other worlds chose"
-    return {
-        "no_winner": Finding(
-            [Criterion(f"{SCORE}, over that of the best rival, {where}", partial(_beaten, method=name),
-                        at_least(1.0), at_most(1.0), case=name) for name in LEARNERS],
-            says="No learner is the best one on all machines: on some machine each of them has a larger "
-            "error than another one",
-        ),
-    }  # fmt: skip
-
-
 def _values(results: Results) -> dict[str, Any]:
     frame = results.computed[NAME]
     machines = [*frame["machine"].unique()]
@@ -269,7 +256,22 @@ def make_study(machines: Collection[str], methods: Collection[str]) -> Study:
     findings: dict[str, Finding] = {}
     if {ALONE, *MODELS, *LEARNERS} <= {*methods}:
         findings = {key: finding for name in machines for key, finding in _findings(name).items()}
-        findings |= _findings_of_all() if {*machines} == {*MACHINES} else {}
+    if findings and {*machines} == {*MACHINES}:
+        where = "on the machine where it is the farthest behind, which other worlds chose"
+        findings["no_winner"] = Finding(
+            [
+                Criterion(
+                    f"{SCORE}, over that of the best rival, {where}",
+                    partial(_beaten, method=name),
+                    at_least(1.0),
+                    at_most(1.0),
+                    case=name,
+                )
+                for name in LEARNERS
+            ],
+            says="No learner is the best one on all machines: on some machine each of them has a larger error than "
+            "another one",
+        )
     shown: dict[str, Callable[[DataFrame], DataFrame]] = {
         "failures": summary.table_failures,
         "absolute": summary.table_absolute,

@@ -33,7 +33,6 @@ from cmacexp.terminal.output import print_line, show_progress
 from cmacexp.terminal.tables import print_table
 from pipelines.benchmark.entrants import choose_names, slug
 from pipelines.benchmark.simulated_log import MODEL, NAMES, simulate_log
-from pipelines.benchmark.summary import write_table
 
 NAME, SCORES = "log_track", "log_scores"
 VERSION = 2
@@ -112,9 +111,14 @@ def _divide(one: str, other: str, setting: str, results: Results) -> Array:
 
 def _compare(one: str, others: Sequence[str], limit: float, setting: str, names: Sequence[str]) -> list[Criterion]:
     """A criterion for each of the others that takes part."""
-    what = f"torque left over that of the other method, {setting}"
     return [
-        Criterion(what, partial(_divide, one, other, setting), at_most(limit), case=other, infinite="a method failed")
+        Criterion(
+            f"torque left over that of the other method, {setting}",
+            partial(_divide, one, other, setting),
+            at_most(limit),
+            case=other,
+            infinite="a method failed",
+        )
         for other in others
         if {one, other} <= {*names}
     ]
@@ -142,32 +146,33 @@ def tabulate(scores: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(columns).loc[order].rename_axis("method").reset_index()
 
 
-def write_scores(scores: pd.DataFrame) -> str:
-    """The table in Markdown, for the documentation."""
-    return write_table(tabulate(scores))
-
-
 def make_study(names: Sequence[str] = METHODS, values: Mapping[str, Any] | None = None) -> StudyFile:
     """The log track as a study of the methods ``names``, whose results are computed; ``values`` of its page."""
-    plant = "An identified plant"
     stated = {
-        "identified": (f"{plant} leaves less torque than any table or network", IDENTIFIED, TABLES, 1.0, UPDATED),
+        "identified": (
+            "An identified plant leaves less torque than any table or network",
+            IDENTIFIED,
+            TABLES,
+            1.0,
+            UPDATED,
+        ),
         "carries": (
-            f"{plant}, frozen at half of the strokes, leaves at most half of what others leave in those that follow",
+            "An identified plant, frozen at half of the strokes, leaves at most half of what others leave in those "
+            "that follow",
             IDENTIFIED,
             TABLES,
             0.5,
             FROZEN,
         ),
         "above": (
-            f"{plant} below a CMAC leaves at most 95 % of what it leaves alone",
+            "An identified plant below a CMAC leaves at most 95 % of what it leaves alone",
             WITH_CMAC,
             ALONE,
             0.95,
             UPDATED,
         ),
         "ilc_above": (
-            f"{plant} below ILC leaves at most 95 % of what it leaves alone",
+            "An identified plant below ILC leaves at most 95 % of what it leaves alone",
             WITH_ILC,
             ALONE,
             0.95,
@@ -186,15 +191,17 @@ def make_study(names: Sequence[str] = METHODS, values: Mapping[str, Any] | None 
         for name, (says, one, others, limit, setting) in stated.items()
         if (criteria := _compare(one, others, limit, setting, names))
     }
-    study = Study(
-        title="The log track of the benchmark",
-        question="Which methods predict the torque of the next stroke of a robot from its log?",
-        runs=lambda quick: [],
-        findings=judged,
-        tables={"left": lambda results: tabulate(results.computed[SCORES])},
-        values=lambda results: {"findings": [*judged], **(values or {})},
+    return StudyFile(
+        Path(__file__),
+        Study(
+            title="The log track of the benchmark",
+            question="Which methods predict the torque of the next stroke of a robot from its log?",
+            runs=lambda quick: [],
+            findings=judged,
+            tables={"left": lambda results: tabulate(results.computed[SCORES])},
+            values=lambda results: {"findings": [*judged], **(values or {})},
+        ),
     )
-    return StudyFile(Path(__file__), study)
 
 
 def choose(gap: Gap, names: str | None, targets: Sequence[str], identified: bool) -> dict[str, Maker]:
@@ -240,8 +247,11 @@ def run(arguments: argparse.Namespace, options: Options) -> Path:
     }
     file, results, root = make_study([*makers], about), Results([], {SCORES: scores}), Path(__file__).parents[2]
     sources = [*(root / "cmacexp" / "gap").glob("*.py"), *Path(__file__).parent.glob("*log*.py")]
-    provenance = make_provenance(digest_files(sources, root), results, [], seeds=1) | {"runs": len(pairs)}
-    provenance["log"] = "" if simulated else hashlib.sha256(log.path.read_bytes()).hexdigest()
+    provenance = {
+        **make_provenance(digest_files(sources, root), results, [], seeds=1),
+        "runs": len(pairs),
+        "log": "" if simulated else hashlib.sha256(log.path.read_bytes()).hexdigest(),
+    }
     write_results(file, results, folder, options.quick, provenance, {})
     table = tabulate(scores)
     print_table(list(table), [[str(cell) for cell in row] for row in table.itertuples(index=False)])

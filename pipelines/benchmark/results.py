@@ -200,11 +200,9 @@ def draw_settings(method: Method, number: int) -> list[Setting]:
 
     The same method always gets the same ones: the first of a larger number are those of a smaller one.
     """
-    if not method.tuned:
-        return [DEFAULT]
     draw = Draw(zlib.crc32(method.name.encode()))
     drawn = [tuple(f"++{key}={_draw_value(draw, tuned)}" for key, tuned in method.tuned) for _ in range(number)]
-    return [DEFAULT, *dict.fromkeys(drawn)]
+    return [*dict.fromkeys([DEFAULT, *drawn])]
 
 
 def choose_setting(settings: Sequence[Setting], scores: Mapping[Setting, Array]) -> Setting:
@@ -273,12 +271,12 @@ def _find(chosen: Chosen, machine: str, method: str, kind: str, task: str) -> Se
 
 def test(bench: Bench, chosen: Chosen) -> pd.DataFrame:
     """A row for each machine, method, kind of setting, task and world."""
-    places = [
-        (machine, method, kind, task)
+    places = {
+        (machine, method, kind, task): _find(chosen, machine, method, kind, task)
         for machine in bench.machines
         for method in bench.methods
         for kind in SETTINGS
         if kind != GUARDED or bench.methods[method].learns or method == ALONE
         for task in bench.machines[machine].changes
-    ]
-    return bench.run("testing", {place: _find(chosen, *place) for place in places})
+    }
+    return bench.run("testing", places)
