@@ -13,6 +13,7 @@ from cmacexp.cmac.network import Cmac, MemoryUse, memory_use
 from cmacexp.cmac.receptive_field import RECTANGULAR
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.feedforward.weight_log import WeightLog, new_log
+from cmacexp.jit.compiler import workload
 from cmacexp.planning.plan import recall
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Array, Cells, Weights
@@ -42,10 +43,12 @@ def _follow(setup: Setup, inputs: Sequence[Array], ranges: Sequence[InputRange],
         if setup.learnt is not None and cmac.visited is not None:
             cmac.visited.positions = setup.learnt[f"visited_{i + 1}"]
     of_legs = list(zip(cmacs, inputs, strict=True))
-    cells, activation = np.stack([cmac.cells(own) for cmac, own in of_legs], axis=1), None
+    activation = None
+    with workload(len(inputs) * len(inputs[0])):  # one run does not repay compiling, many do
+        cells = np.stack([cmac.cells(own) for cmac, own in of_legs], axis=1)
+        memory = [memory_use(cmac, own, cells[:, i]) for i, (cmac, own) in enumerate(of_legs)]
     if cmacs[0].receptive_field != RECTANGULAR:
         activation = np.stack([cmac.activation(own) for cmac, own in of_legs], axis=1)
-    memory = [memory_use(cmac, own, cells[:, i]) for i, (cmac, own) in enumerate(of_legs)]
     return _Path(cmacs, cells, activation, new_log(cells), memory)
 
 

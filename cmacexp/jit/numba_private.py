@@ -18,11 +18,13 @@ from types import FunctionType, ModuleType
 from typing import Any
 
 import numba
+from llvmlite.binding import create_new_module_pass_manager
 from numba import types
 from numba.core import codegen, event, serialize
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
-from numba.core.typed_passes import NativeLowering
+from numba.core.typed_passes import NativeLowering, NopythonRewrites
+from numba.core.untyped_passes import InlineClosureLikes
 from numba.extending import typeof_impl
 
 from cmacexp.jit.hooks import Hook
@@ -30,10 +32,9 @@ from cmacexp.jit.kernels import c_functions, inlined_kernels, merged_kernels
 
 njit: Any = numba.njit
 make_function: Any = import_module("numba._dynfunc").make_function
-typeof: Any = numba.typeof
 config: Any = numba.config
-install_listener: Any = event.install_listener
-dumps: Any = serialize.dumps
+Operation: Any = types.BaseFunction
+infer_type: Any = Operation.get_call_type
 
 BLAS = ("scipy.linalg", "scipy.linalg.cython_blas")
 # "The loop, a step": counting references to the arrays inside tuples takes longer than the arithmetic; a kernel
@@ -58,11 +59,26 @@ import_module("numba.experimental.function_type")  # which knows the type of a h
 types.WrapperAddressProtocol.register(Hook)
 
 
-class _LinkedCode(codegen.JITCodeLibrary):
-    """Code of a kernel, as programs link it: LLVM optimises and translates it there, with what surrounds it."""
+class _ProgramCode(codegen.JITCodeLibrary):
+    """Code of a program: LLVM optimises it once, with all kernels; numba's own passes are for counts of references.
+
+    While functions are small LLVM takes their tuples of arrays apart, which are copied in each call.
+    """
 
     def _optimize_functions(self, module: Any) -> None:
         module.data_layout = self._codegen._data_layout
+        manager = create_new_module_pass_manager()
+        manager.add_sroa_pass()
+        manager.add_instruction_combine_pass()
+        manager.run(module, self._codegen._pass_builder())
+
+    def _optimize_final_module(self) -> None:
+        manager, builder = self._codegen._module_pass_manager()
+        manager.run(self._final_module, builder)
+
+
+class _LinkedCode(_ProgramCode):
+    """Code of a kernel, as programs link it: LLVM optimises and translates it there, with what surrounds it."""
 
     def finalize(self) -> None:
         """Link what the kernel calls."""
@@ -71,15 +87,7 @@ class _LinkedCode(codegen.JITCodeLibrary):
         self._finalized = True
 
 
-class _ProgramCode(codegen.JITCodeLibrary):
-    """Code of a program; without numba's first optimisation, which is for counts of references."""
-
-    def _optimize_final_module(self) -> None:
-        manager, builder = self._codegen._module_pass_manager()  # type: ignore[no-untyped-call]
-        manager.run(self._final_module, builder)
-
-
-@register_pass(mutates_CFG=True, analysis_only=False)  # type: ignore[no-untyped-call]
+@register_pass(mutates_CFG=True, analysis_only=False)
 class _Lowering(NativeLowering):  # type: ignore[misc]
     """Makes the code of a program, or of a kernel, which has no entry for Python."""
 
@@ -92,9 +100,9 @@ class _Lowering(NativeLowering):  # type: ignore[misc]
         state.library = library(state.targetctx.codegen(), state.func_id.func_qualname)
         if not is_kernel:
             state.library.enable_object_caching()
-            return bool(super().run_pass(state))  # type: ignore[no-untyped-call]
+            return bool(super().run_pass(state))
         state.flags.no_compile = True
-        super().run_pass(state)  # type: ignore[no-untyped-call]
+        super().run_pass(state)
         made = state.cr
         name, keeps = made.fndesc.qualname, (state.library,)
         entry = make_function(made.fndesc.lookup_module(), name, "", 0, made.env, keeps)
@@ -103,14 +111,34 @@ class _Lowering(NativeLowering):  # type: ignore[misc]
         return True
 
 
+@cache
+def _infer_type(operation: Any, context: Any, args: tuple[Any, ...], kws: tuple[Any, ...]) -> Any:
+    """numba's signature of an operation on arguments of these types: one in all kernels, which share SETTINGS."""
+    return infer_type(operation, context, args, dict(kws))
+
+
+def _look_up_type(operation: Any, context: Any, args: Any, kws: Any) -> Any:
+    """In place of numba's method, which searches all templates for each statement, and again to lower it."""
+    return _infer_type(operation, context, tuple(args), tuple(kws.items()))
+
+
 class _Compiler(CompilerBase):  # type: ignore[misc]
     """numba's compiler with this lowering."""
 
+    def compile_extra(self, func: Callable[..., object]) -> Any:
+        """Compile ``func``; only meanwhile are types looked up, since code of users has settings of its own."""
+        before, Operation.get_call_type = Operation.get_call_type, _look_up_type
+        try:
+            return super().compile_extra(func)
+        finally:
+            Operation.get_call_type = before
+
     def define_pipelines(self) -> list[Any]:
-        """The passes."""
-        manager = DefaultPassBuilder.define_nopython_pipeline(self.state)  # type: ignore[no-untyped-call]
+        """The passes, without two that search each function for closures and array expressions: kernels have none."""
+        manager = DefaultPassBuilder.define_nopython_pipeline(self.state)
         manager.add_pass_after(_Lowering, NativeLowering)
-        manager.passes = [made for made in manager.passes if made[0] is not NativeLowering]
+        left_out = NativeLowering, NopythonRewrites, InlineClosureLikes
+        manager.passes = [made for made in manager.passes if made[0] not in left_out]
         manager.finalize()
         return [manager]
 
@@ -129,7 +157,7 @@ def _type_of_kernel(function: FunctionType, context: object) -> Any:
         *kinds, _ = function.__annotations__.values()
         arguments = [types.float64 if kind is float else types.intp for kind in kinds]
         return types.ExternalFunction(function.__name__, types.void(*arguments))
-    return typeof(_inner(function)) if function in inlined_kernels else None
+    return numba.typeof(_inner(function)) if function in inlined_kernels else None
 
 
 def compiled_program(function: Callable[..., object], folder: Path) -> Callable[..., object]:
@@ -174,7 +202,7 @@ class FormFiles:
         temporary = path.with_name(f"{path.name}.{os.getpid()}.part")
         with contextlib.suppress(OSError):
             try:
-                temporary.write_bytes(dumps(form))
+                temporary.write_bytes(serialize.dumps(form))
                 os.replace(temporary, path)
             finally:
                 temporary.unlink(missing_ok=True)
@@ -198,9 +226,8 @@ def before_compiling(call: Callable[[], None], again: Callable[[], None]) -> Ite
 
     ``again`` is called many times meanwhile, and may end that likewise.
     """
-    before, config.OPT = config.OPT, type(config.OPT)(3)
-    with install_listener("numba:compile", _Listener(call)), install_listener("numba:run_pass", _Listener(again)):
-        try:
-            yield
-        finally:
-            config.OPT = before
+    with (
+        event.install_listener("numba:compile", _Listener(call)),
+        event.install_listener("numba:run_pass", _Listener(again)),
+    ):
+        yield

@@ -265,12 +265,9 @@ def check(hook: Hook | None, limits: StopLimits, sample: int, machine: PlantStat
 @merged_kernel
 def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     """The first half of a step, before any torque is known: guard and sensors; False if a component failed."""
-    guard_hook = hooks.guard
     sensors = hooks.sensors
     plant = hooks.plant
     observer = hooks.observer
-    guard = loop.guard
-    feedforward = loop.feedforward
     sensing = loop.sensing
     estimator = loop.estimator
     signals = loop.signals
@@ -278,7 +275,7 @@ def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     mechanism = loop.mechanism
     machine = loop.plant_state
     observation = loop.observation
-    if not begin(guard_hook, guard, feedforward, step, sample):
+    if not begin(hooks.guard, loop.guard, loop.feedforward, step, sample):
         return False
     if not observe(
         sensors,
@@ -351,18 +348,19 @@ def take_steps(loop: Loop, hooks: Hooks, start: int, samples: Array, body_sample
     external_plant = hooks.plant
     period = loop.support.shape[0]
     sample = start % period
-    taken = 0
+    step = start
+    end = start + samples.shape[0]
     status = RUNNING
     if start == 0 and samples.shape[0] > 0:
-        status = stop_reason(limits, 0, machine)
-    while status == RUNNING and taken < samples.shape[0]:
-        step = start + taken
-        if not (sense(loop, hooks, step, sample) and act(loop, hooks, step, sample, taken, samples, body_samples)):
-            return taken, FAILED_COMPONENT
-        taken += 1
+        status = stop_reason(limits, sample, machine)
+    while status == RUNNING and step < end:
+        row = step - start
+        if not (sense(loop, hooks, step, sample) and act(loop, hooks, step, sample, row, samples, body_samples)):
+            return row, FAILED_COMPONENT
+        step += 1
         sample = sample + 1 if sample + 1 < period else 0
         status = check(external_plant, limits, sample, machine)
-    return taken, status
+    return step - start, status
 
 
 step_loop = program(take_steps)
