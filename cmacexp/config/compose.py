@@ -15,7 +15,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 from cmacexp.config.check import check
 from cmacexp.config.component import config_folder
 from cmacexp.config.fields import read_field
-from cmacexp.config.load import to_config
+from cmacexp.config.load import list_groups, to_config
 from cmacexp.config.robot_rule import find_mistake
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput, CmacexpError
@@ -54,14 +54,9 @@ def _compose(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
     return config, choices
 
 
-@cache
-def _is_group(key: str) -> bool:
-    return (config_folder() / key).is_dir()
-
-
 def _is_option(override: str) -> bool:
     """Whether an override chooses the option of a group."""
-    return _is_group(override.partition("=")[0])
+    return override.partition("=")[0] in ("scenario", *list_groups())
 
 
 @cache
@@ -100,9 +95,9 @@ def compose_config(overrides: Sequence[str], config_dir: str | Path | None = Non
     """
     known = _compose_options(tuple(filter(_is_option, overrides))) if config_dir is None else None
     if known is not None:
-        with suppress(BadInput):  # of several mistakes the longer way names the first
-            if config := set_numbers(known[0], [text for text in overrides if not _is_option(text)], known[1]):
-                return config
+        config: Config | None = set_numbers(known[0], [text for text in overrides if not _is_option(text)], known[1])
+        if config is not None:
+            return config
     return to_config(compose_untyped(overrides, config_dir)[0])
 
 
@@ -111,25 +106,27 @@ def set_numbers(pickled: bytes, overrides: Iterable[str], referred: frozenset[st
     """A copy of a pickled config, plain or not, with numbers set, such as ``learning.rate=0.5``, as in most runs.
 
     That takes a tenth of the time of Hydra's grammar and of OmegaConf. ``referred`` are groups to which other values
-    referred, so that no number in them can be set alone. None if an override does something else. Raises BadInput if
-    the config is not plain and is wrong with these numbers.
+    referred, so that no number in them can be set alone. None if an override does something else, or the config is
+    not plain and wrong with these numbers: the longer way says which is the first mistake.
     """
     config = pickle.loads(pickled)
-    for text in overrides:
-        if (found := _NUMBER.fullmatch(text)) is None:
-            return None
-        *path, name = found[1].split(".")
-        owner = config
-        for key in path:
-            owner = _list_values(owner).get(key)
-        value = float(found[2]) if found[3] or found[4] else int(found[2])
-        values = _list_values(owner)
-        if isinstance(values.get(name, {}), dict | list) or is_dataclass(values[name]) or {*path[:1]} & referred:
-            return None
-        values[name] = value if owner is values else read_field(type(owner), name, value, found[1])
-    if isinstance(config, Config):
-        check(config)
-    return config
+    with suppress(BadInput):
+        for text in overrides:
+            if (found := _NUMBER.fullmatch(text)) is None:
+                return None
+            *path, name = found[1].split(".")
+            owner = config
+            for key in path:
+                owner = _list_values(owner).get(key)
+            value = float(found[2]) if found[3] or found[4] else int(found[2])
+            values = _list_values(owner)
+            if isinstance(values.get(name, {}), dict | list) or is_dataclass(values[name]) or {*path[:1]} & referred:
+                return None
+            values[name] = value if owner is values else read_field(type(owner), name, value, found[1])
+        if isinstance(config, Config):
+            check(config)
+        return config
+    return None
 
 
 def _list_values(node: Any) -> dict[str, Any]:

@@ -27,7 +27,11 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
     if unresolved := re.match(r"Error resolving interpolation '\$\{(\w+)\}'", text):  # of conf/config.yaml
         return f"{unresolved[1]}=None: must be a group of fields; choose an option of conf/{unresolved[1]}"
     if isinstance(error, MissingConfigException) and error.options is not None:
-        return _explain_option(str(error.missing_cfg_file), error.options)
+        path = str(error.missing_cfg_file)
+        group, _, name = path.rpartition("/")
+        if command := format_install_command(path):
+            return f"{group}={name}: is not installed: {command}"
+        return f"{group}={name}: choose from {', '.join(error.options)}{suggest(name, error.options)}"
     if isinstance(error, OverrideParseException):
         reason = str(error).splitlines()[0]
         if str(error.override) in reason:
@@ -44,13 +48,6 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
             return _explain_key(key, overrides)
     reason = str(cause).splitlines()[0] if str(cause or "") else ""
     return text if reason in text else f"{text} ({reason})"
-
-
-def _explain_option(path: str, options: Sequence[str]) -> str:
-    group, _, name = path.rpartition("/")
-    if command := format_install_command(path):
-        return f"{group}={name}: is not installed: {command}"
-    return f"{group}={name}: choose from {', '.join(options)}{suggest(name, options)}"
 
 
 def _explain_key(key: str, overrides: Sequence[str]) -> str:

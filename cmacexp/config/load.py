@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import fields, is_dataclass
 from functools import cache
 from typing import Any
 
@@ -63,7 +63,8 @@ def _make_machine(node: Mapping[str, Any], target: object) -> Any:
 
 
 @cache
-def _list_groups() -> list[str]:
+def list_groups() -> list[str]:
+    """Groups of fields that have options, but for the scenarios."""
     return [field.name for field in fields(Config)[1:] if (config_folder() / field.name).is_dir()]
 
 
@@ -81,7 +82,7 @@ def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
         reason = str(error.msg or error).splitlines()[0]
         key = str(error.full_key or "config")
         raise find_mistake(error) or BadInput(key, "?", reason[:1].lower() + reason[1:]) from error
-    for group in _list_groups():
+    for group in list_groups():
         if not isinstance(plain.get(group), dict):
             raise BadInput(group, plain.get(group), f"must be a group of fields; choose an option of conf/{group}")
     with current_folder_importable():
@@ -92,9 +93,13 @@ def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
     return config
 
 
-def to_plain(config: Config) -> dict[str, Any]:
+def to_plain(config: Any) -> Any:
     """The config as plain dictionaries and lists, as it stands in the manifest."""
-    return asdict(config)
+    if isinstance(config, list):
+        return [to_plain(item) for item in config]
+    if is_dataclass(config):
+        return {each.name: to_plain(getattr(config, each.name)) for each in fields(config)}
+    return {name: to_plain(value) for name, value in config.items()} if isinstance(config, dict) else config
 
 
 def select_effective(plain: Mapping[str, Any]) -> dict[str, Any]:

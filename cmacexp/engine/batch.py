@@ -16,7 +16,7 @@ from cmacexp.data.parquet import table_writer, write_table
 from cmacexp.engine.chunk import RunEnd, run_chunk
 from cmacexp.engine.equal_results import Outcome, find_idle_keys, hash_overrides
 from cmacexp.engine.job_tables import find_runs
-from cmacexp.engine.pool import choose_size, count_processes, start_workers
+from cmacexp.engine.pool import choose_size, count_processes, group_runs, start_workers
 from cmacexp.engine.sweep_tables import (
     concat_metrics,
     join_runs,
@@ -125,13 +125,15 @@ def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | Non
     with start_workers(count) as parallel_map:
         for first in range(0, len(runs), most):
             part = [list(overrides) for overrides in runs[first : first + most]]
-            chunks = [(part[at : at + size], keep == TRACE, len(runs)) for at in range(0, len(part), size)]
-            done = parallel_map("running", run_chunk, chunks)
+            chunks = group_runs(part, size)
+            items = [([part[number] for number in chunk], keep == TRACE, len(runs)) for chunk in chunks]
+            done, order = parallel_map("running", run_chunk, items), np.concatenate(chunks)
             ends: list[RunEnd] = [end for chunk, _ in done for end in chunk]
-            all_ends += ends
-            own = known.slice(first, len(part)).append_column("status", make_column([end.status for end in ends]))
+            all_ends += [ends[place] for place in order.argsort()]
+            own = known.take(first + order).append_column("status", make_column([end.status for end in ends]))
             index: Any = np.repeat(np.arange(len(part)), [end.rows for end in ends])
-            yield join_runs(own, concat_metrics([table for _, table in done])[0], index)
+            table = join_runs(own, concat_metrics([table for _, table in done])[0], index)
+            yield table if (np.diff(order) == 1).all() else table.take(order[index].argsort(kind="stable"))
     for other in dict.fromkeys(filter(None, (end.other_model for end in all_ends))):
         warnings.warn(other, OtherModel, stacklevel=3)
     outcomes = [

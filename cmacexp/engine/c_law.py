@@ -185,15 +185,14 @@ def _require_carried(run: Run, config: Config) -> None:
         "plausibility.enabled": (True, config.plausibility.enabled, "must be false: C checks no force sensor"),
         "learning.guard": (learning.guard, learning.guard == REFINE, "must be freeze or none"),
         "learning.lead": (lead, lead == ESTIMATE, f"must be auto or a number, as {learning.lead}, its last estimate"),
+        **{
+            f"sensors.{name}.lag": (signal.lag, signal.lag, "must be 0: C filters no signal")
+            for name, signal in getattr(config.sensors, "signals", {}).items()
+        },
     }
     for key, (value, is_refused, allowed) in refused.items():
         if is_refused:
             raise BadInput(key, value, f"{allowed}; run it again so for --law")
-    for name, signal in getattr(config.sensors, "signals", {}).items():
-        if signal.lag:
-            raise BadInput(
-                f"sensors.{name}.lag", signal.lag, "must be 0: C filters no signal; run it again so for --law"
-            )
 
 
 def _describe(scenario: Scenario) -> dict[str, Any]:

@@ -7,8 +7,7 @@ import hashlib
 from collections import defaultdict, deque
 from collections.abc import Hashable, Sequence
 from dataclasses import replace
-from itertools import zip_longest
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pyarrow as pa
 
@@ -18,7 +17,7 @@ from cmacexp.config.machine import describe_other_model
 from cmacexp.data.parquet import as_array
 from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores
 from cmacexp.data.trace import SampledTrace, join_sampled
-from cmacexp.engine.pool import report_share
+from cmacexp.engine.pool import drop_rate, report_share
 from cmacexp.engine.run import sample_scenario, score_scenario
 from cmacexp.engine.stop_cause import explain_stop
 from cmacexp.engine.sweep_tables import concat_metrics, join_scores
@@ -49,22 +48,21 @@ class RunEnd(NamedTuple):
 class Chunk:
     """Runs of one process, and their metrics."""
 
-    def __init__(self, keeps_trace: bool = False):
-        """The traces of all of them are kept, else of short runs until they are scored."""
-        self.keeps_trace = keeps_trace
+    def __init__(self, runs: Sequence[Sequence[str]], keeps_trace: bool = False):
+        """Runs of these overrides; the traces of all of them are kept, else of short runs until they are scored."""
+        self.keeps_trace, self.repeats = keeps_trace, len(set(map(drop_rate, runs))) < len(runs)
         self.traces = dict[int, SampledTrace]()
         self._configs, self._scores = dict[int, Config](), dict[int, Scores]()
-        self._repeated: tuple[Config, Repeated] | None = None
+        self._repeated: tuple[Any, Repeated] | None = None
 
-    def make(self, config: Config, following: Config | None = None) -> Scenario:
-        """A scenario of a config, for the next run; made for all that follow if they differ in the rate alone."""
-        alike = _without_rate(config)
-        if self._repeated is not None and self._repeated[0] == alike:
-            return self._repeated[1].start(config)
-        scenario = make_scenario(config)
-        if following is None or _without_rate(following) != alike or not Repeated.serves(scenario):
-            return scenario
-        self._repeated = alike, Repeated(scenario)
+    def make(self, config: Config) -> Scenario:
+        """A scenario of a config, for the next run; one is made for all that differ in the rate alone, in a row."""
+        alike = {**vars(config), "learning": {**vars(config.learning), "rate": None}}
+        if self._repeated is None or self._repeated[0] != alike:
+            scenario = make_scenario(config)
+            if not (self.repeats and Repeated.serves(scenario)):
+                return scenario
+            self._repeated = alike, Repeated(scenario)
         return self._repeated[1].start(config)
 
     def run(self, number: int, scenario: Scenario) -> End:
@@ -99,20 +97,16 @@ class Chunk:
         return {number: self._scores[number] for number in self._configs}
 
 
-def _without_rate(config: Config) -> Config:
-    return replace(config, learning=replace(config.learning, rate=0.0))
-
-
 def run_chunk(chunk: Sequence[list[str]], keeps_trace: bool, runs: int) -> tuple[list[RunEnd], pa.Table]:
     """Run configs of these overrides, some of so many runs: how they ended, and their metrics, or their traces.
 
     Raises CmacexpError if one of them cannot be run.
     """
     expect_runs(runs)
-    together, ended = Chunk(keeps_trace), list[tuple[Config, End]]()
-    configs = [compose_config(overrides) for overrides in chunk]
-    for number, (config, following) in enumerate(zip_longest(configs, configs[1:])):
-        ended.append((config, together.run(number, together.make(config, following))))
+    together, ended = Chunk(chunk, keeps_trace), list[tuple[Config, End]]()
+    for number, overrides in enumerate(chunk):
+        config = compose_config(overrides)
+        ended.append((config, together.run(number, together.make(config))))
         report_share((number + 1) / len(chunk))
     scores = list(together.score().values())
     tables = [trace.table for trace in together.traces.values()] if keeps_trace else [*map(join_scores, scores)]

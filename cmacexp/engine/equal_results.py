@@ -49,12 +49,6 @@ def read_outcome(run: Run) -> Outcome | None:
     return Outcome(lambda: found, repr((run.status, run.manifest["steps"], hashes)))
 
 
-def _has_other_config(group: Sequence[tuple[Outcome, str]]) -> bool:
-    """Whether not all runs of a group are of one config."""
-    first = group[0][0].hash_config()
-    return any(outcome.hash_config() != first for outcome, _ in group[1:])
-
-
 def find_idle_keys(
     settings: Sequence[Mapping[str, Any]], outcomes: Sequence[Outcome | None], names: Sequence[str], what: str
 ) -> Iterator[tuple[str, str]]:
@@ -73,7 +67,8 @@ def find_idle_keys(
         alike = [group for group in groups.values() if len(group) > 1]
         if any(outcome.result != group[0][0].result for group in alike for outcome, _ in group):
             continue
-        proof = next((group for group in alike if _has_other_config(group)), None)
+        firsts = ((group, group[0][0].hash_config()) for group in alike)
+        proof = next((group for group, first in firsts if any(o.hash_config() != first for o, _ in group)), None)
         if proof is None:
             continue
         listed = [name for _, name in proof]

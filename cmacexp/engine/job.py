@@ -22,7 +22,6 @@ from cmacexp.data.discovery import HYDRA_FOLDER, is_run
 from cmacexp.data.folder import RUN_KEY, check_place, new_result
 from cmacexp.data.integrity import compute_hashes, is_finished
 from cmacexp.data.run import Run
-from cmacexp.data.tables import Scores
 from cmacexp.engine.chunk import Chunk, hash_scores
 from cmacexp.engine.equal_results import read_outcome
 from cmacexp.engine.failure import make_failure
@@ -108,12 +107,17 @@ def write_failure(
 
 
 @lru_cache(8)
-def _unpack(packed: bytes) -> tuple[DictConfig, Any, Path, bytes | None, Any]:
-    """What was packed; at the end the plain config, pickled, and Hydra's part; None if only Hydra can run the job."""
+def _unpack(packed: bytes) -> tuple[DictConfig, Any, Path, bytes | None, Any, bytes | None]:
+    """What was packed; then the plain config, pickled, Hydra's part, and the typed config, pickled.
+
+    There is no plain config if only Hydra can run the job, and no typed one if it is wrong.
+    """
     composed, callbacks, folder, needs_hydra = pickle.loads(packed)
     plain: Any = {"hydra": None} if needs_hydra else OmegaConf.to_container(composed, enum_to_str=True)
-    hydra = plain.pop("hydra")
-    return composed, callbacks, folder, pickle.dumps(plain) if plain else None, hydra
+    hydra, typed = plain.pop("hydra"), None
+    with suppress(Exception):  # which each job reports
+        typed = pickle.dumps(to_config(plain)) if plain else None
+    return composed, callbacks, folder, pickle.dumps(plain) if plain else None, hydra, typed
 
 
 def _describe_job(hydra: Any, overrides: list[str], number: int, folder: Path) -> None:
@@ -131,7 +135,8 @@ def run_jobs(packed: bytes, items: Sequence[JobItem], jobs: int) -> list[tuple[s
     ``packed`` is what Hydra composed for a job of the same keys and options. Returns how each ended, in a line, and
     whether that is an error. Raises OSError.
     """
-    root, chunk, ran = _unpack(packed)[2], Chunk(), dict[int, tuple[Run | None, bool]]()
+    root, chunk = _unpack(packed)[2], Chunk([item.values for item in items])
+    ran = dict[int, tuple[Run | None, bool]]()
     if is_first_worker():
         announce_compiling()
     expect_runs(jobs)
@@ -143,7 +148,10 @@ def run_jobs(packed: bytes, items: Sequence[JobItem], jobs: int) -> list[tuple[s
                 raise KeyboardInterrupt
     finally:
         for number, scores in chunk.score().items():
-            _add_scores(ran.get(number, (None, False))[0], scores)
+            run = ran.get(number, (None, False))[0]
+            if run is not None:  # it has no folder
+                run.is_checked, run.scores = False, scores
+                run.manifest |= {"drift": make_drift_entry(scores.legs), "files": hash_scores(scores)}
         if runs := {number: run for number, (run, _) in ran.items() if run is not None}:
             write_part(root, _tabulate(root, runs, {item.number: item.overrides for item in items}))
             for run in runs.values():  # an earlier one in the place of a run that has no folder
@@ -157,10 +165,11 @@ def _run_item(packed: bytes, item: JobItem, jobs: int, chunk: Chunk) -> tuple[Ru
 
     The values of this one are set in what was composed, all of them, since it holds those of the last one.
     """
-    composed, callbacks, folder, plain, hydra = _unpack(packed)
-    if plain and (config := set_numbers(plain, item.values)) is not None:
+    composed, callbacks, folder, plain, hydra, typed = _unpack(packed)
+    if plain and (numbers_set := set_numbers(plain, item.values)) is not None:
         _describe_job(hydra, item.overrides, item.number, folder)
-        return _run_job(config, hydra, jobs, chunk, item.known)
+        config = set_numbers(typed, item.values) if typed else None
+        return _run_job(numbers_set, hydra, jobs, chunk, item.known, config)
     with read_write(composed.hydra), open_dict(composed.hydra):
         set_values(composed, item.values)
         _describe_job(composed.hydra, item.overrides, item.number, folder)
@@ -186,6 +195,7 @@ def _run_job(
     jobs: int,
     chunk: Chunk | None = None,
     known: tuple[str, ...] = (),
+    config: Config | None = None,
 ) -> tuple[Run | None, bool]:
     """As :func:`_run_item`; a failure is left on disk and does not end the sweep.
 
@@ -194,7 +204,7 @@ def _run_job(
     number, overrides = hydra["job"]["num"], select_run_overrides(hydra["overrides"]["task"])
     folder = Path(hydra["runtime"]["output_dir"])
     try:
-        config = to_config(composed)
+        config = config or to_config(composed)
         check_metric(config.optimize, config.machine.kind)
         if chunk is None or config.record.trace or config.record.weights:
             record = make_record(composed, hydra) if config.record.trace else None
@@ -206,20 +216,13 @@ def _run_job(
         if folder.exists():  # this job will take its place
             check_place(folder, RUN_KEY)
         began = time.perf_counter()
-        scenario = make_scenario(config)
+        scenario = chunk.make(config)
         manifest = describe_run(scenario, chunk.run(number, scenario))
         return Run(folder, manifest | {"overrides": overrides, "wall_seconds": time.perf_counter() - began}), True
     except Exception as error:
         if is_interrupt(error):
             raise KeyboardInterrupt from error
         return write_failure(folder, composed, error, make_record(composed, hydra), overrides=overrides), True
-
-
-def _add_scores(run: Run | None, scores: Scores) -> None:
-    """Give a run that has no folder its metrics."""
-    if run is not None:
-        run.is_checked, run.scores = False, scores
-        run.manifest |= {"drift": make_drift_entry(scores.legs), "files": hash_scores(scores)}
 
 
 def _tabulate(root: Path, runs: Mapping[int, Run], overrides: Mapping[int, list[str]]) -> JobTables:

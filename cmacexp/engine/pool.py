@@ -7,7 +7,8 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
@@ -64,6 +65,24 @@ def count_processes(asked: int | None) -> int:
 def choose_size(runs: int, processes: int) -> int:
     """How many of so many short runs a process takes at a time."""
     return max(1, min(MOST_RUNS, runs // (CHUNKS_EACH * processes)))
+
+
+def drop_rate(overrides: Sequence[str]) -> tuple[str, ...]:
+    """Overrides without that of the rate of learning: runs that have the same ones can share a scenario."""
+    return tuple(text for text in overrides if not text.startswith("learning.rate="))
+
+
+def group_runs(runs: Sequence[Sequence[str]], most: int) -> list[list[int]]:
+    """Numbers of runs for one process after the other, by their overrides: those alike but for the rate together."""
+    groups, chunks = defaultdict[Hashable, list[int]](list), list[list[int]]()
+    for number, overrides in enumerate(runs):
+        groups[drop_rate(overrides)].append(number)
+    for group in groups.values():
+        for part in (group[at : at + most] for at in range(0, len(group), most)):
+            if not chunks or len(chunks[-1]) + len(part) > most:
+                chunks.append([])
+            chunks[-1] += part
+    return chunks
 
 
 def make_context() -> Any:

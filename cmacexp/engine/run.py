@@ -170,20 +170,6 @@ def _write_extras(scenario: Scenario, writer: ResultWriter, manifest: manifests.
         write_recording([run], folder / RECORDING_FILE, Options(label=writer.folder.name))
 
 
-def _robot_entry(scenario: Scenario) -> dict[str, Any]:
-    """How a robot is built, for views of its trace; nothing of other machines."""
-    machine, mechanism = scenario.setup.config.machine, scenario.setup.mechanism
-    if mechanism.chains is None or not isinstance(machine, RobotMachine):
-        return {}
-    return {
-        "robot": {
-            "chains": mechanism.chains.tolist(),
-            "hips": mechanism.hips.tolist(),
-            "foot_radius": float(read_model(machine).legs.foot_radius.max()),
-        }
-    }
-
-
 @interrupt_held_back()  # the loop itself raises it: what is done is written
 def run_scenario(
     config: Config,
@@ -232,10 +218,9 @@ def describe_run(scenario: Scenario, end: End) -> manifests.Manifest:
     # External components may use these names for something else.
     dropped = controller.dropped if isinstance(controller, HybridController) else {}
     memory = feedforward.memory if isinstance(feedforward, BuiltInFeedforward) else ()
-    entries = {
+    entries: dict[str, Any] = {
         "steps": end.steps,
         "guard": [event._asdict() for event in end.events],
-        **_robot_entry(scenario),
         "dropped": [{"leg": leg, "step": step} for leg, step in dropped.items()],
         "memory": [use._asdict() for use in memory],
         **compute_hashes(config, *(getattr(scenario, group) for group in COMPONENTS)),
@@ -248,6 +233,13 @@ def describe_run(scenario: Scenario, end: End) -> manifests.Manifest:
         "rollout_seconds": end.seconds,
         "processor_seconds": end.processor_seconds,
     }
+    mechanism = scenario.setup.mechanism
+    if mechanism.chains is not None and isinstance(config.machine, RobotMachine):  # for views of its trace
+        entries["robot"] = {
+            "chains": mechanism.chains.tolist(),
+            "hips": mechanism.hips.tolist(),
+            "foot_radius": float(read_model(config.machine).legs.foot_radius.max()),
+        }
     if scenario.fault is None and hasattr(scenario.plant, "describe"):
         entries["plant"] = scenario.plant.describe()
     if end.error is not None and not isinstance(end.error, BadOutput | MemoryError):

@@ -2,6 +2,7 @@
 
 import pickle
 import shutil
+from collections import defaultdict
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from enum import Enum
@@ -24,7 +25,15 @@ from cmacexp.data.discovery import JOBS_FOLDER
 from cmacexp.data.folder import collection
 from cmacexp.engine.job_tables import HASHES, list_jobs
 from cmacexp.engine.objective import DIRECTION, check_metric, find_direction, read_objective
-from cmacexp.engine.pool import MOST_RUNS, ParallelMap, choose_size, count_processes, map_here, start_workers
+from cmacexp.engine.pool import (
+    MOST_RUNS,
+    ParallelMap,
+    choose_size,
+    count_processes,
+    group_runs,
+    map_here,
+    start_workers,
+)
 from cmacexp.engine.sweep_results import finish_sweep
 from cmacexp.engine.sweep_tables import select_run_overrides
 from cmacexp.errors import BadInput, CmacexpError, in_one_line
@@ -59,10 +68,9 @@ class Sweep:
         """Overrides of the run of each job, see :func:`select_run_overrides`."""
         self.size, self.launched = 1, 0
         """Jobs without folders that a process takes at a time, at most; and those of the current batch."""
-        self.templates: dict[tuple[str, ...], bytes] = {}
-        """Arguments ``packed`` of :func:`cmacexp.engine.job.run_jobs`, by what jobs have in common."""
-        self.together: dict[bytes, bool] = {}
-        """Whether a process takes several of these jobs at a time: those that keep metrics alone."""
+        self.templates: dict[tuple[str, ...], tuple[bytes, bool]] = {}
+        """Arguments ``packed`` of :func:`cmacexp.engine.job.run_jobs`, by what jobs have in common, and whether a
+        process takes several of these jobs at a time: those that keep metrics alone."""
         self.list_options = cache(context.config_loader.get_group_options)
         """Of a key; a field has none. Hydra takes longer to list them than to run a job."""
         self.parallel_map: ParallelMap = map_here
@@ -94,7 +102,7 @@ class Sweep:
             self.planned.append(tuple(select_run_overrides(overrides)))
             self._pack(overrides)
 
-    def _pack(self, overrides: Sequence[str]) -> tuple[bytes, list[str]]:
+    def _pack(self, overrides: Sequence[str]) -> tuple[tuple[bytes, bool], list[str]]:
         """What Hydra composes for a job, and the overrides that set values in it.
 
         Jobs that differ in such values alone, which can be thousands, are composed once: whether that is possible
@@ -114,8 +122,7 @@ class Sweep:
                     warn_of_models([read_machine(composed)])
             needs_hydra, record = _needs_hydra(composed), composed.record
             packed = pickle.dumps((composed, self.context.callbacks, self.folder.absolute(), needs_hydra))
-            self.templates[kind] = packed
-            self.together[packed] = not (needs_hydra or record.trace or record.weights)
+            self.templates[kind] = packed, not (needs_hydra or record.trace or record.weights)
         return self.templates[kind], values
 
     def run(self) -> str:
@@ -176,21 +183,20 @@ class Sweep:
         """Run the jobs of a batch, whose first has the number ``first``; what they return, in their order."""
         if not self.batches:
             self._plan(batch)
-        jobs, self.launched, known = len(self.planned), len(batch), {}
-        items = list[tuple[bytes, list[Any], int]]()
+        self.launched, known, alike = len(batch), {}, defaultdict[tuple[bytes, bool], list[Any]](list)
         if self.config.sweep.resume:
             known = {(run.read("run"), run.read("overrides")): run for run in list_jobs(self.folder)}
         for number, overrides in enumerate(batch, first):
-            packed, values = self._pack(overrides)
-            if (
-                not items
-                or items[-1][0] is not packed
-                or len(items[-1][1]) >= (self.size if self.together[packed] else 1)
-            ):
-                items.append((packed, [], jobs))
+            template, values = self._pack(overrides)
             run = known.get((number, " ".join(self.planned[number])))
             hashes = tuple(map(run.read, HASHES)) if run is not None and run.outcome.is_result else ()
-            items[-1][1].append((list(overrides), values, number, hashes))
+            alike[template].append((list(overrides), values, number, hashes))
+        items = [
+            (packed, [own[index] for index in chunk], len(self.planned))
+            for (packed, together), own in alike.items()
+            for chunk in group_runs([values for _, values, *_ in own], self.size if together else 1)
+        ]
+        items.sort(key=lambda item: item[1][0][2])  # by the number of the first job
         self.parallel_map("sweep", _run_jobs, items, self._see)
         ended = [JobReturn(status=JobStatus.COMPLETED) for _ in batch]
         if self.optimize and not self.batches:  # else no sweeper waits for it

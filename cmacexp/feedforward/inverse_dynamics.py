@@ -40,11 +40,19 @@ class InverseDynamics(BuiltInFeedforward):
         self.params = known_torque(setup, self.compute_torque(setup))
 
     def compute_torque(self, setup: Setup) -> Array:
-        """Torque (N, L, J) of every sample of the cycle, N m; without J^T F_d where the controller adds it."""
-        adds = setup.config.reference == "force_feedforward"
+        """Torque (N, L, J) of every sample of the cycle, N m; without J^T F_d where the controller adds it.
+
+        Raises BadInput of a robot, whose model cannot have links of another length.
+        """
+        adds, plan = setup.config.reference == "force_feedforward", setup.plan
         if isinstance(setup.config.machine, RobotMachine):
-            return self._torque_of_robot(setup, adds)
-        plan, factors = setup.plan, [self.config.length_factor] * 2 + [self.config.mass_factor] * 2 + [1.0]
+            if self.config.length_factor != 1.0:
+                reason = "must be 1 with machine.kind=robot, whose links are those of its model"
+                raise BadInput("feedforward.length_factor", self.config.length_factor, reason)
+            forces = plan.force_desired, np.zeros_like(plan.force_desired) if adds else plan.force_desired
+            motion = plan.joints, plan.sway
+            return planned_torques(setup.config, setup.mechanism, *motion, *forces, self.config.mass_factor)
+        factors = [self.config.length_factor] * 2 + [self.config.mass_factor] * 2 + [1.0]
         added = np.where(plan.support, plan.force_desired, 0.0) if adds else np.zeros(plan.support.shape)
         mechanism = setup.mechanism._replace(legs=setup.mechanism.legs * np.array(factors))
         torque = np.zeros_like(plan.joints.position)
@@ -54,20 +62,3 @@ class InverseDynamics(BuiltInFeedforward):
             q, dq, ddq = (values[k, i] for values in plan.joints)
             torque[k, i] = planned_torque(mechanism, i, q, dq, ddq, force)
         return torque
-
-    def _torque_of_robot(self, setup: Setup, adds: bool) -> Array:
-        """Likewise, from its model; raises BadInput, since links of the model cannot have another length."""
-        if self.config.length_factor != 1.0:
-            reason = "must be 1 with machine.kind=robot, whose links are those of its model"
-            raise BadInput("feedforward.length_factor", self.config.length_factor, reason)
-        plan = setup.plan
-        pressed = np.zeros_like(plan.force_desired) if adds else plan.force_desired
-        return planned_torques(
-            setup.config,
-            setup.mechanism,
-            plan.joints,
-            plan.sway,
-            plan.force_desired,
-            pressed,
-            self.config.mass_factor,
-        )

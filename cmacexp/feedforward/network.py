@@ -109,22 +109,6 @@ def kernel_norm(cells: Cells, activation: Array) -> float:
     return max(float((activation[:, i] * total[cells[:, i]]).sum(axis=1).max()) for i, total in enumerate(sums))
 
 
-def _learning(setup: Setup, cells: Cells, activation: Array, binary: bool) -> LearningParams:
-    """How a network of these cells and activations (N, L, C) learns; ``binary``: two joints, activations of 1."""
-    config = setup.config.learning
-    rule = make_rule(config, activation)
-    spreads = rule.teaches == NEIGHBOURS
-    return LearningParams(
-        setup.rate,
-        setup.lead,
-        rule,
-        rule == PAPER and binary,
-        setup.plan.start_step,
-        *(spread_shares(cells, activation, config.window) if spreads else (EMPTY_CELLS, EMPTY)),
-        cycle_rate=setup.rate / kernel_norm(cells, activation) if config.guard == REFINE else 0.0,
-    )
-
-
 def known_torque(setup: Setup, torque: Array) -> FeedforwardParams:
     """Params of a feedforward whose ``torque`` (N, L, J), N m, is known in advance."""
     legs, joints = setup.mechanism.shape
@@ -193,7 +177,17 @@ def network(
     # The paper's law is written for the two joints of a planar leg.
     binary = joints == 2 and (activation is None or bool((activation == 1.0).all()))
     counts = np.broadcast_to(1.0, cells.shape) if activation is None else activation  # which takes no memory
-    learning = _learning(setup, cells, counts, binary)
+    config = setup.config.learning
+    rule = make_rule(config, counts)
+    learning = LearningParams(
+        setup.rate,
+        setup.lead,
+        rule,
+        rule == PAPER and binary,
+        setup.plan.start_step,
+        *(spread_shares(cells, counts, config.window) if rule.teaches == NEIGHBOURS else (EMPTY_CELLS, EMPTY)),
+        cycle_rate=setup.rate / kernel_norm(cells, counts) if config.guard == REFINE else 0.0,
+    )
     log = hold_cycles(log or new_log(cells), setup.config.cycles)
     smoothing = NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows))
     return FeedforwardParams(

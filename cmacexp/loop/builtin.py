@@ -63,16 +63,6 @@ def _get_parts(component: Any) -> KernelParts:
     return component.kernel_parts()  # type: ignore[no-any-return]
 
 
-def _start_external(scenario: Scenario) -> KernelParts:
-    """A state for the output of an external plant, as it measured itself at the start."""
-    mechanism = scenario.setup.mechanism
-    machine = new_state(mechanism.shape[0], mechanism.axes)
-    for values, start in zip(get_state(machine), get_state(scenario.first), strict=True):
-        values[...] = start
-    first = scenario.first
-    return {"plant_state": machine, "travel": copy.copy(first.travel), "signals": copy.deepcopy(first.signals)}
-
-
 def make_guard(scenario: Scenario, external: External) -> Guard | None:
     """The guard of learning of a scenario, None if nothing learns or nothing is to be guarded.
 
@@ -139,7 +129,14 @@ def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard:
     drives = _make_drives(scenario, external, actuator)
     if drives is not None:  # which delay their commands themselves
         actuator = replace(actuator, delay=0, lag=0.0)
-    parts = dict(_start_external(scenario) if external.plant else _get_parts(scenario.plant))
+    if external.plant:  # a state for its output, as it measured itself at the start
+        machine, first = new_state(mechanism.shape[0], mechanism.axes), scenario.first
+        for values, start in zip(get_state(machine), get_state(first), strict=True):
+            values[...] = start
+        signals = copy.deepcopy(first.signals)
+        parts: dict[str, Any] = {"plant_state": machine, "travel": copy.copy(first.travel), "signals": signals}
+    else:
+        parts = dict(_get_parts(scenario.plant))
     if external.sensors:
         parts["observation"] = new_observation(mechanism.shape[0], mechanism.axes)._replace(
             travel=copy.copy(parts.get("travel"))

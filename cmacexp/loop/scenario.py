@@ -158,46 +158,41 @@ def make_scenario(config: Config, learnt: Weights | None = None, **given: Any) -
     BadInput if a component cannot be made, there are no weights to start from, or the machine cannot follow the plan.
     """
     with workload(config.cycles * config.steps_per_cycle * config.legs):
-        return _prepare(config, learnt, given)
-
-
-def _prepare(config: Config, learnt: Weights | None, given: dict[str, Any]) -> Scenario:
-    """:func:`make_scenario`, in its workload."""
-    find_rule(config.learning.rule)  # also if no feedforward uses it
-    check_load_sharing(config)
-    check_memory(config)
-    mechanism = make_mechanism(config.machine)
-    for group, component in given.items():
-        require_members(group, type(component).__qualname__, component)
-    made = {group: make_component(group, getattr(config, group)) for group in PROTOCOLS if group not in given}
-    components = {**made, **given}
-    check_weights(config, components["feedforward"])
-    plan = make_plan(config.nominal, mechanism, components["feedforward"].acts)
-    lead = resolve_lead(config, components["sensors"], components["controller"])
-    loop_delay = count_loop_delay(config, components["sensors"])
-    warning = ""
-    if isinstance(config.machine, RobotMachine) and isinstance(components["controller"], HybridController):
-        warning = check_margin(config, components["controller"].config, loop_delay)
-    rate = resolve_rate(config, loop_delay, lead)
-    setup = Setup(
-        config, mechanism, plan, _start(config, plan), read_weights(config) if learnt is None else learnt, lead, rate
-    )
-    first, fault = new_measurement(*mechanism.shape), None
-    try:
-        first = _reset(setup, components)
-    except BadInput:
-        raise
-    except Exception as error:
-        fault = error
-    return Scenario(setup, **components, first=first, fault=fault, warning=warning)
-
-
-def check_weights(config: Config, feedforward: Feedforward) -> None:
-    """Check that a feedforward learns if its weights are to be kept, or started from; raises BadInput."""
-    if isinstance(feedforward, Learns):
-        return
-    name = type(feedforward).__name__
-    if config.record.weights:
-        raise BadInput("record.weights", True, f"must be false: {name} learns no weights")
-    if config.learning.start_from is not None:
-        raise BadInput("learning.start_from", config.learning.start_from, f"must be null: {name} learns no weights")
+        find_rule(config.learning.rule)  # also if no feedforward uses it
+        check_load_sharing(config)
+        check_memory(config)
+        mechanism = make_mechanism(config.machine)
+        for group, component in given.items():
+            require_members(group, type(component).__qualname__, component)
+        made = {group: make_component(group, getattr(config, group)) for group in PROTOCOLS if group not in given}
+        components = {**made, **given}
+        if not isinstance(feedforward := components["feedforward"], Learns):
+            learns = f"{type(feedforward).__name__} learns no weights"
+            if config.record.weights:
+                raise BadInput("record.weights", True, f"must be false: {learns}")
+            if config.learning.start_from is not None:
+                raise BadInput("learning.start_from", config.learning.start_from, f"must be null: {learns}")
+        plan = make_plan(config.nominal, mechanism, feedforward.acts)
+        lead = resolve_lead(config, components["sensors"], components["controller"])
+        loop_delay = count_loop_delay(config, components["sensors"])
+        warning = ""
+        if isinstance(config.machine, RobotMachine) and isinstance(components["controller"], HybridController):
+            warning = check_margin(config, components["controller"].config, loop_delay)
+        rate = resolve_rate(config, loop_delay, lead)
+        setup = Setup(
+            config,
+            mechanism,
+            plan,
+            _start(config, plan),
+            read_weights(config) if learnt is None else learnt,
+            lead,
+            rate,
+        )
+        first, fault = new_measurement(*mechanism.shape), None
+        try:
+            first = _reset(setup, components)
+        except BadInput:
+            raise
+        except Exception as error:
+            fault = error
+        return Scenario(setup, **components, first=first, fault=fault, warning=warning)

@@ -20,17 +20,18 @@ class Declared(NamedTuple):
 
 
 @cache
-def _read_hints(kind: Any) -> dict[str, Any]:
-    return get_type_hints(kind, include_extras=True)
+def _read_roles(kind: Any) -> dict[str, Role | None]:
+    """Declared roles of the fields of a tuple, by name."""
+    hints = get_type_hints(kind, include_extras=True)
+    return {name: getattr(hints[name], "__metadata__", (None,))[0] for name in kind._fields}
 
 
 def _arrays_below(node: Any, path: str, role: Role | None) -> Iterator[Declared]:
     if isinstance(node, np.ndarray):
         yield Declared(path, node, role)
     elif hasattr(node, "_fields"):
-        hints = _read_hints(type(node))  # type: ignore[arg-type]  # any class is hashable
-        for name, inner in zip(node._fields, node, strict=True):
-            declared = getattr(hints[name], "__metadata__", (None,))[0]
+        roles = _read_roles(type(node))  # type: ignore[arg-type]  # any class is hashable
+        for (name, declared), inner in zip(roles.items(), node, strict=True):
             yield from _arrays_below(inner, f"{path}.{name}" if path else name, declared)
 
 

@@ -39,13 +39,6 @@ def find_pressure(feet: Array, weight: Array, wanted: Array) -> Array:
     return wanted + (press[..., None] * away).sum(axis=1) / press.sum(axis=1)[:, None]
 
 
-def _spread(pressure: Array, share: float) -> Array:
-    """The periodic solution d (N, 2) of (1 + 2 share) d_k - share (d_k+1 + d_k-1) = pressure_k (N, 2)."""
-    root = ((1.0 + 2.0 * share) - math.sqrt(1.0 + 4.0 * share)) / (2.0 * share)
-    ahead, back = _decay(root, pressure), _decay(root, pressure[::-1])[::-1]
-    return (ahead + back - pressure) / math.sqrt(1.0 + 4.0 * share)
-
-
 def _decay(root: float, values: Array) -> Array:
     """s_k = root s_k-1 + values_k (N, 2) on a ring."""
     sums, last = np.empty_like(values), np.zeros(2)
@@ -62,6 +55,10 @@ def find_sway(pressure: Array, height: float, period: float) -> Motion:
 
     ``height`` is that of the centre of mass, m, ``period`` that of sampling, s.
     """
-    place = _spread(pressure, height / GRAVITY / period**2)
+    # The periodic solution of (1 + 2 share) place_k - share (place_k+1 + place_k-1) = pressure_k.
+    share = height / GRAVITY / period**2
+    root = ((1.0 + 2.0 * share) - math.sqrt(1.0 + 4.0 * share)) / (2.0 * share)
+    ahead, back = _decay(root, pressure), _decay(root, pressure[::-1])[::-1]
+    place: Array = (ahead + back - pressure) / math.sqrt(1.0 + 4.0 * share)
     after, before = np.roll(place, -1, axis=0), np.roll(place, 1, axis=0)
     return Motion(place, (after - before) / (2.0 * period), (after - 2.0 * place + before) / period**2)

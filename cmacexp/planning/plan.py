@@ -134,15 +134,6 @@ def _sway(walk: _Walk, load: BodyLoad) -> _Walk:
     return walk._replace(feet=walk.feet - more.position[:, None], sway=swaying)
 
 
-def _require_balance(walk: _Walk, load: BodyLoad, force: Array) -> None:
-    """Require that the forces (N, L) of the feet have the centre of pressure that the ``load`` needs."""
-    centre = (force[..., None] * walk.feet).sum(axis=1) / force.sum(axis=1)[:, None]
-    off, gait = np.abs(centre - load.centre).mean(), walk.config.gait
-    if not off < OUT_OF_BALANCE * walk.mechanism.hip_height:
-        reason = f"tips this body over: pressure would have to be {1e3 * off:.3g} mm outside its feet on average"
-        raise BadInput("gait.pattern", gait.pattern, f"{reason}; use gait=wave, or a longer gait.duty_factor")
-
-
 def _plan_under_load(walk: _Walk, load: BodyLoad, met: LoadEstimate = NOTHING) -> tuple[Motion, Motion, Array]:
     """Desired motion of feet that share a load, the same of joints, and desired forces (N, L), N."""
     config, mechanism, timing, forward, feet, sway, _ = walk
@@ -212,7 +203,14 @@ def _make_plan(config: Config, mechanism: Mechanism) -> Plan:
                 walk = _sway(walk, load)
             desired, joints, force = _plan_under_load(walk, load)
         if dynamic:
-            _require_balance(walk, load, force)
+            centre = (force[..., None] * walk.feet).sum(axis=1) / force.sum(axis=1)[:, None]
+            off = np.abs(centre - load.centre).mean()
+            if not off < OUT_OF_BALANCE * mechanism.hip_height:
+                tips = (
+                    f"tips this body over: pressure would have to be {1e3 * off:.3g} mm outside its feet on average"
+                )
+                allowed = f"{tips}; use gait=wave, or a longer gait.duty_factor"
+                raise BadInput("gait.pattern", config.gait.pattern, allowed)
     return Plan(
         support=timing.support,
         progress=timing.progress,
