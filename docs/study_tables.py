@@ -15,7 +15,7 @@ from cmacexp.study import Claim, Finding
 from cmacexp.study.page import build_evidence, format_html
 from cmacexp.study.statements import NO, UNCLEAR, VERDICTS, YES
 from cmacexp.study.study_file import StudyFile
-from pipelines.benchmark.benchmark import NAME as BENCHMARK
+from pipelines.benchmark.benchmark import BENCHMARK
 from pipelines.benchmark.log_track import NAME as LOG_TRACK
 from pipelines.benchmark.log_track import make_study as make_log_study
 from pipelines.groups import GROUPS

@@ -12,9 +12,8 @@ from cmacexp.study.provenance import STAGES_FILE, list_stages
 from cmacexp.study.study_file import YAML
 from pipelines.benchmark import log_track, summary
 from pipelines.benchmark.__main__ import main as run_benchmark
-from pipelines.benchmark.benchmark import NAME as BENCHMARK
-from pipelines.groups import GROUPS, find_study
-from pipelines.groups import main as run_group
+from pipelines.benchmark.benchmark import BENCHMARK
+from pipelines.groups import GROUPS, find_study, run_group
 from pipelines.quotes import (
     LOG_SCORES,
     PAGES,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.study import Array, Results, declare, quotients
-from pipelines.common_memory import (
+from pipelines.common_results import (
     SIDES,
     colliding,
     cost_of_collisions,

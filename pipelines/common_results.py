@@ -1,14 +1,28 @@
-"""Samples, tables and figures that several studies share."""
+"""Measures, samples and cells of tables that several studies share, or one that is declared without Python."""
 
 from collections.abc import Callable, Mapping
-from functools import wraps
+from functools import partial, wraps
 from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from cmacexp.data.tables import BODY_FILE
 from cmacexp.planning.reference import Gains, compute_support_reference
-from cmacexp.study import Array, Results, Run, Status, compute_quantity, ended_in, estimate, format_number
+from cmacexp.study import (
+    Array,
+    Results,
+    Run,
+    Status,
+    compute_quantity,
+    ended_in,
+    estimate,
+    format_number,
+    per_seed,
+    relative,
+)
+
+SIDES = ("transfer_rmse_x", "transfer_rmse_y")
 
 
 def if_completed(measure: Callable[[Run], float]) -> Callable[[Run], float]:
@@ -16,9 +30,9 @@ def if_completed(measure: Callable[[Run], float]) -> Callable[[Run], float]:
     return wraps(measure)(lambda run: measure(run) if run.status == Status.COMPLETED else np.inf)
 
 
-def find_least(values: Array, cycles: int) -> float:
-    """The least median of so many successive values, (n,)."""
-    return float(np.median(sliding_window_view(values, min(cycles, len(values))), axis=1).min())
+def slide_median(values: Array, cycles: int) -> Array:
+    """Medians of every so many successive values, (n,)."""
+    return np.asarray(np.median(sliding_window_view(values, min(cycles, len(values))), axis=1))
 
 
 def cycles_to(errors: Array, level: float | Array) -> Array:
@@ -52,3 +66,67 @@ def describe_end(results: Results, quantity: str) -> str:
     if completed == len(results):
         return format_number(estimate(compute_quantity(quantity, results)).value)
     return f"ends in {np.median(ends[np.isfinite(ends)]):.0f}" + (f" ({completed} complete)" if completed else "")
+
+
+def rows_per_cell(run: Run) -> float:
+    """Rows of memory for each visited cell of all legs."""
+    return _sum(run, "rows") / _sum(run, "cells_visited")
+
+
+def colliding(run: Run) -> float:
+    """Share of the visited cells of all legs that share a row with another one."""
+    return _sum(run, "cells_colliding") / _sum(run, "cells_visited")
+
+
+def _sum(run: Run, key: str) -> int:
+    return sum(int(leg[key]) for leg in run.manifest["memory"])
+
+
+def worsening(own: Results, base: Results, at: str = "") -> Array:
+    """(runs of ``own``,): transfer errors over those of ``base`` in the same world, or of the same seed; the larger.
+
+    ``at`` is the cycle, ``[5]``; empty: at the end. A run that ended early counts as infinitely large.
+    """
+    samples = [partial(compute_quantity, f"{side}{at}") for side in SIDES]
+    return np.max([relative(own, base, sample) for sample in samples], axis=0)
+
+
+def hashed(results: Results) -> Results:
+    """The runs with hashed memory."""
+    return results.select({"cmac.addressing": "hashed"})
+
+
+def hashed_where(results: Results, measure: str, least: float) -> Results:
+    """Those in which a measure of the study is at least so large."""
+    return Results([row for row in hashed(results).rows if row.measures[measure] >= least])
+
+
+def cost_of_collisions(results: Results, measure: str, least: float) -> Array:
+    """Errors in the runs of :func:`hashed_where` over those without collisions."""
+    return worsening(hashed_where(results, measure, least), results.select({"cmac.addressing": "visited"}))
+
+
+def worst_in_worlds(results: Results, measure: str, least: float) -> Array:
+    """(worlds,): the largest :func:`cost_of_collisions`."""
+    return per_seed(hashed_where(results, measure, least), cost_of_collisions(results, measure, least), max)
+
+
+def cost_against(results: Results) -> Callable[[Results], Array]:
+    """A sample of hashed runs with one rule: errors over those of the run of the same world without collisions."""
+    free = results.select({"cmac.addressing": "visited"}).by("rule")
+    return lambda own: worsening(own, free[own.value("rule")])
+
+
+@if_completed
+def off_course(run: Run) -> float:
+    """Relative error of the body's way in the last cycle."""
+    gait, body = run.config["gait"], run.cycles([run.config["cycles"]], BODY_FILE)
+    speed = gait["stroke"] / (gait["duty_factor"] * gait["cycle_time"])
+    planned = speed * run.config["sampling_period"] * (len(body) - 1)
+    return float(abs((body["cog_x"].iloc[-1] - body["cog_x"].iloc[0]) / planned - 1.0))
+
+
+@if_completed
+def drift(run: Run) -> float:
+    """Largest distance of the body from its course in the last cycle, m."""
+    return float(np.abs(run.cycles([run.config["cycles"]], BODY_FILE)["cog_y"]).max())

@@ -65,6 +65,6 @@ def write(name: str, options: Options) -> Path:
         return write_page(title, question, studies, place, options.quick)
 
 
-def main(name: str) -> NoReturn:
+def run_group(name: str) -> NoReturn:
     """Run the command of a group."""
     command(study_parser(f"pipelines.{name}", GROUPS[name].question), lambda _, options: write(name, options))

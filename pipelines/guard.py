@@ -28,7 +28,7 @@ from cmacexp.study import (
     draw,
     relative,
 )
-from pipelines.common_results import find_least, if_completed
+from pipelines.common_results import if_completed, slide_median
 from pipelines.worlds import ALIENGO, GO1, HARD, ONE_LEG, QUADRUPED, draw_hard_world, draw_long
 
 KINDS = {
@@ -78,7 +78,7 @@ def measure_level(run: Run) -> float:
     """Feedback torque at the end over that of the cycle whose torque acts; without one, over its least."""
     feedback = run.pooled["feedback_rms"]
     restored = [event["restored"] for event in run.manifest["guard"]]
-    best = feedback[max(restored[-1], 1) - 1] if restored else find_least(feedback[1:], FINAL_CYCLES)
+    best = feedback[max(restored[-1], 1) - 1] if restored else slide_median(feedback[1:], FINAL_CYCLES).min()
     return float(compute_final(feedback) / best)
 
 

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from cmacexp.study import DataFrame, Figure, Results, completed, declare, draw, over_setting, tabulate
-from pipelines.common_memory import (
+from pipelines.common_results import (
     colliding,
     cost_against,
     hashed,

@@ -9,7 +9,7 @@ from typing import Any
 
 from cmacexp.cmac.rules import PAPER_RATE, RULES
 from cmacexp.study import FINAL_CYCLES, TRANSFER, Array, Results, Run, declare, find_history, per_seed, relative
-from pipelines.common_results import describe_end, find_least, if_completed
+from pipelines.common_results import describe_end, if_completed, slide_median
 
 WORLDS = {
     "on time": [],
@@ -35,7 +35,7 @@ LEADS = {f"zero_phase, lead {lead}": ["learning.rule=zero_phase", f"learning.lea
 @if_completed
 def least(run: Run) -> float:
     """The least median of a transfer error over as many cycles in a row as the final one, m."""
-    return find_least(find_history(run.pooled, TRANSFER), FINAL_CYCLES)
+    return float(slide_median(find_history(run.pooled, TRANSFER), FINAL_CYCLES).min())
 
 
 def find_least_rule(results: Results) -> Array:

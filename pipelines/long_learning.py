@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from cmacexp.cmac.rules import RULES
 from cmacexp.study import (
@@ -26,7 +25,7 @@ from cmacexp.study import (
     quotients,
     relative,
 )
-from pipelines.common_results import describe_end, if_completed
+from pipelines.common_results import describe_end, if_completed, slide_median
 from pipelines.worlds import FEWER, TESTED, draw_worlds
 
 FORCE, RAMP = "force_rmse_cycle", "gait.load_ramp=0.12"
@@ -45,8 +44,7 @@ def find_variation(errors: Array) -> float:
 
     Of medians over 10 cycles, since noise alone varies the error of single cycles.
     """
-    half = errors[len(errors) // 2 :]
-    medians = np.median(sliding_window_view(half, min(10, len(half))), axis=1)
+    medians = slide_median(errors[len(errors) // 2 :], 10)
     return float(medians.max() / medians.min())
 
 

@@ -16,11 +16,9 @@ import cmacexp
 from cmacexp.study import Claim, Finding
 from cmacexp.study.page import count_verdicts
 from cmacexp.study.study_file import StudyFile, load_study
-from pipelines.benchmark.benchmark import NAME as BENCHMARK
-from pipelines.benchmark.benchmark import make_study
-from pipelines.benchmark.entrants import list_methods
+from pipelines.benchmark.benchmark import BENCHMARK, make_study
+from pipelines.benchmark.entrants import MACHINES, list_methods
 from pipelines.benchmark.log_track import make_study as make_log_study
-from pipelines.benchmark.tasks import MACHINES
 from pipelines.groups import PIPELINES, find_study
 
 DOCS = PIPELINES.parent / "docs"

@@ -23,7 +23,7 @@ from cmacexp.models.robot_file import package_models
 from cmacexp.study.page import CLAIMS
 from cmacexp.study.provenance import PROVENANCE, digest_package, digest_source, list_changed, make_witness
 from cmacexp.study.statements import OUTCOMES
-from pipelines.benchmark.benchmark import NAME as BENCHMARK
+from pipelines.benchmark.benchmark import BENCHMARK
 from pipelines.benchmark.log_track import NAME as LOG_TRACK
 from pipelines.groups import PIPELINES
 from pipelines.quotes import DOCS, Quotable

@@ -23,10 +23,22 @@ from cmacexp.terminal.messages import warn_of_models
 from cmacexp.terminal.output import print_line
 from cmacexp.terminal.tables import print_table
 from pipelines.benchmark import log_track, summary
-from pipelines.benchmark.benchmark import NAME, QUESTION, make_study
-from pipelines.benchmark.entrants import ALONE, CMAC, Method, choose_methods, choose_names
+from pipelines.benchmark.benchmark import BENCHMARK, QUESTION, make_study
+from pipelines.benchmark.entrants import (
+    ALONE,
+    CMAC,
+    LEG,
+    MACHINES,
+    TASKS,
+    VERSION,
+    Machine,
+    Method,
+    choose_methods,
+    choose_names,
+    hash_tasks,
+    make_quick,
+)
 from pipelines.benchmark.results import DEFAULT, Bench, list_overrides, test, tune
-from pipelines.benchmark.tasks import LEG, MACHINES, TASKS, VERSION, Machine, hash_tasks, make_quick
 from pipelines.results import find_model_hash, run_witness
 
 ALL, TRIALS = "all", "trials"
@@ -39,7 +51,7 @@ def _write(machines: dict[str, Machine], methods: list[Method], options: Options
         bench = Bench(machines, {method.name: method for method in methods}, each, options.folder / TRIALS)
         chosen, tuned = tune(bench)
         frame = test(bench, chosen)
-    results = Results([], {NAME: frame, "settings": summary.table_settings(tuned)})
+    results = Results([], {BENCHMARK: frame, "settings": summary.table_settings(tuned)})
     imported = {*find_sources("pipelines.benchmark.benchmark"), *find_sources("pipelines.perceptron")}
     own = digest_files(sorted(imported.union(Path(__file__).parent.rglob("*.py"))), Path(__file__).parents[2])
     first = next(iter(machines.values()))
@@ -50,18 +62,20 @@ def _write(machines: dict[str, Machine], methods: list[Method], options: Options
         "runs": len(frame),
         "models": {name: find_model_hash(name) for name in machines if name in package_models()},
     }
-    file = StudyFile(Path(__file__).with_name(f"{NAME}.py"), make_study(machines, bench.methods))
+    file = StudyFile(Path(__file__).with_name(f"{BENCHMARK}.py"), make_study(machines, bench.methods))
     settings = {f"{machine}, {method}": own for (machine, method), own in chosen.items()}
     about = {"version": VERSION, "quick": options.quick, "tasks_hash": hash_tasks(machines), "settings": settings}
-    texts = {f"{NAME}.json": json.dumps(about, indent=1) + "\n"}  # code, versions and models are in the provenance
-    write_results(file, results, options.place(NAME), options.quick, provenance, texts)
+    texts = {
+        f"{BENCHMARK}.json": json.dumps(about, indent=1) + "\n"
+    }  # code, versions and models are in the provenance
+    write_results(file, results, options.place(BENCHMARK), options.quick, provenance, texts)
     for machine in machines:
         print_line(f"{machine}: mean score of completed runs over {len(TASKS)} tasks, and failures")
         scores = summary.table_scores(frame, machine)
         print_table(list(scores), [[str(cell) for cell in row] for row in scores.itertuples(index=False)])
         if not options.quick:
             print_line(summary.describe_order(frame, machine))
-    return options.place(NAME) / HTML
+    return options.place(BENCHMARK) / HTML
 
 
 def run(arguments: argparse.Namespace, options: Options) -> Path:

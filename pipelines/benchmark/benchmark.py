@@ -21,11 +21,10 @@ from cmacexp.study import (
     at_most,
 )
 from pipelines.benchmark import summary
-from pipelines.benchmark.entrants import ALONE, CMAC
+from pipelines.benchmark.entrants import ALONE, CMAC, MACHINES, SPEED, STRESS, STROKE, TASKS, VERSION
 from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, FOR_EACH, GUARDED
-from pipelines.benchmark.tasks import MACHINES, SPEED, STRESS, STROKE, TASKS, VERSION
 
-NAME = "benchmark"
+BENCHMARK = "benchmark"
 QUESTION = "How well do methods learn the torque of legs that press on the ground, when something changes for them?"
 ON_MODEL, RBF, ILC, REPETITIVE = "CMAC on model", "RBF", "ILC", "repetitive control"
 MODEL, HEAVY, SMOOTH, IDENTIFIED = "model", "model 20 % heavy", "model, smooth plan", "model, identified"
@@ -75,7 +74,7 @@ def _over_best(machine: str, method: str, models: Sequence[str]) -> Callable[[Re
 
 def _changed(results: Results, machine: str, kind: str, method: str = CMAC) -> Array:
     """(worlds,): score of a method with a kind of setting over that with its default one."""
-    frame = results.computed[NAME]
+    frame = results.computed[BENCHMARK]
     before, after = (summary.make_comparison(frame, machine, each) for each in (BY_DEFAULT, kind))
     pair = {each: found.scores[method] for each, found in ((BY_DEFAULT, before), (kind, after))}
     return _divide(Comparison(pair, before.tasks, before.worlds).sums(kind, BY_DEFAULT))
@@ -83,7 +82,7 @@ def _changed(results: Results, machine: str, kind: str, method: str = CMAC) -> A
 
 def _fastest(results: Results, machine: str) -> Array:
     """(worlds,): cycles to a tenth of CMAC over those of the learner that was the fastest other one in tuning."""
-    counted = summary.count_cycles(summary.take(results.computed[NAME], machine, FOR_ALL))
+    counted = summary.count_cycles(summary.take(results.computed[BENCHMARK], machine, FOR_ALL))
     tuned = results.computed["settings"]
     in_tuning = tuned[tuned["machine"] == machine].set_index("method")[CYCLES]
     rival = min((name for name in LEARNERS if name not in (CMAC, ON_MODEL)), key=lambda name: in_tuning[name])
@@ -93,7 +92,7 @@ def _fastest(results: Results, machine: str) -> Array:
 
 def _first(results: Results, machine: str, task: str) -> Array:
     """(worlds,): first error of CMAC after a change over that of feedback only, where both complete."""
-    rows = summary.take(results.computed[NAME], machine, FOR_ALL)
+    rows = summary.take(results.computed[BENCHMARK], machine, FOR_ALL)
     values = summary.tabulate_values(rows, "first_error", (task,))
     both = np.isfinite(values[CMAC][0]) & np.isfinite(values[ALONE][0])
     return _divide(np.stack([np.where(both, values[name][0], 0.0) for name in (CMAC, ALONE)]))
@@ -104,7 +103,7 @@ def _beaten(results: Results, method: str) -> Array:
 
     Machine and rival are chosen in every second world, and judged in the others.
     """
-    frame, most, found = results.computed[NAME], 0.0, np.array([UNPAIRED])
+    frame, most, found = results.computed[BENCHMARK], 0.0, np.array([UNPAIRED])
     for machine in [*frame["machine"].unique()]:
         comparison = summary.make_comparison(frame, machine, FOR_ALL)
         for rival in (name for name in LEARNERS if name != method):
@@ -231,7 +230,7 @@ def _findings_of_tuning(machine: str) -> dict[str, Finding]:
 
 
 def _values(results: Results) -> dict[str, Any]:
-    frame = results.computed[NAME]
+    frame = results.computed[BENCHMARK]
     machines = [*frame["machine"].unique()]
     return {
         "machines": machines,
@@ -248,7 +247,7 @@ def _values(results: Results) -> dict[str, Any]:
 
 
 def _show(table: Callable[[DataFrame], DataFrame], results: Results) -> DataFrame:
-    return table(results.computed[NAME])
+    return table(results.computed[BENCHMARK])
 
 
 def make_study(machines: Collection[str], methods: Collection[str]) -> Study:
@@ -282,7 +281,7 @@ def make_study(machines: Collection[str], methods: Collection[str]) -> Study:
         question=QUESTION,
         runs=lambda quick: [],
         findings=findings,
-        figures={"profiles": lambda results: summary.draw_profiles(results.computed[NAME])},
+        figures={"profiles": lambda results: summary.draw_profiles(results.computed[BENCHMARK])},
         tables={
             **{title: partial(_show, table) for title, table in shown.items()},
             "settings": lambda results: results.computed["settings"],

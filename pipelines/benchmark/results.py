@@ -32,8 +32,7 @@ from cmacexp.study import Array, compute_final
 from cmacexp.study.comparison import relative_to
 from cmacexp.terminal.messages import announce_compiling
 from cmacexp.typing import Weights
-from pipelines.benchmark.entrants import ALONE, Method
-from pipelines.benchmark.tasks import PROTOCOL, TASKS, VERSION, Machine, change_world
+from pipelines.benchmark.entrants import ALONE, PROTOCOL, TASKS, VERSION, Machine, Method, change_world
 from pipelines.worlds import Draw
 
 COMPLETED, REFUSED, FAILED = "completed", "refused", "failed"

@@ -11,9 +11,8 @@ import pandas as pd
 from cmacexp.data.parquet import read_table
 from cmacexp.errors import BadInput
 from cmacexp.study import Array, Comparison, Figure, Interval, Mask, compare, draw, find_order, profile_panel
-from pipelines.benchmark.entrants import ALONE, CMAC
+from pipelines.benchmark.entrants import ALONE, CMAC, MACHINES, TASKS
 from pipelines.benchmark.results import BY_DEFAULT, COMPLETED, FOR_ALL, GUARDED, SETTINGS
-from pipelines.benchmark.tasks import MACHINES, TASKS
 from pipelines.common_results import cycles_to
 
 END, WORST, FORCE = "end_error", "worst_error", "force"

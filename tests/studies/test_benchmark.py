@@ -12,7 +12,18 @@ from support.doors import BadInput, compose_config, make_scenario
 from cmacexp.study import Results
 from pipelines.benchmark import summary
 from pipelines.benchmark.benchmark import CYCLES, LEARNERS, MODELS, make_study
-from pipelines.benchmark.entrants import ALONE, CMAC, choose_methods
+from pipelines.benchmark.entrants import (
+    ALONE,
+    CMAC,
+    LEG,
+    MACHINES,
+    STRESS,
+    TASKS,
+    VERSION,
+    change_world,
+    choose_methods,
+    hash_tasks,
+)
 from pipelines.benchmark.results import (
     BY_DEFAULT,
     COMPLETED,
@@ -22,7 +33,6 @@ from pipelines.benchmark.results import (
     choose_setting,
     list_overrides,
 )
-from pipelines.benchmark.tasks import LEG, MACHINES, STRESS, TASKS, VERSION, change_world, hash_tasks
 
 TASKS_OF_VERSION_1 = "fe5a5ab1812333e398fc5fcc1c12e9b39d3d9a85a11295abfa91819ff2f297ff"
 ENTRANTS = '''
