@@ -13,10 +13,13 @@ import pandas as pd
 from cmacexp.study import Array, DataFrame, Results, declare, quotients
 from pipelines import quadruped_walking_trace as trace
 
-FEEDBACK, NO_CMAC = {"feedback": ["feedforward=none", "posture.gain=0"]}, {"feedback + posture": ["feedforward=none"]}
-NO_POSTURE = {"feedback + CMAC": ["posture.gain=0", "learning.start_cycle=1"]}
-ALL: dict[str, list[str]] = {"all": []}
-UNSEEDED = FEEDBACK | NO_CMAC
+CONTROLLERS = {
+    "feedback": ["feedforward=none", "posture.gain=0"],
+    "feedback + posture": ["feedforward=none"],
+    "feedback + CMAC": ["posture.gain=0", "learning.start_cycle=1"],
+    "all": [],
+}
+UNSEEDED = ["feedback", "feedback + posture"]
 """Controllers that learn nothing, so that with perfect sensors no seed matters."""
 NOISES = [
     "force.noise_relative=0.2",
@@ -41,9 +44,13 @@ LADDER = {"part": "ladder", "controller": "all"}
 """The runs of the full controller."""
 
 
-def _request(part: str, controllers: dict[str, list[str]], **own: Any) -> dict[str, Any]:
+def _request(part: str, controllers: list[str], **own: Any) -> dict[str, Any]:
     """Runs of controllers with both references: eq. 24 as printed, and without its term F_d/K_ap once a CMAC acts."""
-    return {**own, "over": {"controller": controllers, "reference": ["literal", "aware"]}, "labels": {"part": part}}
+    return {
+        **own,
+        "over": {"controller": {name: CONTROLLERS[name] for name in controllers}, "reference": ["literal", "aware"]},
+        "labels": {"part": part},
+    }
 
 
 def deviations(results: Results) -> DataFrame:
@@ -198,8 +205,8 @@ SAID: dict[str, tuple[str, str, str, list[dict[str, Any]]]] = {
         "the machine walks with posture control and falls without it",
         [
             {**WALKS, "limit": "at most 50 %", "opposite": "at least 90 %",
-             "each": {"controller": [*FEEDBACK, *NO_POSTURE]}},
-            {**WALKS, "each": {"controller": [*NO_CMAC, *ALL]}},
+             "each": {"controller": ["feedback", "feedback + CMAC"]}},
+            {**WALKS, "each": {"controller": ["feedback + posture", "all"]}},
         ],
     ),
     "indicator": (
@@ -210,7 +217,7 @@ SAID: dict[str, tuple[str, str, str, list[dict[str, Any]]]] = {
             {"quantity": f"correlation of F_n2 with the rear margin while foot 3 is aloft, {AT_END}",
              "value": "correlation", "limit": "at least 0.9", "opposite": "at most 0"},
             {"quantity": "least force of a supporting foot as the machine falls, over the weight",
-             "value": "force_at_fall", "of": {"controller": [*FEEDBACK, *NO_POSTURE]},
+             "value": "force_at_fall", "of": {"controller": ["feedback", "feedback + CMAC"]},
              "limit": "at most 2 %", "opposite": "at least 10 %"},
         ],
     ),
@@ -222,7 +229,7 @@ SAID: dict[str, tuple[str, str, str, list[dict[str, Any]]]] = {
         [
             {"quantity": "change by noise with CMAC over that without, last 5 cycles",
              "value": partial(noise_ratio, column=column),
-             "of": {"part": "noise", "controller": [*NO_CMAC, *ALL]}, "case": what, **LESS}
+             "of": {"part": "noise", "controller": ["feedback + posture", "all"]}, "case": what, **LESS}
             for what, column in (("the feet's positions", "feet"), ("the contact forces", "force"))
         ],
     ),
@@ -243,8 +250,8 @@ STUDY = declare(
     "perfect and with noisy sensors, and for how long?",
     runs=[
         _request("ladder", UNSEEDED, **{**WALK, "seeds": False}),
-        _request("ladder", NO_POSTURE | ALL, **WALK),
-        _request("noise", NO_CMAC | ALL, **NOISY),
+        _request("ladder", ["feedback + CMAC", "all"], **WALK),
+        _request("noise", ["feedback + posture", "all"], **NOISY),
         {"set": ["scenario=quadruped", "record.cycles=[1]", "cycles=500"], "quick": {"cycles": 8}, "seeds": True,
          "over": {"law": {"as published": ["learning.lead=0"], "lead of one sample": ["learning.lead=1"]}},
          "labels": {"part": "long", "controller": "all"}},
