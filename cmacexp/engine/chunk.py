@@ -104,8 +104,8 @@ def run_chunk(chunk: Sequence[list[str]], keeps_trace: bool, runs: int) -> tuple
     """
     expect_runs(runs)
     together, ended = Chunk(chunk, keeps_trace), list[tuple[Config, End]]()
-    for number, overrides in enumerate(chunk):
-        config = compose_config(overrides)
+    configs = [compose_config(overrides) for overrides in chunk]  # twice as fast in a row as between runs
+    for number, config in enumerate(configs):
         ended.append((config, together.run(number, together.make(config))))
         report_share((number + 1) / len(chunk))
     scores = list(together.score().values())

@@ -140,9 +140,11 @@ def run_jobs(packed: bytes, items: Sequence[JobItem], jobs: int) -> list[tuple[s
     if is_first_worker():
         announce_compiling()
     expect_runs(jobs)
+    typed = _unpack(packed)[-1]
+    configs = [set_numbers(typed, item.values) if typed else None for item in items]  # in a row, as run_chunk does
     try:
-        for count, item in enumerate(items, 1):
-            ran[item.number] = run, _ = _run_item(packed, item, jobs, chunk)
+        for count, (item, config) in enumerate(zip(items, configs, strict=True), 1):
+            ran[item.number] = run, _ = _run_item(packed, item, jobs, chunk, config)
             report_share(count / len(items))
             if run is not None and run.status == Status.INTERRUPTED:
                 raise KeyboardInterrupt
@@ -160,15 +162,17 @@ def run_jobs(packed: bytes, items: Sequence[JobItem], jobs: int) -> list[tuple[s
     return [_describe_end(item, *ran[item.number]) for item in items]
 
 
-def _run_item(packed: bytes, item: JobItem, jobs: int, chunk: Chunk) -> tuple[Run | None, bool]:
-    """The run of one of so many jobs, and whether it was run now; None if the tables have its result.
+def _run_item(
+    packed: bytes, item: JobItem, jobs: int, chunk: Chunk, config: Config | None
+) -> tuple[Run | None, bool]:
+    """The run of one of so many jobs, of this config if it is known already, and whether it was run now.
 
-    The values of this one are set in what was composed, all of them, since it holds those of the last one.
+    None if the tables have its result. The values of this one are set in what was composed, all of them, since it
+    holds those of the last one.
     """
-    composed, callbacks, folder, plain, hydra, typed = _unpack(packed)
+    composed, callbacks, folder, plain, hydra, _ = _unpack(packed)
     if plain and (numbers_set := set_numbers(plain, item.values)) is not None:
         _describe_job(hydra, item.overrides, item.number, folder)
-        config = set_numbers(typed, item.values) if typed else None
         return _run_job(numbers_set, hydra, jobs, chunk, item.known, config)
     with read_write(composed.hydra), open_dict(composed.hydra):
         set_values(composed, item.values)

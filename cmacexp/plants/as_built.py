@@ -24,12 +24,11 @@ class AsBuiltConfig(ComponentConfig):
     def build(self, setup: Setup) -> Setup:
         """The setup with the mechanism and the joint angles (L, J) of the machine as it is."""
         spread = self.start_spread if setup.mechanism.kind else 0.0
-        random = np.random.default_rng(self.start_seed)
-        start = setup.start + random.uniform(-spread, spread, setup.start.shape)
+        away = np.random.default_rng(self.start_seed).uniform(-spread, spread, setup.start.shape) if spread else 0.0
         mechanism = setup.mechanism._replace(
             legs=setup.mechanism.legs.copy(), weight=setup.mechanism.weight * self.mass_factor
         )
         if mechanism.chains is None:  # chains of a robot have no masses
             for mass in (mechanism.planar_legs.mass_1, mechanism.planar_legs.mass_2):
                 mass *= self.mass_factor
-        return replace(setup, mechanism=mechanism, start=start)
+        return replace(setup, mechanism=mechanism, start=setup.start + away)

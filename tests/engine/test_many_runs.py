@@ -67,9 +67,12 @@ def test_runs_in_memory_leave_nothing_on_disk_and_have_the_traces_of_runs(tmp_pa
 @pytest.mark.ci
 def test_a_file_of_many_runs_has_the_table_of_them(tmp_path, monkeypatch):
     monkeypatch.setitem(batch.AT_ONCE, "metrics", 2)
-    runs = [[*SHORT, f"learning.rate={rate}"] for rate in (0.1, 0.2)] + [["scenario=quadruped", "cycles=1"]]
+    runs = [
+        *([*SHORT, f"learning.rate={k // 4 + 1}e-1", f"seed={k % 4}"] for k in range(8)),
+        ["scenario=quadruped", "cycles=1"],
+    ]
     write_many(tmp_path / "all.parquet", runs)
-    written, together = pd.read_parquet(tmp_path / "all.parquet"), run_many(runs)
+    written, together = pd.read_parquet(tmp_path / "all.parquet"), run_many(runs, processes=1)
     pd.testing.assert_frame_equal(written[together.columns], together, check_exact=True, check_dtype=False)
     with pytest.raises(BadInput, match="is a folder"):
         write_many(tmp_path, runs)
