@@ -56,9 +56,8 @@ def _choose(robot: str) -> list[str]:
     if robot in names:
         return [f"machine={robot}"]
     if not Path(robot).is_file():
-        raise BadInput(
-            "machine", robot, f"must be an option of conf/machine, or an MJCF or URDF file{suggest(robot, names)}"
-        )
+        allowed = f"must be an option of conf/machine, or an MJCF or URDF file{suggest(robot, names)}"
+        raise BadInput("machine", robot, allowed)
     return ["machine=mjcf", f"machine.path={quote_value(str(Path(robot).resolve()))}"]
 
 

@@ -60,11 +60,8 @@ def write_c(
     context = describe(network, single) | {"period": repr(float(run.config["sampling_period"]))}
     for key, most in (("state_bytes", MOST_STATE), ("constant_bytes", MOST_CONSTANTS)):
         if context[key] > most:
-            raise BadInput(
-                "cmac.memory_bytes",
-                run.config["cmac"].get("memory_bytes"),
-                f"needs {context[key]} {key.replace('_', ' ')}, above the limit of {most}; add --path",
-            )
+            reason = f"needs {context[key]} {key.replace('_', ' ')}, above the limit of {most}; add --path"
+            raise BadInput("cmac.memory_bytes", run.config["cmac"].get("memory_bytes"), reason)
     vectors = make_vectors(network, np.float32 if single else np.float64)
     if single:
         off, largest, measured = measure_single(network, vectors)

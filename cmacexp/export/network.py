@@ -73,18 +73,12 @@ def read_network(run: Run, one_path: bool) -> Network:
     feedforward, setup = _reset(run, kind, config, learnt)
     one_path = one_path or isinstance(feedforward, RadialBasis)
     if setup.lead < -1 and not one_path:
-        raise BadInput(
-            "learning.lead",
-            setup.lead,
-            "trains cells of steps to come, which are known for one path alone; add --path",
-        )
+        reason = "trains cells of steps to come, which are known for one path alone; add --path"
+        raise BadInput("learning.lead", setup.lead, reason)
     torque = feedforward.model_torque
     if torque is not None and not one_path and torque.size > MOST_TORQUES:
-        raise BadInput(
-            "feedforward",
-            kind,
-            f"has {torque.size} torques a cycle, more than {MOST_TORQUES}; add --path, or export cmac",
-        )
+        reason = f"has {torque.size} torques a cycle, more than {MOST_TORQUES}; add --path, or export cmac"
+        raise BadInput("feedforward", kind, reason)
     return _make_network(run, kind, feedforward, setup, one_path, learnt is not None)
 
 
@@ -138,11 +132,8 @@ def _reset(run: Run, kind: str, config: Config, learnt: Weights | None) -> tuple
             raise
         raise BadRun(f"{run.folder / WEIGHTS}: does not fit the config of its run ({error}); run it again") from None
     if feedforward.params.learning.rule.teaches == NEIGHBOURS:
-        raise BadInput(
-            "learning.rule",
-            config.learning.rule,
-            "cannot be exported: it trains the cells of many steps at once; any other rule can",
-        )
+        reason = "cannot be exported: it trains the cells of many steps at once; any other rule can"
+        raise BadInput("learning.rule", config.learning.rule, reason)
     return feedforward, setup
 
 

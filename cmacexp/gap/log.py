@@ -252,11 +252,8 @@ class _Table:
             if joints := [own for name, own in match(pattern).items() if name not in claimed]:
                 return joints
         tried = " or ".join(self.patterns["angle"])
-        raise BadInput(
-            KEY,
-            self.path,
-            f"has no measured angles under {tried}; name them, --names angle=NAME_{JOINT}; it has {self._list()}",
-        )
+        reason = f"has no measured angles under {tried}; name them, --names angle=NAME_{JOINT}; it has {self._list()}"
+        raise BadInput(KEY, self.path, reason)
 
     def _read(self, name: str, quantity: str) -> Array:
         """A column (n,) in the units of the project; raises BadInput."""
@@ -290,11 +287,8 @@ class _Table:
         else:
             return np.full(len(joints), np.nan)
         if len(values) not in (1, len(joints)) or not (values >= 0.0).all():
-            raise BadInput(
-                f"--{key}",
-                ",".join(f"{value:g}" for value in values[:20]),
-                f"must be one number from 0 on, or one for each of {len(joints)} joints",
-            )
+            allowed = f"must be one number from 0 on, or one for each of {len(joints)} joints"
+            raise BadInput(f"--{key}", ",".join(f"{value:g}" for value in values[:20]), allowed)
         return np.broadcast_to(values, len(joints)).copy()
 
 

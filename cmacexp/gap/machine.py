@@ -201,11 +201,8 @@ def match_names(names: Sequence[str], joints: Sequence[str], pairs: dict[str, st
             what = (
                 f"fits {' and '.join(close[:4])}" if close else f"has no joint in the model{suggest(wanted, joints)}"
             )
-            raise BadInput(
-                "joint of the log",
-                name,
-                f"{what}; say --joints {name}=JOINT, with a joint of {', '.join(joints) or 'which it has none'}",
-            )
+            reason = f"{what}; say --joints {name}=JOINT, with a joint of {', '.join(joints) or 'which it has none'}"
+            raise BadInput("joint of the log", name, reason)
         found.append(close[0])
     if twice := next((each for each in found if found.count(each) > 1), None):
         both = " and ".join(name for name, each in zip(names, found, strict=True) if each == twice)

@@ -199,11 +199,8 @@ def recommend_period(ratio: float, loop_delay: LoopDelay = NONE, gain: float = 0
             continue
         if ratio * choose_feedback(loop_delay, period) > margin * least:
             return period
-    raise BadInput(
-        "sampling_period",
-        "by rule",
-        "none suits feet so light with feedback that late: use controller=drives, or set it and all gains",
-    )
+    allowed = "none suits feet so light with feedback that late: use controller=drives, or set it and all gains"
+    raise BadInput("sampling_period", "by rule", allowed)
 
 
 def require_period(ratio: float, period: float, loop_delay: LoopDelay = NONE) -> None:

@@ -47,13 +47,11 @@ def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], angles: 
     if len(joints) != LEGS or any(len(leg) != JOINTS for leg in joints):
         raise BadInput("machine.joints", joints, "must be four lists of three names: hip, thigh, calf")
     if angles.shape not in ((JOINTS,), (LEGS, JOINTS)):
-        raise BadInput("machine.home", home, "must be three angles, hip, thigh, calf, or four lists of three")
+        reason = "must be three angles, hip, thigh, calf, or four lists of three"
+        raise BadInput("machine.home", home, reason)
     if len(feet) != LEGS or len(set(feet)) != LEGS:
-        raise BadInput(
-            "machine.feet",
-            ", ".join(feet),
-            "must be four names of geoms, sites or bodies, a different one for each leg",
-        )
+        allowed = "must be four names of geoms, sites or bodies, a different one for each leg"
+        raise BadInput("machine.feet", ", ".join(feet), allowed)
 
 
 def find_free(mujoco: Any, model: Any, path: Path, joint: Counts) -> int:
@@ -78,9 +76,8 @@ def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence
         chain = find_chain(model, int(model.geom_bodyid[geom]))
         if chain != [free, *leg]:
             expected, actual = (list_names(_name(model.joint(int(k))) for k in own) for own in (leg, chain[1:]))
-            raise BadInput(
-                "machine.feet", name, f"must hang on {expected}, but hangs on {actual or 'the trunk alone'}"
-            )
+            reason = f"must hang on {expected}, but hangs on {actual or 'the trunk alone'}"
+            raise BadInput("machine.feet", name, reason)
     return Legs(
         base=int(model.jnt_bodyid[free]),
         base_qpos=int(model.jnt_qposadr[free]),

@@ -44,11 +44,8 @@ def find_names(path: Path) -> Names:
     chains = [each[1:] for each in found if each[-1] not in inner and model.jnt_type[each].tolist() == types]
     if len(chains) != LEGS:
         ends = list_names(model.joint(chain[-1]).name for chain in chains) or "none"
-        raise BadInput(
-            "machine.path",
-            path,
-            f"has {len(chains)} chains of three hinges on a trunk that floats, not four; they end at {ends}",
-        )
+        reason = f"has {len(chains)} chains of three hinges on a trunk that floats, not four; they end at {ends}"
+        raise BadInput("machine.path", path, reason)
     free = int(model.body_jntadr[model.body_rootid[model.jnt_bodyid[chains[0][0]]]])
     data = place_joints(model, mujoco.MjData(model), free, np.array(chains), np.zeros(JOINTS))
     thighs = [chain[1] for chain in chains]
@@ -97,10 +94,7 @@ def _find_home(model: Any, data: Any, leg: list[int], foot: Array) -> list[float
     found = [chain_angles(chain, below, np.array(start))[0] for start in STARTS]
     fitting = [q for q in found if np.isfinite(q).all() and (least <= q).all() and (q <= largest).all()]
     if not fitting:
-        raise BadInput(
-            "machine.joints",
-            model.joint(leg[-1]).name,
-            "has no angle within its range at which the foot is below the hip: give machine.home",
-        )
+        reason = "has no angle within its range at which the foot is below the hip: give machine.home"
+        raise BadInput("machine.joints", model.joint(leg[-1]).name, reason)
     best = min(fitting, key=lambda q: (abs(q[0]) > 1.0, chain_points(chain, q)[2, 0] > 0.0, abs(q[0])))
     return [float(round(angle, DIGITS)) + 0.0 for angle in best]

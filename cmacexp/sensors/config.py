@@ -146,9 +146,6 @@ class RealSensorsConfig(ChannelsConfig):
         """Check each signal against the machine and the run; raises BadInput."""
         for name, signal in self.signals.items():
             if signal.alters and not config.has_body and not isinstance(signal, LegSignalConfig):
-                raise BadInput(
-                    f"sensors.{name}",
-                    "altered",
-                    f"must be unaltered with machine.kind={config.machine.kind}, which has no body",
-                )
+                allowed = f"must be unaltered with machine.kind={config.machine.kind}, which has no body"
+                raise BadInput(f"sensors.{name}", "altered", allowed)
         super().check(config)

@@ -76,15 +76,13 @@ class ProprioceptiveConfig(ChannelsConfig):
     def check(self, config: Config) -> None:
         """Check that the machine is a robot, and each signal against it and the run; raises BadInput."""
         if config.machine.kind != "robot":
-            raise BadInput(
-                "machine.kind", config.machine.kind, "must be robot with sensors=proprioceptive: use scenario=robot"
-            )
+            allowed = "must be robot with sensors=proprioceptive: use scenario=robot"
+            raise BadInput("machine.kind", config.machine.kind, allowed)
         if config.plausibility.enabled:
-            raise BadInput(
-                "plausibility.enabled",
-                True,
-                "must be false with sensors=proprioceptive, whose forces are estimates and lag behind a touch-down",
+            allowed = (
+                "must be false with sensors=proprioceptive, whose forces are estimates and lag behind a touch-down"
             )
+            raise BadInput("plausibility.enabled", True, allowed)
         super().check(config)
 
 

@@ -82,18 +82,14 @@ class Link:
             if (message := self.wire.receive(0.1)) is not None:
                 heard.append((time.perf_counter(), read_state(message)))
         if len(heard) < FIRST_STATES:
-            raise BadInput(
-                "plant.interface",
-                self.interface,
-                f"{len(heard)} states within {ANSWERS:g} s: connect the robot, or start cmacexp robot --simulate",
-            )
+            reason = f"{len(heard)} states within {ANSWERS:g} s: connect the robot, or start cmacexp robot --simulate"
+            raise BadInput("plant.interface", self.interface, reason)
         times, steps = np.diff([(at, reading.tick) for at, reading in heard], axis=0).T
         tick = max(1, int(np.median(steps)))
         period = float(np.median(times * tick / np.maximum(steps, 1)))
         if not RATES[0] * self.period < period < RATES[1] * self.period:
-            raise BadInput(
-                "sampling_period", self.period, f"the robot's states come every {1e3 * period:.2g} ms: use that"
-            )
+            reason = f"the robot's states come every {1e3 * period:.2g} ms: use that"
+            raise BadInput("sampling_period", self.period, reason)
         return heard[-1][1], tick
 
     def begin(self) -> None:

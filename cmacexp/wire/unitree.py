@@ -157,9 +157,8 @@ class UnitreeRobot:
         """Check that angles (4, 3), rad, of the ``value`` of a ``key`` are in the model's ranges; raises BadInput."""
         ranges = self.robot.ranges
         for leg, joint in np.argwhere((q < ranges[..., 0] - PLAY) | (q > ranges[..., 1] + PLAY)).tolist():
-            raise BadInput(
-                key, value, f"{name_joint(leg, joint)} is at {q[leg, joint]:.3g} rad, which the model does not allow"
-            )
+            reason = f"{name_joint(leg, joint)} is at {q[leg, joint]:.3g} rad, which the model does not allow"
+            raise BadInput(key, value, reason)
 
     def step(self, torque: Array, drive: Drive | None = None) -> Measurement:
         """Send a command and wait for the next state; the first one stands the robot up before.
