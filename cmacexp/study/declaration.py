@@ -117,6 +117,8 @@ def read_criteria(given: Mapping[str, Any], measures: Collection[str] = ()) -> l
 def _list_values(given: Mapping[str, Any]) -> dict[str, Any]:
     """What shows the values of the runs that a criterion divides, those of ``over`` first; it decides nothing."""
     own = _check("criteria", {key: each for key, each in given.items() if key in CRITERION}, ("of", "over"))
+    if missing := own["over"].keys() - own["of"].keys():
+        raise BadInput("beside", own["beside"], f"needs a value under of for what over names: {', '.join(missing)}")
     quantity, _, unit = str(own["beside"]).rpartition(", ")
     pairs = {key: [value, own["of"][key]] for key, value in own["over"].items()}
     case = {"case": ", ".join([str(own["case"]), *map("{{{}}}".format, pairs)])} if "case" in own else {}

@@ -4,7 +4,7 @@ import pytest
 from support.doors import BadInput, load_study
 from support.made_studies import made_row
 
-from cmacexp.study import ANY, Results, at_most
+from cmacexp.study import ANY, Results, at_most, declare
 
 TEXT = """
 title: T
@@ -46,6 +46,27 @@ def test_names_in_braces_repeat_a_statement_and_name_its_cases(study):
         ("", {}, "mm"),
     ]  # fmt: skip
     assert [each.holds for each in finding.criteria[1:]] == [at_most(5e-3), ANY]
+
+
+def test_what_a_part_does_not_say_is_common_and_values_of_a_ratio_stand_beside_it():
+    study = declare(
+        title="T",
+        question="Q?",
+        common={"set": {"cycles": 3}, "seeds": True},
+        runs=[{}, {"seeds": False}],
+        findings={
+            "less": {
+                "value": "force_rmse", "of": {"part": "a"}, "over": {"part": "b"}, "limit": "at most 1",
+                "case": "here", "beside": "force error, N",
+            },
+        },
+    )  # fmt: skip
+    assert [(each.overrides, each.seeded) for each in study.runs(False)] == [
+        (("cycles=3",), own) for own in (True, False)
+    ]
+    assert [(each.quantity, each.case, each.of, each.holds) for each in study.findings["less"].criteria[1:]] == [
+        ("force error", "here, b", {"part": "b"}, ANY), ("force error", "here, a", {"part": "a"}, ANY),
+    ]  # fmt: skip
 
 
 def test_a_cell_of_a_table_is_of_runs_that_completed_and_may_show_several_values(study):
