@@ -17,7 +17,6 @@ from typing import cast
 from cmacexp.jit.interrupt import raise_if_interrupted
 from cmacexp.jit.kernels import Function
 from cmacexp.jit.kernels import kernel as kernel
-from cmacexp.jit.kernels import merged_kernel as merged_kernel
 from cmacexp.jit.sources import cache_folder
 
 WORTH_LOADING, WORTH_COMPILING = 4_000, 40_000

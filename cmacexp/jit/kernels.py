@@ -8,8 +8,6 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 inlined_kernels: dict[Callable[..., object], bool] = {}
 """Every kernel, and whether programs inline it."""
-merged_kernels: set[Callable[..., object]] = set()
-"""Kernels whose statements become those of their callers."""
 c_functions: set[Callable[..., object]] = set()
 """What calls a C function of its own name, which returns nothing: of floats and integers, which addresses are."""
 
@@ -30,22 +28,14 @@ def kernel(function: Function | None = None, *, inline: bool = True) -> Function
 
     A kernel that takes something optional tests it for None itself: numba compiles nothing of a branch that an
     argument of the function excludes, but all of one that only a field of a tuple excludes.
+
+    A kernel that takes most arrays of a loop takes what it needs of tuples before its first branch: a variable that
+    other blocks read is stored, and each of them would read all of the tuple ("Compiling" in docs/performance.md).
     """
     if function is None:
         return partial(kernel, inline=inline)
     inlined_kernels[function] = inline
     return function
-
-
-def merged_kernel(function: Function) -> Function:
-    """A kernel that takes most arrays of a loop: before numba infers types, its statements become its callers'.
-
-    To hand over so many arrays takes long to compile. It tests nothing for None, since it has no arguments then.
-    It takes what it needs of tuples of arrays before its first branch: a variable that other blocks read is stored,
-    and each of them would read all of the tuple ("Compiling" in docs/performance.md).
-    """
-    merged_kernels.add(function)
-    return kernel(function)
 
 
 def c_function(function: Function) -> Function:

@@ -24,11 +24,11 @@ from numba.core import codegen, event, serialize
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
 from numba.core.typed_passes import NativeLowering, NopythonRewrites
-from numba.core.untyped_passes import InlineClosureLikes
+from numba.core.untyped_passes import InlineClosureLikes, InlineInlinables
 from numba.extending import typeof_impl
 
 from cmacexp.jit.hooks import Hook
-from cmacexp.jit.kernels import c_functions, inlined_kernels, merged_kernels
+from cmacexp.jit.kernels import c_functions, inlined_kernels
 
 njit: Any = numba.njit
 make_function: Any = import_module("numba._dynfunc").make_function
@@ -104,8 +104,7 @@ class _Lowering(NativeLowering):  # type: ignore[misc]
         state.flags.no_compile = True
         super().run_pass(state)
         made = state.cr
-        name, keeps = made.fndesc.qualname, (state.library,)
-        entry = make_function(made.fndesc.lookup_module(), name, "", 0, made.env, keeps)
+        entry = make_function(made.fndesc.lookup_module(), made.fndesc.qualname, "", 0, made.env, (state.library,))
         state.targetctx.insert_user_function(entry, made.fndesc, [state.library])
         state["cr"] = made._replace(cfunc=entry)
         return True
@@ -134,10 +133,10 @@ class _Compiler(CompilerBase):  # type: ignore[misc]
             Operation.get_call_type = before
 
     def define_pipelines(self) -> list[Any]:
-        """The passes, without two that search each function for closures and array expressions: kernels have none."""
+        """The passes, without those that search each function for what kernels do not have."""
         manager = DefaultPassBuilder.define_nopython_pipeline(self.state)
         manager.add_pass_after(_Lowering, NativeLowering)
-        left_out = NativeLowering, NopythonRewrites, InlineClosureLikes
+        left_out = NativeLowering, NopythonRewrites, InlineClosureLikes, InlineInlinables
         manager.passes = [made for made in manager.passes if made[0] not in left_out]
         manager.finalize()
         return [manager]
@@ -162,8 +161,6 @@ def _type_of_kernel(function: FunctionType, context: object) -> Any:
 
 def compiled_program(function: Callable[..., object], folder: Path) -> Callable[..., object]:
     """``function`` with an entry for Python, kept in ``folder``; as it is if compiling is switched off."""
-    for merged in merged_kernels:  # numba takes what has these two attributes for a function of its own
-        vars(merged).update(py_func=merged, targetoptions={"inline": "always"})
     before = config.CACHE_DIR
     config.CACHE_DIR = str(folder)
     try:

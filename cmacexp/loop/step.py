@@ -13,7 +13,7 @@ from cmacexp.control.load_meter import LoadMeter, accumulate_load
 from cmacexp.control.steering import steer
 from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
 from cmacexp.feedforward.weight_log import log_cycle
-from cmacexp.jit.compiler import kernel, merged_kernel, program
+from cmacexp.jit.compiler import kernel, program
 from cmacexp.jit.hooks import DONE, Hook
 from cmacexp.loop.finite import is_finite, moves_finite, observes_finite
 from cmacexp.loop.guard_kernels import (
@@ -194,7 +194,7 @@ def control(
         command_drives(drive_params, state, drives.command, sample, support, reference, observation)
 
 
-@merged_kernel
+@kernel
 def command(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     """Feedforward and feedback torques; False if an external component failed."""
     controller = hooks.controller
@@ -262,7 +262,7 @@ def check(hook: Hook | None, limits: StopLimits, sample: int, machine: PlantStat
     return status
 
 
-@merged_kernel
+@kernel
 def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     """The first half of a step, before any torque is known: guard and sensors; False if a component failed."""
     sensors = hooks.sensors
@@ -293,7 +293,7 @@ def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     return call(observer, step)
 
 
-@merged_kernel
+@kernel
 def act(loop: Loop, hooks: Hooks, step: int, sample: int, k: int, samples: Array, body_samples: Array) -> bool:
     """The second half of a step: torques, their samples, the plant; False if a component failed.
 
@@ -349,11 +349,10 @@ def take_steps(loop: Loop, hooks: Hooks, start: int, samples: Array, body_sample
     period = loop.support.shape[0]
     sample = start % period
     step = start
-    end = start + samples.shape[0]
     status = RUNNING
     if start == 0 and samples.shape[0] > 0:
         status = stop_reason(limits, sample, machine)
-    while status == RUNNING and step < end:
+    while status == RUNNING and step < start + samples.shape[0]:
         row = step - start
         if not (sense(loop, hooks, step, sample) and act(loop, hooks, step, sample, row, samples, body_samples)):
             return row, FAILED_COMPONENT
