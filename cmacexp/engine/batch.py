@@ -127,7 +127,8 @@ def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | Non
             part = [list(overrides) for overrides in runs[first : first + most]]
             chunks = group_runs(part, size)
             items = [([part[number] for number in chunk], keep == TRACE, len(runs)) for chunk in chunks]
-            done, order = parallel_map("running", run_chunk, items), np.concatenate(chunks)
+            done = parallel_map("running", run_chunk, items, runs=len(part))
+            order = np.concatenate(chunks)
             ends: list[RunEnd] = [end for chunk, _ in done for end in chunk]
             all_ends += [ends[place] for place in order.argsort()]
             own = known.take(first + order).append_column("status", make_column([end.status for end in ends]))

@@ -39,14 +39,18 @@ def make_map(config: DictConfig, context: HydraContext, count: Callable[[int], i
     config.hydra.overrides.hydra.append("hydra.sweep.subdir=.")  # the folder that it makes for a task
 
     def map_in_tasks(
-        what: str, work: Callable[..., Any], items: Sequence[Sequence[Any]], see: Callable[[Any], object] = id
+        what: str,
+        work: Callable[..., Any],
+        items: Sequence[Sequence[Any]],
+        see: Callable[[Any], object] = id,
+        runs: int | None = None,
     ) -> list[Any]:
         tasks = min(count(len(items)), len(items))
         shares = [items[first::tasks] for first in range(tasks)]
         launcher = Plugins.instance().instantiate_launcher(
             hydra_context=context, task_function=_Task(work, shares), config=config
         )
-        with show_activity(f"{what}: {len(items)} in {tasks} tasks of the launcher"):
+        with show_activity(f"{what}: {runs or len(items)} in {tasks} tasks of the launcher"):
             ended = [each.return_value for each in launcher.launch([[] for _ in shares], 0)]
         for result in chain.from_iterable(ended):
             see(result)

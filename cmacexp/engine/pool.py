@@ -26,9 +26,10 @@ PRELOADED = ["cmacexp.engine.job", "cmacexp.engine.sweep_tables", "cmacexp.jit.n
 MOST_RUNS, CHUNKS_EACH = 16, 4
 """Short runs that a process takes at a time, at most, and how often it comes back at least, if there are enough."""
 ParallelMap = Callable[..., list[Any]]
-"""``parallel_map(what, work, items, see=id)``: what ``work(*item)`` returns for each item, in their order.
+"""``parallel_map(what, work, items, see=id, runs=None)``: what ``work(*item)`` returns for each item, in their order.
 
-``what`` is shown beside the progress; ``see`` is called with each result as soon as it is known."""
+``what`` is shown beside the progress, of so many ``runs`` if an item is several; ``see`` is called with each result
+as soon as it is known."""
 
 
 class _Progress:
@@ -117,25 +118,29 @@ def _begin(shared: Any, environment: Mapping[str, str]) -> None:
     _Progress.shared, _Progress.place = shared, int(number) % len(shared)
 
 
-def _show_done(what: str, shared: Sequence[float], items: int) -> AbstractContextManager[None]:
-    """Show how many items are done, with the shares that are done of the others."""
+def _show_done(what: str, shared: Sequence[float], items: int, runs: int | None) -> AbstractContextManager[None]:
+    """Show how many items are done, with the shares that are done of the others, or how many runs that is."""
     from cmacexp.terminal.output import State, format_progress, show_state  # here, because they take long to import
 
     before, began = sum(shared), time.monotonic()
 
     def read_state() -> State:
-        done = sum(shared) - before
-        return format_progress(what, done, items, "", time.monotonic() - began), done / max(items, 1)
+        share, total = (sum(shared) - before) / max(items, 1), items if runs is None else runs
+        return format_progress(what, share * total, total, "", time.monotonic() - began), share
 
     return show_state(read_state)
 
 
 def map_here(
-    what: str, work: Callable[..., Any], items: Sequence[Sequence[Any]], see: Callable[[Any], object] = id
+    what: str,
+    work: Callable[..., Any],
+    items: Sequence[Sequence[Any]],
+    see: Callable[[Any], object] = id,
+    runs: int | None = None,
 ) -> list[Any]:
     """A :data:`ParallelMap` in this process."""
     results = []
-    with _show_done(what, _Progress.shared, len(items)):
+    with _show_done(what, _Progress.shared, len(items), runs):
         for item in items:
             results.append(run_item(work, item))
             see(results[-1])
@@ -163,10 +168,14 @@ def start_workers(processes: int | None = None) -> Iterator[ParallelMap]:
             sys.modules["__main__"] = program
 
     def parallel_map(
-        what: str, work: Callable[..., Any], items: Sequence[Sequence[Any]], see: Callable[[Any], object] = id
+        what: str,
+        work: Callable[..., Any],
+        items: Sequence[Sequence[Any]],
+        see: Callable[[Any], object] = id,
+        runs: int | None = None,
     ) -> list[Any]:
         try:
-            with _show_done(what, shared, len(items)):
+            with _show_done(what, shared, len(items), runs):
                 futures = [submit(run_item, work, item) for item in items]
                 for future in as_completed(futures):
                     see(future.result())

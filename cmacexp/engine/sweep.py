@@ -197,7 +197,7 @@ class Sweep:
             for chunk in group_runs([values for _, values, *_ in own], self.size if together else 1)
         ]
         items.sort(key=lambda item: item[1][0][2])  # by the number of the first job
-        self.parallel_map("sweep", _run_jobs, items, self._see)
+        self.parallel_map("sweep", _run_jobs, items, self._see, len(batch))
         ended = [JobReturn(status=JobStatus.COMPLETED) for _ in batch]
         if self.optimize and not self.batches:  # else no sweeper waits for it
             by_number = {run.read("run"): run for run in list_jobs(self.folder)}
