@@ -1,5 +1,6 @@
 """Compiled code lasts from process to process wherever it can be kept, and is never older than its sources."""
 
+import importlib
 import math
 import os
 import shutil
@@ -7,6 +8,7 @@ import tempfile
 
 import pytest
 from support.command import ROOT, python
+from support.tiers import for_all_tests
 
 from cmacexp.jit.compiler import WORTH_COMPILING, expect_runs, program, workload
 from cmacexp.jit.sources import cache_folder, is_private
@@ -66,6 +68,8 @@ def test_a_read_only_install_compiles_once_into_the_users_cache_and_never_misses
 
 def is_worth_it():
     """Whether a program that is not cached is compiled now."""
+    with for_all_tests():
+        importlib.import_module("cmacexp.jit.numba_private")
     asked = program(lambda: None)
     asked.compiled = lambda: "compiled"
     asked._is_cached = lambda arguments: False

@@ -171,9 +171,9 @@ def find_momentum_force(mechanism, joints, body_mass, period):
     return inertia[..., 2].sum(axis=1), np.stack([-moment[:, 1], moment[:, 0]], axis=1)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
-    ("body_mass", "overrides"),
-    [pytest.param(1.0, ("gait.load_ramp=0.12",), marks=pytest.mark.ci), (3.0, ("gait.duty_factor=0.85",))],
+    ("body_mass", "overrides"), [(1.0, ("gait.load_ramp=0.12",)), (3.0, ("gait.duty_factor=0.85",))]
 )
 def test_dynamic_forces_give_all_masses_the_momentum_that_is_planned(planned, body_mass, overrides):
     """On hard ground: friction at the feet has no lever arm then, and the loads move no masses."""
