@@ -57,7 +57,7 @@ def statements_of(file: StudyFile, statements: Mapping[str, Claim | Finding], re
             words = f"{statement.words} ({statement.where})"
             said = f"**{entry['verdict']}**: {words}" if entry else words
         else:
-            said = sentence_of(statement, entry) if entry else f"“{statement.yes or statement.says or name}”"
+            said = sentence_of(statement, entry) if entry else f"“{statement.says or name}”"
         measured = {column: entry[column] for column in MEASURED} if entry else {}
         table = format_html(build_evidence(statement.criteria, measured)) if entry else ""
         text += f"\n{'' if entry else f'*{NOT_MEASURED.capitalize()}*: '}{said}\n\n{table}\n"

@@ -56,12 +56,12 @@ def whole_benchmark() -> StudyFile:
 def declared() -> Mapping[str, Mapping[str, Claim | Finding]]:
     """Every statement by study and name, whether it was measured or not."""
     studies = {file.name: file.study for file in (whole_benchmark(), make_log_study(), *all_studies())}
-    return {name: {**study.claims, **study.findings} for name, study in studies.items()}
+    return {name: study.statements for name, study in studies.items()}
 
 
-def sentence_of(finding: Finding, entry: Mapping[str, Any]) -> str:
-    """The sentence of a finding as it came out."""
-    return finding.sentence(entry["verdict"], entry["values"], entry["intervals"], entry["counts"])
+def sentence_of(statement: Claim | Finding, entry: Mapping[str, Any]) -> str:
+    """The sentence of a statement as it came out."""
+    return statement.sentence(entry["verdict"], entry["values"], entry["intervals"], entry["counts"])
 
 
 def find_entry(study: str, name: str, results: Quotable) -> Mapping[str, Any] | None:
@@ -87,7 +87,7 @@ def quoted(match: re.Match[str], results: Quotable) -> str:
         raise LookupError(f"{match[0]}: no study declares it")
     if (entry := find_entry(study, name, results)) is None:
         return NOT_MEASURED
-    if kind == "sentence" and isinstance(statement, Finding):
+    if kind == "sentence":
         return sentence_of(statement, entry)
     if kind == "measured":
         return f"{entry['values'][index]} [{entry['intervals'][index]}]"

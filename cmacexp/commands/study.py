@@ -43,6 +43,7 @@ from cmacexp.study.provenance import (
     read_stages,
 )
 from cmacexp.study.results import Results, read_row
+from cmacexp.study.statements import Claim, Finding
 from cmacexp.study.study import Request
 from cmacexp.study.study_file import StudyFile, load_study
 from cmacexp.terminal.output import print_line
@@ -203,14 +204,15 @@ def write_study(file: StudyFile, options: Options) -> Path:
 
 def print_statements(studies: Sequence[Evaluated]) -> None:
     """Print the claims of studies with their evidence and the count of verdicts, then the sentences of findings."""
-    claims = [judged for study in studies for judged in study.claims.values()]
-    for judged in claims:
-        statement = f"{judged.verdict}: {judged.claim.words} ({judged.claim.where})"
-        print(format_text(statement, evidence_of(judged)), end="\n\n")
+    judged = [each for study in studies for each in study.statements.values()]
+    claims = [each for each in judged if isinstance(each.statement, Claim)]
+    for each in claims:
+        print(format_text(each.sentence, evidence_of(each)), end="\n\n")
     if claims:
-        print(format_text(count_verdicts([judged.verdict for judged in claims])), end="\n\n")
-    for found in (found for study in studies for found in study.findings.values()):
-        print(format_text(f"- {found.sentence}"))
+        print(format_text(count_verdicts([each.verdict for each in claims])), end="\n\n")
+    for each in judged:
+        if isinstance(each.statement, Finding):
+            print(format_text(f"- {each.sentence}"))
 
 
 def _read_count(text: str) -> int:

@@ -24,13 +24,12 @@ from cmacexp.study.provenance import PROVENANCE
 from cmacexp.study.results import LAST_CYCLES, Results
 from cmacexp.study.statements import (
     INFINITE,
-    OUTCOMES,
     REPRODUCED,
     VERDICTS,
-    ClaimResult,
+    Claim,
     Criterion,
     CriterionResult,
-    FindingResult,
+    StatementResult,
 )
 from cmacexp.study.study_file import StudyFile
 from cmacexp.terminal.tables import GAP, TEXT_WIDTH
@@ -83,16 +82,9 @@ def build_evidence(criteria: Sequence[Criterion], measured: Mapping[str, Sequenc
     return found
 
 
-def evidence_of(judged: ClaimResult | FindingResult) -> Evidence:
+def evidence_of(judged: StatementResult) -> Evidence:
     """The evidence of a statement that was judged."""
-    words = OUTCOMES if isinstance(judged, FindingResult) else {}
-    columns: dict[str, list[Any]] = {
-        "values": [each.value for each in judged.measured],
-        "intervals": [each.spread for each in judged.measured],
-        "counts": [each.interval.size for each in judged.measured],
-        "verdicts": [words.get(each.verdict, each.verdict) for each in judged.measured],
-    }
-    return build_evidence([each.criterion for each in judged.measured], columns)
+    return build_evidence(judged.statement.criteria, judged.columns)
 
 
 def count_verdicts(verdicts: Sequence[str]) -> str:
@@ -134,18 +126,13 @@ class Evaluated:
     """A study whose runs are complete: its statements judged, its values and tables computed."""
 
     name: str
-    claims: Mapping[str, ClaimResult]
-    findings: Mapping[str, FindingResult]
+    statements: Mapping[str, StatementResult]
+    """Claims, then findings."""
     sections: Sequence[Section]
     runs: Mapping[Path, Manifest]
     """The manifest of each run, by folder."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """What its values depend on, see :func:`cmacexp.study.provenance.make_provenance`."""
-
-    @property
-    def statements(self) -> Mapping[str, ClaimResult | FindingResult]:
-        """Claims and findings."""
-        return {**self.claims, **self.findings}
 
 
 def check_page(file: StudyFile) -> None:
@@ -178,12 +165,16 @@ def evaluate(
     Statements are not judged again if they are ``known``.
     """
     study = file.study
-    claims = (
-        known.claims if known else {name: each.judge(results) for name, each in study.claims.items() if not quick}
+    judged = (
+        known.statements if known else {n: each.judge(results) for n, each in study.statements.items() if not quick}
     )
-    findings = (
-        known.findings if known else {name: each.judge(results) for name, each in study.findings.items() if not quick}
-    )
+
+    def show(name: str) -> str:
+        own = judged.get(name)
+        if own is None or isinstance(own.statement, Claim):
+            return own.sentence if own else ""
+        return f"{own.sentence}\n\n{format_html(evidence_of(own))}\n\n"
+
     sections = render_markdown(
         file.text,
         file.page,
@@ -192,12 +183,7 @@ def evaluate(
         {name: partial(figure, results) for name, figure in study.figures.items()},
         {name: partial(table, results) for name, table in study.tables.items()},
         {
-            "finding": lambda name: (
-                "" if quick else f"{findings[name].sentence}\n\n{format_html(evidence_of(findings[name]))}\n\n"
-            ),
-            "claim": lambda name: (
-                "" if quick else f"“{study.claims[name].words}” ({study.claims[name].where}): {claims[name].verdict}."
-            ),
+            **dict.fromkeys(("finding", "claim"), show),
             "last_cycles": LAST_CYCLES,
             "runs": len(results),
             "setting": lambda key, **of: results.select(of).rows[0].settings[key],
@@ -205,32 +191,28 @@ def evaluate(
         },
     )
     _write_tables(results, folder)
-    return Evaluated(file.name, claims, findings, sections, {run.folder: run.manifest for run in results.runs})
+    return Evaluated(file.name, judged, sections, {run.folder: run.manifest for run in results.runs})
 
 
 def restore(file: StudyFile, folder: Path, quick: bool) -> Evaluated:
     """A study as its report in ``folder`` says, without sections and runs; a quick one has no statements."""
     if quick:
-        return Evaluated(file.name, {}, {}, [], {})
+        return Evaluated(file.name, {}, [], {})
     known = [json.loads((folder / name).read_text(encoding="utf-8"))[file.name] for name in (CLAIMS, PROVENANCE)]
     entries = {each["name"]: each["criteria"] for each in known[0]}
 
-    def measured(name: str, criteria: Sequence[Criterion]) -> list[CriterionResult]:
-        return [
-            CriterionResult(
-                each, Interval(*map(entry.get, INTERVAL)), [os.path.normpath(folder / run) for run in entry["runs"]]
-            )
-            for each, entry in zip(criteria, entries[name], strict=True)
-        ]
+    def read(criterion: Criterion, entry: Mapping[str, Any]) -> CriterionResult:
+        runs = [os.path.normpath(folder / run) for run in entry["runs"]]
+        return CriterionResult(criterion, Interval(**{name: entry[name] for name in INTERVAL}), runs)
 
-    claims = {name: ClaimResult(each, measured(name, each.criteria)) for name, each in file.study.claims.items()}
-    findings = {
-        name: FindingResult(each, measured(name, each.criteria)) for name, each in file.study.findings.items()
+    statements = {
+        name: StatementResult(each, list(map(read, each.criteria, entries[name])))
+        for name, each in file.study.statements.items()
     }
-    return Evaluated(file.name, claims, findings, [], {}, known[1])
+    return Evaluated(file.name, statements, [], {}, known[1])
 
 
-def make_claims_section(claims: Sequence[ClaimResult], folder: Path) -> Section:
+def make_claims_section(claims: Sequence[StatementResult], folder: Path) -> Section:
     """The section of a report in ``folder`` with all claims, and what their verdicts mean."""
     runs = [sorted({Path(run) for each in judged.measured for run in each.runs}) for judged in claims]
     pages = [[(run.name, find_page(run, folder)) for run in own] for own in runs]
@@ -257,33 +239,29 @@ def _entry(measured: CriterionResult, folder: Path) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _statement(name: str, judged: ClaimResult | FindingResult, folder: Path) -> dict[str, Any]:
-    if isinstance(judged, ClaimResult):
-        own = {
-            "kind": "claim",
-            "statement": judged.claim.words,
-            "where": judged.claim.where,
-            "verdict": judged.verdict,
-        }
-    else:
-        own = {"kind": "finding", "statement": judged.sentence, "verdict": judged.outcome}
-    return {"name": name, **own, "criteria": [_entry(each, folder) for each in judged.measured]}
+def _statement(name: str, judged: StatementResult, folder: Path) -> dict[str, Any]:
+    own: dict[str, Any] = {"kind": "finding", "statement": judged.sentence}
+    if isinstance(judged.statement, Claim):
+        own = {"kind": "claim", "statement": judged.statement.words, "where": judged.statement.where}
+    criteria = [_entry(each, folder) for each in judged.measured]
+    return {"name": name, **own, "verdict": judged.verdict, "criteria": criteria}
 
 
 def write_page(title: str, question: str, studies: Sequence[Evaluated], place: ResultWriter, quick: bool) -> Path:
     """Write the report of one study or of several together, and their statements; a quick one concludes nothing."""
     folder = place.folder
-    claims = [judged for study in studies for judged in study.claims.values()]
+    statements = [judged for study in studies for judged in study.statements.values()]
+    claims = [judged for judged in statements if isinstance(judged.statement, Claim)]
     sections = [make_claims_section(claims, folder)] if claims else []
     sections += [Section("Quick run", [Markup(f'<p class="banner">{QUICK_NOTICE}</p>')])] if quick else []
     sections += [section for study in studies for section in study.sections]
     runs = {path: manifest for study in studies for path, manifest in study.runs.items()}
     if not quick:
-        if any(study.claims or study.findings for study in studies):
+        if statements:
             reading = Markup(READING.format(few=FEW))
             sections.append(Section("How to read the values", [reading]))
-        statements = {s.name: [_statement(*each, folder) for each in s.statements.items()] for s in studies}
-        for name, entries in ((CLAIMS, statements), (PROVENANCE, {s.name: s.provenance for s in studies})):
+        judged = {s.name: [_statement(*each, folder) for each in s.statements.items()] for s in studies}
+        for name, entries in ((CLAIMS, judged), (PROVENANCE, {s.name: s.provenance for s in studies})):
             place.write_text(name, json.dumps(entries, indent=1, ensure_ascii=False) + "\n")
     config = {"studies": [study.name for study in studies], "quick": quick}
     hashes = {path: str(manifest["config_hash"]) for path, manifest in runs.items()}

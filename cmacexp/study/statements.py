@@ -1,10 +1,10 @@
 """Claims of a paper and findings of a study: statements that an interval decides, and that can come out otherwise."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 from cmacexp.errors import BadInput
 from cmacexp.metrics.text import format_number
@@ -37,9 +37,8 @@ YES, NO, UNCLEAR = "yes", "no", "unclear"
 OUTCOMES = {REPRODUCED: YES, NOT_REPRODUCED: NO, CONTRADICTED: NO, INCONCLUSIVE: UNCLEAR}
 """What the verdict on a criterion means for a finding."""
 INFINITE = format_number(math.inf)
-UNDECIDED = "Undecided, since an interval contains the limit: {}"
 WORDS = {YES: YES, NO: NO, UNCLEAR: "undecided"}
-"""Outcomes in a generated sentence."""
+"""Outcomes of a finding in its sentence."""
 MOST_SHOWN = 5
 """Values of a quantity that a generated sentence shows; of more it gives the number."""
 
@@ -193,97 +192,66 @@ def _measure(criterion: Criterion, results: Results) -> CriterionResult:
     return CriterionResult(criterion, interval, [str(folder) for folder in chosen.folders])
 
 
-@dataclass(frozen=True)
-class Claim:
-    """A claim of a paper, in its words, and the criteria that decide it.
+class Judged:
+    """What criteria decide.
 
     Raises:
-        BadInput: there are no criteria.
+        BadInput: there are none.
     """
+
+    criteria: Sequence[Criterion]
+    verdicts: ClassVar[Mapping[str, str]] = dict(zip(VERDICTS, VERDICTS, strict=True))
+    """What the verdict on a criterion is called beside it."""
+
+    def __post_init__(self) -> None:
+        if not self.criteria:
+            raise BadInput(type(self).__name__.lower(), self, "has no criteria: nothing would decide it")
+
+    def judge(self, results: Results) -> "StatementResult":
+        """Measure every criterion."""
+        own: Any = self  # a claim or a finding
+        return StatementResult(own, [_measure(criterion, results) for criterion in self.criteria])
+
+
+@dataclass(frozen=True)
+class Claim(Judged):
+    """A claim of a paper, in its words, and the criteria that decide it, at least one."""
 
     words: str
     where: str
     """Section, figure or equation of the paper."""
     criteria: Sequence[Criterion]
-    """The criteria that decide it, at least one."""
 
-    def __post_init__(self) -> None:
-        if not self.criteria:
-            raise BadInput("claim", self.words, "has no criteria: nothing would decide it")
-
-    def judge(self, results: Results) -> "ClaimResult":
-        """Measure every criterion."""
-        return ClaimResult(self, [_measure(criterion, results) for criterion in self.criteria])
-
-
-@dataclass(frozen=True)
-class ClaimResult:
-    """A claim, and what the runs say of it."""
-
-    claim: Claim
-    measured: Sequence[CriterionResult]
-
-    @property
-    def verdict(self) -> str:
-        """The verdict of all criteria together, one of ``VERDICTS``."""
-        found = {each.verdict for each in self.measured if each.criterion.holds != ANY}
+    def decide(self, found: Collection[str]) -> str:
+        """One of ``VERDICTS``, from the different ones on criteria that are not beside others."""
         if len(found) == 1:
-            return found.pop()
-        if INCONCLUSIVE in found:
-            return INCONCLUSIVE
-        return IN_PART if REPRODUCED in found else NOT_REPRODUCED
+            return next(iter(found))
+        return INCONCLUSIVE if INCONCLUSIVE in found else IN_PART if REPRODUCED in found else NOT_REPRODUCED
 
-
-def _fill(wording: str, values: Sequence[str]) -> str:
-    return wording.format(value=values[0], values=values)
+    def sentence(self, verdict: str, *_: Sequence[str]) -> str:
+        """E.g. ``“it is small” (section 1): reproduced.``"""
+        return f"“{self.words}” ({self.where}): {verdict}."
 
 
 @dataclass(frozen=True)
-class Finding:
-    """A statement of the study itself, with the sentence for each outcome.
-
-    In the sentences ``{value}`` stands for the first criterion's estimate, ``{values[1]}`` for the second's.
-
-    Raises:
-        BadInput: there are no criteria, or a sentence has a name in braces that is none of the values.
-    """
+class Finding(Judged):
+    """A statement of the study itself, and the criteria that decide it, at least one."""
 
     criteria: Sequence[Criterion]
-    """The criteria that decide it, at least one."""
-    yes: str = ""
-    """The sentence if every interval lies within its limit; if empty, sentences are generated."""
-    no: str = ""
-    """The sentence if some interval lies outside."""
-    unclear: str = ""
-    """The sentence otherwise; if empty, it says that ``yes`` is undecided."""
     says: str = ""
-    """What a generated sentence says ``yes`` or ``no`` to; if empty, the quantity."""
+    """What its sentence says ``yes`` or ``no`` to; if empty, the quantity."""
+    verdicts = OUTCOMES
 
-    def __post_init__(self) -> None:
-        for wording in (self.yes, self.no, self.unclear):  # also those of outcomes that rarely occur
-            if not self.criteria:
-                raise BadInput("finding", wording, "has no criteria: nothing would decide it")
-            try:
-                _fill(wording, [""] * len(self.criteria))
-            except (LookupError, ValueError, AttributeError) as error:
-                allowed = f"{{value}} and {{values[0]}} to {{values[{len(self.criteria) - 1}]}}"
-                message = f"has a name in braces that is none of the values: use {allowed}; {{{{ and }}}} give braces"
-                raise BadInput("finding", wording, message) from error
+    def decide(self, found: Collection[str]) -> str:
+        """``yes``, ``no`` or ``unclear``, from the different verdicts on criteria that are not beside others."""
+        outcomes = {OUTCOMES[verdict] for verdict in found}
+        return NO if NO in outcomes else UNCLEAR if UNCLEAR in outcomes else YES
 
-    def judge(self, results: Results) -> "FindingResult":
-        """Measure every criterion."""
-        return FindingResult(self, [_measure(criterion, results) for criterion in self.criteria])
+    def sentence(self, verdict: str, values: Sequence[str], spreads: Sequence[str], sizes: Sequence[str]) -> str:
+        """E.g. ``error in cycle 5 over cycle 1: 15.5 % [14.9 to 16.2 %], n = 20; limit at most 10 %: no.``
 
-    def sentence(self, outcome: str, values: Sequence[str], spreads: Sequence[str], sizes: Sequence[str]) -> str:
-        """The sentence of an outcome, with value, interval and n of each criterion; of an infinite value, why."""
-        if not self.yes:
-            return self._generate(outcome, values, spreads, sizes)
-        wording = {YES: self.yes, NO: self.no, UNCLEAR: self.unclear or UNDECIDED.format(self.yes)}[outcome]
-        pairs = zip(self.criteria, values, strict=True)
-        return _fill(wording, [f"{value} ({each.infinite})" if value == INFINITE else value for each, value in pairs])
-
-    def _generate(self, outcome: str, values: Sequence[str], spreads: Sequence[str], sizes: Sequence[str]) -> str:
-        """E.g. ``error in cycle 5 over cycle 1: 15.5 % [14.9 to 16.2 %], n = 20; limit at most 10 %: no.``"""
+        Value, interval and n are of each criterion; of an infinite value it says why.
+        """
         quantities: dict[str, list[str]] = {}
         for each, value, spread, size in zip(self.criteria, values, spreads, sizes, strict=True):
             if each.holds != ANY:
@@ -297,25 +265,34 @@ class Finding:
             named = "" if self.says and len(quantities) == 1 else f"{quantity}: "
             parts.append(f"{named}{listed}; limit {limit}")
         if self.says:
-            return f"{self.says}: {WORDS[outcome]} ({'. '.join(parts)})."
-        return f"{'. '.join(parts)}: {WORDS[outcome]}."
+            return f"{self.says}: {WORDS[verdict]} ({'. '.join(parts)})."
+        return f"{'. '.join(parts)}: {WORDS[verdict]}."
 
 
 @dataclass(frozen=True)
-class FindingResult:
-    """A finding, and what the runs say of it."""
+class StatementResult:
+    """A statement, and what the runs say of it."""
 
-    finding: Finding
+    statement: Claim | Finding
     measured: Sequence[CriterionResult]
 
     @property
-    def outcome(self) -> str:
-        """``yes``, ``no`` or ``unclear``."""
-        found = {OUTCOMES[each.verdict] for each in self.measured}
-        return NO if NO in found else UNCLEAR if UNCLEAR in found else YES
+    def verdict(self) -> str:
+        """Of a claim one of ``VERDICTS``; of a finding ``yes``, ``no`` or ``unclear``."""
+        return self.statement.decide({each.verdict for each in self.measured if each.criterion.holds != ANY})
+
+    @property
+    def columns(self) -> dict[str, list[str]]:
+        """Value, interval, n and verdict of each criterion, as readers see them."""
+        return {
+            "values": [each.value for each in self.measured],
+            "intervals": [each.spread for each in self.measured],
+            "counts": [each.interval.size for each in self.measured],
+            "verdicts": [self.statement.verdicts[each.verdict] for each in self.measured],
+        }
 
     @property
     def sentence(self) -> str:
-        """The sentence of the outcome."""
-        columns = zip(*((each.value, each.spread, each.interval.size) for each in self.measured), strict=True)
-        return self.finding.sentence(self.outcome, *columns)
+        """It and its verdict as a sentence."""
+        columns = self.columns
+        return self.statement.sentence(self.verdict, columns["values"], columns["intervals"], columns["counts"])

@@ -109,3 +109,8 @@ class Study:
     tables: Mapping[str, Callable[[Results], DataFrame]] = field(default_factory=dict)
     values: Callable[[Results], Mapping[str, Any]] = lambda results: {}
     """Further values of the page, by name."""
+
+    @property
+    def statements(self) -> Mapping[str, Claim | Finding]:
+        """Claims, then findings."""
+        return {**self.claims, **self.findings}

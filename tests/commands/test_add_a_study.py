@@ -10,7 +10,7 @@ from support.command import ROOT, call, interrupted, python
 
 PAGE = (ROOT / "docs" / "add-a-study.md").read_text()
 STUDY = "from cmacexp.study import *\nSTUDY = Study(title='T', question='Q', runs=lambda quick: {runs}, {more})\n"
-FINDING = "Finding([Criterion('q', lambda results: {sample}, at_most(1e9))], '{sentence}', '', '')"
+FINDING = "Finding([Criterion('q', lambda results: {sample}, at_most(1e9))], says='It is small')"
 TWO = ("--seeds", "2")
 """Beside what the page prints: fewer runs."""
 
@@ -19,9 +19,9 @@ def block(language: str) -> str:
     return re.search(rf"```{language}\n(.*?)```", PAGE, flags=re.DOTALL)[1]
 
 
-def write(folder, name, page="", sample="[1.0]", sentence="yes", runs="[]", more=""):
+def write(folder, name, page="", sample="[1.0]", runs="[]", more=""):
     """A study with one finding, ``cost``, and its page; returns its file."""
-    findings = f"findings={{'cost': {FINDING.format(sample=sample, sentence=sentence)}}}, "
+    findings = f"findings={{'cost': {FINDING.format(sample=sample)}}}, "
     (folder / f"{name}.py").write_text(STUDY.format(runs=runs, more=findings) + more)
     (folder / f"{name}.md").write_text(page)
     return f"{name}.py"
@@ -85,7 +85,6 @@ def test_a_mistake_in_yaml_is_an_error_of_one_line_before_anything_is_run(old, n
     [
         ({"page": "\n{{ finding('price') }}"}, "price"),
         ({"page": "{% call figure('curves') %}c{% endcall %}"}, "curves"),
-        ({"sentence": "{valeu}"}, "valeu"),
         ({"more": "STUDY = 1"}, "STUDY"),
         ({"name": "json"}, "json"),
         pytest.param({"page": "{{ finding('cost') "}, "line 1", marks=pytest.mark.ci),

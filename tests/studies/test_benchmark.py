@@ -234,7 +234,7 @@ def test_the_findings_follow_from_the_rows():
     }  # fmt: skip
     findings = make_study(MACHINES, [*levels]).findings
     judged = {name: findings[name].judge(results) for name in (*expected, "plain_leg")}
-    assert {name: judged[name].outcome for name in expected} == expected
+    assert {name: judged[name].verdict for name in expected} == expected
     assert {name for name in findings if name.startswith("rapid_")} == {"rapid_leg", "rapid_quadruped"}  # the tuned
     plain, failing = (judged[name].measured[0].interval.value for name in ("plain_leg", "plain_fails_leg"))
     assert (plain, failing) == (pytest.approx(4.0 / 3.0, rel=0.1), pytest.approx(1.0 / 3.0))  # of what both complete

@@ -57,7 +57,7 @@ def statements(monkeypatch):
     monkeypatch.setattr(
         quotes,
         "declared",
-        lambda: {"s": {"a": Finding(2 * [ONE], "It is {value}.", "No."), "new": Finding([ONE], says="new")}},
+        lambda: {"s": {"a": Finding(2 * [ONE], says="It is small"), "new": Finding([ONE], says="new")}},
     )
     return {"s": {"a": ENTRY}}
 
@@ -73,7 +73,15 @@ def test_a_quote_gives_value_interval_size_and_verdict(statements):
         'quote("s.new")',
     )
     filled = [fill_quotes(f"{{{{ {text} }}}}", statements) for text in quoted]
-    assert filled == ["It is 1 N.", "3 N", "1 to 2 N", "1 N [1 to 2 N]", "18 of 20", "yes", NOT_MEASURED]
+    assert filled == [
+        "It is small: yes (1 N [1 to 2 N], n = 18 of 20; 3 N [deterministic], n = 5; limit at most 4).",
+        "3 N",
+        "1 to 2 N",
+        "1 N [1 to 2 N]",
+        "18 of 20",
+        "yes",
+        NOT_MEASURED,
+    ]
 
 
 @pytest.mark.parametrize("wrong", ['"s.b"', '"t.a"', '"s.a", 2'])

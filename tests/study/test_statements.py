@@ -23,7 +23,7 @@ from cmacexp.study import (
 from cmacexp.study.interval import ONE_SEED, UNPAIRED
 from cmacexp.study.provenance import digest_source
 from cmacexp.study.results import NoSuchRuns
-from cmacexp.study.statements import UNDECIDED, ClaimResult
+from cmacexp.study.statements import StatementResult
 
 ONE = made_errors(0.1, machine="leg")
 
@@ -35,7 +35,7 @@ def criterion(*sample: float, fails=OPPOSITE) -> Criterion:
     return Criterion("error", lambda results: list(sample), at_most(1.0), fails)
 
 
-def judge(*criteria: Criterion) -> ClaimResult:
+def judge(*criteria: Criterion) -> StatementResult:
     return Claim("it is small", "section 1", criteria).judge(ONE)
 
 
@@ -81,35 +81,27 @@ def test_a_value_without_a_limit_stands_beside_others_and_decides_nothing(sample
 
 def test_one_seed_decides_nothing_unless_no_seed_changes_the_run():
     rows = [replace(row, seeded=True) for row in ONE.rows]
-    small = Finding([Criterion("error", lambda results: results.at(5, "transfer_rmse_x"), at_most(1.0))], "yes", "no")
+    small = Finding([Criterion("error", lambda results: results.at(5, "transfer_rmse_x"), at_most(1.0))])
     (measured,) = small.judge(Results(rows)).measured
     assert (measured.spread, measured.verdict) == (ONE_SEED, "inconclusive")
-    assert small.judge(ONE).outcome == "yes"
+    assert small.judge(ONE).verdict == "yes"
 
 
 @pytest.mark.parametrize(
-    ("sample", "sentence"),
-    [([5e-4], "It is 0.5 mm."), ([1.5e-3], "It is not: 1.5 mm."), ([9e-4, 1.1e-3], "Unclear: 1 mm.")],
-)
-def test_a_finding_has_a_sentence_for_each_outcome(sample, sentence):
+    ("sample", "outcome"),
+    [
+        ([5e-4], "yes (0.5 mm [deterministic]"), ([1.5e-3], "no (1.5 mm [deterministic]"),
+        ([9e-4, 1.1e-3], "undecided (1 mm [-0.271 to 2.27 mm]"),
+    ],
+)  # fmt: skip
+def test_a_finding_says_what_came_out_and_of_how_much(sample, outcome):
     measured = Criterion("error", lambda results: sample, at_most(1e-3), unit="mm", scale=1e3)
-    finding = Finding([measured], "It is {value}.", "It is not: {value}.", "Unclear: {value}.")
-    assert finding.judge(ONE).sentence == sentence
-    if "Unclear" in sentence:
-        assert Finding([measured], "Yes.", "No.").judge(ONE).sentence == UNDECIDED.format("Yes.")
-
-
-@pytest.mark.parametrize("wrong", ["{valeu}", "{values[1]}", "{values.first}", "{value", "{}"])
-@pytest.mark.parametrize("outcome", ["yes", "no", "unclear"])
-def test_a_wrong_name_in_braces_is_an_error_before_the_outcome_that_shows_it(wrong, outcome):
-    sentences = {"yes": "{value}", "no": "{values[0]}", "unclear": "{{}}"}
-    Finding([criterion(0.5)], **sentences)
-    with pytest.raises(BadInput):
-        Finding([criterion(0.5)], **{**sentences, outcome: wrong})
+    text = f"It is small: {outcome}, n = {len(sample)}; limit at most 1 mm)."
+    assert Finding([measured], says="It is small").judge(ONE).sentence == text
 
 
 def judge_sample(sample, **options):
-    Finding([Criterion("error", sample, at_most(1.0), **options)], "yes", "no").judge(ONE)
+    Finding([Criterion("error", sample, at_most(1.0), **options)]).judge(ONE)
 
 
 @pytest.mark.parametrize(
@@ -125,7 +117,7 @@ def judge_sample(sample, **options):
         (lambda: ONE.measure("mass"), "measure"),
         (lambda: Panel("error", "cycle", "mm", [], kind="bar"), "kind"),
         (lambda: Panel("error", "cycle", "mm", [], log="yx"), "log"),
-        (lambda: Finding([], "It is.", "It is not.", "Unclear."), "finding"),
+        (lambda: Finding([], says="It is."), "finding"),
         (lambda: Claim("it is small", "section 1", []), "claim"),
     ],
 )
