@@ -1,6 +1,8 @@
 """The CMAC as an object: addressing and weights, for one leg or any other function."""
 
+import copy
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +18,7 @@ from cmacexp.cmac.single import NOT_FINITE, Single
 from cmacexp.config.cmac import MOST_POSITIONS, PHASE, WORD_BYTES, CmacConfig, check_size
 from cmacexp.config.fields import read_fields
 from cmacexp.models.mix import MASK
-from cmacexp.typing import Array, Cells
+from cmacexp.typing import Array, Cells, Counts
 
 
 class Cmac:
@@ -103,6 +105,14 @@ class Cmac:
             receptive_field=config.receptive_field,
             seed=seed,
         )
+
+    def reseed(self, seed: int) -> "Cmac":
+        """A copy with another ``seed`` of the hash, of as yet empty memory."""
+        other = copy.copy(self)
+        other.address, other.clipped = self.address._replace(seed=seed & MASK), 0
+        other.visited = None if self.visited is None else replace(self.visited)
+        other._weights = other._single = None
+        return other
 
     @property
     def weights(self) -> Array:
@@ -238,15 +248,27 @@ class MemoryUse(NamedTuple):
     """Inputs of the path outside their range."""
 
 
-def memory_use(cmac: Cmac, inputs: Array, cells: Cells) -> MemoryUse:
-    """Use of the memory of ``cmac`` by a path of inputs (samples, n), whose rows are ``cells`` (samples, C)."""
-    params = cmac.address
-    clipped = count_outside(params.ranges, inputs)
-    if cmac.layers * params.resolution_elements ** inputs.shape[1] > MOST_POSITIONS:
-        return MemoryUse(params.rows, len(find_distinct(cells)), None, None, clipped)
+def find_visited(cmac: Cmac, inputs: Array) -> Counts | None:
+    """Where a path of inputs (samples, n) first enters each cell, as indices into its (samples, C) active cells.
+
+    That is before hashing, so it does not depend on the seed. None if positions of cells do not fit into 64 bits.
+    """
+    if cmac.layers * cmac.address.resolution_elements ** inputs.shape[1] > MOST_POSITIONS:
+        return None
     positions = np.empty((len(inputs), cmac.layers), dtype=np.uint64)
-    address_batch(params._replace(hashed=False), inputs, positions)
-    entered = find_entered(positions)
-    visited, first = np.unique(positions[entered], return_index=True)
-    used, sharing = np.unique(cells[entered][first], return_counts=True)
-    return MemoryUse(params.rows, len(used), len(visited), int(sharing[sharing > 1].sum()), clipped)
+    address_batch(cmac.address._replace(hashed=False), inputs, positions)
+    entered = np.flatnonzero(find_entered(positions))
+    first: Counts = entered[np.unique(positions.ravel()[entered], return_index=True)[1]]
+    return first
+
+
+def memory_use(cmac: Cmac, inputs: Array, cells: Cells, visited: Counts | None) -> MemoryUse:
+    """Use of the memory of ``cmac`` by a path of inputs (samples, n), whose rows are ``cells`` (samples, C).
+
+    ``visited`` are the cells that :func:`find_visited` finds on it.
+    """
+    rows, clipped = cmac.address.rows, count_outside(cmac.address.ranges, inputs)
+    if visited is None:
+        return MemoryUse(rows, len(find_distinct(cells)), None, None, clipped)
+    used, sharing = np.unique(cells.ravel()[visited], return_counts=True)
+    return MemoryUse(rows, len(used), len(visited), int(sharing[sharing > 1].sum()), clipped)

@@ -1,6 +1,5 @@
 """One CMAC per leg as a feedforward."""
 
-import copy
 from collections import deque
 from collections.abc import Sequence
 from functools import partial
@@ -9,47 +8,39 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cmacexp.cmac.addressing import InputRange, spanning
-from cmacexp.cmac.network import Cmac, MemoryUse, memory_use
+from cmacexp.cmac.network import Cmac, find_visited, memory_use
 from cmacexp.cmac.receptive_field import RECTANGULAR
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
-from cmacexp.feedforward.weight_log import WeightLog, new_log
 from cmacexp.jit.compiler import workload
 from cmacexp.planning.plan import recall
 from cmacexp.planning.setup import Setup
-from cmacexp.typing import Array, Cells, Weights
+from cmacexp.typing import Array, Weights
 
 
 class _Path(NamedTuple):
-    """CMACs, one for each leg, and what they find along the planned inputs of their legs."""
+    """CMACs, one for each leg, and what they find along planned inputs, whatever the seed of a hash is."""
 
     cmacs: list[Cmac]
-    cells: Cells
-    """(N, L, C): active rows at each sample."""
     activation: Array | None
-    """(N, L, C): of these cells; None if all are 1."""
-    log: WeightLog
-    """Empty, of these cells."""
-    memory: list[MemoryUse]
-    """Of each leg."""
+    """(N, L, C): of the active cells; None if all are 1."""
+    visited: list[Any]
+    """Of each leg, see :func:`find_visited`."""
 
 
 _paths = deque[Any](maxlen=16)
 
 
-def _follow(setup: Setup, inputs: Sequence[Array], ranges: Sequence[InputRange], seed: int) -> _Path:
-    """What new CMACs of given ranges find along inputs (N, n) of each leg; with ``visited`` cells they note them."""
-    cmacs = [Cmac.from_config(setup.config.cmac, own, setup.mechanism.shape[1], seed) for own in ranges]
-    for i, cmac in enumerate(cmacs):
-        if setup.learnt is not None and cmac.visited is not None:
-            cmac.visited.positions = setup.learnt[f"visited_{i + 1}"]
-    of_legs = list(zip(cmacs, inputs, strict=True))
-    activation = None
-    with workload(len(inputs) * len(inputs[0])):  # one run does not repay compiling, many do
-        cells = np.stack([cmac.cells(own) for cmac, own in of_legs], axis=1)
-        memory = [memory_use(cmac, own, cells[:, i]) for i, (cmac, own) in enumerate(of_legs)]
+def _follow(setup: Setup, inputs: Sequence[Array]) -> _Path:
+    """What new CMACs find along inputs (N, n) of each leg, which span their ranges unless these have been learnt."""
+    config, learnt, joints = setup.config.cmac, setup.learnt, setup.mechanism.shape[1]
+    ranges = [spanning(own, config.range_factor) for own in inputs]
+    if learnt is not None:
+        ranges = [InputRange(*ends) for ends in learnt["ranges"]]
+    cmacs = [Cmac.from_config(config, own, joints) for own in ranges]
+    of_legs, activation = list(zip(cmacs, inputs, strict=True)), None
     if cmacs[0].receptive_field != RECTANGULAR:
         activation = np.stack([cmac.activation(own) for cmac, own in of_legs], axis=1)
-    return _Path(cmacs, cells, activation, new_log(cells), memory)
+    return _Path(cmacs, activation, [find_visited(cmac, own) for cmac, own in of_legs])
 
 
 class CmacFeedforward(BuiltInFeedforward):
@@ -59,17 +50,18 @@ class CmacFeedforward(BuiltInFeedforward):
         """Compute the cells of every sample; start with empty memories, or with those of an earlier run."""
         config, learnt = setup.config, setup.learnt
         inputs = [planned_inputs(setup, i, config.cmac.inputs) for i in range(setup.mechanism.shape[0])]
-        if learnt is None:
-            ranges, self.seed = [spanning(own, config.cmac.range_factor) for own in inputs], config.seed
-        else:
-            ranges, self.seed = [InputRange(*ends) for ends in learnt["ranges"]], int(learnt["seed"])
-        follow = partial(_follow, setup, inputs, ranges, self.seed)
-        path_inputs = [values.tobytes() for values in (*inputs, *np.array(ranges))]
-        known = self.seed, path_inputs, setup.mechanism.shape, config.cmac
-        # Visited cells follow from what was learnt, too.
-        path: _Path = follow() if config.cmac.addressing == "visited" else recall(_paths, known, follow)
-        self.cmacs, self.memory = list(map(copy.copy, path.cmacs)), path.memory
-        self.params = network(setup, path.cells, self.cmacs[0].address.rows, path.activation, log=path.log)
+        self.seed = config.seed if learnt is None else int(learnt["seed"])
+        known = [own.tobytes() for own in inputs], setup.mechanism.shape, config.cmac
+        with workload(len(inputs) * len(inputs[0])):  # one run does not repay compiling, many do
+            path: _Path = _follow(setup, inputs) if learnt else recall(_paths, known, partial(_follow, setup, inputs))
+            self.cmacs = [cmac.reseed(self.seed) for cmac in path.cmacs]
+            for i, cmac in enumerate(self.cmacs):
+                if learnt is not None and cmac.visited is not None:
+                    cmac.visited.positions = learnt[f"visited_{i + 1}"]
+            cells = np.stack([cmac.cells(own) for cmac, own in zip(self.cmacs, inputs, strict=True)], axis=1)
+        of_legs = zip(self.cmacs, inputs, np.moveaxis(cells, 1, 0), path.visited, strict=True)
+        self.memory = [memory_use(*leg) for leg in of_legs]
+        self.params = network(setup, cells, self.cmacs[0].address.rows, path.activation)
         for cmac, own in zip(self.cmacs, self.params.weights, strict=True):
             cmac.weights = own
 

@@ -25,7 +25,7 @@ from cmacexp.feedforward.kernels import (
     Smoothing,
     feedforward_step,
 )
-from cmacexp.feedforward.weight_log import LOGGED, WeightLog, collect_log, hold_cycles, new_log
+from cmacexp.feedforward.weight_log import LOGGED, WeightLog, collect_log, new_log
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.typing import Array, Cells, KernelParts, Weights
 
@@ -161,14 +161,12 @@ def network(
     rows: int,
     activation: Array | None = None,
     taps: Array | None = None,
-    log: WeightLog | None = None,
 ) -> FeedforwardParams:
     """Params of one network per leg, linear in its weights, which are zero at first or those of an earlier run.
 
     ``cells`` (N, L, C) are the rows of the weights that are active at each sample of the cycle, ``rows`` the number
     of weights of one leg for each of its joints, ``activation`` (N, L, C) those of the cells, 0 or more; None: all 1,
     as in a CMAC. ``taps`` (K,) are of a symmetric filter along the rows, once a cycle, from the middle outwards.
-    ``log`` is the :func:`new_log` of these cells, if it is known.
 
     Raises BadInput if the learning rule or the earlier weights do not fit the network.
     """
@@ -188,7 +186,7 @@ def network(
         *(spread_shares(cells, counts, config.window) if rule.teaches == NEIGHBOURS else (EMPTY_CELLS, EMPTY)),
         cycle_rate=setup.rate / kernel_norm(cells, counts) if config.guard == REFINE else 0.0,
     )
-    log = hold_cycles(log or new_log(cells), setup.config.cycles)
+    log = new_log(cells, setup.config.cycles)
     smoothing = NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows))
     return FeedforwardParams(
         kind=CMAC if binary else WEIGHTED,

@@ -27,19 +27,17 @@ class WeightLog(NamedTuple):
     """(1,): number of these cycles."""
 
 
-def new_log(cells: Cells) -> WeightLog:
-    """A log of networks whose active rows are ``cells`` (N, L, C), which holds no cycle yet."""
+def new_log(cells: Cells, cycles: int = 0) -> WeightLog:
+    """A log of networks whose active rows are ``cells`` (N, L, C), with room for so many cycles.
+
+    All of a run have room: a machine on a wire cannot wait for the log to be taken.
+    """
     legs = [find_distinct(own) for own in np.moveaxis(cells, 1, 0)]
     rows = np.zeros((len(legs), max(map(len, legs))), dtype=np.uint32)
     for own, found in zip(rows, legs, strict=True):
         own[: len(found)] = found
     counts = np.array([len(found) for found in legs], dtype=np.int64)
-    return WeightLog(rows, counts, np.zeros((0, len(legs), len(LOGGED))), np.zeros(1, dtype=np.int64))
-
-
-def hold_cycles(log: WeightLog, cycles: int) -> WeightLog:
-    """A new log of the same rows with room for all cycles of a run: a machine on a wire cannot wait for it."""
-    return log._replace(values=np.zeros((cycles, *log.values.shape[1:])), begun=np.zeros_like(log.begun))
+    return WeightLog(rows, counts, np.zeros((cycles, len(legs), len(LOGGED))), np.zeros(1, dtype=np.int64))
 
 
 @kernel

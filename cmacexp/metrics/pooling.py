@@ -25,13 +25,15 @@ def count_legs(scores: Scores) -> int:
 
 def pool_legs(scores: Scores) -> dict[str, Array]:
     """Every metric of legs and body by name, one value per cycle, in SI units; NaN where no leg defines it."""
-    by_cycle = [Trace(table) for table in scores if table is not None]
-    return {
-        name: ALL_METRICS[name].pooling.pool(values[name].reshape(values.steps, -1))
-        for values in by_cycle
-        for name in values.names
-        if name in ALL_METRICS
-    }
+    pooled = dict[str, Array]()
+    for values in [Trace(table) for table in scores if table is not None]:
+        names = [name for name in values.names if name in ALL_METRICS]
+        pooled |= dict.fromkeys(names, np.empty(0))  # so that they keep their order
+        for pooling in {ALL_METRICS[name].pooling for name in names}:  # at once: else most of it is numpy's calls
+            alike = [name for name in names if ALL_METRICS[name].pooling is pooling]
+            legs = np.stack([values[name].reshape(values.steps, -1) for name in alike])
+            pooled |= zip(alike, pooling.pool(legs), strict=True)
+    return pooled
 
 
 def is_shown(name: str, values: Container[str], legs: int) -> bool:

@@ -25,7 +25,7 @@ from cmacexp.cmac.addressing import (
     spanning,
 )
 from cmacexp.cmac.memory import Visited
-from cmacexp.cmac.network import memory_use
+from cmacexp.cmac.network import find_visited, memory_use
 from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, spline
 
 names, fields = (st.sampled_from(sorted(table)) for table in (DISPLACEMENTS, RECEPTIVE_FIELDS))
@@ -133,7 +133,7 @@ def test_without_collisions_every_memory_learns_the_same_bits(field):
         cmac.update(inputs, random_inputs(300, seed=1), 0.5)
     one, *others = (cmac.predict(unseen).tobytes() for cmac in kinds)
     assert others == [one, one]
-    uses = [memory_use(cmac, inputs, cmac.cells(inputs)) for cmac in kinds]
+    uses = [memory_use(cmac, inputs, cmac.cells(inputs), find_visited(cmac, inputs)) for cmac in kinds]
     assert {use.cells_colliding for use in uses} == {0}
     assert len({use.rows_used for use in uses} | {use.cells_visited for use in uses}) == 1
 
@@ -146,7 +146,7 @@ def test_cells_that_share_a_row_are_those_of_dense_memory_that_the_hash_puts_tog
     in_row = defaultdict(set)
     for row, cell in zip(cells.flat, distinct.flat, strict=True):
         in_row[row].add(cell)
-    found, before = memory_use(hashed, path, cells), hashed.clipped
+    found, before = memory_use(hashed, path, cells, find_visited(hashed, path)), hashed.clipped
     assert (found.rows, found.rows_used) == (rows, len(in_row))
     assert found.cells_visited == sum(map(len, in_row.values())) == len(np.unique(distinct))
     assert found.cells_colliding == sum(len(own) for own in in_row.values() if len(own) > 1)
