@@ -11,7 +11,6 @@ import numpy as np
 from cmacexp.config import Config
 from cmacexp.config.gait import PATTERNS
 from cmacexp.config.machine import RobotMachine
-from cmacexp.config.schema import ADAPTIVE
 from cmacexp.errors import BadInput
 from cmacexp.models.ground import NEVER
 from cmacexp.models.mechanism import POINT_MASS, SPACE, Mechanism, has_body
@@ -182,9 +181,7 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
     start = (config.first_learning - 1) * config.steps_per_cycle if feedforward_acts else NEVER
     known = [getattr(config, name) for name in _READ]
     plan: Plan = recall(_plans, known, lambda: _make_plan(replace(config, **_UNREAD), mechanism))
-    if config.force_control.load_sharing == ADAPTIVE:
-        plan = copy.deepcopy(plan)  # the run changes its own
-    return plan._replace(start_step=start)
+    return copy.deepcopy(plan)._replace(start_step=start)  # a run, or its user, may change its own
 
 
 def _make_plan(config: Config, mechanism: Mechanism) -> Plan:

@@ -67,6 +67,12 @@ def test_another_seed_gives_other_bits_until_the_first_one_returns():
     assert found[0] == reference_run([*LEG, *NOISY, "seed=7"])[1].tobytes()
 
 
+def test_what_a_user_writes_into_a_plan_does_not_reach_the_next_run():
+    desired = cmacexp.open_loop(LEG).setup.plan.desired.position
+    before, desired[...] = desired.copy(), 0.0
+    assert_array_equal(cmacexp.open_loop(LEG).setup.plan.desired.position, before)
+
+
 def test_the_torque_acts_teaches_and_ends_the_loop_when_it_diverges():
     loop = cmacexp.open_loop(LEG)
     still, _ = play(loop)
