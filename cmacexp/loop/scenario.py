@@ -150,6 +150,24 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     return first._replace(travel=measured.travel, signals=signals)
 
 
+def _make_components(config: Config, given: dict[str, Any]) -> dict[str, Any]:
+    """Components by the key of their group, those that are ``given`` and those that the config names.
+
+    Raises BadInput if one cannot be made, or is to keep or to start from weights and learns none.
+    """
+    for group, component in given.items():
+        require_members(group, type(component).__qualname__, component)
+    made = {group: make_component(group, getattr(config, group)) for group in PROTOCOLS if group not in given}
+    components = {**made, **given}
+    if not isinstance(feedforward := components["feedforward"], Learns):
+        learns = f"{type(feedforward).__name__} learns no weights"
+        if config.record.weights:
+            raise BadInput("record.weights", True, f"must be false: {learns}")
+        if config.learning.start_from is not None:
+            raise BadInput("learning.start_from", config.learning.start_from, f"must be null: {learns}")
+    return components
+
+
 @exits_caught()  # of what is asked of components besides
 def make_scenario(config: Config, learnt: Weights | None = None, **given: Any) -> Scenario:
     """Plan the run, make its components, but for those that are ``given`` by the key of their group, and reset them.
@@ -161,33 +179,16 @@ def make_scenario(config: Config, learnt: Weights | None = None, **given: Any) -
         find_rule(config.learning.rule)  # also if no feedforward uses it
         check_load_sharing(config)
         check_memory(config)
-        mechanism = make_mechanism(config.machine)
-        for group, component in given.items():
-            require_members(group, type(component).__qualname__, component)
-        made = {group: make_component(group, getattr(config, group)) for group in PROTOCOLS if group not in given}
-        components = {**made, **given}
-        if not isinstance(feedforward := components["feedforward"], Learns):
-            learns = f"{type(feedforward).__name__} learns no weights"
-            if config.record.weights:
-                raise BadInput("record.weights", True, f"must be false: {learns}")
-            if config.learning.start_from is not None:
-                raise BadInput("learning.start_from", config.learning.start_from, f"must be null: {learns}")
-        plan = make_plan(config.nominal, mechanism, feedforward.acts)
-        lead = resolve_lead(config, components["sensors"], components["controller"])
-        loop_delay = count_loop_delay(config, components["sensors"])
+        mechanism, components = make_mechanism(config.machine), _make_components(config, given)
+        sensors, controller = components["sensors"], components["controller"]
+        plan = make_plan(config.nominal, mechanism, components["feedforward"].acts)
+        lead, loop_delay = resolve_lead(config, sensors, controller), count_loop_delay(config, sensors)
         warning = ""
-        if isinstance(config.machine, RobotMachine) and isinstance(components["controller"], HybridController):
-            warning = check_margin(config, components["controller"].config, loop_delay)
+        if isinstance(config.machine, RobotMachine) and isinstance(controller, HybridController):
+            warning = check_margin(config, controller.config, loop_delay)
+        known = read_weights(config) if learnt is None else learnt
         rate = resolve_rate(config, loop_delay, lead)
-        setup = Setup(
-            config,
-            mechanism,
-            plan,
-            _start(config, plan),
-            read_weights(config) if learnt is None else learnt,
-            lead,
-            rate,
-        )
+        setup = Setup(config, mechanism, plan, _start(config, plan), known, lead, rate)
         first, fault = new_measurement(*mechanism.shape), None
         try:
             first = _reset(setup, components)
