@@ -17,23 +17,19 @@ from cmacexp.study.statements import NO, UNCLEAR, VERDICTS, YES
 from cmacexp.study.study_file import StudyFile
 from pipelines.benchmark.benchmark import BENCHMARK
 from pipelines.benchmark.log_track import NAME as LOG_TRACK
-from pipelines.benchmark.log_track import make_study as make_log_study
-from pipelines.groups import GROUPS
-from pipelines.quotes import (
+from pipelines.groups import GROUPS, all_studies, every_study
+from pipelines.results import (
     DOCS,
-    LOG_SCORES,
     MEASURED,
     NOT_MEASURED,
     SCORES,
     Quotable,
-    all_studies,
     count_claims,
     fill_quotes,
     find_entry,
+    read_results,
     sentence_of,
-    whole_benchmark,
 )
-from pipelines.results import read_results
 
 ORDER = (*VERDICTS, YES, NO, UNCLEAR, NOT_MEASURED)
 LIST, CLAIMS, COUNT = "{{ studies() }}", "{{ claims() }}", "{{ count() }}"
@@ -41,11 +37,6 @@ LIST, CLAIMS, COUNT = "{{ studies() }}", "{{ claims() }}", "{{ count() }}"
 OUTPUTS = DOCS.parent / FOLDER
 FIGURE = re.compile(r'<figure id="(\w+)">(?:<h3>(.*?)</h3>)?.*?<figcaption>(.*?)</figcaption>', re.DOTALL)
 """In a report: name, title and caption."""
-
-
-def every_study() -> list[StudyFile]:
-    """All studies, the benchmark and its log track, whose pages are made."""
-    return [*all_studies(), whole_benchmark(), make_log_study()]
 
 
 def statements_of(file: StudyFile, statements: Mapping[str, Claim | Finding], results: Quotable) -> str:
@@ -99,7 +90,7 @@ def page_of(file: StudyFile, results: Quotable) -> str:
         text += f"\n## Claims of the paper\n{statements_of(file, study.claims, results)}"
     if study.findings:
         text += f"\n## Findings\n{statements_of(file, study.findings, results)}"
-    if scores := {BENCHMARK: SCORES, LOG_TRACK: LOG_SCORES}.get(file.name):
+    if scores := SCORES.get(file.name):
         text += f"\n## Scores\n\n{scores.read_text(encoding='utf-8')}"
     return text + (f"\n## Figures\n{''.join(figures)}" if figures else "")
 

@@ -13,18 +13,18 @@ from cmacexp.study.study_file import YAML
 from pipelines.benchmark import log_track, summary
 from pipelines.benchmark.__main__ import main as run_benchmark
 from pipelines.benchmark.benchmark import BENCHMARK
-from pipelines.groups import GROUPS, find_study, run_group
-from pipelines.quotes import (
-    LOG_SCORES,
+from pipelines.groups import GROUPS, all_studies, every_study, find_study, run_group
+from pipelines.results import (
+    CHANGED,
     PAGES,
     README,
+    RESULTS_FILE,
     SCORES,
-    all_studies,
     find_outdated,
+    list_states,
+    read_results,
     renew_readme,
-    whole_benchmark,
 )
-from pipelines.results import CHANGED, RESULTS_FILE, list_states, read_results
 
 STATUS = "status"
 SHOWN_FILES = 3
@@ -40,16 +40,13 @@ def write_docs() -> None:
     results = read_results()
     results.add_studies(FOLDER)
     README.write_text(renew_readme(README.read_text(encoding="utf-8"), results.statements), encoding="utf-8")
-    scored = {
-        SCORES: (f"{BENCHMARK}/{BENCHMARK}", summary.write_scores),
-        LOG_SCORES: (
-            f"{log_track.NAME}/{log_track.SCORES}",
-            lambda table: summary.write_table(log_track.tabulate(table)),
-        ),
+    tables = {
+        BENCHMARK: (BENCHMARK, summary.write_scores),
+        log_track.NAME: (log_track.SCORES, lambda scores: summary.write_table(log_track.tabulate(scores))),
     }
-    for page, (table, write) in scored.items():
-        if (path := FOLDER / f"{table}.parquet").is_file():
-            page.write_text(f"{write(read_table(path, texts=True).to_pandas())}\n", encoding="utf-8")
+    for study, (table, write) in tables.items():
+        if (path := FOLDER / study / f"{table}.parquet").is_file():
+            SCORES[study].write_text(f"{write(read_table(path, texts=True).to_pandas())}\n", encoding="utf-8")
     texts = {page.name: page.read_text(encoding="utf-8") for page in PAGES}
     for line in find_outdated(results.sentences, texts, results.statements):
         print(line)
@@ -102,7 +99,7 @@ def _run(arguments: Arguments) -> None:
     else:
         for name, group in GROUPS.items():
             print(f"python -m pipelines.{name}\n    {group.title}: {group.question}\n    {', '.join(group.studies)}")
-        for file in (*all_studies(), whole_benchmark()):
+        for file in every_study()[:-1]:
             print(f"python -m pipelines.{file.name}\n    {file.study.title}: {file.study.question}")
         if arguments.what is not None:
             raise BadInput("study", arguments.what, "no such study; choose one of this list")

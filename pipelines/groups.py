@@ -11,7 +11,9 @@ from cmacexp.commands.study import FOLDER_KEY, Options, command, print_statement
 from cmacexp.data.folder import new_result
 from cmacexp.data.manifest import REPORT
 from cmacexp.study.page import write_page
-from cmacexp.study.study_file import YAML, load_study
+from cmacexp.study.study_file import YAML, StudyFile, load_study
+from pipelines.benchmark import benchmark, log_track
+from pipelines.benchmark.entrants import MACHINES, list_methods
 
 PIPELINES = Path(__file__).resolve().parent
 
@@ -54,6 +56,18 @@ def find_study(name: str) -> Path | None:
     """The file of a study of this folder, of Python or of YAML; None if there is no such study."""
     files = [PIPELINES / f"{name}{suffix}" for suffix in (*YAML, ".py")]
     return next((path for path in files if path.is_file() and path.with_suffix(".md").is_file()), None)
+
+
+def all_studies() -> list[StudyFile]:
+    """Every study of this folder, by name."""
+    return [load_study(path) for page in sorted(PIPELINES.glob("*.md")) if (path := find_study(page.stem))]
+
+
+def every_study() -> list[StudyFile]:
+    """All studies; then the benchmark, of all machines and methods, and its log track."""
+    study = benchmark.make_study(MACHINES, [method.name for method in list_methods()])
+    whole = StudyFile(PIPELINES / benchmark.BENCHMARK / f"{benchmark.BENCHMARK}.py", study)
+    return [*all_studies(), whole, log_track.make_study()]
 
 
 def write(name: str, options: Options) -> Path:

@@ -1,14 +1,16 @@
-"""What the study of one leg reads in the trace of a run: measures, and figures 7 to 9 of Lin & Song 1997."""
+"""What the study of one leg reads in the trace of a run; and figures 7 to 9 of Lin & Song 1997, of its plan."""
 
 from collections.abc import Callable, Mapping
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from cmacexp.data.run import read_config
+from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.leg import Leg, bias_torque, jacobian, trigonometry
+from cmacexp.planning.trajectory import BEFORE as START
 from cmacexp.study import Array, Panel, Run, Series, draw
 from pipelines.common_results import find_depression
 
@@ -25,35 +27,19 @@ BEFORE = 40
 """Data points of support before the first that Fig. 8 and 9 show, to make the jumps at lift-off visible."""
 
 
-def rows_of(run: Run, cycle: int) -> pd.DataFrame:
-    """Rows of a cycle; none if the run did not reach it."""
-    return run.trace[run.trace["cycle"] == cycle]
-
-
 def in_cycle(number: int, measure: Measure) -> Callable[[Run], float]:
     """The measure of a cycle's rows as one of a run; NaN for a run that recorded no such cycle."""
 
-    return lambda run: measure(rows, run.config) if len(rows := rows_of(run, number)) else float("nan")
+    def compute(run: Run) -> float:
+        rows = run.trace[run.trace["cycle"] == number]
+        return measure(rows, run.config) if len(rows) else float("nan")
 
-
-def phases(rows: pd.DataFrame) -> list[slice]:
-    """The samples of each phase in a cycle, in order."""
-    support = (rows["phase"] == "support").to_numpy()
-    edges = [0, *(np.flatnonzero(np.diff(support)) + 1), len(support)]
-    return [slice(a, b) for a, b in pairwise(edges)]
+    return compute
 
 
 def touch_down(rows: pd.DataFrame) -> int:
     """The first sample of support in a cycle."""
     return int(np.argmax((rows["phase"] == "support").to_numpy()))
-
-
-def differentiate(rows: pd.DataFrame, values: Array) -> Array:
-    """Differences of ``values`` over time, within each phase by itself, so that a jump between phases stays one."""
-    time, result = rows["time"].to_numpy(), np.empty(len(rows))
-    for part in phases(rows):
-        result[part] = np.gradient(values[part], time[part], edge_order=2)
-    return result
 
 
 def peak_error(rows: pd.DataFrame, config: Config, axis: str, extent: str) -> float:
@@ -141,27 +127,26 @@ def feedback_force(config: Config, weight: float) -> float:
 
 def trajectory(run: Run) -> Figure:
     """Fig. 7: desired path in transfer and reference positions in support."""
-    rows = rows_of(run, 1)
-    swing, stance = phases(rows)
-    x, hip = 1e3 * rows["x_desired"].to_numpy(), run.config["machine"]["hip_height"]
-    desired, reference = (1e3 * (hip - rows[name].to_numpy()) for name in ("y_desired", "y_reference"))
+    plan, hip = make_scenario(read_config(run)).setup.plan, run.config["machine"]["hip_height"]
+    x, desired = plan.desired.position[:, 0].T
     lines = {
-        "desired, transfer": (swing, desired),
-        "desired, support": (stance, desired),
-        "reference D_r, support": (stance, reference),
+        "desired, transfer": (desired, ~plan.support),
+        "desired, support": (desired, plan.support),
+        "reference D_r, support": (plan.reference.position[START, :, 0, 1], plan.support),
     }
-    series = [Series(name, x[part], height[part]) for name, (part, height) in lines.items()]
+    series = [
+        Series(name, 1e3 * x, np.where(shown[:, 0], 1e3 * (hip - y), np.nan)) for name, (y, shown) in lines.items()
+    ]
     return draw([Panel("in the plane of the leg", "x forward, mm", "height, mm", series, y_limits=[0.0])], height=3.0)
 
 
 def motion(run: Run, order: int, name: str, unit: str) -> Figure:
-    """Fig. 8, 9: a derivative of the desired path within each phase, from shortly before lift-off on."""
-    rows, panels = rows_of(run, 1), []
-    point = np.arange(-BEFORE, len(rows))
-    for axis, direction in (("x", "forward"), ("y", "down")):
-        values = rows[f"{axis}_desired"].to_numpy()
-        for _ in range(order):
-            values = differentiate(rows, values)
+    """Fig. 8, 9: a derivative of the desired path, from shortly before lift-off on."""
+    plan, panels = make_scenario(read_config(run)).setup.plan, []
+    point = np.arange(-BEFORE, len(plan.support))
+    for values, direction in zip(plan.desired[order][:, 0].T, ("forward", "down"), strict=True):
         series = [Series("desired", point, values[point])]
-        panels.append(Panel(f"{name} {direction}", "data point", unit, series, x_limits=[0.0, touch_down(rows)]))
+        panels.append(
+            Panel(f"{name} {direction}", "data point", unit, series, x_limits=[0.0, int(plan.support.argmax())])
+        )
     return draw(panels)

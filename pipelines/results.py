@@ -1,16 +1,21 @@
-"""``docs/results.json``: what every study gave when it last ran in full, what its values depend on, and its state.
+"""``docs/results.json``: what every study gave when it last ran in full, its state, and what pages quote of it.
 
 The file holds, by study, date, version, seeds, hashes of models and code, two witnesses, and statements with value,
 interval and n; digests of the package's files once for all studies that ran on the same ones; and the sentences of
 pages that were written for one verdict.
+
+``{{ quote("one_leg_learning.bias") }}`` on a page stands for the first value of a statement, ``quote("...", 1)`` for
+the second, ``interval`` for its interval, ``measured`` for both, ``size`` for its n, ``verdict`` for the verdict,
+``sentence`` for the sentence of a finding. Sections of the README stand in ``readme_blocks``, likewise.
 """
 
 import hashlib
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -20,19 +25,35 @@ from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.errors import BadInput
 from cmacexp.models.robot_file import package_models
-from cmacexp.study.page import CLAIMS
+from cmacexp.study import Claim, Finding
+from cmacexp.study.page import CLAIMS, count_verdicts
 from cmacexp.study.provenance import PROVENANCE, digest_package, digest_source, list_changed, make_witness
-from cmacexp.study.statements import OUTCOMES
-from pipelines.benchmark.benchmark import BENCHMARK
-from pipelines.benchmark.log_track import NAME as LOG_TRACK
-from pipelines.groups import PIPELINES
-from pipelines.quotes import DOCS, Quotable
+from pipelines.groups import PIPELINES, all_studies, every_study
 
+DOCS, README = PIPELINES.parent / "docs", PIPELINES.parent / "README.md"
 RESULTS_FILE = DOCS / "results.json"
+SCORES = {
+    name: PIPELINES / "benchmark" / f"{table}.md"
+    for name, table in (("benchmark", "scores"), ("log_track", "log_scores"))
+}
+"""Every table of the last full benchmark, and of its log track."""
+PAGES = (README, *sorted(DOCS.glob("*.md")))
+"""What may quote the studies."""
+BLOCKS = PIPELINES / "readme_blocks"
+"""A file of Markdown with quotes for each section of its name."""
+FENCE = re.compile(r"(?<=```text\n).*?(?=^```$)", flags=re.DOTALL | re.MULTILINE)
+"""What a command printed, in a section."""
+FIRST_RUN = "Install and run"
+QUOTE = re.compile(r'\{\{ (quote|interval|measured|size|verdict|sentence)\("(\w+)\.([^"]+)"(?:, (\d+))?\) \}\}')
+MEASURED = ("values", "intervals", "counts", "verdicts")
+"""Entries of a statement with a value for each criterion."""
+NOT_MEASURED = "not measured yet"
 CURRENT, EQUAL, CHANGED, NEVER = "current", "equal", "changed", "never run"
 """EQUAL: its files changed, and its witnesses gave the same values on the files of today."""
 CLOSE = 1e-9
 """Relative difference of equal values; the last digits differ between processors."""
+Quotable = Mapping[str, Mapping[str, Any]]
+"""Statements by study and name."""
 
 
 class State(NamedTuple):
@@ -167,17 +188,119 @@ def read_results() -> PublishedResults:
 
 def list_states(results: PublishedResults) -> list[State]:
     """The state of every study, of the benchmark, and of its log track."""
-    studies = [path.stem for path in sorted(PIPELINES.glob("*.md"))]
-    return [results.find_state(name) for name in [*studies, BENCHMARK, LOG_TRACK]]
+    return [results.find_state(file.name) for file in every_study()]
 
 
 def _quotable(statement: Mapping[str, Any]) -> dict[str, Any]:
     """An entry of a statement: its verdict, and a value, an interval, n and a verdict for each criterion."""
-    words, criteria = OUTCOMES if statement["kind"] == "finding" else {}, statement["criteria"]
+    kind, criteria = Finding if statement["kind"] == "finding" else Claim, statement["criteria"]
     return {
         "verdict": statement["verdict"],
         "values": [each["shown"] for each in criteria],
         "intervals": [each["spread"] for each in criteria],
         "counts": [each["size"] for each in criteria],
-        "verdicts": [words.get(each["verdict"], each["verdict"]) for each in criteria],
+        "verdicts": [kind.verdicts[each["verdict"]] for each in criteria],
     }
+
+
+@cache
+def declared() -> Mapping[str, Mapping[str, Claim | Finding]]:
+    """Every statement by study and name, whether it was measured or not."""
+    return {file.name: file.study.statements for file in every_study()}
+
+
+def sentence_of(statement: Claim | Finding, entry: Mapping[str, Any]) -> str:
+    """The sentence of a statement as it came out."""
+    return statement.sentence(entry["verdict"], entry["values"], entry["intervals"], entry["counts"])
+
+
+def find_entry(study: str, name: str, results: Quotable) -> Mapping[str, Any] | None:
+    """What a study gave for a statement; None if it has never measured all that the statement consists of.
+
+    Raises:
+        LookupError: it declares no such statement.
+    """
+    count, entry = len(declared()[study][name].criteria), results.get(study, {}).get(name)
+    whole = entry is not None and all(len(entry.get(column) or ()) == count for column in MEASURED)
+    return entry if whole else None
+
+
+def quoted(match: re.Match[str], results: Quotable) -> str:
+    """What a page shows for a quote.
+
+    Raises:
+        LookupError: there is no such study, statement or value.
+    """
+    kind, study, name, number = match.groups()
+    statement, index = declared().get(study, {}).get(name), int(number or 0)
+    if statement is None or index >= len(statement.criteria):
+        raise LookupError(f"{match[0]}: no study declares it")
+    if (entry := find_entry(study, name, results)) is None:
+        return NOT_MEASURED
+    value, interval, size, _ = (str(entry[column][index]) for column in MEASURED)
+    return {
+        "quote": value,
+        "interval": interval,
+        "measured": f"{value} [{interval}]",
+        "size": size,
+        "verdict": str(entry["verdict"]),
+        "sentence": sentence_of(statement, entry),
+    }[kind]
+
+
+def fill_quotes(text: str, results: Quotable) -> str:
+    """A page with its quotes filled in; raises as :func:`quoted`."""
+    return QUOTE.sub(partial(quoted, results=results), text)
+
+
+def find_outdated(sentences: Sequence[Mapping[str, Any]], texts: Mapping[str, str], results: Quotable) -> list[str]:
+    """Sentences that are gone from their page, or were written for another verdict; a line for each.
+
+    Args:
+        sentences: ``page``, ``text``, and the verdict that it ``needs`` by statement.
+        texts: of pages, by name.
+        results: of the studies.
+    """
+    found = []
+    for each in sentences:
+        if each["text"] not in " ".join(texts[each["page"]].split()):
+            found.append(f"{each['page']}: has no sentence {each['text']!r}")
+        for key, verdict in each["needs"].items():
+            study, _, name = key.partition(".")
+            entry = find_entry(study, name, results)
+            if (today := entry["verdict"] if entry else NOT_MEASURED) != verdict:
+                found.append(f"{each['page']}: {each['text']!r} is for {key} = {verdict}, it is {today}")
+    return found
+
+
+def count_claims(results: Quotable) -> str:
+    """How many claims of the paper have each verdict, as a sentence."""
+    entries = [find_entry(file.name, name, results) for file in all_studies() for name in file.study.claims]
+    return count_verdicts([entry["verdict"] for entry in entries if entry])
+
+
+def print_first_run(section: str) -> str:
+    """The table that the first run of a section prints at its end."""
+    with TemporaryDirectory() as folder:
+        return str(
+            cmacexp.run(re.findall(r"-m cmacexp (.*)$", section, re.MULTILINE)[0].split(), Path(folder) / "run")
+        ).partition("\n")[2]
+
+
+def find_section(text: str, heading: str) -> str:
+    """What stands below a heading of the README, up to the next one."""
+    return text.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
+
+
+def make_section(path: Path, statements: Quotable) -> str:
+    """A section with its quotes filled in."""
+    text = fill_quotes(path.read_text(encoding="utf-8"), statements)
+    return text.replace("{{ count }}", count_claims(statements))
+
+
+def renew_readme(text: str, statements: Quotable) -> str:
+    """The README with its sections made anew."""
+    for path in sorted(BLOCKS.glob("*.md")):
+        text = text.replace(find_section(text, path.stem), make_section(path, statements))
+    first = find_section(text, FIRST_RUN)
+    return text.replace(first, FENCE.sub(lambda _: f"{print_first_run(first)}\n", first))

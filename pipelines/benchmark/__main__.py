@@ -51,9 +51,12 @@ def _write(machines: dict[str, Machine], methods: list[Method], options: Options
         bench = Bench(machines, {method.name: method for method in methods}, each, options.folder / TRIALS)
         chosen, tuned = tune(bench)
         frame = test(bench, chosen)
-    results = Results([], {BENCHMARK: frame, "settings": summary.table_settings(tuned)})
+    results, root = (
+        Results([], {BENCHMARK: frame, "settings": summary.table_settings(tuned)}),
+        Path(__file__).parents[2],
+    )
     imported = {*find_sources("pipelines.benchmark.benchmark"), *find_sources("pipelines.perceptron")}
-    own = digest_files(sorted(imported.union(Path(__file__).parent.rglob("*.py"))), Path(__file__).parents[2])
+    own = digest_files(sorted(imported.union(Path(__file__).parent.rglob("*.py"))), root)
     first = next(iter(machines.values()))
     known = [list_overrides(first, each, DEFAULT, first.draw(0)) for each in methods if each.name in (ALONE, CMAC)]
     witnesses = [] if options.quick else [run_witness(overrides) for overrides in known]
@@ -63,16 +66,14 @@ def _write(machines: dict[str, Machine], methods: list[Method], options: Options
         "models": {name: find_model_hash(name) for name in machines if name in package_models()},
     }
     file = StudyFile(Path(__file__).with_name(f"{BENCHMARK}.py"), make_study(machines, bench.methods))
-    settings = {f"{machine}, {method}": own for (machine, method), own in chosen.items()}
+    settings = {", ".join(place): {kind: text.split() for kind, text in own.items()} for place, own in chosen.items()}
     about = {"version": VERSION, "quick": options.quick, "tasks_hash": hash_tasks(machines), "settings": settings}
-    texts = {
-        f"{BENCHMARK}.json": json.dumps(about, indent=1) + "\n"
-    }  # code, versions and models are in the provenance
+    texts = {f"{BENCHMARK}.json": json.dumps(about, indent=1) + "\n"}  # code and models are in the provenance
     write_results(file, results, options.place(BENCHMARK), options.quick, provenance, texts)
     for machine in machines:
         print_line(f"{machine}: mean score of completed runs over {len(TASKS)} tasks, and failures")
         scores = summary.table_scores(frame, machine)
-        print_table(list(scores), [[str(cell) for cell in row] for row in scores.itertuples(index=False)])
+        print_table(list(scores), scores.astype(str).to_numpy().tolist())
         if not options.quick:
             print_line(summary.describe_order(frame, machine))
     return options.place(BENCHMARK) / HTML

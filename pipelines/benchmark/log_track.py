@@ -254,7 +254,7 @@ def run(arguments: argparse.Namespace, options: Options) -> Path:
     }
     write_results(file, results, folder, options.quick, provenance, {})
     table = tabulate(scores)
-    print_table(list(table), [[str(cell) for cell in row] for row in table.itertuples(index=False)])
+    print_table(list(table), table.astype(str).to_numpy().tolist())
     for cause in causes:
         print_line(f"failed: {cause}")
     return folder / HTML

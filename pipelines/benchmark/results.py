@@ -6,7 +6,6 @@ A trial is one method with one setting in one world: it starts, something change
 import hashlib
 import json
 import zlib
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,33 +41,30 @@ ENDS = {"force": "force_rmse", "feedback": "feedback_rms", "torque_peak": "torqu
 Row = dict[str, Any]
 BEFORE = ""
 """The stage before a change, beside those by task."""
-Setting = tuple[str, ...]
-DEFAULT: Setting = ()
 BY_DEFAULT, FOR_ALL, FOR_EACH, GUARDED = SETTINGS = (
     "default", "one for all tasks", "one for each task", "default, guarded",
 )  # fmt: skip
+DEFAULT, GUARD = "", "learning.guard=freeze record.weights=true"
+"""Settings, which are overrides as text: of every method; of those that learn, what users are advised to add."""
+TRIAL = ["machine", "method", "overrides", "world"]
+"""Columns of rows that belong to one trial, each to another task."""
 SAME = ["machine", "task", "world"]
 """Columns with equal values in a row and in the one that it is relative to."""
 TUNING = "tuning"
 """What is run in the worlds of tuning."""
-GUARD: Setting = ("learning.guard=freeze", "record.weights=true")
-"""Of methods that learn: what users are advised to add."""
-Chosen = Mapping[tuple[str, str], Mapping[str, Setting]]
+Chosen = Mapping[Any, Mapping[str, str]]
 """By machine and method: the setting for all tasks by :data:`FOR_ALL`, that for each by the name of the task."""
-Place = tuple[str, str, str, str]
-"""Machine, method, kind of setting (in tuning its overrides) and task: rows of all worlds."""
-COLUMNS = ("machine", "method", "setting", "task")
 
 
 def list_overrides(
-    machine: Machine, method: Method, setting: Sequence[str], world: Sequence[str], task: str = BEFORE
+    machine: Machine, method: Method, setting: str, world: Sequence[str], task: str = BEFORE
 ) -> list[str]:
     """Overrides of the run before the change, or of that after the change of a task."""
     own = [*world, f"cycles={machine.before}"]
     if task != BEFORE:
         changed = change_world(world, machine.changes[task])
         own = [*changed, f"cycles={machine.after}", "learning.start_cycle=1"]
-    return [*machine.overrides, *PROTOCOL, *method.overrides, *setting, *own]
+    return [*machine.overrides, *PROTOCOL, *method.overrides, *setting.split(), *own]
 
 
 def _find_hash(stages: Mapping[str, Sequence[str]], last: int) -> str:
@@ -156,31 +152,22 @@ class Bench:
     folder: Path
     """Of outcomes, which are used again."""
 
-    def run(self, what: str, places: Mapping[Place, Setting]) -> pd.DataFrame:
-        """Run settings, nothing twice: a row for each place and world, the same however it was run."""
-        trials, tunes = defaultdict[tuple[str, str, Setting, int], list[str]](list), what == TUNING
-        for (name, method, _, task), setting in places.items():
-            machine = self.machines[name]
-            for number in range(machine.tuning_worlds if tunes else machine.worlds):
-                trials[name, method, setting, number].append(task)
-        items = [self._list_stages(*key, tasks, tunes) for key, tasks in trials.items()]
-        found = defaultdict[tuple[Any, ...], list[Row]](list)
-        for key, rows in zip(trials, self.each(what, run_trial, items, long=True), strict=True):
-            for row in rows:
-                found[*key[:3], row["task"]].append({**row, "world": key[3]})
-        return pd.DataFrame(
-            {**dict(zip(COLUMNS, place, strict=True)), **row, "overrides": " ".join(setting)}
-            for place, setting in places.items()
-            for row in found[*place[:2], setting, place[3]]
-        )
+    def run(self, what: str, plan: pd.DataFrame) -> pd.DataFrame:
+        """Run the rows of a plan, nothing twice: the plan, and what came out of each row, however it was run.
 
-    def _list_stages(
-        self, name: str, method: str, setting: Setting, number: int, tasks: list[str], tunes: bool
-    ) -> Any:
+        ``plan`` has the columns TRIAL, ``setting`` and ``task``.
+        """
+        trials = plan.groupby(TRIAL, sort=False, as_index=False)["task"].agg(list)
+        items = [self._list_stages(trial, what == TUNING) for trial in trials.itertuples()]
+        found = zip(trials[TRIAL].to_dict("records"), self.each(what, run_trial, items, long=True), strict=True)
+        rows = pd.DataFrame({**trial, **row} for trial, own in found for row in own)
+        return plan.merge(rows, how="left", on=[*TRIAL, "task"])
+
+    def _list_stages(self, trial: Any, tunes: bool) -> Any:
         """What :func:`run_trial` takes."""
-        machine = self.machines[name]
-        world, learner = machine.draw(number, tunes), self.methods[method]
-        stages = {task: list_overrides(machine, learner, setting, world, task) for task in (BEFORE, *tasks)}
+        machine, method = self.machines[trial.machine], self.methods[trial.method]
+        world = machine.draw(trial.world, tunes)
+        stages = {t: list_overrides(machine, method, trial.overrides, world, t) for t in (BEFORE, *trial.task)}
         return machine, stages, self.folder
 
 
@@ -194,29 +181,24 @@ def _draw_value(draw: Draw, tuned: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def draw_settings(method: Method, number: int) -> list[Setting]:
+def draw_settings(method: Method, number: int) -> list[str]:
     """The default setting of a method, and ``number`` others from what its fields are tuned over; none without any.
 
     The same method always gets the same ones: the first of a larger number are those of a smaller one.
     """
     draw = Draw(zlib.crc32(method.name.encode()))
-    drawn = [tuple(f"++{key}={_draw_value(draw, tuned)}" for key, tuned in method.tuned) for _ in range(number)]
-    return [*dict.fromkeys([DEFAULT, *drawn])]
+    drawn = [" ".join(f"++{key}={_draw_value(draw, tuned)}" for key, tuned in method.tuned) for _ in range(number)]
+    return list(dict.fromkeys([DEFAULT, *drawn]))
 
 
-def choose_setting(settings: Sequence[Setting], scores: Mapping[Setting, Array]) -> Setting:
+def choose_setting(rows: pd.DataFrame) -> str:
     """The setting with which the fewest runs fail, of these that with the least mean score; of equal ones the first.
 
-    Args:
-        settings: in the order in which they were drawn.
-        scores: any shape, by setting; infinite where a run failed.
+    ``rows`` have ``overrides``, in the order in which they were drawn, and ``score``, infinite where a run failed.
     """
-
-    def rank(setting: Setting) -> tuple[int, float]:
-        done = scores[setting][np.isfinite(scores[setting])]
-        return scores[setting].size - done.size, float(done.mean()) if done.size else np.inf
-
-    return min(settings, key=rank)
+    done = rows["score"].where(np.isfinite(rows["score"])).groupby(rows["overrides"], sort=False)
+    ranked = done.agg(["count", "mean"]).sort_values(["count", "mean"], ascending=[False, True])
+    return str(ranked.index[0])
 
 
 def tune(bench: Bench) -> tuple[Chosen, pd.DataFrame]:
@@ -231,51 +213,45 @@ def tune(bench: Bench) -> tuple[Chosen, pd.DataFrame]:
         if len(settings := draw_settings(method, machine.draws)) > 1
     }
     if not drawn:
-        return {}, pd.DataFrame(columns=[*COLUMNS, "overrides"])
+        return {}, pd.DataFrame(columns=[*TRIAL, "setting"])
     alone = {(machine, ALONE): [DEFAULT] for machine, _ in drawn}
-    places = {
-        (*place, " ".join(setting), task): setting
-        for place, settings in (drawn | alone).items()
+    plan = pd.DataFrame(
+        {"machine": name, "method": method, "setting": FOR_ALL, "task": task, "world": n, "overrides": setting}
+        for (name, method), settings in (drawn | alone).items()
         for setting in settings
         for task in TASKS
-    }
-    frame, chosen = bench.run(TUNING, places), dict[tuple[str, str], dict[str, Setting]]()
+        for n in range(bench.machines[name].tuning_worlds)
+    )
+    frame = bench.run(TUNING, plan)
     alone_at = frame[frame["method"] == ALONE].set_index(SAME)["end_error"]
     reference = frame[SAME].join(alone_at, on=SAME)["end_error"]
     frame = frame.assign(score=relative_to(frame["end_error"].to_numpy(), reference.to_numpy()))
-    for (machine, method), settings in drawn.items():
-        own = frame[(frame["machine"] == machine) & (frame["method"] == method)]
-        by_task = {FOR_ALL: own, **dict(iter(own.groupby("task", sort=False)))}
-        chosen[machine, method] = {
-            kind: choose_setting(
-                settings, {each: rows["score"][rows["setting"] == " ".join(each)].to_numpy() for each in settings}
-            )
-            for kind, rows in by_task.items()
-        }
-    best = {place: " ".join(own[FOR_ALL]) for place, own in chosen.items()}
-    kept = [row.setting == best.get((row.machine, row.method), "") for row in frame.itertuples()]
-    return chosen, frame[kept].assign(setting=FOR_ALL)
+    chosen = {
+        place: {FOR_ALL: choose_setting(own)} | {task: choose_setting(rows) for task, rows in own.groupby("task")}
+        for place, own in frame[frame["method"] != ALONE].groupby(["machine", "method"])
+    }
+    best = [chosen.get((row.machine, row.method), {}).get(FOR_ALL, DEFAULT) for row in frame.itertuples()]
+    return chosen, frame[frame["overrides"] == best]
 
 
-def _find(chosen: Chosen, machine: str, method: str, kind: str, task: str) -> Setting:
-    """The setting of a place."""
-    own = chosen.get((machine, method), {})
-    if kind == GUARDED and method != ALONE:
-        return GUARD
-    if kind in (BY_DEFAULT, GUARDED) or not own:
-        return DEFAULT
-    # A task that does not count has none of its own.
-    return own.get(task if kind == FOR_EACH else FOR_ALL, own[FOR_ALL])
+def _find(own: Mapping[str, str], method: Method, kind: str, task: str) -> str:
+    """The setting of a method whose chosen ones are its ``own``; a task that does not count has none."""
+    guarded, general = DEFAULT if method.name == ALONE else GUARD, own.get(FOR_ALL, DEFAULT)
+    return {BY_DEFAULT: DEFAULT, FOR_ALL: general, FOR_EACH: own.get(task, general), GUARDED: guarded}[kind]
 
 
 def test(bench: Bench, chosen: Chosen) -> pd.DataFrame:
     """A row for each machine, method, kind of setting, task and world."""
-    places = {
-        (machine, method, kind, task): _find(chosen, machine, method, kind, task)
-        for machine in bench.machines
-        for method in bench.methods
+    plan = pd.DataFrame(
+        {
+            "machine": name, "method": method.name, "setting": kind, "task": task, "world": number,
+            "overrides": _find(chosen.get((name, method.name), {}), method, kind, task),
+        }
+        for name, machine in bench.machines.items()
+        for method in bench.methods.values()
         for kind in SETTINGS
-        if kind != GUARDED or bench.methods[method].learns or method == ALONE
-        for task in bench.machines[machine].changes
-    }
-    return bench.run("testing", places)
+        if kind != GUARDED or method.learns or method.name == ALONE
+        for task in machine.changes
+        for number in range(machine.worlds)
+    )  # fmt: skip
+    return bench.run("testing", plan)

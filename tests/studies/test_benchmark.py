@@ -172,10 +172,12 @@ def test_a_method_that_does_not_exist_is_refused(entrant, methods, own):
 
 
 def test_the_setting_that_fails_least_and_then_has_the_least_mean_score_is_chosen():
-    failing = {(): np.array([[0.1, np.inf]]), ("a=1",): np.array([[0.5, 0.6]]), ("a=2",): np.array([[0.5, 0.4]])}
-    for order in (list(failing), list(failing)[::-1]):
-        assert choose_setting(order, failing) == ("a=2",)
-    assert choose_setting([("b",), ("c",)], {("b",): np.array([np.inf]), ("c",): np.array([9.0])}) == ("c",)
+    failing = pd.DataFrame(
+        {"overrides": ["", "", "a=1", "a=1", "a=2", "a=2"], "score": [0.1, np.inf, 0.5, 0.6, 0.5, 0.4]}
+    )
+    assert choose_setting(failing) == choose_setting(failing[::-1]) == "a=2"
+    equal = pd.DataFrame({"overrides": ["b", "c", "d"], "score": [np.inf, 9.0, 9.0]})
+    assert choose_setting(equal) == "c"
 
 
 # Tables and findings, of rows made up

@@ -8,19 +8,23 @@ from support.command import ROOT, python
 from support.pages import PAGES
 
 from cmacexp.study import Criterion, Finding, at_most
-from pipelines import quotes
-from pipelines.quotes import (
+from pipelines import results as quotes
+from pipelines.results import (
     BLOCKS,
+    CHANGED,
+    CURRENT,
+    NEVER,
     NOT_MEASURED,
     QUOTE,
+    PublishedResults,
     declared,
     fill_quotes,
     find_entry,
     find_outdated,
     find_section,
     make_section,
+    read_results,
 )
-from pipelines.results import CHANGED, CURRENT, NEVER, PublishedResults, read_results
 
 RESULTS = read_results()
 QUICKEST = "lead_design"
