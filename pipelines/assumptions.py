@@ -4,13 +4,23 @@
 mass, and evaluates every conclusion again.
 """
 
-from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 
-from cmacexp.study import Array, Criterion, DataFrame, Mask, Results, declare, format_number, read_criteria, tabulate
+from cmacexp.study import (
+    Array,
+    Criterion,
+    DataFrame,
+    Declared,
+    Mask,
+    Results,
+    Sample,
+    declare,
+    format_number,
+    read_criteria,
+    tabulate,
+)
 
 TAKEN = "assumed values"
 """The variant without a change."""
@@ -106,7 +116,7 @@ def _over_method(results: Results, name: str, method: str) -> Array:
     return np.nan_to_num(ours, nan=np.inf) / np.nan_to_num(theirs, nan=np.inf)
 
 
-def _conclude(quantity: str, value: str | Callable[[Results], Array], limit: str) -> Criterion:
+def _conclude(quantity: str, value: str | Sample, limit: str) -> Criterion:
     """A number of a run, and the limit within which the paper's conclusion from it holds."""
     return read_criteria({"quantity": quantity, "value": value, "limit": limit})[0]
 
@@ -173,14 +183,14 @@ def tabulate_numbers(results: Results, machine: str) -> DataFrame:
         mark = " ≠" if changed.all() else " (≠)" if changed.any() else ""
         return format_number(float(np.mean(conclusion.take(own)))) + mark
 
-    columns: dict[str, Callable[[Results], str]] = {
+    columns: Declared = {
         **{name: partial(cell, conclusion=each) for name, each in CONCLUSIONS[machine].items()},
         "ended early": lambda own: f"{len(own) - sum(own.completed)} of {len(own)}",
     }
     return tabulate(whole, {"variant": "value"}, columns)
 
 
-COMMON: dict[str, Any] = {"quick": {"cycles": 5}, "seeds": True}
+COMMON: Declared = {"quick": {"cycles": 5}, "seeds": True}
 NAMES = {LEG: ("One leg", " with which runs complete"), WALK: ("Quadruped", " with which runs complete"),
          MASS: ("Point mass", "")}  # fmt: skip
 STUDY = declare(

@@ -5,11 +5,10 @@ are judged, and one thing of them at a time in randomised runs (worlds), unknown
 """
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 
-from cmacexp.study import Array, Results, declare, quotients
+from cmacexp.study import Array, Declared, Results, declare, quotients
 from pipelines.common_results import (
     SIDES,
     colliding,
@@ -23,7 +22,7 @@ from pipelines.worlds import TESTED, draw_worlds
 LAYERS, ELEMENTS, INPUTS, MEMORY = "cmac.layers", "cmac.resolution_elements", "cmac.inputs", "cmac.memory_bytes"
 ADDRESSING = "cmac.addressing"
 ALL, FREE, VISITED = "[angle, velocity, acceleration]", "no collisions", ["cmac.addressing=visited"]
-PAPER: dict[str, dict[str, Any]] = {
+PAPER: dict[str, Declared] = {
     "one leg": {LAYERS: 32, ELEMENTS: 33, INPUTS: ALL, MEMORY: 2**20},
     "quadruped": {LAYERS: 32, ELEMENTS: 33, MEMORY: 2**18},
 }
@@ -34,16 +33,16 @@ CROWDED = {8: 2**12, 128: 2**16}
 """Memories with which a visited cell has as many rows with few layers as with many."""
 
 
-def _published(machine: str, memories: list[int], *scenario: str) -> list[dict[str, Any]]:
+def _published(machine: str, memories: list[int], *scenario: str) -> list[Declared]:
     """Runs in the paper's world, with every memory and seed, and once without collisions."""
-    own: dict[str, Any] = {"set": [*scenario, "cycles=20", "record.cycles=[1]"], "quick": {"cycles": 6}}
+    own: Declared = {"set": [*scenario, "cycles=20", "record.cycles=[1]"], "quick": {"cycles": 6}}
     return [
         {**own, "over": {MEMORY: memories}, "seeds": True, "labels": {"machine": machine, "varied": MEMORY}},
         {**own, "set": [*own["set"], *VISITED], "labels": {"machine": machine, "varied": FREE}},
     ]
 
 
-def _in_worlds(machine: str, varied: str, over: dict[str, Any], *scenario: str) -> dict[str, Any]:
+def _in_worlds(machine: str, varied: str, over: Declared, *scenario: str) -> Declared:
     """Runs in worlds in which one thing of the CMAC is varied."""
     name = scenario[0].partition("=")[2]
     return {
@@ -57,7 +56,7 @@ def _in_worlds(machine: str, varied: str, over: dict[str, Any], *scenario: str) 
 LEG = ("scenario=one_leg", "learning=lasting", "reference=aware")
 
 
-def _compare(machine: str, key: str, value: Any, at: str, limit: str) -> dict[str, Any]:
+def _compare(machine: str, key: str, value: object, at: str, limit: str) -> Declared:
     """Errors in worlds with one value over those with the paper's, in a cycle or at the end."""
     paper = PAPER[machine][key]
     return {
@@ -86,7 +85,7 @@ def weigh_collisions(results: Results) -> Array:
     return quotients(*costs)
 
 
-def _tabulate_sizes(machine: str, *keys: str) -> dict[str, Any]:
+def _tabulate_sizes(machine: str, *keys: str) -> Declared:
     """Every size: errors early and at the end, use of memory."""
     return {
         "rows": {key: key.removeprefix("cmac.").replace("_", " ") for key in keys},
@@ -100,7 +99,7 @@ def _tabulate_sizes(machine: str, *keys: str) -> dict[str, Any]:
     }
 
 
-def find_room(results: Results) -> dict[str, Any]:
+def find_room(results: Results) -> Declared:
     """Width of a cell with the paper's sizes, of the planned span of its input; KB that a row for each cell takes."""
     width, room = dict[str, float](), dict[str, float]()
     for machine, size in PAPER.items():

@@ -5,13 +5,11 @@ paper's own perfect world, where its claims are judged, and in randomised runs, 
 most of them for the perceptron. The benchmark tunes learners, and measures their memory and time.
 """
 
-from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
-from cmacexp.study import TRANSFER, Array, Results, Run, declare, quotients
+from cmacexp.study import TRANSFER, Array, Declared, Results, Run, declare, quotients
 from pipelines.common_results import cycles_to
 from pipelines.worlds import TESTED, draw_worlds
 
@@ -48,7 +46,7 @@ CHANGES: dict[str, tuple[float, list[str]]] = {
 WEIGHTS, AT_ONCE = "record.weights=true", "learning.start_cycle=1"
 
 
-def _learn(scenario: str, cycles: int, group: str, kinds: list[str], *more: str, **part: Any) -> Any:
+def _learn(scenario: str, cycles: int, group: str, kinds: list[str], *more: str, **part: object) -> Declared:
     """Runs in the paper's world; those that depend on a seed for each."""
     printed = ["reference=literal", "learning.lead=0", "record.cycles=[1]"]
     return {
@@ -67,9 +65,9 @@ def _in_worlds(
     *words: str,
     scenario: str = "one_leg",
     stiffer: float = 1.0,
-    labels: Mapping[str, str] | None = None,
-    **part: Any,
-) -> dict[str, Any]:
+    labels: dict[str, str] | None = None,
+    **part: object,
+) -> Declared:
     """Runs in worlds, unguarded unless ``words`` say otherwise."""
     common = {"one_leg": ["reference=aware", "learning=lasting"]}.get(scenario, [])
     return {
@@ -85,7 +83,7 @@ def _in_worlds(
 
 
 IN_LEG, IN_WALK, SMOOTH, GUARDED = "worlds, one leg", "worlds, quadruped", "worlds, without jumps", "worlds, guarded"
-AFTER: list[tuple[list[str], list[str], dict[str, Any]]] = [
+AFTER: list[tuple[list[str], list[str], Declared]] = [
     (ALONE, [], {"labels": {"start": "from nothing"}}),
     (KEPT, [AT_ONCE], {"labels": {"start": "from nothing"}}),
     (KEPT, [AT_ONCE], {"labels": {"start": "carried over"}, "after": {"group": IN_LEG}}),
@@ -112,14 +110,14 @@ def ended_by_guard(run: Run) -> float:
     return float(bool(run.manifest["guard"]))
 
 
-def _tabulate_learning(group: str, cycles: Sequence[int], title: str, value: str) -> dict[str, Any]:
+def _tabulate_learning(group: str, cycles: list[int], title: str, value: str) -> Declared:
     """Errors of every feedforward, and a further quantity of the last cycle."""
     columns = {f"cycle {n}, mm": f"1e3 * {TRANSFER}[{n}]" for n in cycles}
     columns |= {"force RMS at the end, N": "force_rmse", title: value, "completed": "completed"}
     return {"rows": {"kind": "feedforward"}, "columns": columns, "of": {"group": group}}
 
 
-MANY: dict[str, Any] = {
+MANY: Declared = {
     "rows": {"kind": "feedforward"},
     "columns": {f"cycle {cycle}, mm": f"1e3 * {TRANSFER}[{cycle}]" for cycle in (5, 20)} | {"completed": "completed"},
 }
@@ -130,7 +128,7 @@ CASES = {IN_LEG: LEG, IN_WALK: WALK}
 CARRIED, ANEW = {"start": "carried over"}, {"start": "from nothing"}
 
 
-def _over(own: str, other: str, cycle: int, limit: float, groups: Any = CASES) -> list[dict[str, Any]]:
+def _over(own: str, other: str, cycle: int, limit: float, groups: tuple[str, ...] = tuple(CASES)) -> list[Declared]:
     """The error of one feedforward in a cycle over that of another."""
     return [
         {"quantity": f"error in cycle {cycle}: {own} over {other}", "value": f"{TRANSFER}[{cycle}]",
@@ -140,7 +138,7 @@ def _over(own: str, other: str, cycle: int, limit: float, groups: Any = CASES) -
     ]  # fmt: skip
 
 
-def _after(changes: list[str], kind: str, over: dict[str, str], **own: Any) -> dict[str, Any]:
+def _after(changes: list[str], kind: str, over: dict[str, str], **own: object) -> Declared:
     """What is measured after changes with the weights from before them."""
     return {**own, "of": {"kind": kind, **CARRIED}, "over": over, "each": {"group": changes}}
 
@@ -217,8 +215,9 @@ STUDY = declare(
             f"learners_{case}": {
                 "says": f"In randomised runs, at rate `auto` and unguarded, CMAC ({case}) is more accurate in cycle "
                 "20 than RBF, MLP and ILC",
-                "criteria": [each for other in ("RBF", "MLP", "ILC") for each in _over("CMAC", other, 20, 1.0,
-                [group])],
+                "criteria": [
+                    each for other in ("RBF", "MLP", "ILC") for each in _over("CMAC", other, 20, 1.0, (group,))
+                ],
             }
             for group, case in CASES.items()
         },

@@ -5,12 +5,23 @@ where there is no ground, and gives it ground that is not as stiff as assumed.
 """
 
 import math
-from typing import Any
 
 import numpy as np
 
 from cmacexp.control.hybrid_kernels import METHODS as FORCE_METHODS
-from cmacexp.study import Array, Figure, Panel, Results, Run, Series, compute_quantity, declare, draw, quotients
+from cmacexp.study import (
+    Array,
+    Declared,
+    Figure,
+    Panel,
+    Results,
+    Run,
+    Series,
+    compute_quantity,
+    declare,
+    draw,
+    quotients,
+)
 from pipelines.common_results import find_depression, if_completed
 
 METHODS = {name: [f"force_control={name}"] for name in FORCE_METHODS}
@@ -40,7 +51,7 @@ def end_speed(run: Run) -> float:
     return round(abs(float(run.trace["vy"].iloc[-1])), DIGITS)
 
 
-def predicted_force(config: dict[str, Any]) -> float:
+def predicted_force(config: Declared) -> float:
     """Settled over desired force on ground that is not as stiff as assumed.
 
     The reference of eq. 9 and 13 is what the force needs on the assumed ground; the true ground answers with as much
@@ -96,7 +107,7 @@ def draw_forces(results: Results) -> Figure:
     return draw(panels, height=2.0)
 
 
-def _rest(method: str, mass: float = 0.5) -> list[dict[str, Any]]:
+def _rest(method: str, mass: float = 0.5) -> list[Declared]:
     """Whether a method comes to rest with the desired force on each ground."""
     return [
         {
@@ -111,7 +122,7 @@ def _rest(method: str, mass: float = 0.5) -> list[dict[str, Any]]:
 
 
 ASSUMED = ["scenario=force_step", "terrain.assumed_stiffness=10.0"]
-KNOWN: dict[str, Any] = {"ground": GROUNDS, CLEARANCE: [0.05, 0.02, 0.035, 0.075, 0.1]}
+KNOWN: Declared = {"ground": GROUNDS, CLEARANCE: [0.05, 0.02, 0.035, 0.075, 0.1]}
 """Heights of the release over known ground, m, first that of the scenario; the paper gives none."""
 EXPLICIT = {"explicit": [*METHODS["explicit"], HEAVIER]}
 FORCE_MISS = {

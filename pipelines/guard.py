@@ -6,7 +6,6 @@ unguarded learning. One leg learns on for long with random settings.
 """
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,6 +16,7 @@ from cmacexp.study import (
     UNPAIRED,
     Array,
     DataFrame,
+    Declared,
     Figure,
     Panel,
     Results,
@@ -44,7 +44,7 @@ WORSE = 1.05
 """Error over that with feedback only up to which it counts as no worse."""
 
 
-def _draw(machine: str, *kinds: str) -> dict[str, Any]:
+def _draw(machine: str, *kinds: str) -> Declared:
     """Runs of a machine in random worlds, each with kinds of learning."""
     number, cycles = WORLDS[machine]
     worlds = {world: [*draw_hard_world(machine, world), "warn=false"] for world in range(number)}
@@ -57,7 +57,7 @@ def _draw(machine: str, *kinds: str) -> dict[str, Any]:
     }
 
 
-def _learn_long(kind: str, cycles: int, quick: int) -> dict[str, Any]:
+def _learn_long(kind: str, cycles: int, quick: int) -> Declared:
     """Runs of one leg with random settings; feedback only has to walk with them for a few cycles."""
     return {
         "set": [*HARD[ONE_LEG], f"cycles={cycles}", f"record.cycles=[{cycles}]", "warn=false"],
@@ -135,7 +135,7 @@ def draw_errors(results: Results) -> Figure:
     return draw(panels, columns=2)
 
 
-def values(results: Results) -> dict[str, Any]:
+def values(results: Results) -> Declared:
     """Counts that the page names."""
     alone, lasting = results.select(part="worlds", kind="feedback only").by("machine"), find_long(results)
     return {

@@ -5,9 +5,8 @@ of the paper's rule under its own conditions, and for long, randomised ones of l
 """
 
 from functools import partial
-from typing import Any
 
-from cmacexp.study import DataFrame, Figure, Results, completed, declare, draw, over_setting, tabulate
+from cmacexp.study import DataFrame, Declared, Figure, Results, completed, declare, draw, over_setting, tabulate
 from pipelines.common_results import (
     colliding,
     cost_against,
@@ -28,7 +27,7 @@ MACHINES: dict[str, tuple[str, str, list[str], list[int]]] = {
 "paper's."""
 
 
-def _runs(machine: str) -> list[dict[str, Any]]:
+def _runs(machine: str) -> list[Declared]:
     """Every memory, and a row for every visited cell, for every seed of the paper's rule, or in every world.
 
     The first memory is the least that 32 layers of two outputs allow.
@@ -55,7 +54,7 @@ def _runs(machine: str) -> list[dict[str, Any]]:
 
 def draw_memory(results: Results) -> Figure:
     """Collisions, and errors at the end over those without them, over rows per visited cell."""
-    axes: dict[str, Any] = {
+    axes: Declared = {
         "by": "rule", "axis": "rows per visited cell",
         "place": lambda own: float(own.measure("rows_per_cell").mean()),
     }  # fmt: skip

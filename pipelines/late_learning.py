@@ -5,10 +5,20 @@ torques and lags, over more cycles than the studies that recommend them.
 """
 
 from functools import partial
-from typing import Any
 
 from cmacexp.cmac.rules import PAPER_RATE, RULES
-from cmacexp.study import FINAL_CYCLES, TRANSFER, Array, Results, Run, declare, find_history, per_seed, relative
+from cmacexp.study import (
+    FINAL_CYCLES,
+    TRANSFER,
+    Array,
+    Declared,
+    Results,
+    Run,
+    declare,
+    find_history,
+    per_seed,
+    relative,
+)
 from pipelines.common_results import describe_end, if_completed, slide_median
 
 WORLDS = {
@@ -44,7 +54,7 @@ def find_least_rule(results: Results) -> Array:
     return per_seed(others, relative(others, results.select(choice="default"), error), min)
 
 
-def _part(name: str, machines: dict[str, Any], common: list[str], **over: Any) -> dict[str, Any]:
+def _part(name: str, machines: Declared, common: list[str], **over: object) -> Declared:
     """Runs of machines in every world."""
     words = ["cycles=300", "record.cycles=[1]", *common]
     over = {"machine": machines, "world": WORLDS, **over}
@@ -54,7 +64,7 @@ def _part(name: str, machines: dict[str, Any], common: list[str], **over: Any) -
 UNGUARDED, ONE = "learning.guard=none", ["learning.lead=1", f"learning.rate={PAPER_RATE}"]
 EVERYWHERE, DONE = {"world": list(WORLDS)}, "cycles done of those asked for, "
 AUTO = {"part": "rate", "learning.rate": "auto"}
-IN_MM: dict[str, Any] = {"across": "world", "value": partial(describe_end, quantity=f"1e3 * {TRANSFER}")}
+IN_MM: Declared = {"across": "world", "value": partial(describe_end, quantity=f"1e3 * {TRANSFER}")}
 STUDY = declare(
     title="Learning with delayed feedback",
     question="Do the lead, rate, rule, size and path that suit feedback without delay also suit delayed feedback?",

@@ -7,12 +7,11 @@ L(s) = (K_ap + K_av s) LEAD(s) / (M s^2). The bandwidth of the open loop is read
 
 import itertools
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from cmacexp.config.compose import compose_config
-from cmacexp.study import Array, DataFrame, Figure, Panel, Results, Series, declare, draw
+from cmacexp.study import Array, DataFrame, Declared, Figure, Panel, Results, Series, declare, draw
 
 SCENARIOS = {"one leg": "one_leg", "quadruped": "quadruped"}
 OMEGAS, ALPHAS, POINTS = (0.2, 200.0), (1.0, 100.0), 30
@@ -103,7 +102,7 @@ def draw_bandwidths(results: Results) -> Figure:
     return draw(panels, height=3.3)
 
 
-def values(results: Results) -> dict[str, Any]:
+def values(results: Results) -> Declared:
     """What the scan covers, and how many of its pairs meet both objectives."""
     loops = results.computed["lead_design"].query("not default")
     both = (loops["excess"] < MOST_RESONANCE) & (loops["distance"] <= SAME)
@@ -111,7 +110,7 @@ def values(results: Results) -> dict[str, Any]:
     return {**scan, "same": 100.0 * SAME, "both": int(both.sum())}
 
 
-def _claim(words: str, where: str, quantity: str, measure: Callable[[DataFrame], Array], default: bool) -> Any:
+def _claim(words: str, where: str, quantity: str, measure: Callable[[DataFrame], Array], default: bool) -> Declared:
     """For the gains of each scenario. Nothing counts as the opposite: mass and open-loop bandwidth are assumed."""
     criteria = [
         {

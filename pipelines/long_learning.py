@@ -6,7 +6,6 @@ of the quadruped's force feedback.
 """
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from cmacexp.cmac.rules import RULES
 from cmacexp.study import (
     TRANSFER,
     Array,
+    Declared,
     Results,
     Run,
     RunRow,
@@ -31,12 +31,9 @@ from pipelines.worlds import FEWER, TESTED, draw_worlds
 FORCE, RAMP = "force_rmse_cycle", "gait.load_ramp=0.12"
 FEEDBACK = ["force_control.elasticity=0.001", "force_control.admittance=0.001"]
 """Force feedback ten times the paper's."""
+AT_END = f"{TRANSFER}[-100:]"
+"""Final transfer error, over 100 cycles."""
 OTHERS = [rule for rule in RULES if rule != "paper"]
-
-
-def final(results: Results, name: str = TRANSFER) -> Array:
-    """(runs,): final value of an error, over 100 cycles; infinite of a run that ended before."""
-    return results.end(name, 100)
 
 
 def find_variation(errors: Array) -> float:
@@ -78,13 +75,13 @@ def error_when_detected(results: Results) -> list[float]:
 
 
 def best_of_others(results: Results, lead: int | str, name: str) -> Array:
-    """(worlds,): error at the end of another rule with a lead, over the paper's rule with lead `auto`.
+    """(worlds,): a quantity with another rule with a lead, over the paper's rule with lead `auto`.
 
     In each world the rule is the one whose median is least in all other worlds: not chosen by what it is judged by.
     """
-    own = results.select({"learning.rule": "paper", "learning.lead": "auto"})
+    own, final = results.select({"learning.rule": "paper", "learning.lead": "auto"}), partial(compute_quantity, name)
     rules = results.select({"learning.rule": OTHERS, "learning.lead": lead})
-    ratios = np.array([relative(rule, own, partial(final, name=name)) for rule in rules.by("learning.rule").values()])
+    ratios = np.array([relative(rule, own, final) for rule in rules.by("learning.rule").values()])
     worlds = range(ratios.shape[1])
     elsewhere = [np.delete(ratios, world, axis=1) if len(worlds) > 1 else ratios for world in worlds]
     return np.array([ratios[np.median(elsewhere[world], axis=1).argmin(), world] for world in worlds])
@@ -94,8 +91,8 @@ def over_best_rate(results: Results) -> Array:
     """(worlds,): error at the end with rate ``auto`` over the least with another rate."""
     auto = results.select({"learning.rate": "auto"})
     others = results.select({"learning.rate": [rate for rate in results.values("learning.rate") if rate != "auto"]})
-    least = dict(zip(others.values("seed"), per_seed(others, final(others), min), strict=True))
-    return quotients(final(auto), np.array([least[row.settings["seed"]] for row in auto.rows]))
+    least = dict(zip(others.values("seed"), per_seed(others, compute_quantity(AT_END, others), min), strict=True))
+    return quotients(compute_quantity(AT_END, auto), np.array([least[row.settings["seed"]] for row in auto.rows]))
 
 
 def _describe_drift(results: Results) -> str:
@@ -103,7 +100,7 @@ def _describe_drift(results: Results) -> str:
     return "; ".join(f"{what} in {cycle:.0f}" for what, cycle in medians.items() if np.isfinite(cycle)) or "-"
 
 
-def _part(name: str, machine: str, cycles: int, over: dict[str, Any], *more: str, worlds: range = FEWER) -> Any:
+def _part(name: str, machine: str, cycles: int, over: Declared, *more: str, worlds: range = FEWER) -> Declared:
     """Runs in worlds."""
     scenario, *words = {"one leg": ("one_leg", "reference=aware"), "quadruped": ("quadruped",)}[machine]
     thin = ("learning=lasting", "learning.guard=none", "record.every_nth_step=600")
@@ -115,7 +112,7 @@ def _part(name: str, machine: str, cycles: int, over: dict[str, Any], *more: str
     }
 
 
-def _published(machine: str, quick: int, *words: str) -> dict[str, Any]:
+def _published(machine: str, quick: int, *words: str) -> Declared:
     """Runs of the paper's rule in its own world, with every lead and seed."""
     return {
         "set": [*words, "record.every_nth_step=600", "learning.rule=paper"],
@@ -141,18 +138,18 @@ FORCE_STEADY = {
 }  # fmt: skip
 
 
-def _others(what: str, lead: int | str, name: str, machine: str, limit: float) -> dict[str, Any]:
+def _others(what: str, lead: int | str, name: str, machine: str, limit: float) -> Declared:
     return {
         "quantity": f"{what} of the rule that is best in other worlds, lead {lead}, over that of the paper's rule "
         "with lead auto",
-        "value": partial(best_of_others, lead=lead, name=name),
+        "value": partial(best_of_others, lead=lead, name=f"{name}[-100:]"),
         "of": {"part": "rules", "machine": machine},
         "limit": f"at most {limit}",
     }
 
 
-IN_MM = partial(describe_end, quantity=f"1e3 * {TRANSFER}[-100:]")
-BY_LEAD: dict[str, Any] = {"across": {"learning.lead": "lead"}, "value": IN_MM}
+IN_MM = partial(describe_end, quantity=f"1e3 * {AT_END}")
+BY_LEAD: Declared = {"across": {"learning.lead": "lead"}, "value": IN_MM}
 STUDY = declare(
     title="Learning over many cycles",
     question="With which rules, leads and rates does learning last, and how early can this be predicted?",

@@ -6,14 +6,13 @@ the 1/K_ap of eq. 13, on a smooth path, with an exact model instead of a CMAC, a
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.recording.run_view import RunView
 from cmacexp.report.run_figures import draw_over_cycle, draw_torques, draw_tracking
-from cmacexp.study import Figure, Results, Run, declare, draw
+from cmacexp.study import Declared, Figure, Results, Run, declare, draw
 from pipelines import one_leg_learning_trace as trace
 
 PUBLISHED, SMOOTH = "as published", "smooth path, without 1/K_ap"
@@ -38,7 +37,7 @@ ERRORS = {
 WEIGHT = trace.in_cycle(1, trace.weight_at_foot)
 
 
-def values(results: Results) -> dict[str, Any]:
+def values(results: Results) -> Declared:
     """What the page says of statics, and in which cycles the long runs ended."""
     paper = results.select(PAPER)
     config, weight = paper.run.config, float(paper.measure("weight")[0])
@@ -57,8 +56,8 @@ def _of_first_seed(drawing: Callable[[Run], Figure]) -> Callable[[Results], Figu
     return lambda results: drawing(results.select(PAPER).run)
 
 
-LESS: dict[str, Any] = {"limit": "at most 100 %", "opposite": "at least 100 %", "of": PAPER}
-MORE: dict[str, Any] = {"limit": "at least 100 %", "opposite": "at most 100 %", "of": PAPER}
+LESS: Declared = {"limit": "at most 100 %", "opposite": "at least 100 %", "of": PAPER}
+MORE: Declared = {"limit": "at least 100 %", "opposite": "at most 100 %", "of": PAPER}
 STAYS = {"limit": "at most 1.1", "opposite": "at least 2"}
 """A value at the end over its least: it stayed there, and the opposite."""
 RAMP = {**LESS, "quantity": "with a force ramp over that with a step, cycle 5",
@@ -68,7 +67,7 @@ LARGEST_RISE = ", ".join(f"(1 - feedforward_share[{n}]) / (1 - feedforward_share
 """Feedback's share in a cycle over that in the cycle before, the largest up to the fifth cycle."""
 
 
-def _compare(limits: dict[str, Any], cycle: int, before: int, *names: str) -> list[dict[str, Any]]:
+def _compare(limits: Declared, cycle: int, before: int, *names: str) -> list[Declared]:
     """Errors in one cycle over those in another."""
     return [
         {"quantity": f"error in cycle {cycle} over that in cycle {before}", "case": ERRORS[name],
@@ -77,7 +76,7 @@ def _compare(limits: dict[str, Any], cycle: int, before: int, *names: str) -> li
     ]  # fmt: skip
 
 
-RUN: dict[str, Any] = {"set": ["scenario=one_leg", "record.cycles=[1,2,5]", "cycles=20"], "quick": {"cycles": 6}}
+RUN: Declared = {"set": ["scenario=one_leg", "record.cycles=[1,2,5]", "cycles=20"], "quick": {"cycles": 6}}
 STUDY = declare(
     title="One leg learns to step and to press",
     question="What does a CMAC learn on one leg that steps and presses, and what errors remain?",

@@ -5,12 +5,11 @@ longer than the paper, and draws the paper's figures from these runs.
 """
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from cmacexp.study import Array, DataFrame, Results, declare, quotients
+from cmacexp.study import Array, DataFrame, Declared, Results, declare, quotients
 from pipelines import quadruped_walking_trace as trace
 
 CONTROLLERS = {
@@ -29,8 +28,8 @@ NOISES = [
     "tilt.noise=1e-4",
 ]
 """White noise of sensors, in the fields' units."""
-WALK: dict[str, Any] = {"set": ["scenario=quadruped", "cycles=20"], "quick": {"cycles": 5}, "seeds": True}
-NOISY: dict[str, Any] = {
+WALK: Declared = {"set": ["scenario=quadruped", "cycles=20"], "quick": {"cycles": 5}, "seeds": True}
+NOISY: Declared = {
     **WALK,
     "set": [
         *WALK["set"],
@@ -44,7 +43,7 @@ LADDER = {"part": "ladder", "controller": "all"}
 """The runs of the full controller."""
 
 
-def _request(part: str, controllers: list[str], **own: Any) -> dict[str, Any]:
+def _request(part: str, controllers: list[str], **own: object) -> Declared:
     """Runs of controllers with both references: eq. 24 as printed, and without its term F_d/K_ap once a CMAC acts."""
     return {
         **own,
@@ -90,7 +89,7 @@ def shown_walk(results: Results) -> tuple[trace.Walk, int]:
     return trace.walk_in(run.folder), run.whole_cycles
 
 
-def values(results: Results) -> dict[str, Any]:
+def values(results: Results) -> Declared:
     """When Fig. 17 to 20 are."""
     walk, cycle = shown_walk(results)
     began = walk.view.time[walk.view.cycle == cycle][0]
@@ -119,7 +118,7 @@ ERRORS = {
     "force_rmse_three_feet": "force, three feet down",
     "force_rmse_cycle": "force, whole cycle",
 }
-SAID: dict[str, tuple[str, str, str, list[dict[str, Any]]]] = {
+SAID: dict[str, tuple[str, str, str, list[Declared]]] = {
     "walks": (
         "Force/position feedback, posture control, and CMAC provide stable and steady walking",
         "section 6.3",
@@ -240,7 +239,7 @@ It is a claim with the reference as printed, and a finding with the other one.
 """
 
 
-def _with(reference: str, criteria: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _with(reference: str, criteria: list[Declared]) -> list[Declared]:
     return [{**own, "of": {**LADDER, **own.get("of", {}), "reference": reference}} for own in criteria]
 
 

@@ -8,7 +8,7 @@ counts as -inf: fewer than three feet carry, or the line along the body misses w
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 
@@ -258,13 +258,8 @@ def gait_diagram(walk: Walk, cycles: int = 2) -> Figure:
             style = {"color": ink, "lw": 7.0, "linestyle": "-", "solid_capstyle": "butt"}
             series.append(Series(name, time, np.where(down[rows, leg - 1], leg + shift, np.nan), style=style))
     starts = np.flatnonzero(np.diff(walk.view.cycle[rows])) + 1
-    panel = Panel("support and transfer", "time, s", "leg", series, x_limits=time[starts], y_range=(0.5, 4.5))
-    return draw([replace(panel, y_down=True)])
-
-
-def _draw_cog(axes: Axes, height: float) -> None:
-    axes.plot(0.0, height, "o", ms=8.5, color="white", mec=COG, mew=1.6, zorder=8)
-    axes.plot(0.0, height, "+", ms=8.5, color=COG, mew=1.4, zorder=9)
+    axes = ("support and transfer", "time, s", "leg")
+    return draw([Panel(*axes, series, x_limits=time[starts], y_range=(0.5, 4.5), y_down=True)])
 
 
 def _number(axes: Axes, x: float, y: float, text: str, ink: str = "black") -> None:
@@ -293,7 +288,8 @@ def _draw_elevation(axes: Axes, walk: Walk, k: int, across: int, near: tuple[int
     axes.axhline(0.0, color=GROUND, lw=1.2, zorder=1)
     height = MM * float(walk.view.body["height"][k])
     axes.plot([0.0, 0.0], [0.0, height], color=COG, lw=1.0, ls="--", zorder=7)
-    _draw_cog(axes, height)
+    axes.plot(0.0, height, "o", ms=8.5, color="white", mec=COG, mew=1.6, zorder=8)
+    axes.plot(0.0, height, "+", ms=8.5, color=COG, mew=1.4, zorder=9)
 
 
 def _draw_plan(axes: Axes, walk: Walk, k: int) -> None:
@@ -302,18 +298,15 @@ def _draw_plan(axes: Axes, walk: Walk, k: int) -> None:
     feet = links[:, 2, :2]
     axes.fill(*_hull(links[:, 0, :2]).T, color=BODY, alpha=0.55, lw=0.0, zorder=1)
     if carries.sum() >= 3:
-        axes.fill(*_hull(feet[carries]).T, fc=POLYGON, alpha=0.25, lw=0.0, zorder=2)
-        axes.fill(*_hull(feet[carries]).T, fill=False, ec=POLYGON, lw=1.2, zorder=2.5)
+        axes.fill(*_hull(feet[carries]).T, fc=f"{POLYGON}40", ec=POLYGON, lw=1.2, zorder=2)
     axes.fill(*_hull(feet[~aloft]).T, fill=False, ec="black", lw=0.9, ls=(0, (4, 3)), zorder=2.6)
     for i, (x, y) in enumerate(feet):
         draw_leg(axes, links[i][:, :2], True, bool(aloft[i]))
         _number(axes, x, y + (62.0 if y > 0.0 else -62.0), str(i + 1), ALOFT if aloft[i] else "black")
     margins = walk.carried[k]
     for margin, sign, name, side in ((margins[FRONT], 1.0, "front", "right"), (margins[REAR], -1.0, "rear", "left")):
-        known = bool(np.isfinite(margin))
-        if known:
-            axes.plot([0.0, sign * MM * margin], [0.0, 0.0], color=COG, lw=2.4, solid_capstyle="butt", zorder=6)
-        text = f"{name} margin {MM * margin:.0f} mm" if known else f"no {name} margin"
+        text = f"{name} margin {MM * margin:.0f} mm" if np.isfinite(margin) else f"no {name} margin"
+        axes.plot([0.0, sign * MM * margin], [0.0, 0.0], color=COG, lw=2.4, solid_capstyle="butt", zorder=6)
         axes.text(0.5 + 0.48 * sign, 0.03, text, transform=axes.transAxes, ha=side, color=COG, zorder=9)
     axes.plot(0.0, 0.0, "o", ms=4.0, color=COG, mec="black", mew=0.6, zorder=8)
 

@@ -162,8 +162,7 @@ def repeat_witness(witness: Mapping[str, Any]) -> list[str]:
 
 def _digest_own(names: Iterable[str]) -> dict[str, str]:
     """Digests of those files of a study that are there."""
-    paths = {name: PIPELINES.parent / name for name in names}
-    return {name: digest_source(path) for name, path in paths.items() if path.is_file()}
+    return {name: digest_source(path) for name in names if (path := PIPELINES.parent / name).is_file()}
 
 
 @cache

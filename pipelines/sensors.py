@@ -5,13 +5,11 @@ force feedback, with and without fault detection; adds noise to every signal; an
 """
 
 import random
-from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
-from cmacexp.study import Array, Results, Run, declare, relative
+from cmacexp.study import Array, Declared, Results, Run, declare, relative
 from pipelines.common_results import describe_end
 
 KINDS = {
@@ -41,7 +39,7 @@ ERRORS = {
 """Metrics that noise may worsen, by machine and name; the torque last."""
 FELT = 1.5
 """An error or torque that is at least so many times that without noise is felt."""
-SIGNALS: dict[str, tuple[str, Sequence[float], Sequence[float]]] = {
+SIGNALS: dict[str, tuple[str, tuple[float, ...], tuple[float, ...]]] = {
     "force": ("noise_relative", (0.05, 0.1, 0.2, 0.4), (0.05, 0.1, 0.2, 0.4)),
     "position": ("noise", (1e-4, 3e-4, 1e-3, 3e-3), (1e-5, 3e-5, 1e-4, 3e-4)),
     "velocity": ("noise", (0.003, 0.01, 0.03, 0.1), (0.003, 0.01, 0.03, 0.1)),
@@ -56,7 +54,7 @@ def _break(kind: str, value: float, leg: int, start: float) -> list[str]:
     return ["sensors=force_stuck", *(f"sensors.force.fault.{setting}" for setting in settings)]
 
 
-def _draw_failures() -> list[dict[str, Any]]:
+def _draw_failures() -> list[Declared]:
     """Failures of every kind and leg, each at a moment and with a seed of its own, with and without the check."""
     drawn, seed, found = random.Random(1997), 0, []
     for name, (kind, value) in KINDS.items():
@@ -79,10 +77,10 @@ def _draw_failures() -> list[dict[str, Any]]:
     return found
 
 
-def _add_noise(machine: str, words: list[str], own: int) -> list[dict[str, Any]]:
+def _add_noise(machine: str, words: list[str], own: int) -> list[Declared]:
     """A machine without noise, and with every level of noise on every signal; ``own`` is the place of its levels."""
     labels = {"part": "noise", "machine": machine}
-    found: list[dict[str, Any]] = [{"set": words, "seeds": True, "labels": {**labels, "signal": "none"}}]
+    found: list[Declared] = [{"set": words, "seeds": True, "labels": {**labels, "signal": "none"}}]
     for signal, (field, *levels_of) in SIGNALS.items():
         levels = {level: ["sensors=real", f"sensors.{signal}.{field}={level}"] for level in levels_of[own]}
         more = {"labels": {**labels, "signal": signal}, "quick": {} if signal == "force" else None}
@@ -90,9 +88,9 @@ def _add_noise(machine: str, words: list[str], own: int) -> list[dict[str, Any]]
     return found
 
 
-def _find_broken(run: Run) -> Sequence[int]:
+def _find_broken(run: Run) -> list[int]:
     fault = run.config["sensors"].get("force", {}).get("fault", {})
-    return fault["legs"] if fault.get("kind", "none") != "none" else ()
+    return fault["legs"] if fault.get("kind", "none") != "none" else []
 
 
 def rejected_after(run: Run) -> float:
@@ -108,7 +106,7 @@ def rejected_sound(run: Run) -> float:
     return float(sum(dropped["leg"] not in _find_broken(run) for dropped in run.manifest["dropped"]))
 
 
-def where_sound_walks(results: Results, check: str, gains: Sequence[str]) -> Results:
+def where_sound_walks(results: Results, check: str, gains: list[str]) -> Results:
     """The failures with a controller and a gain with which all machines with sound sensors complete."""
     sound, broken = results.select(part="sound"), results.select(part="failures", check=check, gain=list(gains))
     alike = {name: sound.by("feedforward")[name].by("gain") for name in sound.values("feedforward")}
@@ -137,7 +135,7 @@ def _count_kinds(results: Results) -> str:
     return f"{without}, {checked} of {len(results.select(check='check'))}"
 
 
-def _survive(case: str, check: str, gains: Sequence[str], limit: str) -> dict[str, Any]:
+def _survive(case: str, check: str, gains: list[str], limit: str) -> Declared:
     return {
         "quantity": "failures after which the machine walks on",
         "value": lambda results: where_sound_walks(results, check, gains).completed,

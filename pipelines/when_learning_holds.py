@@ -6,13 +6,12 @@ the config alone. The limits of the verdict (``cmacexp/stability/verdict.py``) w
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from cmacexp.models.robot_file import package_models
 from cmacexp.stability.verdict import GROWS, HOLDS, MAX_CYCLES
-from cmacexp.study import Array, Figure, Mask, Panel, Request, Results, Series, declare, draw
+from cmacexp.study import Array, Declared, Figure, Mask, Panel, Request, Results, Series, declare, draw
 from pipelines.when_learning_holds_measures import MEASURES, SAID
 from pipelines.worlds import ONE_LEG, QUADRUPED, ROBOT, draw_settings
 
@@ -77,7 +76,7 @@ def draw_growth(results: Results) -> Figure:
     return draw([panel], columns=1)
 
 
-def values(results: Results) -> dict[str, Any]:
+def values(results: Results) -> Declared:
     """Counts that the page names."""
     counts = {machine: len(own) for machine, own in learning(results).by("machine").items()}
     leg = results.select(machine=ONE_LEG)

@@ -114,19 +114,16 @@ def _draw_sensors(draw: Draw, robot: bool) -> list[str]:
 
 def _draw_ground(draw: Draw, known: float | None) -> list[str]:
     """Ground that the plan does not know: stiffness, patches, slope."""
-    ground = []
-    if known is not None:
-        stiffness = known * float(f"{draw.even_log(0.5, 2.0):.3g}")
-        ground += [f"terrain.stiffness={stiffness:.4g}", f"terrain.assumed_stiffness={known:g}"]
-    if draw.happens(0.4):
-        ground += [
-            "terrain.patch_spread=0.3",
-            "terrain.patch_size=0.15",
-            f"terrain.patch_seed={draw.random.integers(100)}",
-        ]
-    if draw.happens(0.4):
-        ground += [f"terrain.slope={draw.even(-0.05, 0.05):.3g}"]
-    return ground
+    true = known and known * float(f"{draw.even_log(0.5, 2.0):.3g}")
+    return [
+        *((f"terrain.stiffness={true:.4g}", f"terrain.assumed_stiffness={known:g}") if known else ()),
+        *(
+            ("terrain.patch_spread=0.3", "terrain.patch_size=0.15", f"terrain.patch_seed={draw.random.integers(100)}")
+            if draw.happens(0.4)
+            else ()
+        ),
+        *((f"terrain.slope={draw.even(-0.05, 0.05):.3g}",) if draw.happens(0.4) else ()),
+    ]
 
 
 def _draw_payload(draw: Draw, machine: str) -> list[str]:

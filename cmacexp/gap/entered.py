@@ -4,6 +4,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from cmacexp.gap.signals import Signals, differentiate
 from cmacexp.typing import Array
 
@@ -48,8 +50,12 @@ class Entered:
         return Stroke(own.log.period, own.phase[rows].copy(), own.command[rows].copy(), self._rate[rows].copy())
 
     def predict(self, rows: slice) -> Array:
-        """What the method says, whatever that is."""
-        return self.method.predict(self._cut(rows))
+        """What the method says; raises ValueError unless it is finite numbers of the right shape."""
+        found = np.asarray(self.method.predict(self._cut(rows)), dtype=float)
+        if found.shape != (shape := self.signals.torque[rows].shape) or not np.isfinite(found).all():
+            stroke = f"stroke {self.signals.stroke[rows.start]} has shape {found.shape} or is not finite"
+            raise ValueError(f"the torque of {stroke}: must be finite numbers of shape {shape}")
+        return found
 
     def learn(self, rows: slice, torque: Array) -> None:
         """Let it fit to one more stroke."""

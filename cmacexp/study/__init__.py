@@ -9,10 +9,10 @@ from cmacexp.metrics.final import FINAL_CYCLES, TRANSFER, compute_final, find_hi
 from cmacexp.metrics.text import format_number
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.study.comparison import Comparison, compare, find_order, interval_panel, profile_panel
-from cmacexp.study.declaration import declare, read_criteria
+from cmacexp.study.declaration import Declared, declare, read_criteria
 from cmacexp.study.interval import UNPAIRED, Interval, estimate
 from cmacexp.study.quantity import compute_quantity
-from cmacexp.study.results import Measures, Results, RunRow
+from cmacexp.study.results import Measure, Measures, Results, RunRow
 from cmacexp.study.samples import Sample, ended_in, per_seed, quotients, relative
 from cmacexp.study.statements import ANY, Claim, Criterion, Finding, at_least, at_most, between
 from cmacexp.study.study import DataFrame, Figure, Request, Study, grid, starting_from
@@ -29,10 +29,12 @@ __all__ = [
     "Comparison",
     "Criterion",
     "DataFrame",
+    "Declared",
     "Figure",
     "Finding",
     "Interval",
     "Mask",
+    "Measure",
     "Measures",
     "Panel",
     "Request",

@@ -26,6 +26,8 @@ from cmacexp.study.statements import ANY, Claim, Criterion, Finding, Limit
 from cmacexp.study.study import DataFrame, Figure, Request, Study, grid, starting_from
 from cmacexp.study.views import completed, cross_tabulate, over_cycles, over_setting, tabulate
 
+Declared = dict[str, Any]
+"""A part of a declaration, or values of a page, by name."""
 SCALES = {"%": 100.0, "mm": 1e3, "mrad": 1e3, "ms": 1e3}
 """Factor from the unit of a metric to that of a limit, where it is not 1."""
 LIMIT = re.compile(r"(?:(at most|at least) )?(\S+?)(?: to (\S+?))? ?(%|[a-zA-Zµ]+(?:[ /][a-zA-Z]+)?)?")

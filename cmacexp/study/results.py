@@ -16,7 +16,8 @@ from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.metrics.text import format_setting
 from cmacexp.typing import Array, DataFrame
 
-Measures = Mapping[str, Callable[[Run], float]]
+Measure = Callable[[Run], float]
+Measures = Mapping[str, Measure]
 LAST_CYCLES = FINAL_CYCLES
 
 

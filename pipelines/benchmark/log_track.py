@@ -6,7 +6,6 @@
 import argparse
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,9 +21,8 @@ from cmacexp.engine.failure import describe_failure
 from cmacexp.errors import BadInput
 from cmacexp.gap.analysis import Gap, add_makers, list_scored, measure, measure_left, score
 from cmacexp.gap.entered import Entered
-from cmacexp.gap.learners import Learner, Maker, predict_all
+from cmacexp.gap.learners import Maker, predict_all
 from cmacexp.gap.machine import read_machine
-from cmacexp.gap.signals import Signals
 from cmacexp.gap.validation import ABOVE, IDENTIFIED, choose_level, list_identified
 from cmacexp.study import Array, Criterion, Finding, Results, Study, at_most
 from cmacexp.study.provenance import digest_files, make_provenance
@@ -52,43 +50,23 @@ METHODS = (
 )  # fmt: skip
 
 
-@dataclass
-class Checked:
-    """A learner whose predictions must be numbers of the right shape; ``guarded``: harm ends its effect."""
-
-    learner: Learner
-    signals: Signals
-    guarded: bool
-    acts: bool = True
-
-    def predict(self, rows: slice) -> Array:
-        """What it predicts; raises ValueError."""
-        wanted, stroke = self.signals.torque[rows], self.signals.stroke[rows.start]
-        found = np.asarray(self.learner.predict(rows), dtype=float)
-        if found.shape != wanted.shape or not np.isfinite(found).all():
-            allowed = f"must be finite numbers of shape {wanted.shape}"
-            raise ValueError(f"the torque of stroke {stroke} has shape {found.shape} or is not finite: {allowed}")
-        self.torque = found if self.acts else np.zeros_like(found)
-        return self.torque
-
-    def learn(self, rows: slice, torque: Array) -> None:
-        """Learn; a guarded one acts no longer once it left more than there was."""
-        if self.guarded and ((torque - self.torque) ** 2).sum() > (torque**2).sum():
-            self.acts = False
-        self.learner.learn(rows, torque)
-
-
 def try_method(gap: Gap, name: str, make: Maker, setting: str) -> dict[str, Any]:
-    """A row of scores of one method, ``left`` in every stroke; one that raises has failed, and says why."""
+    """A row of scores of one method, ``left`` in every stroke; one that raises has failed, and says why.
+
+    A guarded one has no effect any more after a stroke in which it left more torque than there was.
+    """
     signals, cause, scores = gap.signals, "", dict[str, Any]()
+    strokes = range(1, signals.count + 1)
     try:
-        learner = Checked(make(), signals, setting == GUARDED)
-        predicted = predict_all(learner, signals, signals.count // 2 if setting == FROZEN else None)
-        for part, strokes in {"": list_scored(signals), "fastest ": [signals.fastest]}.items():
-            scores |= {f"{part}{key}": value for key, value in score(gap, predicted, strokes).items()}
+        predicted = predict_all(make(), signals, signals.count // 2 if setting == FROZEN else None)
+        harmful = [stroke for stroke in strokes if measure_left(signals, predicted, stroke) > 100.0]
+        if harmful and setting == GUARDED:
+            predicted[signals.rows(harmful[0]).stop :] = 0.0
+        for part, own in {"": list_scored(signals), "fastest ": [signals.fastest]}.items():
+            scores |= {f"{part}{key}": value for key, value in score(gap, predicted, own).items()}
     except Exception as error:
         predicted, cause = np.full_like(signals.torque, np.inf), describe_failure(error)
-    left = [measure_left(signals, predicted, stroke) for stroke in range(1, signals.count + 1)]
+    left = [measure_left(signals, predicted, stroke) for stroke in strokes]
     return {
         "method": name,
         "setting": setting,
