@@ -8,7 +8,6 @@ from cmacexp.config import FeedforwardConfig, number
 from cmacexp.config.machine import RobotMachine
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
-from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import planned_torque
 from cmacexp.planning.robot_dynamics import planned_torques
 from cmacexp.planning.setup import Setup
@@ -55,10 +54,6 @@ class InverseDynamics(BuiltInFeedforward):
         factors = [self.config.length_factor] * 2 + [self.config.mass_factor] * 2 + [1.0]
         added = np.where(plan.support, plan.force_desired, 0.0) if adds else np.zeros(plan.support.shape)
         mechanism = setup.mechanism._replace(legs=setup.mechanism.legs * np.array(factors))
-        torque = np.zeros_like(plan.joints.position)
-        for k, i in np.ndindex(plan.support.shape):
-            depression = plan.desired.position[k, i, Y] - mechanism.hip_height
-            force = contact_force(setup.config.assumed_stiffness, depression) - float(added[k, i])
-            q, dq, ddq = (values[k, i] for values in plan.joints)
-            torque[k, i] = planned_torque(mechanism, i, q, dq, ddq, force)
-        return torque
+        depression = plan.desired.position[..., Y] - mechanism.hip_height
+        force = setup.config.assumed_stiffness * np.maximum(depression, 0.0) - added  # eq. 1
+        return planned_torque(mechanism, *plan.joints, force)

@@ -131,7 +131,7 @@ class _Stream:
         self.driver = Driver(scenario, loop, external, self.guard)
         self.steps_per_call = FIRST_STEPS if repays_compiling() and not any(external) else 1
         """Of the next call of the driver."""
-        fit = 1 if any(external) else MOST_ROWS // (config.steps_per_cycle * legs)
+        fit = MOST_ROWS // (config.steps_per_cycle * legs)
         cycles = min(config.cycles, max(1, fit), MOST_CYCLES)
         if is_live(scenario.plant):  # handing samples over takes longer than a step, so that it waits for the end
             cycles = config.cycles

@@ -22,6 +22,7 @@ from cmacexp.models.leg import (
     trigonometry,
     trigonometry_near,
 )
+from cmacexp.models.sine import sines_cosines
 from cmacexp.typing import Array
 
 POINT_MASS = 0
@@ -171,18 +172,19 @@ def apply_jacobian_transpose(
         torque[i, 0], torque[i, 1] = joint_torque(get_leg(mechanism, i), get_trig(kinematics, i), force[i, 0], down)
 
 
-@kernel
-def planned_torque(
-    mechanism: Mechanism, i: int, q: Array, dq: Array, ddq: Array, force: float
-) -> tuple[float, float]:
-    """Torque (N m) that gives leg ``i`` ``ddq`` at ``q``, ``dq``, each (2,), against ``force`` N (eq. 2, 16, 17).
+def planned_torque(mechanism: Mechanism, q: Array, dq: Array, ddq: Array, force: Array) -> Array:
+    """Torques (N, L, J), N m, that give legs ``ddq`` at ``q``, ``dq``, all (N, L, J), against ``force`` (N, L), N.
 
-    They are in rad/s^2, rad and rad/s; of a point mass in m/s^2, m and m/s, and its torque is a force in N.
+    They are in rad/s^2, rad and rad/s; of a point mass in m/s^2, m and m/s, and its torque is a force in N
+    (eq. 2, 16, 17).
     """
-    leg = get_leg(mechanism, i)
+    legs: Leg = mechanism.planar_legs
+    (dq1, dq2), (ddq1, ddq2) = (np.moveaxis(values, -1, 0) for values in (dq, ddq))
     if mechanism.kind == POINT_MASS:
-        return leg.mass_2 * ddq[0], leg.mass_2 * ddq[1] + force
-    return inverse_dynamics(leg, trigonometry(q[0], q[1]), dq[0], dq[1], ddq[0], ddq[1], force)
+        return np.stack([legs.mass_2 * ddq1, legs.mass_2 * ddq2 + force], axis=-1)
+    trig: Any = *sines_cosines(q[..., 0]), *sines_cosines(q[..., 0] + q[..., 1])
+    pair: Any = inverse_dynamics(legs, trig, dq1, dq2, ddq1, ddq2, force)  # type: ignore[arg-type]  # of arrays
+    return np.stack(pair, axis=-1)
 
 
 def point_mass(mass: float, hip_height: float) -> Mechanism:

@@ -7,6 +7,8 @@ Six of the eight belong to angles close to one whose pair is known, where :func:
 
 import math
 
+import numpy as np
+
 from cmacexp.jit.compiler import kernel
 
 FURTHEST = 1e6
@@ -47,6 +49,10 @@ def sine_cosine(angle: float) -> tuple[float, float]:
     if turned & 2:
         s, c = -s, -c
     return s, c
+
+
+sines_cosines = np.vectorize(sine_cosine, otypes=[float, float])
+"""Sines and cosines of an array of angles, rad, with the same bits."""
 
 
 @kernel

@@ -24,12 +24,6 @@ def known_torque(setup: Setup) -> Array:
     return InverseDynamics(InverseDynamics.Config(1.0, 1.0)).compute_torque(setup)
 
 
-def added_torque(setup: Setup) -> Array:
-    """What the controller adds, (N, L, J), N m: 0 unless ``reference=force_feedforward``."""
-    whole = replace(setup, config=replace(setup.config, reference="aware"))
-    return known_torque(whole) - known_torque(setup)
-
-
 def rigid_torque(setup: Setup, still: bool) -> Array:
     """Torque (N, L, J) of masses and joints, with no load on the feet, N m; ``still``: at rest in each posture."""
     plan = setup.plan
@@ -39,11 +33,7 @@ def rigid_torque(setup: Setup, still: bool) -> Array:
     if isinstance(setup.config.machine, RobotMachine):
         no_load = np.zeros_like(plan.force_desired)
         return planned_torques(setup.config, setup.mechanism, joints, sway, plan.force_desired, no_load)
-    torque = np.zeros_like(joints.position)
-    for k, i in np.ndindex(plan.support.shape):
-        q, dq, ddq = (values[k, i] for values in joints)
-        torque[k, i] = planned_torque(setup.mechanism, i, q, dq, ddq, 0.0)
-    return torque
+    return planned_torque(setup.mechanism, *joints, np.zeros(plan.support.shape))
 
 
 MODEL = np.array([1.0, 1.0, 1.0, 0.0])
@@ -60,9 +50,10 @@ def make_regressor(setup: Setup) -> Array:
     Four torques of the nominal model, see MODEL, shared by the joints of a leg; then for each joint its own velocity
     (viscous friction, N m s/rad), the smoothed sign of it (dry friction, N m) and acceleration (rotor, kg m^2).
     """
-    gravity, added = rigid_torque(setup, still=True), added_torque(setup)
-    rigid = rigid_torque(setup, still=False)
-    model = [rigid - gravity, gravity, known_torque(setup) - rigid, added]
+    gravity, rigid = (rigid_torque(setup, still) for still in (True, False))
+    known = known_torque(setup)
+    added = known_torque(replace(setup, config=replace(setup.config, reference="aware"))) - known
+    model = [rigid - gravity, gravity, known - rigid, added]
     _, velocity, acceleration = list_by_joints(setup.plan.joints)
     size = np.sqrt(np.mean(velocity**2, axis=0))
     sign = np.tanh(np.divide(velocity, SMOOTH_SIGN * size, out=np.zeros_like(velocity), where=size > 0.0))
