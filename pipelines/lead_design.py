@@ -30,7 +30,9 @@ def closed_loop(
     """Resonance M_r, the largest magnitude, and bandwidth, rad/s, of the position loop; and whether it is stable.
 
     The bandwidth is the frequency at which the closed loop falls below -3 dB for good; it is stable if all poles lie
-    in the left half plane.
+    in the left half plane. ``open_bandwidth`` is that of the mass on its position gain. ``distance`` is the relative
+    one of the closed loop's bandwidth from it, ``excess`` the largest magnitude of the closed loop above 1; both are
+    infinite if it is unstable.
 
     Args:
         position_gain: K_ap, N/m.
@@ -40,41 +42,35 @@ def closed_loop(
         alpha: upper over lower corner frequency.
     """
     feedback = np.polymul([velocity_gain, position_gain], [1.0 / omega, 1.0])
-    inertia = np.polymul([mass, 0.0, 0.0], [1.0 / (alpha * omega), 1.0])
-    closed = np.polyadd(feedback, inertia)
-    s = 1j * FREQUENCIES
+    closed = np.polyadd(feedback, np.polymul([mass, 0.0, 0.0], [1.0 / (alpha * omega), 1.0]))
+    s, open_bandwidth = 1j * FREQUENCIES, float(np.sqrt(position_gain / mass))
     magnitude: Array = np.abs(np.polyval(feedback, s) / np.polyval(closed, s))
-    above = np.flatnonzero(magnitude >= np.sqrt(0.5))
-    bandwidth = float(FREQUENCIES[above[-1]]) if len(above) else float("nan")
+    bandwidth = max(FREQUENCIES[magnitude >= np.sqrt(0.5)].tolist(), default=np.nan)
+    resonance, stable = float(magnitude.max()), bool(np.roots(closed).real.max() < 0.0)
     return {
-        "resonance": float(magnitude.max()),
+        "resonance": resonance,
         "bandwidth": bandwidth,
-        "stable": bool(np.roots(closed).real.max() < 0.0),
+        "stable": stable,
+        "open_bandwidth": open_bandwidth,
+        "distance": abs(bandwidth / open_bandwidth - 1.0) if stable else np.inf,
+        "excess": resonance - 1.0 if stable else np.inf,
     }
 
 
 def compute_loops(results: Results) -> DataFrame:
-    """Loops with the gains of each scenario: with its own corner frequencies (``default``), and over a scan.
-
-    ``distance`` is the relative one of the closed loop's bandwidth from the open loop's, ``excess`` the largest
-    magnitude of the closed loop above 1; both are infinite if it is unstable.
-    """
+    """Loops with the gains of each scenario: with its own corner frequencies (``default``), and over a scan."""
     import pandas as pd
 
-    rows = []
-    for name, scenario in SCENARIOS.items():
-        controller = compose_config([f"scenario={scenario}"]).controller
-        gains = (controller.position_gain, controller.velocity_gain)
-        scan = itertools.product(np.geomspace(*OMEGAS, POINTS), np.geomspace(*ALPHAS, POINTS))
-        for index, (omega, alpha) in enumerate([(controller.lead_omega, controller.lead_alpha), *scan]):
-            loop = closed_loop(*gains, EFFECTIVE_MASS, omega, alpha)
-            rows.append({"scenario": name, "default": index == 0, "omega": omega, "alpha": alpha, **loop})
-            rows[-1]["open_bandwidth"] = float(np.sqrt(gains[0] / EFFECTIVE_MASS))  # of the mass on its position gain
-    loops = pd.DataFrame(rows)
-    away = (loops["bandwidth"] / loops["open_bandwidth"] - 1.0).abs()
-    return loops.assign(
-        distance=away.where(loops["stable"], np.inf), excess=(loops["resonance"] - 1.0).where(loops["stable"], np.inf)
-    )
+    controllers = {name: compose_config([f"scenario={scenario}"]).controller for name, scenario in SCENARIOS.items()}
+    scan = list(itertools.product(np.geomspace(*OMEGAS, POINTS), np.geomspace(*ALPHAS, POINTS)))
+    return pd.DataFrame(
+        {
+            "scenario": name, "default": index == 0, "omega": omega, "alpha": alpha,
+            **closed_loop(own.position_gain, own.velocity_gain, EFFECTIVE_MASS, omega, alpha),
+        }
+        for name, own in controllers.items()
+        for index, (omega, alpha) in enumerate([(own.lead_omega, own.lead_alpha), *scan])
+    )  # fmt: skip
 
 
 def nearest(loops: DataFrame) -> Array:

@@ -15,13 +15,12 @@ from typing import Any
 
 import yaml
 
-from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.text import format_number
 from cmacexp.report.figures import Panel, draw
 from cmacexp.study.interval import estimate
 from cmacexp.study.quantity import check_quantity, compute_quantity
-from cmacexp.study.results import NoSuchRuns, Results
+from cmacexp.study.results import Measure, NoSuchRuns, Results
 from cmacexp.study.statements import ANY, Claim, Criterion, Finding, Limit
 from cmacexp.study.study import DataFrame, Figure, Request, Study, grid, starting_from
 from cmacexp.study.views import completed, cross_tabulate, over_cycles, over_setting, tabulate
@@ -217,10 +216,8 @@ def _cell(value: Any, measures: Collection[str]) -> Callable[[Results], Any]:
 def read_figure(given: Any, measures: Collection[str] = ()) -> Callable[[Results], Figure]:
     """A figure of panels: a ``metric`` over cycles, or a ``value`` over a setting, with a line for each of ``by``.
 
-    Panels of runs that a quick form leaves out are left out. A function draws it by itself.
+    Panels of runs that a quick form leaves out are left out.
     """
-    if callable(given):
-        return given  # type: ignore[no-any-return]
     panels = [_check("figures", each, ["by"] if "metric" in each else ["value", "over"]) for each in _list(given)]
 
     for own in panels:
@@ -245,10 +242,8 @@ def read_figure(given: Any, measures: Collection[str] = ()) -> Callable[[Results
 def read_table(given: Any, measures: Collection[str] = ()) -> Callable[[Results], DataFrame]:
     """A row for each of ``rows``; a column for each quantity of ``columns``, or for each value of ``across``.
 
-    ``across`` is a setting, or a mapping of one to what its titles begin with. A function makes the table by itself.
+    ``across`` is a setting, or a mapping of one to what its titles begin with.
     """
-    if callable(given):
-        return given  # type: ignore[no-any-return]
     own = _check("tables", given, ["rows"])
     rows = own["rows"] if isinstance(own["rows"], Mapping) else {key: key for key in _list(own["rows"])}
     if "across" in own:
@@ -279,16 +274,18 @@ def _expand(part: str, given: Mapping[str, Any], needs: Collection[str] = ()) ->
     return found
 
 
-def _find_measure(target: Any) -> Callable[[Run], float]:
-    """A function, or that of a dotted name; raises BadInput."""
+def _find_measure(target: Any) -> Measure:
+    """The function of a dotted name; raises BadInput."""
     module, _, name = str(target).rpartition(".")
     try:
-        function: Callable[[Run], float] = (
-            target if callable(target) else getattr(importlib.import_module(module), name)
-        )
+        return getattr(importlib.import_module(module), name)  # type: ignore[no-any-return]
     except (ImportError, AttributeError, ValueError) as error:
         raise BadInput("measures", target, f"must be a function by its dotted name: {error}") from error
-    return function
+
+
+def _read(part: str, given: Mapping[str, Any], read: Callable[[Any], Any]) -> dict[str, Any]:
+    """A part of a declaration by name; a function stands for itself."""
+    return {name: own if callable(own) else read(own) for name, own in (given.get(part) or {}).items()}
 
 
 def declare(**given: Any) -> Study:
@@ -303,7 +300,7 @@ def declare(**given: Any) -> Study:
         if callable(own["runs"])
         else partial(read_requests, own["runs"], common=_check("runs", own.get("common", {})))
     )
-    measures = {name: _find_measure(target) for name, target in (own.get("measures") or {}).items()}
+    measures = _read("measures", own, _find_measure)
     return Study(
         title=str(own["title"]),
         question=str(own["question"]),
@@ -317,8 +314,8 @@ def declare(**given: Any) -> Study:
             name: Finding(read_criteria(finding, measures), says=str(finding.get("says", "")))
             for name, finding in _expand("findings", own.get("findings") or {}).items()
         },
-        figures={name: read_figure(each, measures) for name, each in (own.get("figures") or {}).items()},
-        tables={name: read_table(each, measures) for name, each in (own.get("tables") or {}).items()},
+        figures=_read("figures", own, partial(read_figure, measures=measures)),
+        tables=_read("tables", own, partial(read_table, measures=measures)),
         **{name: own[name] for name in ("computed", "values") if name in own},
     )
 

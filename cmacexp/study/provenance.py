@@ -78,10 +78,8 @@ def digest_package() -> dict[str, str]:
 
 def digest_study(path: Path) -> dict[str, str]:
     """Digest of the file of an imported study and of those beside it that it imports, by their paths."""
-    if path.suffix != ".py":
-        return digest_files([path], find_module(path)[0])
     root, name = find_module(path)
-    return digest_files(find_sources(name), root)
+    return digest_files(find_sources(name) if path.suffix == ".py" else [path], root)
 
 
 def digest_files(files: Iterable[Path], root: Path) -> dict[str, str]:
