@@ -8,6 +8,7 @@ from cmacexp.config import FeedforwardConfig, number
 from cmacexp.config.machine import RobotMachine
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
+from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import planned_torque
 from cmacexp.planning.robot_dynamics import planned_torques
 from cmacexp.planning.setup import Setup
@@ -55,5 +56,5 @@ class InverseDynamics(BuiltInFeedforward):
         added = np.where(plan.support, plan.force_desired, 0.0) if adds else np.zeros(plan.support.shape)
         mechanism = setup.mechanism._replace(legs=setup.mechanism.legs * np.array(factors))
         depression = plan.desired.position[..., Y] - mechanism.hip_height
-        force = setup.config.assumed_stiffness * np.maximum(depression, 0.0) - added  # eq. 1
+        force = np.vectorize(contact_force, otypes=[float])(setup.config.assumed_stiffness, depression) - added
         return planned_torque(mechanism, *plan.joints, force)
