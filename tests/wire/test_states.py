@@ -22,23 +22,24 @@ SEEN = {
 """What is said of each fault; of states that are late the link says that none comes."""
 
 
-def watch_motion(fault, steps=1500):
+def watch_motion(fault, steps=1500, limits=LIMITS, tick=1):
     """Watch joints that follow their commands exactly, each leg elsewhere, under a fault."""
-    watch, state, asked = StateWatch(LIMITS, (4, 3), 1), Message("LowState_"), np.zeros((4, 3))
+    watch, state, asked = StateWatch(limits, (4, 3), 1), Message("LowState_"), np.zeros((4, 3))
     state["imu_state.quaternion"], state["power_v"] = [1.0, 0.0, 0.0, 0.0], 28.0
     for step in range(steps):
         asked = 0.5 + 0.5 * np.arange(4)[:, None] + 0.3 * np.sin(0.02 * step) * np.ones((4, 3))
         motors = state["motor_state.q"]
         motors[:12] = asked[[1, 0, 3, 2]].ravel()
-        state["motor_state.q"], state["tick"] = motors, step
+        state["motor_state.q"], state["tick"] = motors, tick * step
         fault.loses_command(step)
         if (sent := fault.spoil_state(state, step)) is not None:
             watch.check(read_state(sent), asked)
     return watch
 
 
-def test_a_robot_without_a_fault_passes():
-    assert watch_motion(Fault()).missed == 0
+@pytest.mark.parametrize(("lost", "tick"), [(LIMITS.lost, 1), (1.0, 0)])
+def test_a_robot_without_a_fault_passes_and_one_that_does_not_count_its_states_if_all_may_be_lost(lost, tick):
+    assert watch_motion(Fault(), limits=dataclasses.replace(LIMITS, lost=lost), tick=tick).missed == 0
 
 
 @pytest.mark.parametrize("kind", SEEN)
@@ -60,4 +61,4 @@ def test_a_robot_that_tilts_is_fast_or_does_not_know_its_attitude_stops():
     fast = reading._replace(dq=np.full((4, 3), -21.0))
     for other, said in ((tilted, "limits.tilt="), (fast, "limits.speed="), (lost, "no attitude")):
         with pytest.raises(Unsafe, match=said):
-            StateWatch(dataclasses.replace(LIMITS), (4, 3), 1).check(other, other.q)
+            StateWatch(LIMITS, (4, 3), 1).check(other, other.q)
