@@ -20,7 +20,6 @@ from pipelines.benchmark.log_track import NAME as LOG_TRACK
 from pipelines.groups import GROUPS, all_studies, every_study
 from pipelines.results import (
     DOCS,
-    MEASURED,
     NOT_MEASURED,
     SCORES,
     Quotable,
@@ -49,8 +48,7 @@ def statements_of(file: StudyFile, statements: Mapping[str, Claim | Finding], re
             said = f"**{entry['verdict']}**: {words}" if entry else words
         else:
             said = sentence_of(statement, entry) if entry else f"“{statement.says or name}”"
-        measured = {column: entry[column] for column in MEASURED} if entry else {}
-        table = format_html(build_evidence(statement.criteria, measured)) if entry else ""
+        table = format_html(build_evidence(statement.criteria, entry)) if entry else ""
         text += f"\n{'' if entry else f'*{NOT_MEASURED.capitalize()}*: '}{said}\n\n{table}\n"
     return text
 

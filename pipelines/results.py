@@ -28,6 +28,7 @@ from cmacexp.models.robot_file import package_models
 from cmacexp.study import Claim, Finding
 from cmacexp.study.page import CLAIMS, count_verdicts
 from cmacexp.study.provenance import PROVENANCE, digest_package, digest_source, list_changed, make_witness
+from cmacexp.study.statements import MEASURED
 from pipelines.groups import PIPELINES, all_studies, every_study
 
 DOCS, README = PIPELINES.parent / "docs", PIPELINES.parent / "README.md"
@@ -45,8 +46,6 @@ FENCE = re.compile(r"(?<=```text\n).*?(?=^```$)", flags=re.DOTALL | re.MULTILINE
 """What a command printed, in a section."""
 FIRST_RUN = "Install and run"
 QUOTE = re.compile(r'\{\{ (quote|interval|measured|size|verdict|sentence)\("(\w+)\.([^"]+)"(?:, (\d+))?\) \}\}')
-MEASURED = ("values", "intervals", "counts", "verdicts")
-"""Entries of a statement with a value for each criterion."""
 NOT_MEASURED = "not measured yet"
 CURRENT, EQUAL, CHANGED, NEVER = "current", "equal", "changed", "never run"
 """EQUAL: its files changed, and its witnesses gave the same values on the files of today."""
@@ -88,14 +87,11 @@ class PublishedResults:
     def add_studies(self, folder: Path) -> None:
         """Take every full study below ``folder``, each from its own folder, which no page over several renews."""
         for path in sorted(folder.glob(f"*/{CLAIMS}")):
-            name, beside = path.parent.name, path.with_name(PROVENANCE)
-            statements = _read(path).get(name)
-            if statements is None or not beside.is_file():
-                continue
-            provenance = _read(beside)[name]
-            key = self._add_code(provenance.pop("code"))
-            own = {each["name"]: _quotable(each) for each in statements}
-            self.studies[name] = {**provenance, "code": key, "statements": own}
+            name, statements = path.parent.name, _read(path)
+            if name in statements:
+                provenance = _read(path.with_name(PROVENANCE))[name]
+                own = {each["name"]: _quotable(each) for each in statements[name]}
+                self.studies[name] = {**provenance, "code": self._add_code(provenance["code"]), "statements": own}
 
     def _add_code(self, files: dict[str, str]) -> str:
         """Keep digests of files; their key."""

@@ -130,9 +130,9 @@ def _draw_payload(draw: Draw, machine: str) -> list[str]:
     """A load that the plan does not know; one leg has no body that carries it."""
     if machine == ONE_LEG or draw.happens(0.5):
         return []
-    x, y = (0.1, 0.07) if machine == QUADRUPED else (0.05, 0.03)
-    weight, ahead, beside = draw.even(5.0, 20.0), draw.even(-x, x), draw.even(-y, y)
-    return [f"payload.weight={weight:.3g}", f"payload.x={ahead:.3g}", f"payload.y={beside:.3g}"]
+    ends = {"weight": (5.0, 20.0), "x": (-0.05, 0.05), "y": (-0.03, 0.03)}
+    ends |= {"x": (-0.1, 0.1), "y": (-0.07, 0.07)} if machine == QUADRUPED else {}
+    return [f"payload.{key}={draw.even(*own):.3g}" for key, own in ends.items()]
 
 
 def draw_hard_world(machine: str, number: int) -> tuple[str, ...]:

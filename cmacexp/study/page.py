@@ -24,6 +24,7 @@ from cmacexp.study.provenance import PROVENANCE
 from cmacexp.study.results import LAST_CYCLES, Results
 from cmacexp.study.statements import (
     INFINITE,
+    MEASURED,
     REPRODUCED,
     VERDICTS,
     Claim,
@@ -51,7 +52,7 @@ INTERVAL = tuple(each.name for each in fields(Interval))
 
 
 class EvidenceRow(NamedTuple):
-    """What was measured for one criterion, as readers see it; ``reason`` of an infinite value; empty: not known."""
+    """What was measured for one criterion, as readers see it; ``reason`` is that of an infinite value."""
 
     case: str
     value: str
@@ -67,18 +68,17 @@ Evidence = Mapping[str, Sequence[EvidenceRow]]
 """The cases of each quantity."""
 
 
-def build_evidence(criteria: Sequence[Criterion], measured: Mapping[str, Sequence[Any]]) -> Evidence:
-    """The evidence of a statement; of each criterion ``values``, and if known ``intervals, counts, verdicts``."""
+def build_evidence(criteria: Sequence[Criterion], measured: Mapping[str, Any]) -> Evidence:
+    """The evidence of a statement, of what was ``MEASURED`` for each criterion."""
     found: dict[str, list[EvidenceRow]] = {}
-    for index, criterion in enumerate(criteria):
-        known = {name: str(column[index]) for name, column in measured.items() if column[index] is not None}
-        value, interval, size, verdict = (
-            known.get(name, "") for name in ("values", "intervals", "counts", "verdicts")
-        )
+    for criterion, value, interval, size, verdict in zip(
+        criteria, *(measured[name] for name in MEASURED), strict=True
+    ):
         reason = criterion.infinite if value == INFINITE else ""
         holds, fails = (criterion.format_limit(each) if each else "" for each in (criterion.holds, criterion.fails))
-        row = EvidenceRow(criterion.case, value, reason, interval, size, holds, fails, verdict if holds else "")
-        found.setdefault(criterion.quantity, []).append(row)
+        found.setdefault(criterion.quantity, []).append(
+            EvidenceRow(criterion.case, value, reason, interval, size, holds, fails, verdict if holds else "")
+        )
     return found
 
 

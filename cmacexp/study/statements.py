@@ -36,6 +36,8 @@ VERDICTS = {
 YES, NO, UNCLEAR = "yes", "no", "unclear"
 OUTCOMES = {REPRODUCED: YES, NOT_REPRODUCED: NO, CONTRADICTED: NO, INCONCLUSIVE: UNCLEAR}
 """What the verdict on a criterion means for a finding."""
+MEASURED = ("values", "intervals", "counts", "verdicts")
+"""What readers see of a statement that was judged, with an entry for each criterion."""
 INFINITE = format_number(math.inf)
 WORDS = {YES: YES, NO: NO, UNCLEAR: "undecided"}
 """Outcomes of a finding in its sentence."""
@@ -282,8 +284,8 @@ class StatementResult:
         return self.statement.decide({each.verdict for each in self.measured if each.criterion.holds != ANY})
 
     @property
-    def columns(self) -> dict[str, list[str]]:
-        """Value, interval, n and verdict of each criterion, as readers see them."""
+    def columns(self) -> dict[str, Sequence[str]]:
+        """Value, interval, n and verdict of each criterion, as readers see them: by the names ``MEASURED``."""
         return {
             "values": [each.value for each in self.measured],
             "intervals": [each.spread for each in self.measured],
@@ -294,5 +296,4 @@ class StatementResult:
     @property
     def sentence(self) -> str:
         """It and its verdict as a sentence."""
-        columns = self.columns
-        return self.statement.sentence(self.verdict, columns["values"], columns["intervals"], columns["counts"])
+        return self.statement.sentence(self.verdict, *list(self.columns.values())[:-1])

@@ -269,13 +269,12 @@ def _read(path: Path) -> tuple[pd.DataFrame, list[Any]]:
     Raises:
         BadInput: one of them is missing, or is none.
     """
-    beside = path.with_suffix(".json")
     try:
-        entry = json.loads(beside.read_text(encoding="utf-8"))
+        entry = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
         frame = read_table(path, texts=True).to_pandas().astype({"end_error": float})
         return frame, [entry[name] for name in SAME]
     except (OSError, ValueError, LookupError, TypeError) as error:
-        allowed = f"must be benchmark.parquet of a report of the benchmark, with {beside.name} beside it: {error}"
+        allowed = f"must be benchmark.parquet of a report of the benchmark, with its .json beside it: {error}"
         raise BadInput("--compare", path, allowed) from error
 
 
