@@ -58,8 +58,11 @@ def _write(machines: dict[str, Machine], methods: list[Method], options: Options
     imported = {*find_sources("pipelines.benchmark.benchmark"), *find_sources("pipelines.perceptron")}
     own = digest_files(sorted(imported.union(Path(__file__).parent.rglob("*.py"))), root)
     first = next(iter(machines.values()))
-    known = [list_overrides(first, each, DEFAULT, first.draw(0)) for each in methods if each.name in (ALONE, CMAC)]
-    witnesses = [] if options.quick else [run_witness(overrides) for overrides in known]
+    witnesses = [
+        run_witness(list_overrides(first, each, DEFAULT, first.draw(0)))
+        for each in methods
+        if each.name in (ALONE, CMAC) and not options.quick
+    ]
     provenance = {
         **make_provenance(own, results, witnesses, seeds=max(each.worlds for each in machines.values())),
         "runs": len(frame),

@@ -288,8 +288,9 @@ def compare_results(first: Path, second: Path) -> Iterator[str]:
     """
     (before, of_before), (after, of_after) = _read(first), _read(second)
     if of_before != of_after:
-        differs = f"has another {' or '.join(SAME)} than {first}: their scores mean other things"
-        raise BadInput("--compare", second, differs)
+        raise BadInput(
+            "--compare", second, f"has another {' or '.join(SAME)} than {first}: their scores mean other things"
+        )
     places = [frame[["machine", "setting"]].drop_duplicates() for frame in (before, after)]
     for machine, setting in pd.merge(*places).itertuples(index=False):
         old, new = (make_comparison(frame, machine, setting) for frame in (before, after))
