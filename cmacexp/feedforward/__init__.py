@@ -9,4 +9,5 @@ from cmacexp.feedforward.none import NoFeedforward as NoFeedforward
 from cmacexp.feedforward.protocol import Feedforward as Feedforward
 from cmacexp.feedforward.protocol import Learns as Learns
 from cmacexp.feedforward.protocol import Observes as Observes
+from cmacexp.feedforward.protocol import Plays as Plays
 from cmacexp.feedforward.rbf import RadialBasis as RadialBasis

@@ -9,7 +9,7 @@ from cmacexp.cmac.rules import NEIGHBOURS, PAPER, RuleParams, rate_after, train_
 from cmacexp.cmac.spread import train_spread
 from cmacexp.feedforward.weight_log import WeightLog, log_cycle
 from cmacexp.jit.compiler import kernel
-from cmacexp.typing import Array, Cells, Scratch, State
+from cmacexp.typing import Array, Cells, Clock, Scratch, State
 
 TABLE, CMAC, WEIGHTED = range(3)
 
@@ -65,6 +65,10 @@ class FeedforwardParams(NamedTuple):
     learning: LearningParams
     smoothing: Smoothing
     log: WeightLog
+    feedback: Clock = EMPTY
+    """(N, L, J): learning error of each sample, N m; only of a table with blocks."""
+    block: int = 0
+    """Samples for which a hook gives the torque of a table; 0: it is known for the whole run."""
 
 
 @kernel
@@ -122,6 +126,8 @@ def feedforward_step(params: FeedforwardParams, step: int, sample: int, learning
         if params.kind == TABLE:
             for j in range(output.shape[1]):
                 output[i, j] = params.torque[sample, i, j]
+                if params.block > 0:
+                    params.feedback[sample - 1, i, j] = learning_error[i, j]
         else:
             learn(params, i, step, (sample - 1 - params.learning.lead) % params.cells.shape[0], learning_error[i])
             if sample == 0 and params.smoothing.taps.shape[0] > 0:

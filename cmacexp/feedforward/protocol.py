@@ -26,10 +26,26 @@ class Feedforward(Protocol):
 class Observes(Protocol):
     """A feedforward that is shown every step of a run, before it predicts and also where it does not act."""
 
-    def observe(self, reference: Reference, measurement: Measurement, torque: Array) -> None:
+    def observe(self, reference: Reference, measurement: Measurement, torque: Array) -> bool | None:
         """See what the sensors show, and the torque (L, J), N m, that the plant took in the last step.
 
-        A cycle begins where ``reference.sample`` is 0.
+        A cycle begins where ``reference.sample`` is 0. After False it is shown no more of this run.
+        """
+        ...
+
+
+@runtime_checkable
+class Plays(Protocol):
+    """A feedforward that knows its torque some samples ahead: it is asked for that instead of :meth:`predict`."""
+
+    block: int
+    """Samples from one call to the next; the first block of a cycle begins with it."""
+
+    def play(self, sample: int, feedback: Array) -> Array:
+        """The torque (N, L, J), N m, of all samples of the cycle, of which those of this block are played.
+
+        ``sample`` is the first one of the block; ``feedback`` (N, L, J), N m, that of the last N steps by sample, is
+        read-only, and the loop goes on filling it.
         """
         ...
 

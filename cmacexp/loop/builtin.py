@@ -12,9 +12,9 @@ from cmacexp.control.actuator import new_actuator
 from cmacexp.control.hybrid_kernels import new_hybrid_state
 from cmacexp.control.load_meter import new_load_meter
 from cmacexp.errors import BadInput
-from cmacexp.feedforward import Learns
+from cmacexp.feedforward import Learns, Plays
 from cmacexp.feedforward.kernels import TABLE
-from cmacexp.feedforward.network import BuiltInFeedforward
+from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.loop.guard import Guard
 from cmacexp.loop.guard_kernels import GuardState
 from cmacexp.loop.probe import FIRST_LEARNING
@@ -153,7 +153,11 @@ def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard:
     parts["control_state"] = new_hybrid_state(*mechanism.shape)
     if not external.controller:
         parts |= _get_parts(scenario.controller)
-        parts |= {} if external.feedforward else _get_parts(scenario.feedforward)
+        if not external.feedforward:
+            parts |= _get_parts(scenario.feedforward)
+        elif isinstance(player := scenario.feedforward, Plays):
+            torque, feedback = np.zeros((2, *setup.plan.support.shape, mechanism.shape[1]))
+            parts["feedforward"] = known_torque(setup, torque)._replace(feedback=feedback, block=player.block)
     return Loop(
         support=setup.plan.support,
         reference=setup.plan.reference,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cmacexp.control.protocol import Action, Drive
 from cmacexp.errors import BadOutput, Diverged
 from cmacexp.feedforward import Observes
+from cmacexp.feedforward.kernels import FeedforwardParams
 from cmacexp.jit.hooks import Hook
 from cmacexp.jit.interrupt import interruptible
 from cmacexp.loop.builtin import External
@@ -78,7 +79,7 @@ class ExternalComponents:
         self.drive = [] if drives is None else make_targets(DRIVE_NAMES, drives.command[ANGLE:])
         self.torque = make_targets(("torque",), (torques.feedforward,))
         self.has_fault_status = external.controller and hasattr(scenario.controller, "force_trusted")
-        self.divergence = ""
+        self.shows, self.divergence = True, ""
         """Cause that an external plant itself reported, if it has diverged."""
         self.period = len(loop.support)
         self.plan_rows = [list_rows(scenario.setup.plan, stage) for stage in (BEFORE, ACTING)]
@@ -93,7 +94,9 @@ class ExternalComponents:
         if external.controller:
             hooks = hooks._replace(controller=Hook(interruptible(self._act)))
         if external.feedforward:
-            hooks = hooks._replace(feedforward=Hook(interruptible(self._predict)))
+            params = self.loop.feedforward
+            called = self._predict if params is None else partial(self._play, params)
+            hooks = hooks._replace(feedforward=Hook(interruptible(called)))
         if external.plant:
             hooks = hooks._replace(plant=Hook(interruptible(self._step)))
         return hooks
@@ -111,7 +114,9 @@ class ExternalComponents:
 
     def _show(self, feedforward: Observes, step: int) -> None:
         """Show what the sensors show, and what the plant took."""
-        feedforward.observe(self._refer(step), copy_state(self.observation), self.loop.torques.total.copy())
+        if self.shows:
+            seen = copy_state(self.observation), self.loop.torques.total.copy()
+            self.shows = feedforward.observe(self._refer(step), *seen) is not False
 
     def _act(self, step: int) -> None:
         reference, state = self._refer(step), self.loop.control_state
@@ -132,6 +137,14 @@ class ExternalComponents:
     def _predict(self, step: int) -> None:
         torque = self.feedforward.predict(self._refer(step), self.loop.control_state.learning_error.copy())
         copy_outputs(self.feedforward, "predict", (torque,), self.torque)
+
+    def _play(self, params: FeedforwardParams, step: int) -> None:
+        """Complete the feedback of the last steps, and get the torque of the next ones."""
+        sample = step % self.period
+        params.feedback[sample - 1] = self.loop.control_state.learning_error
+        torque = self.feedforward.play(sample, read_only(params.feedback))  # type: ignore[attr-defined]  # it Plays
+        copy_outputs(self.feedforward, "play", (torque,), make_targets(("torque",), (params.torque,)))
+        require_finite(self.feedforward, "play", "torque", params.torque)
 
     def _step(self, step: int) -> None:
         try:

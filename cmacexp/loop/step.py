@@ -101,7 +101,7 @@ class Hooks(NamedTuple):
     controller: Hook | None = None
     """Fills the torques of feedback and feedforward; an external controller calls its feedforward itself."""
     feedforward: Hook | None = None
-    """Fills the torque of the feedforward; called where it acts and learns."""
+    """Fills the torque of the feedforward, or of its next block; called where it acts and learns."""
     plant: Hook | None = None
     """Fills ``plant_state``."""
 
@@ -195,6 +195,12 @@ def control(
 
 
 @kernel
+def begins_block(params: FeedforwardParams | None, sample: int) -> bool:
+    """Whether an external feedforward is to give torque: in every step unless it :class:`Plays`."""
+    return params is None or params.block == 0 or sample % params.block == 0
+
+
+@kernel
 def command(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     """Feedforward and feedback torques; False if an external component failed."""
     controller = hooks.controller
@@ -213,10 +219,14 @@ def command(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     if controller is not None:
         return call(controller, step) and is_finite(state.feedback) and is_finite(feedforward)
     acting = lets_act(guard, start_step, step)
-    if external_feedforward is not None:
-        if acting and lets_learn(guard) and not (call(external_feedforward, step) and is_finite(feedforward)):
-            return False
-    elif step >= start_step:
+    asks = acting and lets_learn(guard) and begins_block(feedforward_params, sample)
+    if (
+        external_feedforward is not None
+        and asks
+        and not (call(external_feedforward, step) and is_finite(feedforward))
+    ):
+        return False
+    if step >= start_step:
         predict(feedforward_params, guard, step, sample, state.learning_error, feedforward)
     reference = select(plan, ACTING if acting else BEFORE, sample)
     control(

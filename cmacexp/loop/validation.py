@@ -29,7 +29,7 @@ def _method(component: object, name: str) -> str:
 
 
 def _expected(name: str, shape: tuple[int, ...], unit: str) -> str:
-    sides = "(3,)" if shape == (3,) else "(L, J)" if len(shape) == 2 else "(L,)"
+    sides = "(3,)" if shape == (3,) else ["(L,)", "(L, J)", "(N, L, J)"][len(shape) - 1]
     size = "" if sides == str(shape) else f" = {shape}"
     return f"expected {sides}{size} float64, {unit}"
 

@@ -1,11 +1,13 @@
 """Methods of the benchmark: each computes what its source says."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from support.doors import BadInput, gaussian_taps, make_scenario, package_models
+from support.loops import require_same_bits
 from support.rollout import roll_out
 
 from cmacexp.control import Reference
@@ -22,6 +24,7 @@ METHODS = {
     "repetitive": f"feedforward._target_={FOLDER}.repetitive.Repetitive",
     "identified": f"feedforward._target_={FOLDER}.identified.Identified",
 }
+PERCEPTRON = "feedforward._target_=pipelines.perceptron.Perceptron"
 LEG = ("scenario=one_leg", "reference=aware", "learning=lasting", "learning.guard=none")
 # The extra robots downloads other people's models, which CI does without; the planar machines are tested there.
 ROBOT = pytest.mark.skipif(not package_models(), reason="needs the models of robots")
@@ -52,6 +55,14 @@ def test_least_squares_find_masses_and_ground_that_are_wrong(of):
     assert_allclose(gravity, 1.2, rtol=0.02)
     assert_allclose(contact, 1.0, rtol=0.05)
     assert_allclose(inertia, 1.2, rtol=0.2)
+
+
+@pytest.mark.parametrize("target", [METHODS["norm_optimal"], METHODS["repetitive"], PERCEPTRON])
+def test_a_method_that_plays_has_the_bits_of_one_that_is_asked_in_every_step(of, target):
+    short = ("gait.cycle_time=0.2", "gait.lift=0.005", "cycles=5", "learning.start_cycle=2")
+    played, asked = (of(*LEG, target, *short) for _ in range(2))
+    stepped = SimpleNamespace(acts=True, predict=asked.feedforward.predict)
+    require_same_bits(roll_out(played), roll_out(replace(asked, feedforward=stepped)))
 
 
 # Equations

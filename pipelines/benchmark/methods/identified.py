@@ -15,7 +15,7 @@ from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array, Weights
 from pipelines.benchmark.methods.adaptive import MODEL, make_regressor
 from pipelines.benchmark.methods.norm_optimal import low_pass
-from pipelines.benchmark.methods.once_a_cycle import Acting
+from pipelines.benchmark.methods.once_a_cycle import Playing
 
 CONTACT, ADDED = 2, 3
 """Columns of the regressor: torque of the contact force, and what the controller adds to it."""
@@ -30,7 +30,7 @@ def make_whole(regressor: Array) -> Array:
     return whole
 
 
-class Identified(Acting):
+class Identified(Playing):
     """torque = Y a, with the a that explains best what the joints took: least squares, as in Gautier & Khalil 1992.
 
     Y is the regressor of the adaptive law: inertia, gravity and contact of each leg over those of the nominal model,
@@ -54,12 +54,12 @@ class Identified(Acting):
 
     def reset(self, setup: Setup) -> None:
         """Compute the regressor of the plan; start with no torque, or with the parameters of an earlier run."""
+        self.start(setup)
         self.setup, (samples, legs) = setup, setup.plan.support.shape
         self.gains = low_pass(self.config.cutoff, setup)
         self.omega = 2.0 * np.pi * np.fft.rfftfreq(samples, setup.config.sampling_period)[:, None, None]
         self.planned = self.regress(setup.plan.joints.position)
         self.parameters = np.zeros((legs, self.planned.shape[-1] - 1))
-        self.torque = np.zeros(self.planned.shape[:-1])
         shape = (samples, legs, setup.mechanism.shape[1])
         self.angles, self.taken, self.force = np.zeros(shape), np.zeros(shape), np.zeros((samples, legs))
         self.seen = 0
@@ -76,8 +76,8 @@ class Identified(Acting):
         whole = np.einsum("kijp,ip->kij", make_whole(self.planned), parameters)
         self.torque = whole - self.planned[..., ADDED]
 
-    def observe(self, reference: Reference, measurement: Measurement, torque: Array) -> None:
-        """Measure angles, forces, and the torque (L, J), N m, of the last step."""
+    def observe(self, reference: Reference, measurement: Measurement, torque: Array) -> bool:
+        """Measure angles, forces, and the torque (L, J), N m, of the last step; whether there is more to measure."""
         cycle, samples = self.seen // len(self.taken), len(self.taken)
         if 1 <= cycle <= self.config.cycles:
             self.angles[reference.sample] += measurement.q / self.config.cycles
@@ -85,12 +85,10 @@ class Identified(Acting):
         if samples < self.seen <= samples * (1 + self.config.cycles):
             self.taken[reference.sample - 1] += torque / self.config.cycles
         self.seen += 1
-        if self.seen == samples * (1 + self.config.cycles) + 1:
-            self.use(self.identify())
-
-    def predict(self, reference: Reference, learning_error: Array) -> Array:
-        """This step's torque (L, J), N m."""
-        return self.torque[reference.sample]
+        if self.seen <= samples * (1 + self.config.cycles):
+            return True
+        self.use(self.identify())
+        return False
 
     def regress(self, angles: Array, force: Array | None = None) -> Array:
         """The regressor along ``angles`` (N, L, J), rad, of a cycle; with ``force`` (N, L), N, or the planned one."""

@@ -19,7 +19,7 @@ from cmacexp.models.mechanism import POINT_MASS, get_leg, has_body
 from cmacexp.models.robot_gains import list_jacobians
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Array
-from pipelines.benchmark.methods.once_a_cycle import OnceACycle
+from pipelines.benchmark.methods.once_a_cycle import Playing
 
 NEAR_CIRCLE = 1e-8
 """Logarithm of the radius at which responses are computed."""
@@ -106,7 +106,7 @@ def low_pass(cutoff: float, setup: Setup) -> Array:
     return np.asarray(0.5 ** (0.5 * (hertz / cutoff) ** 2))
 
 
-class NormOptimal(OnceACycle):
+class NormOptimal(Playing):
     """u += gain (G^T G + r I)^-1 G^T U once a cycle, U the feedback of the last one (Amann, Owens & Rogers 1996).
 
     It minimises |U - G du|^2 + r |du|^2 for the model G of what a torque takes off the feedback. The model is
@@ -147,9 +147,9 @@ class NormOptimal(OnceACycle):
         inverse: Any = np.linalg.solve(adjoint @ model + self.config.penalty * np.eye(model.shape[1]), adjoint)
         return self.config.gain * inverse
 
-    def learn(self) -> None:
-        """Correct the torque, and filter it."""
-        spectrum = np.fft.rfft(self.feedback, axis=0)[None, ..., None]
-        change = np.fft.irfft((self.inverse @ spectrum)[..., 0], len(self.feedback), axis=1)
+    def learn(self, feedback: Array) -> None:
+        """Correct the torque by the ``feedback`` (N, L, J), N m, and filter it."""
+        spectrum = np.fft.rfft(feedback, axis=0)[None, ..., None]
+        change = np.fft.irfft((self.inverse @ spectrum)[..., 0], len(feedback), axis=1)
         wanted = np.fft.rfft(self.torque + np.where(self.support[..., None], change[1], change[0]), axis=0)
         self.torque[:] = np.fft.irfft(self.low_pass * wanted, len(self.torque), axis=0)

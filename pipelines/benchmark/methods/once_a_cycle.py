@@ -1,6 +1,5 @@
 """What methods have in common that play a torque for each sample, and learn once a cycle."""
 
-from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -20,38 +19,36 @@ class Acting:
 
 
 class Playing(Acting):
-    """A feedforward that plays a ``torque`` (N, L, J), N m, for each sample of the cycle."""
+    """A feedforward that plays a ``torque`` (N, L, J), N m, for each sample of the cycle, and learns once a cycle."""
+
+    lead = 0
+    """Samples from a torque to the feedback that is taken for its."""
+    begun = False
 
     def start(self, setup: Setup) -> None:
         """Start with no torque, or with that of an earlier run at the same phase."""
         self.torque: Array = np.zeros((*setup.plan.support.shape, setup.mechanism.shape[1]))
         if setup.learnt is not None and "torque" in setup.learnt:
             self.torque[:] = resample(setup.learnt["torque"], len(self.torque))
+        self.feedback, self.block = np.zeros_like(self.torque), len(self.torque)
 
     def learnt(self) -> Weights:
         """``torque`` (N, L, J), N m."""
         return {"torque": self.torque.copy()}
 
+    def learn(self, feedback: Array) -> None:
+        """Improve the torque, from what each of its samples caused, (N, L, J), N m."""
 
-class OnceACycle(Playing, ABC):
-    """``learn`` improves the torque after a cycle, from its ``feedback`` (N, L, J), N m."""
-
-    lead = 0
-    """Samples from a torque to the feedback that is stored for it."""
-
-    def start(self, setup: Setup) -> None:
-        """Start with what is known."""
-        super().start(setup)
-        self.feedback, self.steps = np.zeros_like(self.torque), 0
-
-    @abstractmethod
-    def learn(self) -> None:
-        """Improve the torque."""
+    def play(self, sample: int, feedback: Array) -> Array:
+        """The torque (N, L, J), improved after the first cycle by its ``feedback`` (N, L, J), N m."""
+        if self.begun:
+            self.learn(np.roll(feedback, -self.lead, axis=0))
+        self.begun = True
+        return self.torque
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
-        """Store the last step's feedback (L, J), N m; return this step's torque (L, J), N m."""
-        self.feedback[(reference.sample - 1 - self.lead) % len(self.torque)] = learning_error
-        if reference.sample == 0 and self.steps >= len(self.torque):
-            self.learn()
-        self.steps += 1
+        """:meth:`play` step by step, for controllers that call it with the last step's feedback (L, J), N m."""
+        self.feedback[reference.sample - 1] = learning_error
+        if reference.sample % self.block == 0:
+            self.play(reference.sample, self.feedback)
         return self.torque[reference.sample]

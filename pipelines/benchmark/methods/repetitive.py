@@ -10,8 +10,8 @@ import numpy as np
 from cmacexp.config import FeedforwardConfig, number
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.ilc import gaussian_taps
-from cmacexp.planning.setup import Reference, Setup
-from cmacexp.typing import Array
+from cmacexp.planning.setup import Setup
+from cmacexp.typing import Array, Weights
 from pipelines.benchmark.methods.once_a_cycle import Playing
 
 
@@ -43,19 +43,31 @@ class Repetitive(Playing):
         taps = gaussian_taps(self.config.cutoff, setup.config.sampling_period, samples)
         if 4 * len(taps) > samples:
             raise BadInput("feedforward.cutoff", self.config.cutoff, "must be higher: Q is longer than half a cycle")
-        self.taps, self.lead = np.concatenate([taps[:0:-1], taps]), setup.lead
-        self.reach, self.samples = len(taps) - 1, samples
+        self.taps, self.lead, self.reach = np.concatenate([taps[:0:-1], taps]), setup.lead, len(taps) - 1
         self.start(setup)
-        self.flat = self.torque.reshape(samples, legs * joints)  # a view
-        # Of the last 2 reach samples and of a cycle, so that the samples of Q are always one slice.
-        self.raw = np.take(self.flat, np.arange(-2 * self.reach, samples), axis=0, mode="wrap")
+        # Q and the lead need half a cycle at most: what is played in the other half is known.
+        self.block, self.since = max(1, samples // 2 - self.lead), -1
+        self.raw = self.torque.reshape(samples, legs * joints).copy()
 
-    def predict(self, reference: Reference, learning_error: Array) -> Array:
-        """Update the torque of the next period; return this step's torque (L, J), N m."""
-        new, ahead = (reference.sample - 1 - self.lead) % self.samples, 2 * self.reach
-        if new == 0:
-            self.raw[:ahead] = self.raw[self.samples :]
-        self.raw[new + ahead] = self.flat[new] + self.config.gain * learning_error.ravel()
-        # Its samples are of one period: none is played again before all are known.
-        self.flat[new - self.reach] = self.taps @ self.raw[new : new + ahead + 1]
-        return self.torque[reference.sample]
+    def play(self, sample: int, feedback: Array) -> Array:
+        """Update the torque (N, L, J) of the next period by the ``feedback`` (N, L, J) since the last call, N m."""
+        self.feedback = feedback
+        self._update(sample)
+        return self.torque
+
+    def learnt(self) -> Weights:
+        """``torque`` (N, L, J), N m, at the end of a cycle, whose last feedback is not known yet."""
+        if 0 <= self.since < len(self.torque) - 1:
+            self._update(len(self.torque) - 1)
+        return super().learnt()
+
+    def _update(self, sample: int) -> None:
+        """Update the torque by the feedback of the steps from the last update to the one before ``sample``."""
+        samples, flat = len(self.feedback), self.torque.reshape(self.raw.shape)  # a view
+        count = 1 if self.since < 0 else (sample - self.since - 1) % samples + 1
+        steps, self.since = np.arange(sample - count, sample), sample
+        new = (steps - self.lead) % samples
+        self.raw[new] = flat[new] + self.config.gain * self.feedback.reshape(flat.shape)[steps]
+        around = self.raw[(np.arange(-2 * self.reach, count) + new[0]) % samples]
+        for joint, values in enumerate(around.T):
+            flat[new - self.reach, joint] = np.convolve(values, self.taps, "valid")
