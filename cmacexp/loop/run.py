@@ -219,7 +219,10 @@ class _Stream:
         if guard is None or guard.probe.state is None or params is None or not guard.probe.end_cycle():
             return
         learning = params.learning
-        lead = estimate_lead(guard.probe.state) or learning.lead
+        lead = (
+            estimate_lead(guard.probe.state, on_drives=getattr(self.scenario.controller, "sends_drives", False))
+            or learning.lead
+        )
         if self.estimates:  # too short a lead does harm more often than one that is too long
             lead = max(lead, learning.lead + 1)
         self.rate = resolve_rate(self.config, LoopDelay(lead - 1), lead)

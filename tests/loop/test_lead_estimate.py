@@ -69,8 +69,8 @@ def test_a_response_that_chance_could_give_is_no_estimate():
     noise = random.standard_normal(probe.response.shape)
     probe.response[:] = noise
     assert estimate_lead(probe) is None
-    probe.response[:] = noise - np.roll(probe.pattern, 3, axis=0)
-    assert estimate_lead(probe) == 3
+    probe.response[:] = noise - np.roll(probe.pattern, 3, axis=0) - np.roll(probe.pattern, 5, axis=0)
+    assert (estimate_lead(probe), estimate_lead(probe, on_drives=True)) == (3, 5)
 
 
 @pytest.mark.parametrize(
