@@ -39,8 +39,9 @@ OUTCOMES = {REPRODUCED: YES, NOT_REPRODUCED: NO, CONTRADICTED: NO, INCONCLUSIVE:
 MEASURED = ("values", "intervals", "counts", "verdicts")
 """What readers see of a statement that was judged, with an entry for each criterion."""
 INFINITE = format_number(math.inf)
+UNDECIDED = "Undecided, since an interval contains the limit: {}"
 WORDS = {YES: YES, NO: NO, UNCLEAR: "undecided"}
-"""Outcomes of a finding in its sentence."""
+"""Outcomes in a generated sentence."""
 MOST_SHOWN = 5
 """Values of a quantity that a generated sentence shows; of more it gives the number."""
 
@@ -235,14 +236,40 @@ class Claim(Judged):
         return f"“{self.words}” ({self.where}): {verdict}."
 
 
+def _fill(wording: str, values: Sequence[str]) -> str:
+    return wording.format(value=values[0], values=values)
+
+
 @dataclass(frozen=True)
 class Finding(Judged):
-    """A statement of the study itself, and the criteria that decide it, at least one."""
+    """A statement of the study itself, and the criteria that decide it, at least one.
+
+    In sentences of its own ``{value}`` stands for the first criterion's estimate, ``{values[1]}`` for the second's.
+
+    Raises:
+        BadInput: there are no criteria, or a sentence has a name in braces that is none of the values.
+    """
 
     criteria: Sequence[Criterion]
+    yes: str = ""
+    """Its sentence if every interval lies within its limit; if empty, sentences are generated."""
+    no: str = ""
+    """Its sentence if some interval lies outside."""
+    unclear: str = ""
+    """Its sentence otherwise; if empty, it says that ``yes`` is undecided."""
     says: str = ""
-    """What its sentence says ``yes`` or ``no`` to; if empty, the quantity."""
+    """What a generated sentence says ``yes`` or ``no`` to; if empty, the quantity."""
     verdicts = OUTCOMES
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for wording in (self.yes, self.no, self.unclear):  # also those of outcomes that rarely occur
+            try:
+                _fill(wording, [""] * len(self.criteria))
+            except (LookupError, ValueError, AttributeError) as error:
+                allowed = f"{{value}} and {{values[0]}} to {{values[{len(self.criteria) - 1}]}}"
+                message = f"has a name in braces that is none of the values: use {allowed}; {{{{ and }}}} give braces"
+                raise BadInput("finding", wording, message) from error
 
     def decide(self, found: Collection[str]) -> str:
         """``yes``, ``no`` or ``unclear``, from the different verdicts on criteria that are not beside others."""
@@ -254,6 +281,10 @@ class Finding(Judged):
 
         Value, interval and n are of each criterion; of an infinite value it says why.
         """
+        if self.yes:
+            wordings = {YES: self.yes, NO: self.no, UNCLEAR: self.unclear or UNDECIDED.format(self.yes)}
+            pairs = zip(self.criteria, values, strict=True)
+            return _fill(wordings[verdict], [f"{v} ({each.infinite})" if v == INFINITE else v for each, v in pairs])
         quantities: dict[str, list[str]] = {}
         for each, value, spread, size in zip(self.criteria, values, spreads, sizes, strict=True):
             if each.holds != ANY:

@@ -23,7 +23,7 @@ from cmacexp.study import (
 from cmacexp.study.interval import ONE_SEED, UNPAIRED
 from cmacexp.study.provenance import digest_source
 from cmacexp.study.results import NoSuchRuns
-from cmacexp.study.statements import StatementResult
+from cmacexp.study.statements import UNDECIDED, StatementResult
 
 ONE = made_errors(0.1, machine="leg")
 
@@ -87,17 +87,33 @@ def test_one_seed_decides_nothing_unless_no_seed_changes_the_run():
     assert small.judge(ONE).verdict == "yes"
 
 
+OWN = ("It is {value}.", "It is not: {value}.", "Unclear: {value}.")
+
+
 @pytest.mark.parametrize(
-    ("sample", "outcome"),
+    ("sample", "outcome", "own"),
     [
-        ([5e-4], "yes (0.5 mm [deterministic]"), ([1.5e-3], "no (1.5 mm [deterministic]"),
-        ([9e-4, 1.1e-3], "undecided (1 mm [-0.271 to 2.27 mm]"),
+        ([5e-4], "yes (0.5 mm [deterministic]", "It is 0.5 mm."),
+        ([1.5e-3], "no (1.5 mm [deterministic]", "It is not: 1.5 mm."),
+        ([9e-4, 1.1e-3], "undecided (1 mm [-0.271 to 2.27 mm]", "Unclear: 1 mm."),
     ],
-)  # fmt: skip
-def test_a_finding_says_what_came_out_and_of_how_much(sample, outcome):
+)
+def test_a_finding_says_what_came_out_and_of_how_much_or_its_own_sentence(sample, outcome, own):
     measured = Criterion("error", lambda results: sample, at_most(1e-3), unit="mm", scale=1e3)
     text = f"It is small: {outcome}, n = {len(sample)}; limit at most 1 mm)."
     assert Finding([measured], says="It is small").judge(ONE).sentence == text
+    assert Finding([measured], *OWN).judge(ONE).sentence == own
+    if "Unclear" in own:
+        assert Finding([measured], "Yes.", "No.").judge(ONE).sentence == UNDECIDED.format("Yes.")
+
+
+@pytest.mark.parametrize("wrong", ["{valeu}", "{values[1]}", "{values.first}", "{value", "{}"])
+@pytest.mark.parametrize("outcome", ["yes", "no", "unclear"])
+def test_a_wrong_name_in_braces_is_an_error_before_the_outcome_that_shows_it(wrong, outcome):
+    sentences = {"yes": "{value}", "no": "{values[0]}", "unclear": "{{}}"}
+    Finding([criterion(0.5)], **sentences)
+    with pytest.raises(BadInput):
+        Finding([criterion(0.5)], **{**sentences, outcome: wrong})
 
 
 def judge_sample(sample, **options):
