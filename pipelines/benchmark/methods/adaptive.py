@@ -19,11 +19,6 @@ from cmacexp.typing import Array, Weights
 from pipelines.benchmark.methods.once_a_cycle import Acting
 
 
-def known_torque(setup: Setup) -> Array:
-    """Torque (N, L, J) of the nominal model, N m, without what the controller adds to press with a force."""
-    return InverseDynamics(InverseDynamics.Config(1.0, 1.0)).compute_torque(setup)
-
-
 def rigid_torque(setup: Setup, still: bool) -> Array:
     """Torque (N, L, J) of masses and joints, with no load on the feet, N m; ``still``: at rest in each posture."""
     plan = setup.plan
@@ -51,9 +46,10 @@ def make_regressor(setup: Setup) -> Array:
     (viscous friction, N m s/rad), the smoothed sign of it (dry friction, N m) and acceleration (rotor, kg m^2).
     """
     gravity, rigid = (rigid_torque(setup, still) for still in (True, False))
-    known = known_torque(setup)
-    added = known_torque(replace(setup, config=replace(setup.config, reference="aware"))) - known
-    model = [rigid - gravity, gravity, known - rigid, added]
+    aware, dynamics = replace(setup.config, reference="aware"), InverseDynamics(InverseDynamics.Config(1.0, 1.0))
+    # With force_feedforward the controller adds torque to press with a force.
+    known, whole = (dynamics.compute_torque(replace(setup, config=each)) for each in (setup.config, aware))
+    model = [rigid - gravity, gravity, known - rigid, whole - known]
     _, velocity, acceleration = list_by_joints(setup.plan.joints)
     size = np.sqrt(np.mean(velocity**2, axis=0))
     sign = np.tanh(np.divide(velocity, SMOOTH_SIGN * size, out=np.zeros_like(velocity), where=size > 0.0))
