@@ -12,22 +12,10 @@ from cmacexp.cmac.network import MemoryUse
 from cmacexp.config import FeedforwardConfig, number
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.planning.setup import Setup
-from cmacexp.typing import Array, Weights
+from cmacexp.typing import Weights
 
 INPUTS = ("angle", "velocity")
 """Planned joint values that are the inputs of the network."""
-
-
-def features(points: Array, waves: Array, phases: Array) -> Array:
-    """max(0, cos(W^T x + b)) and max(0, -cos(W^T x + b)) of ``points`` (samples, n), (samples, 2 features).
-
-    Args:
-        points: (samples, n).
-        waves: W (n, features), rad per unit of the points.
-        phases: b (features,), rad.
-    """
-    wave = np.cos(points @ waves + phases)
-    return np.concatenate([np.maximum(wave, 0.0), np.maximum(-wave, 0.0)], axis=1)
 
 
 class RandomFourier(BuiltInFeedforward):
@@ -63,9 +51,10 @@ class RandomFourier(BuiltInFeedforward):
             self.ranges, self.waves, self.phases = (setup.learnt[name] for name in ("ranges", "waves", "phases"))
         low, high = self.ranges[:, :1], self.ranges[:, 1:]
         points = (inputs - low) / (high - low)
-        activation = np.stack(list(map(features, points, self.waves, self.phases)), axis=1)
-        rows = activation.shape[2]
-        self.params = network(setup, np.broadcast_to(np.arange(rows), activation.shape), rows, activation)
+        wave = np.cos(points @ self.waves + self.phases[:, None]).swapaxes(0, 1)  # W^T x + b
+        number, rows = wave.shape[2], 2 * wave.shape[2]
+        # One of the two half waves max(0, wave) and max(0, -wave) is zero.
+        self.params = network(setup, np.arange(number) + number * (wave < 0.0), rows, np.abs(wave))
         self.memory = [MemoryUse(rows, rows, rows, 0, 0)] * legs
 
     def learnt(self) -> Weights:
