@@ -52,9 +52,11 @@ class RandomFourier(BuiltInFeedforward):
         low, high = self.ranges[:, :1], self.ranges[:, 1:]
         points = (inputs - low) / (high - low)
         wave = np.cos(points @ self.waves + self.phases[:, None]).swapaxes(0, 1)  # W^T x + b
-        number, rows = wave.shape[2], 2 * wave.shape[2]
-        # One of the two half waves max(0, wave) and max(0, -wave) is zero.
-        self.params = network(setup, np.arange(number) + number * (wave < 0.0), rows, np.abs(wave))
+        rows = 2 * wave.shape[2]
+        # One of the two half waves max(0, wave) and max(0, -wave) is zero; in order of rows sums keep their bits.
+        cells = np.arange(wave.shape[2]) + wave.shape[2] * (wave < 0.0)
+        activation = np.take_along_axis(np.abs(wave), np.argsort(cells, axis=2), axis=2)
+        self.params = network(setup, np.sort(cells, axis=2), rows, activation)
         self.memory = [MemoryUse(rows, rows, rows, 0, 0)] * legs
 
     def learnt(self) -> Weights:
