@@ -207,8 +207,8 @@ class Judged:
     """What the verdict on a criterion is called beside it."""
 
     def __post_init__(self) -> None:
-        if not self.criteria:
-            raise BadInput(type(self).__name__.lower(), self, "has no criteria: nothing would decide it")
+        if all(each.holds == ANY for each in self.criteria):
+            raise BadInput(type(self).__name__.lower(), self, "has no criteria with a limit: nothing would decide it")
 
     def judge(self, results: Results) -> "StatementResult":
         """Measure every criterion."""
