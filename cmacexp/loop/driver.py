@@ -25,6 +25,7 @@ from cmacexp.loop.step import FAILED_COMPONENT, Hooks, Loop, step_loop
 from cmacexp.loop.validation import (
     DRIVE_NAMES,
     SIGNAL_NAMES,
+    Target,
     copy_action,
     copy_drive,
     copy_measurement,
@@ -79,7 +80,9 @@ class ExternalComponents:
         self.drive = [] if drives is None else make_targets(DRIVE_NAMES, drives.command[ANGLE:])
         self.torque = make_targets(("torque",), (torques.feedforward,))
         self.has_fault_status = external.controller and hasattr(scenario.controller, "force_trusted")
-        self.shows, self.divergence = True, ""
+        self.shows = True
+        """Whether the feedforward is to be shown further steps."""
+        self.divergence = ""
         """Cause that an external plant itself reported, if it has diverged."""
         self.period = len(loop.support)
         self.plan_rows = [list_rows(scenario.setup.plan, stage) for stage in (BEFORE, ACTING)]
@@ -95,7 +98,9 @@ class ExternalComponents:
             hooks = hooks._replace(controller=Hook(interruptible(self._act)))
         if external.feedforward:
             params = self.loop.feedforward
-            called = self._predict if params is None else partial(self._play, params)
+            called = self._predict
+            if params is not None:
+                called = partial(self._play, params, make_targets(("torque",), (params.torque,)))
             hooks = hooks._replace(feedforward=Hook(interruptible(called)))
         if external.plant:
             hooks = hooks._replace(plant=Hook(interruptible(self._step)))
@@ -138,12 +143,12 @@ class ExternalComponents:
         torque = self.feedforward.predict(self._refer(step), self.loop.control_state.learning_error.copy())
         copy_outputs(self.feedforward, "predict", (torque,), self.torque)
 
-    def _play(self, params: FeedforwardParams, step: int) -> None:
+    def _play(self, params: FeedforwardParams, targets: list[Target], step: int) -> None:
         """Complete the feedback of the last steps, and get the torque of the next ones."""
         sample = step % self.period
         params.feedback[sample - 1] = self.loop.control_state.learning_error
         torque = self.feedforward.play(sample, read_only(params.feedback))  # type: ignore[attr-defined]  # it Plays
-        copy_outputs(self.feedforward, "play", (torque,), make_targets(("torque",), (params.torque,)))
+        copy_outputs(self.feedforward, "play", (torque,), targets)
         require_finite(self.feedforward, "play", "torque", params.torque)
 
     def _step(self, step: int) -> None:

@@ -207,8 +207,8 @@ class Judged:
     """What the verdict on a criterion is called beside it."""
 
     def __post_init__(self) -> None:
-        if all(each.holds == ANY for each in self.criteria):
-            raise BadInput(type(self).__name__.lower(), self, "has no criteria with a limit: nothing would decide it")
+        if not self.criteria:
+            raise BadInput(type(self).__name__.lower(), self, "has no criteria: nothing would decide it")
 
     def judge(self, results: Results) -> "StatementResult":
         """Measure every criterion."""
@@ -247,7 +247,8 @@ class Finding(Judged):
     In sentences of its own ``{value}`` stands for the first criterion's estimate, ``{values[1]}`` for the second's.
 
     Raises:
-        BadInput: there are no criteria, or a sentence has a name in braces that is none of the values.
+        BadInput: there are no criteria, none has a limit and sentences are generated, or a sentence has a name in
+            braces that is none of the values.
     """
 
     criteria: Sequence[Criterion]
@@ -263,6 +264,8 @@ class Finding(Judged):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if not self.yes and all(each.holds == ANY for each in self.criteria):
+            raise BadInput("finding", self.says, "has no criterion with a limit: nothing would decide it")
         for wording in (self.yes, self.no, self.unclear):  # also those of outcomes that rarely occur
             try:
                 _fill(wording, [""] * len(self.criteria))

@@ -134,6 +134,7 @@ def judge_sample(sample, **options):
         (lambda: Panel("error", "cycle", "mm", [], kind="bar"), "kind"),
         (lambda: Panel("error", "cycle", "mm", [], log="yx"), "log"),
         (lambda: Finding([], says="It is."), "finding"),
+        (lambda: Finding([Criterion("error", lambda results: [1.0], ANY)], says="It is."), "finding"),
         (lambda: Claim("it is small", "section 1", []), "claim"),
     ],
 )
