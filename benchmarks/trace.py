@@ -8,7 +8,7 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
 from benchmarks.timing import Row, Table, compared, in_turn, make_config, stopwatch
-from cmacexp.data.parquet import write_table
+from cmacexp.data.tables import write_table
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.trace import assemble
 from tests.support.rollout import roll_out

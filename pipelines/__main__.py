@@ -6,7 +6,7 @@ from pathlib import Path
 from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
 from cmacexp.commands.study import FOLDER, Options
 from cmacexp.commands.study import main as run_study
-from cmacexp.data.parquet import read_table
+from cmacexp.data.tables import read_table
 from cmacexp.errors import BadInput
 from cmacexp.study.provenance import STAGES_FILE, list_stages
 from cmacexp.study.study_file import YAML

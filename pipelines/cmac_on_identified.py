@@ -6,7 +6,7 @@ from cmacexp.cmac.addressing import InputRange, spanning
 from cmacexp.cmac.network import Cmac
 from cmacexp.feedforward.identified import IdentifiedModel
 from cmacexp.feedforward.network import planned_inputs
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
 from cmacexp.typing import Array, Weights
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from cmacexp.config import FeedforwardConfig, number
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import planned_inputs
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
 from cmacexp.typing import Array, Weights
 from pipelines.benchmark.methods.once_a_cycle import Playing
 

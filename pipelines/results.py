@@ -25,10 +25,9 @@ from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.errors import BadInput
 from cmacexp.models.robot_file import package_models
-from cmacexp.study import Claim, Finding
 from cmacexp.study.page import CLAIMS, count_verdicts
 from cmacexp.study.provenance import PROVENANCE, digest_package, digest_source, list_changed, make_witness
-from cmacexp.study.statements import MEASURED
+from cmacexp.study.statements import MEASURED, Claim, Finding
 from pipelines.groups import PIPELINES, all_studies, every_study
 
 DOCS, README = PIPELINES.parent / "docs", PIPELINES.parent / "README.md"

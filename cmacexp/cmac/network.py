@@ -9,10 +9,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cmacexp.cmac.addressing import Address, InputRange, address_batch, count_outside
+from cmacexp.cmac.addressing import (
+    RECEPTIVE_FIELDS,
+    RECTANGULAR,
+    Address,
+    InputRange,
+    activate_batch,
+    address_batch,
+    count_outside,
+)
 from cmacexp.cmac.addressing import displacement as find_displacement
 from cmacexp.cmac.memory import Visited, find_distinct, find_entered, read_batch
-from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, RECTANGULAR, activate_batch
 from cmacexp.cmac.rules import PAPER, train_batch
 from cmacexp.cmac.single import NOT_FINITE, Single
 from cmacexp.config.cmac import MOST_POSITIONS, PHASE, WORD_BYTES, CmacConfig, check_size

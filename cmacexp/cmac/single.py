@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.cmac.addressing import Address, address
+from cmacexp.cmac.addressing import RECTANGULAR, Address, activate, address
 from cmacexp.cmac.memory import read_weighted
-from cmacexp.cmac.receptive_field import RECTANGULAR, activate
 from cmacexp.cmac.rules import PAPER, RuleParams, train_by_rule
 from cmacexp.jit.compiler import kernel, program
 from cmacexp.typing import Array, Cells

@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 
 from cmacexp.commands.command import Arguments, Parser, make_flag, run_command
-from cmacexp.data.discovery import is_run, name_of, require_place
 from cmacexp.data.folder import OUT_KEY, require_no_link
+from cmacexp.data.manifest import is_run, name_of, require_place
 from cmacexp.data.run import Run
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput

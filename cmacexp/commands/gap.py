@@ -8,8 +8,8 @@ from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
 from cmacexp.data.folder import OUT_KEY, check_place
 from cmacexp.data.manifest import REPORT
 from cmacexp.errors import BadInput
+from cmacexp.terminal.messages import print_table
 from cmacexp.terminal.output import print_line, show_progress
-from cmacexp.terminal.tables import print_table
 
 if TYPE_CHECKING:
     from cmacexp.gap.log import Log

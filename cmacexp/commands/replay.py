@@ -5,7 +5,7 @@ from pathlib import Path
 
 from cmacexp.commands.command import FOLDERS, Arguments, Parser, add_options, make_flag
 from cmacexp.config.describe import differences
-from cmacexp.data.discovery import is_run, name_of, require_place, runs_below
+from cmacexp.data.manifest import is_run, name_of, require_place, runs_below
 from cmacexp.data.run import Run
 from cmacexp.data.tables import RECORDING_FILE
 from cmacexp.errors import BadInput, require_extra

@@ -9,14 +9,13 @@ from cmacexp.commands.command import FOLDERS, Arguments, Parser
 from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
 from cmacexp.data.run import Run
-from cmacexp.engine.job_tables import find_runs
+from cmacexp.engine.sweep_tables import find_runs
 from cmacexp.errors import BadRun
 from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.sweep_report import find_swept, make_sweep_report
-from cmacexp.terminal.messages import describe_resume
+from cmacexp.terminal.messages import describe_resume, print_key, print_runs
 from cmacexp.terminal.output import print_line, show_activity, show_progress
-from cmacexp.terminal.tables import print_key, print_runs
 from cmacexp.typing import Status
 
 REPORTS = Path("outputs/reports")

@@ -17,8 +17,8 @@ from cmacexp.config import config_folder
 from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.metrics.text import format_number
+from cmacexp.terminal.messages import print_table
 from cmacexp.terminal.output import print_line, show_activity
-from cmacexp.terminal.tables import print_table
 from cmacexp.typing import Array
 from cmacexp.wire.faults import KINDS, NO_FAULT, Fault
 from cmacexp.wire.network import LOOPBACK

@@ -18,9 +18,8 @@ from cmacexp.models.robot import Robot, read_robot
 from cmacexp.models.robot_gains import DriveGains, derive_basis, find_joint_margin
 from cmacexp.models.robot_search import find_names
 from cmacexp.planning.robot import find_stance
-from cmacexp.terminal.messages import warn_of_models
+from cmacexp.terminal.messages import print_table, warn_of_models
 from cmacexp.terminal.output import print_line
-from cmacexp.terminal.tables import print_table
 
 SETTINGS = (
     "sampling_period",
@@ -110,9 +109,8 @@ def list_settings(config: Config) -> list[list[str]]:
 def _describe_margin(config: Config) -> list[str]:
     """A row of a table: the further delay that feedback bears; empty with a controller of the user's own."""
     from cmacexp.control import DriveController, HybridController
-    from cmacexp.loop.factory import make_component
     from cmacexp.loop.margin import SMALL_MARGIN, find_margin
-    from cmacexp.loop.scenario import count_loop_delay
+    from cmacexp.loop.scenario import count_loop_delay, make_component
 
     controller, sensors = (make_component(group, getattr(config, group)) for group in ("controller", "sensors"))
     if isinstance(controller, DriveController):

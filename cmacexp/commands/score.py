@@ -3,16 +3,15 @@
 from pathlib import Path
 
 from cmacexp.commands.command import FOLDERS, Arguments, Parser
-from cmacexp.data.discovery import runs_below
 from cmacexp.data.folder import update_run
-from cmacexp.data.manifest import require_intact
+from cmacexp.data.manifest import require_intact, runs_below
 from cmacexp.data.run import Run
 from cmacexp.data.tables import TRACE_FILE, Scores, write_scores
 from cmacexp.errors import BadRun
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.score import score_traces
+from cmacexp.terminal.messages import KEY, print_scores
 from cmacexp.terminal.output import print_line, show_activity
-from cmacexp.terminal.tables import KEY, print_scores
 
 
 def score(folder: Path) -> Scores:

@@ -3,13 +3,12 @@
 from pathlib import Path
 
 from cmacexp.commands.command import FOLDERS, Arguments, Parser
-from cmacexp.data.discovery import runs_below
 from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
-from cmacexp.data.manifest import REPORT
+from cmacexp.data.manifest import REPORT, runs_below
 from cmacexp.data.run import Run
 from cmacexp.errors import BadInput
+from cmacexp.terminal.messages import print_table
 from cmacexp.terminal.output import print_line, show_activity
-from cmacexp.terminal.tables import print_table
 
 FOLDER = "stability"
 

@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
-from cmacexp.data.discovery import require_place
 from cmacexp.data.folder import HTML, new_result
-from cmacexp.data.manifest import REPORT
-from cmacexp.data.parquet import read_table
+from cmacexp.data.manifest import REPORT, require_place
 from cmacexp.data.run import Run
+from cmacexp.data.tables import read_table
 from cmacexp.engine.collect import Collected, ensure_runs
 from cmacexp.engine.equal_results import print_idle_keys
 from cmacexp.engine.pool import ParallelMap, start_workers

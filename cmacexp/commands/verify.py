@@ -2,14 +2,13 @@
 
 from cmacexp.commands.command import FOLDERS, NOT_INTACT, Arguments, Parser
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import everything_below
 from cmacexp.data.integrity import faults
 from cmacexp.terminal.output import print_line, show_activity
 
 
 def _verify(arguments: Arguments) -> int:
     intact = True
-    for folder in [result for given in arguments.folders for result in everything_below(given)]:
+    for folder in [result for given in arguments.folders for result in manifests.everything_below(given)]:
         with show_activity(f"checking {folder}"):
             reasons = faults(folder)
         intact = intact and not reasons

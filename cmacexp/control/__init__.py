@@ -1,8 +1,7 @@
 """Hybrid position/force feedback."""
 
-from cmacexp.control.drives import DriveController
-from cmacexp.control.hybrid import HybridController
+from cmacexp.control.controllers import DriveController, HybridController
 from cmacexp.control.protocol import Action, Controller, Drive
-from cmacexp.planning.setup import Reference
+from cmacexp.planning.plan import Reference
 
 __all__ = ["Action", "Controller", "Drive", "DriveController", "HybridController", "Reference"]

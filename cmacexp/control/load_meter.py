@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.config import Config
-from cmacexp.config.schema import ADAPTIVE
+from cmacexp.config.schema import ADAPTIVE, Config
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.mechanism import Mechanism, has_body
 from cmacexp.planning.plan import LoadEstimate, Plan

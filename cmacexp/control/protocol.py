@@ -3,7 +3,7 @@
 from typing import NamedTuple, Protocol
 
 from cmacexp.feedforward.protocol import Feedforward
-from cmacexp.planning.setup import Reference, Setup
+from cmacexp.planning.plan import Reference, Setup
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array
 

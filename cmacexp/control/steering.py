@@ -15,7 +15,7 @@ from cmacexp.config.gait import PATTERNS
 from cmacexp.config.machine import RobotMachine
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.leg import GRAVITY
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
 from cmacexp.planning.trajectory import ControlReference, X, Z
 from cmacexp.typing import Array, Mask, Scratch
 

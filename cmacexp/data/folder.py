@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import HYDRA_FOLDER, require_place
 from cmacexp.data.files import full_disk_named, name_part, remove_dead_parts, sha256, sync
 from cmacexp.data.tables import (
     BODY_FILE,
@@ -49,7 +48,7 @@ OWN = {
         METRICS_CSV,
         BODY_METRICS_FILE,
         WEIGHTS,
-        HYDRA_FOLDER,
+        manifests.HYDRA_FOLDER,
         RECORDING_FILE,
         "report",
         "stability",
@@ -111,7 +110,7 @@ def check_place(folder: Path, key: str, kind: str | None = None) -> None:
 
     It may be missing, empty, or an earlier result of the same kind. Hidden files of others and logs stay in it.
     """
-    require_place(key, folder)
+    manifests.require_place(key, folder)
     shell = Path(os.environ.get("PWD", os.sep)).resolve()
     if os.path.ismount(folder) or folder.resolve() == shell:
         reason = "is a mount point or the current folder, which cannot be replaced as a whole; name a folder in it"

@@ -17,8 +17,20 @@ from cmacexp.config.describe import flatten_config
 from cmacexp.config.schema import count_steps
 from cmacexp.data import manifest as manifests
 from cmacexp.data.integrity import list_faults
-from cmacexp.data.parquet import as_array, list_units, read_cycles, read_schema, read_table, to_frame
-from cmacexp.data.tables import BODY_FILE, BODY_METRICS_FILE, METRICS_FILE, TABLES, TRACE_FILE, Scores
+from cmacexp.data.tables import (
+    BODY_FILE,
+    BODY_METRICS_FILE,
+    METRICS_FILE,
+    TABLES,
+    TRACE_FILE,
+    Scores,
+    as_array,
+    list_units,
+    read_cycles,
+    read_schema,
+    read_table,
+    to_frame,
+)
 from cmacexp.data.trace import Trace, read_trace
 from cmacexp.errors import BadRun, CmacexpError, in_one_line, require_extra
 from cmacexp.typing import RESULTS, Array, DataFrame, Dataset, Status
@@ -26,7 +38,7 @@ from cmacexp.typing import RESULTS, Array, DataFrame, Dataset, Status
 VIEWS = {
     "pool": "cmacexp.metrics.pooling:pool_legs",
     "tabulate": "cmacexp.metrics.pooling:tabulate_cycles",
-    "format": "cmacexp.terminal.tables:format_scores",
+    "format": "cmacexp.terminal.messages:format_scores",
     "report": "cmacexp.report.run_report:write_run_report",
     "view": "cmacexp.recording.viewer:view_run",
 }

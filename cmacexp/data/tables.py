@@ -1,12 +1,20 @@
-"""The files of a run, and its tables of metrics."""
+"""The files of a run, and its tables: on disk, and their columns as arrays."""
 
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
-from cmacexp.data.parquet import write_table
+from cmacexp.data.files import open_file
+from cmacexp.data.manifest import require_intact
+from cmacexp.errors import BadRun
+from cmacexp.typing import Array, DataFrame, Mask
 
 TRACE_FILE, BODY_FILE, MEMORY_FILE = "trace.parquet", "body.parquet", "memory.parquet"
 METRICS_FILE, METRICS_CSV, BODY_METRICS_FILE = "metrics.parquet", "metrics.csv", "body_metrics.parquet"
@@ -34,3 +42,136 @@ def write_scores(folder: Path, scores: Scores, as_csv: bool = True) -> list[str]
         write_table(scores.body, folder / BODY_METRICS_FILE)
         names.append(BODY_METRICS_FILE)
     return names
+
+
+def arrow(values: NDArray[Any], kind: pa.DataType) -> pa.Array:
+    """An Arrow array of ``values``; unlike ``pa.array`` without importing pandas, which takes longer than a run."""
+    data = np.ascontiguousarray(values, dtype=kind.to_pandas_dtype())
+    return pa.Array.from_buffers(kind, len(data), [None, pa.py_buffer(data)])
+
+
+def arrow_strings(values: list[str]) -> pa.Array:
+    """An Arrow array of strings, likewise without pandas."""
+    encoded = [value.encode() for value in values]
+    offsets = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
+    return pa.StringArray.from_buffers(len(values), pa.py_buffer(offsets), pa.py_buffer(b"".join(encoded)))
+
+
+def table_writer(path: Path, schema: pa.Schema, compression: str = "zstd") -> pq.ParquetWriter:
+    """What writes a table as Parquet part by part, a row group each; same parts, same bytes."""
+    floats = [field.name for field in schema if pa.types.is_floating(field.type)]
+    return pq.ParquetWriter(
+        path,
+        schema,
+        compression=compression,
+        use_dictionary=[name for name in schema.names if name not in floats],
+        column_encoding=dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
+    )
+
+
+def write_table(table: pa.Table, path: Path) -> None:
+    """Write a table as Parquet; the same table gives the same bytes."""
+    # Compressing columns of so few values takes longer than all else that writes and reads them.
+    with table_writer(path, table.schema, "zstd" if table.num_rows > 1000 else "none") as writer:
+        writer.write_table(table)
+
+
+@contextmanager
+def _open_parquet(path: Path, texts: bool = False) -> Iterator[pq.ParquetFile]:
+    """A table that is as its run wrote it; else all that reads tables raises BadRun.
+
+    Its columns have names of their own, and hold numbers or a few words, else ``texts``.
+    """
+    try:
+        with open_file(require_intact(path)) as file, pq.ParquetFile(file) as table:
+            schema = table.schema_arrow
+            for field in schema:
+                kind = field.type
+                holds_numbers = (
+                    pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_dictionary(kind)
+                )
+                if len(schema.get_all_field_indices(field.name)) > 1:
+                    raise BadRun(f"{path}: two of its columns are called {field.name}: not a table of a run")
+                if not (texts or holds_numbers):
+                    raise BadRun(f"{path}: its column {field.name} holds {kind}, not numbers: not a table of a run")
+            yield table
+    except (OSError, pa.ArrowException) as error:
+        raise BadRun(f"{path}: cannot be read ({str(error).splitlines()[0]})") from None
+
+
+def read_parts(
+    path: Path, columns: list[str] | None = None, cycles: Collection[int] | None = None
+) -> Iterator[pa.Table]:
+    """The table that :func:`table_writer` wrote, or some columns of it, part by part.
+
+    Parts without a row of the ``cycles`` are left out, if these are given.
+    """
+    with _open_parquet(path) as table:
+        for group in range(table.num_row_groups):
+            if cycles is None or _is_in(table.read_row_group(group, ["cycle"]), cycles).any():
+                yield table.read_row_group(group, columns)
+
+
+def _is_in(table: pa.Table, cycles: Collection[int]) -> Mask:
+    """Whether each row is one of these cycles."""
+    return np.isin(as_array(table, "cycle"), list(cycles))
+
+
+def select_rows(table: pa.Table, rows: NDArray[Any]) -> pa.Table:
+    """Some rows of a table, by their numbers or by a mask."""
+    numbers = np.flatnonzero(rows) if rows.dtype == bool else rows
+    return table if len(numbers) == table.num_rows else table.take(arrow(numbers, pa.int64()))
+
+
+def read_table(path: Path, texts: bool = False) -> pa.Table:
+    """The table that :func:`write_table` wrote, of numbers, or also of ``texts``."""
+    with _open_parquet(path, texts) as table:
+        return table.read()
+
+
+def read_cycles(path: Path, cycles: Collection[int]) -> pa.Table:
+    """Rows of some cycles of a table; the others are never all in memory."""
+    with _open_parquet(path) as table:
+        kept = [table.read_row_groups([])]
+    kept += [select_rows(part, _is_in(part, cycles)) for part in read_parts(path, cycles=cycles)]
+    return pa.concat_tables(kept)
+
+
+def list_units(schema: pa.Schema) -> dict[str, str]:
+    """The unit of each column, as its field says; empty where it has none."""
+    return {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in schema}
+
+
+def to_frame(table: pa.Table) -> DataFrame:
+    """A table as a DataFrame, whose ``attrs["units"]`` has the unit of each column."""
+    frame: DataFrame = table.replace_schema_metadata().to_pandas()  # no file says what its index is
+    frame.attrs["units"] = list_units(table.schema)
+    return frame
+
+
+def read_schema(path: Path) -> pa.Schema:
+    """The columns of a table, with their units and meanings."""
+    with _open_parquet(path, texts=True) as table:
+        return table.schema_arrow
+
+
+def _contiguous(table: pa.Table, name: str) -> pa.Array:
+    if (index := table.schema.get_field_index(name)) < 0:  # finds it faster than a list of all names
+        raise BadRun(f"{name}: the table lacks this column, as those of other versions do; run it again")
+    column = table.column(index)
+    return column.chunk(0) if column.num_chunks == 1 else column.combine_chunks()
+
+
+def as_array(table: pa.Table, name: str) -> Array:
+    """One column as a read-only NumPy array; raises BadRun if the table lacks it, or some of its values."""
+    column = _contiguous(table, name)
+    if column.null_count:
+        raise BadRun(f"{name}: the table lacks some of its values: not a table of a run")
+    return np.asarray(np.from_dlpack(column))
+
+
+def is_support(table: pa.Table) -> Mask:
+    """Whether each row of a trace is planned support."""
+    phase = _contiguous(table, "phase")
+    codes, names = np.from_dlpack(phase.indices), phase.dictionary.to_pylist()
+    return np.asarray(codes == names.index("support")) if "support" in names else np.zeros(len(codes), dtype=bool)

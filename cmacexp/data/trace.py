@@ -17,7 +17,11 @@ from numpy.typing import NDArray
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.config.schema import RecordConfig
 from cmacexp.data.manifest import was_written
-from cmacexp.data.parquet import (
+from cmacexp.data.signals import PHASES, Signal, make_schema
+from cmacexp.data.tables import (
+    BODY_FILE,
+    MEMORY_FILE,
+    TRACE_FILE,
     arrow,
     arrow_strings,
     as_array,
@@ -28,8 +32,6 @@ from cmacexp.data.parquet import (
     select_rows,
     table_writer,
 )
-from cmacexp.data.signals import PHASES, Signal, make_schema
-from cmacexp.data.tables import BODY_FILE, MEMORY_FILE, TRACE_FILE
 from cmacexp.errors import BadRun
 from cmacexp.typing import Array, Mask
 

@@ -12,13 +12,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cmacexp.data.files import write_atomically
-from cmacexp.data.parquet import table_writer, write_table
+from cmacexp.data.tables import table_writer, write_table
 from cmacexp.engine.chunk import RunEnd, run_chunk
 from cmacexp.engine.equal_results import Outcome, find_idle_keys, hash_overrides
-from cmacexp.engine.job_tables import find_runs
 from cmacexp.engine.pool import choose_size, count_processes, group_runs, start_workers
 from cmacexp.engine.sweep_tables import (
     concat_metrics,
+    find_runs,
     join_runs,
     make_column,
     make_labels,

@@ -14,8 +14,7 @@ import pyarrow as pa
 from cmacexp.config import Config
 from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import describe_other_model
-from cmacexp.data.parquet import as_array
-from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores
+from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores, as_array
 from cmacexp.data.trace import SampledTrace, join_sampled
 from cmacexp.engine.pool import drop_rate, report_share
 from cmacexp.engine.run import sample_scenario, score_scenario

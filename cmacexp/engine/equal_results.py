@@ -13,7 +13,7 @@ from cmacexp.config import config_hash, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.data.run import Run
 from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE
-from cmacexp.engine.job_tables import JobRun
+from cmacexp.engine.sweep_tables import JobRun
 from cmacexp.terminal.output import print_line
 from cmacexp.typing import RESULTS
 

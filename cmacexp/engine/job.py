@@ -18,31 +18,32 @@ from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from cmacexp.config import Config, config_hash, to_config, to_plain
 from cmacexp.config.compose import make_record, set_numbers, set_values
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import HYDRA_FOLDER, is_run
 from cmacexp.data.folder import RUN_KEY, check_place, new_result
 from cmacexp.data.integrity import compute_hashes, is_finished
 from cmacexp.data.run import Run
 from cmacexp.engine.chunk import Chunk, hash_scores
 from cmacexp.engine.equal_results import read_outcome
 from cmacexp.engine.failure import make_failure
-from cmacexp.engine.job_tables import HASHES, JobTables, write_part
 from cmacexp.engine.objective import check_metric
 from cmacexp.engine.pool import is_first_worker, report_share
 from cmacexp.engine.run import describe_run, run_scenario
 from cmacexp.engine.sweep_tables import (
     FINGERPRINT,
+    HASHES,
+    JobTables,
     concat_metrics,
     find_fingerprint,
     make_table,
     read_metrics,
     select_run_overrides,
+    write_part,
 )
 from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import is_interrupt
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.drift import make_drift_entry
-from cmacexp.metrics.run_table import make_rows
+from cmacexp.metrics.pooling import make_rows
 from cmacexp.terminal.messages import announce_compiling, describe_drift, describe_idle, format_outcome
 from cmacexp.typing import Status
 
@@ -101,7 +102,7 @@ def write_failure(
         if not (written.exists() and manifests.read_file(written)["files"]):
             with new_result(folder, RUN_KEY) as writer:
                 for name, text in (record or {}).items():
-                    writer.write_text(f"{HYDRA_FOLDER}/{name}", text)
+                    writer.write_text(f"{manifests.HYDRA_FOLDER}/{name}", text)
                 manifests.write(writer.part, manifest)
     return Run(folder, manifest)
 
@@ -157,7 +158,7 @@ def run_jobs(packed: bytes, items: Sequence[JobItem], jobs: int) -> list[tuple[s
         if runs := {number: run for number, (run, _) in ran.items() if run is not None}:
             write_part(root, _tabulate(root, runs, {item.number: item.overrides for item in items}))
             for run in runs.values():  # an earlier one in the place of a run that has no folder
-                if not run.is_checked and is_run(run.folder):
+                if not run.is_checked and manifests.is_run(run.folder):
                     shutil.rmtree(run.folder, ignore_errors=True)
     return [_describe_end(item, *ran[item.number]) for item in items]
 

@@ -16,11 +16,9 @@ from cmacexp.config.component import COMPONENTS
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.control import DriveController, HybridController
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.files import sha256, write_atomically
 from cmacexp.data.folder import RUN_KEY, ResultWriter, new_result
 from cmacexp.data.integrity import compute_hashes
-from cmacexp.data.parquet import write_table
 from cmacexp.data.run import Run
 from cmacexp.data.signals import (
     BODY_SIGNALS,
@@ -38,6 +36,7 @@ from cmacexp.data.tables import (
     TRACE_FILE,
     Scores,
     write_scores,
+    write_table,
 )
 from cmacexp.data.trace import SampledTrace, Trace, concat_traces, count_steps_by_cycle, trace_writer
 from cmacexp.data.weights import WEIGHTS
@@ -199,7 +198,7 @@ def run_scenario(
         raise BadInput("learning.start_from", start, f"is the folder of this run; choose another {RUN_KEY}")
     with new_result(folder, RUN_KEY, durable=durable) as writer:
         for name, text in (record or {}).items():
-            writer.write_text(f"{HYDRA_FOLDER}/{name}", text)
+            writer.write_text(f"{manifests.HYDRA_FOLDER}/{name}", text)
         manifest, scores = _write(scenario, writer, watch, warn)
         manifest |= {} if overrides is None else {"overrides": list(overrides)}
         manifest["wall_seconds"] = time.perf_counter() - began

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cmacexp.data.trace import Trace, concat_traces
-from cmacexp.loop import End
-from cmacexp.loop.run import is_live
+from cmacexp.loop.run import End, is_live
 from cmacexp.loop.scenario import Scenario
 from cmacexp.metrics.drift import Drift
 from cmacexp.typing import Status

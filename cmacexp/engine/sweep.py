@@ -18,12 +18,11 @@ from hydra.types import HydraContext
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from cmacexp.config.explain import COMPOSITION_ERRORS
+from cmacexp.config.compose import COMPOSITION_ERRORS
 from cmacexp.config.hydra_private import BASIC, GRID, expand_grid
 from cmacexp.config.robot_rule import read_machine
-from cmacexp.data.discovery import JOBS_FOLDER
 from cmacexp.data.folder import collection
-from cmacexp.engine.job_tables import HASHES, list_jobs
+from cmacexp.data.manifest import JOBS_FOLDER
 from cmacexp.engine.objective import DIRECTION, check_metric, find_direction, read_objective
 from cmacexp.engine.pool import (
     MOST_RUNS,
@@ -35,7 +34,7 @@ from cmacexp.engine.pool import (
     start_workers,
 )
 from cmacexp.engine.sweep_results import finish_sweep
-from cmacexp.engine.sweep_tables import select_run_overrides
+from cmacexp.engine.sweep_tables import HASHES, list_jobs, select_run_overrides
 from cmacexp.errors import BadInput, CmacexpError, in_one_line
 from cmacexp.jit.interrupt import is_interrupt
 from cmacexp.terminal.messages import warn_of_models

@@ -9,18 +9,22 @@ import numpy as np
 import pyarrow.csv as pa_csv
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import JOBS_FOLDER, RUNS_FILE
 from cmacexp.data.files import full_disk_named, sha256, write_atomically
 from cmacexp.data.folder import TABLE, TABLE_CSV
-from cmacexp.data.parquet import as_array, select_rows, write_table
-from cmacexp.data.tables import METRICS_FILE
+from cmacexp.data.tables import METRICS_FILE, as_array, select_rows, write_table
 from cmacexp.engine.equal_results import print_idle_keys
-from cmacexp.engine.job_tables import HASHES, JobRun, list_jobs
 from cmacexp.engine.objective import describe_best
-from cmacexp.engine.sweep_tables import FINGERPRINT, make_table, parse_overrides, write_runs
-from cmacexp.terminal.messages import describe_resume, print_next
+from cmacexp.engine.sweep_tables import (
+    FINGERPRINT,
+    HASHES,
+    JobRun,
+    list_jobs,
+    make_table,
+    parse_overrides,
+    write_runs,
+)
+from cmacexp.terminal.messages import describe_resume, print_next, print_runs
 from cmacexp.terminal.output import print_line, show_activity
-from cmacexp.terminal.tables import print_runs
 from cmacexp.typing import Status
 
 MAX_LISTED_FAILURES = 20
@@ -62,9 +66,9 @@ def write_tables(folder: Path, runs: Sequence[JobRun], status: str) -> None:
             pa_csv.write_csv(swept, path)
         write_runs(folder, known, metrics)
         if is_lean:
-            files = {name: sha256(folder / name) for name in (RUNS_FILE, METRICS_FILE)}
+            files = {name: sha256(folder / name) for name in (manifests.RUNS_FILE, METRICS_FILE)}
             manifests.write(folder, {**entries, "files": files})
-    shutil.rmtree(folder / JOBS_FOLDER, ignore_errors=True)
+    shutil.rmtree(folder / manifests.JOBS_FOLDER, ignore_errors=True)
 
 
 def finish_sweep(

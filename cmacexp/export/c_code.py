@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS
+from cmacexp.cmac.addressing import RECEPTIVE_FIELDS
 from cmacexp.cmac.rules import (
     DECAYING,
     MEAN,

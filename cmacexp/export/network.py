@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.cmac.addressing import Address
-from cmacexp.cmac.receptive_field import RECTANGULAR
+from cmacexp.cmac.addressing import RECTANGULAR, Address
 from cmacexp.cmac.rules import NEIGHBOURS
-from cmacexp.config import Config
 from cmacexp.config.machine import RobotMachine
-from cmacexp.config.schema import NONE
+from cmacexp.config.schema import NONE, Config
 from cmacexp.data.run import Run, read_config
 from cmacexp.data.weights import WEIGHTS, load_weights
 from cmacexp.errors import BadInput, BadRun

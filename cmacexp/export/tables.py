@@ -14,8 +14,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cmacexp.data.files import write_atomically
-from cmacexp.data.parquet import arrow
 from cmacexp.data.run import Run
+from cmacexp.data.tables import arrow
 from cmacexp.data.trace import Trace, stream_trace
 from cmacexp.errors import BadRun, require_extra
 from cmacexp.typing import Array

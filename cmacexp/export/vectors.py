@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.cmac.addressing import InputRange, address
-from cmacexp.cmac.receptive_field import activate
+from cmacexp.cmac.addressing import InputRange, activate, address
 from cmacexp.export.network import Network
 from cmacexp.feedforward.kernels import learn, read_sample
 from cmacexp.typing import Array

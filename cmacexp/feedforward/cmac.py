@@ -7,13 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.cmac.addressing import InputRange, spanning
+from cmacexp.cmac.addressing import RECTANGULAR, InputRange, spanning
 from cmacexp.cmac.network import Cmac, find_visited, memory_use
-from cmacexp.cmac.receptive_field import RECTANGULAR
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.jit.compiler import workload
-from cmacexp.planning.plan import recall
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup, recall
 from cmacexp.typing import Array, Weights
 
 

@@ -2,7 +2,7 @@
 
 from cmacexp.feedforward.cmac import CmacFeedforward
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
 
 
 class CmacOnModel(CmacFeedforward):

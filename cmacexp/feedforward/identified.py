@@ -7,7 +7,7 @@ import numpy as np
 from cmacexp.config import number
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
 from cmacexp.models.joint import OWN, SLOW, make_regressors
-from cmacexp.planning.setup import Reference, Setup
+from cmacexp.planning.plan import Reference, Setup
 from cmacexp.planning.trajectory import Motion
 from cmacexp.typing import Array, Weights
 

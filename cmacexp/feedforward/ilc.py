@@ -8,7 +8,7 @@ import numpy as np
 from cmacexp.cmac.network import MemoryUse
 from cmacexp.config import FeedforwardConfig, number
 from cmacexp.feedforward.network import BuiltInFeedforward, exponential, network, resample
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
 from cmacexp.typing import Array, Weights
 
 REACH = 4.0

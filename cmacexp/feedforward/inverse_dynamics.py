@@ -10,8 +10,8 @@ from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import planned_torque
-from cmacexp.planning.robot_dynamics import planned_torques
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
+from cmacexp.planning.robot import planned_torques
 from cmacexp.planning.trajectory import Y
 from cmacexp.typing import Array
 

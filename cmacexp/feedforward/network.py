@@ -26,7 +26,7 @@ from cmacexp.feedforward.kernels import (
     feedforward_step,
 )
 from cmacexp.feedforward.weight_log import LOGGED, WeightLog, collect_log, new_log
-from cmacexp.planning.setup import Reference, Setup
+from cmacexp.planning.plan import Reference, Setup
 from cmacexp.typing import Array, Cells, KernelParts, Weights
 
 NO_SMOOTHING = Smoothing(np.zeros(0), np.zeros(1))

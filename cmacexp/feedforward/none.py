@@ -4,7 +4,7 @@ import numpy as np
 
 from cmacexp.config import ComponentConfig
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
 
 
 class NoFeedforward(BuiltInFeedforward):

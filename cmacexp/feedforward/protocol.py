@@ -2,7 +2,7 @@
 
 from typing import Protocol, runtime_checkable
 
-from cmacexp.planning.setup import Reference, Setup
+from cmacexp.planning.plan import Reference, Setup
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array, Weights
 

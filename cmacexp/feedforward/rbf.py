@@ -10,7 +10,7 @@ from cmacexp.config import Config, FeedforwardConfig, choice, number
 from cmacexp.config.cmac import INPUTS
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, exponential, network, planned_inputs
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
 from cmacexp.typing import Array, Cells, Weights
 
 

@@ -18,8 +18,7 @@ from cmacexp.loop.guard import DRIFT_RATIO
 from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.robot_gains import DECAY_TIME, choose_feedback
 from cmacexp.report.figures import Panel, Series, draw
-from cmacexp.report.markdown import render_markdown
-from cmacexp.report.page import Renderer, Report, write_report
+from cmacexp.report.page import Renderer, Report, render_markdown, write_report
 from cmacexp.typing import Array, DataFrame, Figure
 
 JSON, OPTION = "gap.json", "as_built.yaml"

@@ -8,8 +8,7 @@ import numpy as np
 from cmacexp.control.load_meter import LoadMeter, read_meter
 from cmacexp.errors import BadInput
 from cmacexp.loop.state import list_arrays
-from cmacexp.planning.plan import NOTHING, LoadEstimate, Plan, adapt_plan
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import NOTHING, LoadEstimate, Plan, Setup, adapt_plan
 from cmacexp.typing import Array
 
 LEAST = LoadEstimate(weight=0.002, x=0.0002, y=0.0002, slope_x=0.0005, slope_y=0.0005)

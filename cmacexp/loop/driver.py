@@ -35,12 +35,10 @@ from cmacexp.loop.validation import (
     make_targets,
     require_finite,
 )
-from cmacexp.planning.plan import Plan
-from cmacexp.planning.setup import Reference
+from cmacexp.planning.plan import Plan, Reference
 from cmacexp.planning.trajectory import ACTING, BEFORE, ControlReference
 from cmacexp.plants.drives import ANGLE, DAMPING, DRIVE, FEEDFORWARD, STIFFNESS, TORQUE, VELOCITY
-from cmacexp.plants.protocol import STATE, Measurement, copy_state, get_state, view_state
-from cmacexp.plants.robot_signals import RobotSignals
+from cmacexp.plants.protocol import STATE, Measurement, RobotSignals, copy_state, get_state, view_state
 from cmacexp.typing import Array
 
 

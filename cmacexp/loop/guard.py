@@ -22,7 +22,7 @@ from cmacexp.loop.probe import LeadProbe
 from cmacexp.loop.saved_weights import SavedWeights
 from cmacexp.models.mechanism import has_body
 from cmacexp.models.trend import SIGNIFICANT, WINDOW, count_rises
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
 
 UPRIGHT = 0.1
 """Tilt of a body below which it is far from a fall, rad."""

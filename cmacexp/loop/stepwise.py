@@ -90,7 +90,7 @@ class LoopState(NamedTuple):
 
     @property
     def reference(self) -> Array:
-        """Old name of ``control``, (L, 7 or 9), as of :attr:`cmacexp.planning.setup.Reference.values`.
+        """Old name of ``control``, (L, 7 or 9), as of :attr:`cmacexp.planning.plan.Reference.values`.
 
         It is in m, m/s and N.
         """
@@ -98,7 +98,7 @@ class LoopState(NamedTuple):
 
     @property
     def desired(self) -> Array:
-        """Old name of ``foot_motion``, (L, 6 or 9), as of :attr:`cmacexp.planning.setup.Reference.desired`.
+        """Old name of ``foot_motion``, (L, 6 or 9), as of :attr:`cmacexp.planning.plan.Reference.desired`.
 
         It is in m, m/s and m/s^2.
         """

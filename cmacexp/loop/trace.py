@@ -6,7 +6,6 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.config.machine import QuadrupedMachine, RobotMachine
-from cmacexp.data.parquet import arrow
 from cmacexp.data.signals import (
     ARRAYS,
     BODY_SIGNALS,
@@ -18,10 +17,10 @@ from cmacexp.data.signals import (
     make_schema,
     select_signals,
 )
+from cmacexp.data.tables import arrow
 from cmacexp.data.trace import SampledTrace, Trace
-from cmacexp.planning.plan import Plan
+from cmacexp.planning.plan import Plan, Setup
 from cmacexp.planning.robot import find_centres
-from cmacexp.planning.setup import Setup
 from cmacexp.planning.stability import FRONT, REAR, STABILITY
 from cmacexp.planning.trajectory import X, Y, Z
 from cmacexp.planning.true_margins import Masses, true_margins

@@ -8,8 +8,7 @@ import numpy as np
 from cmacexp.control.protocol import Action, Drive
 from cmacexp.data.signals import list_units
 from cmacexp.errors import BadOutput
-from cmacexp.plants.protocol import STATE, Measurement, get_state
-from cmacexp.plants.robot_signals import RobotSignals
+from cmacexp.plants.protocol import STATE, Measurement, RobotSignals, get_state
 from cmacexp.typing import Array
 
 UNITS = list_units()

@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.lib.stride_tricks import sliding_window_view
 
-from cmacexp.data.parquet import as_array
+from cmacexp.data.tables import as_array
 from cmacexp.metrics.metric import NEITHER, SMALLEST, Metric, worst
 from cmacexp.models.trend import SIGNIFICANT, WINDOW
 from cmacexp.typing import Array

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from cmacexp.data.parquet import arrow
+from cmacexp.data.tables import arrow
 from cmacexp.metrics import measures
 from cmacexp.typing import Array, Mask
 

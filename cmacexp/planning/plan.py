@@ -1,9 +1,12 @@
-"""The plan of a cycle: phases, desired motion and force of every foot, and the reference of the controller."""
+"""The plan of a cycle: phases, desired motion and force of every foot, and the reference of the controller.
+
+A :class:`Setup` holds it with all else that components know at the start of a run.
+"""
 
 import copy
 from collections import deque
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,11 +23,10 @@ from cmacexp.planning.gait import Timing, make_timing
 from cmacexp.planning.motion import plan_force, plan_horizontal, plan_joints, plan_load_fraction, plan_motion
 from cmacexp.planning.reach import check_reach
 from cmacexp.planning.reference import plan_reference
-from cmacexp.planning.robot import plan_robot
-from cmacexp.planning.robot_dynamics import compute_load
+from cmacexp.planning.robot import compute_load, plan_robot
 from cmacexp.planning.stability import check_stability, margins
-from cmacexp.planning.trajectory import ControlReference, Motion, X, Y, Z
-from cmacexp.typing import Array, Mask
+from cmacexp.planning.trajectory import ControlReference, Motion, X, Y, Z, read_old_columns
+from cmacexp.typing import Array, Mask, Weights
 
 LOAD_PASSES = 2
 """Forces depress the feet, which moves the masses that cause them: one pass reduces the error a thousandfold."""
@@ -237,3 +239,60 @@ def adapt_plan(config: Config, mechanism: Mechanism, plan: Plan, met: LoadEstima
     reference.position[:, plan.support, Y] -= met.slope_x * forward + met.slope_y * left
     reference.velocity[:, plan.support, Y] -= met.slope_x * desired.velocity[plan.support, X]
     return plan._replace(desired=desired, joints=joints, force_desired=force, reference=reference)
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Config, machine, plan and start of a run; those of the plant are true, all others get what is nominal."""
+
+    config: Config
+    """Of all but the plant :attr:`Config.nominal`."""
+    mechanism: Mechanism
+    plan: Plan
+    start: Array
+    """(L, 2): joint angles at the start, rad; of a point mass its position, m."""
+    learnt: Weights | None = None
+    """Weights of an earlier run that the feedforward starts from, by their names; None: it starts from nothing."""
+    lead: int = 0
+    """``learning.lead`` in samples: feedback trains the cells of so many samples before the last one."""
+    rate: float = 0.0
+    """``learning.rate``, beta."""
+
+
+class Reference(NamedTuple):
+    """What the plan prescribes for one step; L is the number of legs."""
+
+    step: int
+    """Counts from 0 over the whole run."""
+    sample: int
+    """Counts from 0 within the cycle."""
+    acting: bool
+    """Whether the feedforward learns and acts in this step."""
+    support: Mask
+    """(L,): planned phase, true in support."""
+    control: ControlReference
+    """What the built-in controllers follow, (L, J) and (L,)."""
+    foot_motion: Motion
+    """Desired, (L, J)."""
+    joint_motion: Motion
+    """The same in joint angles, (L, J)."""
+    force_desired: Array
+    """(L,): N."""
+
+    @property
+    def values(self) -> Array:
+        """Old name of ``control``, (L, 7 or 9): x, y, vx, vy, reference force, force to add, desired force, z, vz.
+
+        Places are in m, velocities in m/s, forces in N.
+        """
+        return read_old_columns("reference.values", "reference.control", self.control)
+
+    @property
+    def desired(self) -> Array:
+        """Old name of ``foot_motion``, (L, 6 or 9): x, y, vx, vy, ax, ay, z, vz, az, in m, m/s and m/s^2."""
+        return read_old_columns("reference.desired", "reference.foot_motion", self.foot_motion)
+
+    @property
+    def joints(self) -> Array:
+        """Old name of ``joint_motion``, (L, 6 or 9), in the same order, in rad, rad/s and rad/s^2."""
+        return read_old_columns("reference.joints", "reference.joint_motion", self.joint_motion)

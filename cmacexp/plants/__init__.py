@@ -1,7 +1,6 @@
 """Plants: machines on their ground."""
 
 from cmacexp.plants.analytic import AnalyticPlant
-from cmacexp.plants.protocol import Measurement, Plant
-from cmacexp.plants.robot_signals import RobotSignals
+from cmacexp.plants.protocol import Measurement, Plant, RobotSignals
 
 __all__ = ["AnalyticPlant", "Measurement", "Plant", "RobotSignals"]

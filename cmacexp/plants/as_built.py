@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cmacexp.config import ComponentConfig, number
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
 
 
 @dataclass(kw_only=True)

@@ -25,7 +25,7 @@ from cmacexp.plants.mujoco_library import (
     mj_step1,
     mj_step2,
 )
-from cmacexp.plants.robot_signals import Instruments, read_drives, read_instruments
+from cmacexp.plants.protocol import Instruments, read_drives, read_instruments
 from cmacexp.plants.touch import Touch, Vector, ground_force, slide_anchor
 from cmacexp.typing import Array, Counts
 

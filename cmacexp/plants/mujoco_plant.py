@@ -9,7 +9,7 @@ import numpy as np
 from cmacexp.config import number
 from cmacexp.errors import BadInput, Diverged
 from cmacexp.models.robot import load_mujoco
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
 from cmacexp.plants.as_built import AsBuiltConfig
 from cmacexp.plants.environment import make_ground, make_payload
 from cmacexp.plants.joint_kernels import Joints
@@ -26,8 +26,7 @@ from cmacexp.plants.mujoco_kernels import (
     observe,
 )
 from cmacexp.plants.mujoco_library import load_library
-from cmacexp.plants.protocol import Measurement, copy_state
-from cmacexp.plants.robot_signals import new_instruments
+from cmacexp.plants.protocol import Measurement, copy_state, new_instruments
 from cmacexp.plants.touch import Touch
 from cmacexp.typing import Array, Counts, KernelParts
 

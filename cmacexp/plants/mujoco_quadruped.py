@@ -7,7 +7,7 @@ only as far as the feet push it.
 from dataclasses import dataclass
 
 from cmacexp.config import number
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
 from cmacexp.plants.mujoco_model import make_planar
 from cmacexp.plants.mujoco_plant import FrictionConfig, MujocoPlant, require_machine
 from cmacexp.plants.protocol import Measurement

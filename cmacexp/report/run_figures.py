@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cmacexp.config.machine import LEG_NAMES
-from cmacexp.data.parquet import as_array
 from cmacexp.data.run import Run
+from cmacexp.data.tables import as_array
 from cmacexp.data.trace import LAST_STEPS
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.text import format_number

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from cmacexp.config import ComponentConfig, Config, choice, number
 from cmacexp.config.machine import HAS_BODY
 from cmacexp.errors import BadInput
-from cmacexp.sensors.channel import FAULTS, WITHOUT_VALUE
+from cmacexp.sensors.kernels import FAULTS, WITHOUT_VALUE
 
 UNIT = "unit of the signal"
 IMPERFECTIONS = ("noise", "noise_relative", "bias", "quantum", "delay", "lag", "dropout")
@@ -20,7 +20,7 @@ class FaultConfig:
     """A permanent fault of a sensor."""
 
     kind: str = choice(*FAULTS)
-    """One of the faults in cmacexp/sensors/channel.py, which docs/sensors.md describes."""
+    """One of the faults in cmacexp/sensors/kernels.py, which docs/sensors.md describes."""
     start: float = number("s", at_least=0, needs=BREAKS)
     """When the sensor breaks."""
     value: float = number(UNIT, needs=BREAKS)

@@ -1,8 +1,10 @@
-"""All sensors of a machine in one step, as kernels."""
+"""Sensors as kernels: one channel, from the true value to its reading, and all sensors of a machine in one step."""
 
+import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.mechanism import (
@@ -14,10 +16,133 @@ from cmacexp.models.mechanism import (
     compute_foot_velocity,
     update_kinematics,
 )
+from cmacexp.models.mix import MASK, mix
 from cmacexp.plants.kernels import PlantState
 from cmacexp.plants.protocol import Measurement, get_state, new_measurement
-from cmacexp.sensors.channel import Sensing, read_channel
-from cmacexp.typing import SCRATCH, Array, Scratch
+from cmacexp.typing import SCRATCH, Array, Counts, Role, Scratch, State
+
+NO_FAULT, ZERO, LAST, VALUE, BIAS, NOISE = range(6)
+FAULTS = {"none": NO_FAULT, "zero": ZERO, "last": LAST, "value": VALUE, "bias": BIAS, "noise": NOISE}
+WITHOUT_VALUE = ("none", "zero", "last")
+"""Faults that take no value."""
+SUMMED = 12
+"""Uniform 16-bit numbers whose sum is one normal number: their variances sum up to 1."""
+
+CHANNEL = np.dtype(
+    [
+        ("alters", np.bool_),  # False: the reading is the true value
+        ("start", np.int64),  # first step of the imperfections that follow
+        ("noise", np.float64),  # standard deviation of added white noise
+        ("noise_relative", np.float64),  # likewise, over the value
+        ("bias", np.float64),
+        ("quantum", np.float64),  # readings are multiples of it; 0: none
+        ("delay", np.int64),  # samples
+        ("lag", np.float64),  # part of its difference from the input that a filtered reading changes by; 0: no filter
+        ("dropout", np.float64),  # probability that a sample is lost
+        ("drops_to_zero", np.bool_),  # a lost sample reads 0 instead of the last good value
+        ("fault", np.int64),  # one of FAULTS
+        ("fault_start", np.int64),  # first step of the fault
+        ("fault_value", np.float64),  # stuck value, added value, or standard deviation of the noise
+    ],
+    align=True,
+)
+"""Settings of one channel."""
+Channels = NDArray[np.void]
+"""(C,) of CHANNEL."""
+
+
+class Sensing(NamedTuple):
+    """All channels of the sensors of a machine, and their memory; C is their number."""
+
+    kinematics_follow: tuple[bool, bool]
+    """Whether joint angles, and whether joint velocities are altered: the foot is then computed from them."""
+    channels: Channels
+    keys: Counts
+    """(C, 3): seeds of noise, drop-out and fault of a channel."""
+    delay_buffer: Annotated[Array, Role("state", ring_axis=1)]
+    """(C, longest delay + 1): true values of the last steps, in the unit of each channel."""
+    held: State
+    """(C, 3): last good reading, reading at the start of the fault, and output of the filter, likewise."""
+
+
+# White noise is computed from counters: equal in every process, in any order, compiled or not.
+
+
+@kernel
+def uniform(key: int, step: int) -> float:
+    """A number from 0 to 1, determined by ``key`` and ``step``."""
+    return mix(mix(mix(key, step), step), 1) / MASK
+
+
+@kernel
+def normal(key: int, step: int) -> float:
+    """A number of mean 0 and variance 1, determined by ``key`` and ``step``.
+
+    It is the sum of twelve uniform numbers, so it stays within 6 standard deviations. A logarithm is avoided, since
+    its last bit differs between platforms.
+    """
+    state = mix(mix(key, step), step)
+    total = 0
+    for _ in range(SUMMED // 2):
+        state = mix(state, 1)
+        total += (state & 0xFFFF) + (state >> 16)
+    return (total - SUMMED * 0x7FFF - SUMMED // 2) / 65536.0
+
+
+@kernel
+def imperfect_reading(sensing: Sensing, c: int, step: int) -> float:
+    """The reading of a channel without fault: delayed, noisy, biased, quantised, filtered, sometimes lost."""
+    channel = sensing.channels[c]
+    delayed = max(step - channel["delay"], 0)  # before the first step nothing moved
+    value = sensing.delay_buffer[c, delayed % sensing.delay_buffer.shape[1]]
+    if channel["noise"] != 0.0 or channel["noise_relative"] != 0.0:
+        scale = channel["noise"] + channel["noise_relative"] * abs(value)
+        value += scale * normal(int(sensing.keys[c, 0]), step)
+    value += channel["bias"]
+    if channel["quantum"] != 0.0:
+        value = channel["quantum"] * math.floor(value / channel["quantum"] + 0.5)
+    if channel["lag"] != 0.0:
+        sensing.held[c, 2] += channel["lag"] * (value - sensing.held[c, 2])
+        value = sensing.held[c, 2]
+    if channel["dropout"] != 0.0 and step > 0 and uniform(int(sensing.keys[c, 1]), step) < channel["dropout"]:
+        return 0.0 if channel["drops_to_zero"] else sensing.held[c, 0]
+    return value
+
+
+@kernel
+def faulty_reading(kind: int, amount: float, value: float, last: float, key: int, step: int) -> float:
+    """The reading of a channel with one of FAULTS, instead of the ``value`` without it, in a ``step`` of the run.
+
+    ``last`` is the reading at the start of the fault, ``key`` the seed of its noise.
+    """
+    if kind == ZERO:
+        return 0.0
+    if kind == LAST:
+        return last
+    if kind == VALUE:
+        return amount
+    if kind == BIAS:
+        return value + amount
+    return value + amount * normal(key, step)
+
+
+@kernel
+def read_channel(sensing: Sensing, c: int, step: int, true: float) -> float:
+    """The reading of channel ``c`` for the value ``true``; steps must follow each other from 0."""
+    channel = sensing.channels[c]
+    if not channel["alters"]:
+        return true
+    sensing.delay_buffer[c, step % sensing.delay_buffer.shape[1]] = true
+    if step == 0 or step < channel["start"]:
+        sensing.held[c, 2] = true
+    value = imperfect_reading(sensing, c, step) if step >= channel["start"] else true
+    sensing.held[c, 0] = value
+    if channel["fault"] == NO_FAULT or step < channel["fault_start"]:
+        return value
+    if step == channel["fault_start"]:
+        sensing.held[c, 1] = value
+    last, key = sensing.held[c, 1], int(sensing.keys[c, 2])
+    return faulty_reading(channel["fault"], channel["fault_value"], value, last, key, step)
 
 
 class Observation(NamedTuple):

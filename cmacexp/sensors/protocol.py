@@ -4,7 +4,7 @@ from collections.abc import Collection
 from typing import Protocol
 
 from cmacexp.config import ComponentConfig
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import KernelParts
 

@@ -16,8 +16,7 @@ from cmacexp.data.manifest import REPORT
 from cmacexp.data.run import Run
 from cmacexp.metrics.text import format_cell
 from cmacexp.report.figures import Panel, Series, draw
-from cmacexp.report.markdown import render_markdown
-from cmacexp.report.page import Renderer, Report, write_report
+from cmacexp.report.page import Renderer, Report, render_markdown, write_report
 from cmacexp.stability import verdict as limits
 from cmacexp.stability.verdict import HOLDS, Analysis, Verdict
 

@@ -15,10 +15,19 @@ from markupsafe import Markup
 from cmacexp.config.fields import listed
 from cmacexp.data.folder import ResultWriter
 from cmacexp.data.manifest import Manifest
-from cmacexp.data.parquet import write_table
+from cmacexp.data.tables import write_table
 from cmacexp.errors import BadInput
-from cmacexp.report.markdown import find_insertions, render_markdown
-from cmacexp.report.page import HOW_TO_REPORT, Renderer, Report, Section, find_page, relative, write_report
+from cmacexp.report.page import (
+    HOW_TO_REPORT,
+    Renderer,
+    Report,
+    Section,
+    find_insertions,
+    find_page,
+    relative,
+    render_markdown,
+    write_report,
+)
 from cmacexp.study.interval import FEW, Interval
 from cmacexp.study.provenance import PROVENANCE
 from cmacexp.study.results import LAST_CYCLES, Results
@@ -33,7 +42,7 @@ from cmacexp.study.statements import (
     StatementResult,
 )
 from cmacexp.study.study_file import StudyFile
-from cmacexp.terminal.tables import GAP, TEXT_WIDTH
+from cmacexp.terminal.messages import GAP, TEXT_WIDTH
 
 QUICK_NOTICE = (
     "Quick run: this page checks the machinery and concludes nothing. It shows no verdicts and no findings."

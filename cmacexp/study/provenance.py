@@ -25,8 +25,8 @@ import yaml
 from cmacexp.config.component import config_folder, find_sources
 from cmacexp.data.files import write_atomically
 from cmacexp.data.manifest import git_commit, versions
-from cmacexp.data.parquet import read_table, write_table
 from cmacexp.data.run import Run
+from cmacexp.data.tables import read_table, write_table
 from cmacexp.data.version import __version__
 from cmacexp.jit.sources import PACKAGE, RESULT_ROOMS, code_hash
 from cmacexp.study.results import Results, RunRow

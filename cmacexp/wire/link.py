@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from cmacexp.data.parquet import write_table
+from cmacexp.data.tables import write_table
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.typing import Array
 from cmacexp.wire.guardian import Guardian, make_damping

@@ -13,10 +13,9 @@ from functools import partial
 
 import numpy as np
 
-from cmacexp.config import Config
 from cmacexp.config.component import find_option
 from cmacexp.config.machine import read_model
-from cmacexp.config.schema import read_component
+from cmacexp.config.schema import Config, read_component
 from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import program
 from cmacexp.jit.interrupt import interrupt_held_back

@@ -23,7 +23,7 @@ from cmacexp.data.signals import LIVE_SIGNALS
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.jit.compiler import program
 from cmacexp.models.leg import GRAVITY
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
 from cmacexp.plants.protocol import Measurement
 from cmacexp.sensors.estimator import estimate
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig, ProprioceptiveSensors

@@ -19,9 +19,8 @@ from cmacexp.models.robot_file import package_models
 from cmacexp.study import Results
 from cmacexp.study.provenance import digest_files, make_provenance
 from cmacexp.study.study_file import StudyFile
-from cmacexp.terminal.messages import warn_of_models
+from cmacexp.terminal.messages import print_table, warn_of_models
 from cmacexp.terminal.output import print_line
-from cmacexp.terminal.tables import print_table
 from pipelines.benchmark import log_track, summary
 from pipelines.benchmark.benchmark import BENCHMARK, QUESTION, make_study
 from pipelines.benchmark.entrants import (

@@ -20,15 +20,14 @@ from cmacexp.data.folder import HTML
 from cmacexp.engine.failure import describe_failure
 from cmacexp.errors import BadInput
 from cmacexp.gap.analysis import Gap, add_makers, list_scored, measure, measure_left, score
-from cmacexp.gap.entered import Entered
-from cmacexp.gap.learners import Maker, predict_all
+from cmacexp.gap.learners import Entered, Maker, predict_all
 from cmacexp.gap.machine import read_machine
 from cmacexp.gap.validation import ABOVE, IDENTIFIED, choose_level, list_identified
 from cmacexp.study import Array, Criterion, Finding, Results, Study, at_most
 from cmacexp.study.provenance import digest_files, make_provenance
 from cmacexp.study.study_file import StudyFile
+from cmacexp.terminal.messages import print_table
 from cmacexp.terminal.output import print_line, show_progress
-from cmacexp.terminal.tables import print_table
 from pipelines.benchmark.entrants import choose_names, slug
 from pipelines.benchmark.simulated_log import MODEL, NAMES, simulate_log
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cmacexp.data.parquet import read_table
+from cmacexp.data.tables import read_table
 from cmacexp.errors import BadInput
 from cmacexp.study import Array, Comparison, Figure, Interval, Mask, compare, draw, find_order, profile_panel
 from pipelines.benchmark.entrants import ALONE, CMAC, MACHINES, TASKS

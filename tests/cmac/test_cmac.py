@@ -15,6 +15,7 @@ from support.doors import BadInput
 
 from cmacexp.cmac.addressing import (
     DISPLACEMENTS,
+    RECEPTIVE_FIELDS,
     Address,
     InputRange,
     address,
@@ -23,10 +24,10 @@ from cmacexp.cmac.addressing import (
     least_distance,
     quantise,
     spanning,
+    spline,
 )
 from cmacexp.cmac.memory import Visited
 from cmacexp.cmac.network import find_visited, memory_use
-from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, spline
 
 names, fields = (st.sampled_from(sorted(table)) for table in (DISPLACEMENTS, RECEPTIVE_FIELDS))
 

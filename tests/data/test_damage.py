@@ -21,8 +21,8 @@ from support.manifests import accept, change_manifest
 import cmacexp
 from cmacexp.config import config_hash
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import everything_below, runs_below
 from cmacexp.data.integrity import faults
+from cmacexp.data.manifest import everything_below, runs_below
 from cmacexp.data.tables import (
     BODY_FILE,
     BODY_METRICS_FILE,

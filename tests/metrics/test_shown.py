@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from cmacexp.metrics.leg import FORCE
-from cmacexp.metrics.pooling import BETWEEN, ENDS, MOST_ROWS, shorten
+from cmacexp.metrics.pooling import BETWEEN, ENDS, MOST_ROWS, make_rows, shorten
 from cmacexp.metrics.registry import ALL_METRICS, MAIN, SHOWN
-from cmacexp.metrics.run_table import make_rows
 from cmacexp.metrics.text import find_numeric
 
 FACTORS = {("m", "mm"): 1e3, ("rad", "mrad"): 1e3, ("", "%"): 1e2}

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 from support.doors import make_scenario
 from support.rollout import roll_out
 
+from cmacexp.planning.plan import Reference
 from cmacexp.planning.reference import Gains, compute_support_reference
-from cmacexp.planning.setup import Reference
 from cmacexp.planning.trajectory import ACTING, BEFORE, ControlReference, Motion
 
 METHODS = ("stiffness", "damping", "combined", "explicit")

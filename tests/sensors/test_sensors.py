@@ -8,7 +8,7 @@ from support.rollout import roll_out
 
 from cmacexp.plants import Measurement
 from cmacexp.sensors import PerfectSensors
-from cmacexp.sensors.channel import normal
+from cmacexp.sensors.kernels import normal
 from cmacexp.sensors.protocol import SIGNALS
 
 REAL = "sensors=real"

@@ -11,7 +11,7 @@ from cmacexp.commands.study import Options, write_studies
 from cmacexp.config.compose import compose_config, compose_untyped
 from cmacexp.config.machine import RobotMachine
 from cmacexp.data.integrity import faults, is_finished
-from cmacexp.data.parquet import read_table
+from cmacexp.data.tables import read_table
 from cmacexp.data.trace import Trace
 from cmacexp.engine.run import run_scenario
 from cmacexp.engine.without_effect import list_idle_overrides

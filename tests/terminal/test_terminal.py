@@ -2,7 +2,7 @@
 
 from support.command import call
 
-from cmacexp.terminal.tables import print_table
+from cmacexp.terminal.messages import print_table
 
 
 def numbers_in(text):

@@ -12,8 +12,8 @@ from cmacexp.config.machine import RobotMachine
 from cmacexp.feedforward.identified import list_by_joints
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
 from cmacexp.models.mechanism import planned_torque
-from cmacexp.planning.robot_dynamics import planned_torques
-from cmacexp.planning.setup import Reference, Setup
+from cmacexp.planning.plan import Reference, Setup
+from cmacexp.planning.robot import planned_torques
 from cmacexp.planning.trajectory import Motion
 from cmacexp.typing import Array, Weights
 from pipelines.benchmark.methods.once_a_cycle import Acting

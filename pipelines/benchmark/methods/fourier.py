@@ -11,7 +11,7 @@ from cmacexp.cmac.addressing import spanning
 from cmacexp.cmac.network import MemoryUse
 from cmacexp.config import FeedforwardConfig, number
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
 from cmacexp.typing import Weights
 
 INPUTS = ("angle", "velocity")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.config import FeedforwardConfig, number
-from cmacexp.planning.setup import Reference, Setup
+from cmacexp.planning.plan import Reference, Setup
 from cmacexp.planning.trajectory import Motion, Y
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array, Weights

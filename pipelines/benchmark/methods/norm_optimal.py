@@ -17,7 +17,7 @@ from cmacexp.models.lead import discretise
 from cmacexp.models.leg import GRAVITY, inertia, jacobian, trigonometry
 from cmacexp.models.mechanism import POINT_MASS, get_leg, has_body
 from cmacexp.models.robot_gains import list_jacobians
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
 from cmacexp.typing import Array
 from pipelines.benchmark.methods.once_a_cycle import Playing
 

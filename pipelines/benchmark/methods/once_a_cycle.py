@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.feedforward.network import resample
-from cmacexp.planning.setup import Reference, Setup
+from cmacexp.planning.plan import Reference, Setup
 from cmacexp.typing import Array, Weights
 
 

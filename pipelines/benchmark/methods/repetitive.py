@@ -10,7 +10,7 @@ import numpy as np
 from cmacexp.config import FeedforwardConfig, number
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.ilc import gaussian_taps
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.plan import Setup
 from cmacexp.typing import Array, Weights
 from pipelines.benchmark.methods.once_a_cycle import Playing
 
