@@ -21,7 +21,7 @@ from cmacexp.loop.stop import FASTEST_JOINT, STEEPEST
 from cmacexp.models.chain import chain_points
 from cmacexp.models.ground import height_at
 from cmacexp.models.mechanism import POINT_MASS, get_leg, has_body
-from cmacexp.planning.trajectory import BEFORE, ControlReference, Y, Z
+from cmacexp.planning.reference import BEFORE, ControlReference, Y, Z
 from cmacexp.typing import Array, Status
 
 try:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from cmacexp.data.run import read_config
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.leg import Leg, bias_torque, jacobian, trigonometry
-from cmacexp.planning.trajectory import BEFORE as START
+from cmacexp.planning.reference import BEFORE as START
 from cmacexp.study import Array, Panel, Run, Series, draw
 from pipelines.common_results import find_depression
 

@@ -16,7 +16,7 @@ from cmacexp.commands.robots import quote_value
 from cmacexp.config import config_folder
 from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import LEG_NAMES
-from cmacexp.metrics.text import format_number
+from cmacexp.metrics.registry import format_number
 from cmacexp.terminal.messages import print_table
 from cmacexp.terminal.output import print_line, show_activity
 from cmacexp.typing import Array

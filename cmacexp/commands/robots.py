@@ -13,7 +13,7 @@ from cmacexp.config.compose import compose_config
 from cmacexp.config.describe import describe_fields, flatten_config
 from cmacexp.config.machine import LEG_NAMES, read_model
 from cmacexp.errors import BadInput, suggest
-from cmacexp.metrics.text import format_number
+from cmacexp.metrics.registry import format_number
 from cmacexp.models.robot import Robot, read_robot
 from cmacexp.models.robot_gains import DriveGains, derive_basis, find_joint_margin
 from cmacexp.models.robot_search import find_names

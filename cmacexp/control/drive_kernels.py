@@ -11,7 +11,7 @@ from cmacexp.control.hybrid_kernels import HybridState
 from cmacexp.control.steering import Steering, steer_lateral, steer_longitudinal
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.chain import chain_kinematics, joint_velocity
-from cmacexp.planning.trajectory import ControlReference, Y
+from cmacexp.planning.reference import ControlReference, Y
 from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY
 from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array, Mask

@@ -21,8 +21,7 @@ from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import LEVEL, Pose, depth, depth_rate, make_pose
 from cmacexp.models.lead import Lead, lead_step
 from cmacexp.models.mechanism import PLANE, Mechanism, apply_jacobian_transpose, has_body
-from cmacexp.planning.reference import Gains
-from cmacexp.planning.trajectory import ControlReference, Y, Z
+from cmacexp.planning.reference import ControlReference, Gains, Y, Z
 from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array, Mask, Scratch, State
 

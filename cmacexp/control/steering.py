@@ -16,7 +16,7 @@ from cmacexp.config.machine import RobotMachine
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.leg import GRAVITY
 from cmacexp.planning.plan import Setup
-from cmacexp.planning.trajectory import ControlReference, X, Z
+from cmacexp.planning.reference import ControlReference, X, Z
 from cmacexp.typing import Array, Mask, Scratch
 
 MOST, MOST_STATIC = 0.1, 0.02

@@ -36,8 +36,8 @@ from cmacexp.errors import BadRun, CmacexpError, in_one_line, require_extra
 from cmacexp.typing import RESULTS, Array, DataFrame, Dataset, Status
 
 VIEWS = {
-    "pool": "cmacexp.metrics.pooling:pool_legs",
-    "tabulate": "cmacexp.metrics.pooling:tabulate_cycles",
+    "pool": "cmacexp.metrics.registry:pool_legs",
+    "tabulate": "cmacexp.metrics.registry:tabulate_cycles",
     "format": "cmacexp.terminal.messages:format_scores",
     "report": "cmacexp.report.run_report:write_run_report",
     "view": "cmacexp.recording.viewer:view_run",

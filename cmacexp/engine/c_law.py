@@ -37,7 +37,7 @@ from cmacexp.models.mechanism import (
 )
 from cmacexp.models.trend import SIGNIFICANT, WINDOW
 from cmacexp.planning import Setup
-from cmacexp.planning.trajectory import ACTING, BEFORE, X, Y, Z
+from cmacexp.planning.reference import ACTING, BEFORE, X, Y, Z
 from cmacexp.plants import Measurement
 from cmacexp.sensors import PerfectSensors
 from cmacexp.typing import Array, Status

@@ -23,10 +23,9 @@ from cmacexp.data.integrity import compute_hashes, is_finished
 from cmacexp.data.run import Run
 from cmacexp.engine.chunk import Chunk, hash_scores
 from cmacexp.engine.equal_results import read_outcome
-from cmacexp.engine.failure import make_failure
 from cmacexp.engine.objective import check_metric
 from cmacexp.engine.pool import is_first_worker, report_share
-from cmacexp.engine.run import describe_run, run_scenario
+from cmacexp.engine.run import describe_run, make_failure, run_scenario
 from cmacexp.engine.sweep_tables import (
     FINGERPRINT,
     HASHES,
@@ -43,7 +42,7 @@ from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import is_interrupt
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.drift import make_drift_entry
-from cmacexp.metrics.pooling import make_rows
+from cmacexp.metrics.registry import make_rows
 from cmacexp.terminal.messages import announce_compiling, describe_drift, describe_idle, format_outcome
 from cmacexp.typing import Status
 

@@ -8,8 +8,7 @@ from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.leg import SPATIAL
 from cmacexp.metrics.metric import LARGE, NEAR_ZERO, NEITHER, MetricDisplay
-from cmacexp.metrics.registry import ALL_METRICS
-from cmacexp.metrics.text import format_number
+from cmacexp.metrics.registry import ALL_METRICS, format_number
 from cmacexp.terminal.messages import format_folder
 
 DIRECTION, MINIMIZE, MAXIMIZE = "hydra.sweeper.direction", "minimize", "maximize"

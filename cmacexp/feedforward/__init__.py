@@ -1,7 +1,7 @@
 """Feedforwards: torque that is known from the plan, or learnt from the feedback."""
 
 from cmacexp.feedforward.cmac import CmacFeedforward as CmacFeedforward
-from cmacexp.feedforward.cmac_on_model import CmacOnModel as CmacOnModel
+from cmacexp.feedforward.cmac import CmacOnModel as CmacOnModel
 from cmacexp.feedforward.identified import IdentifiedModel as IdentifiedModel
 from cmacexp.feedforward.ilc import IterativeLearning as IterativeLearning
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics as InverseDynamics

@@ -1,4 +1,4 @@
-"""One CMAC per leg as a feedforward."""
+"""One CMAC per leg as a feedforward; it learns all of the torque, or what a model of the machine lacks."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -9,6 +9,7 @@ import numpy as np
 
 from cmacexp.cmac.addressing import RECTANGULAR, InputRange, spanning
 from cmacexp.cmac.network import Cmac, find_visited, memory_use
+from cmacexp.feedforward.inverse_dynamics import InverseDynamics
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.jit.compiler import workload
 from cmacexp.planning.plan import Setup, recall
@@ -76,3 +77,22 @@ class CmacFeedforward(BuiltInFeedforward):
         }
         seed = np.array(self.seed, dtype=float)
         return {"weights": self.params.weights.copy(), "ranges": ranges, "seed": seed, **visited}
+
+
+class CmacOnModel(CmacFeedforward):
+    """Inverse dynamics with a model that may be wrong, plus a CMAC that learns what feedback is still needed.
+
+    The torque of the model acts from the first step that the feedforward acts in.
+    """
+
+    Config = InverseDynamics.Config
+
+    def __init__(self, config: InverseDynamics.Config):
+        super().__init__(config)
+        self.model = InverseDynamics(config)
+
+    def reset(self, setup: Setup) -> None:
+        """Compute the torque of the model; start with empty memories, or with those of an earlier run."""
+        super().reset(setup)
+        self.model_torque = self.model.compute_torque(setup)
+        self.params = self.params._replace(torque=self.model_torque)

@@ -8,7 +8,7 @@ from cmacexp.config import number
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
 from cmacexp.models.joint import OWN, SLOW, make_regressors
 from cmacexp.planning.plan import Reference, Setup
-from cmacexp.planning.trajectory import Motion
+from cmacexp.planning.reference import Motion
 from cmacexp.typing import Array, Weights
 
 

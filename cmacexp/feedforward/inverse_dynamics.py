@@ -11,8 +11,8 @@ from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import planned_torque
 from cmacexp.planning.plan import Setup
+from cmacexp.planning.reference import Y
 from cmacexp.planning.robot import planned_torques
-from cmacexp.planning.trajectory import Y
 from cmacexp.typing import Array
 
 

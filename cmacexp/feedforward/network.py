@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.cmac.network import MemoryUse
-from cmacexp.cmac.rules import NEIGHBOURS, PAPER, make_rule
-from cmacexp.cmac.spread import spread_shares
+from cmacexp.cmac.rules import NEIGHBOURS, PAPER, make_rule, spread_shares
 from cmacexp.config import ComponentConfig, FeedforwardConfig
 from cmacexp.config.cmac import PHASE
 from cmacexp.config.schema import REFINE
@@ -18,14 +17,17 @@ from cmacexp.feedforward.kernels import (
     CMAC,
     EMPTY,
     EMPTY_CELLS,
+    LOGGED,
     TABLE,
     WEIGHTED,
     FeedforwardParams,
     LearningParams,
     Smoothing,
+    WeightLog,
+    collect_log,
     feedforward_step,
+    new_log,
 )
-from cmacexp.feedforward.weight_log import LOGGED, WeightLog, collect_log, new_log
 from cmacexp.planning.plan import Reference, Setup
 from cmacexp.typing import Array, Cells, KernelParts, Weights
 

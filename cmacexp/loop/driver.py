@@ -36,7 +36,7 @@ from cmacexp.loop.validation import (
     require_finite,
 )
 from cmacexp.planning.plan import Plan, Reference
-from cmacexp.planning.trajectory import ACTING, BEFORE, ControlReference
+from cmacexp.planning.reference import ACTING, BEFORE, ControlReference
 from cmacexp.plants.drives import ANGLE, DAMPING, DRIVE, FEEDFORWARD, STIFFNESS, TORQUE, VELOCITY
 from cmacexp.plants.protocol import STATE, Measurement, RobotSignals, copy_state, get_state, view_state
 from cmacexp.typing import Array

@@ -11,8 +11,7 @@ from cmacexp.control.drive_kernels import DriveParams, command_drives
 from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_feedback
 from cmacexp.control.load_meter import LoadMeter, accumulate_load
 from cmacexp.control.steering import steer
-from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
-from cmacexp.feedforward.weight_log import log_cycle
+from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step, log_cycle
 from cmacexp.jit.compiler import kernel, program
 from cmacexp.jit.hooks import DONE, Hook
 from cmacexp.loop.finite import is_finite, moves_finite, observes_finite
@@ -27,7 +26,7 @@ from cmacexp.loop.guard_kernels import (
 from cmacexp.loop.samples import write_drives, write_samples
 from cmacexp.loop.stop import DIVERGED, RUNNING, StopLimits, stop_reason
 from cmacexp.models.mechanism import Mechanism, update_kinematics
-from cmacexp.planning.trajectory import ACTING, BEFORE, ControlReference, select
+from cmacexp.planning.reference import ACTING, BEFORE, ControlReference, select
 from cmacexp.plants.drives import Drives, send_command
 from cmacexp.plants.kernels import PlantParams, PlantState, advance
 from cmacexp.plants.mujoco_kernels import Engine, advance_engine

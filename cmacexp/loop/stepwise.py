@@ -21,8 +21,8 @@ from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.state import Snapshot, list_arrays
 from cmacexp.loop.step import Hooks, Loop, act, check, sense
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits, stop_reason
+from cmacexp.planning.reference import BEFORE, ControlReference, Motion, read_old_columns
 from cmacexp.planning.stability import STABILITY
-from cmacexp.planning.trajectory import BEFORE, ControlReference, Motion, read_old_columns
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.plants.protocol import Measurement, view_state
 from cmacexp.sensors.real import make_keys

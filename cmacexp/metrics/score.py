@@ -13,9 +13,8 @@ from cmacexp.data.trace import SampledTrace, Trace, join_sampled, read_memory, s
 from cmacexp.errors import BadRun
 from cmacexp.metrics.block import Block, split_cycles
 from cmacexp.metrics.body import compute_body
-from cmacexp.metrics.drift import LEARNING, Drift, DriftDetector
+from cmacexp.metrics.drift import LEARNING, MEMORY_METRICS, Drift, DriftDetector, join_memory
 from cmacexp.metrics.leg import SPATIAL
-from cmacexp.metrics.memory import MEMORY_METRICS, join_memory
 from cmacexp.metrics.metric import to_table
 from cmacexp.metrics.registry import LEG_METRICS, OF_A_CYCLE
 from cmacexp.typing import Array

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cmacexp.errors import BadInput, format_install_command
-from cmacexp.models.robot_feet import place_feet
 from cmacexp.models.robot_legs import (
     JOINTS,
     LEGS,
@@ -20,6 +19,7 @@ from cmacexp.models.robot_legs import (
     find_free,
     find_joint,
     find_legs,
+    place_feet,
     require_frame,
     require_names,
     torque_limits,

@@ -6,7 +6,7 @@ acceleration, each of the shape of ``s``.
 
 import numpy as np
 
-from cmacexp.planning.trajectory import Motion
+from cmacexp.planning.reference import Motion
 from cmacexp.typing import Array
 
 

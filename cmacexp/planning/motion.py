@@ -1,22 +1,55 @@
-"""Desired motion and force of the feet over one cycle."""
+"""Desired motion and force of the feet over one cycle: the phases of each, its motion, and its share of the load.
+
+Phases are counted in samples instead of seconds, which keeps an event at the same sample in every cycle.
+"""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmacexp.config import Config
-from cmacexp.config.gait import COSINE
+from cmacexp.config.gait import COSINE, PATTERNS, GaitConfig
 from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import kernel, program, workload
 from cmacexp.models.ground import depression_for
 from cmacexp.models.leg import Leg, Pair, inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
 from cmacexp.models.mechanism import POINT_MASS, Mechanism, get_leg
-from cmacexp.planning.body_load import BodyLoad
+from cmacexp.planning.body import BodyLoad
 from cmacexp.planning.foot_path import VERTICAL, line, quintic
-from cmacexp.planning.gait import Timing
 from cmacexp.planning.load_sharing import remove_pull, share_load
-from cmacexp.planning.trajectory import Motion, X, Y
-from cmacexp.typing import Array
+from cmacexp.planning.reference import Motion, X, Y
+from cmacexp.typing import Array, Mask
+
+
+class Timing(NamedTuple):
+    """Phases over one cycle of N samples, for L legs; half-open: the touch-down sample is support."""
+
+    support: Mask
+    """(N, L)"""
+    sample: NDArray[np.int64]
+    """(N, L): samples since the phase began."""
+    transfer_samples: int
+    support_samples: int
+
+    @property
+    def progress(self) -> Array:
+        """(N, L): 0 at the beginning of the phase, 1 at its end."""
+        length = np.where(self.support, self.support_samples, max(1, self.transfer_samples))
+        return self.sample / length
+
+
+def make_timing(gait: GaitConfig, samples: int) -> Timing:
+    """Phases of every leg over one cycle of ``samples`` samples."""
+    support_samples = round(samples * gait.duty_factor)
+    of_pattern = [(start + slope * gait.duty_factor) % 1.0 for start, slope in PATTERNS[gait.pattern].touch_downs]
+    phases = of_pattern if gait.touch_down is None else gait.touch_down
+    since = (np.arange(samples)[:, None] - np.rint(np.array(phases) * samples).astype(np.int64)) % samples
+    support = since < support_samples
+    return Timing(
+        support, np.where(support, since, since - support_samples), samples - support_samples, support_samples
+    )
 
 
 def plan_horizontal(config: Config, timing: Timing) -> Motion:

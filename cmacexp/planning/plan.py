@@ -17,15 +17,20 @@ from cmacexp.config.machine import RobotMachine
 from cmacexp.errors import BadInput
 from cmacexp.models.ground import NEVER
 from cmacexp.models.mechanism import POINT_MASS, SPACE, Mechanism, has_body
-from cmacexp.planning.body_load import BodyLoad, dynamic_load, static_load
-from cmacexp.planning.body_motion import find_pressure, find_sway
-from cmacexp.planning.gait import Timing, make_timing
-from cmacexp.planning.motion import plan_force, plan_horizontal, plan_joints, plan_load_fraction, plan_motion
+from cmacexp.planning.body import BodyLoad, dynamic_load, find_pressure, find_sway, static_load
+from cmacexp.planning.motion import (
+    Timing,
+    make_timing,
+    plan_force,
+    plan_horizontal,
+    plan_joints,
+    plan_load_fraction,
+    plan_motion,
+)
 from cmacexp.planning.reach import check_reach
-from cmacexp.planning.reference import plan_reference
+from cmacexp.planning.reference import ControlReference, Motion, X, Y, Z, plan_reference, read_old_columns
 from cmacexp.planning.robot import compute_load, plan_robot
 from cmacexp.planning.stability import check_stability, margins
-from cmacexp.planning.trajectory import ControlReference, Motion, X, Y, Z, read_old_columns
 from cmacexp.typing import Array, Mask, Weights
 
 LOAD_PASSES = 2

@@ -22,8 +22,8 @@ from cmacexp.models.chain import batch_kinematics, chain_angles, chain_motion
 from cmacexp.models.leg import GRAVITY
 from cmacexp.models.mechanism import Mechanism, chains_under_body
 from cmacexp.models.robot import Robot, load_mujoco, place
-from cmacexp.planning.body_load import BodyLoad
-from cmacexp.planning.trajectory import Motion
+from cmacexp.planning.body import BodyLoad
+from cmacexp.planning.reference import Motion
 from cmacexp.typing import Array
 
 PASSES = 5

@@ -17,7 +17,6 @@ from cmacexp.models.mechanism import (
     update_kinematics,
 )
 from cmacexp.plants.drives import Drives, drive_joints
-from cmacexp.plants.joint_kernels import Joints, hold_torque
 from cmacexp.plants.kernels import Payload, PlantState
 from cmacexp.plants.mujoco_library import (
     mj_fwdAcceleration,
@@ -26,7 +25,7 @@ from cmacexp.plants.mujoco_library import (
     mj_step2,
 )
 from cmacexp.plants.protocol import Instruments, read_drives, read_instruments
-from cmacexp.plants.touch import Touch, Vector, ground_force, slide_anchor
+from cmacexp.plants.touch import Joints, Touch, Vector, ground_force, hold_torque, slide_anchor
 from cmacexp.typing import Array, Counts
 
 

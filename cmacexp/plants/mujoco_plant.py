@@ -12,7 +12,6 @@ from cmacexp.models.robot import load_mujoco
 from cmacexp.planning.plan import Setup
 from cmacexp.plants.as_built import AsBuiltConfig
 from cmacexp.plants.environment import make_ground, make_payload
-from cmacexp.plants.joint_kernels import Joints
 from cmacexp.plants.kernels import new_state
 from cmacexp.plants.mujoco_kernels import (
     NO_PUSH,
@@ -27,7 +26,7 @@ from cmacexp.plants.mujoco_kernels import (
 )
 from cmacexp.plants.mujoco_library import load_library
 from cmacexp.plants.protocol import Measurement, copy_state, new_instruments
-from cmacexp.plants.touch import Touch
+from cmacexp.plants.touch import Joints, Touch
 from cmacexp.typing import Array, Counts, KernelParts
 
 WARNINGS = {

@@ -15,10 +15,10 @@ from cmacexp.models.robot_legs import Legs
 from cmacexp.planning.plan import Setup
 from cmacexp.planning.robot import find_stance
 from cmacexp.plants.drives import BusConfig
-from cmacexp.plants.joint_kernels import Joints
 from cmacexp.plants.mujoco_kernels import Push, read_floor
 from cmacexp.plants.mujoco_plant import FrictionConfig, Model, MujocoPlant, require_machine
 from cmacexp.plants.protocol import Measurement
+from cmacexp.plants.touch import Joints
 from cmacexp.typing import Counts
 
 ELASTIC, RIGID = "elastic", "mujoco"

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.metrics.metric import NEAR_ZERO, MetricDisplay
-from cmacexp.metrics.registry import ALL_METRICS, SHOWN
-from cmacexp.metrics.text import format_number, format_setting
+from cmacexp.metrics.registry import ALL_METRICS, SHOWN, format_number, format_setting
 from cmacexp.report.figures import Panel, Series
 from cmacexp.report.style import nested, spans_decades
 from cmacexp.typing import Array

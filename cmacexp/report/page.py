@@ -22,7 +22,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import FIGURES, HTML, OUT_KEY, ResultWriter, new_result
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput
-from cmacexp.metrics.text import find_numeric, format_number
+from cmacexp.metrics.registry import find_numeric, format_number
 from cmacexp.typing import Array, DataFrame, Figure, Status
 
 SVG = "svg"

@@ -10,8 +10,7 @@ from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.run import Run
 from cmacexp.data.tables import as_array
 from cmacexp.data.trace import LAST_STEPS
-from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
-from cmacexp.metrics.text import format_number
+from cmacexp.metrics.registry import count_legs, format_number, pool_legs, select_main
 from cmacexp.recording.run_view import RunView
 from cmacexp.report.curves import describe_change, join, over_cycles
 from cmacexp.report.figures import DESIRED_LINE, Panel, Series, draw

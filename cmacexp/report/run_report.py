@@ -10,9 +10,7 @@ from cmacexp.data.folder import require_no_link
 from cmacexp.data.run import Run
 from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
-from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
-from cmacexp.metrics.registry import ALL_METRICS
-from cmacexp.metrics.text import format_cell, format_setting
+from cmacexp.metrics.registry import ALL_METRICS, count_legs, format_cell, format_setting, pool_legs, select_main
 from cmacexp.recording.run_view import RunView, count_kept
 from cmacexp.report.page import REPORT, Details, PageElement, Report, Section, Table, write_report
 from cmacexp.report.run_figures import draw_body, draw_end, draw_metrics, draw_torques, draw_tracking

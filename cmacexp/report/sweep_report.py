@@ -12,9 +12,7 @@ from cmacexp.config.component import COMPONENTS
 from cmacexp.config.describe import describe_fields
 from cmacexp.config.load import WITHOUT_EFFECT
 from cmacexp.data.run import Run
-from cmacexp.metrics.pooling import format_runs, make_names, shows
-from cmacexp.metrics.registry import JUDGED, MAIN
-from cmacexp.metrics.text import format_setting
+from cmacexp.metrics.registry import JUDGED, MAIN, format_runs, format_setting, make_names, shows
 from cmacexp.report.curves import describe_change, describe_effect, is_numeric, over_cycles, over_setting
 from cmacexp.report.figures import draw
 from cmacexp.report.page import HOW_TO_REPORT, Drawing, PageElement, Report, Section, Table

@@ -14,7 +14,7 @@ from pandas import DataFrame
 from cmacexp.data.folder import OUT_KEY, new_result
 from cmacexp.data.manifest import REPORT
 from cmacexp.data.run import Run
-from cmacexp.metrics.text import format_cell
+from cmacexp.metrics.registry import format_cell
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.page import Renderer, Report, render_markdown, write_report
 from cmacexp.stability import verdict as limits

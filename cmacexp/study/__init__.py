@@ -5,15 +5,13 @@ statistics, tables and figures.
 """
 
 from cmacexp.data.run import Run
-from cmacexp.metrics.final import FINAL_CYCLES, TRANSFER, compute_final, find_history
-from cmacexp.metrics.text import format_number
+from cmacexp.metrics.registry import FINAL_CYCLES, TRANSFER, compute_final, find_history, format_number
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.study.comparison import Comparison, compare, find_order, interval_panel, profile_panel
 from cmacexp.study.declaration import Declared, declare, read_criteria
 from cmacexp.study.interval import UNPAIRED, Interval, estimate
-from cmacexp.study.quantity import compute_quantity
+from cmacexp.study.quantity import Sample, compute_quantity, ended_in, per_seed, quotients, relative
 from cmacexp.study.results import Measure, Measures, Results, RunRow
-from cmacexp.study.samples import Sample, ended_in, per_seed, quotients, relative
 from cmacexp.study.statements import ANY, Claim, Criterion, Finding, at_least, at_most, between
 from cmacexp.study.study import DataFrame, Figure, Request, Study, grid, starting_from
 from cmacexp.study.views import completed, cross_tabulate, over_cycles, over_setting, tabulate

@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 
 from cmacexp.errors import BadInput, suggest
-from cmacexp.metrics.text import format_number
+from cmacexp.metrics.registry import format_number
 from cmacexp.report.figures import Panel, draw
 from cmacexp.study.interval import estimate
 from cmacexp.study.quantity import check_quantity, compute_quantity

@@ -1,15 +1,15 @@
-"""Quantities of runs as text: ``transfer_rmse_x[5] / transfer_rmse_x[1]``, a value for each run.
+"""Quantities of runs: how far they came, how they compare, and texts as ``transfer_rmse_x[5] / transfer_rmse_x[1]``.
 
-A name is a metric or a measure of the study: ``force_rmse[5]`` its value in cycle 5, ``force_rmse[-3:]`` the median
-of the last 3 cycles, ``force_rmse`` alone its final value (``cmacexp.metrics.final``). ``completed`` says whether a
-run reached its end, ``done`` and ``lasted`` are the shares of its cycles and of its time that it did. The text is
-Python's notation of arithmetic and comparisons, with ``abs``, ``hypot``, ``max`` and ``min``;
+In a text a name is a metric or a measure of the study: ``force_rmse[5]`` its value in cycle 5, ``force_rmse[-3:]``
+the median of the last 3 cycles, ``force_rmse`` its final value (:func:`cmacexp.metrics.registry.compute_final`).
+``completed`` says whether a run reached its end, ``done`` and ``lasted`` are the shares of its cycles and of its time
+that it did. The text is Python's notation of arithmetic and comparisons, with ``abs``, ``hypot``, ``max``, ``min``;
 ``setting("cmac.layers")`` is a number of the config. It is read by this file, never executed.
 """
 
 import ast
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import reduce
 from typing import Any
 
@@ -17,9 +17,49 @@ import numpy as np
 
 from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.registry import ALL_METRICS
+from cmacexp.study.interval import UNPAIRED
 from cmacexp.study.results import Results
-from cmacexp.study.samples import growth
 from cmacexp.typing import Array
+
+Sample = Callable[[Results], Array]
+
+
+def quotients(values: Array, references: Array | float) -> Array:
+    """Values over references, pair by pair: infinite where the run failed, ``UNPAIRED`` where its reference did."""
+    values, references = np.broadcast_arrays(values, references)
+    found = np.where(np.isfinite(references), np.inf, UNPAIRED)
+    both = np.isfinite(values) & np.isfinite(references)
+    return np.divide(values, references, out=found, where=both)
+
+
+def growth(late: Array, early: Array) -> Array:
+    """(runs,): a value late in each run over one early in the same run; infinite of a run that ended before."""
+    return np.divide(late, early, out=np.full(np.shape(late), np.inf), where=np.isfinite(late))
+
+
+def ended_in(results: Results) -> Array:
+    """(runs,): cycle in which each ended before its time; infinite if it completed."""
+    return np.where(results.completed, np.inf, np.array(results.cycles) + 1.0)
+
+
+def relative(results: Results, other: Results, measure: Callable[[Results], Sequence[float] | Array]) -> Array:
+    """(runs,): :func:`quotients` of a measure and that of ``other``: by seed, of the only run, or in order."""
+    references = np.asarray(measure(other))
+    by_seed = dict(zip(_seeds(other), references, strict=True))
+    if len(by_seed) == len(other) > 1:
+        references = np.array([by_seed[seed] for seed in _seeds(results)])
+    return quotients(np.asarray(measure(results)), references)
+
+
+def per_seed(results: Results, values: Array, choose: Callable[[Array], float]) -> Array:
+    """(seeds,): e.g. the least of the values of all runs of one seed."""
+    seeds = np.array(_seeds(results))
+    return np.array([choose(values[seeds == seed]) for seed in results.values("seed")])
+
+
+def _seeds(results: Results) -> list[int]:
+    return [int(row.settings["seed"]) for row in results.rows]
+
 
 OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: growth, ast.Pow: operator.pow,

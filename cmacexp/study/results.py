@@ -10,10 +10,8 @@ import numpy as np
 
 from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, suggest
-from cmacexp.metrics.final import FINAL_CYCLES, compute_final, find_history
 from cmacexp.metrics.metric import LARGE, NEITHER
-from cmacexp.metrics.registry import ALL_METRICS
-from cmacexp.metrics.text import format_setting
+from cmacexp.metrics.registry import ALL_METRICS, FINAL_CYCLES, compute_final, find_history, format_setting
 from cmacexp.typing import Array, DataFrame
 
 Measure = Callable[[Run], float]
@@ -35,7 +33,7 @@ class RunRow:
     """Whether the study repeats it for other seeds."""
 
     def history(self, name: str) -> Array:
-        """(cycles,): a metric in the whole cycles of the run, see :func:`cmacexp.metrics.final.find_history`."""
+        """(cycles,): a metric in the whole cycles of the run, see :func:`cmacexp.metrics.registry.find_history`."""
         return find_history(self.run.pooled, name)
 
 

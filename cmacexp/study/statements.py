@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any, ClassVar
 
 from cmacexp.errors import BadInput
-from cmacexp.metrics.text import format_number
+from cmacexp.metrics.registry import format_number
 from cmacexp.study.interval import (
     EXACT,
     NO_REFERENCE,
@@ -18,9 +18,8 @@ from cmacexp.study.interval import (
     Interval,
     estimate,
 )
-from cmacexp.study.quantity import compute_quantity, parse_quantity
+from cmacexp.study.quantity import compute_quantity, parse_quantity, relative
 from cmacexp.study.results import NoSuchRuns, Results
-from cmacexp.study.samples import relative
 from cmacexp.typing import Array, Mask, Status
 
 REPRODUCED, IN_PART, NOT_REPRODUCED = "reproduced", "reproduced in part", "not reproduced"

@@ -20,9 +20,7 @@ from cmacexp.jit.compiler import call_before_compiling
 from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
 from cmacexp.metrics.metric import MetricDisplay
-from cmacexp.metrics.pooling import shorten, tabulate_cycles, tabulate_runs
-from cmacexp.metrics.registry import ALL_METRICS, MAIN
-from cmacexp.metrics.text import find_numeric
+from cmacexp.metrics.registry import ALL_METRICS, MAIN, find_numeric, shorten, tabulate_cycles, tabulate_runs
 from cmacexp.terminal.output import print_line
 
 WIDTH = 400

@@ -17,7 +17,7 @@ from cmacexp.commands.gap import read_given
 from cmacexp.commands.study import Options, write_results
 from cmacexp.config.component import current_folder_importable, find_class
 from cmacexp.data.folder import HTML
-from cmacexp.engine.failure import describe_failure
+from cmacexp.engine.run import describe_failure
 from cmacexp.errors import BadInput
 from cmacexp.gap.analysis import Gap, add_makers, list_scored, measure, measure_left, score
 from cmacexp.gap.learners import Entered, Maker, predict_all

@@ -18,15 +18,14 @@ from cmacexp.config import config_hash, to_plain
 from cmacexp.config.component import custom_code_hash
 from cmacexp.config.compose import compose_config
 from cmacexp.data.files import write_atomically
-from cmacexp.engine.failure import describe_failure
 from cmacexp.engine.pool import ParallelMap
-from cmacexp.engine.run import score_scenario
+from cmacexp.engine.run import describe_failure, score_scenario
 from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import exits_caught
 from cmacexp.jit.sources import code_hash
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.metrics.pooling import pool_legs
+from cmacexp.metrics.registry import pool_legs
 from cmacexp.study import Array, compute_final
 from cmacexp.study.comparison import relative_to
 from cmacexp.terminal.messages import announce_compiling

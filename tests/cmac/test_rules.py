@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from support.doors import BadInput
 
-from cmacexp.cmac import spread
+from cmacexp.cmac import rules
 from cmacexp.cmac.memory import read_weighted, train
 from cmacexp.cmac.rules import (
     NEIGHBOURS,
@@ -17,11 +17,13 @@ from cmacexp.cmac.rules import (
     ZERO,
     Rule,
     RuleParams,
+    binomial,
     make_rule,
     rate_after,
+    spread_shares,
     train_by_rule,
+    train_spread,
 )
-from cmacexp.cmac.spread import binomial, spread_shares, train_spread
 
 CELLS = np.array([4, 0, 7, 2], dtype=np.uint32)
 OTHERS = [row for row in range(9) if row not in CELLS]
@@ -162,7 +164,7 @@ def test_without_a_window_the_spread_error_is_that_of_leakage(activation, error)
 @pytest.mark.parametrize(("samples", "widest"), [(4, 1), (5, 2), (30, 2)])
 def test_a_window_wider_than_the_cycle_or_the_memory_is_refused(samples, widest, monkeypatch):
     cells = np.arange(samples * 6, dtype=np.uint32).reshape(samples, 2, 3)
-    monkeypatch.setattr(spread, "MOST_ENTRIES", 5 * cells.size)  # two neighbours on each side
+    monkeypatch.setattr(rules, "MOST_ENTRIES", 5 * cells.size)  # two neighbours on each side
     rows, share = spread_shares(cells, np.ones(cells.shape), widest)
     assert_allclose(share.sum(axis=2), 1.0)
     assert rows.shape[2] == 3 * (2 * widest + 1)

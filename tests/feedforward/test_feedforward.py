@@ -29,10 +29,9 @@ from cmacexp.feedforward import (
     RadialBasis,
 )
 from cmacexp.feedforward.ilc import WIDEST, gaussian_taps
-from cmacexp.feedforward.kernels import Smoothing, correct, feedforward_step, smooth
+from cmacexp.feedforward.kernels import Smoothing, correct, feedforward_step, log_weights, new_log, smooth
 from cmacexp.feedforward.network import kernel_norm, network, planned_inputs, resample
 from cmacexp.feedforward.rbf import activations, spacing, spread_out
-from cmacexp.feedforward.weight_log import log_weights, new_log
 from cmacexp.planning import Motion
 
 SHORT = ("scenario=quadruped", "gait.cycle_time=0.2", "gait.lift=0.005")

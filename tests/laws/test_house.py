@@ -105,7 +105,7 @@ def test_hashes_cover_what_compiled_code_and_results_depend_on():
     rooms = {*KERNEL_ROOMS, "typing.py", "errors.py", "config"}  # those besides have no constants of kernels
     for module in MODULES:
         assert "@kernel" not in text_of(module) or not [m for m in imports(module) if is_outside(m, rooms)], module
-    only_shown = {"recording", "errors.py", "engine/failure.py", "engine/stop_cause.py"}
+    only_shown = {"recording", "errors.py", "engine/stop_cause.py"}
     assert not [m for m in reach("cmacexp.engine.run") if is_outside(m, {*RESULT_ROOMS, *only_shown})]
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cmacexp.metrics.final import TRANSFER, compute_final, find_history
+from cmacexp.metrics.registry import TRANSFER, compute_final, find_history
 
 
 def test_the_final_value_is_the_median_of_the_last_cycles_or_of_all_if_there_are_fewer():

@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 
 from cmacexp.metrics.leg import FORCE
-from cmacexp.metrics.pooling import BETWEEN, ENDS, MOST_ROWS, make_rows, shorten
-from cmacexp.metrics.registry import ALL_METRICS, MAIN, SHOWN
-from cmacexp.metrics.text import find_numeric
+from cmacexp.metrics.registry import (
+    ALL_METRICS,
+    BETWEEN,
+    ENDS,
+    MAIN,
+    MOST_ROWS,
+    SHOWN,
+    find_numeric,
+    make_rows,
+    shorten,
+)
 
 FACTORS = {("m", "mm"): 1e3, ("rad", "mrad"): 1e3, ("", "%"): 1e2}
 """From the unit of the files to the one that is shown, where they differ."""

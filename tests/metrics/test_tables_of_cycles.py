@@ -15,9 +15,17 @@ from support.made_traces import make_trace, score
 
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.metric import LARGE, LARGEST, MEAN, NEITHER, RMS, SMALL, SMALLEST
-from cmacexp.metrics.pooling import pool_legs, select_main, tabulate_cycles
-from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, RANKED, SHOWN
-from cmacexp.metrics.text import format_cell
+from cmacexp.metrics.registry import (
+    ALL_METRICS,
+    JUDGED,
+    MAIN,
+    RANKED,
+    SHOWN,
+    format_cell,
+    pool_legs,
+    select_main,
+    tabulate_cycles,
+)
 
 BODY_COLUMNS = ("height", "pitch", "roll", *(name.removesuffix("_min") for name in BODY_METRICS if "margin" in name))
 

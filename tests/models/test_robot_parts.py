@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from cmacexp.models.robot_feet import _touch
+from cmacexp.models.robot_legs import _touch
 from cmacexp.models.robot_spec import (
     POINT_INERTIA,
     _find_mesh,

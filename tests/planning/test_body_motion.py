@@ -8,7 +8,7 @@ from support.robot_walks import ROBOT
 from support.robots import OWN
 
 from cmacexp.planning import make_plan
-from cmacexp.planning.body_motion import find_pressure, find_sway
+from cmacexp.planning.body import find_pressure, find_sway
 
 FEET = np.array([[[0.2, 0.1], [0.2, -0.1], [-0.2, 0.1], [-0.2, -0.1]]])
 DIAGONAL = np.array([[1.0, 0.0, 0.0, 1.0]])

@@ -12,7 +12,7 @@ from support.doors import BadInput, foot_position, foot_velocity, get_leg, make_
 from cmacexp.planning.foot_path import cubic, line, quintic, two_cubics
 from cmacexp.planning.motion import _plan_samples_plainly, check_apex, make_ramp
 from cmacexp.planning.plan import make_plan
-from cmacexp.planning.trajectory import Motion, X, Y
+from cmacexp.planning.reference import Motion, X, Y
 
 PERIOD = 0.005
 lengths, durations = st.floats(-1.0, 1.0), st.floats(0.05, 5.0)

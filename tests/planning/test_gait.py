@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import ConvexHull
 from support.doors import BadInput
 
-from cmacexp.planning.gait import make_timing
+from cmacexp.planning.motion import make_timing
 from cmacexp.planning.stability import margins
 
 LF, RF, LR, RR = range(4)

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from support.doors import BadInput, make_mechanism
 
 from cmacexp.planning import Motion, make_plan
-from cmacexp.planning.body_load import dynamic_load
+from cmacexp.planning.body import dynamic_load
 from cmacexp.planning.load_sharing import remove_pull, share_load
 from cmacexp.planning.machine import check_load_sharing, compute_weight_of_masses
 from cmacexp.planning.plan import LoadEstimate, adapt_plan

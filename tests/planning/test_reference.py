@@ -9,8 +9,7 @@ from support.doors import make_scenario
 from support.rollout import roll_out
 
 from cmacexp.planning.plan import Reference
-from cmacexp.planning.reference import Gains, compute_support_reference
-from cmacexp.planning.trajectory import ACTING, BEFORE, ControlReference, Motion
+from cmacexp.planning.reference import ACTING, BEFORE, ControlReference, Gains, Motion, compute_support_reference
 
 METHODS = ("stiffness", "damping", "combined", "explicit")
 FED = {"damping": "velocity", "explicit": "force"}

@@ -5,8 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from support.doors import Load, legs_under_body
 
-from cmacexp.planning.stability import margins
-from cmacexp.planning.true_margins import Masses, centre_of_gravity, true_margins
+from cmacexp.planning.stability import Masses, centre_of_gravity, margins, true_margins
 
 HIPS = np.array([(0.225, 0.225), (0.225, -0.225), (-0.225, 0.225), (-0.225, -0.225)])
 LENGTH, KNEE_MASS, FOOT_MASS, BODY_MASS = 0.35, 0.5, 0.7, 1.2

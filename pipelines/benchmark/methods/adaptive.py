@@ -13,8 +13,8 @@ from cmacexp.feedforward.identified import list_by_joints
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
 from cmacexp.models.mechanism import planned_torque
 from cmacexp.planning.plan import Reference, Setup
+from cmacexp.planning.reference import Motion
 from cmacexp.planning.robot import planned_torques
-from cmacexp.planning.trajectory import Motion
 from cmacexp.typing import Array, Weights
 from pipelines.benchmark.methods.once_a_cycle import Acting
 

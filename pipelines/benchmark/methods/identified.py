@@ -10,7 +10,7 @@ import numpy as np
 
 from cmacexp.config import FeedforwardConfig, number
 from cmacexp.planning.plan import Reference, Setup
-from cmacexp.planning.trajectory import Motion, Y
+from cmacexp.planning.reference import Motion, Y
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array, Weights
 from pipelines.benchmark.methods.adaptive import MODEL, make_regressor
