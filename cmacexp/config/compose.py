@@ -158,11 +158,12 @@ def compose_config(overrides: Sequence[str], config_dir: str | Path | None = Non
     ``config_dir`` is a folder of custom configs, as ``--config-dir``; its files are read anew by each call. Raises
     CmacexpError with the message of the command line.
     """
-    known = _compose_options(tuple(filter(_is_option, overrides))) if config_dir is None else None
-    if known is not None:
-        config: Config | None = set_numbers(known[0], [text for text in overrides if not _is_option(text)], known[1])
-        if config is not None:
-            return config
+    values = [text for text in overrides if not _is_option(text)]
+    others = max((place for place, text in enumerate(values, 1) if not _NUMBER.fullmatch(text)), default=0)
+    first = *filter(_is_option, overrides), *values[:others]
+    known = _compose_first(first) if config_dir is None else None
+    if known is not None and (config := set_numbers(known[0], values[others:], known[1])) is not None:
+        return config if isinstance(config, Config) else to_config(config)
     return to_config(compose_untyped(overrides, config_dir)[0])
 
 
@@ -200,14 +201,21 @@ def _list_values(node: Any) -> dict[str, Any]:
 
 
 @lru_cache(64)
-def _compose_options(options: tuple[str, ...]) -> tuple[bytes, frozenset[str]] | None:
-    """The config that the options alone give, as :func:`set_numbers` takes it, and groups that its values refer to.
+def _compose_first(overrides: tuple[str, ...]) -> tuple[bytes, frozenset[str]] | None:
+    """The config that overrides give without the numbers after them, as :func:`set_numbers` takes it.
 
-    None if they give no config, or a value follows from others by a rule.
+    It is plain if they name a class, which a user may define again. With it the groups that its values refer to. None
+    if they or their options give no config, or a value follows from others by a rule.
     """
+    options = tuple(filter(_is_option, overrides))
+    if options != overrides and _compose_first(options) is None:
+        return None
     try:
-        config = _compose_cached(options)[0]
-        pickled = pickle.dumps(to_config(config))
+        config = _compose_cached(overrides)[0]
+        known: Any = to_config(config)
+        if any("_target_" in text for text in overrides):
+            known = OmegaConf.to_container(config, resolve=True, enum_to_str=True)
+        pickled = pickle.dumps(known)
     except Exception:  # of whatever kind: the longer way raises it again, and says what is wrong
         return None
     references = re.findall(r"\$\{([^}]*)", str(OmegaConf.to_container(config)))

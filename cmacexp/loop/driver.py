@@ -83,7 +83,9 @@ class ExternalComponents:
         self.divergence = ""
         """Cause that an external plant itself reported, if it has diverged."""
         self.period = len(loop.support)
-        self.plan_rows = [list_rows(scenario.setup.plan, stage) for stage in (BEFORE, ACTING)]
+        asks = external.controller or loop.feedforward is None or isinstance(scenario.feedforward, Observes)
+        # What is given a reference; to make them takes as long as a short run.
+        self.plan_rows = [list_rows(scenario.setup.plan, stage) for stage in (BEFORE, ACTING)] if asks else []
 
     def make_hooks(self) -> Hooks:
         """A hook for each external component, and one that shows steps to a feedforward that asks for it."""

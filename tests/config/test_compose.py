@@ -20,6 +20,9 @@ COMMANDS = [
     ["cycles=2", "seed=5", "learning.rate=5e-1", "cycles=3", "scenario=one_leg", "cycles=2"],
     ["machine.leg.length_1=0.41", "scenario=quadruped", "machine.hip_height=0.5"],
     ["actuator.torque_limit=3", "terrain.step_time=1.5", "terrain.slope=-0.01"],
+    ["learning.rate=auto", "++learning.rate=0.5", "cmac.inputs=[phase]", "cmac.layers=8", "warn=false", "seed=4"],
+    ["feedforward._target_=cmacexp.feedforward.NoFeedforward", "learning.guard=none", "gait.stroke=0.2", "cycles=2"],
+    ["seed=3", "learning.guard=none", "seed=4", "sensors=encoders", "sensors.velocity.delay=1", "cycles=2"],
 ]
 
 
