@@ -37,8 +37,7 @@ from cmacexp.typing import RESULTS
 PROVENANCE = "provenance.json"
 """Beside the page of a study."""
 STATISTICS = tuple(
-    f"study/{name}.py"
-    for name in ("comparison", "declaration", "interval", "quantity", "results", "samples", "statements")
+    f"study/{name}.py" for name in ("comparison", "declaration", "interval", "quantity", "results", "statements")
 )
 """Files that make values of runs."""
 DIGITS = 12
