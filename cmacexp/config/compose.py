@@ -18,18 +18,18 @@ from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
 
 from cmacexp.config.check import check
 from cmacexp.config.component import config_folder
+from cmacexp.config.describe import flatten_config
 from cmacexp.config.fields import listed, read_field
-from cmacexp.config.load import list_groups, to_config
+from cmacexp.config.load import list_groups, to_config, to_plain
 from cmacexp.config.robot_rule import find_mistake
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput, CmacexpError, format_install_command, format_value, suggest
 from cmacexp.jit.interrupt import exits_caught
 
-COMPOSITION_ERRORS = (HydraException, OmegaConfBaseException, YAMLError)
+COMPOSITION_ERRORS = (HydraException, OmegaConfBaseException, yaml.YAMLError)
 """What Hydra raises on purpose when a config cannot be composed; overrides of unforeseen shape raise anything."""
 
 
@@ -109,8 +109,6 @@ def set_values(config: DictConfig, overrides: Iterable[str]) -> None:
 
 def _compose(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
     """What Hydra composes, and the option that it chose in each group."""
-    from hydra import compose, initialize_config_dir
-
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
         config = compose("config", list(overrides), return_hydra_config=True)
     choices = dict(config.hydra.runtime.choices)
@@ -231,14 +229,20 @@ def compose_untyped(
 
     Raises CmacexpError if Hydra cannot compose it.
     """
-    from cmacexp.config.compose import explain_composition
-
     try:
         if config_dir is None:
             return _compose_cached(overrides)
         return _compose([*overrides, f"hydra.searchpath=[file://{Path(config_dir).resolve()}]"])
     except Exception as error:  # Hydra expects no null among options, for example, and says so by a TypeError
         raise find_mistake(error) or CmacexpError(explain_composition(error, overrides)) from None
+
+
+def read_defaults(scenario: str) -> dict[str, Any]:
+    """The flat config of a scenario of this package without any override; empty if there is no such scenario."""
+    try:
+        return flatten_config(to_plain(compose_config([f"scenario={scenario}"])))
+    except CmacexpError:
+        return {}
 
 
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]  # the former is six times as fast

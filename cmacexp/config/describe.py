@@ -11,11 +11,10 @@ from itertools import pairwise
 from typing import Any, NamedTuple, get_type_hints
 
 from cmacexp.config.component import COMPONENTS, config_class, find_class, find_option
-from cmacexp.config.compose import compose_config
-from cmacexp.config.load import select_effective, to_plain
+from cmacexp.config.load import select_effective
 from cmacexp.config.machine import MACHINES
 from cmacexp.config.schema import Config
-from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.errors import BadInput
 
 MOST_KEYS = 3
 """Runs that differ in more keys are labelled by the names of their folders."""
@@ -73,14 +72,6 @@ def describe_fields(config: Mapping[str, Any]) -> dict[str, Described]:
     Fields of a component without a ``Config``, or whose class cannot be imported here, are missing.
     """
     return dict(_describe(Config, config, ""))
-
-
-def read_defaults(scenario: str) -> dict[str, Any]:
-    """The flat config of a scenario of this package without any override; empty if there is no such scenario."""
-    try:
-        return flatten_config(to_plain(compose_config([f"scenario={scenario}"])))
-    except CmacexpError:
-        return {}
 
 
 def _describe(schema: type, node: Mapping[str, Any], before: str) -> Iterator[tuple[str, Described]]:

@@ -10,7 +10,8 @@ from cmacexp.config.machine import RobotMachine
 from cmacexp.data.run import Run
 from cmacexp.errors import BadInput
 from cmacexp.models.robot import Robot, load_mujoco, place
-from cmacexp.recording.run_view import FINENESS, Entities, RunView, read_robot_of_run, round_angles, round_points
+from cmacexp.recording.entities import FINENESS, Entities, round_angles, round_points
+from cmacexp.recording.run_view import RunView, read_robot_of_run
 from cmacexp.recording.scene import MESHES
 from cmacexp.typing import Array, Counts, Mask
 

@@ -1,17 +1,15 @@
-"""A run as it is drawn: its trace, where the parts of its machine are at each step, and its entities in a recording.
+"""A run as it is drawn: its trace, and where the parts of its machine are at each step.
 
 World: x forward, y left, z up, metres; the undepressed ground is z = 0 up to where a slope begins. Body frame as in
 ``cmacexp/models/body.py``. Frame of a hip: x forward, y down, z to the left.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-import rerun as rr
-from numpy.typing import NDArray
 
 from cmacexp.config.machine import LEG_NAMES, RobotMachine, read_model
 from cmacexp.data.run import Run
@@ -222,60 +220,3 @@ class RunView:
         """How many times deeper than they are depressions are drawn."""
         depth = float(self.trace["force_desired"].max()) / self.run.config["terrain"]["stiffness"]
         return round(VISIBLE_DEPRESSION / depth / 10.0) * 10 if 0.0 < depth < VISIBLE_DEPRESSION / 5.0 else 1
-
-
-FINENESS = 5e-4
-"""Drawn lengths are multiples of this, m: less than a pixel, and a foot that stands takes no room in the file."""
-FINE_ANGLE = 2e-3
-"""Drawn angles of links are multiples of this, rad: their ends move less than a pixel, and a recording is smaller."""
-
-
-def round_points(exact: Array) -> NDArray[np.float32]:
-    """Points (..., 3) to :data:`FINENESS`."""
-    return (np.round(exact / FINENESS) * FINENESS).astype(np.float32)
-
-
-def round_angles(exact: Array) -> NDArray[np.float32]:
-    """Angles (...), rad, or parts of unit vectors to :data:`FINE_ANGLE`."""
-    return (np.round(exact / FINE_ANGLE) * FINE_ANGLE).astype(np.float32)
-
-
-def flatten_points(*groups: Array) -> NDArray[np.float32]:
-    """Groups of points (steps, n, 3) side by side, flat (steps sum(n), 3), as they are drawn."""
-    return round_points(np.concatenate(groups, axis=1).reshape(-1, 3))
-
-
-class Entities:
-    """The entities of one run: at the root of a recording, or below the run's own name where several share it.
-
-    Each entity repeats the time of every step, so that few entities of many instances make a small recording.
-    """
-
-    def __init__(self, recording: rr.RecordingStream, view: RunView):
-        self._recording = recording
-        self._root, self._time, self._step = view.root, view.time, view.step
-
-    def log(self, path: str, entity: rr.AsComponents) -> None:
-        """Log a constant entity."""
-        self._recording.log(self._root + path, entity, static=True)
-
-    def send_columns(
-        self,
-        path: str,
-        columns: Iterable[rr.ComponentColumn],
-        rows: NDArray[np.intp] | None = None,
-        constant: rr.AsComponents | None = None,
-    ) -> None:
-        """Log columns for all steps of the view, or for those at ``rows``; each step has as many instances.
-
-        ``constant`` is what stays the same of the entity.
-        """
-        if constant is not None:
-            self.log(path, constant)
-        time, step = (self._time, self._step) if rows is None else (self._time[rows], self._step[rows])
-        timelines = [rr.TimeColumn("time", duration=time), rr.TimeColumn("step", sequence=step)]
-        each_step = []
-        for column in columns:
-            count = len(column.component_batch.as_arrow_array()) // len(step)
-            each_step.append(column.partition([count] * len(step)))
-        self._recording.send_columns(self._root + path, timelines, each_step)

@@ -5,7 +5,8 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from cmacexp.recording import palette
-from cmacexp.recording.run_view import Entities, RunView, flatten_points, round_angles, round_points
+from cmacexp.recording.entities import Entities, flatten_points, round_angles, round_points
+from cmacexp.recording.run_view import RunView
 from cmacexp.typing import Array, Mask
 
 EYES = {

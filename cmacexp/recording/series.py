@@ -8,7 +8,8 @@ import rerun as rr
 
 from cmacexp.metrics.drift import format_event
 from cmacexp.recording import palette
-from cmacexp.recording.run_view import Entities, RunView
+from cmacexp.recording.entities import Entities
+from cmacexp.recording.run_view import RunView
 from cmacexp.typing import Array
 
 Line = tuple[str, Array, tuple[int, ...]]

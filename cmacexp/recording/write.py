@@ -20,9 +20,10 @@ from cmacexp.data.tables import RECORDING_FILE
 from cmacexp.data.version import __version__
 from cmacexp.data.window import Window, make_window, read_cycles
 from cmacexp.errors import BadInput, BadRun
+from cmacexp.recording.entities import Entities
 from cmacexp.recording.layout import KEY, describe_key, make_layout
 from cmacexp.recording.meshes import log_meshes, read_shown_model
-from cmacexp.recording.run_view import Entities, RunView, count_kept
+from cmacexp.recording.run_view import RunView, count_kept
 from cmacexp.recording.scene import log_ground, log_machine
 from cmacexp.recording.series import log_events, log_series
 

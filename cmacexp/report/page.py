@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined, TemplateSyntaxError, UndefinedError, nodes
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateSyntaxError, UndefinedError, nodes
 from markupsafe import Markup
 
 from cmacexp.config.fields import listed
@@ -94,8 +94,6 @@ class Renderer:
     """Renders elements as HTML by the templates beside this file, and saves figures in the folder of a page."""
 
     def __init__(self, folder: Path):
-        from jinja2 import Environment, FileSystemLoader
-
         self.folder = folder
         loader = FileSystemLoader(Path(__file__).parent)
         self.environment = Environment(loader=loader, autoescape=True, trim_blocks=True)

@@ -5,7 +5,8 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from cmacexp.config.describe import Described, describe_fields, flatten_config, read_defaults
+from cmacexp.config.compose import read_defaults
+from cmacexp.config.describe import Described, describe_fields, flatten_config
 from cmacexp.data.folder import require_no_link
 from cmacexp.data.run import Run
 from cmacexp.metrics.body import describe_load

@@ -8,7 +8,7 @@ from support.recordings import lines, read_rows, values
 from support.views import make_walk
 
 from cmacexp.recording import viewer
-from cmacexp.recording.run_view import FINENESS
+from cmacexp.recording.entities import FINENESS
 from cmacexp.recording.series import find_events
 
 DRAWN = 0.51 * FINENESS
