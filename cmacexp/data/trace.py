@@ -164,43 +164,18 @@ class SampledTrace(Trace):
         return pa.Table.from_arrays(columns, schema=make_schema(self.signals))
 
 
-class _Joined(Mapping[str, NDArray[Any]]):
-    """Signals of several traces, which are joined when they are first asked for: metrics read half of them."""
-
-    def __init__(self, traces: Sequence[SampledTrace], axis: int):
-        self._traces, self._axis, self._known = traces, axis, dict[str, NDArray[Any]]()
-
-    def __getitem__(self, name: str) -> NDArray[Any]:
-        if name not in self._known:
-            # Legs one after the other in memory, as metrics need them.
-            self._known[name] = np.concatenate([trace[name].T for trace in self._traces], 1 - self._axis).T
-        return self._known[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._traces[0].arrays)
-
-    def __len__(self) -> int:
-        return len(self._traces[0].arrays)
-
-
-def join_sampled(traces: Sequence[SampledTrace], axis: int) -> SampledTrace:
-    """Traces with the same columns as one: parts of a run (``axis`` 0), or runs of equally many steps (1).
-
-    The latter are as if their legs were those of one machine; their bodies are left out.
-    """
+def join_sampled(traces: Sequence[SampledTrace]) -> SampledTrace:
+    """Parts of a run, with the same columns, as one."""
     first = traces[0]
     if len(traces) == 1:
         return first
-    arrays = _Joined(traces, axis)
-    support = np.concatenate([trace.support for trace in traces], axis) if "support" in vars(first) else None
-    steps, legs = first.shape
-    shape = (sum(trace.steps for trace in traces), legs) if axis == 0 else (steps, sum(t.legs for t in traces))
-    bodies = [trace.body.table for trace in traces if trace.body is not None and axis == 0]
+    arrays = {name: np.concatenate([trace[name] for trace in traces]) for name in first.arrays}
+    support = np.concatenate([trace.support for trace in traces]) if "support" in vars(first) else None
+    bodies = [trace.body.table for trace in traces if trace.body is not None]
     memories = [trace.memory for trace in traces if isinstance(trace.memory, SampledTrace)]
     body = Trace(pa.concat_tables(bodies).combine_chunks()) if bodies else None
-    return SampledTrace(
-        arrays, first.signals, shape, support, body, join_sampled(memories, axis) if memories else None
-    )
+    shape = sum(trace.steps for trace in traces), first.legs
+    return SampledTrace(arrays, first.signals, shape, support, body, join_sampled(memories) if memories else None)
 
 
 def concat_traces(traces: Sequence[Trace]) -> Trace:

@@ -70,7 +70,7 @@ class Chunk:
         if self.keeps_trace or config.cycles * config.steps_per_cycle * config.legs <= SHORT:
             parts = list[SampledTrace]()
             end = sample_scenario(scenario, parts.append)
-            self.traces[number] = join_sampled(parts, axis=0)
+            self.traces[number] = join_sampled(parts)
             last.append(self.traces[number])
         else:
             end, scorer = score_scenario(scenario, last.append)

@@ -1,14 +1,15 @@
 """A trace cut into cycles, with the masks of its phases."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmacexp.data.trace import THIRD_AXIS, Trace
-from cmacexp.metrics.measures import largest
+from cmacexp.metrics.measures import largest, mean
 from cmacexp.typing import Array, Mask
 
 
@@ -79,6 +80,16 @@ class Block:
         return self.force - self.force_desired
 
     @cached_property
+    def force_settled(self) -> Array:
+        """Mean force over the second half of support, N; (cycles, L)."""
+        return mean(self.force, self.second_half)
+
+    @cached_property
+    def desired_settled(self) -> Array:
+        """Mean desired force over the second half of support, N; (cycles, L)."""
+        return mean(self.force_desired, self.second_half)
+
+    @cached_property
     def torque(self) -> Array:
         """(cycles, L, N, J): what the joints are driven with, N m."""
         teaching = self.feedback + self.feedforward
@@ -106,28 +117,35 @@ class Block:
         return np.where(began & whole, 1.0, np.nan)
 
 
-def split_cycles(trace: Trace, steps_per_cycle: int, before: Block | None = None, machines: int = 1) -> Block:
+def split_cycles(traces: Sequence[Trace], steps_per_cycle: int, before: Block | None = None) -> Block:
     """Cut the trace of a run, or of a part of it, into cycles of N steps; the last may be short.
 
-    The part ``before`` has the rhythm of the run; None: this is the first part. The legs may be those of several
-    ``machines`` with the same rhythm.
+    Several ``traces`` are of machines with the same rhythm, which have taken equally many steps. The part ``before``
+    has the rhythm of the run; None: this is the first part.
     """
 
-    def fold(values: Array) -> Array:
+    def fold(values: NDArray[Any]) -> NDArray[Any]:
         """(steps, L) as (cycles, L, N), a view if the last cycle is whole."""
         if missing := -len(values) % steps_per_cycle:
             values = np.concatenate([values, np.full((missing, values.shape[1]), np.nan)])
         return values.reshape(-1, steps_per_cycle, values.shape[1]).swapaxes(1, 2)
 
-    def split(values: Array) -> Array:
-        return np.ascontiguousarray(fold(values))
+    def split(*names: str) -> Array:
+        """Signals by name, (signals, cycles, L, N), each in one piece; of the phase 1.0 is support."""
+        folded = [[fold(trace.support if name == "phase" else trace[name]) for trace in traces] for name in names]
+        legs = sum(part.shape[1] for part in folded[0])
+        values = np.empty((len(names), len(folded[0][0]), legs, steps_per_cycle))
+        for own, parts in zip(values, folded, strict=True):
+            np.concatenate(parts, axis=1, out=own)
+        return values
 
     def joints(name: str) -> Array:
-        return np.stack([fold(trace[name.format(joint + 1)]) for joint in range(len(trace.axes))], axis=3)
+        return np.moveaxis(split(*(name.format(joint + 1) for joint in range(len(axes)))), 0, 3)
 
-    in_space = THIRD_AXIS in trace.axes
-    time, progress = split(trace["time"]), split(trace["progress"])
-    valid, support = ~np.isnan(time), split(trace.support.astype(float)) == 1.0
+    axes = traces[0].axes
+    in_space = THIRD_AXIS in axes
+    time, progress, phase, force, force_desired = split("time", "progress", "phase", "force", "force_desired")
+    valid, support = ~np.isnan(time), phase == 1.0
     force_torque = joints("tau_force_{}") if in_space else None
     feedback = joints("tau_feedback_{}")
     return Block(
@@ -136,16 +154,16 @@ def split_cycles(trace: Trace, steps_per_cycle: int, before: Block | None = None
         support=support,
         progress=progress,
         time=time,
-        error={axis: split(trace[axis] - trace[f"{axis}_desired"]) for axis in trace.axes},
-        force=split(trace["force"]),
-        force_desired=split(trace["force_desired"]),
+        error=dict(zip(axes, split(*axes) - split(*(f"{axis}_desired" for axis in axes)), strict=True)),
+        force=force,
+        force_desired=force_desired,
         feedback=feedback if force_torque is None else feedback - force_torque,
         feedforward=joints("tau_feedforward_{}"),
         rate=joints("dq{}"),
         before=before.feedback[-1] if before else None,
         force_torque=force_torque,
         joint_error=joints("q{}") - joints("q{}_desired") if in_space else None,
-        machines=machines,
+        machines=len(traces),
     )
 
 

@@ -75,25 +75,14 @@ SPATIAL: dict[str, Metric[Block]] = {
 # Contact force; a support is the response to a step from no force to the desired one
 
 
-def force_settled(block: Block) -> Array:
-    """Mean force over the second half of support, N."""
-    return mean(block.force, block.second_half)
-
-
-def desired_settled(block: Block) -> Array:
-    """Mean desired force over the second half of support, N."""
-    return mean(block.force_desired, block.second_half)
-
-
 def force_steady_state_error(block: Block) -> Array:
     """(settled - desired) / desired, signed."""
-    desired = desired_settled(block)
-    return divide(force_settled(block) - desired, desired)
+    return divide(block.force_settled - block.desired_settled, block.desired_settled)
 
 
 def force_overshoot(block: Block) -> Array:
     """Largest force over desired - 1 over support; NaN unless the desired force is constant in the second half."""
-    desired = desired_settled(block)
+    desired = block.desired_settled
     constant = largest(np.abs(block.force_desired - desired[:, :, None]), block.second_half) <= 1e-9 * np.abs(desired)
     pressed = np.where(constant & (desired > 0.0), desired, np.nan)
     return largest(block.force / pressed[..., None], block.support) - 1.0
@@ -101,7 +90,7 @@ def force_overshoot(block: Block) -> Array:
 
 def force_settling_time(block: Block) -> Array:
     """Settling time of the step response of the force, s; NaN unless a support begins and ends within its cycle."""
-    response = block.since_touch_down, block.force, force_settled(block), block.support
+    response = block.since_touch_down, block.force, block.force_settled, block.support
     return block.whole_support * settling_time(*response, block.rhythm.step)
 
 
@@ -130,7 +119,7 @@ FORCE: dict[str, Metric[Block]] = {
         "N",
         "mean force over the second half of support",
         _NO_SECOND_HALF,
-        force_settled,
+        lambda b: b.force_settled,
         MEAN,
         NEITHER,
         MetricDisplay("settled force", "N", over_legs=False, symbol="F_s"),

@@ -19,8 +19,8 @@ def _or_nan(value: Array, mask: Mask) -> Array:
 
 def mean(value: Array, mask: Mask) -> Array:
     """Mean over the samples of ``mask``."""
-    count = mask.sum(axis=-1)
-    return _or_nan(np.where(mask, value, 0.0).sum(axis=-1) / np.maximum(count, 1), mask)
+    count = mask.sum(axis=-1, dtype=np.int32)  # which takes half the time of 64 bits
+    return np.where(mask, value, 0.0).sum(axis=-1) / np.where(count == 0, np.nan, count)
 
 
 def rms(value: Array, mask: Mask) -> Array:

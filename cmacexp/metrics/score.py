@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cmacexp.data.run import Run
 from cmacexp.data.tables import Scores
-from cmacexp.data.trace import SampledTrace, Trace, join_sampled, read_memory, stream_trace
+from cmacexp.data.trace import SampledTrace, Trace, read_memory, stream_trace
 from cmacexp.errors import BadRun
 from cmacexp.metrics.block import Block, split_cycles
 from cmacexp.metrics.body import compute_body
@@ -24,7 +24,7 @@ class RunScorer:
     """The metrics of a run whose tables come in parts: of some cycles each, the last of the run may be short."""
 
     def __init__(self, steps_per_cycle: int, machines: int = 1):
-        """Several ``machines`` are runs side by side, see :func:`score_together`."""
+        """Several ``machines`` are runs side by side, each of which comes whole, see :func:`score_together`."""
         self.steps_per_cycle, self.machines = steps_per_cycle, machines
         self._block: Block | None = None
         self._parts: list[dict[str, Array]] = []
@@ -38,20 +38,19 @@ class RunScorer:
         """The first drift so far, as known when it was detected."""
         return self._detector.first if self._detector else None
 
-    def add(self, trace: Trace) -> None:
-        """Score the next cycles, with their body and memory."""
-        self._block = block = split_cycles(trace, self.steps_per_cycle, self._block, self.machines)
+    def add(self, *traces: Trace) -> None:
+        """Score the next cycles, with their memory, and with the body if this is the trace of one machine."""
+        self._block = block = split_cycles(traces, self.steps_per_cycle, self._block)
         known = OF_A_CYCLE if block.joint_error is None else {**OF_A_CYCLE, **SPATIAL}
         part = {name: metric.compute(block) for name, metric in known.items()}
         feedback = part["feedback_rms"]
         self._detector = self._detector or DriftDetector(feedback.shape[1])
         part["feedback_growth"], part["drift_cycle"] = self._detector.add(feedback)
         self._parts.append(part)
-        if trace.body is not None:
+        if self.machines == 1 and traces[0].body is not None:
             done = sum(table.num_rows for table in self._body)
-            self._body.append(compute_body(trace.body, self.steps_per_cycle, done + 1))
-        if trace.memory is not None:
-            self.memory.append(trace.memory)
+            self._body.append(compute_body(traces[0].body, self.steps_per_cycle, done + 1))
+        self.memory += [trace.memory for trace in traces if trace.memory is not None]
 
     @property
     def scores(self) -> Scores:
@@ -59,7 +58,7 @@ class RunScorer:
         values = {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
         cycles, legs = next(iter(values.values())).shape
         values |= {name: metric.compute(values) for name, metric in LEARNING.items()}
-        memory = join_memory(self.memory, cycles, legs)
+        memory = join_memory(self.memory, cycles, legs, axis=int(self.machines > 1))
         values |= {name: metric.compute(memory) for name, metric in MEMORY_METRICS.items()}
         shape = (cycles, self.machines, legs // self.machines)
 
@@ -82,7 +81,7 @@ def score_together(traces: Sequence[SampledTrace], steps_per_cycle: int) -> list
     They must have taken equally many steps of the same gait, and have the same columns.
     """
     scorer = RunScorer(steps_per_cycle, len(traces))
-    scorer.add(join_sampled(traces, axis=1))
+    scorer.add(*traces)
     table = scorer.scores.legs
     rows = table.num_rows // len(traces)
     bodies = [None if trace.body is None else compute_body(trace.body, steps_per_cycle) for trace in traces]
