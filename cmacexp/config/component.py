@@ -143,7 +143,7 @@ def find_new_name(target: str) -> str:
 @contextmanager
 def current_folder_importable() -> Iterator[None]:
     """Make modules of the current folder importable, as ``python -m`` does but console scripts and workers do not."""
-    here = str(Path.cwd())
+    here = os.getcwd()
     if any(entry in ("", here) for entry in sys.path):
         yield
         return

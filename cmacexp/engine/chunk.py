@@ -7,16 +7,16 @@ import hashlib
 from collections import defaultdict, deque
 from collections.abc import Hashable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import pyarrow as pa
 
 from cmacexp.config import Config
 from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import describe_other_model
-from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores, as_array
+from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores
 from cmacexp.data.trace import SampledTrace, join_sampled
-from cmacexp.engine.pool import drop_rate, report_share
+from cmacexp.engine.pool import RATE, SEED, drop_keys, report_share
 from cmacexp.engine.run import sample_scenario, score_scenario
 from cmacexp.engine.stop_cause import explain_stop
 from cmacexp.engine.sweep_tables import concat_metrics, join_scores
@@ -47,22 +47,30 @@ class RunEnd(NamedTuple):
 class Chunk:
     """Runs of one process, and their metrics."""
 
+    _repeated: ClassVar[tuple[Any, Repeated] | None] = None
+    """The scenario of the last run that could share it, also of an earlier chunk of this process."""
+
     def __init__(self, runs: Sequence[Sequence[str]], keeps_trace: bool = False):
         """Runs of these overrides; the traces of all of them are kept, else of short runs until they are scored."""
-        self.keeps_trace, self.repeats = keeps_trace, len(set(map(drop_rate, runs))) < len(runs)
+        self.keeps_trace, shared = keeps_trace, ((RATE,), (RATE, SEED))
+        self.repeats = [len({drop_keys(overrides, keys) for overrides in runs}) < len(runs) for keys in shared]
         self.traces = dict[int, SampledTrace]()
         self._configs, self._scores = dict[int, Config](), dict[int, Scores]()
-        self._repeated: tuple[Any, Repeated] | None = None
 
     def make(self, config: Config) -> Scenario:
-        """A scenario of a config, for the next run; one is made for all that differ in the rate alone, in a row."""
+        """A scenario of a config, for the next run.
+
+        One is made for all in a row that differ in the rate alone, or in the seed if only a feedforward draws.
+        """
+        draws = getattr(config.sensors, "draws", True)
         alike = {**vars(config), "learning": {**vars(config.learning), "rate": None}}
-        if self._repeated is None or self._repeated[0] != alike:
+        alike["seed"] = config.seed if draws else None
+        if Chunk._repeated is None or Chunk._repeated[0] != alike:
             scenario = make_scenario(config)
-            if not (self.repeats and Repeated.serves(scenario)):
+            if not (self.repeats[not draws] and Repeated.serves(scenario)):
                 return scenario
-            self._repeated = alike, Repeated(scenario)
-        return self._repeated[1].start(config)
+            Chunk._repeated = alike, Repeated(scenario)
+        return Chunk._repeated[1].start(config)
 
     def run(self, number: int, scenario: Scenario) -> End:
         """Run the one of this number; raises as its loop."""
@@ -103,7 +111,9 @@ def run_chunk(chunk: Sequence[list[str]], keeps_trace: bool, runs: int) -> tuple
     """
     expect_runs(runs)
     together, ended = Chunk(chunk, keeps_trace), list[tuple[Config, End]]()
-    configs = [compose_config(overrides) for overrides in chunk]  # twice as fast in a row as between runs
+    configs = [
+        compose_config(overrides, is_shared=True) for overrides in chunk
+    ]  # twice as fast in a row as between runs
     for number, config in enumerate(configs):
         ended.append((config, together.run(number, together.make(config))))
         report_share((number + 1) / len(chunk))
@@ -119,7 +129,7 @@ def hash_scores(scores: Scores) -> dict[str, str]:
     """SHA-256 of the values of each table of metrics, by the name of its file."""
     named = zip((METRICS_FILE, BODY_METRICS_FILE), scores, strict=True)
     return {
-        name: hashlib.sha256(b"".join(as_array(table, column).tobytes() for column in table.column_names)).hexdigest()
+        name: hashlib.sha256(b"".join(column.to_numpy().tobytes() for column in table.columns)).hexdigest()
         for name, table in named
         if table is not None
     }

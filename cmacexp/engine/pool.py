@@ -25,6 +25,8 @@ PRELOADED = ["cmacexp.engine.job", "cmacexp.engine.sweep_tables", "cmacexp.jit.n
 """Modules that workers need."""
 MOST_RUNS, CHUNKS_EACH = 16, 4
 """Short runs that a process takes at a time, at most, and how often it comes back at least, if there are enough."""
+RATE, SEED = "learning.rate=", "seed="
+"""How the overrides begin in which runs may differ that share a scenario."""
 ParallelMap = Callable[..., list[Any]]
 """``parallel_map(what, work, items, see=id, runs=None)``: what ``work(*item)`` returns for each item, in their order.
 
@@ -68,18 +70,23 @@ def choose_size(runs: int, processes: int) -> int:
     return max(1, min(MOST_RUNS, runs // (CHUNKS_EACH * processes)))
 
 
-def drop_rate(overrides: Sequence[str]) -> tuple[str, ...]:
-    """Overrides without that of the rate of learning: runs that have the same ones can share a scenario."""
-    return tuple(text for text in overrides if not text.startswith("learning.rate="))
+def drop_keys(overrides: Sequence[str], keys: tuple[str, ...]) -> tuple[str, ...]:
+    """Overrides without those of some keys: runs that have the same ones can share a scenario."""
+    return tuple(text for text in overrides if not text.startswith(keys))
 
 
 def group_runs(runs: Sequence[Sequence[str]], most: int) -> list[list[int]]:
-    """Numbers of runs for one process after the other, by their overrides: those alike but for the rate together."""
-    groups, chunks = defaultdict[Hashable, list[int]](list), list[list[int]]()
+    """Numbers of runs for one process after the other, by their overrides.
+
+    Those alike but for rate and seed are together, of these those with the same seed.
+    """
+    groups = defaultdict[Hashable, dict[Hashable, list[int]]](dict)
     for number, overrides in enumerate(runs):
-        groups[drop_rate(overrides)].append(number)
+        groups[drop_keys(overrides, (RATE, SEED))].setdefault(drop_keys(overrides, (RATE,)), []).append(number)
+    chunks = list[list[int]]()
     for group in groups.values():
-        for part in (group[at : at + most] for at in range(0, len(group), most)):
+        numbers = [number for alike in group.values() for number in alike]
+        for part in (numbers[at : at + most] for at in range(0, len(numbers), most)):
             if not chunks or len(chunks[-1]) + len(part) > most:
                 chunks.append([])
             chunks[-1] += part

@@ -77,19 +77,23 @@ Columns = tuple[tuple[Signal, ...], tuple[Signal, ...] | None]
 """Columns of the traces of the legs, and of the body if there is one."""
 
 
-_select = lru_cache(64)(select_signals)
+@lru_cache(64)
+def _select(
+    joints: int, models: int, altered: frozenset[str], watched: bool, is_body: bool, is_live: bool
+) -> Columns:
+    """Columns of legs with so many joints, for so many of which there is the torque of a model."""
+    table = LEG_SIGNALS if joints == len(PLANE) else (*LEG_SIGNALS, *SPATIAL_SIGNALS)
+    legs = select_signals((*table, *MODEL_SIGNALS[:models]), altered, watched)
+    body = (*BODY_SIGNALS, *LIVE_SIGNALS) if is_live else BODY_SIGNALS
+    return legs, select_signals(body, altered) if is_body else None
 
 
 def _columns(scenario: Scenario) -> Columns:
     """Columns of the traces; sensors that alter a signal, or are supervised, add some."""
-    altered, watched = frozenset(find_altered(scenario.sensors)), scenario.setup.config.plausibility.enabled
-    mechanism = scenario.setup.mechanism
-    table = LEG_SIGNALS if mechanism.axes == PLANE else (*LEG_SIGNALS, *SPATIAL_SIGNALS)
-    if _known_torque(scenario) is not None:
-        table = (*table, *MODEL_SIGNALS[: mechanism.shape[1]])
-    legs = _select(table, altered, watched)
-    body = (*BODY_SIGNALS, *LIVE_SIGNALS) if hasattr(scenario.plant, "list_steps") else BODY_SIGNALS
-    return legs, _select(body, altered) if has_body(mechanism) else None
+    mechanism, watched = scenario.setup.mechanism, scenario.setup.config.plausibility.enabled
+    joints, altered = mechanism.shape[1], frozenset(find_altered(scenario.sensors))
+    models = 0 if _known_torque(scenario) is None else joints
+    return _select(joints, models, altered, watched, has_body(mechanism), hasattr(scenario.plant, "list_steps"))
 
 
 def _known_torque(scenario: Scenario) -> Array | None:

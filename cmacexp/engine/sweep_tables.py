@@ -14,7 +14,7 @@ import math
 import re
 from collections.abc import Sequence
 from contextlib import suppress
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from secrets import token_hex
 from typing import Any, NamedTuple
@@ -68,6 +68,7 @@ def parse_overrides(typed: Sequence[Sequence[str]]) -> list[dict[str, Any]]:
     return [{key: parse_value(values[key]) if key in values else None for key in keys} for values in settings]
 
 
+@lru_cache(1 << 12)
 def parse_value(text: str) -> Any:
     """A value as typed on the command line: a number, true, false, null, else text."""
     if text in ("true", "false"):

@@ -13,7 +13,7 @@ from cmacexp.config import Config
 from cmacexp.config.schema import ADAPTIVE, ESTIMATE, NONE
 from cmacexp.data.signals import ARRAYS, FEEDBACK_ALONE, LEARNS, REPEATED
 from cmacexp.errors import CmacexpError
-from cmacexp.feedforward.kernels import TABLE
+from cmacexp.feedforward.kernels import TABLE, FeedforwardParams
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.compiler import repays_compiling, workload
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back, raise_if_interrupted
@@ -169,7 +169,7 @@ class _Stream:
             self.adaptation.update_plan(start // config.steps_per_cycle + 1)
         steps = min(len(self.samples), config.cycles * config.steps_per_cycle - start)
         samples, body = self.samples[:steps], self.body[:steps]
-        body[:, TRAVEL] = 0.0  # a body goes straight ahead unless the plant moves it
+        body[:, TRAVEL[0] : TRAVEL[-1] + 1] = 0.0  # a body goes straight ahead unless the plant moves it
         body[:, TRAVEL[0]] = np.arange(start, start + steps) * config.sampling_period * config.body_speed
         began, worked = time.perf_counter(), time.process_time()
         try:
@@ -329,19 +329,27 @@ def stream(
 
 
 class Repeated:
-    """A scenario that runs again and again at other rates of learning: its arrays return, nothing is made anew."""
+    """A scenario that runs again and again at other rates of learning, or with other seeds.
+
+    Its arrays return; nothing but what a feedforward computes from the seed is made anew.
+    """
 
     def __init__(self, scenario: Scenario):
         setup = scenario.setup
         limits = new_limits(setup.mechanism, setup.plan.margins[:, STABILITY], setup.config.sampling_period)
-        self._scenario, self._loop = scenario, make_loop(scenario, find_external(scenario), limits)
-        assert self._loop.feedforward is not None
-        self._params = self._loop.feedforward
-        weights, log = self._params.weights, self._params.log
-        changed = [each.array for each in list_arrays(self._loop) if each.role is not None]
-        self._start = Snapshot(array for array in changed if array is not weights)
+        loop = make_loop(scenario, find_external(scenario), limits)
+        self._scenario, self._loop = scenario, loop._replace(feedforward=None)
+        self._start = Snapshot(each.array for each in list_arrays(self._loop) if each.role is not None)
+        self._take_params(loop.feedforward)
+
+    def _take_params(self, params: FeedforwardParams | None) -> None:
+        """Learn with other params, whose arrays are as at the start of a run."""
+        assert params is not None
+        weights, self._params = params.weights, params
+        changed = [each.array for each in list_arrays(params) if each.role is not None]
+        self._learner = Snapshot(array for array in changed if array is not weights)
         # Of weights those in use: to copy all of them takes a third as long as a short run.
-        self._weights = [(own, rows, own[rows]) for own, rows in zip(weights, log.rows, strict=True)]
+        self._weights = [(own, rows, own[rows]) for own, rows in zip(weights, params.log.rows, strict=True)]
 
     @staticmethod
     def serves(scenario: Scenario) -> bool:
@@ -355,11 +363,19 @@ class Repeated:
         return fixed and learns and not any(find_external(scenario))
 
     def start(self, config: Config) -> Scenario:
-        """The scenario of a config that differs in the rate of learning alone; the one before has ended."""
+        """The scenario of a config that differs in seed and rate of learning alone; the one before has ended."""
         self._start.restore()
+        self._learner.restore()
         for own, rows, held in self._weights:
             own[rows] = held
-        setup = self._scenario.setup
+        setup, feedforward = self._scenario.setup, self._scenario.feedforward
+        assert isinstance(feedforward, BuiltInFeedforward)
+        if config.seed != setup.config.seed:
+            setup = replace(setup, config=config)
+            with workload(config.cycles * config.steps_per_cycle * config.legs):
+                feedforward.reset(replace(setup, config=config.nominal))
+            self._scenario = replace(self._scenario, setup=setup)
+            self._take_params(feedforward.params)
         rate = resolve_rate(config, LoopDelay(), setup.lead)
         params = self._params._replace(learning=self._params.learning._replace(rate=rate))
         loop = self._loop._replace(feedforward=params)

@@ -15,6 +15,7 @@ MIXED = [
     [*SHORT, "learning.rate=0.4"],
     [*SHORT, "learning.rate=0.3"],
     [*SHORT, "learning.rate=auto"],
+    [*SHORT, "learning.rate=0.2", "seed=5"],
     [*NOISY, "seed=1"],
     [*NOISY, "seed=1", "learning.rate=0.2"],
     [*SHORT, "terrain.stiffness=30", "seed=3"],
