@@ -1,4 +1,4 @@
-"""Feedforwards as kernels: a known torque, or a network that learns, with a log of its weights after each cycle."""
+"""Feedforwards as kernels: a known torque, a regressor, or a network that learns, with a log of its weights."""
 
 import math
 from typing import Annotated, NamedTuple
@@ -87,7 +87,7 @@ def collect_log(log: WeightLog, weights: Array, cycles: int) -> Array:
     return entries
 
 
-TABLE, CMAC, WEIGHTED = range(3)
+TABLE, CMAC, WEIGHTED, REGRESSOR = range(4)
 
 EMPTY_CELLS: Cells = np.zeros((1, 1, 1), dtype=np.uint32)
 EMPTY: Array = np.zeros((1, 1, 1))
@@ -106,9 +106,10 @@ class LearningParams(NamedTuple):
     start_step: int = 0
     """First step of the run in which the network learns."""
     cells: Cells = EMPTY_CELLS
-    """(N, L, K): rows that learn from the error of each sample; only of ``zero_phase``, as the next."""
+    """(N, L, K): rows that learn from the error of each sample; only of ``zero_phase``."""
     share: Array = EMPTY
-    """(N, L, K): their shares, see :func:`cmacexp.cmac.rules.spread_shares`."""
+    """(N, L, K): their shares, see :func:`cmacexp.cmac.rules.spread_shares`; of a regressor (N, L, P J), see
+    :func:`adapt`."""
     cycle_rate: float = 0.0
     """beta / |K| of updates once a cycle, see :func:`correct`; 0 unless the guard of learning refines."""
 
@@ -129,15 +130,17 @@ class FeedforwardParams(NamedTuple):
     """
 
     kind: int
-    """TABLE (torque known in advance), CMAC (two joints, activations of 1) or WEIGHTED (by their activations)."""
+    """TABLE (torque known in advance), CMAC (two joints, activations of 1), WEIGHTED (by their activations) or
+    REGRESSOR, see :func:`adapt`."""
     torque: Array
     """(N, L, J): known torque, N m: all of a table's, or what a network adds to; (1, L, J) of a network alone."""
     cells: Cells
     """(N, L, C): active rows of the networks at the planned inputs."""
     activation: Array
-    """(N, L, C): their activations; of WEIGHTED, and of a CMAC whose rule is not the paper's."""
+    """(N, L, C): their activations; of WEIGHTED, and of a CMAC whose rule is not the paper's. Of a regressor its
+    columns, (N, L, P J), N m per unit of each parameter."""
     weights: State
-    """(L, rows, J): weights of the networks, one per leg."""
+    """(L, rows, J): weights of the networks, one per leg; of a regressor its parameters, (L, P, 1)."""
     learning: LearningParams
     smoothing: Smoothing
     log: WeightLog
@@ -191,6 +194,27 @@ def read_sample(params: FeedforwardParams, i: int, sample: int, output: Array) -
 
 
 @kernel
+def adapt(params: FeedforwardParams, i: int, sample: int, learning_error: Array, output: Array) -> None:
+    """Change the P parameters a that the joints of leg ``i`` share, then fill ``output`` (J,), N m: a += S U, Y a.
+
+    The ``learning_error`` U (J,), N m, is that of the sample before. S and Y (P, J) are rows of ``learning.share``
+    and ``activation``, in one piece.
+    """
+    parameters, columns = params.weights[i], params.activation[sample, i]
+    steps = params.learning.share[(sample - 1 - params.learning.lead) % params.activation.shape[0], i]
+    joints = output.shape[0]
+    for j in range(joints):
+        output[j] = 0.0
+    for p in range(parameters.shape[0]):
+        change = 0.0
+        for j in range(joints):
+            change += steps[p * joints + j] * learning_error[j]
+        parameters[p, 0] += change
+        for j in range(joints):
+            output[j] += columns[p * joints + j] * parameters[p, 0]
+
+
+@kernel
 def feedforward_step(params: FeedforwardParams, step: int, sample: int, learning_error: Array, output: Array) -> None:
     """Learn from the last step's ``learning_error``, then fill ``output`` of this step (eq. 18, 20, 21); (L, J), N m.
 
@@ -204,6 +228,8 @@ def feedforward_step(params: FeedforwardParams, step: int, sample: int, learning
                 output[i, j] = params.torque[sample, i, j]
                 if params.block > 0:
                     params.feedback[sample - 1, i, j] = learning_error[i, j]
+        elif params.kind == REGRESSOR:
+            adapt(params, i, sample, learning_error[i], output[i])
         else:
             learn(params, i, step, (sample - 1 - params.learning.lead) % params.cells.shape[0], learning_error[i])
             if sample == 0 and params.smoothing.taps.shape[0] > 0:

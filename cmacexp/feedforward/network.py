@@ -18,6 +18,7 @@ from cmacexp.feedforward.kernels import (
     EMPTY,
     EMPTY_CELLS,
     LOGGED,
+    REGRESSOR,
     TABLE,
     WEIGHTED,
     FeedforwardParams,
@@ -40,7 +41,7 @@ exponential = np.vectorize(math.exp, otypes=[float])
 class BuiltInFeedforward(ABC):
     """A feedforward that the compiled loop knows; ``params`` define all that it does.
 
-    A subclass sets them in :meth:`reset`, by :func:`known_torque` or :func:`network`.
+    A subclass sets them in :meth:`reset`, by :func:`known_torque`, :func:`network` or :func:`regressor`.
     """
 
     Config: type[ComponentConfig] = FeedforwardConfig
@@ -125,6 +126,26 @@ def known_torque(setup: Setup, torque: Array) -> FeedforwardParams:
         learning=LearningParams(0.0, 0),
         smoothing=NO_SMOOTHING,
         log=new_log(cells),
+    )
+
+
+def regressor(setup: Setup, columns: Array, steps: Array, parameters: Array) -> FeedforwardParams:
+    """Params of a torque Y a, with parameters a that the joints of a leg share and that learn: a += S U.
+
+    ``columns`` are Y (N, L, J, P), N m per unit of each parameter, ``steps`` S (N, L, P, J) those by which the
+    feedback U that a sample caused changes them, ``parameters`` (L, P) a at first. Raises BadInput if the guard is to
+    improve a network once a cycle.
+    """
+    if setup.config.learning.guard == REFINE:
+        raise BadInput("learning.guard", REFINE, "needs a network; use freeze")
+    torque, flat = np.zeros((1, *setup.mechanism.shape)), (*columns.shape[:2], -1)
+    rows = np.broadcast_to(np.arange(parameters.shape[1], dtype=np.uint32), (1, *parameters.shape))
+    return known_torque(setup, torque)._replace(
+        kind=REGRESSOR,
+        activation=np.ascontiguousarray(columns.swapaxes(2, 3)).reshape(flat),
+        weights=parameters[..., None].copy(),
+        learning=LearningParams(setup.rate, setup.lead, share=np.ascontiguousarray(steps).reshape(flat)),
+        log=new_log(rows),
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from cmacexp.config import Config
 from cmacexp.errors import CmacexpError
-from cmacexp.feedforward.kernels import CMAC, TABLE, WEIGHTED
+from cmacexp.feedforward.kernels import TABLE
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.loop.builtin import find_external, make_loop
 from cmacexp.loop.driver import Driver
@@ -63,7 +63,7 @@ class RestorableLoop:
         feedforward = self.run.loop.feedforward
         assert feedforward is not None
         arrays = list_arrays(self.run.loop)
-        learns = feedforward.kind in (CMAC, WEIGHTED)
+        learns = feedforward.kind != TABLE
         self._weights, log = feedforward.weights, feedforward.log
         states = [each for each in arrays if each.role is not None and each.role.name == STATE.name]
         if self.plant is not None:  # its own state stands for what is measured of it
@@ -116,8 +116,8 @@ class RestorableLoop:
             _write(part, self._held, state[done : done + part.array.size])
             done += part.array.size
         for i, rows in enumerate(self._in_use):
-            size = self.joints * len(rows)
-            self._weights[i, rows] = state[done : done + size].reshape(-1, self.joints)
+            size = len(rows) * self._weights.shape[2]
+            self._weights[i, rows] = state[done : done + size].reshape(len(rows), -1)
             done += size
         self._clocks.restore()
         self.run.taken = self._held

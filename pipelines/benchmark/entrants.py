@@ -153,11 +153,11 @@ LEARNING = _list_tuned("learning", LearningConfig, ["rate"])
 CMAC_SIZE = _list_tuned("cmac", CmacConfig)
 
 
-def enter(target: str, name: str | None = None, has_rate: bool = False) -> Method:
+def enter(target: str, name: str | None = None, has_rate: bool | None = None) -> Method:
     """The method of a custom class: a feedforward, or a controller, which gets no other feedforward.
 
-    It is tuned over the fields of its ``Config`` that say ``tuned=``. A feedforward that ``has_rate``, a network that
-    the compiled loop knows, and a feedforward without such fields are tuned over ``learning.rate``, too.
+    It is tuned over the fields of its ``Config`` that say ``tuned=``. A feedforward that ``has_rate`` (None: if the
+    compiled loop knows it), and a feedforward without such fields, are tuned over ``learning.rate``, too.
 
     Raises:
         BadInput: there is no such class, or it is neither.
@@ -168,7 +168,8 @@ def enter(target: str, name: str | None = None, has_rate: bool = False) -> Metho
     if group is None:
         raise BadInput("--method", target, "must be a feedforward with predict, or a controller with act")
     own = _list_tuned(group, config_class(found))
-    if group == FEEDFORWARD and (has_rate or issubclass(found, BuiltInFeedforward) or not own):
+    known = issubclass(found, BuiltInFeedforward) if has_rate is None else has_rate
+    if group == FEEDFORWARD and (known or not own):
         own += LEARNING
     overrides = (*(["feedforward=none"] if group == CONTROLLER else []), f"{group}._target_={target}")
     learns = group == FEEDFORWARD and hasattr(found, "learnt")
@@ -195,7 +196,7 @@ def list_methods() -> list[Method]:
         enter("pipelines.perceptron.Perceptron", "MLP", has_rate=True),
         enter(f"{OWN}.norm_optimal.NormOptimal", "norm-optimal ILC"),
         enter(f"{OWN}.fourier.RandomFourier", "Fourier features"),
-        enter(f"{OWN}.adaptive.AdaptiveRegressor", "adaptive regressor"),
+        enter(f"{OWN}.adaptive.AdaptiveRegressor", "adaptive regressor", has_rate=False),
         enter(f"{OWN}.repetitive.Repetitive", "repetitive control"),
     ]
 

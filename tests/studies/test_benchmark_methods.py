@@ -12,19 +12,17 @@ from support.rollout import roll_out
 
 from cmacexp.control import Reference
 from cmacexp.feedforward import InverseDynamics
-from pipelines.benchmark.methods.adaptive import MODEL, make_gains, make_regressor
+from pipelines.benchmark.methods.adaptive import MODEL, AdaptiveRegressor, make_gains, make_regressor
 from pipelines.benchmark.methods.norm_optimal import NormOptimal
 from pipelines.benchmark.methods.repetitive import Repetitive
 
 FOLDER = "pipelines.benchmark.methods"
 METHODS = {
     "norm_optimal": f"feedforward._target_={FOLDER}.norm_optimal.NormOptimal",
-    "fourier": f"feedforward._target_={FOLDER}.fourier.RandomFourier",
-    "adaptive": f"feedforward._target_={FOLDER}.adaptive.AdaptiveRegressor",
     "repetitive": f"feedforward._target_={FOLDER}.repetitive.Repetitive",
     "identified": f"feedforward._target_={FOLDER}.identified.Identified",
+    "perceptron": "feedforward._target_=pipelines.perceptron.Perceptron",
 }
-PERCEPTRON = "feedforward._target_=pipelines.perceptron.Perceptron"
 LEG = ("scenario=one_leg", "reference=aware", "learning=lasting", "learning.guard=none")
 # The extra robots downloads other people's models, which CI does without; the planar machines are tested there.
 ROBOT = pytest.mark.skipif(not package_models(), reason="needs the models of robots")
@@ -57,7 +55,7 @@ def test_least_squares_find_masses_and_ground_that_are_wrong(of):
     assert_allclose(inertia, 1.2, rtol=0.2)
 
 
-@pytest.mark.parametrize("target", [METHODS["norm_optimal"], METHODS["repetitive"], PERCEPTRON])
+@pytest.mark.parametrize("target", [METHODS["norm_optimal"], METHODS["repetitive"], METHODS["perceptron"]])
 def test_a_method_that_plays_has_the_bits_of_one_that_is_asked_in_every_step(of, target):
     short = ("gait.cycle_time=0.2", "gait.lift=0.005", "cycles=5", "learning.start_cycle=2")
     played, asked = (of(*LEG, target, *short) for _ in range(2))
@@ -83,15 +81,20 @@ def test_norm_optimal_solves_its_normal_equations():
     [LEG, ("scenario=quadruped_lasting",),
      pytest.param(("scenario=robot", "machine=go1"), marks=[ROBOT, pytest.mark.ci])],
 )  # fmt: skip
-def test_the_nominal_parameters_of_the_regressor_give_the_inverse_dynamics(of, overrides):
+def test_the_regressor_gives_the_inverse_dynamics_and_its_parameters_follow_their_law(of, overrides):
     setup = of(*overrides, "feedforward=none").setup
     regressor = make_regressor(setup)
-    exact = InverseDynamics(InverseDynamics.Config(1.0, 1.0)).compute_torque(setup)
-    assert_allclose(regressor[..., :4] @ MODEL, exact, atol=1e-9)
-    power = np.einsum("kijp,kijq->ipq", regressor, regressor) / len(regressor)
-    eigenvalues = np.linalg.eigvals(make_gains(regressor) @ power).real
+    nominal = InverseDynamics(InverseDynamics.Config(1.0, 1.0)).compute_torque(setup)
+    assert_allclose(regressor[..., :4] @ MODEL, nominal, atol=1e-9)
+    gains = make_gains(regressor) / len(regressor)
+    eigenvalues = np.linalg.eigvals(gains @ np.einsum("kijp,kijq->ipq", regressor, regressor)).real
     assert eigenvalues.max() <= 1.0 + 1e-6  # so that no gain up to 2 diverges over cycles
     assert eigenvalues.min() > -1e-6
+    method, feedback = AdaptiveRegressor(AdaptiveRegressor.Config(gain=0.5)), np.arange(1.0, 1.0 + nominal[0].size)
+    method.reset(replace(setup, lead=2))
+    torque = method.predict(Reference(9, 9, True, *[None] * 5), feedback.reshape(nominal[0].shape))
+    change = np.einsum("ijp,ipq,imq,im->ij", regressor[9], gains, regressor[6], feedback.reshape(torque.shape))
+    assert_allclose(torque, nominal[9] + 0.5 * change, atol=1e-9)
 
 
 def test_repetitive_control_is_its_equation(leg):

@@ -11,12 +11,12 @@ from cmacexp.config import FeedforwardConfig, number
 from cmacexp.config.machine import RobotMachine
 from cmacexp.feedforward.identified import list_by_joints
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
+from cmacexp.feedforward.network import BuiltInFeedforward, regressor
 from cmacexp.models.mechanism import planned_torque
-from cmacexp.planning.plan import Reference, Setup
+from cmacexp.planning.plan import Setup
 from cmacexp.planning.reference import Motion
 from cmacexp.planning.robot import planned_torques
 from cmacexp.typing import Array, Weights
-from pipelines.benchmark.methods.once_a_cycle import Acting
 
 
 def rigid_torque(setup: Setup, still: bool) -> Array:
@@ -70,7 +70,7 @@ def make_gains(regressor: Array) -> Array:
     return np.asarray(both * np.linalg.inv(both * power + RIDGE * np.eye(power.shape[1])))
 
 
-class AdaptiveRegressor(Acting):
+class AdaptiveRegressor(BuiltInFeedforward):
     """torque = Y a, a += gain Gamma Y^T U / N in every sample: the desired-compensation law (Sadegh & Horowitz 1990).
 
     Y is the regressor of the planned motion (after Slotine & Li 1987, whose is that of the measured one), a the
@@ -85,23 +85,19 @@ class AdaptiveRegressor(Acting):
         gain: float = number("", above=0, at_most=10, default=0.5, tuned=(0.05, 2.0))
         """Part of the error of the parameters that goes in a cycle."""
 
+    config: Config
+
     def reset(self, setup: Setup) -> None:
         """Compute the regressor; start with the nominal model, or with parameters of an earlier run."""
-        self.regressor, self.lead = make_regressor(setup), setup.lead
-        samples, legs, _, number = self.regressor.shape
-        self.steps = self.config.gain / samples * make_gains(self.regressor) @ self.regressor.swapaxes(2, 3)
-        self.parameters = np.zeros((legs, number, 1))
-        self.parameters[:, : len(MODEL), 0] = MODEL
+        columns = make_regressor(setup)
+        samples, legs, _, number = columns.shape
+        steps = self.config.gain / samples * make_gains(columns) @ columns.swapaxes(2, 3)
+        parameters = np.zeros((legs, number))
+        parameters[:, : len(MODEL)] = MODEL
         if setup.learnt is not None:
-            self.parameters[...] = setup.learnt["parameters"][..., None]
+            parameters[...] = setup.learnt["parameters"]
+        self.params = regressor(setup, columns, steps, parameters)
 
     def learnt(self) -> Weights:
         """``parameters`` (L, P), in the order of :func:`make_regressor`."""
-        return {"parameters": self.parameters[..., 0].copy()}
-
-    def predict(self, reference: Reference, learning_error: Array) -> Array:
-        """Adapt to the last step's feedback (L, J), N m; return this step's torque (L, J), N m."""
-        sample = reference.sample
-        self.parameters += self.steps[(sample - 1 - self.lead) % len(self.steps)] @ learning_error[..., None]
-        torque: Array = (self.regressor[sample] @ self.parameters)[..., 0]
-        return torque
+        return {"parameters": self.params.weights[..., 0].copy()}

@@ -9,21 +9,16 @@ from cmacexp.planning.plan import Reference, Setup
 from cmacexp.typing import Array, Weights
 
 
-class Acting:
-    """A feedforward that acts, with a config."""
-
-    acts = True
-
-    def __init__(self, config: Any):
-        self.config = config
-
-
-class Playing(Acting):
+class Playing:
     """A feedforward that plays a ``torque`` (N, L, J), N m, for each sample of the cycle, and learns once a cycle."""
 
+    acts = True
     lead = 0
     """Samples from a torque to the feedback that is taken for its."""
     begun = False
+
+    def __init__(self, config: Any):
+        self.config = config
 
     def start(self, setup: Setup) -> None:
         """Start with no torque, or with that of an earlier run at the same phase."""
