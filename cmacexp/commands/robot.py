@@ -20,8 +20,8 @@ from cmacexp.metrics.registry import format_number
 from cmacexp.terminal.messages import print_table
 from cmacexp.terminal.output import print_line, show_activity
 from cmacexp.typing import Array
-from cmacexp.wire.faults import KINDS, NO_FAULT, Fault
 from cmacexp.wire.network import LOOPBACK
+from cmacexp.wire.simulated import KINDS, NO_FAULT, Fault, SimulatedRobot, play
 
 PLAYED = [
     "scenario=robot", "machine=go2", "plant=mujoco_robot_rigid", "plant/as_built=go2", "actuator=go2",
@@ -69,8 +69,6 @@ def _move_hung(arguments: Arguments) -> None:
 
 
 def _play(arguments: Arguments) -> None:
-    from cmacexp.wire.simulated import SimulatedRobot, play
-
     config = compose_config([*PLAYED, *arguments.overrides])
     start = round(arguments.after / config.sampling_period)
     fault = Fault(arguments.fault, start, arguments.motor)

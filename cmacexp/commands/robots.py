@@ -17,7 +17,7 @@ from cmacexp.metrics.registry import format_number
 from cmacexp.models.robot import Robot, read_robot
 from cmacexp.models.robot_gains import DriveGains, derive_basis, find_joint_margin
 from cmacexp.models.robot_search import find_names
-from cmacexp.planning.robot import find_stance
+from cmacexp.planning.machine import find_stance
 from cmacexp.terminal.messages import print_table, warn_of_models
 from cmacexp.terminal.output import print_line
 

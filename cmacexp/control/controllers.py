@@ -10,8 +10,14 @@ import numpy as np
 
 from cmacexp.config import ComponentConfig, Config, number
 from cmacexp.control.drive_kernels import DriveParams, command_drives
-from cmacexp.control.fault_detection import FaultDetection
-from cmacexp.control.hybrid_kernels import METHODS, HybridParams, HybridState, hybrid_feedback, new_hybrid_state
+from cmacexp.control.hybrid_kernels import (
+    METHODS,
+    FaultDetection,
+    HybridParams,
+    HybridState,
+    hybrid_feedback,
+    new_hybrid_state,
+)
 from cmacexp.control.protocol import Action, Drive
 from cmacexp.control.steering import new_steering, steer
 from cmacexp.errors import BadInput

@@ -10,9 +10,9 @@ from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import planned_torque
+from cmacexp.planning.machine import planned_torques
 from cmacexp.planning.plan import Setup
 from cmacexp.planning.reference import Y
-from cmacexp.planning.robot import planned_torques
 from cmacexp.typing import Array
 
 

@@ -14,7 +14,6 @@ from cmacexp.control.steering import steer
 from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step, log_cycle
 from cmacexp.jit.compiler import kernel, program
 from cmacexp.jit.hooks import DONE, Hook
-from cmacexp.loop.finite import is_finite, moves_finite, observes_finite
 from cmacexp.loop.guard_kernels import (
     GuardState,
     accumulate_cycle,
@@ -24,7 +23,7 @@ from cmacexp.loop.guard_kernels import (
     record_torque,
 )
 from cmacexp.loop.samples import write_drives, write_samples
-from cmacexp.loop.stop import DIVERGED, RUNNING, StopLimits, stop_reason
+from cmacexp.loop.stop import DIVERGED, RUNNING, StopLimits, is_finite, moves_finite, observes_finite, stop_reason
 from cmacexp.models.mechanism import Mechanism, update_kinematics
 from cmacexp.planning.reference import ACTING, BEFORE, ControlReference, select
 from cmacexp.plants.drives import Drives, send_command

@@ -1,4 +1,4 @@
-"""Checks that stop a run before its end: it diverges, or its machine falls."""
+"""Checks that stop a run before its end: it diverges, its machine falls, or components give what is not finite."""
 
 import math
 from typing import NamedTuple
@@ -10,7 +10,45 @@ from cmacexp.models.body import depth, make_pose
 from cmacexp.models.mechanism import POINT_MASS, Mechanism, has_body
 from cmacexp.plants.kernels import PlantState
 from cmacexp.plants.protocol import Measurement
+from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array, Clock, Status
+
+
+@kernel
+def is_finite(values: Array) -> bool:
+    """Whether all of ``values`` (L, J), of any unit, are finite."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            if not math.isfinite(values[i, j]):
+                return False
+    return True
+
+
+@kernel
+def observes_finite(observation: Observation) -> bool:
+    """Whether all values of an observation are finite."""
+    for i in range(observation.force.shape[0]):
+        if not math.isfinite(observation.force[i]):
+            return False
+    for n in range(3):
+        if not (math.isfinite(observation.body[n]) and math.isfinite(observation.body_rate[n])):
+            return False
+    return (
+        is_finite(observation.q)
+        and is_finite(observation.dq)
+        and is_finite(observation.foot)
+        and is_finite(observation.velocity)
+    )
+
+
+@kernel
+def moves_finite(machine: PlantState) -> bool:
+    """Whether the velocities of body and feet are finite."""
+    for n in range(3):
+        if not math.isfinite(machine.body_rate[n]):
+            return False
+    return is_finite(machine.velocity)
+
 
 RUNNING, DIVERGED, FELL = range(3)
 STATUSES = {DIVERGED: Status.DIVERGED, FELL: Status.FELL}

@@ -19,9 +19,9 @@ from cmacexp.data.signals import (
 )
 from cmacexp.data.tables import arrow
 from cmacexp.data.trace import SampledTrace, Trace
+from cmacexp.planning.machine import find_centres
 from cmacexp.planning.plan import Plan, Setup
 from cmacexp.planning.reference import X, Y, Z
-from cmacexp.planning.robot import find_centres
 from cmacexp.planning.stability import FRONT, REAR, STABILITY, Masses, true_margins
 from cmacexp.plants.environment import make_payload
 from cmacexp.typing import Array

@@ -1,12 +1,217 @@
-"""The machine that a config describes."""
+"""The machine that a config describes, as the loop sees it: its legs, and of a robot how it stands and its dynamics.
+
+Frame of the body of a robot: origin above the centre of mass of the robot that stands, at the height of the thigh
+joints; x forward, y left, z up, parallel to the trunk. Origin of a hip's frame: the thigh joint, moved with those of
+all other legs so that the feet, planned about these origins, have the centre of mass in their middle. Legs are chains
+in the frames of their hips.
+
+Inverse dynamics along the plan give what ground and joints must supply. The body stays level and moves at constant
+speed. MuJoCo computes the generalised forces of all masses, with the dry friction, damping and armature of the
+joints; the ground's share of them is what acts on the trunk.
+"""
+
+import copy
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from cmacexp.config import Config
 from cmacexp.config.check import TOLERANCE
-from cmacexp.config.machine import LegConfig, LegMachine, PointMassMachine, QuadrupedMachine, RobotMachine
+from cmacexp.config.machine import (
+    LEG_NAMES,
+    LegConfig,
+    LegMachine,
+    PointMassMachine,
+    QuadrupedMachine,
+    RobotMachine,
+    read_model,
+)
 from cmacexp.errors import BadInput
+from cmacexp.models.chain import batch_kinematics, chain_angles, chain_motion
 from cmacexp.models.leg import GRAVITY, Leg
-from cmacexp.models.mechanism import Mechanism, legs_on_stand, legs_under_body, point_mass
-from cmacexp.planning.robot import make_robot_mechanism
+from cmacexp.models.mechanism import Mechanism, chains_under_body, legs_on_stand, legs_under_body, point_mass
+from cmacexp.models.robot import Robot, load_mujoco, place
+from cmacexp.planning.body import BodyLoad
+from cmacexp.planning.reference import Motion
+from cmacexp.typing import Array
+
+PASSES = 5
+"""The centre of mass depends on the legs, which depend on where it is: each pass reduces the error tenfold."""
+
+
+class Stance(NamedTuple):
+    """How a robot stands with its feet below its hips."""
+
+    origin: Array
+    """(3,): of the body's frame in that of the trunk, m."""
+    hips: Array
+    """(4, 3): origins of the hips' frames in the frame of the body, m."""
+    chains: Array
+    """(4, 21): m, see :mod:`cmacexp.models.chain`."""
+
+
+def to_hip(vectors: Array) -> Array:
+    """Vectors (..., 3), any unit, of the body's frame (forward, left, up) in that of a hip (forward, down, left)."""
+    return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
+
+
+def make_chains(robot: Robot, places: Array) -> Array:
+    """Chains (4, 21) of the legs in hips' frames whose origins are at ``places`` (4, 3) in the trunk's frame, m."""
+    points = to_hip(robot.hinges[..., :3] - places[:, None])
+    hinges = np.concatenate([points, to_hip(robot.hinges[..., 3:])], axis=-1)
+    return np.concatenate([hinges.reshape(len(places), -1), to_hip(robot.feet_at_zero - places)], axis=1)
+
+
+@lru_cache(maxsize=16)
+def find_stance(robot: Robot, hip_height: float) -> Stance:
+    """The stance with the hips ``hip_height`` (m) above the feet; raises BadInput if a leg is too short."""
+    mujoco, thighs = load_mujoco(), robot.hinges[:, 1, :3].copy()
+    thighs[:, 2] = thighs[:, 2].mean()
+    below, shift = np.array([[0.0, hip_height, 0.0]]), np.zeros(3)
+    for _ in range(PASSES):
+        chains = make_chains(robot, thighs + shift)
+        q = np.concatenate([chain_angles(chain, below, home) for chain, home in zip(chains, robot.home, strict=True)])
+        _require_stance(robot, hip_height, q)
+        data = robot.at(q)
+        mujoco.mj_comPos(robot.model, data)
+        shift[:2] = data.subtree_com[robot.legs.base, :2] - thighs[:, :2].mean(axis=0)
+    origin = np.array([*data.subtree_com[robot.legs.base, :2], thighs[0, 2]])
+    hips = thighs + shift
+    return Stance(origin, hips - origin, make_chains(robot, hips))
+
+
+def _require_stance(robot: Robot, hip_height: float, q: Array) -> None:
+    """Require joint angles ``q`` (4, 3) that exist and that the joints reach; raises BadInput."""
+    if len(lost := np.flatnonzero(np.isnan(q).any(axis=1))):
+        if hip_height >= (length := sum(robot.links)):
+            reason = f"is out of reach of the legs, whose links are {length:.3g} m long together"
+            raise BadInput("machine.hip_height", hip_height, reason)
+        leg = LEG_NAMES[lost[0]]
+        reason = (
+            f"from there the {leg} foot finds no way to {hip_height:.3g} m below its hip: bend its knee otherwise"
+        )
+        raise BadInput("machine.home", robot.home[lost[0]].tolist(), f"{reason}, or change machine.hip_height")
+    least, largest = np.moveaxis(robot.ranges, -1, 0)
+    for i, n in np.argwhere((q < least) | (q > largest)):
+        name = robot.model.joint(int(robot.legs.joint[i, n])).name
+        reason = f"would stand with {name} at {q[i, n]:.4g} rad, beyond its {least[i, n]:.4g} to {largest[i, n]:.4g}"
+        reason = f"{reason} rad: bend the knee otherwise, or change machine.hip_height"
+        raise BadInput("machine.home", robot.home[i].tolist(), reason)
+
+
+def make_robot_mechanism(machine: RobotMachine) -> Mechanism:
+    """The machine of a robot; raises BadInput if there is no such model, or it cannot stand like that."""
+    robot = read_model(machine)
+    stance = find_stance(robot, machine.hip_height)
+    weight, limits = robot.mass * GRAVITY, tuple(robot.torque_limits.tolist())
+    hips = np.ascontiguousarray(stance.hips[:, :2])
+    return chains_under_body(stance.chains, machine.hip_height, hips, weight, limits)
+
+
+def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desired: Motion) -> Motion:
+    """Joint motion along the ``desired`` one of the feet; raises BadInput if joints do not reach."""
+    assert mechanism.chains is not None
+    home = read_model(machine).home  # which says how legs are bent
+    angles, rates, changes = np.empty((3, *desired.position.shape))
+    for i, chain in enumerate(mechanism.chains):
+        foot, velocity, acceleration = (values[:, i] for values in desired)
+        angles[:, i] = chain_angles(chain, foot, home[i])
+        rates[:, i], changes[:, i] = chain_motion(chain, angles[:, i], velocity, acceleration)
+    if len(lost := np.argwhere(np.isnan(angles))):
+        k, i, _ = lost[0]
+        reason = f"the {LEG_NAMES[i]} foot is out of reach at sample {k}; use a shorter one, or machine.hip_height"
+        raise BadInput("gait.stroke", config.gait.stroke, reason)
+    least, largest = np.moveaxis(read_model(machine).ranges, -1, 0)
+    if len(out := np.argwhere((angles < least) | (angles > largest))):
+        k, i, n = out[0]
+        allowed = f"{least[i, n]:.4g} to {largest[i, n]:.4g} rad"
+        reason = f"{machine.joints[i][n]} would be at {angles[k, i, n]:.4g} rad at sample {k}, beyond its {allowed}"
+        raise BadInput("gait.stroke", config.gait.stroke, f"{reason}; use a shorter one, or machine.hip_height")
+    return Motion(angles, rates, changes)
+
+
+def find_centres(machine: RobotMachine, q: Array) -> Array:
+    """Centres of mass (3, N) of a robot in the body's frame, m, at joint angles ``q`` (N, 4, 3), rad."""
+    mujoco, robot = load_mujoco(), read_model(machine)
+    origin = find_stance(robot, machine.hip_height).origin
+    centres = np.empty((3, len(q)))
+    data = robot.at(robot.home)
+    for k, angles in enumerate(q):
+        data.qpos[robot.legs.qpos] = angles
+        mujoco.mj_kinematics(robot.model, data)
+        mujoco.mj_comPos(robot.model, data)
+        centres[:, k] = data.subtree_com[robot.legs.base] - origin
+    return centres
+
+
+def make_model(robot_model: Any, mass_factor: float = 1.0) -> Any:
+    """A copy of a model without contacts, its masses and inertias times ``mass_factor``."""
+    mujoco = load_mujoco()
+    model = copy.copy(robot_model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    model.body_mass *= mass_factor
+    model.body_inertia *= mass_factor
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return model
+
+
+def compute_needs(config: Config, joints: Motion, sway: Motion, mass_factor: float = 1.0) -> tuple[Array, Array]:
+    """What the planned motion of the ``joints`` and of the body needs, with masses that may be wrong.
+
+    Of the body (N, 6): force (N) in the world, and moment about its origin (N m); of the joints (N, 4, 3): torques
+    without contact forces, N m.
+    """
+    mujoco, robot = load_mujoco(), read_model(config.machine)
+    origin, legs = find_stance(robot, config.machine.hip_height).origin, robot.legs
+    model = make_model(robot.model, mass_factor)
+    data = place(model, mujoco.MjData(model), legs, robot.home)
+    rates = sway.velocity + np.array([config.body_speed, 0.0])
+    needs = np.empty((len(rates), model.nv))
+    for k, sample in enumerate(zip(*joints, strict=True)):
+        data.qpos[legs.qpos], data.qvel[legs.dof], data.qacc[legs.dof] = sample
+        data.qvel[legs.base_dof : legs.base_dof + 2] = rates[k]
+        data.qacc[legs.base_dof : legs.base_dof + 2] = sway.acceleration[k]
+        mujoco.mj_inverse(model, data)
+        needs[k] = data.qfrc_inverse
+    force, moment = needs[:, legs.base_dof : legs.base_dof + 3], needs[:, legs.base_dof + 3 : legs.base_dof + 6]
+    return np.concatenate([force, moment - np.cross(origin, force)], axis=1), needs[:, legs.dof]
+
+
+def compute_load(config: Config, joints: Motion, sway: Motion) -> BodyLoad:
+    """The load of the feet along the planned motion of the ``joints`` and of the body.
+
+    The horizontal force acts at the ground, ``hip_height`` below the body: it moves the centre of pressure.
+    """
+    force, moment = np.split(compute_needs(config, joints, sway)[0], 2, axis=1)
+    longitudinal, lateral, up = force.T
+    height = config.machine.hip_height
+    centre = np.stack([-moment[:, 1] - height * longitudinal, moment[:, 0] - height * lateral], axis=1) / up[:, None]
+    return BodyLoad(up, centre)
+
+
+def planned_torques(
+    config: Config,
+    mechanism: Mechanism,
+    joints: Motion,
+    sway: Motion,
+    load: Array,
+    pressed: Array,
+    mass_factor: float = 1.0,
+) -> Array:
+    """Joint torques (N, 4, 3), N m, that let the robot move as planned, with masses that may be wrong by a factor.
+
+    Planned are ``joints`` and ``sway``; ``load`` (N, 4) are vertical forces on the feet, N, which share the
+    horizontal force alike; ``pressed`` (N, 4) are those that these torques have to give.
+    """
+    assert mechanism.chains is not None
+    trunk, torque = compute_needs(config, joints, sway, mass_factor)
+    share = load / load.sum(axis=1, keepdims=True)
+    ground = np.stack([trunk[:, :1] * share, -pressed, trunk[:, 1:2] * share], axis=-1)
+    for i, chain in enumerate(mechanism.chains):
+        _, jacobian = batch_kinematics(chain, joints.position[:, i])
+        torque[:, i] -= np.einsum("kjn,kj->kn", jacobian, ground[:, i])
+    return torque
 
 
 def compute_weight_of_masses(machine: QuadrupedMachine) -> float:

@@ -18,8 +18,10 @@ from cmacexp.errors import BadInput
 from cmacexp.models.ground import NEVER
 from cmacexp.models.mechanism import POINT_MASS, SPACE, Mechanism, has_body
 from cmacexp.planning.body import BodyLoad, dynamic_load, find_pressure, find_sway, static_load
+from cmacexp.planning.machine import compute_load, plan_robot
 from cmacexp.planning.motion import (
     Timing,
+    check_reach,
     make_timing,
     plan_force,
     plan_horizontal,
@@ -27,9 +29,7 @@ from cmacexp.planning.motion import (
     plan_load_fraction,
     plan_motion,
 )
-from cmacexp.planning.reach import check_reach
 from cmacexp.planning.reference import ControlReference, Motion, X, Y, Z, plan_reference, read_old_columns
-from cmacexp.planning.robot import compute_load, plan_robot
 from cmacexp.planning.stability import check_stability, margins
 from cmacexp.typing import Array, Mask, Weights
 

@@ -286,9 +286,8 @@ def runge_kutta_step(params: PlantParams, state: PlantState, tau: Array) -> None
 @kernel
 def advance(params: PlantParams, state: PlantState, tau: Array) -> None:
     """Move the plant over one sampling period under the held torque ``tau`` (L, 2), N m."""
-    height = state.body[0]
-    pitch = state.body[1]
-    roll = state.body[2]
+    for n in range(3):
+        state.body_rate[n] = state.body[n]
     for substep in range(params.substeps):
         runge_kutta_step(params, state, tau)
         state.distance[0] += params.speed * params.step
@@ -297,6 +296,5 @@ def advance(params: PlantParams, state: PlantState, tau: Array) -> None:
         update_stiffness(params, state)
         observe(params, state, params.step)
     period = params.substeps * params.step
-    state.body_rate[0] = (state.body[0] - height) / period
-    state.body_rate[1] = (state.body[1] - pitch) / period
-    state.body_rate[2] = (state.body[2] - roll) / period
+    for n in range(3):
+        state.body_rate[n] = (state.body[n] - state.body_rate[n]) / period

@@ -12,8 +12,8 @@ from cmacexp.config.machine import read_model
 from cmacexp.errors import BadInput
 from cmacexp.models.robot import compile_spec, load_mujoco
 from cmacexp.models.robot_legs import Legs
+from cmacexp.planning.machine import find_stance
 from cmacexp.planning.plan import Setup
-from cmacexp.planning.robot import find_stance
 from cmacexp.plants.drives import BusConfig
 from cmacexp.plants.mujoco_kernels import Push, read_floor
 from cmacexp.plants.mujoco_plant import FrictionConfig, Model, MujocoPlant, require_machine

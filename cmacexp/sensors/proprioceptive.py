@@ -13,8 +13,8 @@ from cmacexp.models.chain import FOOT
 from cmacexp.models.loop_delay import first_order_share
 from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.models.robot_gains import list_jacobians
+from cmacexp.planning.machine import Stance, find_stance, to_hip
 from cmacexp.planning.plan import Setup
-from cmacexp.planning.robot import Stance, find_stance, to_hip
 from cmacexp.plants.protocol import Measurement, RobotSignals, copy_state
 from cmacexp.sensors.config import ChannelsConfig, LegSignalConfig, SignalConfig
 from cmacexp.sensors.estimator import OF_A_BODY, OF_A_JOINT, Errors, Estimator, estimate

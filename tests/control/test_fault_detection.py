@@ -8,8 +8,14 @@ from numpy.testing import assert_allclose
 from support.doors import BadInput, make_pose, make_scenario
 from support.rollout import roll_out
 
-from cmacexp.control.fault_detection import FaultDetection, expected_force, new_fault_status, update_status
-from cmacexp.control.hybrid_kernels import METHODS, control_force
+from cmacexp.control.hybrid_kernels import (
+    METHODS,
+    FaultDetection,
+    control_force,
+    expected_force,
+    new_fault_status,
+    update_status,
+)
 
 PARAMS = FaultDetection(enabled=True, tolerance=0.5, relative_tolerance=0.1, patience=4.0)
 

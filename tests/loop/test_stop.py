@@ -5,7 +5,6 @@ import pytest
 from support.doors import Hook, make_mechanism, make_scenario, new_measurement, new_observation, new_state
 from support.rollout import roll_out
 
-from cmacexp.loop.finite import observes_finite
 from cmacexp.loop.step import check
 from cmacexp.loop.stop import (
     DIVERGED,
@@ -17,6 +16,7 @@ from cmacexp.loop.stop import (
     STEEPEST,
     describe_stop,
     new_limits,
+    observes_finite,
     stop_reason,
 )
 

@@ -9,7 +9,7 @@ from support.doors import compose_config, make_scenario
 from support.robots import OWN, read
 
 from cmacexp.planning import Motion
-from cmacexp.planning.robot import compute_needs, find_centres, make_model, planned_torques
+from cmacexp.planning.machine import compute_needs, find_centres, make_model, planned_torques
 
 pytestmark = pytest.mark.ci
 ROBOT = ("scenario=robot", "machine=mjcf", f"machine.path={OWN}", "feedforward=inverse_dynamics")

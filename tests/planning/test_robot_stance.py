@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from support.doors import BadInput
 
-from cmacexp.planning.robot import _require_stance, make_chains
+from cmacexp.planning.machine import _require_stance, make_chains
 
 
 def test_a_stance_out_of_reach_names_the_height_or_the_leg():

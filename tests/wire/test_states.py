@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cmacexp.errors import BadInput
-from cmacexp.wire.faults import KINDS, NO_FAULT, Fault
 from cmacexp.wire.messages import Message
+from cmacexp.wire.simulated import KINDS, NO_FAULT, Fault
 from cmacexp.wire.states import LimitsConfig, StateWatch, Unsafe, read_state
 
 LIMITS = LimitsConfig(

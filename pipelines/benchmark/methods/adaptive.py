@@ -13,9 +13,9 @@ from cmacexp.feedforward.identified import list_by_joints
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
 from cmacexp.feedforward.network import BuiltInFeedforward, regressor
 from cmacexp.models.mechanism import planned_torque
+from cmacexp.planning.machine import planned_torques
 from cmacexp.planning.plan import Setup
 from cmacexp.planning.reference import Motion
-from cmacexp.planning.robot import planned_torques
 from cmacexp.typing import Array, Weights
 
 
