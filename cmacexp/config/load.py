@@ -93,12 +93,19 @@ def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
     return config
 
 
+@cache
+def _list_names(kind: Any) -> list[str] | None:
+    """Names of the fields of a dataclass; None of another type."""
+    return [each.name for each in fields(kind)] if is_dataclass(kind) else None
+
+
 def to_plain(config: Any) -> Any:
     """The config as plain dictionaries and lists, as it stands in the manifest."""
+    names = _list_names(type(config))  # type: ignore[arg-type]  # any class is hashable
+    if names is not None:
+        return {name: to_plain(getattr(config, name)) for name in names}
     if isinstance(config, list):
         return [to_plain(item) for item in config]
-    if is_dataclass(config):
-        return {each.name: to_plain(getattr(config, each.name)) for each in fields(config)}
     return {name: to_plain(value) for name, value in config.items()} if isinstance(config, dict) else config
 
 

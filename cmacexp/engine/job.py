@@ -16,6 +16,7 @@ from hydra.types import HydraContext
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
 from cmacexp.config import Config, config_hash, to_config, to_plain
+from cmacexp.config.component import COMPONENTS
 from cmacexp.config.compose import make_record, set_numbers, set_values
 from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import RUN_KEY, check_place, new_result
@@ -107,17 +108,22 @@ def write_failure(
 
 
 @lru_cache(8)
-def _unpack(packed: bytes) -> tuple[DictConfig, Any, Path, bytes | None, Any, bytes | None]:
-    """What was packed; then the plain config, pickled, Hydra's part, and the typed config, pickled.
+def _unpack(packed: bytes) -> tuple[DictConfig, Any, Path, Any, Any, Any]:
+    """What was packed; then the plain config, Hydra's part, and the typed config, as :func:`set_numbers` takes them.
 
-    There is no plain config if only Hydra can run the job, and no typed one if it is wrong.
+    There is no plain config if only Hydra can run the job, and no typed one if it is wrong. Both are pickled, and
+    every job has its own, unless all components are built in.
     """
     composed, callbacks, folder, needs_hydra = pickle.loads(packed)
     plain: Any = {"hydra": None} if needs_hydra else OmegaConf.to_container(composed, enum_to_str=True)
-    hydra, typed = plain.pop("hydra"), None
+    hydra = plain.pop("hydra")
+    typed: Any = None
     with suppress(Exception):  # which each job reports
-        typed = pickle.dumps(to_config(plain)) if plain else None
-    return composed, callbacks, folder, pickle.dumps(plain) if plain else None, hydra, typed
+        typed = to_config(plain) if plain else None
+    modules = [type(getattr(typed, group, None)).__module__ for group in COMPONENTS]
+    if not all(name.startswith("cmacexp.") for name in modules):
+        plain, typed = (pickle.dumps(each) if each else None for each in (plain, typed))
+    return composed, callbacks, folder, plain, hydra, typed
 
 
 def _describe_job(hydra: Any, overrides: list[str], number: int, folder: Path) -> None:

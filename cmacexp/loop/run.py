@@ -357,7 +357,8 @@ class Repeated:
         config, feedforward = scenario.setup.config, scenario.feedforward
         if not isinstance(feedforward, BuiltInFeedforward) or not isinstance(scenario.plant, AnalyticPlant):
             return False
-        learning, own = config.learning, type(feedforward).__module__.startswith("cmacexp.")
+        learning, components = config.learning, (scenario.plant, scenario.sensors, scenario.controller, feedforward)
+        own = all(type(each).__module__.startswith("cmacexp.") for each in components)
         fixed = learning.guard == NONE and learning.lead != ESTIMATE and config.force_control.load_sharing != ADAPTIVE
         learns = own and scenario.fault is None and feedforward.params.kind != TABLE
         return fixed and learns and not any(find_external(scenario))

@@ -83,12 +83,13 @@ class Metric(NamedTuple, Generic[Of]):
 
     def find_best(self, values: Array) -> float:
         """The best of some values; NaN if none is defined or neither direction is better."""
-        values = values[~np.isnan(values)]
-        if not values.size or self.better == NEITHER:
+        if self.better == NEITHER:
             return float("nan")
         if self.better == NEAR_ZERO:
-            return float(values[np.abs(values).argmin()])
-        return float(values.max() if self.better == LARGE else values.min())
+            values = values[~np.isnan(values)]
+            return float(values[np.abs(values).argmin()]) if values.size else float("nan")
+        better = np.fmax if self.better == LARGE else np.fmin
+        return float(better.reduce(values, initial=np.nan))
 
 
 rmse = partial(Metric, pooling=RMS, better=SMALL, source="Bristow, Tharayil & Alleyne 2006")
