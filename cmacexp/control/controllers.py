@@ -23,6 +23,7 @@ from cmacexp.control.steering import new_steering, steer
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.protocol import Feedforward
 from cmacexp.models.lead import discretise
+from cmacexp.models.loop_delay import first_order_share
 from cmacexp.models.mechanism import KINEMATICS_FIELDS, update_kinematics
 from cmacexp.planning.plan import Reference, Setup
 from cmacexp.planning.reference import make_gains
@@ -148,7 +149,9 @@ class DriveController:
             kind = setup.config.machine.kind
             raise BadInput("machine.kind", kind, "must be robot with controller=drives: use scenario=robot")
         planned = setup.plan.joints[:2]
-        late = [getattr(getattr(setup.config.sensors, name, None), "delay", 0) for name in ("position", "velocity")]
+        sensors = getattr(setup.config.plant, "estimator", setup.config.sensors)
+        late = [getattr(getattr(sensors, name, None), "delay", 0) for name in ("position", "velocity")]
+        lag = getattr(sensors, "force_lag", 0.0)
         self.params = DriveParams(
             hips=setup.mechanism.hips,
             chains=setup.mechanism.chains,
@@ -157,6 +160,8 @@ class DriveController:
             stiffness=self.config.stiffness,
             damping=self.config.damping,
             force_weight=self.config.force_weight,
+            force_share=first_order_share(lag, setup.config.sampling_period),
+            force_due=np.zeros(setup.mechanism.chains.shape[0]),
             ahead=setup.config.sampling_period / 2.0,
             steering=new_steering(setup),
         )

@@ -2,7 +2,8 @@
 
 The reference is that of the hybrid controller, steered alike, but half a sampling period ahead: a command is held for
 a whole one. What teaches a feedforward is what the drives' law gives at the sample, and the force that is missing:
-J^T (F_d - F), which no drive knows (docs/theory.md).
+J^T (F_d - F), which no drive knows (docs/theory.md). An estimate of F that is filtered is
+compared with F_d through the same filter.
 """
 
 from typing import NamedTuple
@@ -14,7 +15,7 @@ from cmacexp.models.chain import chain_kinematics, joint_velocity
 from cmacexp.planning.reference import ControlReference, Y
 from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY
 from cmacexp.sensors.kernels import Observation
-from cmacexp.typing import Array, Mask
+from cmacexp.typing import Array, Clock, Mask
 
 NEWTON_STEPS = 3
 """From the planned angles, which are those of the reference but for steering and half a sampling period."""
@@ -37,6 +38,10 @@ class DriveParams(NamedTuple):
     """D, N m s/rad."""
     force_weight: float
     """Of the force that is missing, in what teaches."""
+    force_share: float
+    """Of the desired force in ``force_due`` after a step; 1: it is that force."""
+    force_due: Clock
+    """(L,): the desired force through the filter of the forces that sensors estimate, N."""
     ahead: float
     """Time by which commands are ahead of the plan, s."""
     steering: Steering | None = None
@@ -81,7 +86,9 @@ def command_drives(
         at = chain_kinematics(chains[i], q1, q2, q3)
         rates = joint_velocity(at, velocity)
         down = (at.hip[1], at.thigh[1], at.calf[1])
-        lacking = reference.force_desired[i] - observation.force[i]
+        kept = (1.0 - params.force_share) * params.force_due[i]
+        params.force_due[i] = params.force_share * reference.force_desired[i] + kept
+        lacking = params.force_due[i] - observation.force[i]
         missing = params.force_weight * lacking if support[i] else 0.0
         for j, angle in enumerate((q1, q2, q3)):
             command[ANGLE, i, j], command[VELOCITY, i, j] = angle, rates[j]

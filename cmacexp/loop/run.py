@@ -214,18 +214,21 @@ class _Stream:
         return min(self.steps_per_call, self.config.steps_per_cycle - self.driver.taken % self.config.steps_per_cycle)
 
     def _apply_estimate(self) -> None:
-        """Learn with the lead that a probe has given; after a retreat with a longer one than has failed."""
+        """Learn with the lead that a probe has given; after a retreat with a longer one than has failed.
+
+        On drives the lead stays as it is estimated, and each retreat halves the rate.
+        """
         params, guard = self.driver.loop.feedforward, self.guard
         if guard is None or guard.probe.state is None or params is None or not guard.probe.end_cycle():
             return
         learning = params.learning
-        lead = (
-            estimate_lead(guard.probe.state, on_drives=getattr(self.scenario.controller, "sends_drives", False))
-            or learning.lead
-        )
-        if self.estimates:  # too short a lead does harm more often than one that is too long
+        on_drives = getattr(self.scenario.controller, "sends_drives", False)
+        lead = estimate_lead(guard.probe.state, on_drives) or learning.lead
+        if self.estimates and not on_drives:  # too short a lead does harm more often than one that is too long
             lead = max(lead, learning.lead + 1)
         self.rate = resolve_rate(self.config, LoopDelay(lead - 1), lead)
+        if on_drives:
+            self.rate *= 0.5 ** len(self.estimates)
         guard.learns_again = True
         learning = learning._replace(
             lead=lead,

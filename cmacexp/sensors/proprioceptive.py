@@ -113,7 +113,7 @@ class ProprioceptiveSensors(JointSensors):
             hips=mechanism.hips,
             links=links,
             link_masses=masses,
-            force_share=first_order_share(config.force_lag, period) if config.force_lag else 1.0,
+            force_share=first_order_share(config.force_lag, period),
             inertia=np.array([inertia if config.momentum else 0.0 * inertia for inertia, _ in list_jacobians(robot)]),
             momentum=np.zeros((legs, joints)),
             errors=Errors(
