@@ -29,11 +29,14 @@ PACKAGE = __name__.partition(".")[0]
 COMPONENTS = ("plant", "sensors", "controller", "feedforward")
 """Groups that name a class by ``_target_``."""
 NEW_NAMES = {
-    f"cmacexp.control.{name}": f"cmacexp.feedforward.{name}"
-    for name in (
-        "CmacFeedforward", "InverseDynamics", "IterativeLearning", "NoFeedforward", "RadialBasis"
-    )
-}  # fmt: skip
+    **{
+        f"cmacexp.control.{name}": f"cmacexp.feedforward.{name}"
+        for name in ("CmacFeedforward", "InverseDynamics", "IterativeLearning", "NoFeedforward", "RadialBasis")
+    },
+    "cmacexp.control.hybrid.HybridController": "cmacexp.control.HybridController",
+    "cmacexp.control.drives.DriveController": "cmacexp.control.DriveController",
+    "cmacexp.feedforward.cmac_on_model.CmacOnModel": "cmacexp.feedforward.CmacOnModel",
+}
 """Targets that have moved, by their old names, which keep working."""
 
 
