@@ -16,7 +16,8 @@ from omegaconf import DictConfig
 from cmacexp.commands.command import BAD_INPUT, COMPLETED, FAILED, STOPPED, report_usage, run_command
 from cmacexp.commands.group_help import find_group, format_help
 from cmacexp.config import config_folder, to_config
-from cmacexp.config.compose import COMPOSITION_ERRORS, explain_composition, make_record
+from cmacexp.config.compose import make_record
+from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
 from cmacexp.config.hydra_private import report_parser_errors, skip_mode_lookup, take_over_sweeps
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput, CmacexpError

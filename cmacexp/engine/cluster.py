@@ -15,7 +15,7 @@ from hydra.types import HydraContext
 from omegaconf import DictConfig
 
 from cmacexp.config import config_folder
-from cmacexp.config.compose import explain_composition
+from cmacexp.config.explain import explain_composition
 from cmacexp.engine.pool import ParallelMap
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.terminal.output import show_activity

@@ -6,7 +6,8 @@ from support.doors import BadInput, LoopDelay, derive_basis, derive_gains, discr
 from support.robots import FEET, MODELS, OWN, change, read
 
 from cmacexp.config import config_folder, to_config, to_plain
-from cmacexp.config.compose import compose_config, compose_untyped, explain_composition
+from cmacexp.config.compose import compose_config, compose_untyped
+from cmacexp.config.explain import explain_composition
 from cmacexp.config.machine import describe_other_model
 
 pytestmark = pytest.mark.ci

@@ -1,0 +1,72 @@
+"""Explain in one line, with the names that exist, why a config could not be composed."""
+
+import re
+from collections.abc import Sequence
+
+from hydra import compose, initialize_config_dir
+from hydra.core.global_hydra import GlobalHydra
+from hydra.errors import HydraException, MissingConfigException, OverrideParseException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
+
+from cmacexp.config.component import config_folder
+from cmacexp.config.fields import listed
+from cmacexp.config.robot_rule import find_mistake
+from cmacexp.errors import format_install_command, format_value, suggest
+
+COMPOSITION_ERRORS = (HydraException, OmegaConfBaseException, YAMLError)
+"""What Hydra raises on purpose when a config cannot be composed; overrides of unforeseen shape raise anything."""
+
+
+def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
+    """The message, in one line, of an error that Hydra raised while it composed a command line."""
+    if (mistake := find_mistake(error)) is not None:
+        return str(mistake)
+    text, cause = " ".join(str(error).split()), error.__cause__
+    if unresolved := re.match(r"Error resolving interpolation '\$\{(\w+)\}'", text):  # of conf/config.yaml
+        return f"{unresolved[1]}=None: must be a group of fields; choose an option of conf/{unresolved[1]}"
+    if isinstance(error, MissingConfigException) and error.options is not None:
+        path = str(error.missing_cfg_file)
+        group, _, name = path.rpartition("/")
+        if command := format_install_command(path):
+            return f"{group}={name}: is not installed: {command}"
+        return f"{group}={name}: choose from {', '.join(error.options)}{suggest(name, error.options)}"
+    if isinstance(error, OverrideParseException):
+        reason = str(error).splitlines()[0]
+        if str(error.override) in reason:
+            reason = "it does not have the form of an override"
+        typed = format_value(error.override)
+        return f"{typed}: cannot be read ({reason}); write key=value, in quotes if the shell needs them"
+    if several := re.match(r"Ambiguous value for argument '(.*?)' ", text):
+        return f"{several[1]}: several values need -m: python -m cmacexp -m {several[1]}; a list needs brackets"
+    if not isinstance(error, COMPOSITION_ERRORS):
+        return f"a group takes the name of an option (cmac=one_leg), a field takes a value (cmac.layers=8): {text}"
+    if isinstance(cause, OmegaConfBaseException) and "not in" in str(cause):
+        key = str(cause.full_key or "")
+        if key and not key.startswith("hydra"):
+            return _explain_key(key, overrides)
+    reason = str(cause).splitlines()[0] if str(cause or "") else ""
+    return text if reason in text else f"{text} ({reason})"
+
+
+def _explain_key(key: str, overrides: Sequence[str]) -> str:
+    """Which keys exist where ``key`` does not, with the valid choices of options among ``overrides``."""
+    GlobalHydra.instance().clear()
+    valid = [text for text in overrides if (config_folder() / f"{text.replace('=', '/', 1)}.yaml").is_file()]
+    with initialize_config_dir(str(config_folder()), version_base="1.3"):
+        node = compose("config", valid)
+    parent, wrong = "", key
+    while isinstance(node, DictConfig):
+        name, _, rest = wrong.partition(".")
+        if name not in node:
+            break
+        node, parent, wrong = OmegaConf.select(node, name), f"{parent}.{name}".lstrip("."), rest
+    if not isinstance(node, DictConfig):
+        return f"{key}: no such key; {parent} is a value, not a group"
+    if any(text.startswith(f"{parent}._target_=") for text in overrides):
+        return f"{key}: the option of conf/{parent} has no such field; add one of a custom class: +{key}=VALUE"
+    names = [str(name) for name in node]
+    prefix = f"{parent}." if parent else ""
+    suggestion = suggest(wrong.split(".")[0], names, prefix)
+    return f"{key}: no such key; {parent or 'the config'} has {listed(names)}{suggestion}"
