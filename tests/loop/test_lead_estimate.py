@@ -7,6 +7,7 @@ from support.rollout import roll_out
 
 import cmacexp
 from cmacexp.loop.probe import CYCLES, SHARE, LeadProbe, estimate_lead
+from cmacexp.loop.run import _Stream
 
 ESTIMATED = ("scenario=one_leg", "learning=lasting", "learning.lead=estimate", "warn=false")
 QUICK = (*ESTIMATED, "gait.cycle_time=0.4", "gait.lift=0.01", "gait.stroke=0.1", f"cycles={CYCLES + 4}")
@@ -62,6 +63,18 @@ def test_after_a_retreat_it_learns_again_with_a_longer_lead_from_the_best_cycle(
     states = run.metrics["guard_state"].to_numpy()
     assert (states[event["cycle"] - 1 : again] == REPEATED).all()
     assert (states[again:] == LEARNS).all()
+
+
+@pytest.mark.parametrize(("on_drives", "longer", "share"), [(False, 1, 1 / 3), (True, 0, 1 / 2)])
+def test_another_estimate_lengthens_the_lead_and_on_drives_halves_the_rate(make_config, on_drives, longer, share):
+    scenario = make_scenario(make_config(*QUICK))
+    stream = _Stream(scenario, lambda cycles: None)
+    stream.advance()
+    rate, scenario.controller.sends_drives = stream.rate, on_drives
+    stream.guard.probe.cycles_left = 1  # as if it had been repeated, with the same response
+    stream._apply_estimate()
+    first, second = stream.estimates
+    assert (second.lead - first.lead, stream.rate / rate) == (longer, pytest.approx(share))
 
 
 def test_a_response_that_chance_could_give_is_no_estimate():
