@@ -1,7 +1,4 @@
-"""From overrides, as typed on the command line, to a checked config; and Hydra's record of it, as texts.
-
-A config that cannot be composed is explained in one line, with the names that exist.
-"""
+"""From overrides, as typed on the command line, to a checked config; and Hydra's record of it, as texts."""
 
 import pickle
 import re

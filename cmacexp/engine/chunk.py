@@ -29,6 +29,8 @@ from cmacexp.metrics.drift import make_drift_entry, read_drift_entry
 from cmacexp.metrics.score import score_together
 from cmacexp.typing import RESULTS, Status
 
+OF_RATE, OF_BOTH = (RATE,), (RATE, SEED)
+"""Keys in which runs may differ that share a scenario: the seed only if nothing but a feedforward draws."""
 SHORT = 1 << 13
 """Rows of the trace of a run, up to which it is kept until it can be scored together with others."""
 
@@ -53,8 +55,11 @@ class Chunk:
 
     def __init__(self, runs: Sequence[Sequence[str]], keeps_trace: bool = False):
         """Runs of these overrides; the traces of all of them are kept, else of short runs until they are scored."""
-        self.keeps_trace, shared = keeps_trace, ((RATE,), (RATE, SEED))
-        self.repeats = [len({drop_keys(overrides, keys) for overrides in runs}) < len(runs) for keys in shared]
+        self.keeps_trace = keeps_trace
+        self._repeats = {
+            keys: len({drop_keys(overrides, keys) for overrides in runs}) < len(runs) for keys in (OF_RATE, OF_BOTH)
+        }
+        """Whether some of the runs differ in these keys alone."""
         self.traces = dict[int, SampledTrace]()
         self._configs, self._scores = dict[int, Config](), dict[int, Scores]()
 
@@ -68,7 +73,7 @@ class Chunk:
         alike["seed"] = config.seed if draws else None
         if Chunk._repeated is None or Chunk._repeated[0] != alike:
             scenario = make_scenario(config)
-            if not (self.repeats[not draws] and Repeated.serves(scenario)):
+            if not (self._repeats[OF_RATE if draws else OF_BOTH] and Repeated.serves(scenario)):
                 return scenario
             Chunk._repeated = alike, Repeated(scenario)
         return Chunk._repeated[1].start(config)
@@ -112,9 +117,8 @@ def run_chunk(chunk: Sequence[list[str]], keeps_trace: bool, runs: int) -> tuple
     """
     expect_runs(runs)
     together, ended = Chunk(chunk, keeps_trace), list[tuple[Config, End]]()
-    configs = [
-        compose_config(overrides, is_shared=True) for overrides in chunk
-    ]  # twice as fast in a row as between runs
+    # Twice as fast in a row as between runs.
+    configs = [compose_config(overrides, is_shared=True) for overrides in chunk]
     for number, config in enumerate(configs):
         ended.append((config, together.run(number, together.make(config))))
         report_share((number + 1) / len(chunk))
