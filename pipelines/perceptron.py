@@ -67,46 +67,50 @@ class Perceptron(Playing):
         self.paths = np.concatenate([(paths - self.middle) / self.spread, ones], axis=2)
         seeds = [(setup.config.seed + i) % 2**32 for i in range(legs)]
         chances, again = ([np.random.RandomState(seed) for seed in seeds] for _ in range(2))
-        self.weights, self.moments, self.steps = list[Array](), list[Array](), 0
-        for rows, columns in ((self.paths.shape[2], self.config.hidden), (self.config.hidden + 1, joints)):
-            bound = np.sqrt(6.0 / (rows - 1 + columns))  # Glorot & Bengio 2010
-            self.weights.append(np.stack([chance.uniform(-bound, bound, (rows, columns)) for chance in chances]))
-            self.moments.append(np.zeros((2, legs, rows, columns)))
+        inputs, hidden = self.paths.shape[2], self.config.hidden
+        first, size = inputs * hidden, inputs * hidden + (hidden + 1) * joints
+        self.parameters, self.slope, self.mean, self.square = flat = np.zeros((4, legs, size))
+        layers = [flat[:2, :, :first].reshape(2, legs, inputs, -1), flat[:2, :, first:].reshape(2, legs, -1, joints)]
+        self.weights, self.slopes = zip(*layers, strict=True)
+        for weights in self.weights:
+            bound = np.sqrt(6.0 / (weights.shape[1] - 1 + weights.shape[2]))  # Glorot & Bengio 2010
+            weights[:] = [chance.uniform(-bound, bound, weights.shape[1:]) for chance in chances]
+        self.values, self.steps = np.ones((legs, samples, hidden + 1)), 0
         # Each pass takes the samples in the same order, but for this one, which has nothing to learn.
-        first, self.order = (np.stack([each.permutation(samples) for each in own]) for own in (chances, again))
-        self._train(first, np.zeros((legs, samples, joints)))
+        order, self.order = (np.stack([each.permutation(samples) for each in own]) for own in (chances, again))
+        self._train(order, np.zeros((legs, samples, joints)), passes=1)
         if setup.learnt is not None:
             self.scale[:] = setup.learnt["scale"]
-            self.weights = [setup.learnt[name].copy() for name in LAYERS]
+            for weights, name in zip(self.weights, LAYERS, strict=True):
+                weights[:] = setup.learnt[name]
             self.torque[:] = (self.scale * self._compute(self.paths)[1]).swapaxes(0, 1)
 
     def _compute(self, paths: Array) -> tuple[Array, Array]:
-        """Hidden values and 1 (L, n, hidden + 1), and outputs (L, n, J), of inputs and 1 (L, n, ...)."""
+        """Hidden values and 1 (L, n, hidden + 1), until the next call, and outputs (L, n, J), of inputs and 1."""
         hidden, output = self.weights
-        values = np.ones((*paths.shape[:2], output.shape[1]))
+        values = self.values[:, : paths.shape[1]]
         np.tanh(paths @ hidden, out=values[..., :-1])
         return values, values @ output
 
-    def _train(self, order: Any, wanted: Array) -> None:
-        """Pass once over the samples in an ``order`` (L, N), in batches, with the outputs ``wanted`` (L, N, J)."""
+    def _train(self, order: Any, wanted: Array, passes: int) -> None:
+        """Pass over the samples in an ``order`` (L, N), in batches, with the outputs ``wanted`` (L, N, J)."""
         paths, wanted = (np.take_along_axis(values, order[..., None], axis=1) for values in (self.paths, wanted))
-        for first in range(0, order.shape[1], self.config.batch):
-            batch = slice(first, first + self.config.batch)
+        batches = [slice(first, first + self.config.batch) for first in range(0, order.shape[1], self.config.batch)]
+        for batch in passes * batches:
             self._step(paths[:, batch], wanted[:, batch])
 
     def _step(self, paths: Array, wanted: Array) -> None:
         """A step of Adam for half the mean squared error, from inputs and 1 (L, n, ...) and outputs (L, n, J)."""
-        hidden, found = self._compute(paths)
+        values, found = self._compute(paths)
         wrong = (found - wanted) / paths.shape[1]
-        back = (wrong @ self.weights[1][:, :-1].swapaxes(1, 2)) * (1.0 - hidden[..., :-1] ** 2)
+        back = (wrong @ self.weights[1][:, :-1].swapaxes(1, 2)) * (1.0 - values[..., :-1] ** 2)
+        np.matmul(paths.swapaxes(1, 2), back, out=self.slopes[0])
+        np.matmul(values.swapaxes(1, 2), wrong, out=self.slopes[1])
         self.steps += 1
         rate = self.config.step_size * math.sqrt(1.0 - LONG_MEMORY**self.steps) / (1.0 - MEMORY**self.steps)
-        layers = zip(self.weights, self.moments, (paths, hidden), (back, wrong), strict=True)
-        for weights, (mean, square), values, error in layers:
-            slope = values.swapaxes(1, 2) @ error
-            mean += (1.0 - MEMORY) * (slope - mean)
-            square += (1.0 - LONG_MEMORY) * (slope**2 - square)
-            weights -= rate * mean / (np.sqrt(square) + 1e-8)
+        self.mean += (1.0 - MEMORY) * (self.slope - self.mean)
+        self.square += (1.0 - LONG_MEMORY) * (self.slope**2 - self.square)
+        self.parameters -= rate * self.mean / (np.sqrt(self.square) + 1e-8)
 
     def learnt(self) -> Weights:
         """``middle`` and ``spread`` (L, 1, n) of the inputs, ``scale`` (L, 1, 1) of the torques, N m, and LAYERS."""
@@ -119,6 +123,5 @@ class Perceptron(Playing):
             self.scale[:, 0, 0] = np.sqrt((feedback**2).mean(axis=(0, 2)))
             self.scale[self.scale == 0.0] = 1.0
         wanted = (self.torque + self.rate * feedback).swapaxes(0, 1) / self.scale
-        for _ in range(self.config.passes):
-            self._train(self.order, wanted)
+        self._train(self.order, wanted, self.config.passes)
         self.torque[:] = (self.scale * self._compute(self.paths)[1]).swapaxes(0, 1)

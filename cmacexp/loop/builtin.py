@@ -166,6 +166,7 @@ def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard:
         actuator=new_actuator(actuator, setup.config.sampling_period, mechanism.shape[0], mechanism.torque_limits),
         torques=Torques(feedforward=np.zeros(mechanism.shape), total=np.zeros(mechanism.shape)),
         limits=limits,
+        shows=np.ones(1, dtype=np.int64),
         guard=guard,
         meter=new_load_meter(setup.config, mechanism),
         drives=drives,

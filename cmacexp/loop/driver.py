@@ -78,8 +78,7 @@ class ExternalComponents:
         self.drive = [] if drives is None else make_targets(DRIVE_NAMES, drives.command[ANGLE:])
         self.torque = make_targets(("torque",), (torques.feedforward,))
         self.has_fault_status = external.controller and hasattr(scenario.controller, "force_trusted")
-        self.shows = True
-        """Whether the feedforward is to be shown further steps."""
+        loop.shows[0] = 1
         self.divergence = ""
         """Cause that an external plant itself reported, if it has diverged."""
         self.period = len(loop.support)
@@ -119,9 +118,8 @@ class ExternalComponents:
 
     def _show(self, feedforward: Observes, step: int) -> None:
         """Show what the sensors show, and what the plant took."""
-        if self.shows:
-            seen = copy_state(self.observation), self.loop.torques.total.copy()
-            self.shows = feedforward.observe(self._refer(step), *seen) is not False
+        seen = copy_state(self.observation), self.loop.torques.total.copy()
+        self.loop.shows[0] = feedforward.observe(self._refer(step), *seen) is not False
 
     def _act(self, step: int) -> None:
         reference, state = self._refer(step), self.loop.control_state

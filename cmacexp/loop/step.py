@@ -15,6 +15,7 @@ from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step, log
 from cmacexp.jit.compiler import kernel, program
 from cmacexp.jit.hooks import DONE, Hook
 from cmacexp.loop.guard_kernels import (
+    Flag,
     GuardState,
     accumulate_cycle,
     correct_torque,
@@ -63,6 +64,8 @@ class Loop(NamedTuple):
     actuator: Actuator
     torques: Torques
     limits: StopLimits
+    shows: Flag
+    """(1,): 0 once the observer has seen all that it asks for."""
     guard: GuardState | None
     """Of learning; None: nothing guards it."""
     meter: LoadMeter | None
@@ -282,6 +285,7 @@ def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     mechanism = loop.mechanism
     machine = loop.plant_state
     observation = loop.observation
+    shows = loop.shows
     if not begin(hooks.guard, loop.guard, loop.feedforward, step, sample):
         return False
     if not observe(
@@ -297,7 +301,7 @@ def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     ):
         return False
     update_given_joints(plant, sensors, mechanism, observation)
-    return call(observer, step)
+    return shows[0] == 0 or call(observer, step)
 
 
 @kernel

@@ -6,10 +6,12 @@ Six of the eight belong to angles close to one whose pair is known, where :func:
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
 from cmacexp.jit.compiler import kernel
+from cmacexp.typing import Array
 
 FURTHEST = 1e6
 """A larger angle, rad, has no sine here: quarter turns could not be subtracted without loss of precision."""
@@ -28,14 +30,12 @@ C4, C6, C8, C10, C12, C14, C16 = ((-1) ** (n // 2) / math.factorial(n) for n in 
 
 
 @kernel
-def sine_cosine(angle: float) -> tuple[float, float]:
-    """Sine and cosine of an angle in rad; NaN beyond :data:`FURTHEST` and where it is not finite.
+def split_quarters(angle: Any) -> tuple[Any, Any, Any]:
+    """Quarter turns in an angle, rad, or in each of an array, and sine and cosine of the rest.
 
-    The rest of the angle after its quarter turns is at most pi/4, where the power series can end after x^16. Its
-    terms are added in pairs, which the processor computes in parallel.
+    The rest is at most pi/4, where the power series can end after x^16. Its terms are added in pairs, which the
+    processor computes in parallel.
     """
-    if not abs(angle) < FURTHEST:
-        return math.nan, math.nan
     quarters = (angle * QUARTERS + TO_INTEGER) - TO_INTEGER
     x = (angle - quarters * QUARTER_HEAD) - quarters * QUARTER_TAIL
     x2 = x * x
@@ -43,6 +43,15 @@ def sine_cosine(angle: float) -> tuple[float, float]:
     x8 = x4 * x4
     s = x + x * x2 * (((S3 + x2 * S5) + x4 * (S7 + x2 * S9)) + x8 * ((S11 + x2 * S13) + x4 * S15))
     c = 1.0 - (0.5 * x2 - x4 * (((C4 + x2 * C6) + x4 * (C8 + x2 * C10)) + x8 * ((C12 + x2 * C14) + x4 * C16)))
+    return quarters, s, c
+
+
+@kernel
+def sine_cosine(angle: float) -> tuple[float, float]:
+    """Sine and cosine of an angle in rad; NaN beyond :data:`FURTHEST` and where it is not finite."""
+    if not abs(angle) < FURTHEST:
+        return math.nan, math.nan
+    quarters, s, c = split_quarters(angle)
     turned = int(quarters)
     if turned & 1:
         s, c = c, -s
@@ -51,8 +60,12 @@ def sine_cosine(angle: float) -> tuple[float, float]:
     return s, c
 
 
-sines_cosines = np.vectorize(sine_cosine, otypes=[float, float])
-"""Sines and cosines of an array of angles, rad, with the same bits."""
+def sines_cosines(angles: Array) -> tuple[Array, Array]:
+    """:func:`sine_cosine` of an array of angles, rad, with the same bits: two arrays of its shape."""
+    quarters, s, c = split_quarters(np.where(np.abs(angles) < FURTHEST, angles, math.nan))
+    odd, half = quarters % 2.0 == 1.0, quarters % 4.0 >= 2.0
+    s, c = np.where(odd, c, s), np.where(odd, -s, c)
+    return np.where(half, -s, s), np.where(half, -c, c)
 
 
 @kernel

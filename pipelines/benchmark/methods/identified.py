@@ -60,9 +60,9 @@ class Identified(Playing):
         self.omega = 2.0 * np.pi * np.fft.rfftfreq(samples, setup.config.sampling_period)[:, None, None]
         self.planned = self.regress(setup.plan.joints.position)
         self.parameters = np.zeros((legs, self.planned.shape[-1] - 1))
-        shape = (samples, legs, setup.mechanism.shape[1])
-        self.angles, self.taken, self.force = np.zeros(shape), np.zeros(shape), np.zeros((samples, legs))
-        self.seen = 0
+        self.seen, shown = -samples, self.config.cycles * samples + 1
+        self.angles, self.taken = np.zeros((2, shown, *setup.mechanism.shape))
+        self.force = np.zeros((shown, legs))
         if setup.learnt is not None and setup.learnt["parameters"].any():
             self.use(setup.learnt["parameters"])
 
@@ -78,14 +78,10 @@ class Identified(Playing):
 
     def observe(self, reference: Reference, measurement: Measurement, torque: Array) -> bool:
         """Measure angles, forces, and the torque (L, J), N m, of the last step; whether there is more to measure."""
-        cycle, samples = self.seen // len(self.taken), len(self.taken)
-        if 1 <= cycle <= self.config.cycles:
-            self.angles[reference.sample] += measurement.q / self.config.cycles
-            self.force[reference.sample] += measurement.force / self.config.cycles
-        if samples < self.seen <= samples * (1 + self.config.cycles):
-            self.taken[reference.sample - 1] += torque / self.config.cycles
-        self.seen += 1
-        if self.seen <= samples * (1 + self.config.cycles):
+        k, self.seen = self.seen, self.seen + 1
+        if k >= 0:
+            self.angles[k], self.force[k], self.taken[k] = measurement.q, measurement.force, torque
+        if self.seen < len(self.taken):
             return True
         self.use(self.identify())
         return False
@@ -106,12 +102,16 @@ class Identified(Playing):
 
     def identify(self) -> Array:
         """Parameters (L, P) by least squares, with a small penalty on what differs from the nominal ones."""
-        regressor = make_whole(self.regress(self.angles, np.fmax(self.force, LEAST)))
+        cycles = self.config.cycles
+        angles, force, taken = (
+            (shown.reshape(cycles, -1, *shown.shape[1:]) / cycles).sum(axis=0)
+            for shown in (self.angles[:-1], self.force[:-1], self.taken[1:])
+        )
+        regressor = make_whole(self.regress(angles, np.fmax(force, LEAST)))
         # The torque of a sample acts until the next one: at its middle, half a sample later than the angles.
         later: Any = self.gains * np.exp(-0.5j * self.omega * self.setup.config.sampling_period)
-        taken = np.fft.irfft(later * np.fft.rfft(self.taken, axis=0), len(self.taken), axis=0)
-        nominal = np.zeros(regressor.shape[-1])
-        nominal[: len(MODEL) - 1] = MODEL[:-1]
+        taken = np.fft.irfft(later * np.fft.rfft(taken, axis=0), len(taken), axis=0)
+        nominal = np.pad(MODEL[:ADDED], (0, regressor.shape[-1] - ADDED))
         found = np.empty((regressor.shape[1], len(nominal)))
         for i, own in enumerate(found):
             rows = regressor[:, i].reshape(-1, len(nominal))
