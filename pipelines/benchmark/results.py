@@ -124,7 +124,7 @@ def run_trial(machine: Machine, stages: Mapping[str, Sequence[str]], folder: Pat
     announce_compiling()
     expect_runs(1000)
     path = folder / f"{_find_hash(stages, machine.last)[:24]}.json"
-    if path.is_file():
+    if path.is_file() and path.stat().st_size:  # or the machine lost its power before it was on the disk
         return list(json.loads(path.read_text(encoding="utf-8")))
     before, learnt = run_stage(machine, stages[BEFORE])
     done = before["status"] == COMPLETED
@@ -134,7 +134,7 @@ def run_trial(machine: Machine, stages: Mapping[str, Sequence[str]], folder: Pat
         if task != BEFORE
     ]
     folder.mkdir(parents=True, exist_ok=True)
-    with write_atomically(path) as new:
+    with write_atomically(path, durable=False) as new:
         new.write_text(json.dumps(rows), encoding="utf-8")
     return rows
 
