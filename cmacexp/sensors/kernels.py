@@ -189,7 +189,7 @@ def compute_feet(
                 compute_foot_velocity(mechanism, i, observation.kinematics, observation.dq, observation.velocity)
 
 
-@kernel(inline=False)
+@kernel
 def read_sensors(
     sensing: Sensing, mechanism: Mechanism, step: int, true: Measurement | PlantState, observation: Observation
 ) -> None:
