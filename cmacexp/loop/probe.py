@@ -128,8 +128,8 @@ def estimate_lead(probe: ProbeState, on_drives: bool = False) -> int | None:
     """The lead in samples: how much later the response has arrived, over all joints together; None: it is not clear.
 
     It arrives with the first lag of its plateau, ARRIVED_SHARE of its largest value or more. With loops in the drives
-    (``on_drives``) joints respond by their inertia, those of legs in the air last: the last lag of the plateau is a
-    lead for all of them.
+    (``on_drives``) joints respond by their inertia, those of legs in the air last, so that the plateau is wide: the
+    lag of its largest value is a lead for all of them.
 
     The response at a lag is the correlation of feedback and torque, whose standard deviation by chance is the root of
     the summed squares of the feedback, since the pattern is +1 or -1.
@@ -138,4 +138,6 @@ def estimate_lead(probe: ProbeState, on_drives: bool = False) -> int | None:
     spared = np.array([-(np.roll(probe.response, -lag, axis=0) * probe.pattern).sum() for lag in lags])
     if spared.max() <= CLEAR * np.linalg.norm(probe.response):
         return None
-    return lags[int(np.flatnonzero(spared >= ARRIVED_SHARE * spared.max())[-1 if on_drives else 0])]
+    if on_drives:
+        return lags[int(spared.argmax())]
+    return lags[int(np.flatnonzero(spared >= ARRIVED_SHARE * spared.max())[0])]
