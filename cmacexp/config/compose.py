@@ -159,10 +159,15 @@ def _compose_first(overrides: tuple[str, ...]) -> tuple[Config | bytes, frozense
             known = pickle.dumps(OmegaConf.to_container(config, resolve=True, enum_to_str=True))
     except Exception:  # of whatever kind: the longer way raises it again, and says what is wrong
         return None
+    return None if (referred := find_referred(config)) is None else (known, referred)
+
+
+def find_referred(config: DictConfig) -> frozenset[str] | None:
+    """The groups that values of a config refer to, for :func:`set_numbers`; None if a value follows by a rule."""
     references = re.findall(r"\$\{([^}]*)", str(OmegaConf.to_container(config)))
     if not all(re.fullmatch(r"[a-z]\w*\.[\w.]+", name) for name in references):
         return None
-    return known, frozenset(name.partition(".")[0] for name in references)
+    return frozenset(name.partition(".")[0] for name in references)
 
 
 def compose_untyped(

@@ -69,8 +69,11 @@ class Chunk:
         One is made for all in a row that differ in the rate alone, or in the seed if only a feedforward draws.
         """
         draws = getattr(config.sensors, "draws", True)
-        alike = {**vars(config), "learning": {**vars(config.learning), "rate": None}}
-        alike["seed"] = config.seed if draws else None
+        alike = {
+            **vars(config),
+            "learning": {**vars(config.learning), "rate": None},
+            "seed": config.seed if draws else None,
+        }
         if Chunk._repeated is None or Chunk._repeated[0] != alike:
             scenario = make_scenario(config)
             if not (self._repeats[OF_RATE if draws else OF_BOTH] and Repeated.serves(scenario)):

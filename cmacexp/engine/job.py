@@ -17,7 +17,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
 from cmacexp.config import Config, config_hash, to_config, to_plain
 from cmacexp.config.component import COMPONENTS
-from cmacexp.config.compose import make_record, set_numbers, set_values
+from cmacexp.config.compose import find_referred, make_record, set_numbers, set_values
 from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import RUN_KEY, check_place, new_result
 from cmacexp.data.integrity import compute_hashes, is_finished
@@ -108,22 +108,27 @@ def write_failure(
 
 
 @lru_cache(8)
-def _unpack(packed: bytes) -> tuple[DictConfig, Any, Path, Any, Any, Any]:
+def _unpack(packed: bytes) -> tuple[DictConfig, Any, Path, Any, Any, Any, frozenset[str]]:
     """What was packed; then the plain config, Hydra's part, and the typed config, as :func:`set_numbers` takes them.
 
-    There is no plain config if only Hydra can run the job, and no typed one if it is wrong. Both are pickled, and
-    every job has its own, unless all components are built in.
+    There is no plain config if only Hydra can run the job, and no typed one if it is wrong or follows a rule. Both
+    are pickled, and every job has its own, unless all components are built in. Last the groups that values refer to.
     """
     composed, callbacks, folder, needs_hydra = pickle.loads(packed)
     plain: Any = {"hydra": None} if needs_hydra else OmegaConf.to_container(composed, enum_to_str=True)
     hydra = plain.pop("hydra")
     typed: Any = None
+    setup_globals()
+    if plain:
+        with open_dict(composed):
+            del composed["hydra"]
+    referred = find_referred(composed) if plain else None
     with suppress(Exception):  # which each job reports
-        typed = to_config(plain) if plain else None
+        typed = None if referred is None else to_config(composed)
     modules = [type(getattr(typed, group, None)).__module__ for group in COMPONENTS]
     if not all(name.startswith("cmacexp.") for name in modules):
         plain, typed = (pickle.dumps(each) if each else None for each in (plain, typed))
-    return composed, callbacks, folder, plain, hydra, typed
+    return composed, callbacks, folder, plain, hydra, typed, referred or frozenset()
 
 
 def _describe_job(hydra: Any, overrides: list[str], number: int, folder: Path) -> None:
@@ -141,13 +146,14 @@ def run_jobs(packed: bytes, items: Sequence[JobItem], jobs: int) -> list[tuple[s
     ``packed`` is what Hydra composed for a job of the same keys and options. Returns how each ended, in a line, and
     whether that is an error. Raises OSError.
     """
-    root, chunk = _unpack(packed)[2], Chunk([item.values for item in items])
+    _, _, root, _, _, typed, referred = _unpack(packed)
+    chunk = Chunk([item.values for item in items])
     ran = dict[int, tuple[Run | None, bool]]()
     if is_first_worker():
         announce_compiling()
     expect_runs(jobs)
-    typed = _unpack(packed)[-1]
-    configs = [set_numbers(typed, item.values) if typed else None for item in items]  # in a row, as run_chunk does
+    # In a row, as run_chunk does.
+    configs = [set_numbers(typed, item.values, referred) if typed else None for item in items]
     try:
         for count, (item, config) in enumerate(zip(items, configs, strict=True), 1):
             ran[item.number] = run, _ = _run_item(packed, item, jobs, chunk, config)
@@ -176,17 +182,16 @@ def _run_item(
     None if the tables have its result. The values of this one are set in what was composed, all of them, since it
     holds those of the last one.
     """
-    composed, callbacks, folder, plain, hydra, _ = _unpack(packed)
-    if plain and (numbers_set := set_numbers(plain, item.values)) is not None:
+    composed, callbacks, folder, plain, hydra, *_ = _unpack(packed)
+    if plain:
         _describe_job(hydra, item.overrides, item.number, folder)
-        return _run_job(numbers_set, hydra, jobs, chunk, item.known, config)
+        numbers_set = None if config is None else set_numbers(plain, item.values)
+        if numbers_set is None:
+            set_values(composed, item.values)
+        return _run_job(numbers_set or composed, hydra, jobs, chunk, item.known, config)
     with read_write(composed.hydra), open_dict(composed.hydra):
         set_values(composed, item.values)
         _describe_job(composed.hydra, item.overrides, item.number, folder)
-    if plain:
-        unresolved: Any = OmegaConf.to_container(composed, enum_to_str=True)
-        return _run_job(unresolved, unresolved.pop("hydra"), jobs, chunk, item.known)
-    setup_globals()
     JobRuntime.instance().set("name", composed.hydra.job.name)
     returned = run_job(
         hydra_context=HydraContext(None, callbacks),  # type: ignore[arg-type]  # no job composes anything

@@ -69,7 +69,7 @@ class Sweep:
         """Jobs without folders that a process takes at a time, at most; and those of the current batch."""
         self.templates: dict[tuple[str, ...], tuple[bytes, bool]] = {}
         """Arguments ``packed`` of :func:`cmacexp.engine.job.run_jobs`, by what jobs have in common, and whether a
-        process takes several of these jobs at a time: those that keep metrics alone."""
+        process takes several of these jobs at a time: those that keep metrics alone, and are no robot's."""
         self.list_options = cache(context.config_loader.get_group_options)
         """Of a key; a field has none. Hydra takes longer to list them than to run a job."""
         self.parallel_map: ParallelMap = map_here
@@ -116,12 +116,12 @@ class Sweep:
         kind = tuple(key if text in values else text for text, key in zip(overrides, keys, strict=True))
         if kind not in self.templates:
             composed = self.context.config_loader.load_sweep_config(self.config, list(overrides))
-            if composed.machine.get("kind") == "robot":
+            if is_robot := composed.machine.get("kind") == "robot":
                 with suppress(BadInput, OmegaConfBaseException):  # which the job reports
                     warn_of_models([read_machine(composed)])
             needs_hydra, record = _needs_hydra(composed), composed.record
             packed = pickle.dumps((composed, self.context.callbacks, self.folder.absolute(), needs_hydra))
-            self.templates[kind] = packed, not (needs_hydra or record.trace or record.weights)
+            self.templates[kind] = packed, not (is_robot or needs_hydra or record.trace or record.weights)
         return self.templates[kind], values
 
     def run(self) -> str:
@@ -221,7 +221,7 @@ def _needs_hydra(composed: DictConfig) -> bool:
     hydra = plain.pop("hydra")
     job, text = hydra["job"], str(plain)
     asked = hydra["callbacks"], job["chdir"], job["env_set"], hydra["output_subdir"], hydra["job_logging"]["root"]
-    return hydra["sweep"]["subdir"] != SUBDIR or any(asked) or "${" in text or "???" in text
+    return hydra["sweep"]["subdir"] != SUBDIR or any(asked) or "${hydra" in text or "???" in text
 
 
 def _check_options(config: DictConfig) -> None:

@@ -13,7 +13,7 @@ from cmacexp import load_sweep, run, run_many, write_many
 from cmacexp.engine import batch
 from cmacexp.errors import WithoutEffect
 
-SHORT = ("scenario=one_leg", "gait.cycle_time=0.5", "gait.stroke=0.02", "cycles=2")
+SHORT = ("scenario=one_leg", "gait.cycle_time=0.5", "gait.stroke=0.02", "gait.lift=${gait.stroke}", "cycles=2")
 
 
 @pytest.mark.parametrize("runs", [[], ["cycles=1"]])
