@@ -18,7 +18,7 @@ from cmacexp.config.component import config_folder
 from cmacexp.config.describe import flatten_config
 from cmacexp.config.fields import read_field
 from cmacexp.config.load import list_groups, to_config, to_plain
-from cmacexp.config.robot_rule import find_mistake
+from cmacexp.config.robot_rule import READ, find_mistake
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.jit.interrupt import exits_caught
@@ -112,9 +112,9 @@ def set_numbers(known: Any, overrides: Iterable[str], referred: frozenset[str] =
     """A config, plain or not, with numbers set, such as ``learning.rate=0.5``, as in most runs.
 
     That takes a twentieth of the time of Hydra's grammar and of OmegaConf. Of a config that is not pickled the groups
-    that remain are shared. ``referred`` are groups to which other values referred, so that no number in them can be
-    set alone. None if an override does something else, or the config is not plain and wrong with these numbers: the
-    longer way says which is the first mistake.
+    that remain are shared. ``referred`` are groups, and keys without one, from which other values follow, so that no
+    number in them can be set alone. None if an override does something else, or the config is not plain and wrong
+    with these numbers: the longer way says which is the first mistake.
     """
     config = pickle.loads(known) if isinstance(known, bytes) else copy(known)
     with suppress(BadInput):
@@ -128,7 +128,11 @@ def set_numbers(known: Any, overrides: Iterable[str], referred: frozenset[str] =
                 values[key] = owner = copy(values.get(key))
             value = float(found[2]) if found[3] or found[4] else int(found[2])
             values = _list_values(owner)
-            if isinstance(values.get(name, {}), dict | list) or is_dataclass(values[name]) or {*path[:1]} & referred:
+            if (
+                isinstance(values.get(name, {}), dict | list)
+                or is_dataclass(values[name])
+                or (*path, name)[0] in referred
+            ):
                 return None
             values[name] = value if owner is values else read_field(type(owner), name, value, found[1])
         if isinstance(config, Config):
@@ -146,8 +150,8 @@ def _list_values(node: Any) -> dict[str, Any]:
 def _compose_first(overrides: tuple[str, ...]) -> tuple[Config | bytes, frozenset[str]] | None:
     """The config that overrides give without the numbers after them, as :func:`set_numbers` takes it.
 
-    It is plain if they name a class, which a user may define again. With it the groups that its values refer to. None
-    if they or their options give no config, or a value follows from others by a rule.
+    It is plain if they name a class, which a user may define again. With it :func:`find_referred`. None if they or
+    their options give no config, or that is None.
     """
     options = tuple(filter(_is_option, overrides))
     if options != overrides and _compose_first(options) is None:
@@ -163,11 +167,11 @@ def _compose_first(overrides: tuple[str, ...]) -> tuple[Config | bytes, frozense
 
 
 def find_referred(config: DictConfig) -> frozenset[str] | None:
-    """The groups that values of a config refer to, for :func:`set_numbers`; None if a value follows by a rule."""
+    """From what in a config other values follow, for :func:`set_numbers`; None if that is not known."""
     references = re.findall(r"\$\{([^}]*)", str(OmegaConf.to_container(config)))
-    if not all(re.fullmatch(r"[a-z]\w*\.[\w.]+", name) for name in references):
+    if not all(re.fullmatch(r"rule:\w+|[a-z]\w*\.[\w.]+", name) for name in references):
         return None
-    return frozenset(name.partition(".")[0] for name in references)
+    return frozenset().union(*(READ if name[:5] == "rule:" else {name.partition(".")[0]} for name in references))
 
 
 def compose_untyped(

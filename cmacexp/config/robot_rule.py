@@ -30,6 +30,8 @@ from cmacexp.models.robot_gains import (
 )
 
 PERIOD = "sampling_period"
+READ = frozenset({PERIOD, "machine", "gait", "controller", "sensors", "actuator", "plant"})
+"""Keys and groups from which a rule follows."""
 PERIODS = {PERIOD: math.inf, "rigid_sampling_period": 0.001}
 """Sampling periods by rule, with the longest for the ground, s."""
 LONGEST_STROKE = 0.6

@@ -111,8 +111,8 @@ def write_failure(
 def _unpack(packed: bytes) -> tuple[DictConfig, Any, Path, Any, Any, Any, frozenset[str]]:
     """What was packed; then the plain config, Hydra's part, and the typed config, as :func:`set_numbers` takes them.
 
-    There is no plain config if only Hydra can run the job, and no typed one if it is wrong or follows a rule. Both
-    are pickled, and every job has its own, unless all components are built in. Last the groups that values refer to.
+    There is no plain config if only Hydra can run the job, and no typed one if it is wrong. Both are pickled, and
+    every job has its own, unless all components are built in. Last :func:`find_referred`; no typed config without.
     """
     composed, callbacks, folder, needs_hydra = pickle.loads(packed)
     plain: Any = {"hydra": None} if needs_hydra else OmegaConf.to_container(composed, enum_to_str=True)
@@ -147,8 +147,7 @@ def run_jobs(packed: bytes, items: Sequence[JobItem], jobs: int) -> list[tuple[s
     whether that is an error. Raises OSError.
     """
     _, _, root, _, _, typed, referred = _unpack(packed)
-    chunk = Chunk([item.values for item in items])
-    ran = dict[int, tuple[Run | None, bool]]()
+    chunk, ran = Chunk([item.values for item in items]), dict[int, tuple[Run | None, bool]]()
     if is_first_worker():
         announce_compiling()
     expect_runs(jobs)
