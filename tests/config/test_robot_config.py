@@ -1,5 +1,7 @@
 """Robots in the config: settings by rule are numbers that follow what they depend on and that anyone can override."""
 
+import re
+
 import pytest
 from omegaconf import OmegaConf
 from support.doors import BadInput, LoopDelay, derive_basis, derive_gains, discretise, recommend_period
@@ -9,6 +11,7 @@ from cmacexp.config import config_folder, to_config, to_plain
 from cmacexp.config.compose import compose_config, compose_untyped
 from cmacexp.config.explain import explain_composition
 from cmacexp.config.machine import describe_other_model
+from cmacexp.config.robot_rule import READ, rule_value
 
 pytestmark = pytest.mark.ci
 ROBOT = ("scenario=robot", "machine=mjcf", f"machine.path={OWN}")
@@ -49,6 +52,16 @@ def test_settings_are_numbers_in_the_manifest_and_typed_again_they_stay():
     plain = to_plain(config)
     assert "rule:" not in str(plain)
     assert to_config(OmegaConf.create(plain)) == config
+
+
+@pytest.mark.parametrize("overrides", [LATE, ("controller=drives", "gait=trot", "gait.speed=0.4")])
+def test_rules_read_only_what_is_declared_to_be_read(overrides):
+    """Numbers in other groups are set alone, without the rules being asked again."""
+    config, _ = compose_untyped([*ROBOT, *overrides])
+    names = re.findall(r"\$\{rule:(\w+)", str(OmegaConf.to_container(config)))
+    alone = OmegaConf.masked_copy(config, sorted(READ))
+    assert len(names) > 10
+    assert [rule_value(name, alone) for name in names] == [rule_value(name, config) for name in names]
 
 
 def test_one_setting_is_overridden_and_the_others_stay():
