@@ -2,18 +2,15 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
 from cmacexp.data.folder import OUT_KEY, check_place
 from cmacexp.data.manifest import REPORT
 from cmacexp.errors import BadInput
+from cmacexp.gap.log import Log, load_reader, read_log
+from cmacexp.gap.machine import Machine, read_machine
 from cmacexp.terminal.messages import print_table
 from cmacexp.terminal.output import print_line, show_progress
-
-if TYPE_CHECKING:
-    from cmacexp.gap.log import Log
-    from cmacexp.gap.machine import Machine
 
 FOLDER = Path("outputs/gap")
 SEVERAL = {"action": "append", "default": []}
@@ -46,11 +43,8 @@ def _read_gain(text: str | None, key: str) -> list[float]:
         raise BadInput(key, text, "must be numbers, separated by commas") from error
 
 
-def read_given(arguments: Arguments) -> "tuple[Log, Machine]":
+def read_given(arguments: Arguments) -> tuple[Log, Machine]:
     """The log and the machine of the options of :data:`LOG_OPTIONS`; raises BadInput."""
-    from cmacexp.gap.log import load_reader, read_log
-    from cmacexp.gap.machine import read_machine
-
     given = {key: _read_gain(getattr(arguments, key), f"--{key}") for key in ("kp", "kd")}
     log = read_log(
         arguments.log,

@@ -101,12 +101,12 @@ class _Task:
 
     def explain(self, error: Exception) -> Exception:
         """The error that says what is wrong with the command line, if that is the cause of ``error``."""
-        is_known = isinstance(error, CmacexpError | OSError)
-        if isinstance(error, COMPOSITION_ERRORS) or not (self.called or is_known):
+        if isinstance(error, COMPOSITION_ERRORS) or not (self.called or isinstance(error, CmacexpError | OSError)):
             return CmacexpError(explain_composition(error, sys.argv[1:]))
         if isinstance(error, OSError) and not self.called and not str(error.filename).endswith(".yaml"):
-            reason = f"cannot be made: {error.strerror}; choose another folder"
-            return BadInput("hydra.run.dir", error.filename, reason)
+            return BadInput(
+                "hydra.run.dir", error.filename, f"cannot be made: {error.strerror}; choose another folder"
+            )
         return error
 
 

@@ -40,14 +40,6 @@ def _show_table(runs: Sequence[Run], arguments: Arguments) -> int:
         return _show(address, arguments)
 
 
-def _check_out(path: Path) -> None:
-    if path.suffix != ".rrd":
-        raise BadInput("--out", path, "must end in .rrd")
-    require_place("--out", path.parent)
-    if any(is_run(parent) for parent in path.resolve().parents):
-        raise BadInput("--out", path, "must lie outside the folders of runs")
-
-
 def _replay(arguments: Arguments) -> int:
     folders = {run.resolve(): run for given in arguments.folders for run in runs_below(given)}
     runs = [Run(folder) for folder in folders.values()]
@@ -63,7 +55,11 @@ def _replay(arguments: Arguments) -> int:
         path = COMPARISONS / f"{'-'.join(name_of(run.folder) for run in runs)[:LONGEST_NAME]}.rrd"
     if arguments.out is not None:
         path = arguments.out
-        _check_out(path)
+        if path.suffix != ".rrd":
+            raise BadInput("--out", path, "must end in .rrd")
+        require_place("--out", path.parent)
+        if any(is_run(parent) for parent in path.resolve().parents):
+            raise BadInput("--out", path, "must lie outside the folders of runs")
     is_own = len(runs) == 1 and arguments.out is None and options == DEFAULT
     path.parent.mkdir(parents=True, exist_ok=True)
     with show_activity(f"building {path}"):

@@ -34,13 +34,6 @@ def _find_destination(given: Sequence[Path], out: Path | None) -> Path:
     return folder
 
 
-def _describe_resume(given: Path, runs: Sequence[Run]) -> str:
-    """How a sweep goes on that was killed or interrupted; empty of others."""
-    is_sweep = (given / "multirun.yaml").exists()  # Hydra writes it when a sweep begins
-    stopped = {Status.UNFINISHED, Status.INTERRUPTED} & {run.outcome.status for run in runs}
-    return describe_resume(given) if is_sweep and (stopped or not (given / manifests.MANIFEST).exists()) else ""
-
-
 def _report_of_several(runs: Sequence[Run], given: Sequence[Path], out: Path) -> Path:
     """Write the page of several runs and print their table; raises BadRun if none can be read."""
     with show_progress("reading", len(runs), "runs") as set_done:
@@ -50,7 +43,10 @@ def _report_of_several(runs: Sequence[Run], given: Sequence[Path], out: Path) ->
     if not any(run.outcome.is_result for run in runs):
         first = f"{runs[0].folder.name}: {runs[0].outcome.cause}"
         raise BadRun(f"{runs[0].folder.parent}: none of {len(runs)} runs can be read ({first})")
-    resume = _describe_resume(given[0], runs) if len(given) == 1 else ""
+    is_sweep = len(given) == 1 and (given[0] / "multirun.yaml").exists()  # Hydra writes it when a sweep begins
+    stopped = {Status.UNFINISHED, Status.INTERRUPTED} & {run.outcome.status for run in runs}
+    goes_on = is_sweep and (stopped or not (given[0] / manifests.MANIFEST).exists())
+    resume = describe_resume(given[0]) if goes_on else ""
     title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
     with show_activity("comparing the runs"):
         path = write_report(make_sweep_report(runs, title, resume), out)

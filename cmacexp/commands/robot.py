@@ -19,7 +19,7 @@ from cmacexp.config.machine import LEG_NAMES
 from cmacexp.metrics.registry import format_number
 from cmacexp.terminal.messages import print_table
 from cmacexp.terminal.output import print_line, show_activity
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Status
 from cmacexp.wire.network import LOOPBACK
 from cmacexp.wire.simulated import KINDS, NO_FAULT, Fault, SimulatedRobot, play
 
@@ -43,7 +43,6 @@ def _run(arguments: Arguments) -> None:
 def _move_hung(arguments: Arguments) -> None:
     from cmacexp.loop.run import come_to_rest
     from cmacexp.loop.scenario import make_scenario
-    from cmacexp.typing import Status
 
     log = [f"plant.log={quote_value(arguments.chirp)}"] if arguments.chirp else []
     scenario = make_scenario(compose_config([*HUNG, *log, f"plant.domain={arguments.domain}", *arguments.overrides]))

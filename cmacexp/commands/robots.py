@@ -55,8 +55,9 @@ def _choose(robot: str) -> list[str]:
     if robot in names:
         return [f"machine={robot}"]
     if not Path(robot).is_file():
-        allowed = f"must be an option of conf/machine, or an MJCF or URDF file{suggest(robot, names)}"
-        raise BadInput("machine", robot, allowed)
+        raise BadInput(
+            "machine", robot, f"must be an option of conf/machine, or an MJCF or URDF file{suggest(robot, names)}"
+        )
     return ["machine=mjcf", f"machine.path={quote_value(str(Path(robot).resolve()))}"]
 
 

@@ -7,7 +7,7 @@ from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
 from cmacexp.data.manifest import REPORT, runs_below
 from cmacexp.data.run import Run
 from cmacexp.errors import BadInput
-from cmacexp.terminal.messages import print_table
+from cmacexp.terminal.messages import announce_compiling, print_table
 from cmacexp.terminal.output import print_line, show_activity
 
 FOLDER = "stability"
@@ -15,8 +15,6 @@ FOLDER = "stability"
 
 def _analyse(arguments: Arguments) -> None:
     """Analyse each run."""
-    from cmacexp.terminal.messages import announce_compiling
-
     announce_compiling()
     folders = list(dict.fromkeys(run for given in arguments.folders for run in runs_below(given)))
     if arguments.out is not None and len(folders) > 1:

@@ -123,8 +123,7 @@ def _write(
         for name, compute in file.study.computed.items()
     }
     results, known = Results(rows, tables), restore(file, folder, options.quick) if current else None
-    overrides = {collected[r][0]: r.overrides for r in requests if r.starts_from is None}
-    witnesses = choose_witnesses(results, overrides)
+    witnesses = choose_witnesses(results, {collected[r][0]: r.overrides for r in requests if r.starts_from is None})
     provenance = make_provenance({**digest_study(path), **stages["measures"]}, results, witnesses, options.seeds)
     texts = {STAGES_FILE: json.dumps(stages, indent=1) + "\n"}
     return write_results(file, results, folder, options.quick, provenance, texts, known)
@@ -161,11 +160,12 @@ def write_studies(files: Sequence[StudyFile], options: Options, whole: bool = Fa
     with options.start_workers() as parallel_map:
         requests = {file.name: options.expand(file.study.runs(options.quick)) for file in files}
         collected = ensure_runs(parallel_map, [r for own in requests.values() for r in own], options.folder / "runs")
-        folders = {file.path: list({collected[r][0] for r in requests[file.name]}) for file in files}
-        place = options.folder / MEASURES
         measured = {
             file.path: measure_runs(
-                file, folders[file.path], place / f"{options.place(file.name).name}.parquet", parallel_map
+                file,
+                list({collected[r][0] for r in requests[file.name]}),
+                options.folder / MEASURES / f"{options.place(file.name).name}.parquet",
+                parallel_map,
             )
             for file in files
         }

@@ -135,11 +135,10 @@ def describe_law(run: Run) -> dict[str, Any]:
     require_exportable(run)
     config, learnt = read_final_config(run), read_learnt(run)
     _require_carried(run, config)
-    start_from = None if learnt is None else str(run.folder)
     config = replace(
         config.nominal,
         cycles=CYCLES,
-        learning=replace(config.learning, start_from=start_from),
+        learning=replace(config.learning, start_from=None if learnt is None else str(run.folder)),
         actuator=replace(config.actuator, delay=0, lag=0.0),  # which motors have by themselves
     )
     player = Player()

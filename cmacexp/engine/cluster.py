@@ -1,6 +1,7 @@
 """Work in tasks of a launcher of Hydra, as on a cluster: a task is a job of it, and does many items."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -21,14 +22,9 @@ from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.terminal.output import show_activity
 
 
-class _Task:
-    """What a launcher calls in a process of its own: the share of the items that has the number of its job."""
-
-    def __init__(self, work: Callable[..., Any], shares: Sequence[Sequence[Sequence[Any]]]):
-        self.work, self.shares = work, shares
-
-    def __call__(self, composed: DictConfig) -> list[Any]:
-        return [self.work(*item) for item in self.shares[HydraConfig.get().job.num]]
+def _do_share(work: Callable[..., Any], shares: Sequence[Sequence[Sequence[Any]]], _: DictConfig) -> list[Any]:
+    """What a launcher calls in a process of its own: does the share of the items that has the number of its job."""
+    return [work(*item) for item in shares[HydraConfig.get().job.num]]
 
 
 def make_map(config: DictConfig, context: HydraContext, count: Callable[[int], int]) -> ParallelMap:
@@ -48,7 +44,7 @@ def make_map(config: DictConfig, context: HydraContext, count: Callable[[int], i
         tasks = min(count(len(items)), len(items))
         shares = [items[first::tasks] for first in range(tasks)]
         launcher = Plugins.instance().instantiate_launcher(
-            hydra_context=context, task_function=_Task(work, shares), config=config
+            hydra_context=context, task_function=partial(_do_share, work, shares), config=config
         )
         with show_activity(f"{what}: {runs or len(items)} in {tasks} tasks of the launcher"):
             ended = [each.return_value for each in launcher.launch([[] for _ in shares], 0)]

@@ -61,9 +61,10 @@ def _collect_ready(
     looked_up = dict(
         zip(wanted, parallel_map("looking for runs", _look_up, [(o, store) for o in wanted]), strict=True)
     )
-    missing = {folder: config for folder, config, _, finished in looked_up.values() if not finished}
-    failed = [reason for reason in missing.values() if isinstance(reason, str)]
-    missing = {folder: config for folder, config in missing.items() if not isinstance(config, str)}
+    failed = [reason for _, reason, *_ in looked_up.values() if isinstance(reason, str)]
+    missing = {
+        folder: config for folder, config, _, done in looked_up.values() if not (isinstance(config, str) or done)
+    }
     print(f"{len(looked_up)} runs, {len(missing)} of them to be run", file=sys.stderr)
     warn_of_models(config.machine for _, config, _, _ in looked_up.values() if isinstance(config, Config))
     if missing:
@@ -81,9 +82,8 @@ def ensure_runs(parallel_map: ParallelMap, requests: Sequence[Request], store: P
 
     Raises CmacexpError if Hydra cannot compose overrides, or every run failed.
     """
-    first = [request for request in requests if request.starts_from is None]
+    first = list(dict.fromkeys(request.starts_from or request for request in requests))
     later = [request for request in requests if request.starts_from is not None]
-    first = list(dict.fromkeys([*first, *(request.starts_from for request in later if request.starts_from)]))
     collected = dict(_collect_ready(parallel_map, first, store, {}))
     if later:
         collected |= _collect_ready(parallel_map, later, store, collected)

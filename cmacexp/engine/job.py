@@ -82,11 +82,15 @@ def ensure_run(
         announce_compiling()
     expect_runs(runs)
 
-    def watch(cycles: float) -> None:
-        report_share(cycles / config.cycles)
-
-    options: dict[str, Any] = {"record": record, "overrides": overrides, "durable": overrides is None}
-    return run_scenario(config, folder, watch, make_scenario(config), **options), True
+    return run_scenario(
+        config,
+        folder,
+        lambda cycles: report_share(cycles / config.cycles),
+        make_scenario(config),
+        record=record,
+        overrides=overrides,
+        durable=overrides is None,
+    ), True
 
 
 def write_failure(

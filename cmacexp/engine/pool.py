@@ -187,8 +187,9 @@ def start_workers(processes: int | None = None) -> Iterator[ParallelMap]:
                 for future in as_completed(futures):
                     see(future.result())
         except BrokenProcessPool as error:
-            reason = "a worker process was killed, perhaps for want of memory; completed runs are kept"
-            raise ChildProcessError(reason) from error
+            raise ChildProcessError(
+                "a worker process was killed, perhaps for want of memory; completed runs are kept"
+            ) from error
         return [future.result() for future in futures]
 
     try:

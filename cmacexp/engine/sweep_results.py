@@ -55,8 +55,13 @@ def write_tables(folder: Path, runs: Sequence[JobRun], status: str) -> None:
     swept = jobs.drop_columns(ends)
     known = jobs.select([*own, FINGERPRINT, *(name for name in jobs.column_names if name not in (*own, FINGERPRINT))])
     is_lean = "" in jobs[FINGERPRINT].to_pylist()
-    entries = {"kind": manifests.SWEEP, "status": status, "versions": manifests.versions(), "files": {}}
-    entries["config"] = {"record": {"trace": False}} if is_lean else {}
+    entries = {
+        "kind": manifests.SWEEP,
+        "status": status,
+        "versions": manifests.versions(),
+        "files": {},
+        "config": {"record": {"trace": False}} if is_lean else {},
+    }
     with full_disk_named(folder):
         # First: a folder that holds tables without it is refused, and the sweep could not be resumed after a kill.
         manifests.write(folder, entries)
@@ -85,8 +90,8 @@ def finish_sweep(
     if not runs:
         return Status.FAILED
     failed, missing = [run for run in runs if not run.outcome.is_result], len(planned) - len(runs)
-    status = Status.FAILED if missing or failed else Status.COMPLETED
-    status = Status.BAD_INPUT if all(run.read("bad_input") for run in runs) else status
+    is_wrong = all(run.read("bad_input") for run in runs)
+    status = Status.BAD_INPUT if is_wrong else Status.FAILED if missing or failed else Status.COMPLETED
     write_tables(folder, runs, status)
     swept = [key for key in runs[0].settings if len({str(run.settings[key]) for run in runs}) > 1]
     print_runs(runs, swept, folder / TABLE_CSV)

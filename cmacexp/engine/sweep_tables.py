@@ -200,8 +200,7 @@ class JobRun(Run):
     @cached_property
     def manifest(self) -> Manifest:
         """As of a run in a folder; the hashes of its files are those of its metrics if it has none."""
-        manifest: Manifest = json.loads(self.read("manifest"))
-        return manifest
+        return dict(json.loads(self.read("manifest")))
 
     @property
     def outcome(self) -> Outcome:

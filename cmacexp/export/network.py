@@ -117,10 +117,9 @@ def _reset(run: Run, kind: str, config: Config, learnt: Weights | None) -> tuple
     """The feedforward along the plan of the run, and what it was made of."""
     mechanism = make_mechanism(config.machine)
     plan = make_plan(config.nominal, mechanism, True)
-    start = np.zeros(mechanism.shape)
     lead, rate = config.learning.lead, config.learning.rate
     config = replace(config, learning=replace(config.learning, guard=NONE))  # which would spend time on its rate
-    setup = Setup(config.nominal, mechanism, plan, start, learnt, int(lead), float(rate))
+    setup = Setup(config.nominal, mechanism, plan, np.zeros(mechanism.shape), learnt, int(lead), float(rate))
     feedforward: Any = EXPORTED[kind](config.feedforward)
     try:
         feedforward.reset(setup)

@@ -13,11 +13,9 @@ from functools import cached_property
 import numpy as np
 
 from cmacexp.gap.machine import Expansion, Machine
-from cmacexp.gap.replay import Drive, JointParams
-from cmacexp.gap.replay import replay as replay_block
+from cmacexp.gap.replay import Drive, JointParams, replay
 from cmacexp.gap.signals import Signals, low_pass
-from cmacexp.models import joint as joints
-from cmacexp.models.joint import OWN, SLOW
+from cmacexp.models.joint import OWN, SLOW, make_regressors
 from cmacexp.typing import Array, Counts, Mask
 
 KNOTS = 5
@@ -141,7 +139,7 @@ class Problem:
         """(n, J, 4 + K): torque for each unit of the parameters along a motion, or along the measured one, N m."""
         own = self.signals
         motion = motion or (own.log.angle, own.velocity, own.acceleration)
-        found = joints.make_regressors(motion, self.ranges, knots, SLOW * self.scales[:, 2])
+        found = make_regressors(motion, self.ranges, knots, SLOW * self.scales[:, 2])
         found[..., SIGNED] *= -1.0
         return found
 
@@ -178,7 +176,7 @@ class Problem:
         for block, expansion in zip(self.machine.blocks, expansions or self.expansions, strict=True):
             own = Drive(*(each[..., block] for each in drive))
             params = JointParams(values[block], self.ranges[:, block], delay)
-            found = replay_block(expansion, own, params, self.signals.log.period, first[:, block])
+            found = replay(expansion, own, params, self.signals.log.period, first[:, block])
             angle[:, block], velocity[:, block] = found.angle, found.velocity
         return angle, velocity
 
@@ -313,7 +311,7 @@ class _BlockFit:
             params = JointParams(self.get_values(x), self.problem.ranges[:, self.block], x[self.own])
             start, period = np.array(self.problem.start)[:, self.block], self.problem.signals.log.period
             weights = x[self.own + 1 :]
-            found = replay_block(self.expansion, self.drive, params, period, start, self.forces, weights, derive=True)
+            found = replay(self.expansion, self.drive, params, period, start, self.forces, weights, derive=True)
             slopes = found.angle_by[self.used][:, :, self.columns].reshape(-1, len(x)) * self.scale
             self._compared = x.tobytes(), found.angle[self.used] - self.measured, slopes
         return self._compared[1:]

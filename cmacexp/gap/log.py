@@ -163,8 +163,7 @@ def _flatten(columns: Columns) -> dict[str, NDArray[Any]]:
     for name, values in columns.items():
         if values.ndim == 2:
             is_orientation = name in ("quat", "orientation") and values.shape[1] == len(AXES)
-            same = len(listed) == values.shape[1]
-            each = AXES if is_orientation else listed if same else range(values.shape[1])
+            each = AXES if is_orientation else listed if len(listed) == values.shape[1] else range(values.shape[1])
             prefix = "quat" if is_orientation else name
             found |= {f"{prefix}_{own}": values[:, j] for j, own in enumerate(each)}
         elif name not in ("joints", "names"):

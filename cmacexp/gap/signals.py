@@ -74,8 +74,7 @@ class Signals:
     @cached_property
     def command(self) -> Array:
         """Commands when they act, rad; measured angles where the log has no commands."""
-        command = self.log.angle if self.log.command is None else self.log.command
-        return shift(command, self.delay)
+        return shift(self.log.angle if self.log.command is None else self.log.command, self.delay)
 
     @cached_property
     def torque(self) -> Array:
@@ -144,8 +143,7 @@ class Signals:
 
 def shift(values: Array, rows: int) -> Array:
     """Signals (n, J) later by so many rows; the first row, or the last, is repeated."""
-    place = np.clip(np.arange(len(values)) - rows, 0, len(values) - 1)
-    return values[place]
+    return values[np.clip(np.arange(len(values)) - rows, 0, len(values) - 1)]
 
 
 def measure_lag(signals: Signals) -> Array:

@@ -109,8 +109,7 @@ def choose_level(problem: Problem, fit_next: Fitter = fit) -> tuple[Level, list[
         angle, _ = problem.apply(found).replay(found.values, found.delay)
         distance = measure_distance(problem.signals, angle, inner + 1, train)
         models.append({"model": level.name, "parameters": int(level.free.sum()), "mrad": distance})
-    best = min(range(len(levels)), key=lambda i: float(models[i]["mrad"]))  # type: ignore[arg-type]
-    return levels[best], models
+    return min(zip(levels, models, strict=True), key=lambda each: float(each[1]["mrad"]))[0], models  # type: ignore[arg-type]
 
 
 def describe_parameters(problem: Problem, found: Fit) -> dict[str, Any]:

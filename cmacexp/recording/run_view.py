@@ -186,8 +186,7 @@ class RunView:
     def turn(self) -> Array:
         """Orientation of the body as quaternions (N, 4), x y z w: roll about x, pitch about y, yaw about z."""
         a, p, r = (self.body[name] / 2.0 for name in ("yaw", "pitch", "roll"))
-        level = [np.cos(p) * np.sin(r), np.sin(p) * np.cos(r), -np.sin(p) * np.sin(r), np.cos(p) * np.cos(r)]
-        x, y, z, w = level
+        x, y, z, w = np.cos(p) * np.sin(r), np.sin(p) * np.cos(r), -np.sin(p) * np.sin(r), np.cos(p) * np.cos(r)
         c, s = np.cos(a), np.sin(a)
         return np.stack([c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z], axis=1)
 

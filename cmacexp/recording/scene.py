@@ -49,8 +49,7 @@ def name_eye(name: str) -> str:
 def _log_eyes(entities: Entities) -> None:
     pinhole = rr.Pinhole(focal_length=AWAY * MM, principal_point=(0.0, 0.0), resolution=(1000.0, 1000.0))
     for name, axes in EYES.items():
-        place = rr.Transform3D(translation=-AWAY * np.array(axes[2]), mat3x3=np.array(axes).T)
-        entities.log(name_eye(name), place)
+        entities.log(name_eye(name), rr.Transform3D(translation=-AWAY * np.array(axes[2]), mat3x3=np.array(axes).T))
         entities.log(name_eye(name), pinhole)
 
 
@@ -112,8 +111,7 @@ def _log_paths(entities: Entities, view: RunView) -> None:
     actual, desired = view.feet(), view.feet("_desired")
     shown = {first: ("first_cycle", palette.FIRST_CYCLE)} | {last: ("last_cycle", palette.LAST_CYCLE)}
     for cycle, (name, colour) in shown.items():
-        strips = rr.LineStrips3D(collect_strips(cycle, actual), radii=[0.003], colors=[colour])
-        entities.log(f"{path}/{name}", strips)
+        entities.log(f"{path}/{name}", rr.LineStrips3D(collect_strips(cycle, actual), radii=[0.003], colors=[colour]))
     cycles, begins = np.unique(view.cycle, return_index=True)
     moving = [strip for cycle in cycles for strip in collect_strips(cycle, desired)]
     entities.send_columns(

@@ -65,14 +65,12 @@ def view_run(run: Run) -> None:
         CmacexpError: there is no display, or in a notebook no ``rerun-notebook``.
         BadRun: the run has nothing to show.
     """
+    from cmacexp.recording.write import DEFAULT, ensure_recording, make_recording
+
     if "ipykernel" in sys.modules:
         require_extra("rerun_notebook")
-        from cmacexp.recording.write import DEFAULT, make_recording
-
         make_recording([run], DEFAULT)[0].notebook_show()
         return
     require_display()
-    from cmacexp.recording.write import ensure_recording
-
     ensure_recording(run)
     open_window(run.folder / RECORDING_FILE)

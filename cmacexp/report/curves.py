@@ -23,14 +23,9 @@ MOST = 4
 """Metrics that a sentence names at most."""
 
 
-def appearance(name: str) -> MetricDisplay:
-    """How a metric appears; one that tables do not show, under its name and in its unit."""
-    return SHOWN.get(name) or MetricDisplay(name.replace("_", " "), ALL_METRICS[name].unit)
-
-
-def find_log(series: Sequence[Series], axes: str = "xy") -> str:
-    """Those of ``axes`` whose values span decades."""
-    values = {axis: [np.asarray(getattr(each, axis), dtype=float) for each in series] for axis in axes}
+def find_log(series: Sequence[Series]) -> str:
+    """Those of the axes x and y whose values span decades."""
+    values = {axis: [np.asarray(getattr(each, axis), dtype=float) for each in series] for axis in "xy"}
     return "".join(axis for axis, arrays in values.items() if arrays and spans_decades(np.concatenate(arrays)))
 
 
@@ -43,9 +38,9 @@ def over_cycles(name: str, groups: Mapping[Any, Sequence[Array]], log: str | Non
     """A metric in every cycle: the median over the runs of each group, and their range as a band.
 
     Groups are histories in SI units, by what their runs have in common. Axes are logarithmic, unless ``log`` says
-    which, where values span decades.
+    which, where values span decades. A metric that tables do not show appears under its name and in its unit.
     """
-    shown = appearance(name)
+    shown = SHOWN.get(name) or MetricDisplay(name.replace("_", " "), ALL_METRICS[name].unit)
     title, series = title or shown.title, []
     for index, (value, histories) in enumerate(groups.items()):
         length = max(map(len, histories))

@@ -134,8 +134,8 @@ def draw_panel(axes: Axes, panel: Panel, names: Sequence[str]) -> None:
         axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True))  # no tick between two cycles
     _set_ranges(axes, panel)
     if panel.ticks:
-        level = sum(map(len, panel.ticks)) <= 50  # characters
-        turned: dict[str, Any] = {} if level else {"rotation": 30, "ha": "right"}
+        characters = sum(map(len, panel.ticks))
+        turned: dict[str, Any] = {"rotation": 30, "ha": "right"} if characters > 50 else {}
         axes.set_xticks(range(len(panel.ticks)), panel.ticks, **turned)
 
 

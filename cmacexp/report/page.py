@@ -104,10 +104,6 @@ class Renderer:
         template: Any = self.environment.get_template("parts.html").module
         return f"{template.show(part).strip()}\n"
 
-    def render_page(self, **values: Any) -> str:
-        """A whole page, from the values that its template names."""
-        return self.environment.get_template("page.html").render(values)
-
     def _save(self, drawing: Drawing) -> Markup:
         """Save a figure; returns its pieces for the page."""
         (self.folder / FIGURES).mkdir(parents=True, exist_ok=True)
@@ -200,7 +196,7 @@ def write_report(report: Report, where: Path | ResultWriter) -> Path:
     renderer = Renderer(where.part)
     commit = manifests.git_commit()
     origin = f"Written on {date.today()} by cmacexp {__version__}" + (f", commit {commit[:10]}." if commit else ".")
-    where.write_text(HTML, renderer.render_page(report=report, origin=origin))
+    where.write_text(HTML, renderer.environment.get_template("page.html").render(report=report, origin=origin))
     manifests.write(
         where.part,
         {

@@ -227,20 +227,25 @@ def draw_tracking(view: RunView) -> list[Drawing]:
     moves = any(np.ptp(view.trace[name]) > 1e-6 for name in ("x", "x_desired"))  # else a foot only presses
     names = [FOOT, "force", *view.trace.axes] if moves else ["force", "y"]
     if view.trace.legs == 1:
-        caption = "Force and errors over the chosen cycles."
-        return [_draw_quantities(view, "tracking", names, legs, caption, 2.7)]
+        return [_draw_quantities(view, "tracking", names, legs, "Force and errors over the chosen cycles.", 2.7)]
     files = {name: f"error_{name}" if name in view.trace.axes else name for name in names}
-    heights = {FOOT: 2.0}
     return [
-        _draw_quantities(view, file, [name], legs, QUANTITIES[name].caption, heights.get(name, 2.4), "xy")
+        _draw_quantities(view, file, [name], legs, QUANTITIES[name].caption, 2.0 if name == FOOT else 2.4, "xy")
         for name, file in files.items()
     ]
 
 
 def draw_body(view: RunView) -> Drawing:
     """Height, pitch, roll and true stability margin of the body over the chosen cycles."""
-    caption = "The body over the chosen cycles; its margin is among the feet that carry load, tilt included."
-    return _draw_quantities(view, "body", BODY_QUANTITIES, [0], caption, 2.3, "x")
+    return _draw_quantities(
+        view,
+        "body",
+        BODY_QUANTITIES,
+        [0],
+        "The body over the chosen cycles; its margin is among the feet that carry load, tilt included.",
+        2.3,
+        "x",
+    )
 
 
 def draw_torques(view: RunView) -> Drawing:
@@ -251,9 +256,8 @@ def draw_torques(view: RunView) -> Drawing:
     learns = any(view.trace[f"tau_feedforward_{joint + 1}"].any() for joint in range(count))
     panels = []
     for leg in range(1, view.trace.legs + 1):
-        time, leg_name = measure_time(view, select(view, cycle, leg)), name_leg(view, leg)
-        if view.robot:  # three beside each other are narrow
-            leg_name = f"{leg} {LEG_NAMES[leg - 1]}"
+        time = measure_time(view, select(view, cycle, leg))  # three panels beside each other are narrow:
+        leg_name = f"{leg} {LEG_NAMES[leg - 1]}" if view.robot else name_leg(view, leg)
         for joint, name in enumerate(names, 1):
             parts = {key: own[view.cycle == cycle, leg - 1] for key, own in view.torques(joint).items()}
             shown = {key: own for key, own in parts.items() if learns or key != "feedforward"}

@@ -82,8 +82,7 @@ def choose_cycles(run: Run) -> list[int]:
     kept = sorted(count_kept(run))
     whole = run.select_whole(kept) or kept[:1]
     learned = run.config["learning"]["start_cycle"] if run.manifest["memory"] else 1
-    candidates = {whole[0], whole[(len(whole) - 1) // 2], whole[-1], *[c for c in whole if c >= learned][:1]}
-    return sorted(candidates)
+    return sorted({whole[0], whole[(len(whole) - 1) // 2], whole[-1], *[c for c in whole if c >= learned][:1]})
 
 
 def show_ending(run: Run) -> list[PageElement]:

@@ -69,8 +69,7 @@ def new_figure(rows: int = 1, columns: int = 1, height: float = 2.6, **options: 
 
     matplotlib.rcParams.update(STYLE)
     figure = Figure(figsize=(WIDTH, height * rows), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, **options)
-    return figure, list(np.ravel(axes))
+    return figure, list(figure.subplots(rows, columns, squeeze=False, **options).flat)
 
 
 def mark(index: int) -> dict[str, Any]:

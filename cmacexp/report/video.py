@@ -76,8 +76,7 @@ class Cycle(NamedTuple):
     @property
     def error(self) -> Array:
         """Distance of the feet from where they should be, of the farthest one, (steps,), mm."""
-        distances: Array = np.linalg.norm(self.places[:, :, -1] - self.desired, axis=2)
-        return distances.max(axis=1)
+        return np.asarray(np.linalg.norm(self.places[:, :, -1] - self.desired, axis=2).max(axis=1))
 
 
 def _find_window(cycles: Sequence[Cycle], rendered: bool) -> tuple[Array, Array]:
@@ -153,15 +152,13 @@ def _panels(cycle: Cycle, k: int) -> list[Panel]:
 
 def _set_limits(axes: NDArray[Any], cycles: Sequence[Cycle], window: tuple[Array, Array]) -> None:
     """Give the axes of all cycles, a row each of machines, forces and path errors, ranges that hold every frame."""
-    low, high = window
     force = max(float(c.view.trace[name].max()) for c in cycles for name in ("force", "force_desired"))
     error = max(float(cycle.error.max()) for cycle in cycles)
-    y = ((low[2], high[2]), (0.0, 1.5 * force), (0.0, 1.1 * error or 1.0))
-    for row, y_range in zip(axes, y, strict=False):
-        for ax in row:
-            ax.set_ylim(y_range)
-    for ax in axes[0]:
-        ax.set_xlim(low[0], high[0])
+    (left, _, bottom), (right, _, top) = window
+    for column in axes.T:
+        column[0].set(xlim=(left, right), ylim=(bottom, top))
+        for ax, most in zip(column[1:], (1.5 * force, 1.1 * error or 1.0), strict=False):
+            ax.set_ylim(0.0, most)
 
 
 def draw_frame(cycles: Sequence[Cycle], window: tuple[Array, Array], part: float) -> Image.Image:
@@ -176,8 +173,7 @@ def draw_frame(cycles: Sequence[Cycle], window: tuple[Array, Array], part: float
     heights = [2.2, 1.0, 1.0] if cycles[0].view.walks else [2.7, 1.0]
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DPI)
     place = {"left": 0.075, "right": 0.985, "top": 0.94, "bottom": 0.1, "hspace": 0.3, "wspace": 0.1}
-    grid: dict[str, Any] = place | {"height_ratios": heights}
-    axes = figure.subplots(len(heights), len(cycles), squeeze=False, gridspec_kw=grid)
+    axes = figure.subplots(len(heights), len(cycles), height_ratios=heights, squeeze=False, gridspec_kw=place)
     for column, cycle in enumerate(cycles):
         since = cycle.view.time - cycle.view.time[0]
         k = int(np.abs(since - part * since[-1]).argmin())  # rows of a thinned trace need not be evenly spaced

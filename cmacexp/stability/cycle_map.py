@@ -84,8 +84,7 @@ class RestorableLoop:
 
     def column(self, name: str) -> Array:
         """Torques (N, L, J) of the last cycle's samples by the name of the joints', e.g. ``tau_feedback``."""
-        columns = [ALL_SAMPLES.index(f"{name}_{joint + 1}") for joint in range(self.joints)]
-        return self.samples[:, :, columns]
+        return self.samples[:, :, [ALL_SAMPLES.index(f"{name}_{joint + 1}") for joint in range(self.joints)]]
 
     def play(self, torque: Array) -> None:
         """From now on the feedforward is ``torque`` (N, L, J), N m, which may change in place; it learns no more."""

@@ -102,14 +102,11 @@ class Growth:
     cycle: int
     """Cycles done where it was linearised."""
     krylov: Krylov
-    """The map from cycle to cycle; its observation: feedback torques of a cycle, N m."""
+    """The map from cycle to cycle; its observation: feedback torques of a cycle, N m.
 
-    def sizes(self, times: int) -> Array:
-        """Root of the summed squares of the change of the feedback torque from cycle to cycle, (times,), N m.
-
-        The first is the change from cycle ``cycle + 1`` to the next.
-        """
-        return self.krylov.lengths(times)
+    Lengths of that are roots of the summed squares of the change of the feedback from cycle to cycle, of which the
+    first is from cycle ``cycle + 1`` to the next.
+    """
 
     def over(self, first: int, last: int) -> float:
         """Growth per cycle of the change of the feedback, from that of cycle ``first`` to that of ``last``.
@@ -117,7 +114,7 @@ class Growth:
         The change of a cycle is that from it to the next one.
         """
         start = self.cycle + 1
-        return fitted_growth(self.sizes(last - start + 1)[max(0, first - start) :])
+        return fitted_growth(self.krylov.lengths(last - start + 1)[max(0, first - start) :])
 
     @property
     def per_cycle(self) -> float:

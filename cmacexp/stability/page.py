@@ -49,13 +49,14 @@ def advise(analysis: Analysis) -> list[str]:
 def _draw_growth(analysis: Analysis) -> Figure:
     """Change of the feedback from cycle to cycle, measured and predicted."""
     start, sizes = analysis.growth.cycle + 1, analysis.sizes
-    predicted = analysis.growth.sizes(max(len(sizes) - start + 1, 2))
+    predicted = analysis.growth.krylov.lengths(max(len(sizes) - start + 1, 2))
     change = [
         Series("in memory", np.arange(1, len(sizes) + 1), sizes),
         Series("predicted", start + np.arange(len(predicted)), predicted),
     ]
-    title = "change of U to the next cycle"
-    return draw([Panel(title, "cycle", "root of summed squares, N m", change, log="y")], height=3.0)
+    return draw(
+        [Panel("change of U to the next cycle", "cycle", "root of summed squares, N m", change, log="y")], height=3.0
+    )
 
 
 def _draw_real_parts(analysis: Analysis) -> Figure:
@@ -86,5 +87,4 @@ def write_stability_report(
         sections = render_markdown(
             text.read_text(encoding="utf-8"), text, "Does learning hold", Renderer(place.part), drawn, tables, values
         )
-        summary = " ".join((verdict.describe(), *notes))
-        return write_report(Report(title, summary, sections, asked), place)
+        return write_report(Report(title, " ".join((verdict.describe(), *notes)), sections, asked), place)

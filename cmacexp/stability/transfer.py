@@ -141,24 +141,20 @@ class Spectrum(NamedTuple):
         return float(self.least_real(lead, share).min())
 
 
-def _find_basis(fastest: Array) -> NDArray[np.complex128]:
-    """S^-1 of one leg, (J, J): eigenvectors of its part of T at the highest frequency, or the unit matrix.
-
-    There T is hardly more than gain over inertia, which is similar to a symmetric matrix. With this Q the least
-    eigenvalue of its Hermitian part is the least real part of its own eigenvalues, the largest that any Q gives.
-    """
-    vectors = np.linalg.eig(fastest)[1].astype(np.complex128)
-    return vectors if np.linalg.cond(vectors) < ILL_CONDITIONED else np.eye(len(fastest), dtype=np.complex128)
-
-
 def compute_spectrum(local: Local, frequencies: Array, period: float) -> Spectrum:
-    """T at some frequencies, the highest of them last; arguments as of :func:`transfer`."""
+    """T at some frequencies, the highest of them last; arguments as of :func:`transfer`.
+
+    S^-1 of a leg, (J, J), are the eigenvectors of its part of T at the highest frequency, or the unit matrix. There T
+    is hardly more than gain over inertia, which is similar to a symmetric matrix. With this Q the least eigenvalue of
+    its Hermitian part is the least real part of its own eigenvalues, the largest that any Q gives.
+    """
     values = transfer(local, frequencies, period)
     joints = values.shape[1] // local.legs
     basis = np.zeros(values.shape[1:], dtype=np.complex128)
     for i in range(0, len(basis), joints):
         own = slice(i, i + joints)
-        basis[own, own] = _find_basis(values[-1, own, own].real)
+        vectors = np.linalg.eig(values[-1, own, own].real)[1]
+        basis[own, own] = vectors if np.linalg.cond(vectors) < ILL_CONDITIONED else np.eye(joints)
     return Spectrum(frequencies, period, np.asarray(np.linalg.solve(basis, values @ basis), dtype=np.complex128))
 
 

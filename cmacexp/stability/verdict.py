@@ -131,8 +131,13 @@ def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
         growth, cycle = _growth_before(config, scenario, history)
         return Verdict(GROWS, growth, lead, (f"{level} (grows from {DRIFT_RATIO:g}).",), cycle)
     if quantised := _find_quantised(config):
-        reason = f"{quantised} is above 0: what is quantised cannot be linearised."
-        return Verdict(UNDECIDED, float("nan"), lead, (f"{level}.", reason), done)
+        return Verdict(
+            UNDECIDED,
+            float("nan"),
+            lead,
+            (f"{level}.", f"{quantised} is above 0: what is quantised cannot be linearised."),
+            done,
+        )
     evidence = _linearise(config, lead, loop, lowest, risen)
     verdict = _decide(evidence, compiled and config.learning.rule not in BOUNDED_RULES)
     return Verdict(verdict, evidence.growth, lead, (f"{level}.", *_explain(evidence)), done)
@@ -172,7 +177,7 @@ def _linearise(config: Config, lead: int, loop: RestorableLoop, lowest: float, r
     except NotPredictable:
         return _Evidence(float("nan"), float("nan"), float("nan"), least_real)
     ritz = max(float(abs(space.krylov.eigenvalues()[0])) for space in (growth, other))
-    reached = risen + float(growth.sizes(AHEAD).sum()) / lowest
+    reached = risen + float(growth.krylov.lengths(AHEAD).sum()) / lowest
     return _Evidence(growth.per_cycle, ritz, reached, least_real)
 
 

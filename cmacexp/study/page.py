@@ -162,8 +162,7 @@ def _write_tables(results: Results, folder: Path) -> None:
     if results.rows:
         frames[RESULTS] = results.table
     for name, frame in frames.items():
-        table = pa.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None)
-        write_table(table, folder / name)
+        write_table(pa.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None), folder / name)
 
 
 def evaluate(
@@ -264,15 +263,12 @@ def write_page(title: str, question: str, studies: Sequence[Evaluated], place: R
     sections = [make_claims_section(claims, folder)] if claims else []
     sections += [Section("Quick run", [Markup(f'<p class="banner">{QUICK_NOTICE}</p>')])] if quick else []
     sections += [section for study in studies for section in study.sections]
-    runs = {path: manifest for study in studies for path, manifest in study.runs.items()}
     if not quick:
         if statements:
-            reading = Markup(READING.format(few=FEW))
-            sections.append(Section("How to read the values", [reading]))
+            sections.append(Section("How to read the values", [Markup(READING.format(few=FEW))]))
         judged = {s.name: [_statement(*each, folder) for each in s.statements.items()] for s in studies}
         for name, entries in ((CLAIMS, judged), (PROVENANCE, {s.name: s.provenance for s in studies})):
             place.write_text(name, json.dumps(entries, indent=1, ensure_ascii=False) + "\n")
     config = {"studies": [study.name for study in studies], "quick": quick}
-    hashes = {path: str(manifest["config_hash"]) for path, manifest in runs.items()}
-    report = Report(title, question, sections, config, hashes)
-    return write_report(report, place)
+    hashes = {path: str(run["config_hash"]) for study in studies for path, run in study.runs.items()}
+    return write_report(Report(title, question, sections, config, hashes), place)

@@ -69,9 +69,8 @@ def digest_package() -> dict[str, str]:
     """Digest of every file of the package and of ``conf`` that can change a value of any study, by its path."""
     rooms = [PACKAGE / room for room in (*RESULT_ROOMS, *STATISTICS)]
     files = {f for room in rooms for f in (room.rglob("*.py") if room.is_dir() else [room])}
-    found = {f"{PACKAGE.name}/{file.relative_to(PACKAGE).as_posix()}": digest_source(file) for file in files}
     conf = config_folder()
-    found |= {f"conf/{file.relative_to(conf).as_posix()}": digest_source(file) for file in conf.rglob("*.yaml")}
+    found = digest_files(files, PACKAGE.parent) | digest_files(conf.rglob("*.yaml"), conf.parent)
     return dict(sorted(found.items()))
 
 
@@ -161,8 +160,7 @@ def _digest(value: Any) -> str:
 
 def _identify(folder: Path) -> list[Any]:
     """Which result a folder holds."""
-    manifest = Run(folder).manifest
-    return [folder.name, *(manifest.get(name) for name in IDENTITY)]
+    return [folder.name, *map(Run(folder).manifest.get, IDENTITY)]
 
 
 def digest_measures(file: StudyFile) -> dict[str, str]:
@@ -218,8 +216,9 @@ def describe_stages(file: StudyFile, requests: Sequence[Request], rows: Sequence
         rows: folder and labels of each run; its results are part of what claims are made from.
     """
     asked = [[r.overrides, r.labels, r.starts_from and r.starts_from.overrides] for r in requests]
-    code = {f"{PACKAGE.name}/{name}": digest_source(PACKAGE / name) for name in STATISTICS}
-    shown = {f"{PACKAGE.name}/{name}": digest_source(PACKAGE / name) for name in WRITERS}
+    code, shown = (
+        digest_files([PACKAGE / name for name in names], PACKAGE.parent) for names in (STATISTICS, WRITERS)
+    )
     return {
         "runs": {"requests": _digest(asked), "code": code_hash()},
         "results": _digest([[_identify(folder), labels] for folder, labels in rows]),

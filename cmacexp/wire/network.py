@@ -79,8 +79,9 @@ def join(interface: str, domain: int) -> Any:
     try:
         return Domain(domain, SETTINGS.format(interface=interface))
     except DDSException as error:
-        reason = "this process has joined it on another interface: start another process"
-        raise BadInput("plant.domain", domain, reason) from error
+        raise BadInput(
+            "plant.domain", domain, "this process has joined it on another interface: start another process"
+        ) from error
 
 
 class Wire:

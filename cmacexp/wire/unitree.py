@@ -157,8 +157,9 @@ class UnitreeRobot:
         """Check that angles (4, 3), rad, of the ``value`` of a ``key`` are in the model's ranges; raises BadInput."""
         ranges = self.robot.ranges
         for leg, joint in np.argwhere((q < ranges[..., 0] - PLAY) | (q > ranges[..., 1] + PLAY)).tolist():
-            reason = f"{name_joint(leg, joint)} is at {q[leg, joint]:.3g} rad, which the model does not allow"
-            raise BadInput(key, value, reason)
+            raise BadInput(
+                key, value, f"{name_joint(leg, joint)} is at {q[leg, joint]:.3g} rad, which the model does not allow"
+            )
 
     def step(self, torque: Array, drive: Drive | None = None) -> Measurement:
         """Send a command and wait for the next state; the first one stands the robot up before.
@@ -196,7 +197,7 @@ class UnitreeRobot:
         self.link.rows = [] if self.config.log is not None else None
 
     def end_run(self, is_safe: bool) -> None:
-        """Sit down if the robot ``is_safe``, and damp it; nothing if it was never moved."""
+        """Sit down if the robot ``is_safe``, and damp it; nothing if it was never moved. Then write the log."""
         last = self.stages[-1][0]
         parts = ((Stage.SIT, self._sit_down), (Stage.DAMP, partial(self.link.damp, self.config.damping)))
         sits = is_safe and last in (Stage.WALK, Stage.STAND)
@@ -207,7 +208,12 @@ class UnitreeRobot:
             except Exception as error:  # what was measured is kept, whatever goes wrong at the end
                 self._note_trouble(f"{stage}: {error}")
         self.link.end()
-        self._write_log()
+        if self.config.log is not None:
+            names = [self.robot.model.joint(int(joint)).name for joint in self.robot.legs.joint.ravel()]
+            try:
+                self.link.write_log(Path(self.config.log), names)
+            except OSError as error:  # a disk that is full costs no more than the log
+                self._note_trouble(f"{self.config.log} cannot be written: {error.strerror}")
 
     def _sit_down(self) -> None:
         self.link.move(self.stand, self.config.blend, self.gains)
@@ -217,15 +223,6 @@ class UnitreeRobot:
         """Say what went wrong after the run, here and in the manifest."""
         self.trouble = " ".join(trouble.split())
         print(f"warning: the robot, {self.trouble}", file=sys.stderr)
-
-    def _write_log(self) -> None:
-        """Write what was measured and sent, if asked for; a disk that is full costs no more than that."""
-        if self.config.log is not None:
-            names = [self.robot.model.joint(int(joint)).name for joint in self.robot.legs.joint.ravel()]
-            try:
-                self.link.write_log(Path(self.config.log), names)
-            except OSError as error:
-                self._note_trouble(f"{self.config.log} cannot be written: {error.strerror}")
 
     def list_steps(self, start: int, stop: int) -> dict[str, Array]:
         """Columns of these steps of the walk, (stop - start,) by name, in the units of LIVE_SIGNALS."""
