@@ -21,7 +21,6 @@ from pipelines.results import (
     RESULTS_FILE,
     SCORES,
     find_outdated,
-    list_states,
     read_results,
     renew_readme,
 )
@@ -53,13 +52,23 @@ def write_docs() -> None:
     RESULTS_FILE.write_text(results.format(), encoding="utf-8")
 
 
-def print_status() -> None:
-    """Print whether what each study gave is what its code gives today."""
-    for study, state, date, reasons, confirmed in list_states(read_results()):
+def print_status(witnesses: bool) -> None:
+    """Print whether what each study gave is what its code gives today.
+
+    If asked for, the witnesses of every changed study are run again first, and results.json notes whose values are
+    the same.
+    """
+    results = read_results()
+    for name in [file.name for file in every_study()]:
+        if witnesses and results.find_state(name).state == CHANGED:
+            for line in results.confirm(name):
+                print(f"{name}: {line}", file=sys.stderr)
+            RESULTS_FILE.write_text(results.format(), encoding="utf-8")
+        study, state, date, reasons, confirmed = results.find_state(name)
         more = f" and {len(reasons) - SHOWN_FILES} more" if len(reasons) > SHOWN_FILES else ""
         changed = f": {', '.join(reasons[:SHOWN_FILES])}{more}" if reasons else ""
-        witnesses = f" (its witnesses gave the same values on {confirmed}); changed" if confirmed else ""
-        print(f"{study:24} {date:10} {state}{witnesses}{changed}")
+        same = f" (its witnesses gave the same values on {confirmed}); changed" if confirmed else ""
+        print(f"{study:24} {date:10} {state}{same}{changed}")
 
 
 def print_stages() -> None:
@@ -69,16 +78,6 @@ def print_stages() -> None:
             requests = Options().expand(file.study.runs(False))
             for stage, state in list_stages(file, requests, FOLDER / file.name):
                 print(f"{file.name:24} {stage:10} {state}")
-
-
-def repeat_witnesses() -> None:
-    """Run the witnesses of every changed study again, and note in results.json whose values are the same."""
-    results = read_results()
-    for state in list_states(results):
-        if state.state == CHANGED:
-            for line in results.confirm(state.study):
-                print(f"{state.study}: {line}", file=sys.stderr)
-    RESULTS_FILE.write_text(results.format(), encoding="utf-8")
 
 
 OPTIONS: OptionTable = {
@@ -92,9 +91,7 @@ def _run(arguments: Arguments) -> None:
     if arguments.write_docs:
         write_docs()
     elif arguments.what == STATUS:
-        if arguments.witnesses:
-            repeat_witnesses()
-        print_status()
+        print_status(arguments.witnesses)
         print_stages()
     else:
         for name, group in GROUPS.items():

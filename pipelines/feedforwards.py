@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from cmacexp.study import TRANSFER, Array, Declared, Results, Run, declare, quotients
+from cmacexp.study import TRANSFER, Array, Declared, Results, declare, quotients
 from pipelines.common_results import cycles_to
 from pipelines.worlds import TESTED, draw_worlds
 
@@ -105,11 +105,6 @@ def cycles_over(results: Results, kind: str, others: list[str]) -> Array:
     return quotients(count_cycles(results.select(kind=kind), small), fastest)
 
 
-def ended_by_guard(run: Run) -> float:
-    """Whether the guard ended learning: 1 or 0."""
-    return float(bool(run.manifest["guard"]))
-
-
 def _tabulate_learning(group: str, cycles: list[int], title: str, value: str) -> Declared:
     """Errors of every feedforward, and a further quantity of the last cycle."""
     columns = {f"cycle {n}, mm": f"1e3 * {TRANSFER}[{n}]" for n in cycles}
@@ -173,7 +168,7 @@ STUDY = declare(
             for kinds, more, part in AFTER
         ),
     ],
-    measures={"ended_by_guard": ended_by_guard},
+    measures={"ended_by_guard": lambda run: bool(run.manifest["guard"])},
     claims={
         "rapid": {
             "words": "CMAC is suited to real-time control by its simple design and rapid learning",

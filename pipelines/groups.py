@@ -65,9 +65,8 @@ def all_studies() -> list[StudyFile]:
 
 def every_study() -> list[StudyFile]:
     """All studies; then the benchmark, of all machines and methods, and its log track."""
-    study = benchmark.make_study(MACHINES, [method.name for method in list_methods()])
-    whole = StudyFile(PIPELINES / benchmark.BENCHMARK / f"{benchmark.BENCHMARK}.py", study)
-    return [*all_studies(), whole, log_track.make_study()]
+    whole = benchmark.make_study(MACHINES, [method.name for method in list_methods()])
+    return [*all_studies(), StudyFile(PIPELINES / "benchmark" / "benchmark.py", whole), log_track.make_study()]
 
 
 def write(name: str, options: Options) -> Path:

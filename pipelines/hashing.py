@@ -34,21 +34,14 @@ def _runs(machine: str) -> list[Declared]:
     """
     published, scenario, more, largest = MACHINES[machine]
     memories = {f"{n}": [f"{MEMORY}={n}"] for n in (*(2**n for n in range(9, 17)), *largest)}
-    words = [
-        f"scenario={scenario}",
-        "learning=lasting",
-        "learning.guard=none",
-        *more,
-        "cycles=300",
-        "record.cycles=[1]",
-    ]
     over, quick = {"memory": {**memories, "visited": ["cmac.addressing=visited"]}}, {"cycles": 4}
-    paper, lasting = ({"machine": machine, "rule": rule} for rule in (PAPER, LASTING))
     return [
         {"set": [f"scenario={published}", "cycles=20", "record.cycles=[1]"], "quick": quick, "over": over,
-         "seeds": True,
-         "labels": paper},
-        {"set": words, "quick": quick, "over": {"world": draw_worlds(scenario, FEWER), **over}, "labels": lasting},
+         "seeds": True, "labels": {"machine": machine, "rule": PAPER}},
+        {"set": [f"scenario={scenario}", "learning=lasting", "learning.guard=none", *more, "cycles=300",
+                 "record.cycles=[1]"],
+         "quick": quick, "over": {"world": draw_worlds(scenario, FEWER), **over},
+         "labels": {"machine": machine, "rule": LASTING}},
     ]  # fmt: skip
 
 

@@ -15,7 +15,6 @@ from cmacexp.study import (
     Array,
     Declared,
     Results,
-    Run,
     RunRow,
     compute_quantity,
     declare,
@@ -43,17 +42,6 @@ def find_variation(errors: Array) -> float:
     """
     medians = slide_median(errors[len(errors) // 2 :], 10)
     return float(medians.max() / medians.min())
-
-
-def learning_lead(run: Run) -> float:
-    """The lead that a run learnt with, also where the config says ``auto``; NaN if nothing learnt."""
-    lead = run.manifest.get("learning_lead")
-    return np.nan if lead is None else float(lead)
-
-
-def detected(run: Run) -> float:
-    """Cycle in which drift was detected; infinite if it was not."""
-    return float(run.manifest["drift"]["named"] if run.manifest["drift"] else np.inf)
 
 
 def one_too_short(results: Results) -> Array:
@@ -166,7 +154,9 @@ STUDY = declare(
         }),
     ],
     measures={
-        "detected": detected, "lead": learning_lead,
+        # The cycle in which drift was detected, infinite if it was not; the lead, also where the config says auto.
+        "detected": lambda run: run.manifest["drift"]["named"] if run.manifest["drift"] else np.inf,
+        "lead": lambda run: run.manifest["learning_lead"],
         "variation": if_completed(lambda run: find_variation(find_history(run.pooled, TRANSFER))),
         "force_variation": if_completed(lambda run: find_variation(run.pooled[FORCE])),
     },

@@ -180,11 +180,6 @@ def read_results() -> PublishedResults:
     return PublishedResults(_read(RESULTS_FILE))
 
 
-def list_states(results: PublishedResults) -> list[State]:
-    """The state of every study, of the benchmark, and of its log track."""
-    return [results.find_state(file.name) for file in every_study()]
-
-
 def _quotable(statement: Mapping[str, Any]) -> dict[str, Any]:
     """An entry of a statement: its verdict, and a value, an interval, n and a verdict for each criterion."""
     kind, criteria = Finding if statement["kind"] == "finding" else Claim, statement["criteria"]

@@ -56,36 +56,38 @@ def _break(kind: str, value: float, leg: int, start: float) -> list[str]:
 
 def _draw_failures() -> list[Declared]:
     """Failures of every kind and leg, each at a moment and with a seed of its own, with and without the check."""
-    drawn, seed, found = random.Random(1997), 0, []
-    for name, (kind, value) in KINDS.items():
+    drawn, found = random.Random(1997), []
+    for number, (name, (kind, value)) in enumerate(KINDS.items()):
         moments = {leg: round(drawn.uniform(12.0, 18.0), 3) for leg in (1, 2, 3, 4)}  # the fifth or sixth cycle
         broken = {
-            f"leg {leg}": [*_break(kind, value, leg, start), f"seed={seed + leg - 1}"]
+            f"leg {leg}": [*_break(kind, value, leg, start), f"seed={4 * number + leg - 1}"]
             for leg, start in moments.items()
         }
-        seed += len(broken)
-        for feedforward, step in (("cmac", 1), ("none", 2)):
-            over = {"gain": dict(list(GAINS.items())[::step]), "check": CHECKS, "broken": broken}
-            found.append(
-                {
-                    "set": [*WALKING, f"feedforward={feedforward}"],
-                    "over": over,
-                    "labels": {"part": "failures", "kind": name},
-                    "quick": {"cycles": 6} if name == "stuck at zero" else None,
-                }
-            )
+        found += [
+            {
+                "set": [*WALKING, f"feedforward={feedforward}"],
+                "over": {"gain": dict(list(GAINS.items())[::step]), "check": CHECKS, "broken": broken},
+                "labels": {"part": "failures", "kind": name},
+                "quick": {"cycles": 6} if name == "stuck at zero" else None,
+            }
+            for feedforward, step in (("cmac", 1), ("none", 2))
+        ]
     return found
 
 
 def _add_noise(machine: str, words: list[str], own: int) -> list[Declared]:
     """A machine without noise, and with every level of noise on every signal; ``own`` is the place of its levels."""
-    labels = {"part": "noise", "machine": machine}
-    found: list[Declared] = [{"set": words, "seeds": True, "labels": {**labels, "signal": "none"}}]
-    for signal, (field, *levels_of) in SIGNALS.items():
-        levels = {level: ["sensors=real", f"sensors.{signal}.{field}={level}"] for level in levels_of[own]}
-        more = {"labels": {**labels, "signal": signal}, "quick": {} if signal == "force" else None}
-        found.append({**found[0], "over": {"level": levels}, **more})
-    return found
+    sound: Declared = {"set": words, "seeds": True, "labels": {"part": "noise", "machine": machine, "signal": "none"}}
+    noisy = [
+        {
+            **sound,
+            "over": {"level": {n: ["sensors=real", f"sensors.{signal}.{field}={n}"] for n in levels[own]}},
+            "labels": {**sound["labels"], "signal": signal},
+            "quick": {} if signal == "force" else None,
+        }
+        for signal, (field, *levels) in SIGNALS.items()
+    ]
+    return [sound, *noisy]
 
 
 def _find_broken(run: Run) -> list[int]:

@@ -6,6 +6,7 @@ take a log: see ``docs/benchmark.md``.
 
 import argparse
 import json
+from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
@@ -37,7 +38,7 @@ from pipelines.benchmark.entrants import (
     hash_tasks,
     make_quick,
 )
-from pipelines.benchmark.results import DEFAULT, Bench, list_overrides, test, tune
+from pipelines.benchmark.results import DEFAULT, list_overrides, run_plan, test, tune
 from pipelines.results import find_model_hash, run_witness
 
 ALL, TRIALS = "all", "trials"
@@ -47,9 +48,10 @@ ALL, TRIALS = "all", "trials"
 def _write(machines: dict[str, Machine], methods: list[Method], options: Options) -> Path:
     """Tune and test; write table, JSON and page; returns the page."""
     with options.start_workers() as each:
-        bench = Bench(machines, {method.name: method for method in methods}, each, options.folder / TRIALS)
-        chosen, tuned = tune(bench)
-        frame = test(bench, chosen)
+        named = {method.name: method for method in methods}
+        run_rows = partial(run_plan, machines, named, each, options.folder / TRIALS)
+        chosen, tuned = tune(machines, methods, run_rows)
+        frame = test(machines, methods, run_rows, chosen)
     results, root = (
         Results([], {BENCHMARK: frame, "settings": summary.table_settings(tuned)}),
         Path(__file__).parents[2],
@@ -67,7 +69,7 @@ def _write(machines: dict[str, Machine], methods: list[Method], options: Options
         "runs": len(frame),
         "models": {name: find_model_hash(name) for name in machines if name in package_models()},
     }
-    file = StudyFile(Path(__file__).with_name(f"{BENCHMARK}.py"), make_study(machines, bench.methods))
+    file = StudyFile(Path(__file__).with_name(f"{BENCHMARK}.py"), make_study(machines, named))
     settings = {", ".join(place): {kind: text.split() for kind, text in own.items()} for place, own in chosen.items()}
     about = {"version": VERSION, "quick": options.quick, "tasks_hash": hash_tasks(machines), "settings": settings}
     texts = {f"{BENCHMARK}.json": json.dumps(about, indent=1) + "\n"}  # code and models are in the provenance

@@ -54,21 +54,17 @@ def _divide(sums: Array) -> Array:
     return found
 
 
-def _ratio(machine: str, one: str, other: str, setting: str = FOR_ALL) -> Callable[[Results], Array]:
-    return summary.over_worlds(machine, lambda found: _divide(found.sums(one, other)), setting)
+def _ratio(machine: str, method: str, *others: str, setting: str = FOR_ALL) -> Callable[[Results], Array]:
+    """(worlds,): mean score of a method over that of the one of others that is the best in that world."""
+    return summary.over_worlds(
+        machine, lambda found: np.max([_divide(found.sums(method, name)) for name in others], axis=0), setting
+    )
 
 
 def _failures(machine: str, methods: Sequence[str], setting: str = FOR_ALL) -> Callable[[Results], Mask]:
     """(runs,): whether each run of the methods failed."""
     return summary.over_worlds(
         machine, lambda found: ~np.array([found.completed(name) for name in methods]).ravel(), setting
-    )
-
-
-def _over_best(machine: str, method: str, models: Sequence[str]) -> Callable[[Results], Array]:
-    """(worlds,): mean score of a method over that of the model that is the best one in that world."""
-    return summary.over_worlds(
-        machine, lambda found: np.max([_divide(found.sums(method, name)) for name in models], axis=0)
     )
 
 
@@ -121,13 +117,13 @@ def _findings(machine: str) -> dict[str, Finding]:
     found = {
         f"learners_{machine}": Finding(
             [Criterion(f"{SCORE}, over that of the best model that is not identified, in each world, {kind}",
-                        _over_best(machine, name, NOMINAL), at_most(1.0), at_least(1.0), case=name)
+                        _ratio(machine, name, *NOMINAL), at_most(1.0), at_least(1.0), case=name)
              for name in LEARNERS],
             says=f"{machine}: every learner ends better than every model that is not identified",
         ),
         f"learners_identified_{machine}": Finding(
             [Criterion(f"{SCORE}, over that of the identified model, {kind}",
-                        _over_best(machine, name, [IDENTIFIED]), at_most(1.0), at_least(1.0), case=name)
+                        _ratio(machine, name, IDENTIFIED), at_most(1.0), at_least(1.0), case=name)
              for name in LEARNERS],
             says=f"{machine}: every learner ends better than the identified model",
         ),
@@ -177,7 +173,7 @@ def _findings(machine: str) -> dict[str, Finding]:
         ),
         f"on_model_{machine}": Finding(
             [Criterion(f"{SCORE}, CMAC on the model over CMAC alone, default settings",
-                        _ratio(machine, ON_MODEL, CMAC, BY_DEFAULT), at_most(CLEARLY), at_least(1.0))],
+                        _ratio(machine, ON_MODEL, CMAC, setting=BY_DEFAULT), at_most(CLEARLY), at_least(1.0))],
             says=f"{machine}: on top of a model that is wrong the CMAC ends clearly better than alone",
         ),
         f"fails_{machine}": Finding(

@@ -192,8 +192,7 @@ def choose(gap: Gap, names: str | None, targets: Sequence[str], identified: bool
         own[method.__name__] = lambda method=method: Entered(gap.signals, method())  # type: ignore[misc]
     add_makers(gap)
     if identified and gap.replays:
-        level, _ = choose_level(gap.problem)
-        gap.makers |= list_identified(gap.problem, level, gap.makers["model"])
+        gap.makers |= list_identified(gap.problem, choose_level(gap.problem)[0], gap.makers["model"])
     known = {slug(name): name for name in METHODS if name in gap.makers}
     return {known[name]: gap.makers[known[name]] for name in choose_names("--methods", names, known)} | own
 

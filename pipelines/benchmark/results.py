@@ -6,8 +6,7 @@ A trial is one method with one setting in one world: it starts, something change
 import hashlib
 import json
 import zlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +50,8 @@ SAME = ["machine", "task", "world"]
 """Columns with equal values in a row and in the one that it is relative to."""
 TUNING = "tuning"
 """What is run in the worlds of tuning."""
+RunPlan = Callable[[str, pd.DataFrame], pd.DataFrame]
+"""See :func:`run_plan`, of the same machines and methods."""
 Chosen = Mapping[Any, Mapping[str, str]]
 """By machine and method: the setting for all tasks by :data:`FOR_ALL`, that for each by the name of the task."""
 
@@ -139,35 +140,34 @@ def run_trial(machine: Machine, stages: Mapping[str, Sequence[str]], folder: Pat
     return rows
 
 
-@dataclass(frozen=True)
-class Bench:
-    """What takes part, and how it is run."""
+def run_plan(
+    machines: Mapping[str, Machine],
+    methods: Mapping[str, Method],
+    each: ParallelMap,
+    folder: Path,
+    what: str,
+    plan: pd.DataFrame,
+) -> pd.DataFrame:
+    """Run the rows of a plan, nothing twice: the plan, and what came out of each row, however it was run.
 
-    machines: Mapping[str, Machine]
-    methods: Mapping[str, Method]
-    """Feedback only among them."""
-    each: ParallelMap
-    """Runs work on workers."""
-    folder: Path
-    """Of outcomes, which are used again."""
-
-    def run(self, what: str, plan: pd.DataFrame) -> pd.DataFrame:
-        """Run the rows of a plan, nothing twice: the plan, and what came out of each row, however it was run.
-
-        ``plan`` has the columns TRIAL, ``setting`` and ``task``.
-        """
-        trials = plan.groupby(TRIAL, sort=False, as_index=False)["task"].agg(list)
-        items = [self._list_stages(trial, what == TUNING) for trial in trials.itertuples()]
-        found = zip(trials[TRIAL].to_dict("records"), self.each(what, run_trial, items, long=True), strict=True)
-        rows = pd.DataFrame({**trial, **row} for trial, own in found for row in own)
-        return plan.merge(rows, how="left", on=[*TRIAL, "task"])
-
-    def _list_stages(self, trial: Any, tunes: bool) -> Any:
-        """What :func:`run_trial` takes."""
-        machine, method = self.machines[trial.machine], self.methods[trial.method]
-        world = machine.draw(trial.world, tunes)
+    Args:
+        machines: that take part, by name.
+        methods: likewise, feedback only among them.
+        each: runs work on workers.
+        folder: of outcomes, which are used again.
+        what: is run, for the terminal; in worlds of tuning if it is TUNING.
+        plan: with the columns TRIAL, ``setting`` and ``task``.
+    """
+    trials = plan.groupby(TRIAL, sort=False, as_index=False)["task"].agg(list)
+    items = []
+    for trial in trials.itertuples():
+        machine, method = machines[trial.machine], methods[trial.method]
+        world = machine.draw(trial.world, what == TUNING)
         stages = {t: list_overrides(machine, method, trial.overrides, world, t) for t in (BEFORE, *trial.task)}
-        return machine, stages, self.folder
+        items.append((machine, stages, folder))
+    found = zip(trials[TRIAL].to_dict("records"), each(what, run_trial, items, long=True), strict=True)
+    rows = pd.DataFrame({**trial, **row} for trial, own in found for row in own)
+    return plan.merge(rows, how="left", on=[*TRIAL, "task"])
 
 
 def _draw_value(draw: Draw, tuned: Any) -> str:
@@ -200,15 +200,15 @@ def choose_setting(rows: pd.DataFrame) -> str:
     return str(ranked.index[0])
 
 
-def tune(bench: Bench) -> tuple[Chosen, pd.DataFrame]:
+def tune(machines: Mapping[str, Machine], methods: Sequence[Method], run: RunPlan) -> tuple[Chosen, pd.DataFrame]:
     """The best settings of each method on each machine, by the mean score in the worlds of tuning.
 
     And the rows there with the setting for all tasks.
     """
     drawn = {
         (name, method.name): settings
-        for name, machine in bench.machines.items()
-        for method in bench.methods.values()
+        for name, machine in machines.items()
+        for method in methods
         if len(settings := draw_settings(method, machine.draws)) > 1
     }
     if not drawn:
@@ -219,9 +219,9 @@ def tune(bench: Bench) -> tuple[Chosen, pd.DataFrame]:
         for (name, method), settings in (drawn | alone).items()
         for setting in settings
         for task in TASKS
-        for n in range(bench.machines[name].tuning_worlds)
+        for n in range(machines[name].tuning_worlds)
     )
-    frame = bench.run(TUNING, plan)
+    frame = run(TUNING, plan)
     alone_at = frame[frame["method"] == ALONE].set_index(SAME)["end_error"]
     reference = frame[SAME].join(alone_at, on=SAME)["end_error"]
     frame = frame.assign(score=relative_to(frame["end_error"].to_numpy(), reference.to_numpy()))
@@ -239,18 +239,18 @@ def _find(own: Mapping[str, str], method: Method, kind: str, task: str) -> str:
     return {BY_DEFAULT: DEFAULT, FOR_ALL: general, FOR_EACH: own.get(task, general), GUARDED: guarded}[kind]
 
 
-def test(bench: Bench, chosen: Chosen) -> pd.DataFrame:
+def test(machines: Mapping[str, Machine], methods: Sequence[Method], run: RunPlan, chosen: Chosen) -> pd.DataFrame:
     """A row for each machine, method, kind of setting, task and world."""
     plan = pd.DataFrame(
         {
             "machine": name, "method": method.name, "setting": kind, "task": task, "world": number,
             "overrides": _find(chosen.get((name, method.name), {}), method, kind, task),
         }
-        for name, machine in bench.machines.items()
-        for method in bench.methods.values()
+        for name, machine in machines.items()
+        for method in methods
         for kind in SETTINGS
         if kind != GUARDED or method.learns or method.name == ALONE
         for task in machine.changes
         for number in range(machine.worlds)
     )  # fmt: skip
-    return bench.run("testing", plan)
+    return run("testing", plan)

@@ -133,21 +133,17 @@ def table_guarded(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
 
 def table_absolute(frame: pd.DataFrame) -> pd.DataFrame:
     """What ratios are relative to: medians of the errors of feedback only, and of the CMAC if it takes part."""
-    rows = []
-    for machine in frame["machine"].unique():
+    rows: dict[tuple[str, str], dict[str, str]] = {(m, t): {} for m in frame["machine"].unique() for t in TASKS}
+    for (machine, task), row in rows.items():
         own = take(frame, machine, find_setting(machine))
-        for task in TASKS:
-            row: dict[str, Any] = {"machine": machine, "task": task}
-            for method in (name for name in (ALONE, CMAC) if name in set(own["method"])):
-                done = own[(own["method"] == method) & (own["task"] == task)]
-                done, count = done[done["status"] == COMPLETED], len(done)
-                row |= {
-                    f"{method}, mm": f"{1e3 * done[END].median():.3g}" if len(done) else UNDEFINED,
-                    f"{method}, N": f"{done[FORCE].median():.3g}" if len(done) else UNDEFINED,
-                    f"{method}, completed": f"{len(done)} of {count}",
-                }
-            rows.append(row)
-    return pd.DataFrame(rows)
+        own = own[own["task"] == task]
+        for method in (name for name in (ALONE, CMAC) if name in set(own["method"])):
+            tried = own[own["method"] == method]
+            done = tried[tried["status"] == COMPLETED]
+            row[f"{method}, mm"] = f"{1e3 * done[END].median():.3g}" if len(done) else UNDEFINED
+            row[f"{method}, N"] = f"{done[FORCE].median():.3g}" if len(done) else UNDEFINED
+            row[f"{method}, completed"] = f"{len(done)} of {len(tried)}"
+    return pd.DataFrame({"machine": machine, "task": task, **row} for (machine, task), row in rows.items())
 
 
 def table_statistics(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
@@ -213,10 +209,12 @@ def table_failures(frame: pd.DataFrame) -> pd.DataFrame:
     """Where methods fail, and why: the most frequent cause of each method in each task."""
     failed = frame[frame["status"] != COMPLETED]
     causes = failed["cause"].str.replace(r"[-+]?\d[\d.e+-]*", "N", regex=True)
-    most_frequent = lambda values: str(values.value_counts().index[0])  # noqa: E731
-    columns = {"worlds": ("world", "count"), "status": ("status", "first"), "cause": ("cause", most_frequent)}
     by = failed.assign(cause=causes).groupby(["machine", "setting", "method", "task"], sort=False)
-    return by.agg(**columns).reset_index()
+    return by.agg(
+        worlds=("world", "count"),
+        status=("status", "first"),
+        cause=("cause", lambda values: str(values.value_counts().index[0])),
+    ).reset_index()
 
 
 def table_settings(tuned: pd.DataFrame) -> pd.DataFrame:

@@ -85,8 +85,6 @@ class AdaptiveRegressor(BuiltInFeedforward):
         gain: float = number("", above=0, at_most=10, default=0.5, tuned=(0.05, 2.0))
         """Part of the error of the parameters that goes in a cycle."""
 
-    config: Config
-
     def reset(self, setup: Setup) -> None:
         """Compute the regressor; start with the nominal model, or with parameters of an earlier run."""
         columns = make_regressor(setup)

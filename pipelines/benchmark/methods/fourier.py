@@ -36,8 +36,6 @@ class RandomFourier(BuiltInFeedforward):
         width: float = number("", above=0, at_most=1e3, default=0.1, tuned=(0.03, 0.5))
         """Standard deviation of the Gaussian kernel that whole waves approximate, over the span of an input."""
 
-    config: Config
-
     def reset(self, setup: Setup) -> None:
         """Draw the waves with the seed of the run; or take those of an earlier run, with its weights."""
         legs = len(setup.mechanism.legs)
@@ -61,5 +59,9 @@ class RandomFourier(BuiltInFeedforward):
 
     def learnt(self) -> Weights:
         """``weights`` (L, 2 features, J), N m; ``ranges`` (L, 2, n), ``waves`` (L, n, features), ``phases``."""
-        known = {"ranges": self.ranges, "waves": self.waves, "phases": self.phases}
-        return {"weights": self.params.weights.copy(), **known}
+        return {
+            "weights": self.params.weights.copy(),
+            "ranges": self.ranges,
+            "waves": self.waves,
+            "phases": self.phases,
+        }
