@@ -41,8 +41,10 @@ def _report_of_several(runs: Sequence[Run], given: Sequence[Path], out: Path) ->
             _ = run.outcome  # read once, with its metrics, then kept
             set_done(number)
     if not any(run.outcome.is_result for run in runs):
-        first = f"{runs[0].folder.name}: {runs[0].outcome.cause}"
-        raise BadRun(f"{runs[0].folder.parent}: none of {len(runs)} runs can be read ({first})")
+        raise BadRun(
+            f"{runs[0].folder.parent}: none of {len(runs)} runs can be read "
+            f"({runs[0].folder.name}: {runs[0].outcome.cause})"
+        )
     is_sweep = len(given) == 1 and (given[0] / "multirun.yaml").exists()  # Hydra writes it when a sweep begins
     stopped = {Status.UNFINISHED, Status.INTERRUPTED} & {run.outcome.status for run in runs}
     goes_on = is_sweep and (stopped or not (given[0] / manifests.MANIFEST).exists())

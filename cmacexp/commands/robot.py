@@ -69,8 +69,7 @@ def _move_hung(arguments: Arguments) -> None:
 
 def _play(arguments: Arguments) -> None:
     config = compose_config([*PLAYED, *arguments.overrides])
-    start = round(arguments.after / config.sampling_period)
-    fault = Fault(arguments.fault, start, arguments.motor)
+    fault = Fault(arguments.fault, round(arguments.after / config.sampling_period), arguments.motor)
     crouch = OmegaConf.load(config_folder() / "plant" / "unitree.yaml").crouch
     robot = SimulatedRobot(config, not arguments.lying, list(crouch))
     print_line(play(robot, LOOPBACK, arguments.domain, LONGEST, fault, arguments.patient))

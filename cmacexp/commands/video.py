@@ -7,11 +7,11 @@ from cmacexp.commands.command import Arguments, Parser, make_flag
 from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, CmacexpError, require_extra
 from cmacexp.recording.run_view import RunView
-from cmacexp.report.robot_picture import require_rendering
 from cmacexp.report.video import (
     FORMATS,
     MOST_CYCLES,
     MP4,
+    require_rendering,
     view_cycles,
     write_video,
 )

@@ -110,9 +110,8 @@ def run(
     else:
         config = replace(to_config(overrides), **targets)
     _warn(config, idle)
-    place = Path(folder) if folder is not None else named
-    if place is None:
-        place = Path("outputs", config.scenario, datetime.now().strftime("%Y-%m-%d_%H-%M-%S-%f"))
+    by_time = Path("outputs", config.scenario, datetime.now().strftime("%Y-%m-%d_%H-%M-%S-%f"))
+    place = named or by_time if folder is None else Path(folder)
     scenario = make_scenario(config, None, **components)
     if scenario.warning:
         warnings.warn(scenario.warning, SmallMargin, stacklevel=2)

@@ -19,8 +19,14 @@ from cmacexp.control.hybrid_kernels import METHODS
 from cmacexp.control.protocol import Drive
 from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, BadRun
-from cmacexp.export.network import keep_rows, list_path_rows, read_final_config, read_learnt, require_exportable
-from cmacexp.export.vectors import checksum
+from cmacexp.export.network import (
+    checksum,
+    keep_rows,
+    list_path_rows,
+    read_final_config,
+    read_learnt,
+    require_exportable,
+)
 from cmacexp.loop import guard as of_guard
 from cmacexp.loop.builtin import find_external, make_guard
 from cmacexp.loop.guard_kernels import HIGHEST

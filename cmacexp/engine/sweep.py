@@ -1,8 +1,11 @@
-"""A sweep: its options are checked, its jobs are composed before anything runs, and then run as its launcher says."""
+"""A sweep: its options are checked, its jobs are composed before anything runs, and then run as its launcher says.
+
+At its end its table, one row per job, is written and printed.
+"""
 
 import pickle
 import shutil
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from enum import Enum
@@ -11,6 +14,8 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pyarrow.csv as pa_csv
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.plugins import Plugins
 from hydra.core.utils import JobReturn, JobStatus
@@ -21,9 +26,12 @@ from omegaconf.errors import OmegaConfBaseException
 from cmacexp.config.explain import COMPOSITION_ERRORS
 from cmacexp.config.hydra_private import BASIC, GRID, expand_grid
 from cmacexp.config.robot_rule import read_machine
-from cmacexp.data.folder import collection
-from cmacexp.data.manifest import JOBS_FOLDER
-from cmacexp.engine.objective import DIRECTION, check_metric, find_direction, read_objective
+from cmacexp.data import manifest as manifests
+from cmacexp.data.files import full_disk_named, sha256, write_atomically
+from cmacexp.data.folder import TABLE, TABLE_CSV, collection
+from cmacexp.data.tables import METRICS_FILE, as_array, select_rows, write_table
+from cmacexp.engine.equal_results import print_idle_keys
+from cmacexp.engine.objective import DIRECTION, check_metric, describe_best, find_direction, read_objective
 from cmacexp.engine.pool import (
     MOST_RUNS,
     ParallelMap,
@@ -33,12 +41,20 @@ from cmacexp.engine.pool import (
     map_here,
     start_workers,
 )
-from cmacexp.engine.sweep_results import finish_sweep
-from cmacexp.engine.sweep_tables import HASHES, list_jobs, select_run_overrides
-from cmacexp.errors import BadInput, CmacexpError, in_one_line
+from cmacexp.engine.sweep_tables import (
+    FINGERPRINT,
+    HASHES,
+    JobRun,
+    list_jobs,
+    make_table,
+    parse_overrides,
+    select_run_overrides,
+    write_runs,
+)
+from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.jit.interrupt import is_interrupt
-from cmacexp.terminal.messages import warn_of_models
-from cmacexp.terminal.output import print_line
+from cmacexp.terminal.messages import describe_resume, print_next, print_runs, warn_of_models
+from cmacexp.terminal.output import print_line, show_activity
 from cmacexp.typing import Status
 
 SWEEP_KEY, SUBDIR = "hydra.sweep.dir", "${hydra.job.num}"
@@ -47,6 +63,7 @@ COUNTS = ("sweep.chunk", "hydra.launcher.processes", "hydra.sweeper.max_batch_si
 """Options of a sweep that are numbers, at least 1, or null."""
 DEFAULT = "record=trace"
 """Override of a sweep that does not set ``record``."""
+MAX_LISTED_FAILURES = 20
 
 
 class Sweep:
@@ -127,12 +144,12 @@ class Sweep:
     def run(self) -> str:
         """Run all jobs, and print and write their table.
 
-        Returns how the sweep ended, see :func:`cmacexp.engine.sweep_results.finish_sweep`; ``failed`` if it could not
+        Returns how the sweep ended, see :meth:`_finish`; ``failed`` if it could not
         go on. Raises BadInput if the folder cannot be used, and KeyboardInterrupt after an interrupt.
         """
         with collection(self.folder, SWEEP_KEY):
             if not self.config.sweep.resume:
-                shutil.rmtree(self.folder / JOBS_FOLDER, ignore_errors=True)
+                shutil.rmtree(self.folder / manifests.JOBS_FOLDER, ignore_errors=True)
             try:
                 with self._start() as self.parallel_map:
                     self._run_jobs()
@@ -142,14 +159,43 @@ class Sweep:
                     self._finish()
                 if is_wrong or is_interrupt(error):
                     raise
-                reason = in_one_line(str(error).strip() or type(error).__name__)
-                print_line(f"error: the sweep ended early: {reason}", error=True)
+                print_line(f"error: the sweep ended early: {str(error).strip() or type(error).__name__}", error=True)
                 self._finish()
                 return Status.FAILED
             return self._finish()
 
     def _finish(self) -> str:
-        return finish_sweep(self.folder, self.planned, self.optimize, self.direction)
+        """Write the tables of the sweep, print that of its jobs, and list the failures with their causes.
+
+        Returns how it ended: ``completed`` if no job failed, ``bad input`` if no job could be run, else ``failed``.
+        """
+        with show_activity("reading the results of the jobs"):
+            runs = collect_jobs(self.folder, self.planned)
+        if not runs:
+            return Status.FAILED
+        failed, missing = [run for run in runs if not run.outcome.is_result], len(self.planned) - len(runs)
+        is_wrong = all(run.read("bad_input") for run in runs)
+        status = Status.BAD_INPUT if is_wrong else Status.FAILED if missing or failed else Status.COMPLETED
+        write_tables(self.folder, runs, status)
+        swept = [key for key in runs[0].settings if len({str(run.settings[key]) for run in runs}) > 1]
+        print_runs(runs, swept, self.folder / TABLE_CSV)
+        counts = Counter(run.outcome.status for run in runs) + Counter({Status.UNFINISHED: missing})
+        ends = ", ".join(f"{count} {end}" for end, count in counts.items())
+        print_line(f"{counts.total()} job{'s' * (counts.total() > 1)}: {ends}")
+        results = [run for run in runs if run.outcome.is_result]
+        print_idle_keys([run.settings for run in results], results, "jobs")
+        for run in failed[:MAX_LISTED_FAILURES]:
+            print_line(f"  {run.folder.name} {run.outcome.status}: {run.outcome.cause}", error=True)
+        if len(failed) > MAX_LISTED_FAILURES:
+            print_line(f"  and {len(failed) - MAX_LISTED_FAILURES} more: see {TABLE_CSV}", error=True)
+        if self.optimize and self.direction:
+            print_line(f"best:      {describe_best(self.optimize, self.direction, runs, swept)}")
+        if results:
+            print_next(self.folder, {"report": "report"})
+        if missing or counts[Status.INTERRUPTED]:
+            print_line(f"continue:  {describe_resume(self.folder)}")
+        print_line(str(self.folder / TABLE))
+        return status
 
     def _start(self) -> AbstractContextManager[ParallelMap]:
         """Start what the launcher stands for."""
@@ -262,3 +308,49 @@ def _read_typed(config: DictConfig) -> list[str]:
 
 def _list_keys(overrides: Sequence[str]) -> set[str]:
     return {text.partition("=")[0].lstrip("+") for text in overrides}
+
+
+def collect_jobs(folder: Path, planned: Sequence[tuple[str, ...]]) -> list[JobRun]:
+    """The jobs of a sweep that ended, with the values of their overrides as settings.
+
+    A job that was killed has left nothing. What an earlier sweep left there does not count: it was not ``planned``,
+    as overrides of the run of each job.
+    """
+    texts = dict(enumerate(map(" ".join, planned)))
+    runs = [run for run in list_jobs(folder) if texts.get(run.read("run")) == run.read("overrides")]
+    for run, settings in zip(runs, parse_overrides([planned[run.read("run")] for run in runs]), strict=True):
+        run.settings = settings
+    return runs
+
+
+def write_tables(folder: Path, runs: Sequence[JobRun], status: str) -> None:
+    """Write the tables of a sweep, and the manifest with its ``status``; raises OSError."""
+    jobs, metrics = runs[0].tables
+    jobs = select_rows(jobs, np.array([run.index for run in runs]))
+    keys, typed = list(runs[0].settings), make_table([run.settings for run in runs])
+    for place, name in enumerate(keys, 3):
+        jobs = jobs.add_column(place, name, typed[name])
+    metrics = select_rows(metrics, np.isin(as_array(metrics, "run"), as_array(jobs, "run")))
+    own, ends = ["run", "folder", *keys, "status"], [*HASHES, "result", "bad_input", FINGERPRINT, "manifest"]
+    swept = jobs.drop_columns(ends)
+    known = jobs.select([*own, FINGERPRINT, *(name for name in jobs.column_names if name not in (*own, FINGERPRINT))])
+    is_lean = "" in jobs[FINGERPRINT].to_pylist()
+    entries = {
+        "kind": manifests.SWEEP,
+        "status": status,
+        "versions": manifests.versions(),
+        "files": {},
+        "config": {"record": {"trace": False}} if is_lean else {},
+    }
+    with full_disk_named(folder):
+        # First: a folder that holds tables without it is refused, and the sweep could not be resumed after a kill.
+        manifests.write(folder, entries)
+        with write_atomically(folder / TABLE) as path:
+            write_table(swept, path)
+        with write_atomically(folder / TABLE_CSV) as path:
+            pa_csv.write_csv(swept, path)
+        write_runs(folder, known, metrics)
+        if is_lean:
+            files = {name: sha256(folder / name) for name in (manifests.RUNS_FILE, METRICS_FILE)}
+            manifests.write(folder, {**entries, "files": files})
+    shutil.rmtree(folder / manifests.JOBS_FOLDER, ignore_errors=True)

@@ -25,8 +25,7 @@ from cmacexp.data.folder import OUT_KEY
 from cmacexp.data.run import Run
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput
-from cmacexp.export.network import Network, read_network
-from cmacexp.export.vectors import make_vectors, measure_single
+from cmacexp.export.network import Network, make_vectors, measure_single, read_network
 from cmacexp.models.mix import MULTIPLIER
 
 HEADER, SOURCE, CHECK = FILES = ("cmac_leg.h", "cmac_leg.c", "main.c")
@@ -107,8 +106,9 @@ def _render(name: str, context: dict[str, Any], single: bool) -> str:
     def matrix(rows: Any, text: Any = text_of) -> str:
         return ",\n".join("    {" + ", ".join(map(text, row)) + "}" for row in rows)
 
-    loader = PackageLoader("cmacexp.export", "")
-    environment = Environment(loader=loader, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+    environment = Environment(
+        loader=PackageLoader("cmacexp.export", ""), trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+    )
     environment.globals.update(
         real=lambda value: format_real(float(value), single),
         table=table,

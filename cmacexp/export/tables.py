@@ -21,7 +21,6 @@ from cmacexp.errors import BadRun, require_extra
 from cmacexp.typing import Array
 
 WIDE, MCAP = "wide.parquet", "run.mcap"
-NANOSECONDS = 1e9
 IN_MESSAGES = ("step", "cycle")
 """Shared columns that each message has; the time is that of the message."""
 SHARED = ("time", "step", "cycle")
@@ -159,7 +158,7 @@ def write_mcap(run: Run, folder: Path) -> Path:
             )
         for steps, columns_of in read_steps(run):
             common = {key: steps[key] for key in IN_MESSAGES}
-            times = np.rint(steps["time"] * NANOSECONDS).astype(np.int64).tolist()
+            times = np.rint(steps["time"] * 1e9).astype(np.int64).tolist()
             topics = [_write_messages(common | columns_of[name]) for name in groups]
             for time, *messages in zip(times, *topics, strict=True):
                 for channel, message in zip(channels.values(), messages, strict=True):

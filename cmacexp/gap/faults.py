@@ -108,8 +108,10 @@ def _find_in_pairs(log: Log, command: Array) -> Iterator[str]:
                 f"{span[j]:.3g} rad: a frozen encoder or another joint"
             )
         elif slopes[j] < 0.0:
-            slope = f"slope {slopes[j]:.2f}"
-            yield f"column {names[j]} moves against {others[j]} ({slope}): its sign or its joint is another"
+            yield (
+                f"column {names[j]} moves against {others[j]} (slope {slopes[j]:.2f}): "
+                "its sign or its joint is another"
+            )
         else:
             in_degrees = abs(abs(np.log(slopes[j])) - np.log(180.0 / np.pi)) < 0.4
             hint = "one of them is in degrees, --units" if in_degrees else "units or joints differ"
@@ -201,11 +203,10 @@ def _find_lost_rows(log: Log) -> Iterator[str]:
 
 def _compare(log: Log, quantity: str, values: Array, expected: Array, what: str) -> Iterator[str]:
     """Signals (n, J) that must be those that follow from others."""
-    for j in range(values.shape[1]):
-        a, b = low_pass(values[:, [j]], log.period)[:, 0], low_pass(expected[:, [j]], log.period)[:, 0]
-        slope = float(a @ b) / max(float(b @ b), 1e-12)
-        if not 0.75 <= slope <= 1.3:
-            yield f"column {log.column(quantity, j)} is {slope:.3g} times {what}"
+    a, b = low_pass(values, log.period), low_pass(expected, log.period)
+    slopes = (a * b).sum(axis=0) / np.maximum((b * b).sum(axis=0), 1e-12)
+    for j in np.flatnonzero(~((slopes >= 0.75) & (slopes <= 1.3))).tolist():
+        yield f"column {log.column(quantity, j)} is {slopes[j]:.3g} times {what}"
 
 
 def check_against_model(problem: Problem) -> list[str]:

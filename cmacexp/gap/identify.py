@@ -348,8 +348,9 @@ class _BlockFit:
             return np.concatenate([self._compare(complete(y))[1][:, fitted] / noise, np.eye(len(y))])
 
         bounds = (self.low[fitted] / scale, np.inf)
-        rules = {"max_nfev": EVALUATIONS, "ftol": 1e-4, "xtol": 1e-6}
-        return complete(least_squares(weigh, first[fitted] / scale, slope, bounds, **rules).x)
+        return complete(
+            least_squares(weigh, first[fitted] / scale, slope, bounds, max_nfev=EVALUATIONS, ftol=1e-4, xtol=1e-6).x
+        )
 
 
 def measure_variance(errors: Array) -> float:

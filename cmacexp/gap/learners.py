@@ -287,8 +287,10 @@ class Entered:
         """What the method says; raises ValueError unless it is finite numbers of the right shape."""
         found = np.asarray(self.method.predict(self._cut(rows)), dtype=float)
         if found.shape != (shape := self.signals.torque[rows].shape) or not np.isfinite(found).all():
-            stroke = f"stroke {self.signals.stroke[rows.start]} has shape {found.shape} or is not finite"
-            raise ValueError(f"the torque of {stroke}: must be finite numbers of shape {shape}")
+            raise ValueError(
+                f"the torque of stroke {self.signals.stroke[rows.start]} has shape {found.shape} or is not finite: "
+                f"must be finite numbers of shape {shape}"
+            )
         return found
 
     def learn(self, rows: slice, torque: Array) -> None:

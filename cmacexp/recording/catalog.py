@@ -63,7 +63,9 @@ def serve_catalog(runs: Sequence[Run], keys: Sequence[str]) -> Iterator[tuple[st
     with Server(host=HOST, datasets={DATASET: [run.folder / RECORDING_FILE for run in runs]}) as server:
         entry = server.client().get_dataset(DATASET)
         if (taken := len(entry.segment_ids())) < len(runs):
-            reason = f"of {len(runs)} recordings the server takes {taken}, since copies share an id"
-            raise BadRun(f"{runs[0].folder}: {reason}; --rebuild builds them anew")
+            raise BadRun(
+                f"{runs[0].folder}: of {len(runs)} recordings the server takes {taken}, since copies share an id; "
+                "--rebuild builds them anew"
+            )
         _set_columns(entry, keys)
         yield f"{server.url()}/entry/{entry.id}", entry

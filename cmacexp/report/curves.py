@@ -55,16 +55,11 @@ def over_cycles(name: str, groups: Mapping[Any, Sequence[Array]], log: str | Non
     return Panel(title, "cycle", f"{title}, {shown.unit}".rstrip(", "), series, log=log, from_zero=shown.from_zero)
 
 
-def mean_and_range(values: Array) -> tuple[float, float, float]:
-    """The mean, the least and the largest of some values."""
-    return float(values.mean()), float(values.min()), float(values.max())
-
-
 def over_setting(
     groups: Mapping[Any, Mapping[Any, Array]],
     x: str,
     y: str,
-    reduce: Reduce = mean_and_range,
+    reduce: Reduce = lambda values: (float(values.mean()), float(values.min()), float(values.max())),
     *,
     kind: str = "lines",
     log: str | None = "",
@@ -74,8 +69,8 @@ def over_setting(
     """What is reduced from the runs with the same value of a setting, against that value; none where it is infinite.
 
     A group has, for each value of the setting, a number for each run; ``reduce`` gives a value and the ends of its
-    band. Axes are named with their units; with ``log=None`` they are logarithmic where values span decades. Values
-    that are no numbers have an ``order``, by default that of the groups.
+    band, by default the mean and the range. Axes are named with their units; with ``log=None`` they are logarithmic
+    where values span decades. Values that are no numbers have an ``order``, by default that of the groups.
     """
     values = order or [value for by_value in groups.values() for value in by_value]
     series, ticks = [], list(dict.fromkeys(map(format_setting, values)))

@@ -95,8 +95,9 @@ class Renderer:
 
     def __init__(self, folder: Path):
         self.folder = folder
-        loader = FileSystemLoader(Path(__file__).parent)
-        self.environment = Environment(loader=loader, autoescape=True, trim_blocks=True)
+        self.environment = Environment(
+            loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True
+        )
         self.environment.globals.update(save=self._save)
 
     def render_part(self, part: PageElement) -> str:

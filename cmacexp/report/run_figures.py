@@ -237,15 +237,8 @@ def draw_tracking(view: RunView) -> list[Drawing]:
 
 def draw_body(view: RunView) -> Drawing:
     """Height, pitch, roll and true stability margin of the body over the chosen cycles."""
-    return _draw_quantities(
-        view,
-        "body",
-        BODY_QUANTITIES,
-        [0],
-        "The body over the chosen cycles; its margin is among the feet that carry load, tilt included.",
-        2.3,
-        "x",
-    )
+    caption = "The body over the chosen cycles; its margin is among the feet that carry load, tilt included."
+    return _draw_quantities(view, "body", BODY_QUANTITIES, [0], caption, 2.3, "x")
 
 
 def draw_torques(view: RunView) -> Drawing:

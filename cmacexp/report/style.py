@@ -140,8 +140,7 @@ def add_legend(figure: Figure, axes: Sequence[Axes], title: str = "") -> None:
     handles: dict[str, Any] = {}
     for ax in axes:
         for handle, name in zip(*ax.get_legend_handles_labels(), strict=True):
-            if name:
-                handles.setdefault(name, handle)
+            handles.setdefault(name, handle)
     if len(handles) < 2 and not title:
         return
     most = max(1, min(7, LINE_CHARACTERS // (8 + max(map(len, handles), default=1))))

@@ -131,13 +131,8 @@ def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
         growth, cycle = _growth_before(config, scenario, history)
         return Verdict(GROWS, growth, lead, (f"{level} (grows from {DRIFT_RATIO:g}).",), cycle)
     if quantised := _find_quantised(config):
-        return Verdict(
-            UNDECIDED,
-            float("nan"),
-            lead,
-            (f"{level}.", f"{quantised} is above 0: what is quantised cannot be linearised."),
-            done,
-        )
+        reason = f"{quantised} is above 0: what is quantised cannot be linearised."
+        return Verdict(UNDECIDED, float("nan"), lead, (f"{level}.", reason), done)
     evidence = _linearise(config, lead, loop, lowest, risen)
     verdict = _decide(evidence, compiled and config.learning.rule not in BOUNDED_RULES)
     return Verdict(verdict, evidence.growth, lead, (f"{level}.", *_explain(evidence)), done)

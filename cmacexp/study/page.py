@@ -56,8 +56,6 @@ Wilson's. That of fewer than {few} values that differ is Student's t of their me
 logarithms (the value is the geometric mean); that of more a percentile bootstrap of their interquartile mean. A value
 that no seed and no case changes is marked “deterministic”, which says nothing of modelling errors.</p>"""
 CLAIMS = "claims.json"
-INTERVAL = tuple(each.name for each in fields(Interval))
-"""Entries of a criterion in that file that are its interval."""
 
 
 class EvidenceRow(NamedTuple):
@@ -211,7 +209,9 @@ def restore(file: StudyFile, folder: Path, quick: bool) -> Evaluated:
 
     def read(criterion: Criterion, entry: Mapping[str, Any]) -> CriterionResult:
         runs = [os.path.normpath(folder / run) for run in entry["runs"]]
-        return CriterionResult(criterion, Interval(**{name: entry[name] for name in INTERVAL}), runs)
+        return CriterionResult(
+            criterion, Interval(**{each.name: entry[each.name] for each in fields(Interval)}), runs
+        )
 
     statements = {
         name: StatementResult(each, list(map(read, each.criteria, entries[name])))

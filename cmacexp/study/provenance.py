@@ -239,9 +239,8 @@ def list_stages(file: StudyFile, requests: Sequence[Request], folder: Path) -> l
     before = read_stages(folder)
     if not before:
         return [(stage, "missing") for stage in STAGES]
-    now, found = describe_stages(file, requests), []
-    stale = {stage: list_changed(before.get(stage, {"never": ""}), now[stage]) for stage in STAGES}
-    for number, stage in enumerate(STAGES):
-        changed = [name for each in STAGES[: number + 1] for name in stale[each]]
+    now, changed, found = describe_stages(file, requests), list[str](), []
+    for stage in STAGES:
+        changed += list_changed(before.get(stage, {"never": ""}), now[stage])
         found.append((stage, f"stale ({', '.join(dict.fromkeys(changed))})" if changed else "current"))
     return found

@@ -60,8 +60,10 @@ class Guardian:
         try:
             os.write(self._pipe, ALIVE)
         except (BrokenPipeError, BlockingIOError) as error:
-            reason = f"no command for {1e3 * self._silence:g} ms, or it was ended"
-            raise CmacexpError(f"the guardian of the robot has taken over: {reason}") from error
+            raise CmacexpError(
+                f"the guardian of the robot has taken over: no command for {1e3 * self._silence:g} ms, "
+                "or it was ended"
+            ) from error
 
     def end(self) -> None:
         """End the guardian, whose robot is safe."""

@@ -61,12 +61,15 @@ def check_joints(link: Link, stand: Array, expected: Array) -> None:
             held += 0.5 * float(link.reading.torque[leg, joint])
             others = np.delete(np.abs(moved), leg * stand.shape[1] + joint)
             if moved[leg, joint] < ANSWERED or others.max() > CROSSTALK:
-                seen = f"moved by {moved[leg, joint]:.2g} rad, the others by up to {others.max():.2g}"
-                raise Unsafe(f"{name_joint(leg, joint)}, asked for {WIGGLE:g} rad, {seen}")
+                raise Unsafe(
+                    f"{name_joint(leg, joint)}, asked for {WIGGLE:g} rad, moved by {moved[leg, joint]:.2g} rad, "
+                    f"the others by up to {others.max():.2g}"
+                )
         if joint != CALF and abs(held - expected[leg, joint]) > OFF:
-            model = f"{held:.2g} N m, by the model {expected[leg, joint]:.2g}"
-            hint = "does the robot hang, and are order and signs of the joints right?"
-            raise Unsafe(f"{name_joint(leg, joint)} holds {model}: {hint}")
+            raise Unsafe(
+                f"{name_joint(leg, joint)} holds {held:.2g} N m, by the model {expected[leg, joint]:.2g}: "
+                "does the robot hang, and are order and signs of the joints right?"
+            )
 
 
 def wait_for_ground(

@@ -56,9 +56,10 @@ class Link:
         self.has_priority = ask_for_priority()  # for the threads of the wire
         try:
             if Wire(interface, domain, None, COMMANDS).receive(OTHERS) is not None:
-                others = "somebody else sends commands to this robot"
                 raise BadInput(
-                    "plant.domain", domain, f"{others}: release its sport mode, or wait for the run before"
+                    "plant.domain",
+                    domain,
+                    "somebody else sends commands to this robot: release its sport mode, or wait for the run before",
                 )
             self.wire = Wire(interface, domain, COMMANDS, STATES)
         finally:
@@ -112,8 +113,10 @@ class Link:
         if not all(np.isfinite(each).all() for each in (angle, velocity, torque)):
             raise Unsafe("a command is not finite")
         if off.max() > JUMP * self.limits.deviation:
-            reason = f"beyond {JUMP:g} times plant.limits.deviation={self.limits.deviation:g}"
-            raise Unsafe(f"a command is {off.max():.2g} rad from where its joint is, {reason}")
+            raise Unsafe(
+                f"a command is {off.max():.2g} rad from where its joint is, beyond {JUMP:g} times "
+                f"plant.limits.deviation={self.limits.deviation:g}"
+            )
         law = stiffness * (angle - reading.q) + damping * (velocity - reading.dq)
         torque = np.clip(torque + law, -most, most) - law
         set_motors(self.command, q=angle, dq=velocity, tau=torque, kp=stiffness, kd=damping)

@@ -301,5 +301,7 @@ def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fau
         while (left := due - time.perf_counter()) > 0.0:
             time.sleep(left - SPIN if left > 2 * SPIN else 0.0)
     tilt, height = np.abs(robot.plant.state.body[1:]).max(), robot.plant.state.body[0]
-    pose = f"at the end its body is at {height:.3f} m, tilted by {tilt:.2g} rad"
-    return f"{robot.steps} states, {taken} commands, {late} late by up to {1e3 * worst:.2g} ms; {pose}"
+    return (
+        f"{robot.steps} states, {taken} commands, {late} late by up to {1e3 * worst:.2g} ms; at the end its body is "
+        f"at {height:.3f} m, tilted by {tilt:.2g} rad"
+    )

@@ -142,8 +142,10 @@ class StateWatch:
         off = np.abs(asked - reading.q)
         self._far = np.where(off > limits.deviation, self._far + 1, 0)
         if (self._far > FAR).any():
-            beyond = f"beyond plant.limits.deviation={limits.deviation:g}"
-            raise Unsafe(f"{_largest(self._far)} is {off.max():.2g} rad from its command, {beyond}")
+            raise Unsafe(
+                f"{_largest(self._far)} is {off.max():.2g} rad from its command, beyond "
+                f"plant.limits.deviation={limits.deviation:g}"
+            )
         if last is not None:
             self._compare(reading, last, asked)
         else:

@@ -14,8 +14,7 @@ from support.robots import OWN
 
 import cmacexp
 from cmacexp.export.c_code import FILES, LAW_FILES, write_c
-from cmacexp.export.network import read_network
-from cmacexp.export.vectors import run_steps
+from cmacexp.export.network import read_network, run_steps
 
 pytestmark = pytest.mark.ci
 COMPILER = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)

@@ -33,7 +33,7 @@ def test_the_command_draws_the_first_and_the_last_cycle_of_a_run(leg, tmp_path, 
 
 RENDER = """
 import numpy as np
-from cmacexp.report.robot_picture import RobotPicture, require_rendering
+from cmacexp.report.video import RobotPicture, require_rendering
 require_rendering()
 from support.robots import read
 robot = read()
