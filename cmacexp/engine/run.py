@@ -110,7 +110,7 @@ def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Sampled
     if columns[1] is not None:
         moves, sampled = scenario.first.travel is not None, samples.body_columns()
         if hasattr(scenario.plant, "list_steps"):
-            sampled |= scenario.plant.list_steps(start, start + len(samples.body))
+            sampled |= scenario.plant.list_steps(start, start + samples.body.shape[1])
         body = Trace(assemble_body(scenario.setup, sampled, legs, moves, start, columns[1]))
     if samples.memory is not None:
         memory = assemble_memory(samples.memory, start // config.steps_per_cycle + 1)

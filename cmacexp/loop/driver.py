@@ -207,19 +207,22 @@ class Driver:
         """Steps whose torque the plant has taken, also when a component raised."""
         self.state = view_state(loop.plant_state)
         if scenario.loop is None:  # else it runs again, or its first run compiles
-            self.run(*make_samples(0, legs, False, joints))
+            self.run(*make_samples(1, legs, False, joints), steps=0)
 
     @property
     def divergence(self) -> str:
         """Cause that an external plant itself reported, if it has diverged; a built-in one knows its own."""
         return "" if self.components is None else self.components.divergence
 
-    def run(self, samples: Array, body_samples: Array) -> int:
-        """Take as many steps as ``samples`` (K, L, columns) and ``body_samples`` (K, columns) have rows.
+    def run(self, samples: Array, body_samples: Array, first: int = 0, steps: int | None = None) -> int:
+        """Take so many ``steps``, None: as many as there is room for.
+
+        Fills ``samples`` (columns, K, L) and ``body_samples`` (columns, K) from their place ``first`` on.
 
         Returns RUNNING, DIVERGED or FELL; raises what a component raised, or BadOutput of its answer.
         """
-        taken, stop = step_loop(self.loop, self.hooks, self.taken, samples, body_samples)
+        count = samples.shape[1] - first if steps is None else steps
+        taken, stop = step_loop(self.loop, self.hooks, self.taken, count, samples, body_samples, first)
         self.taken += taken
         if stop == FAILED_COMPONENT:
             for hook in filter(None, self.hooks):

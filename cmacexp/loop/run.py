@@ -55,19 +55,15 @@ class Samples(NamedTuple):
 
     start: int
     legs: Array
-    """(steps, L, columns), in the order of :mod:`cmacexp.loop.samples`."""
+    """(columns, steps, L), in the order of :mod:`cmacexp.loop.samples`."""
     body: Array
-    """(steps, columns), likewise."""
+    """(columns, steps), likewise."""
     memory: dict[str, Array] | None
     """Columns of ``memory.parquet``, (cycles, L) by name; None without weights."""
 
     def columns(self) -> dict[str, Array]:
-        """Of the legs, (steps, L) by column name, each in one piece: reading it from rows takes longer.
-
-        Their units are those of :func:`cmacexp.data.signals.list_units`.
-        """
-        pieces = np.ascontiguousarray(np.moveaxis(self.legs, 2, 0))
-        return name_samples(np.moveaxis(pieces, 0, 2))
+        """Of the legs, (steps, L) by column name, in the units of :func:`cmacexp.data.signals.list_units`."""
+        return name_samples(self.legs)
 
     def body_columns(self) -> dict[str, Array]:
         """Of the body, (steps,) by column name, in the units of :func:`cmacexp.data.signals.list_units`."""
@@ -139,7 +135,7 @@ class _Stream:
         self.samples, self.body = make_samples(cycles * config.steps_per_cycle, legs, wide, joints)
         if is_live(scenario.plant):
             self.samples.fill(0.0)  # else the system would find memory for them while the machine moves
-        names = ALL_SAMPLES[: self.samples.shape[2]]
+        names = ALL_SAMPLES[: len(self.samples)]
         self.joints = [i for i, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
         self.status = Status.COMPLETED
         self.cause = ""
@@ -167,13 +163,12 @@ class _Stream:
         start = self.driver.taken
         if self.adaptation is not None:
             self.adaptation.update_plan(start // config.steps_per_cycle + 1)
-        steps = min(len(self.samples), config.cycles * config.steps_per_cycle - start)
-        samples, body = self.samples[:steps], self.body[:steps]
-        body[:, TRAVEL[0] : TRAVEL[-1] + 1] = 0.0  # a body goes straight ahead unless the plant moves it
-        body[:, TRAVEL[0]] = np.arange(start, start + steps) * config.sampling_period * config.body_speed
+        steps = min(self.samples.shape[1], config.cycles * config.steps_per_cycle - start)
+        self.body[TRAVEL[0] : TRAVEL[-1] + 1] = 0.0  # a body goes straight ahead unless the plant moves it
+        self.body[TRAVEL[0], :steps] = np.arange(start, start + steps) * config.sampling_period * config.body_speed
         began, worked = time.perf_counter(), time.process_time()
         try:
-            stop = self._drive(samples, body)
+            stop = self._drive(steps)
             if stop != RUNNING:
                 plant, self.status = self.scenario.plant, STATUSES[stop]
                 reported = driver.divergence or (plant.divergence if isinstance(plant, MujocoPlant) else "")
@@ -189,13 +184,13 @@ class _Stream:
         return start
 
     @exits_caught()
-    def _drive(self, samples: Array, body: Array) -> int:
-        """Fill the arrays, by calls of the driver that take a moment each; returns how the last one ended."""
+    def _drive(self, most: int) -> int:
+        """Take up to so many steps, by calls of the driver of a moment each; returns how the last one ended."""
         done, stop = 0, RUNNING
-        while stop == RUNNING and done < len(samples):
+        while stop == RUNNING and done < most:
             raise_if_interrupted()
-            steps, began = min(self._most_steps(), len(samples) - done), time.perf_counter()
-            stop = self.driver.run(samples[done : done + steps], body[done : done + steps])
+            steps, began = min(self._most_steps(), most - done), time.perf_counter()
+            stop = self.driver.run(self.samples, self.body, done, steps)
             done += steps
             ends_cycle = self.driver.taken % self.config.steps_per_cycle == 0
             if ends_cycle:
@@ -241,15 +236,15 @@ class _Stream:
 
     def collect(self, start: int) -> Samples:
         """The samples since step ``start``, which nothing changes from here on."""
-        samples, done = self.samples, self.driver.taken - start
+        done = self.driver.taken - start
         if self.point_mass:
-            samples[:done, :, self.joints] = np.nan
+            self.samples[self.joints] = np.nan
         memory, feedforward = None, self.scenario.feedforward
         if isinstance(feedforward, BuiltInFeedforward):
             memory = feedforward.collect_memory(-(-done // self.config.steps_per_cycle))
             if memory is not None:
                 memory["guard"] = self._guard_states(start, memory["rows"].shape)
-        legs, body = samples[:done], self.body[:done]
+        legs, body = self.samples[:, :done], self.body[:, :done]
         if self.runs:  # which fills them again
             legs, body = legs.copy(), body.copy()
         return Samples(start, legs, body, memory)

@@ -42,17 +42,20 @@ BODY_MEASURED, BODY_RATE_MEASURED, TRAVEL_MEASURED = (
 
 
 def name_samples(samples: Array, names: tuple[str, ...] = ALL_SAMPLES) -> dict[str, Array]:
-    """Columns (...) of samples (..., columns) by name, in their units; ``names`` of a body are WIDE_BODY_SAMPLES."""
-    return {name: samples[..., column] for column, name in enumerate(names[: samples.shape[-1]])}
+    """Columns (...) of samples (columns, ...) by name, in their units; ``names`` of a body are WIDE_BODY_SAMPLES."""
+    return dict(zip(names, samples, strict=False))
 
 
 def make_samples(steps: int, legs: int, wide: bool, joints: int = 2) -> tuple[Array, Array]:
-    """Zeros for the samples of legs (steps, L, columns) and body (steps, columns); with a third joint always wide."""
+    """Zeros for the samples of legs (columns, steps, L) and body (columns, steps); with a third joint always wide.
+
+    Each column is in one piece, as all that reads them reads it.
+    """
     spatial = joints > 2
     columns = ALL_SAMPLES if spatial else WIDE_SAMPLES if wide else SAMPLES
     return (
-        np.zeros((steps, legs, len(columns))),
-        np.zeros((steps, len(WIDE_BODY_SAMPLES if wide or spatial else BODY_SAMPLES))),
+        np.zeros((len(columns), steps, legs)),
+        np.zeros((len(WIDE_BODY_SAMPLES if wide or spatial else BODY_SAMPLES), steps)),
     )
 
 
@@ -67,25 +70,25 @@ def write_samples(
     control: HybridState,
     feedforward: Array,
 ) -> None:
-    """Write row ``k`` of samples (steps, L, columns) and body samples (steps, columns).
+    """Write step ``k`` of samples (columns, steps, L) and body samples (columns, steps).
 
     The torques are those that act: of ``control`` and ``feedforward`` (L, J), N m, after the actuator.
     """
     for n in range(3):
-        body_samples[k, BODY[n]] = machine.body[n]
+        body_samples[BODY[n], k] = machine.body[n]
         if travel is not None:
-            body_samples[k, TRAVEL[n]] = travel[n]
-    for i in range(samples.shape[1]):
-        row = samples[k, i]
-        row[FORCE], row[FORCE_MEASURED] = machine.force[i], observation.force[i]
+            body_samples[TRAVEL[n], k] = travel[n]
+    for i in range(samples.shape[2]):
+        samples[FORCE, k, i], samples[FORCE_MEASURED, k, i] = machine.force[i], observation.force[i]
         for j in range(machine.q.shape[1]):
-            row[FOOT[j]], row[VELOCITY[j]] = machine.foot[i, j], machine.velocity[i, j]
-            row[Q[j]], row[DQ[j]] = machine.q[i, j], machine.dq[i, j]
-            row[REFERENCE[j]] = control.reference[i, j]
-            row[TAU_FEEDBACK[j]], row[TAU_FEEDFORWARD[j]] = control.feedback[i, j], feedforward[i, j]
-            if samples.shape[2] > len(WIDE_SAMPLES):
-                row[TAU_FORCE[j]] = control.feedback[i, j] - control.learning_error[i, j]
-    if samples.shape[2] > len(SAMPLES):
+            samples[FOOT[j], k, i], samples[VELOCITY[j], k, i] = machine.foot[i, j], machine.velocity[i, j]
+            samples[Q[j], k, i], samples[DQ[j], k, i] = machine.q[i, j], machine.dq[i, j]
+            samples[REFERENCE[j], k, i] = control.reference[i, j]
+            samples[TAU_FEEDBACK[j], k, i] = control.feedback[i, j]
+            samples[TAU_FEEDFORWARD[j], k, i] = feedforward[i, j]
+            if samples.shape[0] > len(WIDE_SAMPLES):
+                samples[TAU_FORCE[j], k, i] = control.feedback[i, j] - control.learning_error[i, j]
+    if samples.shape[0] > len(SAMPLES):
         write_measured(samples, body_samples, k, observation.travel, machine, observation, control)
 
 
@@ -99,35 +102,35 @@ def write_measured(
     observation: Observation,
     control: HybridState,
 ) -> None:
-    """Write the columns that sensors and their supervision add, of row ``k`` of (K, L, columns) and (K, columns).
+    """Write the columns that sensors and their supervision add, of step ``k``, as :func:`write_samples`.
 
     Like all columns they are in the units of :mod:`cmacexp.data.signals`; ``travel`` (3,) is what is measured of it.
     """
     for n in range(3):
-        body_samples[k, BODY_RATE[n]] = machine.body_rate[n]
-        body_samples[k, BODY_MEASURED[n]] = observation.body[n]
-        body_samples[k, BODY_RATE_MEASURED[n]] = observation.body_rate[n]
+        body_samples[BODY_RATE[n], k] = machine.body_rate[n]
+        body_samples[BODY_MEASURED[n], k] = observation.body[n]
+        body_samples[BODY_RATE_MEASURED[n], k] = observation.body_rate[n]
         if travel is not None:
-            body_samples[k, TRAVEL_MEASURED[n]] = travel[n]
-    for i in range(samples.shape[1]):
-        row = samples[k, i]
-        row[FORCE_TRUSTED] = control.fault_status.trusted[i]
+            body_samples[TRAVEL_MEASURED[n], k] = travel[n]
+    for i in range(samples.shape[2]):
+        samples[FORCE_TRUSTED, k, i] = control.fault_status.trusted[i]
         for j in range(machine.q.shape[1]):
-            row[FOOT_MEASURED[j]], row[VELOCITY_MEASURED[j]] = observation.foot[i, j], observation.velocity[i, j]
-            row[Q_MEASURED[j]], row[DQ_MEASURED[j]] = observation.q[i, j], observation.dq[i, j]
+            samples[FOOT_MEASURED[j], k, i] = observation.foot[i, j]
+            samples[VELOCITY_MEASURED[j], k, i] = observation.velocity[i, j]
+            samples[Q_MEASURED[j], k, i], samples[DQ_MEASURED[j], k, i] = observation.q[i, j], observation.dq[i, j]
 
 
 @kernel
 def write_drives(samples: Array, k: int, drives: Drives | None) -> None:
-    """Write what ``drives`` gave in the step of row ``k`` of samples (K, L, columns), in their mean, N m.
+    """Write what ``drives`` gave in step ``k`` of samples (columns, steps, L), in their mean, N m.
 
     Their feedback is the torque that the controller sent, which does not teach, and what the gains add.
     """
     if drives is None:
         return
-    for i in range(samples.shape[1]):
-        row, acted = samples[k, i], drives.acted
+    acted = drives.acted
+    for i in range(samples.shape[2]):
         for j in range(3):
-            row[TAU_FORCE[j]] = acted[TORQUE, i, j]
-            row[TAU_FEEDBACK[j]] = acted[TORQUE, i, j] + acted[DRIVE, i, j]
-            row[TAU_FEEDFORWARD[j]] = acted[FEEDFORWARD, i, j]
+            samples[TAU_FORCE[j], k, i] = acted[TORQUE, i, j]
+            samples[TAU_FEEDBACK[j], k, i] = acted[TORQUE, i, j] + acted[DRIVE, i, j]
+            samples[TAU_FEEDFORWARD[j], k, i] = acted[FEEDFORWARD, i, j]

@@ -308,7 +308,7 @@ def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
 def act(loop: Loop, hooks: Hooks, step: int, sample: int, k: int, samples: Array, body_samples: Array) -> bool:
     """The second half of a step: torques, their samples, the plant; False if a component failed.
 
-    The samples are row ``k`` of ``samples`` (K, L, columns) and ``body_samples`` (K, columns).
+    The samples are step ``k`` of ``samples`` (columns, K, L) and ``body_samples`` (columns, K).
     """
     machine = loop.plant_state
     observation = loop.observation
@@ -348,10 +348,13 @@ def act(loop: Loop, hooks: Hooks, step: int, sample: int, k: int, samples: Array
 
 
 @kernel
-def take_steps(loop: Loop, hooks: Hooks, start: int, samples: Array, body_samples: Array) -> tuple[int, int]:
-    """Take as many steps as ``samples`` (K, L, columns) and ``body_samples`` (K, columns) have rows, from ``start``.
+def take_steps(
+    loop: Loop, hooks: Hooks, start: int, steps: int, samples: Array, body_samples: Array, first: int
+) -> tuple[int, int]:
+    """Take so many ``steps`` from ``start`` on.
 
-    Fills both, with columns as in :mod:`cmacexp.loop.samples`. Returns the number of steps whose torque the plant has
+    Fills ``samples`` (columns, K, L) and ``body_samples`` (columns, K), with columns as in
+    :mod:`cmacexp.loop.samples`, from their place ``first`` on. Returns the number of steps whose torque the plant has
     taken, and RUNNING or why the loop stopped: DIVERGED, FELL, or FAILED_COMPONENT.
     """
     limits = loop.limits
@@ -361,12 +364,12 @@ def take_steps(loop: Loop, hooks: Hooks, start: int, samples: Array, body_sample
     sample = start % period
     step = start
     status = RUNNING
-    if start == 0 and samples.shape[0] > 0:
+    if start == 0 and steps > 0:
         status = stop_reason(limits, sample, machine)
-    while status == RUNNING and step < start + samples.shape[0]:
-        row = step - start
-        if not (sense(loop, hooks, step, sample) and act(loop, hooks, step, sample, row, samples, body_samples)):
-            return row, FAILED_COMPONENT
+    while status == RUNNING and step < start + steps:
+        place = first + step - start
+        if not (sense(loop, hooks, step, sample) and act(loop, hooks, step, sample, place, samples, body_samples)):
+            return step - start, FAILED_COMPONENT
         step += 1
         sample = sample + 1 if sample + 1 < period else 0
         status = check(external_plant, limits, sample, machine)

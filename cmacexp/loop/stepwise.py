@@ -37,7 +37,7 @@ OUTSIDE = External(plant=False, sensors=False, controller=False, feedforward=Tru
 def pause_in_steps(loop: Loop, start: int, samples: Array, body_samples: Array) -> Iterator[tuple[int, int]]:
     """:func:`cmacexp.loop.step.take_steps` of built-in components, with a pause in each step before the torques.
 
-    It fills ``samples`` (K, L, columns) and ``body_samples`` (K, columns). It yields the number of steps taken and
+    It fills ``samples`` (columns, K, L) and ``body_samples`` (columns, K). It yields the number of steps taken and
     RUNNING at each pause; at the end once more, with why the loop stopped.
     """
     # No local variable holds arrays: each pause would save them, which doubles the time of compiling.
@@ -47,7 +47,7 @@ def pause_in_steps(loop: Loop, start: int, samples: Array, body_samples: Array) 
     status = RUNNING
     if start == 0:
         status = stop_reason(loop.limits, 0, loop.plant_state)
-    while status == RUNNING and taken < samples.shape[0]:
+    while status == RUNNING and taken < samples.shape[1]:
         sense(loop, BUILT_IN, start + taken, sample)
         yield taken, RUNNING
         act(loop, BUILT_IN, start + taken, sample, taken, samples, body_samples)

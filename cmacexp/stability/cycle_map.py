@@ -80,11 +80,12 @@ class RestorableLoop:
     def advance(self, steps: int) -> bool:
         """Run some steps, at most a cycle; False if the run ended in them."""
         with interrupt_held_back():  # MuJoCo would drop an interrupt in a function that it calls
-            return self.run.run(self.samples[:steps], self.body[:steps]) == RUNNING
+            return self.run.run(self.samples, self.body, steps=steps) == RUNNING
 
     def column(self, name: str) -> Array:
         """Torques (N, L, J) of the last cycle's samples by the name of the joints', e.g. ``tau_feedback``."""
-        return self.samples[:, :, [ALL_SAMPLES.index(f"{name}_{joint + 1}") for joint in range(self.joints)]]
+        columns = [ALL_SAMPLES.index(f"{name}_{joint + 1}") for joint in range(self.joints)]
+        return np.moveaxis(self.samples[columns], 0, 2)
 
     def play(self, torque: Array) -> None:
         """From now on the feedforward is ``torque`` (N, L, J), N m, which may change in place; it learns no more."""

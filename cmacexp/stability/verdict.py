@@ -114,7 +114,7 @@ def assess(config: Config, prepared: Scenario | None = None, simulate: bool = Tr
 
 def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
     loop, lead, first = make_restorable_loop(config, scenario), scenario.setup.lead, config.learning.start_cycle
-    steps = loop.period * loop.samples.shape[1] * getattr(config.plant, "substeps", 1)
+    steps = loop.period * loop.samples.shape[2] * getattr(config.plant, "substeps", 1)
     compiled = loop.plant is None  # MuJoCo takes a hundred times as long
     cycles = max(MAX_CYCLES_BEFORE, min(MAX_CYCLES, AFFORDABLE // steps) if simulate and compiled else 0)
     history = watch(loop, first + cycles)

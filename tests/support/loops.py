@@ -38,7 +38,7 @@ def same_bits(one, other):
 def require_same_bits(one, other):
     """Require that two runs ended alike, and took the same steps."""
     assert (one.status, one.cause) == (other.status, other.cause)
-    columns, others = name_samples(one.samples), name_samples(other.samples)
+    columns, others = (name_samples(np.moveaxis(run.samples, 2, 0)) for run in (one, other))
     assert not [name for name in columns if not same_bits(columns[name], others[name])]
     assert same_bits(one.body_samples, other.body_samples)
 

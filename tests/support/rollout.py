@@ -19,15 +19,16 @@ class Rollout(End):
 
     def columns(self):
         """Samples (steps, L) by column name."""
-        return name_samples(self.samples)
+        return name_samples(np.moveaxis(self.samples, 2, 0))
 
     def body_columns(self):
         """Samples of the body (steps,) by column name."""
-        return name_samples(self.body_samples, WIDE_BODY_SAMPLES)
+        return name_samples(self.body_samples.T, WIDE_BODY_SAMPLES)
 
 
 def roll_out(scenario, on_progress=lambda cycles: None) -> Rollout:
     kept = []
-    end = stream(scenario, lambda new: kept.append((new.legs.copy(), new.body.copy())), on_progress)
-    samples, body = (np.concatenate(arrays) for arrays in zip(*kept, strict=True))
+    end = stream(scenario, kept.append, on_progress)
+    samples = np.concatenate([np.moveaxis(new.legs, 0, 2) for new in kept])
+    body = np.concatenate([new.body.T for new in kept])
     return Rollout(**vars(end), plan=scenario.setup.plan, samples=samples, body_samples=body)
