@@ -183,11 +183,14 @@ def tabulate_numbers(results: Results, machine: str) -> DataFrame:
         mark = " ≠" if changed.all() else " (≠)" if changed.any() else ""
         return format_number(float(np.mean(conclusion.take(own)))) + mark
 
-    columns: Declared = {
-        **{name: partial(cell, conclusion=each) for name, each in CONCLUSIONS[machine].items()},
-        "ended early": lambda own: f"{len(own) - sum(own.completed)} of {len(own)}",
-    }
-    return tabulate(whole, {"variant": "value"}, columns)
+    return tabulate(
+        whole,
+        {"variant": "value"},
+        {
+            **{name: partial(cell, conclusion=each) for name, each in CONCLUSIONS[machine].items()},
+            "ended early": lambda own: f"{len(own) - sum(own.completed)} of {len(own)}",
+        },
+    )
 
 
 COMMON: Declared = {"quick": {"cycles": 5}, "seeds": True}

@@ -107,9 +107,12 @@ def cycles_over(results: Results, kind: str, others: list[str]) -> Array:
 
 def _tabulate_learning(group: str, cycles: list[int], title: str, value: str) -> Declared:
     """Errors of every feedforward, and a further quantity of the last cycle."""
-    columns = {f"cycle {n}, mm": f"1e3 * {TRANSFER}[{n}]" for n in cycles}
-    columns |= {"force RMS at the end, N": "force_rmse", title: value, "completed": "completed"}
-    return {"rows": {"kind": "feedforward"}, "columns": columns, "of": {"group": group}}
+    return {
+        "rows": {"kind": "feedforward"},
+        "columns": {f"cycle {n}, mm": f"1e3 * {TRANSFER}[{n}]" for n in cycles}
+        | {"force RMS at the end, N": "force_rmse", title: value, "completed": "completed"},
+        "of": {"group": group},
+    }
 
 
 MANY: Declared = {

@@ -51,14 +51,13 @@ def draw_memory(results: Results) -> Figure:
         "by": "rule", "axis": "rows per visited cell",
         "place": lambda own: float(own.measure("rows_per_cell").mean()),
     }  # fmt: skip
-    panels = (
-        ("visited cells that collide", "share, %", lambda own: 100.0 * own.measure("colliding"), "x"),
-        ("error at the end, over that without collisions", "ratio", cost_against(results), "xy"),
-    )
     return draw(
         [
             over_setting(hashed(results), MEMORY, y, sample, title=title, log=log, **axes)
-            for title, y, sample, log in panels
+            for title, y, sample, log in (
+                ("visited cells that collide", "share, %", lambda own: 100.0 * own.measure("colliding"), "x"),
+                ("error at the end, over that without collisions", "ratio", cost_against(results), "xy"),
+            )
         ]
     )
 

@@ -8,8 +8,7 @@ counts as -inf: fewer than three feet carry, or the line along the body misses w
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +34,7 @@ from cmacexp.report.style import (
     label,
     new_figure,
 )
-from cmacexp.study import Array, DataFrame, Figure, Mask, Measures, Panel, Run, Series, Status, draw
+from cmacexp.study import Array, DataFrame, Figure, Measures, Panel, Run, Series, Status, draw
 from cmacexp.typing import Axes
 from pipelines.common_results import if_completed
 
@@ -53,52 +52,47 @@ LATE = 5
 """Number of cycles at the end of a run in which the learnt walk is measured."""
 
 
-@dataclass(frozen=True)
-class Walk:
+class Walk(RunView):
     """Traces of a quadruped; arrays are (steps, 4), legs in the paper's order."""
 
-    view: RunView
-    force: Array
-    """Contact force, N."""
-    desired: Array
-    """Desired force, N."""
-    support: Mask
-    """Whether a foot is planned to support."""
-    carried: Array
-    """True margins, (steps, 3), m: nearest edge, front and rear boundary."""
-    length: float
-    """Of the body, from the rear to the front hips, m."""
+    @cached_property
+    def carried(self) -> Array:
+        """True margins, (steps, 3), m: nearest edge, front and rear boundary."""
+        margins = [self.body[name] for name in TRUE_MARGINS]
+        return np.nan_to_num(margins, nan=-np.inf, posinf=np.inf, neginf=-np.inf).T
+
+    @property
+    def length(self) -> float:
+        """Of the body, from the rear to the front hips, m."""
+        return float(np.ptp(self.hips[:, 0]))
 
     def start(self, cycle: int, leg: int, support: bool) -> int:
         """Step of a cycle in which a planned support, or else a planned transfer, of ``leg`` begins."""
-        now = self.support[:, leg - 1] == support
+        now = self.trace.support[:, leg - 1] == support
         steps = np.flatnonzero(now[1:] & ~now[:-1]) + 1
-        return int(steps[self.view.cycle[steps] == cycle][0])
+        return int(steps[self.cycle[steps] == cycle][0])
 
     def end(self, k: int, leg: int) -> int:
         """Step after the planned phase of ``leg`` that step ``k`` is in."""
-        changes = np.flatnonzero(self.support[k:, leg - 1] != self.support[k, leg - 1])
-        return k + int(changes[0]) if len(changes) else len(self.support)
+        changes = np.flatnonzero(self.trace.support[k:, leg - 1] != self.trace.support[k, leg - 1])
+        return k + int(changes[0]) if len(changes) else len(self.trace.support)
 
     def first(self, k: int, leg: int, carries: bool) -> int:
         """The first step from ``k`` on in which a foot carries, or else does not."""
-        return k + int(np.argmax((self.force[k:, leg - 1] > 0.0) == carries))
+        return k + int(np.argmax((self.trace["force"][k:, leg - 1] > 0.0) == carries))
 
 
 @cache
 def walk_in(folder: Path) -> Walk:
     """The walk of the stored run in a folder; read once in a process."""
     run = Run(folder)
-    view = RunView(run, run.read_trace())
-    margins = np.nan_to_num([view.body[name] for name in TRUE_MARGINS], nan=-np.inf, posinf=np.inf, neginf=-np.inf)
-    length = float(np.ptp(view.hips[:, 0]))
-    return Walk(view, view.trace["force"], view.trace["force_desired"], view.trace.support, margins.T, length)
+    return Walk(run, run.read_trace())
 
 
 def contacts(walk: Walk, cycle: int) -> dict[str, float]:
     """Largest departures of a leg from the duty factor and from the wave of Fig. 14, parts of a cycle; how long fewer
     than three feet carry."""
-    carries = walk.force[walk.view.cycle == cycle] > 0.0
+    carries = walk.trace["force"][walk.cycle == cycle] > 0.0
     turn = np.exp(2j * np.pi * np.arange(len(carries)) / len(carries))
     middle = np.array([(turn[~own]).sum() for own in carries.T])  # points to the middle of the time aloft
     wave = np.exp(2j * np.pi * np.array(WAVE))
@@ -113,8 +107,8 @@ def lift_off_of_3(walk: Walk, cycle: int) -> dict[str, float]:
     """Fig. 17: the rear margin over the body's length as foot 3 leaves the ground, and the correlation of the force
     of foot 2 with that margin while foot 3 is aloft; 0 if either does not vary."""
     k = walk.start(cycle, 3, support=False)
-    aloft = k + np.flatnonzero(walk.force[k : walk.end(k, 3), 2] == 0.0)
-    rear, force = walk.carried[aloft, REAR], walk.force[aloft, 1]
+    aloft = k + np.flatnonzero(walk.trace["force"][k : walk.end(k, 3), 2] == 0.0)
+    rear, force = walk.carried[aloft, REAR], walk.trace["force"][aloft, 1]
     varies = np.isfinite(rear).all() and min(np.ptp(rear), np.ptp(force)) > 0.0 if len(aloft) > 1 else False
     return {
         "rear": float(rear[0]) / walk.length if len(aloft) else -np.inf,
@@ -125,10 +119,10 @@ def lift_off_of_3(walk: Walk, cycle: int) -> dict[str, float]:
 def touch_down_of_3(walk: Walk, cycle: int) -> dict[str, float]:
     """Fig. 18: what foot 1 still carries as foot 3 is to take over, N, and the least margin while it does, m."""
     k = walk.start(cycle, 3, support=True)
-    carries = walk.force[k : walk.end(k, 1), 0] > 0.0
+    carries = walk.trace["force"][k : walk.end(k, 1), 0] > 0.0
     late = int(np.argmin(carries)) if not carries.all() else len(carries)
     return {
-        "force_1": float(walk.force[k, 0]),
+        "force_1": float(walk.trace["force"][k, 0]),
         "margin": float(walk.carried[k : k + max(late, 1), STABILITY].min()),
     }
 
@@ -137,9 +131,9 @@ def closest_in_transfer_of_2(walk: Walk, cycle: int) -> int:
     """Step in the second half of the transfer before the touch-down of foot 2 in which it carries nothing and the
     front margin is least."""
     k = walk.start(cycle, 2, support=True)
-    before = np.flatnonzero(walk.support[:k, 1])
+    before = np.flatnonzero(walk.trace.support[:k, 1])
     first = int(before[-1]) + 1 if len(before) else 0
-    aloft = [j for j in range((first + k) // 2, k) if walk.force[j, 1] == 0.0] or [k - 1]
+    aloft = [j for j in range((first + k) // 2, k) if walk.trace["force"][j, 1] == 0.0] or [k - 1]
     return min(aloft, key=lambda j: (walk.carried[j, FRONT], -j))
 
 
@@ -153,15 +147,15 @@ def touch_down_of_2(walk: Walk, cycle: int) -> dict[str, float]:
     return {
         "front": before / walk.length,
         "front_gain": float(after.min(initial=np.inf)) / before if before > 0.0 else -np.inf,
-        "restored": (int(low[-1]) + 1 if len(low) else 0) * walk.view.run.config["sampling_period"],
+        "restored": (int(low[-1]) + 1 if len(low) else 0) * walk.run.config["sampling_period"],
     }
 
 
 def four_feet(walk: Walk, cycle: int) -> dict[str, float]:
     """Parts of the squared force error: where four feet are planned to be down, and, of that, what moves load from
     one diagonal pair of feet to the other."""
-    rows = walk.view.cycle == cycle
-    error, all_down = (walk.force - walk.desired)[rows], walk.support[rows].all(axis=1)
+    rows = walk.cycle == cycle
+    error, all_down = (walk.trace["force"] - walk.trace["force_desired"])[rows], walk.trace.support[rows].all(axis=1)
     there = float((error[all_down] ** 2).sum())
     diagonal = error[all_down] @ np.array([0.5, -0.5, -0.5, 0.5])
     return {"four_feet": there / float((error**2).sum()), "diagonal": float((diagonal**2).sum()) / there}
@@ -171,9 +165,9 @@ def four_feet(walk: Walk, cycle: int) -> dict[str, float]:
 def events_in(folder: Path) -> DataFrame:
     """One row per whole cycle of a run; some events are only measured in the last :data:`LATE` ones, else NaN."""
     walk, rows = walk_in(folder), []
-    for cycle in range(1, walk.view.run.whole_cycles + 1):
+    for cycle in range(1, walk.run.whole_cycles + 1):
         rows.append(contacts(walk, cycle) | touch_down_of_3(walk, cycle))
-        if cycle > walk.view.run.whole_cycles - LATE:
+        if cycle > walk.run.whole_cycles - LATE:
             rows[-1] |= lift_off_of_3(walk, cycle) | touch_down_of_2(walk, cycle) | four_feet(walk, cycle)
     return pd.DataFrame(rows)
 
@@ -250,14 +244,17 @@ MEASURES: Measures = {
 
 def gait_diagram(walk: Walk, cycles: int = 2) -> Figure:
     """Fig. 14: which foot is planned to be down, and which carries, over the last cycles."""
-    rows = walk.view.cycle > walk.view.cycle[-1] - cycles
-    time, series = walk.view.time[rows] - walk.view.time[rows][0], []
-    shown = {"planned support": (walk.support, -0.15, "black"), "foot carries": (walk.force > 0.0, 0.15, SERIES[1])}
+    rows = walk.cycle > walk.cycle[-1] - cycles
+    time, series = walk.time[rows] - walk.time[rows][0], []
+    shown = {
+        "planned support": (walk.trace.support, -0.15, "black"),
+        "foot carries": (walk.trace["force"] > 0.0, 0.15, SERIES[1]),
+    }
     for leg in range(1, 5):
         for name, (down, shift, ink) in shown.items():
             style = {"color": ink, "lw": 7.0, "linestyle": "-", "solid_capstyle": "butt"}
             series.append(Series(name, time, np.where(down[rows, leg - 1], leg + shift, np.nan), style=style))
-    starts = np.flatnonzero(np.diff(walk.view.cycle[rows])) + 1
+    starts = np.flatnonzero(np.diff(walk.cycle[rows])) + 1
     axes = ("support and transfer", "time, s", "leg")
     return draw([Panel(*axes, series, x_limits=time[starts], y_range=(0.5, 4.5), y_down=True)])
 
@@ -275,10 +272,10 @@ def _hull(points: Array) -> Array:
 
 def _draw_elevation(axes: Axes, walk: Walk, k: int, across: int, near: tuple[int, ...]) -> None:
     """A view along the ground; far legs are pale, their numbers stand in the upper row below the ground."""
-    links, flat = joints(walk.view)[k], [across, Z]
-    dents = MM * DEPRESSION_SCALE * walk.force[k] / walk.view.run.config["terrain"]["stiffness"]
+    links, flat = joints(walk)[k], [across, Z]
+    dents = MM * DEPRESSION_SCALE * walk.trace["force"][k] / walk.run.config["terrain"]["stiffness"]
     for i in range(4):
-        is_near, aloft, foot = i + 1 in near, not walk.support[k, i], float(links[i, 2, across])
+        is_near, aloft, foot = i + 1 in near, not walk.trace.support[k, i], float(links[i, 2, across])
         draw_leg(axes, links[i][:, flat], is_near, aloft)
         axes.fill([foot - DENT, foot, foot + DENT], [0.0, -dents[i], 0.0], color=GROUND, lw=0.0, zorder=3)
         _number(
@@ -286,7 +283,7 @@ def _draw_elevation(axes: Axes, walk: Walk, k: int, across: int, near: tuple[int
         )
     axes.plot(*links[:, 0][:, flat].T, color=BODY, lw=7.0, solid_capstyle="round", zorder=3.5)
     axes.axhline(0.0, color=GROUND, lw=1.2, zorder=1)
-    height = MM * float(walk.view.body["height"][k])
+    height = MM * float(walk.body["height"][k])
     axes.plot([0.0, 0.0], [0.0, height], color=COG, lw=1.0, ls="--", zorder=7)
     axes.plot(0.0, height, "o", ms=8.5, color="white", mec=COG, mew=1.6, zorder=8)
     axes.plot(0.0, height, "+", ms=8.5, color=COG, mew=1.4, zorder=9)
@@ -294,7 +291,7 @@ def _draw_elevation(axes: Axes, walk: Walk, k: int, across: int, near: tuple[int
 
 def _draw_plan(axes: Axes, walk: Walk, k: int) -> None:
     """The view from above: what the feet that carry span, what is planned, and the margins along the body."""
-    links, carries, aloft = joints(walk.view)[k], walk.force[k] > 0.0, ~walk.support[k]
+    links, carries, aloft = joints(walk)[k], walk.trace["force"][k] > 0.0, ~walk.trace.support[k]
     feet = links[:, 2, :2]
     axes.fill(*_hull(links[:, 0, :2]).T, color=BODY, alpha=0.55, lw=0.0, zorder=1)
     if carries.sum() >= 3:
@@ -314,8 +311,10 @@ def _draw_plan(axes: Axes, walk: Walk, k: int) -> None:
 def _draw_forces(axes: Axes, walk: Walk, k: int) -> None:
     """The paper's foot force display: actual beside desired, leg by leg."""
     forces = [
-        Series("actual", range(4), walk.force[k]),
-        Series("desired", range(4), walk.desired[k], style={"fc": "white", "ec": DESIRED, "hatch": "////"}),
+        Series("actual", range(4), walk.trace["force"][k]),
+        Series(
+            "desired", range(4), walk.trace["force_desired"][k], style={"fc": "white", "ec": DESIRED, "hatch": "////"}
+        ),
     ]
     panel = Panel("", "", "", forces, "bars", ticks=["1", "2", "3", "4"], y_range=(0.0, 29.0))
     draw_panel(axes, panel, ["actual", "desired"])

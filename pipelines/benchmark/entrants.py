@@ -172,8 +172,9 @@ def enter(target: str, name: str | None = None, has_rate: bool | None = None) ->
     if group == FEEDFORWARD and (known or not own):
         own += LEARNING
     overrides = (*(["feedforward=none"] if group == CONTROLLER else []), f"{group}._target_={target}")
-    learns = group == FEEDFORWARD and hasattr(found, "learnt")
-    return Method(name or target.rpartition(".")[2], overrides, own, learns=learns)
+    return Method(
+        name or target.rpartition(".")[2], overrides, own, group == FEEDFORWARD and hasattr(found, "learnt")
+    )
 
 
 def list_methods() -> list[Method]:

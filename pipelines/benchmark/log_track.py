@@ -111,16 +111,17 @@ def tabulate(scores: pd.DataFrame) -> pd.DataFrame:
         )
 
     by_setting = {setting: own.set_index("method") for setting, own in scores.groupby("setting")}
-    columns = {
-        "left, %": show("", UPDATED),
-        "fastest, %": show("fastest ", UPDATED),
-        "fastest if frozen, %": show("fastest ", FROZEN),
-        "guarded, %": show("", GUARDED),
-        "harmful strokes": by_setting[UPDATED]["harmful"],
-        "failed": (scores["cause"] != "").groupby(scores["method"]).sum().map(f"{{}} of {len(SETTINGS)}".format),
-    }
-    order = by_setting[UPDATED].sort_values("value").index
-    return pd.DataFrame(columns).loc[order].rename_axis("method").reset_index()
+    found = pd.DataFrame(
+        {
+            "left, %": show("", UPDATED),
+            "fastest, %": show("fastest ", UPDATED),
+            "fastest if frozen, %": show("fastest ", FROZEN),
+            "guarded, %": show("", GUARDED),
+            "harmful strokes": by_setting[UPDATED]["harmful"],
+            "failed": (scores["cause"] != "").groupby(scores["method"]).sum().map(f"{{}} of {len(SETTINGS)}".format),
+        }
+    )
+    return found.loc[by_setting[UPDATED].sort_values("value").index].rename_axis("method").reset_index()
 
 
 def make_study(names: Sequence[str] = METHODS, values: Mapping[str, Any] | None = None) -> StudyFile:

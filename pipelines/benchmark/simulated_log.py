@@ -52,18 +52,16 @@ def simulate_log(
             dry = h * np.array(truth.coulomb) / total
             velocity = np.sign(wanted) * np.maximum(np.abs(wanted) - dry, 0.0)
             angle = angle + h * velocity
-    zero = np.zeros_like(command)
-    measured = found + np.random.default_rng(seed).normal(size=found.shape) * noise
     return Log(
         path=Path("simulated"),
         time=time,
         joints=NAMES,
-        angle=measured,
+        angle=found + np.random.default_rng(seed).normal(size=found.shape) * noise,
         command=command,
         velocity=None,
-        command_velocity=zero,
+        command_velocity=np.zeros_like(command),
         torque=None,
-        feedforward=zero,
+        feedforward=np.zeros_like(command),
         kp=kp,
         kd=kd,
         orientation=None,
