@@ -208,10 +208,12 @@ def _describe(scenario: Scenario) -> dict[str, Any]:
     drives, body, chains = isinstance(control, DriveParams), has_body(mechanism), mechanism.chains is not None
     method = next(name for name, number in METHODS.items() if drives or number == control.method)
     place, rate = (np.moveaxis(values, -1, 0) for values in (plan.reference.position, plan.reference.velocity))
-    columns = {"X": place[X], "Y": place[Y], "VX": rate[X], "VY": rate[Y], "ADDED": plan.reference.force_added}
-    columns |= {"DESIRED": plan.reference.force_desired} if drives else {}
-    columns |= {"F_REFERENCE": plan.reference.force_reference} if method == "explicit" else {}
-    columns |= {"Z": place[Z], "VZ": rate[Z]} if chains else {}
+    columns = {
+        **{"X": place[X], "Y": place[Y], "VX": rate[X], "VY": rate[Y], "ADDED": plan.reference.force_added},
+        **({"DESIRED": plan.reference.force_desired} if drives else {}),
+        **({"F_REFERENCE": plan.reference.force_reference} if method == "explicit" else {}),
+        **({"Z": place[Z], "VZ": rate[Z]} if chains else {}),
+    }
     reference = np.nan_to_num(np.stack([*columns.values()], axis=-1))  # of which no method uses what is NaN
     stages = 1 if (reference[BEFORE] == reference[ACTING]).all() else 2
     actuator = new_actuator(config.actuator, config.sampling_period, len(mechanism.legs), mechanism.torque_limits)

@@ -62,8 +62,7 @@ def start_tasks(name: str, settings: Sequence[str], tasks: int, folder: Path) ->
     """
     if name == "cores":
         raise BadInput("--launcher", name, "is for sweeps; without --launcher a study uses all cores")
-    chosen = [f"hydra/launcher={name}", f"hydra.sweep.dir={folder}"]
-    chosen += [f"hydra.launcher.{setting}" for setting in settings]
+    chosen = [f"hydra/launcher={name}", f"hydra.sweep.dir={folder}", *(f"hydra.launcher.{each}" for each in settings)]
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
         try:
             config = compose("config", chosen, return_hydra_config=True)

@@ -51,8 +51,10 @@ def describe_fields(run: Run) -> tuple[dict[str, Field], dict[str, dict[str, Fie
     if trace is None or not all(map(_is_plain, filter(None, (trace, trace.body)))):
         raise BadRun(f"{run.folder}: its trace holds no step of a run, or other columns than a run writes")
     shared = {name: _describe(trace.table, name) for name in SHARED}
-    legs = {name: _describe(trace.table, name) for name in trace.names if name not in LEFT_OUT}
-    legs[SUPPORT] = Field("", "planned phase: 1 support, 0 transfer", pa.int32())
+    legs = {
+        **{name: _describe(trace.table, name) for name in trace.names if name not in LEFT_OUT},
+        SUPPORT: Field("", "planned phase: 1 support, 0 transfer", pa.int32()),
+    }
     groups = {f"leg{number}": legs for number in range(1, trace.legs + 1)}
     if trace.body is not None:
         groups["body"] = {n: _describe(trace.body.table, n) for n in trace.body.names if n not in LEFT_OUT}
@@ -72,8 +74,10 @@ def read_steps(run: Run) -> Iterator[tuple[dict[str, Array], dict[str, dict[str,
     Of each part the columns (steps,) of :data:`SHARED`, and those of ``leg1`` to ``leg4`` and ``body``.
     """
     for trace in stream_trace(run.folder):
-        signals: dict[str, Array] = {name: trace[name] for name in trace.names if name not in LEFT_OUT}
-        signals[SUPPORT] = trace.support.astype(np.int32)
+        signals: dict[str, Array] = {
+            **{name: trace[name] for name in trace.names if name not in LEFT_OUT},
+            SUPPORT: trace.support.astype(np.int32),
+        }
         groups = {
             f"leg{leg + 1}": {name: values[:, leg] for name, values in signals.items()} for leg in range(trace.legs)
         }

@@ -237,7 +237,7 @@ def check_against_model(problem: Problem) -> list[str]:
             f"{'later' if delay > 0 else 'earlier'} than they are written: their times are shifted, or "
             "--kp or --kd is wrong"
         )
-    notes = _note(log)
+    notes = list(_note(log))
     gravity = np.where(errors[:, 0] < 0.3 * np.abs(weights[:, 0]), weights[:, 0], np.nan)
     for j in np.flatnonzero(gravity < 0.0):
         raise refuse(
@@ -286,11 +286,10 @@ def _solve(columns: Array, torque: Array) -> tuple[float, Array, Array]:
     return left**0.5, weights, np.sqrt(np.maximum(variance, 1e-18))
 
 
-def _note(log: Log) -> list[str]:
+def _note(log: Log) -> Iterator[str]:
     """What the log cannot show, and what was done to it."""
-    notes = []
     if not _is_quantised(log):
-        notes.append(
+        yield (
             "The angles show no step of an encoder: they were filtered or "
             "simulated, and noise and velocities are those of the filter."
         )
@@ -303,13 +302,12 @@ def _note(log: Log) -> list[str]:
         groups = {tuple(log.joints[k] for k in np.flatnonzero(row)) for row in equal if row.sum() > 1}
         if groups:
             listed = "; ".join(", ".join(group) for group in sorted(groups))
-            notes.append(
+            yield (
                 f"Joints with equal or mirrored commands ({listed}): nothing "
                 "in this log shows whether their columns are exchanged."
             )
         if len(log.joints) > 1 and alike.all():
-            notes.append("All commands are one signal (rank 1): what joints do to each other is not excited.")
-    return notes
+            yield "All commands are one signal (rank 1): what joints do to each other is not excited."
 
 
 def _is_quantised(log: Log) -> bool:

@@ -35,13 +35,12 @@ def summarise(values: dict[str, Any]) -> str:
     """The first sentences of the page, with n and intervals."""
     left, best = values["left"], find_best(values)
     own, fastest = left[best], left[best]["fastest"]
-    text = "Of the feedback torque of this log "
-    if "model" in left:
-        text += f"the model of {Path(values['robot']).name} leaves {left['model']['value']:.1f} % and "
-    text += (
-        f"the best predictor ({best}) {own['value']:.1f} % [{own['low']:.1f}, {own['high']:.1f}] on {own['n']} "
-        f"strokes that it had not seen, {fastest['value']:.1f} % [{fastest['low']:.1f}, {fastest['high']:.1f}] on "
-        "the fastest."
+    robot = Path(values["robot"]).name
+    model = f"the model of {robot} leaves {left['model']['value']:.1f} % and " if "model" in left else ""
+    text = (
+        f"Of the feedback torque of this log {model}the best predictor ({best}) {own['value']:.1f} % "
+        f"[{own['low']:.1f}, {own['high']:.1f}] on {own['n']} strokes that it had not seen, {fastest['value']:.1f} % "
+        f"[{fastest['low']:.1f}, {fastest['high']:.1f}] on the fastest."
     )
     if values["lag"]:
         text += f" Joints are {1e3 * values['lag']['value']:.0f} ms behind their commands."
@@ -207,10 +206,13 @@ def make_option(gap: Gap) -> str:
         name: {key: _round(value["value"] if isinstance(value, dict) else value) for key, value in own.items()}
         for name, own in zip(gap.problem.machine.joints, gap.values["parameters"].values(), strict=True)
     }
-    others: dict[str, float | None] = dict.fromkeys(("joint_friction", "joint_damping", "rotor_inertia"))
-    others |= {"trunk_mass_factor": 1.0, "trunk_inertia_factor": 1.0, "leg_mass_factor": 1.0, "trunk_shift": 0.0}
+    option = {
+        **dict.fromkeys(("joint_friction", "joint_damping", "rotor_inertia")),
+        **{"trunk_mass_factor": 1.0, "trunk_inertia_factor": 1.0, "leg_mass_factor": 1.0, "trunk_shift": 0.0},
+        "joints": joints,
+    }
     origin = f"# Joints of {Path(gap.values['robot']).name}, identified from {Path(gap.values['log']).name}.\n"
-    return origin + yaml.safe_dump({**others, "joints": joints}, sort_keys=False, default_flow_style=None, width=120)
+    return origin + yaml.safe_dump(option, sort_keys=False, default_flow_style=None, width=120)
 
 
 def _round(value: "float | list[float]") -> "float | list[float]":

@@ -3,7 +3,7 @@
 Learners act on it: what the log predicts of them, and what is obtained, as torque and as tracking.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
@@ -73,7 +73,7 @@ def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
         },
         "delay": {"unit": "s", "value": whole.delay, "deviation": whole.delay_deviation},
         "covariances": [own.tolist() for own in whole.covariances],
-        "refused": refuse_parameters(problem, whole),
+        "refused": list(refuse_parameters(problem, whole)),
     }
     for name, make in list_identified(problem, chosen, gap.makers["model"], fit_next).items():
         add_learner(gap, name, make)
@@ -129,26 +129,24 @@ def describe_parameters(problem: Problem, found: Fit) -> dict[str, Any]:
     return described
 
 
-def refuse_parameters(problem: Problem, found: Fit) -> list[str]:
+def refuse_parameters(problem: Problem, found: Fit) -> Iterator[str]:
     """What this log does not identify, by name, a sentence each."""
     machine, joints = problem.machine, problem.signals.log.joints
     unknown = {machine.find_link(j)[0]: None for j in range(len(joints)) if j not in problem.masses}
-    refused = []
     if unknown:
         limit = 100.0 * KNOWN * MASS_PRIOR
-        refused.append(f"masses of {', '.join(unknown)}: beside the joints they are not known to {limit:.0f} %")
+        yield f"masses of {', '.join(unknown)}: beside the joints they are not known to {limit:.0f} %"
     if (error := problem.tilt_error) > KNOWN * TILT_PRIOR:
-        refused.append(f"tilt of the base: its standard error is {np.degrees(error):.1f} degrees")
+        yield f"tilt of the base: its standard error is {np.degrees(error):.1f} degrees"
     strongest = found.delay_correlation[np.abs(found.delay_correlation).argmax()]
     if abs(strongest) > CORRELATED:
-        refused.append(f"delay apart from rotor inertia: their correlation is up to {strongest:.2f}")
+        yield f"delay apart from rotor inertia: their correlation is up to {strongest:.2f}"
     for j, joint in enumerate(joints):
         for k, name in enumerate(NAMES[:2]):
             if found.deviation[j, k] > max(found.values[j, k], 1e-9):
-                refused.append(f"{name.replace('_', ' ')} of {joint}: its standard error exceeds its value")
+                yield f"{name.replace('_', ' ')} of {joint}: its standard error exceeds its value"
         if found.deviation[j, len(NAMES) :].max() > found.values[j, len(NAMES) :].mean():
-            refused.append(f"Coulomb friction of {joint}: its standard error exceeds its mean")
-    return refused
+            yield f"Coulomb friction of {joint}: its standard error exceeds its mean"
 
 
 class Identified:
@@ -186,8 +184,10 @@ def list_identified(problem: Problem, level: Level, before: Maker, fit_next: Fit
 
     found: dict[str, Maker] = {IDENTIFIED: make}
     if problem.signals.repeats:
-        found[f"{IDENTIFIED}, and ILC"] = lambda: Both(make(), Iterative(problem.signals, 0.5))
-        found[f"{IDENTIFIED}, and {ABOVE}"] = lambda: Both(make(), make_tables(problem)[ABOVE]())
+        found |= {
+            f"{IDENTIFIED}, and ILC": lambda: Both(make(), Iterative(problem.signals, 0.5)),
+            f"{IDENTIFIED}, and {ABOVE}": lambda: Both(make(), make_tables(problem)[ABOVE]()),
+        }
     return found
 
 

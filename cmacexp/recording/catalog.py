@@ -42,11 +42,16 @@ def build_recordings(runs: Sequence[Run], anew: bool) -> tuple[list[Run], list[s
 def _set_columns(entry: DatasetEntry, keys: Sequence[str]) -> None:
     """The columns of the table: first what distinguishes the runs, then the main metrics; the others can be shown."""
     present = entry.segment_table().schema().names
-    sources = {NAME_COLUMN: "run", **{f"property:config:{re.sub(r'[^A-Za-z0-9_]', '_', key)}": key for key in keys}}
-    sources["property:run:status"] = "status"
-    sources |= {f"property:metrics:{name}": f"{name} {ALL_METRICS[name].unit}".rstrip() for name in MAIN}
-    columns = [rrt.Column(source, name=name) for source, name in sources.items() if source in present]
-    columns += [rrt.Column(source, visible=False) for source in present if source not in sources]
+    sources = {
+        NAME_COLUMN: "run",
+        **{f"property:config:{re.sub(r'[^A-Za-z0-9_]', '_', key)}": key for key in keys},
+        "property:run:status": "status",
+        **{f"property:metrics:{name}": f"{name} {ALL_METRICS[name].unit}".rstrip() for name in MAIN},
+    }
+    columns = [
+        *(rrt.Column(source, name=name) for source, name in sources.items() if source in present),
+        *(rrt.Column(source, visible=False) for source in present if source not in sources),
+    ]
     table = rrt.TableBlueprint(table_layout=rrt.TableLayout(columns=columns), sort_by=NAME_COLUMN)
     with TemporaryDirectory() as folder:
         path = Path(folder, "table.rbl")

@@ -218,9 +218,8 @@ class Panels:
     def _torques(self, number: int, before: str = "") -> list[rrb.TimeSeriesView]:
         """Feedback and feedforward of all joints of one leg; of a point mass the forces that drive it."""
         joints = range(1, len(self.view.trace.axes) + 1)
-        names = [f"torque of joint {joint}, N m" for joint in joints]
-        if not self.view.has_joints:
-            names = ["Cartesian force along x, N", "Cartesian force along y, N"]
+        forces = ["Cartesian force along x, N", "Cartesian force along y, N"]
+        names = [f"torque of joint {joint}, N m" for joint in joints] if self.view.has_joints else forces
         return [self.plot(f"leg_{number}/torque_{i}", before + name) for i, name in zip(joints, names, strict=True)]
 
     def events(self) -> Panel:
@@ -234,21 +233,21 @@ class Panels:
 
 def describe_key(views: Sequence[RunView]) -> str:
     """The meaning of the colours of the scenes of several runs, as Markdown."""
+    of_walks = [
+        "**feet that support** joined by a green line; **centre of gravity** and its plumb line pink",
+        "**stability margin** of the centre of gravity to the edges of the polygon of the feet planned to be "
+        "down (planned) or that carry load (true): below 0 the machine tips",
+    ]
+    scales = sorted({view.depression_scale for view in views})
+    deeper = [f"ground pressed down {' or '.join(map(str, scales))} times deeper"]
     parts = [
         "**foot path** desired in the current cycle grey, in the first cycle orange, in the last whole one green",
         "**force** desired grey, actual blue",
         "**foot** supporting yellow, in transfer light blue",
+        *(of_walks if any(view.walks for view in views) else []),
+        *(deeper if scales != [1] else []),
+        "**moments** a foot lifts or touches down, a cycle begins: a click on a time goes there",
     ]
-    if any(view.walks for view in views):
-        parts += [
-            "**feet that support** joined by a green line; **centre of gravity** and its plumb line pink",
-            "**stability margin** of the centre of gravity to the edges of the polygon of the feet planned to be "
-            "down (planned) or that carry load (true): below 0 the machine tips",
-        ]
-    scales = sorted({view.depression_scale for view in views})
-    if scales != [1]:
-        parts.append(f"ground pressed down {' or '.join(map(str, scales))} times deeper")
-    parts.append("**moments** a foot lifts or touches down, a cycle begins: a click on a time goes there")
     return " · ".join(parts)
 
 

@@ -128,14 +128,13 @@ def _find_contacts(view: RunView) -> Iterator[Event]:
 def find_events(view: RunView) -> list[Event]:
     """The moments of a run in their order; of a machine that never lifts a foot, none but its cycles."""
     starts = np.flatnonzero(np.diff(view.cycle, prepend=view.cycle[0] - 1))
-    found = [(int(row), f"cycle {view.cycle[row]} begins") for row in starts]
-    found += _find_contacts(view)
-    found += [
+    cycles = [(int(row), f"cycle {view.cycle[row]} begins") for row in starts]
+    guard = [
         (int(np.searchsorted(view.step, event["step"])), f"guard of learning: {format_event(event)}")
         for event in view.run.manifest.get("guard", ())
         if view.step[0] <= event["step"] <= view.step[-1]
     ]
-    return sorted(found)
+    return sorted([*cycles, *_find_contacts(view), *guard])
 
 
 def log_events(entities: Entities, view: RunView) -> None:

@@ -7,7 +7,7 @@ values, figures and tables are inserted, each heading begins a section.
 
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
@@ -246,7 +246,7 @@ def render_markdown(
         text = environment.from_string(page).render(names)
     except UndefinedError as error:
         raise BadInput("page", template, f"{error.message}; it may use {listed(list(names))}") from error
-    return _sections(text, title)
+    return list(_split_sections(text, title))
 
 
 def find_insertions(template: Path, page: str) -> list[tuple[str, str, int]]:
@@ -268,14 +268,12 @@ def _format_cell(value: Any) -> str:
     return format_number(float(value)) if isinstance(value, float) else str(value)
 
 
-def _sections(markdown: str, title: str) -> list[Section]:
+def _split_sections(markdown: str, title: str) -> Iterator[Section]:
     """A section for every heading of the second level; what comes before the first stands under the study's title."""
     from markdown_it import MarkdownIt
 
     converter = MarkdownIt("commonmark").enable("table")
-    found = []
     for index, part in enumerate(re.split(r"^## ", markdown, flags=re.MULTILINE)):
         heading, _, text = (title, "", part) if index == 0 else part.partition("\n")
         if text.strip():
-            found.append(Section(heading.strip(), [Markup(converter.render(text))]))
-    return found
+            yield Section(heading.strip(), [Markup(converter.render(text))])

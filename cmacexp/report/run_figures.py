@@ -266,9 +266,8 @@ def draw_torques(view: RunView) -> Drawing:
 
 def draw_end(view: RunView) -> Drawing:
     """The last steps of a run that fell or diverged."""
-    columns = {f"dq{joint}": f"joint {joint}" for joint in range(1, len(view.trace.axes) + 1)}
-    if not view.has_joints:
-        columns = {"vx": "along x", "vy": "along y"}
+    joints = {f"dq{joint}": f"joint {joint}" for joint in range(1, len(view.trace.axes) + 1)}
+    columns = joints if view.has_joints else {"vx": "along x", "vy": "along y"}
     speeds, forces = [], []
     for leg in range(1, view.trace.legs + 1):
         rows = keep_rows(view, leg, slice(-LAST_STEPS, None))

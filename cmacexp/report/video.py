@@ -7,7 +7,7 @@ import copy
 import importlib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing
 from io import BytesIO
 from pathlib import Path
@@ -203,7 +203,7 @@ def _draw_machine(axes: Axes, cycle: Cycle, k: int, window: tuple[Array, Array])
     axes.set_title(cycle.title, color=cycle.ink, fontsize=12.0, loc="center")
 
 
-def _panels(cycle: Cycle, k: int) -> list[Panel]:
+def _make_panels(cycle: Cycle, k: int) -> Iterator[Panel]:
     """The paper's foot force display, actual beside desired; the path error of a walk in this cycle, up to now."""
     view, places = cycle.view, np.arange(cycle.view.trace.legs)
     forces = [
@@ -211,13 +211,12 @@ def _panels(cycle: Cycle, k: int) -> list[Panel]:
         Series("desired", places, view.trace["force_desired"][k], style=HATCHED),
     ]
     names = ["".join(word[0].upper() for word in name.split()) if view.walks else name for name in view.names]
-    panels = [Panel("", "", "force, N", forces, "bars", ticks=names)]
+    yield Panel("", "", "force, N", forces, "bars", ticks=names)
     if view.walks:
         time = view.time - view.time[0]
         error = [Series("", time[: k + 1], cycle.error[: k + 1], style=SOLID | {"color": cycle.ink})]
         x_range = (0.0, float(time[-1]))
-        panels.append(Panel("", "time in the cycle, s", "foot error, mm", error, x_limits=[time[k]], x_range=x_range))
-    return panels
+        yield Panel("", "time in the cycle, s", "foot error, mm", error, x_limits=[time[k]], x_range=x_range)
 
 
 def _set_limits(axes: NDArray[Any], cycles: Sequence[Cycle], window: tuple[Array, Array]) -> None:
@@ -248,7 +247,7 @@ def draw_frame(cycles: Sequence[Cycle], window: tuple[Array, Array], part: float
         since = cycle.view.time - cycle.view.time[0]
         k = int(np.abs(since - part * since[-1]).argmin())  # rows of a thinned trace need not be evenly spaced
         _draw_machine(axes[0, column], cycle, k, window)
-        for ax, panel in zip(axes[1:, column], _panels(cycle, k), strict=True):
+        for ax, panel in zip(axes[1:, column], _make_panels(cycle, k), strict=True):
             draw_panel(ax, panel, [series.name for series in panel.series])
             ax.set(xlabel=panel.x, ylabel="" if column else panel.y)
             ax.tick_params(labelleft=column == 0)

@@ -6,7 +6,7 @@ error of weights is measured by V = tr(W Q W^T), with one positive definite Q fo
 positive definite. Eigenvalues of T with positive real parts do not suffice (``tests/stability/test_transfer.py``).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -89,19 +89,17 @@ def _replay(config: Config, cycle: int) -> tuple[RestorableLoop, Array]:
     return loop, torque
 
 
-def locals_along(config: Config, cycle: int, samples: Sequence[int]) -> list[Local]:
+def locals_along(config: Config, cycle: int, samples: Sequence[int]) -> Iterator[Local]:
     """Linearise the loop without learning at some samples of the cycle that follows ``cycle`` cycles of learning.
 
     The learned torque of that cycle is repeated. Raises NotPredictable if the run ends before.
     """
     loop, table = _replay(config, cycle)
-    linearised = []
     for sample in sorted(samples):
         steps = sample - loop.run.taken % loop.period
         if steps and not loop.advance(steps):
             raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}")
-        linearised.append(_local(loop, table))
-    return linearised
+        yield _local(loop, table)
 
 
 def transfer(local: Local, frequencies: Array, period: float) -> NDArray[np.complex128]:

@@ -257,16 +257,16 @@ def _statement(name: str, judged: StatementResult, folder: Path) -> dict[str, An
 
 def write_page(title: str, question: str, studies: Sequence[Evaluated], place: ResultWriter, quick: bool) -> Path:
     """Write the report of one study or of several together, and their statements; a quick one concludes nothing."""
-    folder = place.folder
     statements = [judged for study in studies for judged in study.statements.values()]
     claims = [judged for judged in statements if isinstance(judged.statement, Claim)]
-    sections = [make_claims_section(claims, folder)] if claims else []
-    sections += [Section("Quick run", [Markup(f'<p class="banner">{QUICK_NOTICE}</p>')])] if quick else []
-    sections += [section for study in studies for section in study.sections]
+    sections = [
+        *([make_claims_section(claims, place.folder)] if claims else []),
+        *([Section("Quick run", [Markup(f'<p class="banner">{QUICK_NOTICE}</p>')])] if quick else []),
+        *(section for study in studies for section in study.sections),
+        *([Section("How to read the values", [Markup(READING.format(few=FEW))])] if statements and not quick else []),
+    ]
     if not quick:
-        if statements:
-            sections.append(Section("How to read the values", [Markup(READING.format(few=FEW))]))
-        judged = {s.name: [_statement(*each, folder) for each in s.statements.items()] for s in studies}
+        judged = {s.name: [_statement(*each, place.folder) for each in s.statements.items()] for s in studies}
         for name, entries in ((CLAIMS, judged), (PROVENANCE, {s.name: s.provenance for s in studies})):
             place.write_text(name, json.dumps(entries, indent=1, ensure_ascii=False) + "\n")
     config = {"studies": [study.name for study in studies], "quick": quick}
