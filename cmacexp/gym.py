@@ -5,6 +5,7 @@ actions lie in [-1, 1]; ``gymnasium.make("cmacexp.gym:cmacexp/OneLeg-v0")`` impo
 same environment with actions in N m.
 """
 
+import copy
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from cmacexp.config.compose import list_texts
 from cmacexp.engine.api import open_loop
 from cmacexp.errors import BadOutput, format_install_command
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
@@ -131,8 +133,8 @@ class LoopEnv(Env[Array, Array]):
         normalised: bool = True,
         render_mode: str | None = None,
     ):
-        self._made = (scenario, list(overrides), normalised, render_mode)
-        self.loop, self.render_mode = open_loop([f"scenario={scenario}", *overrides]), render_mode
+        self._made = (scenario, list_texts(overrides), normalised, render_mode)
+        self.loop, self.render_mode = open_loop([f"scenario={scenario}", *self._made[1]]), render_mode
         loop = self.loop
         largest = find_largest_torque(loop)
         self.names, bounds = zip(*list_entries(loop, largest), strict=True)
@@ -152,7 +154,7 @@ class LoopEnv(Env[Array, Array]):
     def __getstate__(self) -> dict[str, Any]:
         """What an equal environment is made of, and the torques of the episode so far."""
         kept = ("_made", "_start_seed", "_torques", "_np_random", "_np_random_seed", "action_space", "spec")
-        return {name: getattr(self, name) for name in kept}
+        return copy.deepcopy({name: getattr(self, name) for name in kept})  # a shallow copy goes its own way, too
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__init__(*state["_made"])  # type: ignore[misc]

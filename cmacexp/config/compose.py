@@ -8,6 +8,7 @@ from copy import copy
 from dataclasses import is_dataclass
 from functools import cache, lru_cache
 from pathlib import Path
+from threading import RLock
 from typing import Any
 
 import yaml
@@ -37,6 +38,28 @@ def parse_override(override: str) -> Any:
     return OverridesParser.create().parse_overrides([override])[0]
 
 
+_one_at_a_time = RLock()
+"""Hydra keeps where it looks for configs in a variable of the process."""
+
+
+def list_texts(overrides: Iterable[str]) -> list[str]:
+    """Overrides from Python as a list: they may come one by one. Raises BadInput unless each is a text."""
+    if isinstance(overrides, str) or not isinstance(overrides, Iterable):
+        raise BadInput("overrides", overrides, 'must be a list of texts, such as ["cycles=3"]')
+    texts = list(overrides)
+    for text in texts:
+        if not isinstance(text, str):
+            raise BadInput("overrides", text, 'must be a text, such as "cycles=3"')
+    return texts
+
+
+def refuse_options(overrides: Iterable[str]) -> None:
+    """Raise BadInput for an option of the command line among overrides from Python."""
+    for text in overrides:
+        if text.startswith(("-", "hydra.", "hydra/")):
+            raise BadInput("overrides", text, "is an option of the command line; give config overrides only")
+
+
 def set_values(config: DictConfig, overrides: Iterable[str]) -> None:
     """Set values of keys in a composed config, as Hydra does once the options are chosen."""
     for override in map(parse_override, overrides):
@@ -48,7 +71,7 @@ def _compose(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
     """What Hydra composes, and the option that it chose in each group."""
     from hydra import compose, initialize_config_dir  # 60 ms, which who loads a sweep need not wait
 
-    with initialize_config_dir(str(config_folder()), version_base="1.3"):
+    with _one_at_a_time, initialize_config_dir(str(config_folder()), version_base="1.3"):
         config = compose("config", list(overrides), return_hydra_config=True)
     choices = dict(config.hydra.runtime.choices)
     with open_dict(config):
@@ -183,6 +206,8 @@ def compose_untyped(
     """
     from cmacexp.config.explain import explain_composition
 
+    if config_dir is not None and not Path(config_dir).is_dir():
+        raise BadInput("config_dir", config_dir, "is no folder")
     try:
         if config_dir is None:
             return _compose_cached(overrides)

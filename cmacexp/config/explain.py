@@ -40,6 +40,8 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
         return f"{typed}: cannot be read ({reason}); write key=value, in quotes if the shell needs them"
     if several := re.match(r"Ambiguous value for argument '(.*?)' ", text):
         return f"{several[1]}: several values need -m: python -m cmacexp -m {several[1]}; a list needs brackets"
+    if isinstance(error, OSError):  # such as a current folder that is gone
+        return text
     if not isinstance(error, COMPOSITION_ERRORS):
         return f"a group takes the name of an option (cmac=one_leg), a field takes a value (cmac.layers=8): {text}"
     if isinstance(cause, OmegaConfBaseException) and "not in" in str(cause):

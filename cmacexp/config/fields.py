@@ -85,7 +85,10 @@ def read_fields(schema: type[T], node: Mapping[str, Any], key: str = "") -> T:
     for name, (each, _) in declared.items():
         if name not in node and each.default is MISSING and each.default_factory is MISSING:
             raise BadInput(before + name, "(not set)", "must have a value")
-    return schema(**{name: read_field(schema, name, given, before + name) for name, given in node.items()})
+    # Defaults are checked too: those of a component of a user may be wrong.
+    defaults = {name: each.default for name, (each, _) in declared.items() if each.default is not MISSING}
+    given = {**defaults, **node}
+    return schema(**{name: read_field(schema, name, value, before + name) for name, value in given.items()})
 
 
 class _OtherType(Exception):

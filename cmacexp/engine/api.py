@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Never
 
 from cmacexp.config import Config, to_config
-from cmacexp.config.compose import compose_untyped
+from cmacexp.config.compose import compose_untyped, list_texts, refuse_options
 from cmacexp.config.machine import describe_other_model
 from cmacexp.control.protocol import Controller
 from cmacexp.data.run import Run as Run
@@ -31,13 +31,11 @@ def _split(overrides: str | Sequence[str]) -> tuple[list[str], Path | None]:
         if len(words := overrides.split()) > 1:
             raise BadInput("overrides", overrides, f"must be a list: {words}")
         overrides = words
-    folder = None
-    for text in overrides:
-        if text.startswith(RUN_FOLDER):
-            folder = Path(text.removeprefix(RUN_FOLDER))
-        elif text.startswith(("-", "hydra.", "hydra/")):
-            raise BadInput("overrides", text, "is an option of the command line; give config overrides only")
-    return [text for text in overrides if not text.startswith("hydra.")], folder
+    texts = list_texts(overrides)
+    folders = [text for text in texts if text.startswith(RUN_FOLDER)]
+    others = [text for text in texts if text not in folders]
+    refuse_options(others)
+    return others, Path(folders[-1].removeprefix(RUN_FOLDER)) if folders else None
 
 
 def _compose(

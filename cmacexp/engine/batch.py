@@ -1,7 +1,7 @@
 """Many runs as one table: those of a sweep, from disk, or run in memory on all cores."""
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from cmacexp.config.compose import list_texts, refuse_options
 from cmacexp.data.files import write_atomically
 from cmacexp.data.tables import table_writer, write_table
 from cmacexp.engine.chunk import RunEnd, run_chunk
@@ -82,7 +83,8 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
         OtherModel: of each robot whose model is not the one that results were measured with.
         WithoutEffect: of each key without effect, see ``docs/runs.md``; runs with ``warn=false`` do not count.
     """
-    (table,) = _run_in_parts(runs, keep, processes, len(runs))
+    listed = _list_runs(runs)
+    (table,) = _run_in_parts(listed, keep, processes, len(listed))
     return table.to_pandas()
 
 
@@ -93,12 +95,12 @@ def write_many(
 
     Args, errors and warnings are the same; a column that a run lacks is null. The file is whole or absent.
     """
-    place = Path(file)
+    place, listed = Path(file), _list_runs(runs)
     if place.is_dir():
         raise BadInput("file", place, "is a folder: name a file")
     with write_atomically(place) as whole, TemporaryDirectory(dir=place.parent, prefix=".") as folder:
         parts = list[Path]()
-        for part in _run_in_parts(runs, keep, processes, AT_ONCE.get(keep, 1)):
+        for part in _run_in_parts(listed, keep, processes, AT_ONCE.get(keep, 1)):
             parts.append(Path(folder) / f"{len(parts)}.parquet")
             write_table(part, parts[-1])
         # No part knows the columns of later ones, and all must have run before one may be refused.
@@ -109,15 +111,25 @@ def write_many(
                 writer.write_table(pa.concat_tables([schema.empty_table(), own], promote_options="default"))
 
 
+def _list_runs(runs: Iterable[Sequence[str]]) -> list[list[str]]:
+    """The overrides of each run; raises BadInput if there are none, or what is given is something else."""
+    if isinstance(runs, str) or not isinstance(runs, Iterable):
+        raise BadInput("runs", runs, 'must be a list of lists of overrides, such as [["cycles=3"]]')
+    listed = []
+    for overrides in runs:
+        if isinstance(overrides, str):
+            raise BadInput("runs", overrides, f"must be a list of lists of overrides: [[{overrides!r}]]")
+        listed.append(list_texts(overrides))
+        refuse_options(listed[-1])
+    if not listed:
+        raise BadInput("runs", listed, "must have at least one run")
+    return listed
+
+
 def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | None, most: int) -> Iterator[pa.Table]:
     """The table of :func:`run_many`, of so many runs at a time; warnings are in the name of the caller's caller."""
     if keep not in KEPT:
         raise BadInput("keep", keep, f"choose from {', '.join(KEPT)}")
-    for overrides in runs:
-        if isinstance(overrides, str):
-            raise BadInput("runs", overrides, f"must be a list of lists of overrides: [[{overrides!r}]]")
-    if not runs:
-        raise BadInput("runs", list(runs), "must have at least one run")
     count = count_processes(processes)
     size, settings = choose_size(len(runs), count), parse_overrides(runs)
     known = make_table([{"run": number, **own} for number, own in enumerate(settings)])

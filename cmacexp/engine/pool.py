@@ -13,10 +13,12 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from multiprocessing import forkserver
-from threading import Thread
+from numbers import Integral
+from threading import Thread, current_thread, main_thread
 from types import ModuleType
 from typing import Any, ClassVar
 
+from cmacexp.errors import BadInput
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
@@ -62,7 +64,11 @@ def is_first_worker() -> bool:
 
 def count_processes(asked: int | None) -> int:
     """The number of processes that is asked for; None: one for each core that this process may use."""
-    return asked or len(os.sched_getaffinity(0))
+    if asked is None:
+        return len(os.sched_getaffinity(0))
+    if not isinstance(asked, Integral) or asked < 1:
+        raise BadInput("processes", asked, "must be a whole number from 1 on, or None")
+    return int(asked)
 
 
 def choose_size(runs: int, processes: int) -> int:
@@ -97,6 +103,9 @@ def make_context() -> Any:
     """What starts processes, as copies of a first one, which is started now."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(PRELOADED)
+    if current_thread() is not main_thread():  # which alone may say what a signal does
+        forkserver.ensure_running()
+        return context
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # which all inherit: Ctrl-C reaches them too
     try:
         forkserver.ensure_running()

@@ -1,5 +1,6 @@
 """One run from its config to its folder: closed loop, traces, metrics, recording, manifest; also one that failed."""
 
+import json
 import sys
 import time
 from collections import deque
@@ -261,8 +262,15 @@ def describe_run(scenario: Scenario, end: End) -> manifests.Manifest:
             "hips": mechanism.hips.tolist(),
             "foot_radius": float(read_model(config.machine).legs.foot_radius.max()),
         }
-    if scenario.fault is None and hasattr(scenario.plant, "describe"):
-        entries["plant"] = scenario.plant.describe()
+    plant = scenario.plant
+    if scenario.fault is None and hasattr(plant, "describe"):
+        try:
+            with exits_caught():
+                described = plant.describe()
+            entries["plant"] = json.loads(json.dumps(described))
+        except Exception as raised:
+            cause = f"after step {end.steps}: {type(plant).__name__}.describe: {describe_failure(raised)}"
+            end = end if end.error else replace(end, status=Status.FAILED, cause=cause, error=raised)
     if end.error is not None and not isinstance(end.error, BadOutput | MemoryError):
         entries["traceback"] = format_user_traceback(end.error)
     return manifests.make_manifest(to_plain(config), end.status, end.cause, **entries)

@@ -272,8 +272,11 @@ class _Table:
         """(J,) a gain: given, declared by the file, or in columns; NaN if unknown; raises BadInput."""
         if given := gains.get(key):
             values = np.array(given, dtype=float)
-        elif f"#{key}" in self.columns:
-            values = np.array(str(self.columns[f"#{key}"]).split(","), dtype=float)
+        elif declared := self.columns.get(f"#{key}"):
+            try:
+                values = np.array(str(declared).split(","), dtype=float)
+            except ValueError:
+                raise BadInput(KEY, self.path, f"declares {key}={declared}: must be numbers, with commas") from None
         elif pattern := self._find(key, joints):
             columns = np.array(
                 [np.atleast_1d(self.columns[pattern.replace(JOINT, own)]) for own in joints], dtype=float

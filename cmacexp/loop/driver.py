@@ -74,6 +74,7 @@ class ExternalComponents:
         self.measured, self.observed = map(make_measurement_targets, (self.state, self.observation))
         self.signals = [] if loop.signals is None else make_targets(SIGNAL_NAMES, loop.signals)
         self.action = make_targets(Action._fields[:3], (state.feedback, torques.feedforward, state.reference))
+        self.trusted = make_targets(("force_trusted",), (state.fault_status.trusted,))
         self.learning_error = make_targets(("learning_error",), (state.learning_error,))
         self.drive = [] if drives is None else make_targets(DRIVE_NAMES, drives.command[ANGLE:])
         self.torque = make_targets(("torque",), (torques.feedforward,))
@@ -119,13 +120,15 @@ class ExternalComponents:
     def _show(self, feedforward: Observes, step: int) -> None:
         """Show what the sensors show, and what the plant took."""
         seen = copy_state(self.observation), self.loop.torques.total.copy()
-        self.loop.shows[0] = feedforward.observe(self._refer(step), *seen) is not False
+        goes_on = feedforward.observe(self._refer(step), *seen)
+        self.loop.shows[0] = goes_on is None or bool(goes_on)
 
     def _act(self, step: int) -> None:
         reference, state = self._refer(step), self.loop.control_state
         action = self.controller.act(reference, copy_state(self.observation, self.observation.travel))
         if self.has_fault_status:
-            state.fault_status.trusted[...] = self.controller.force_trusted  # type: ignore[attr-defined]
+            trusted = self.controller.force_trusted  # type: ignore[attr-defined]
+            copy_outputs(self.controller, "force_trusted", (trusted,), self.trusted)
         if not copy_action(self.controller, action, self.action):
             state.reference[...] = reference.control.position
         if self.loop.guard is not None:  # what teaches is known to the controller alone

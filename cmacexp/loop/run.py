@@ -296,7 +296,7 @@ def stream(
     leg_steps = math.inf if is_live(scenario.plant) else config.cycles * config.steps_per_cycle * config.legs
     later: list[Samples] = []  # of a machine that must not wait for the files
     take = later.append if is_live(scenario.plant) else keep
-    status = Status.FAILED
+    status, fault = Status.FAILED, None
     with workload(leg_steps), interrupt_held_back():  # until the next call of the driver
         try:
             run = _Stream(scenario, on_progress)
@@ -306,7 +306,13 @@ def stream(
                 start = run.advance()
             status = run.status
         finally:
-            come_to_rest(scenario.plant, status)
+            try:
+                come_to_rest(scenario.plant, status)
+            except Exception as raised:
+                fault = raised
+        if fault is not None and run.error is None:
+            run.status, run.error = Status.FAILED, fault
+            run.cause = f"end_run, after step {run.driver.taken}: {_format_error(fault)}"
         if start == 0 or run.driver.taken > start:
             take(run.collect(start))
         for samples in later:

@@ -1,7 +1,10 @@
 """The components of one run, made from its config: of the class that each names by ``_target_``, with its fields."""
 
+import contextlib
 import copy
 import inspect
+import operator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -146,8 +149,17 @@ def count_loop_delay(config: Config, sensors: Sensors) -> LoopDelay:
     ``feedback_lag(uses_velocity)``, the time constant in s by which they lag.
     """
     uses_velocity = config.gains is None or config.gains[1] > 0.0
-    declared = (getattr(sensors, name, None) for name in ("feedback_delay", "feedback_lag"))
-    delay, lag = (declare(uses_velocity) if declare else 0 for declare in declared)
+
+    def declare(name: str, kind: Callable[[Any], Any], most: float) -> Any:
+        value = getattr(sensors, name)(uses_velocity) if hasattr(sensors, name) else 0
+        with contextlib.suppress(TypeError, ValueError):
+            if 0 <= kind(value) <= most:
+                return kind(value)
+        allowed = f"declares {value!r}: must be a number from 0 to {most:g}{'' if kind is float else ', a whole one'}"
+        raise BadInput("sensors", f"{type(sensors).__name__}.{name}", allowed)
+
+    delay = declare("feedback_delay", operator.index, config.steps_per_cycle)
+    lag = declare("feedback_lag", float, config.gait.cycle_time)
     return add_delays(
         (config.actuator.delay, config.actuator.lag), (delay, lag), latency=getattr(config.machine, "latency", 0.0)
     )
@@ -160,7 +172,8 @@ def resolve_lead(config: Config, sensors: Sensors, controller: Controller) -> in
     pass besides.
     """
     if isinstance(config.learning.lead, str):
-        response = int(getattr(controller, "response", 0))
+        response = getattr(controller, "response", 0)
+        response = response if isinstance(response, int) else 0  # an external one may use the name otherwise
         return 1 + response + count_loop_delay(config, sensors).count_samples(config.sampling_period)
     return int(config.learning.lead)
 
@@ -228,6 +241,8 @@ def _make_components(config: Config, given: dict[str, Any]) -> dict[str, Any]:
     Raises BadInput if one cannot be made, or is to keep or to start from weights and learns none.
     """
     for group, component in given.items():
+        if inspect.isclass(component):
+            raise BadInput(group, component.__qualname__, f"is a class: give an object, {component.__name__}(...)")
         require_members(group, type(component).__qualname__, component)
     made = {group: make_component(group, getattr(config, group)) for group in PROTOCOLS if group not in given}
     components = {**made, **given}

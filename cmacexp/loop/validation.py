@@ -13,6 +13,7 @@ from cmacexp.typing import Array
 
 UNITS = list_units()
 """Of all outputs, by name."""
+UNITS["force_trusted"] = ""
 UNITS["torque"] = UNITS["learning_error"] = UNITS["signals.torque"] = UNITS["feedback"]
 DRIVE_NAMES = [f"drive.{name}" for name in Drive._fields]
 SIGNAL_NAMES = [f"signals.{name}" for name in RobotSignals._fields]

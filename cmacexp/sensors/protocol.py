@@ -1,9 +1,10 @@
 """The protocol of sensors, and perfect sensors."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from typing import Protocol
 
 from cmacexp.config import ComponentConfig
+from cmacexp.errors import BadInput
 from cmacexp.planning.plan import Setup
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import KernelParts
@@ -54,5 +55,9 @@ class PerfectSensors:
 
 
 def find_altered(sensors: Sensors) -> frozenset[str]:
-    """The ``SIGNALS`` that ``sensors`` may change."""
-    return frozenset(getattr(sensors, "alters", SIGNALS))
+    """The ``SIGNALS`` that ``sensors`` may change, and TRAVEL; raises BadInput of another name."""
+    altered = getattr(sensors, "alters", SIGNALS)
+    names = frozenset([altered] if isinstance(altered, str) or not isinstance(altered, Iterable) else altered)
+    if unknown := sorted(map(str, names - {*SIGNALS, TRAVEL})):
+        raise BadInput("sensors.alters", unknown[0], f"choose from {', '.join((*SIGNALS, TRAVEL))}, in a list")
+    return names

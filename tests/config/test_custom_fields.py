@@ -41,6 +41,12 @@ class Same(Typed):
     pass
 
 
+class Wrong(Typed):
+    @dataclass
+    class Config(ComponentConfig):
+        gain: float = number("N m/rad", above=0, default=-5.0)
+
+
 class Heir(HybridController):
     Config = None
 
@@ -73,6 +79,8 @@ def test_a_class_with_a_config_gets_typed_and_checked_fields(here):
         with pytest.raises(BadInput) as caught:
             compose_config([typed, f"+controller.{wrong}"])
         assert reason in str(caught.value)
+    with pytest.raises(BadInput, match=r"controller\.gain=-5\.0: must be above 0"):
+        compose_config([f"controller._target_={here}.Wrong"])
     with pytest.raises(ValueError, match="no such leg"):
         compose_config([typed, "+controller.legs=[2]"])
 

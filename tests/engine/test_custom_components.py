@@ -186,7 +186,52 @@ def test_a_run_that_fails_keeps_its_steps_its_cause_and_the_traceback(here, tmp_
     assert (len(run.trace) if steps else 0) == steps
 
 
+class Talks(AnalyticPlant):
+    def describe(self):
+        return {"volts": np.float32(31.0)}
+
+
+class Ends(AnalyticPlant):
+    def end_run(self, is_safe):
+        raise RuntimeError("a motor is lost")
+
+
+@pytest.mark.parametrize(("plant", "reason"), [(Talks, "not JSON serializable"), (Ends, "a motor is lost")])
+def test_a_plant_that_fails_after_the_last_step_fails_the_run_which_keeps_its_trace(tmp_path, plant, reason):
+    run = cmacexp.run(SHORT, tmp_path / "run", plant=plant(compose_config(SHORT).plant))
+    assert (run.status, len(run.trace)) == ("failed", 2 * STEPS)
+    assert reason in run.manifest["cause"]
+    assert reason in run.manifest["traceback"]
+
+
+@pytest.mark.parametrize(
+    ("members", "reason"),
+    [
+        ({"feedback_delay": lambda self, uses_velocity: -1}, "declares -1"),
+        ({"feedback_delay": lambda self, uses_velocity: 1.5}, "declares 1.5"),
+        ({"feedback_lag": lambda self, uses_velocity: np.nan}, "declares nan"),
+        ({"alters": ("forces",)}, "sensors.alters=forces: choose from"),
+    ],
+)
+def test_what_sensors_declare_is_checked(tmp_path, members, reason):
+    sensors = type("Declares", (PerfectSensors,), members)(compose_config(SHORT).sensors)
+    with pytest.raises(BadInput, match=reason):
+        cmacexp.run(SHORT, tmp_path / "run", sensors=sensors)
+
+
 # From Python
+
+
+@pytest.mark.parametrize("overrides", [None, 5, [5], [None], ["hydra.sweep.dir=x"]])
+def test_what_is_no_list_of_overrides_is_refused(overrides):
+    for refuses in (cmacexp.run, cmacexp.open_loop, lambda given: cmacexp.run_many([given])):
+        with pytest.raises(BadInput, match="overrides"):
+            refuses(overrides)
+
+
+def test_overrides_may_come_one_by_one():
+    assert cmacexp.open_loop(text for text in SHORT[:3]).steps == 2 * STEPS
+    assert set(cmacexp.run_many([(text for text in SHORT[:4])], processes=1)["cycles"]) == {2}
 
 
 def test_a_run_goes_below_outputs_and_is_loaded_again(here):

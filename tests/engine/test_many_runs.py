@@ -16,7 +16,7 @@ from cmacexp.errors import WithoutEffect
 SHORT = ("scenario=one_leg", "gait.cycle_time=0.5", "gait.stroke=0.02", "gait.lift=${gait.stroke}", "cycles=2")
 
 
-@pytest.mark.parametrize("runs", [[], ["cycles=1"]])
+@pytest.mark.parametrize("runs", [[], ["cycles=1"], None, "cycles=1"])
 def test_runs_that_cannot_be_are_refused(runs):
     with pytest.raises(BadInput, match="runs"):
         run_many(runs)

@@ -128,7 +128,7 @@ def test_a_copy_of_an_environment_goes_on_with_the_same_bits():
     env.reset(seed=3)
     for _ in range(50):  # more than a cycle
         env.step(torque)
-    for each in (copy.deepcopy(env), pickle.loads(pickle.dumps(env)), env):
+    for each in (copy.copy(env), copy.deepcopy(env), pickle.loads(pickle.dumps(env)), env):
         steps = [each.step(torque)[0].tobytes() for _ in range(20)]
         found.append([*steps, each.reset()[0].tobytes()])
     assert found[0] == found[1] == found[2]
