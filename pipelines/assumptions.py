@@ -144,7 +144,7 @@ CONCLUSIONS = {
             "error of the settled force, cycle 5, %", "100 * force_steady_state_error[5]", "-5 to 5"
         ),
         "force alone": _conclude(
-            "settled force of the first cycle, with feedback only, N", "force_settled[1]", "0.8 to 1"
+            "settled force of the first cycle, with feedback only", "force_settled[1]", "0.8 to 1 N"
         ),
     },
     WALK: {

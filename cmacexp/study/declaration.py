@@ -16,10 +16,10 @@ from typing import Any
 import yaml
 
 from cmacexp.errors import BadInput, suggest
-from cmacexp.metrics.registry import format_number
+from cmacexp.metrics.registry import ALL_METRICS, format_number
 from cmacexp.report.figures import Panel, draw
 from cmacexp.study.interval import estimate
-from cmacexp.study.quantity import check_quantity, compute_quantity
+from cmacexp.study.quantity import check_quantity, compute_quantity, find_unit, parse_quantity
 from cmacexp.study.results import Measure, NoSuchRuns, Results
 from cmacexp.study.statements import ANY, Claim, Criterion, Finding, Limit
 from cmacexp.study.study import DataFrame, Figure, Request, Study, grid, starting_from
@@ -27,9 +27,14 @@ from cmacexp.study.views import completed, cross_tabulate, over_cycles, over_set
 
 Declared = dict[str, Any]
 """A part of a declaration, or values of a page, by name."""
-SCALES = {"%": 100.0, "mm": 1e3, "mrad": 1e3, "ms": 1e3}
-"""Factor from the unit of a metric to that of a limit, where it is not 1."""
-LIMIT = re.compile(r"(?:(at most|at least) )?(\S+?)(?: to (\S+?))? ?(%|[a-zA-Zµ]+(?:[ /][a-zA-Z]+)?)?")
+UNITS = {
+    **dict.fromkeys(("", "cycles", "samples"), ("", 1.0)),
+    **{metric.unit: (metric.unit, 1.0) for metric in ALL_METRICS.values()},
+    **{unit: (unit, 1.0) for unit in ("m/s", "m/s^2", "rad/s", "Hz", "kg", "N/m", "W")},
+    "%": ("", 100.0), "mm": ("m", 1e3), "mrad": ("rad", 1e3), "ms": ("s", 1e3),
+}  # fmt: skip
+"""Units of a limit: the SI unit of each, and the factor from that to it."""
+LIMIT = re.compile(r"(?:(at most|at least) )?(\S+?)(?: to (\S+?))? ?(%|[a-zA-Zµ]+(?:[ /][a-zA-Z]+(?:\^2)?)?)?")
 CRITERION = ("quantity", "value", "of", "over", "each", "limit", "opposite", "case", "infinite", "beside")
 FORMS: dict[str, Sequence[str]] = {
     "study": (
@@ -81,25 +86,37 @@ def format_overrides(values: Any) -> list[str]:
     ]
 
 
-def read_limit(text: str) -> tuple[Limit, str, float]:
+def _find_scale(text: str, unit: str, quantity: str | None) -> float:
+    """The factor from the SI unit of a ``quantity``, None if unknown, to the unit of its limit; raises BadInput."""
+    allowed = [name for name, (own, _) in UNITS.items() if quantity in (None, own)]
+    if unit not in allowed:
+        use = ", ".join(name or "no unit" for name in allowed)
+        raise BadInput("limit", text, f"has {f'the unit {unit!r}' if unit else 'no unit'}; use {use}")
+    return UNITS[unit][1]
+
+
+def read_limit(text: str, quantity: str | None = None) -> tuple[Limit, str, float]:
     """A limit, the unit that it is given in, and the factor to it: ``at most 10 %``, ``at least 2``, ``1 to 3 mm``.
 
-    ``any mm`` is of a value that stands beside others and decides nothing.
+    ``any mm`` is of a value that stands beside others and decides nothing. ``quantity`` is the SI unit of what is
+    limited; None: any is allowed.
 
     Raises:
-        BadInput: it is none.
+        BadInput: it is none, its unit is unknown or not of the ``quantity``, or its lower end is above its upper end.
     """
     if (found := re.fullmatch(r"any ?(.*)", str(text))) is not None:
-        return ANY, found[1], SCALES.get(found[1], 1.0)
+        return ANY, found[1], _find_scale(text, found[1], quantity)
     found = LIMIT.fullmatch(str(text))
     try:
-        side, low, high, unit = found.groups() if found else (None, "", "", "")
+        side, low, high, unit = found.groups("") if found else ("", "", "", "")
         ends = [float(low), float(high or low)]
+        if ends[0] > ends[1]:
+            raise ValueError(text)
     except ValueError:
-        raise BadInput("limit", text, "must be as “at most 10 %”, “at least 2” or “1 to 3 mm”") from None
-    scale = SCALES.get(unit or "", 1.0)
-    bounds = {"at most": (float("-inf"), ends[0]), "at least": (ends[0], float("inf"))}.get(side or "", tuple(ends))
-    return Limit(*(bound / scale for bound in bounds)), unit or "", scale
+        raise BadInput("limit", text, "must be as “at most 10 %”, “at least 2” or “1 to 3 mm”, low to high") from None
+    scale = _find_scale(text, unit, quantity)
+    bounds = {"at most": (float("-inf"), ends[0]), "at least": (ends[0], float("inf"))}.get(side, tuple(ends))
+    return Limit(*(bound / scale for bound in bounds)), unit, scale
 
 
 def read_criteria(given: Mapping[str, Any], measures: Collection[str] = ()) -> list[Criterion]:
@@ -136,8 +153,9 @@ def _read_criterion(given: Mapping[str, Any], measures: Collection[str]) -> list
     more = {key: own[key] for key in ("over", "infinite") if key in own}
     if not callable(sample):
         check_quantity(sample := str(sample), measures)
-    holds, unit, scale = read_limit(own["limit"])
-    fails = read_limit(own["opposite"])[0] if "opposite" in own else None
+    measured = None if callable(sample) else find_unit(parse_quantity(sample))
+    holds, unit, scale = read_limit(own["limit"], measured if own.get("over") is None else "")
+    fails = read_limit(own["opposite"], UNITS[unit][0])[0] if "opposite" in own else None
     values = [[(key, value) for value in _list(each)] for key, each in (own.get("each") or {}).items()]
     return [
         Criterion(

@@ -9,6 +9,7 @@ that it did. The text is Python's notation of arithmetic and comparisons, with `
 
 import ast
 import operator
+import re
 from collections.abc import Callable, Sequence
 from functools import reduce
 from typing import Any
@@ -72,6 +73,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 }  # fmt: skip
 CALLED = (*FUNCTIONS, "setting")
 """Functions, and that of a dotted key that is a number of the config."""
+CYCLES = re.compile(r"[1-9]\d*|-[1-9]\d*:")
+"""A cycle, or the last cycles."""
 OF_RUNS: dict[str, Callable[[Results], Array]] = {
     "completed": lambda results: np.array(results.completed),
     "done": lambda results: np.array([row.run.cycles_done / row.settings["cycles"] for row in results.rows]),
@@ -98,7 +101,19 @@ def parse_quantity(text: str) -> ast.expr:
         known |= isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in CALLED
         if not known or (isinstance(node, ast.operator | ast.cmpop | ast.unaryop) and type(node) not in OPERATORS):
             raise BadInput("quantity", text, f"may use + - * / ** < <= > >= and {', '.join(FUNCTIONS)}")
+        if isinstance(node, ast.Subscript) and not CYCLES.fullmatch(ast.unparse(node.slice)):
+            raise BadInput("quantity", text, "write a cycle, from 1, as [5], the last cycles as [-3:]")
     return tree
+
+
+def find_unit(quantity: ast.expr) -> str | None:
+    """The SI unit of a metric, of a ratio of two that have the same, or of truth values; None: it is not known."""
+    match quantity:
+        case ast.Name(name) | ast.Subscript(ast.Name(name)):
+            return "" if name in OF_RUNS else ALL_METRICS[name].unit if name in ALL_METRICS else None
+        case ast.BinOp(left, ast.Div(), right):
+            return "" if find_unit(left) == find_unit(right) is not None else None
+    return "" if isinstance(quantity, ast.Compare) else None
 
 
 def check_quantity(text: str, measures: Any = ()) -> None:
@@ -139,4 +154,4 @@ def _compute(node: ast.expr, results: Results) -> Any:
             return np.array([float(row.settings[key]) for row in results.rows])
         case ast.Call(ast.Name(name), values):
             return FUNCTIONS[name](*(_compute(value, results) for value in values))
-    raise BadInput("quantity", ast.unparse(node), "write a cycle as [5], the last cycles as [-3:]")
+    raise BadInput("quantity", ast.unparse(node), "has a part that is no number, metric or measure")

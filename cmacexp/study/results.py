@@ -146,12 +146,12 @@ class Results:
         """(runs,): a metric in one cycle; of a run that ended before, the worst value that there is.
 
         Raises:
-            BadInput: a run was to end before, or no such metric.
+            BadInput: the cycle is below 1, a run was to end before it, or no such metric.
         """
         worst = worst_value(name)
         asked = min((row.run.cycles_done for row in self.rows if row.run.completed), default=cycle)
-        if cycle > asked:
-            raise BadInput("cycle", cycle, f"a run that completed has {asked} cycles")
+        if not 1 <= cycle <= asked:
+            raise BadInput("cycle", cycle, f"must be from 1 to {asked}, the cycles of a run that completed")
         histories = [row.history(name) for row in self.rows]
         return np.array([float(h[cycle - 1]) if cycle <= len(h) else worst for h in histories])
 

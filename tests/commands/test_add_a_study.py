@@ -72,6 +72,9 @@ def require_refused(folder, file, named):
         ("runs:", "run:", "study"), ("limit: at most 1 %", "limit: 1 %%", "limit"),
         ("rmse_x[1]", "rmse[", "quantity"), ("rmse_x[1]", "rmse_q[1]", "quantity"), ("rmse_x[1]", "(x)", "quantity"),
         ("says: A", "sais: A", "findings"), ("title", "[", "study"),
+        ("most 1 %", "most 0.1 cm", "limit"), ("most 1 %", "most 1 mm", "limit"), ("most 1.5", "most 1 N", "limit"),
+        (" / transfer_rmse_x[1]", "", "limit"), ("most 1 %", "most 1 %, opposite: at least 1 ms", "limit"),
+        ("at most 1.5", "1.5 to 1", "limit"), ("rmse_x[1]", "rmse_x[0]", "quantity"), ("[-3:]", "[-1]", "quantity"),
     ],
 )  # fmt: skip
 def test_a_mistake_in_yaml_is_an_error_of_one_line_before_anything_is_run(old, new, key, tmp_path):

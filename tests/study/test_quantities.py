@@ -7,7 +7,7 @@ import pytest
 from support.doors import BadInput
 from support.made_studies import made_row
 
-from cmacexp.study import Criterion, Finding, Results, at_most, between
+from cmacexp.study import ANY, Criterion, Finding, Results, at_most, between
 from cmacexp.study.declaration import format_overrides, read_limit
 from cmacexp.study.interval import UNPAIRED
 from cmacexp.study.quantity import compute_quantity
@@ -68,7 +68,7 @@ def test_a_sentence_without_words_is_made_of_quantity_value_interval_n_and_limit
 @pytest.mark.parametrize(
     ("text", "expected"),
     [("at most 10 %", (at_most(0.1), "%", 100.0)), ("1 to 3 mm", (between(1e-3, 3e-3), "mm", 1e3)),
-     ("at most -2e-1 N m", (at_most(-0.2), "N m", 1.0))],
+     ("at most -2e-1 N m", (at_most(-0.2), "N m", 1.0)), ("any N s^2", (ANY, "N s^2", 1.0))],
 )  # fmt: skip
 def test_a_limit_is_read_in_its_unit(text, expected):
     assert read_limit(text) == expected

@@ -128,6 +128,7 @@ def judge_sample(sample, **options):
         (lambda: judge_sample(lambda results: [1.0], of={"machine": "robot"}), "quantity"),
         (lambda: judge_sample(lambda results: results.select(machine="robot").measure("x")), "quantity"),
         (lambda: ONE.at(6, "transfer_rmse_x"), "cycle"),  # of a run that completed: not the worst value
+        (lambda: ONE.at(0, "transfer_rmse_x"), "cycle"),
         (lambda: ONE.at(1, "transfer_rmse_w"), "metric"),
         (lambda: ONE.end("transfer_rmse_w"), "metric"),
         (lambda: ONE.measure("mass"), "measure"),
