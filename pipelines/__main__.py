@@ -46,8 +46,7 @@ def write_docs() -> None:
     for study, (table, write) in tables.items():
         if (path := FOLDER / study / f"{table}.parquet").is_file():
             SCORES[study].write_text(f"{write(read_table(path, texts=True).to_pandas())}\n", encoding="utf-8")
-    texts = {page.name: page.read_text(encoding="utf-8") for page in PAGES}
-    for line in find_outdated(results.sentences, texts, results.statements):
+    for line in find_outdated(results.sentences, {p.name: p.read_text("utf-8") for p in PAGES}, results.statements):
         print(line)
     RESULTS_FILE.write_text(results.format(), encoding="utf-8")
 

@@ -101,12 +101,14 @@ def _tabulate_sizes(machine: str, *keys: str) -> Declared:
 
 def find_room(results: Results) -> Declared:
     """Width of a cell with the paper's sizes, of the planned span of its input; KB that a row for each cell takes."""
-    width, room = dict[str, float](), dict[str, float]()
-    for machine, size in PAPER.items():
-        base = results.select({"machine": machine, "varied": MEMORY, MEMORY: size[MEMORY]})
-        width[machine] = base.value("cmac.range_factor") / (base.value(ELEMENTS) - 1)
-        room[machine] = size[MEMORY] / 1024 / float(base.measure("rows_per_cell").mean())
-    return {"width": width, "room": room}
+    base = {
+        machine: results.select({"machine": machine, "varied": MEMORY, MEMORY: size[MEMORY]})
+        for machine, size in PAPER.items()
+    }
+    return {
+        "width": {name: own.value("cmac.range_factor") / (own.value(ELEMENTS) - 1) for name, own in base.items()},
+        "room": {name: own.value(MEMORY) / 1024 / own.measure("rows_per_cell").mean() for name, own in base.items()},
+    }
 
 
 WIDER = "cells 4 times as wide as the paper's"

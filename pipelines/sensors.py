@@ -111,9 +111,13 @@ def rejected_sound(run: Run) -> float:
 def where_sound_walks(results: Results, check: str, gains: list[str]) -> Results:
     """The failures with a controller and a gain with which all machines with sound sensors complete."""
     sound, broken = results.select(part="sound"), results.select(part="failures", check=check, gain=list(gains))
-    alike = {name: sound.by("feedforward")[name].by("gain") for name in sound.values("feedforward")}
-    walks = {name: {gain for gain, own in by_gain.items() if all(own.completed)} for name, by_gain in alike.items()}
-    return Results([row for row in broken.rows if row.settings["gain"] in walks[row.settings["feedforward"]]])
+    walks = {
+        (name, gain)
+        for name, own in sound.by("feedforward").items()
+        for gain, each in own.by("gain").items()
+        if all(each.completed)
+    }
+    return Results([row for row in broken.rows if (row.settings["feedforward"], row.settings["gain"]) in walks])
 
 
 def worsening(results: Results, metric: str = "feedback_rms") -> Array:

@@ -99,15 +99,11 @@ def _beaten(results: Results, method: str) -> Array:
 
     Machine and rival are chosen in every second world, and judged in the others.
     """
-    frame, most, found = results.computed[BENCHMARK], 0.0, np.array([UNPAIRED])
-    for machine in [*frame["machine"].unique()]:
-        comparison = summary.make_comparison(frame, machine, FOR_ALL)
-        for rival in (name for name in LEARNERS if name != method):
-            sums = comparison.sums(method, rival)
-            behind = float(_divide(sums[:, ::2].sum(axis=1, keepdims=True))[0])
-            if behind > most:
-                most, found = behind, _divide(sums[:, 1::2])
-    return found
+    frame = results.computed[BENCHMARK]
+    found = [summary.make_comparison(frame, machine, FOR_ALL) for machine in frame["machine"].unique()]
+    pairs = [each.sums(method, rival) for each in found for rival in LEARNERS if rival != method]
+    farthest = max(pairs, key=lambda sums: _divide(sums[:, ::2].sum(axis=1, keepdims=True))[0])
+    return _divide(farthest[:, 1::2])
 
 
 def _findings(machine: str) -> dict[str, Finding]:

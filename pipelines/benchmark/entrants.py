@@ -70,11 +70,12 @@ def _changes(
 
 
 def _robot(name: str, payload: float) -> Machine:
-    slope = ["terrain.slope=0.05", "terrain.slope_start=0.2"]
     return Machine(
         "robot",
         ("scenario=robot", f"machine={name}"),
-        _changes("0.15", "1.6", "3", [f"payload.weight={payload:g}"], slope),
+        _changes(
+            "0.15", "1.6", "3", [f"payload.weight={payload:g}"], ["terrain.slope=0.05", "terrain.slope_start=0.2"]
+        ),
         worlds=5,
         before=10,
         after=10,
@@ -171,9 +172,11 @@ def enter(target: str, name: str | None = None, has_rate: bool | None = None) ->
     known = issubclass(found, BuiltInFeedforward) if has_rate is None else has_rate
     if group == FEEDFORWARD and (known or not own):
         own += LEARNING
-    overrides = (*(["feedforward=none"] if group == CONTROLLER else []), f"{group}._target_={target}")
     return Method(
-        name or target.rpartition(".")[2], overrides, own, group == FEEDFORWARD and hasattr(found, "learnt")
+        name or target.rpartition(".")[2],
+        (*(["feedforward=none"] if group == CONTROLLER else []), f"{group}._target_={target}"),
+        own,
+        learns=group == FEEDFORWARD and hasattr(found, "learnt"),
     )
 
 

@@ -4,7 +4,6 @@ The simulation is semi-implicit Euler with dry friction in closed form, in ``par
 of ``cmacexp gap`` is of second order and knows only the equations along the log.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,37 +18,28 @@ LENGTH, MASS = np.array([0.2, 0.25]), np.array([1.5, 0.8])
 INERTIA, WEIGHT = MASS * LENGTH**2, 9.81 * MASS * LENGTH
 
 
-@dataclass(frozen=True)
-class Truth:
-    """Of the joints: rotor inertia, viscous friction, Coulomb friction, and the delay of the commands, s."""
-
-    inertia: tuple[float, ...] = (0.02, 0.03)
-    viscous: tuple[float, ...] = (0.1, 0.2)
-    coulomb: tuple[float, ...] = (0.3, 0.2)
-    delay: float = 0.004
-
-
-DEFAULT = Truth()
+ROTORS, VISCOUS, COULOMB, DELAY = (0.02, 0.03), (0.1, 0.2), (0.3, 0.2), 0.004
+"""Of the joints: rotor inertia, viscous friction, Coulomb friction; and the delay of the commands, s."""
 
 
 def simulate_log(
-    truth: Truth = DEFAULT, seconds: float = 12.0, noise: float = 2e-4, seed: int = 0, parts: int = 10
+    delay: float = DELAY, seconds: float = 12.0, noise: float = 2e-4, seed: int = 0, parts: int = 10
 ) -> Log:
     """A log of strokes whose period falls from 2 to 0.8 s, the knee behind the hip, with noise of encoders, rad."""
     time = np.arange(0.0, seconds, PERIOD)
     turns = np.cumsum(1.0 / np.linspace(2.0, 0.8, len(time))) * PERIOD * 2.0 * np.pi
     command = np.stack([0.3 - 0.5 * np.cos(turns), -0.6 + 0.4 * np.cos(turns - 0.9)], axis=1)
     kp, kd = np.array([20.0, 15.0]), np.array([0.8, 0.6])
-    total = INERTIA + truth.inertia
+    total = INERTIA + ROTORS
     angle, velocity, h = command[0].copy(), np.zeros(2), PERIOD / parts
     found = np.empty_like(command)
     for row in range(len(time)):
         found[row] = angle
         for part in range(parts):
-            acting = command[max(0, int(np.floor(row + (part * h - truth.delay) / PERIOD + 1e-9)))]
+            acting = command[max(0, int(np.floor(row + (part * h - delay) / PERIOD + 1e-9)))]
             torque = kp * (acting - angle) - kd * velocity - WEIGHT * np.sin(angle)
-            wanted = velocity + h * (torque - np.multiply(truth.viscous, velocity)) / total
-            dry = h * np.array(truth.coulomb) / total
+            wanted = velocity + h * (torque - np.multiply(VISCOUS, velocity)) / total
+            dry = h * np.array(COULOMB) / total
             velocity = np.sign(wanted) * np.maximum(np.abs(wanted) - dry, 0.0)
             angle = angle + h * velocity
     return Log(

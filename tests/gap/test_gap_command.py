@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import yaml
 from support.command import call
-from support.logs import MODEL, NAMES, Truth, simulate_log
+from support.logs import COULOMB, MODEL, NAMES, ROTORS, simulate_log
 from support.pages import ROOT
 
 REAL = ROOT.parent / "shared" / "data" / "go2_swing" / "log.parquet"
@@ -31,9 +31,9 @@ def test_a_log_becomes_a_page_with_the_joints_that_made_it(tmp_path):
     assert found["summary"] in done.stdout
     assert found["summary"] in (folder / "report.html").read_text()
     for j, name in enumerate(NAMES):
-        own, truth = found["parameters"][name], Truth()
-        assert own["rotor_inertia"]["value"] == pytest.approx(truth.inertia[j], rel=0.1)
-        assert np.mean(own["coulomb_friction"]["value"]) == pytest.approx(truth.coulomb[j], rel=0.05)
+        own = found["parameters"][name]
+        assert own["rotor_inertia"]["value"] == pytest.approx(ROTORS[j], rel=0.1)
+        assert np.mean(own["coulomb_friction"]["value"]) == pytest.approx(COULOMB[j], rel=0.05)
     distance = found["validation"]["distance"]
     assert distance["identified"]["last"] < 1.0 < distance["model"]["last"]
     left = found["left"]

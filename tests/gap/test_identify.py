@@ -4,15 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.logs import Truth, make_problem, simulate_log
+from support.logs import COULOMB, DELAY, ROTORS, VISCOUS, make_problem, simulate_log
 
 from cmacexp.gap.identify import LEVELS, fit, regress
 from cmacexp.gap.learners import Both, Fixed, Iterative, predict_all
 from cmacexp.gap.machine import Expansion
 from cmacexp.gap.replay import Drive, JointParams, replay
 from cmacexp.gap.signals import Signals, measure_lag
-
-TRUTH = Truth()
 
 
 def replay_two(values, delay=0.0062, rows=60, derive=False):
@@ -41,10 +39,10 @@ def test_derivatives_of_a_replay_are_those_of_differences():
 
 
 def test_a_regression_of_a_log_finds_the_joints_that_made_it():
-    problem = make_problem(simulate_log(Truth(delay=0.0)))
+    problem = make_problem(simulate_log(delay=0.0))
     values = regress(problem, LEVELS[0], np.ones(len(problem.signals.log.time), dtype=bool))
-    np.testing.assert_allclose(values[:, 0], TRUTH.inertia, rtol=0.3)
-    np.testing.assert_allclose(values[:, 4], TRUTH.coulomb, rtol=0.1)
+    np.testing.assert_allclose(values[:, 0], ROTORS, rtol=0.3)
+    np.testing.assert_allclose(values[:, 4], COULOMB, rtol=0.1)
 
 
 def test_lag_is_that_of_a_shifted_command():
@@ -79,17 +77,17 @@ def test_learning_repeats_what_repeats_and_a_known_torque_is_not_learnt_again():
 def test_a_fit_finds_the_joints_and_the_delay(compiled):
     problem = make_problem(simulate_log(parts=50))
     found = fit(problem, LEVELS[0], np.arange(len(problem.signals.log.time)) >= 20)
-    np.testing.assert_allclose(found.values[:, [0, 1, 4]].T, [TRUTH.inertia, TRUTH.viscous, TRUTH.coulomb], rtol=0.02)
-    assert found.delay == pytest.approx(TRUTH.delay, abs=2e-4)
+    np.testing.assert_allclose(found.values[:, [0, 1, 4]].T, [ROTORS, VISCOUS, COULOMB], rtol=0.02)
+    assert found.delay == pytest.approx(DELAY, abs=2e-4)
 
 
 @pytest.mark.nightly
 def test_parameters_and_delay_lie_in_their_intervals_in_95_percent_of_100_draws(compiled):
-    truth, inside = np.column_stack([TRUTH.inertia, TRUTH.viscous, TRUTH.coulomb]), []
+    truth, inside = np.column_stack([ROTORS, VISCOUS, COULOMB]), []
     for seed in range(100):
         log = simulate_log(noise=1e-3, seed=seed, parts=100)
         problem = make_problem(log)
         found = fit(problem, LEVELS[0], np.arange(len(log.time)) >= 20)
         inside += (np.abs(found.values[:, [0, 1, 4]] - truth) < 1.96 * found.deviation[:, [0, 1, 4]]).ravel().tolist()
-        inside.append(abs(found.delay - TRUTH.delay) < 1.96 * found.delay_deviation)
+        inside.append(abs(found.delay - DELAY) < 1.96 * found.delay_deviation)
     assert np.mean(inside) > 0.93

@@ -7,9 +7,20 @@ import numpy as np
 from cmacexp.gap.identify import Problem
 from cmacexp.gap.machine import Expansion, Machine
 from cmacexp.gap.signals import Signals
-from pipelines.benchmark.simulated_log import INERTIA, MODEL, NAMES, PERIOD, WEIGHT, Truth, simulate_log
+from pipelines.benchmark.simulated_log import (
+    COULOMB,
+    DELAY,
+    INERTIA,
+    MODEL,
+    NAMES,
+    PERIOD,
+    ROTORS,
+    VISCOUS,
+    WEIGHT,
+    simulate_log,
+)
 
-__all__ = ["MODEL", "NAMES", "PERIOD", "Truth", "make_problem", "simulate_log"]
+__all__ = ["COULOMB", "DELAY", "MODEL", "NAMES", "PERIOD", "ROTORS", "VISCOUS", "make_problem", "simulate_log"]
 
 
 class Pendulums(Machine):
