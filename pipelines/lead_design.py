@@ -102,8 +102,10 @@ def values(results: Results) -> Declared:
     """What the scan covers, and how many of its pairs meet both objectives."""
     loops = results.computed["lead_design"].query("not default")
     both = (loops["excess"] < MOST_RESONANCE) & (loops["distance"] <= SAME)
-    scan = {"mass": EFFECTIVE_MASS, "pairs": POINTS**2, "omegas": OMEGAS, "alphas": ALPHAS}
-    return {**scan, "same": 100.0 * SAME, "both": int(both.sum())}
+    return {
+        "mass": EFFECTIVE_MASS, "pairs": POINTS**2, "omegas": OMEGAS, "alphas": ALPHAS,
+        "same": 100.0 * SAME, "both": int(both.sum()),
+    }  # fmt: skip
 
 
 def _claim(words: str, where: str, quantity: str, measure: Callable[[DataFrame], Array], default: bool) -> Declared:

@@ -213,10 +213,9 @@ def tune(machines: Mapping[str, Machine], methods: Sequence[Method], run: RunPla
     }
     if not drawn:
         return {}, pd.DataFrame(columns=[*TRIAL, "setting"])
-    alone = {(machine, ALONE): [DEFAULT] for machine, _ in drawn}
     plan = pd.DataFrame(
         {"machine": name, "method": method, "setting": FOR_ALL, "task": task, "world": n, "overrides": setting}
-        for (name, method), settings in (drawn | alone).items()
+        for (name, method), settings in (drawn | {(machine, ALONE): [DEFAULT] for machine, _ in drawn}).items()
         for setting in settings
         for task in TASKS
         for n in range(machines[name].tuning_worlds)

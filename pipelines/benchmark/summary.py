@@ -296,6 +296,6 @@ def compare_results(first: Path, second: Path) -> Iterator[str]:
             pair = Comparison({"old": old.scores[method], "new": new.scores[method]}, old.tasks, old.worlds)
             if not np.array_equal(pair.scores["old"], pair.scores["new"]):
                 found, failed = pair.ratio("new", "old"), [(~pair.completed(name)).sum() for name in pair.scores]
-                text = f"score times {found.value:.3f} [{found.low:.3f}, {found.high:.3f}]"
-                yield f"{machine}, {method}, {setting}: {text}, failed {failed[0]}, then {failed[1]}"
+                text = f"score times {_format(found)}, failed {failed[0]}, then {failed[1]}"
+                yield f"{machine}, {method}, {setting}: {text}"
     yield "no other score has changed"
