@@ -214,7 +214,7 @@ def new_result(folder: Path, key: str, kind: str | None = None, durable: bool = 
 def collection(folder: Path, key: str) -> Iterator[Path]:
     """A folder for the results of a sweep, made if missing, and removed if it stays empty.
 
-    What killed sweeps of this machine left in it is removed.
+    What killed sweeps of this machine left in it is removed, and at the end what its ended workers left.
 
     Raises BadInput if it cannot be written, or if it holds another result, or tables that no sweep wrote.
     """
@@ -228,6 +228,7 @@ def collection(folder: Path, key: str) -> Iterator[Path]:
     try:
         yield folder
     finally:
+        remove_dead_parts(folder)
         if made:
             with suppress(OSError):  # it is not empty
                 folder.rmdir()

@@ -20,7 +20,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.plugins import Plugins
 from hydra.core.utils import JobReturn, JobStatus
 from hydra.types import HydraContext
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
 from cmacexp.config.explain import COMPOSITION_ERRORS
@@ -82,6 +82,8 @@ class Sweep:
         self.config, self.context, self.folder = config, context, Path(config.hydra.sweep.dir)
         self.planned: list[tuple[str, ...]] = []
         """Overrides of the run of each job, see :func:`select_run_overrides`."""
+        self.places = set[str]()
+        """Folders of these jobs, if the user names them."""
         self.size, self.launched = 1, 0
         """Jobs without folders that a process takes at a time, at most; and those of the current batch."""
         self.templates: dict[tuple[str, ...], tuple[bytes, bool]] = {}
@@ -113,10 +115,24 @@ class Sweep:
         return expand_grid(overrides, sweeper.max_batch_size) if sweeper._target_ == GRID else []
 
     def _plan(self, batch: Sequence[Sequence[str]]) -> None:
-        """Note jobs, and compose one of each kind."""
+        """Note jobs, and compose one of each kind; raises BadInput if two have the same folder."""
         for overrides in batch:
+            self._check_place(overrides, len(self.planned))
             self.planned.append(tuple(select_run_overrides(overrides)))
             self._pack(overrides)
+
+    def _check_place(self, overrides: Sequence[str], number: int) -> None:
+        """Raise BadInput if an earlier job has the folder of this one; each is composed where the user names it."""
+        typed: Any = OmegaConf.to_container(self.config.hydra.sweep, resolve=False)
+        if typed["subdir"] == SUBDIR:
+            return
+        composed = self.context.config_loader.load_sweep_config(self.config, list(overrides))
+        with read_write(composed.hydra), open_dict(composed.hydra):
+            composed.hydra.job.num, composed.hydra.job.id = number, str(number)
+        place = composed.hydra.sweep.subdir
+        if place in self.places:
+            raise BadInput("hydra.sweep.subdir", typed["subdir"], f"must differ for each job, e.g. {SUBDIR}")
+        self.places.add(place)
 
     def _pack(self, overrides: Sequence[str]) -> tuple[tuple[bytes, bool], list[str]]:
         """What Hydra composes for a job, and the overrides that set values in it.
@@ -172,6 +188,7 @@ class Sweep:
         with show_activity("reading the results of the jobs"):
             runs = collect_jobs(self.folder, self.planned)
         if not runs:
+            print_line(f"continue:  {describe_resume(self.folder)}")
             return Status.FAILED
         failed, missing = [run for run in runs if not run.outcome.is_result], len(self.planned) - len(runs)
         is_wrong = all(run.read("bad_input") for run in runs)

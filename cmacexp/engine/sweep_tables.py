@@ -38,6 +38,7 @@ from cmacexp.data.tables import (
 )
 from cmacexp.errors import BadRun
 from cmacexp.metrics.body import BODY_METRICS, ESTIMATE_METRICS
+from cmacexp.terminal.output import print_line
 from cmacexp.typing import Array
 
 FINGERPRINT = "fingerprint"
@@ -275,11 +276,21 @@ def _join(parts: Iterable[JobTables]) -> JobTables:
 
 
 def find_runs(folder: Path) -> list[Run]:
-    """All runs below a folder: in folders, or jobs of a sweep that have none; raises BadRun if there is nothing."""
-    jobs = [run for run in list_jobs(folder) if not run.read(FINGERPRINT)]
+    """All runs below a folder, in folders or jobs of a sweep that have none; raises BadRun if there is nothing.
+
+    Of the folder of a sweep they are its own jobs: a warning says what else is there, e.g. jobs of an earlier sweep.
+    """
+    jobs = list_jobs(folder)
+    listed = {run.folder.resolve() for run in jobs if run.read(FINGERPRINT)}
+    lean: list[Run] = [run for run in jobs if not run.read(FINGERPRINT)]
     try:
-        return [*jobs, *map(Run, sort_folders(runs_below(folder)))]
+        found = sort_folders(runs_below(folder))
     except BadRun:
-        if not jobs:
+        if not lean:
             raise
-        return list(jobs)
+        return lean
+    own = [*lean, *(Run(path) for path in found if path in listed)]
+    if others := [path.name for path in found if own and path not in listed]:
+        reason = "are not of its last sweep and left out; name their folders to include them"
+        print_line(f"warning: {folder}: runs in it ({len(others)}, e.g. {others[0]}) {reason}", error=True)
+    return own or [*map(Run, found)]

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import signal
 import time
 from pathlib import Path
 
@@ -93,6 +94,16 @@ def test_resume_runs_what_is_missing_failed_or_of_another_config(tmp_path):
 
 
 @pytest.mark.ci
+@pytest.mark.parametrize("record", ["trace", "metrics"])
+def test_of_a_longer_sweep_in_the_same_folder_no_job_is_read_and_none_is_lost(record, tmp_path, capsys):
+    sweep("cmac.layers=8,10,16", *SHORT, BASIC, folder=tmp_path)
+    sweep("cmac.layers=20,32", *SHORT, BASIC, f"record={record}", folder=tmp_path)
+    assert load_sweep(tmp_path / "s")["cmac.layers"].unique().tolist() == [20, 32]
+    assert capsys.readouterr().err.count("(1, e.g. 2) are not of its last sweep") == 1
+    assert load_sweep(tmp_path / "s" / "2")["cmac.layers"].unique().tolist() == [16]
+
+
+@pytest.mark.ci
 def test_a_search_goes_in_the_direction_that_is_better_and_names_the_best_job(tmp_path):
     """Of its jobs one diverges and one fails: neither may be the best."""
     search = ["hydra/sweeper=optuna", "hydra.sweeper.sampler.seed=1", "hydra.sweeper.n_trials=4", "cycles=3"]
@@ -167,10 +178,20 @@ def test_an_interrupted_sweep_tells_what_is_done(tmp_path):
     assert set(table["status"]) == {"completed"}
 
 
+LONG = ("-m", "seed=1,2", "cycles=1000000", "feedforward=none", "record.cycles=[1]", "hydra.sweep.dir=s")
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_sweep_interrupted_in_its_first_jobs_leaves_nothing_half_written_and_says_how_to_continue(number, tmp_path):
+    done = interrupted(*LONG, folder=tmp_path, once=lambda: [*tmp_path.glob("s/.1.*.part")], number=number)
+    assert done.stdout.endswith("sweep.resume=true hydra.sweep.dir=s\n")
+    assert [path.name for path in (tmp_path / "s").iterdir()] == ["multirun.yaml"]
+
+
 @pytest.mark.ci
 def test_workers_end_with_a_parent_that_is_killed(tmp_path):
-    words = ["seed=1,2", "cycles=1000000", "feedforward=none", "record.cycles=[1]"]
-    process = started("-m", *words, "hydra.sweep.dir=s", folder=tmp_path)
+    process = started(*LONG, folder=tmp_path)
     while not (parts := list(tmp_path.glob("s/.0.*.part"))) and process.poll() is None:
         time.sleep(0.02)
     worker = Path("/proc") / parts[0].name.split(".")[2]
