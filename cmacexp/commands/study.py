@@ -157,8 +157,8 @@ def write_studies(files: Sequence[StudyFile], options: Options, whole: bool = Fa
     """
     for file in files:
         check_page(file)
+    requests = {file.name: options.expand(file.study.runs(options.quick)) for file in files}
     with options.start_workers() as parallel_map:
-        requests = {file.name: options.expand(file.study.runs(options.quick)) for file in files}
         collected = ensure_runs(parallel_map, [r for own in requests.values() for r in own], options.folder / "runs")
         measured = {
             file.path: measure_runs(

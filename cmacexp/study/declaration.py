@@ -11,12 +11,13 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 import yaml
 
 from cmacexp.errors import BadInput, suggest
-from cmacexp.metrics.registry import ALL_METRICS, format_number
+from cmacexp.metrics.registry import ALL_METRICS, TRANSFER, format_number
 from cmacexp.report.figures import Panel, draw
 from cmacexp.study.interval import estimate
 from cmacexp.study.quantity import check_quantity, compute_quantity, find_unit, parse_quantity
@@ -35,40 +36,52 @@ UNITS = {
 }  # fmt: skip
 """Units of a limit: the SI unit of each, and the factor from that to it."""
 LIMIT = re.compile(r"(?:(at most|at least) )?(\S+?)(?: to (\S+?))? ?(%|[a-zA-Zµ]+(?:[ /][a-zA-Z]+(?:\^2)?)?)?")
-CRITERION = ("quantity", "value", "of", "over", "each", "limit", "opposite", "case", "infinite", "beside")
-FORMS: dict[str, Sequence[str]] = {
-    "study": (
-        "title",
-        "question",
-        "common",
-        "runs",
-        "measures",
-        "computed",
-        "claims",
-        "findings",
-        "figures",
-        "tables",
-        "values",
-    ),
-    "runs": ("set", "quick", "over", "seeds", "labels", "after"),
-    "claims": ("for", "words", "where", "criteria", *CRITERION),
-    "findings": ("for", "says", "criteria", *CRITERION),
+ANYTHING: tuple[Any, str] = (object, "")
+MAPPING, LISTS = ((Mapping, NoneType), "a mapping"), ((Mapping, NoneType), "a mapping to lists of values")
+LIST, FUNCTION = ((list, tuple), "a list"), (Callable, "a function of Python")
+SETTING, TITLES = ((str, NoneType), "a setting"), ((str, list, Mapping), "a setting, or a mapping of it to a title")
+SWITCH = (bool, "true or false; --seeds N gives the number of seeds")
+"""Kinds of values: their types, and how a message names them."""
+CRITERION: dict[str, tuple[Any, str]] = {
+    "quantity": ANYTHING, "value": ANYTHING, "of": MAPPING, "over": MAPPING, "each": MAPPING, "limit": ANYTHING,
+    "opposite": ANYTHING, "case": ANYTHING, "infinite": ANYTHING, "beside": ANYTHING,
+}  # fmt: skip
+FORMS: dict[str, dict[str, tuple[Any, str]]] = {
+    "study": {
+        "title": ANYTHING, "question": ANYTHING, "common": MAPPING, "runs": ((list, tuple, Callable), "a list"),
+        "measures": MAPPING, "computed": MAPPING, "claims": MAPPING, "findings": MAPPING, "figures": MAPPING,
+        "tables": MAPPING, "values": FUNCTION,
+    },
+    "runs": {
+        "set": ANYTHING, "quick": ANYTHING, "over": LISTS, "seeds": SWITCH, "labels": MAPPING, "after": MAPPING,
+    },
+    "claims": {"for": LISTS, "words": ANYTHING, "where": ANYTHING, "criteria": LIST, **CRITERION},
+    "findings": {"for": LISTS, "says": ANYTHING, "criteria": LIST, **CRITERION},
     "criteria": CRITERION,
-    "figures": ("metric", "value", "over", "by", "of", "log", "title", "y", "kind"),
-    "tables": ("rows", "columns", "across", "value", "of"),
-}
+    "figures": {
+        "metric": ANYTHING, "value": ANYTHING, "over": SETTING, "by": SETTING, "of": MAPPING, "log": ANYTHING,
+        "title": ANYTHING, "y": ANYTHING, "kind": ANYTHING,
+    },
+    "tables": {"rows": TITLES, "columns": MAPPING, "across": TITLES, "value": ANYTHING, "of": MAPPING},
+}  # fmt: skip
 """What each part of a declaration may hold."""
 
 
 def _check(part: str, given: Any, needs: Collection[str] = ()) -> dict[str, Any]:
-    """A part that is a mapping with no other keys than its own; raises BadInput."""
+    """A part that is a mapping of its own keys to values of their kinds, with all that it needs; raises BadInput."""
     if not isinstance(given, Mapping):
         raise BadInput(part, given, f"must be a mapping with {', '.join(FORMS[part])}")
-    for key in given:
+    for key, value in given.items():
         if key not in FORMS[part]:
             raise BadInput(part, key, f"may have {', '.join(FORMS[part])}{suggest(str(key), FORMS[part])}")
+        kind, words = FORMS[part][key]
+        if not isinstance(value, kind):
+            raise BadInput(f"{part}.{key}", value, f"must be {words}")
+        for name, each in value.items() if FORMS[part][key] is LISTS and value else ():
+            if isinstance(each, str) or not isinstance(each, Collection):
+                raise BadInput(f"{part}.{key}.{name}", each, "must be a list of values, such as [0.1, 0.2]")
     for key in needs:
-        if key not in given:
+        if given.get(key) in (None, {}):
             raise BadInput(part, dict(given), f"needs {key}")
     return dict(given)
 
@@ -91,7 +104,7 @@ def _find_scale(text: str, unit: str, quantity: str | None) -> float:
     allowed = [name for name, (own, _) in UNITS.items() if quantity in (None, own)]
     if unit not in allowed:
         use = ", ".join(name or "no unit" for name in allowed)
-        raise BadInput("limit", text, f"has {f'the unit {unit!r}' if unit else 'no unit'}; use {use}")
+        raise BadInput("limit", text, f"its unit must be one of {use}, not {unit or 'none'}")
     return UNITS[unit][1]
 
 
@@ -127,28 +140,25 @@ def read_criteria(given: Mapping[str, Any], measures: Collection[str] = ()) -> l
     Raises:
         BadInput: a key is unknown or missing, or the quantity or the limit is none.
     """
-    parts = given.get("criteria", [given])
+    parts = given.get("criteria", [{key: each for key, each in given.items() if key in CRITERION}])
+    parts = [_check("criteria", each, ["value", "limit"]) for each in parts]
     shown = [_list_values(each) for each in parts if each.get("beside")]
     return [criterion for each in (*parts, *shown) for criterion in _read_criterion(each, measures)]
 
 
 def _list_values(given: Mapping[str, Any]) -> dict[str, Any]:
     """What shows the values of the runs that a criterion divides, those of ``over`` first; it decides nothing."""
-    own = _check("criteria", {key: each for key, each in given.items() if key in CRITERION}, ("of", "over"))
+    own = _check("criteria", given, ("of", "over"))
     if missing := own["over"].keys() - own["of"].keys():
         raise BadInput("beside", own["beside"], f"needs a value under of for what over names: {', '.join(missing)}")
     quantity, _, unit = str(own["beside"]).rpartition(", ")
     pairs = {key: [value, own["of"][key]] for key, value in own["over"].items()}
     case = {"case": ", ".join([str(own["case"]), *map("{{{}}}".format, pairs)])} if "case" in own else {}
-    more = {"quantity": quantity, "each": {**own.get("each", {}), **pairs}, "limit": f"any {unit}"}
+    more = {"quantity": quantity, "each": {**(own.get("each") or {}), **pairs}, "limit": f"any {unit}"}
     return {"value": own["value"], "of": own["of"], **more, **case}
 
 
-def _read_criterion(given: Mapping[str, Any], measures: Collection[str]) -> list[Criterion]:
-    own = {key: value for key, value in given.items() if key in CRITERION}
-    for key in ("value", "limit"):
-        if key not in own:
-            raise BadInput("criteria", dict(given), f"needs {key}")
+def _read_criterion(own: Mapping[str, Any], measures: Collection[str]) -> list[Criterion]:
     sample, case = own["value"], own.get("case")  # with the values of settings in braces; without one, the values
     more = {key: own[key] for key in ("over", "infinite") if key in own}
     if not callable(sample):
@@ -161,7 +171,7 @@ def _read_criterion(given: Mapping[str, Any], measures: Collection[str]) -> list
         Criterion(
             str(own.get("quantity", sample)), sample, holds, fails, unit, scale,
             {**(own.get("of") or {}), **dict(chosen)},
-            ", ".join(str(value) for _, value in chosen) if case is None else str(case).format(**dict(chosen)),
+            ", ".join(str(value) for _, value in chosen) if case is None else _fill("case", str(case), dict(chosen)),
             **more,
         )
         for chosen in itertools.product(*values)
@@ -192,10 +202,10 @@ def read_requests(parts: Sequence[Any], quick: bool, common: Mapping[str, Any] |
             }
         more = own.get("quick") if quick else None
         requests = grid(
-            *format_overrides(own.get("set")), over=over, seeded=bool(own.get("seeds")), **(own.get("labels") or {})
+            *format_overrides(own.get("set")), over=over, seeded=own.get("seeds", False), **(own.get("labels") or {})
         )
         requests = [replace(each, overrides=(*each.overrides, *format_overrides(more))) for each in requests]
-        if "after" in own:
+        if own.get("after") is not None:
             first = [
                 replace(each, labels={key: each.labels[key] for key in over if key not in own["after"]})
                 for each in found
@@ -223,7 +233,9 @@ def _cell(value: Any, measures: Collection[str]) -> Callable[[Results], Any]:
             if not isinstance(value, list):
                 return compute_quantity(value, Results(done, results.computed))
             found = [estimate(compute_quantity(text, results)) for text in value]
-        except BadInput:
+        except BadInput as error:
+            if error.key not in ("cycle", "metric"):
+                raise
             return None
         errors = " / ".join(format_number(each.value) for each in found)
         return f"{errors} ({found[-1].size})" if found[-1].failed else errors
@@ -236,10 +248,14 @@ def read_figure(given: Any, measures: Collection[str] = ()) -> Callable[[Results
 
     Panels of runs that a quick form leaves out are left out.
     """
-    panels = [_check("figures", each, ["by"] if "metric" in each else ["value", "over"]) for each in _list(given)]
-
+    panels = [
+        _check("figures", each, ["by"] if "metric" in _check("figures", each) else ["value", "over"])
+        for each in _list(given)
+    ]
     for own in panels:
         check_quantity(str(own.get("metric", own.get("value"))), measures)
+        if own.get("metric", TRANSFER) not in list(ALL_METRICS):
+            raise BadInput("figures.metric", own["metric"], "must be a metric; other quantities are a value")
 
     def build(own: Mapping[str, Any], results: Results) -> list[Panel]:
         try:
@@ -262,7 +278,9 @@ def read_table(given: Any, measures: Collection[str] = ()) -> Callable[[Results]
 
     ``across`` is a setting, or a mapping of one to what its titles begin with.
     """
-    own = _check("tables", given, ["rows"])
+    own = _check(
+        "tables", given, ["rows", *(["across", "value"] if "across" in _check("tables", given) else ["columns"])]
+    )
     rows = own["rows"] if isinstance(own["rows"], Mapping) else {key: key for key in _list(own["rows"])}
     if "across" in own:
         across = own["across"] if isinstance(own["across"], Mapping) else {own["across"]: ""}
@@ -272,13 +290,20 @@ def read_table(given: Any, measures: Collection[str] = ()) -> Callable[[Results]
     return lambda results: tabulate(results.select(own.get("of")), rows, columns)
 
 
-def _fill(value: Any, words: Mapping[str, Any]) -> Any:
-    """A part of a declaration whose texts have names in braces replaced."""
+def _fill(part: str, value: Any, words: Mapping[str, Any]) -> Any:
+    """A value in a part of a declaration whose texts have names in braces replaced; raises BadInput."""
     if isinstance(value, Mapping):
-        return {key: _fill(each, words) for key, each in value.items()}
+        return {key: _fill(part, each, words) for key, each in value.items()}
     if isinstance(value, list):
-        return [_fill(each, words) for each in value]
-    return value.format(**words) if isinstance(value, str) else value
+        return [_fill(part, each, words) for each in value]
+    try:
+        return value.format(**words) if isinstance(value, str) else value
+    except (LookupError, ValueError, AttributeError) as error:
+        raise BadInput(
+            part,
+            value,
+            f"may have {', '.join(filter(str.isidentifier, words)) or 'no name'} in braces, or {{{{ and }}}}",
+        ) from error
 
 
 def _expand(part: str, given: Mapping[str, Any], needs: Collection[str] = ()) -> dict[str, dict[str, Any]]:
@@ -288,7 +313,7 @@ def _expand(part: str, given: Mapping[str, Any], needs: Collection[str] = ()) ->
         values = _check(part, own, needs).get("for") or {}
         for chosen in itertools.product(*values.values()):
             words = dict(zip(values, chosen, strict=True))
-            found[_fill(name, words)] = _fill(own, words) if words else own
+            found[_fill(part, name, words)] = _fill(part, own, words) if words else own
     return found
 
 
@@ -316,7 +341,7 @@ def declare(**given: Any) -> Study:
     runs = (
         own["runs"]
         if callable(own["runs"])
-        else partial(read_requests, own["runs"], common=_check("runs", own.get("common", {})))
+        else partial(read_requests, own["runs"], common=_check("runs", own.get("common") or {}))
     )
     measures = _read("measures", own, _find_measure)
     return Study(
@@ -342,10 +367,10 @@ def read_study(path: Path) -> Study:
     """The study of a file of YAML.
 
     Raises:
-        BadInput: it is no YAML, or some part of it is not as it must be.
+        BadInput: it is no YAML in UTF-8, or some part of it is not as it must be.
     """
     try:
         given = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise BadInput("study", path, f"is no YAML: {' '.join(str(error).split())}") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise BadInput("study", path, f"is no YAML in UTF-8: {' '.join(str(error).split())}") from error
     return declare(**_check("study", given))

@@ -151,7 +151,12 @@ def _compute(node: ast.expr, results: Results) -> Any:
         case ast.UnaryOp(sign, value):
             return OPERATORS[type(sign)](_compute(value, results))
         case ast.Call(ast.Name("setting"), [ast.Constant(str(key))]):
-            return np.array([float(row.settings[key]) for row in results.rows])
+            try:
+                return np.array([float(row.settings[key]) for row in results.rows])
+            except (LookupError, TypeError, ValueError) as error:
+                raise BadInput(
+                    "setting", key, f"must be a number in all of these runs; they have {results.values(key)}"
+                ) from error
         case ast.Call(ast.Name(name), values):
             return FUNCTIONS[name](*(_compute(value, results) for value in values))
     raise BadInput("quantity", ast.unparse(node), "has a part that is no number, metric or measure")

@@ -37,8 +37,8 @@ class RunRow:
         return find_history(self.run.pooled, name)
 
 
-class NoSuchRuns(ValueError):
-    """A selection without runs: a sample must never be empty."""
+class NoSuchRuns(BadInput):
+    """A selection without runs, of a setting that they have: a sample must never be empty."""
 
 
 def read_row(
@@ -91,11 +91,11 @@ class Results:
         """The different values of a setting, in the order of the runs.
 
         Raises:
-            NoSuchRuns: none of them has this setting.
+            BadInput: none of them has this setting.
         """
         known = {name for row in self.rows for name in row.settings}
         if self.rows and key not in known:
-            raise NoSuchRuns(f"no run has a setting {key!r}{suggest(key, sorted(known))}")
+            raise BadInput("setting", key, f"no run has it{suggest(str(key), sorted(known))}")
         values = [row.settings.get(key) for row in self.rows]
         return list(dict.fromkeys(format_setting(value) if isinstance(value, list) else value for value in values))
 
@@ -115,6 +115,7 @@ class Results:
 
         Raises:
             NoSuchRuns: there is none.
+            BadInput: none of them has such a setting.
         """
         wanted = {**(settings or {}), **more}
         rows: Sequence[RunRow] = self.rows
@@ -123,7 +124,7 @@ class Results:
             rows = [row for row in before if any(_same(row.settings.get(key), each) for each in allowed)]
             if not rows:
                 present = Results(before).values(key)
-                raise NoSuchRuns(f"no run has {key}={value!r}; they have {', '.join(map(repr, present))}")
+                raise NoSuchRuns(key, value, f"no run has it; they have {', '.join(map(repr, present))}")
         return Results(rows, self.computed)
 
     def by(self, key: str) -> "dict[Any, Results]":

@@ -28,7 +28,9 @@ class Request:
     """Another request, whose final weights this one starts from; it is run first, with the same seed."""
 
     def with_seed(self, seed: int) -> "Request":
-        """The run of one seed."""
+        """The run of one seed; raises BadInput if it is to be repeated for each, and sets one."""
+        if self.seeded and (own := [text for text in self.overrides if text.startswith("seed=")]):
+            raise BadInput("seeds", "true", f"repeats the runs for each seed; leave it out, or {own[0]}")
         before = self.starts_from.with_seed(seed) if self.starts_from else None
         overrides = (*self.overrides, f"seed={seed}") if self.seeded else self.overrides
         return replace(self, overrides=overrides, starts_from=before)

@@ -5,7 +5,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadComponent, BadInput, CmacexpError
 from cmacexp.study.declaration import read_study
 from cmacexp.study.study import Study
 
@@ -54,7 +54,8 @@ def find_module(path: Path) -> tuple[Path, str]:
 def load_study(path: Path) -> StudyFile:
     """Import the study of a file.
 
-    Raises BadInput if it, its page or the study in it is missing, or it cannot be imported by its name.
+    Raises BadInput if it, its page or the study in it is missing, or it cannot be imported by its name; as
+    :class:`BadComponent` with the traceback of what it raised.
     """
     path = path.resolve()
     if not path.is_file():
@@ -66,7 +67,12 @@ def load_study(path: Path) -> StudyFile:
     root, name = find_module(path)
     if str(root) not in sys.path:
         sys.path.insert(0, str(root))
-    module = importlib.import_module(name)
+    try:
+        module = importlib.import_module(name)
+    except CmacexpError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise BadComponent("study", path, f"importing it failed: {type(error).__name__}: {error}", error) from error
     if module.__file__ is None or Path(module.__file__).resolve() != path:
         raise BadInput("study", path, f"another module is called {path.stem}; rename this file and its page")
     study = getattr(module, STUDY_VARIABLE, None)

@@ -75,10 +75,20 @@ def require_refused(folder, file, named):
         ("most 1 %", "most 0.1 cm", "limit"), ("most 1 %", "most 1 mm", "limit"), ("most 1.5", "most 1 N", "limit"),
         (" / transfer_rmse_x[1]", "", "limit"), ("most 1 %", "most 1 %, opposite: at least 1 ms", "limit"),
         ("at most 1.5", "1.5 to 1", "limit"), ("rmse_x[1]", "rmse_x[0]", "quantity"), ("[-3:]", "[-1]", "quantity"),
+        ("over: {gait.stroke: [0.1, 0.15, 0.2]}", "over: {gait.stroke: 0.1}", "runs.over.gait.stroke"),
+        ("over: {gait.stroke: [0.1, 0.15, 0.2]}", "over: {gait.stroke: '12'}", "runs.over.gait.stroke"),
+        ("each: {gait.stroke: [0.1, 0.15, 0.2]}", "each: 3", "findings.each"),
+        ("says: A", "criteria: 3, says: A", "findings.criteria"), ("of: {gait.stroke: 0.2}", "of: 3", "findings.of"),
+        ("says: A", "for: {a: b}, says: A", "findings.for.a"),
+        ("limit: at most 1 %", "case: '{foo}', limit: at most 1 %", "case"), ("Stroke", "Größe", "study"),
+        ("figures:", "measures: 3\nfigures:", "study.measures"), ("metric: t", "metric: 2 * t", "figures.metric"),
+        ("figures:", "tables: {x: {rows: 3}}\nfigures:", "tables.rows"),
+        ("figures:", "tables: {x: {rows: seed, across: cycles}}\nfigures:", "tables"),
+        ("seeds: true", "seeds: 3", "runs.seeds"), ("cycles: 12", "cycles: 12, seed: 3", "seeds"),
     ],
 )  # fmt: skip
 def test_a_mistake_in_yaml_is_an_error_of_one_line_before_anything_is_run(old, new, key, tmp_path):
-    (tmp_path / "my_study.yaml").write_text(block("yaml").replace(old, new))
+    (tmp_path / "my_study.yaml").write_text(block("yaml").replace(old, new), encoding="latin-1")
     require_refused(tmp_path, "my_study.yaml", f"{key}=")
     assert not (tmp_path / "outputs").exists()
 
@@ -89,6 +99,8 @@ def test_a_mistake_in_yaml_is_an_error_of_one_line_before_anything_is_run(old, n
         ({"page": "\n{{ finding('price') }}"}, "price"),
         ({"page": "{% call figure('curves') %}c{% endcall %}"}, "curves"),
         ({"more": "STUDY = 1"}, "STUDY"),
+        ({"more": "STUDY ="}, "SyntaxError"),
+        ({"more": "import nothing_here"}, "nothing_here"),
         ({"name": "json"}, "json"),
         pytest.param({"page": "{{ finding('cost') "}, "line 1", marks=pytest.mark.ci),
         pytest.param({"page": "{{ cost }}"}, "cost", marks=pytest.mark.ci),

@@ -91,3 +91,19 @@ def test_a_quick_form_takes_the_ends_of_each_setting_and_shows_nothing_of_cycles
     assert [each.labels["kind"] for each in study.runs(True)] == ["a", "b", "a", "b"]
     row = made_row({"force_rmse": [1.0]}, 1, {"steps": 1.0}, kind="a")
     assert study.tables["steps"](Results([row]))["size"].tolist() == [None]
+
+
+@pytest.mark.parametrize(
+    ("part", "own"),
+    [
+        ("figures", {"metric": "force_rmse", "by": "gait.strok"}),
+        ("figures", {"metric": "force_rmse", "by": "gait.stroke", "of": {"gait.strok": 0.1}}),
+        ("figures", {"value": 'setting("gait.strok")', "over": "gait.stroke"}),
+        ("tables", {"rows": "gait.strok", "columns": {"done": "completed"}}),
+        ("tables", {"rows": "gait.stroke", "columns": {"stroke": 'setting("gait.strok")'}}),
+    ],
+)
+def test_a_setting_that_no_run_has_is_named_wherever_it_stands(part, own):
+    results = Results([made_row({"force_rmse": [1.0]}, 1, **{"gait.stroke": 0.1})])
+    with pytest.raises(BadInput, match=r"^setting=gait.strok: .* did you mean gait.stroke"):
+        getattr(declare(title="T", question="Q?", runs=[], **{part: {"x": own}}), part)["x"](results)

@@ -147,9 +147,9 @@ def test_a_mistake_is_an_error_that_names_what_is_wrong(wrong, key):
 def test_a_selection_without_runs_names_what_there_is():
     results = Results([*ONE.rows, *made_errors(0.2, machine="walk").rows])
     assert len(results.select(machine=["leg", "walk"])) == 2
-    with pytest.raises(NoSuchRuns, match=r"'robot'.*'leg', 'walk'"):
+    with pytest.raises(NoSuchRuns, match=r"machine=robot: .*'leg', 'walk'"):
         results.select(machine="robot")
-    with pytest.raises(NoSuchRuns, match="machin"):
+    with pytest.raises(BadInput, match=r"^setting=machin: .* did you mean machine"):
         results.by("machin")
 
 
