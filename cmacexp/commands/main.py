@@ -121,9 +121,10 @@ def _run(composed: DictConfig, hydra: Any) -> str:
         from cmacexp.engine.without_effect import list_idle_overrides
         from cmacexp.loop.scenario import make_scenario
         from cmacexp.metrics.drift import format_drift
-        from cmacexp.terminal.messages import announce_compiling, print_summary, warn_of_models
+        from cmacexp.terminal.messages import announce_compiling, print_summary, warn_of_models, warn_of_other_mode
         from cmacexp.terminal.output import print_line, show_activity, show_progress
 
+    warn_of_other_mode(hydra.overrides.hydra, "hydra.sweep", "needs -m; the folder of a run is hydra.run.dir")
     announce_compiling()
     check_metric(config.optimize, config.machine.kind)
     with show_activity(f"planning {config.steps_per_cycle} steps a cycle"):

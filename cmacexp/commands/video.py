@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cmacexp.commands.command import Arguments, Parser, make_flag
+from cmacexp.data import manifest as manifests
 from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, CmacexpError, require_extra
 from cmacexp.recording.run_view import RunView
@@ -32,8 +33,8 @@ def _draw(views: Sequence[RunView], out: Path, titles: Sequence[str]) -> None:
 
 
 def _choose(arguments: Arguments) -> list[RunView]:
-    """The cycles to be shown; raises BadInput if the run does not have them."""
-    runs = [Run(folder) for folder in arguments.folders]
+    """The cycles to be shown; raises BadInput if the run does not have them, BadRun of a folder that is no run."""
+    runs = [Run(folder, manifests.read(folder)) for folder in arguments.folders]
     if len(runs) == 1:
         numbers = arguments.cycles.split(",") if arguments.cycles else []
         if not all(number.isdigit() for number in numbers):

@@ -1,7 +1,9 @@
 """Explain in one line, with the names that exist, why a config could not be composed."""
 
+import json
 import re
 from collections.abc import Sequence
+from shlex import quote
 
 from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
@@ -36,8 +38,9 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
         reason = str(error).splitlines()[0]
         if str(error.override) in reason:
             reason = "it does not have the form of an override"
-        typed = format_value(error.override)
-        return f"{typed}: cannot be read ({reason}); write key=value, in quotes if the shell needs them"
+        typed, (key, _, value) = format_value(error.override), str(error.override).partition("=")
+        quoted = quote(f"{key}={json.dumps(format_value(value), ensure_ascii=False)}")
+        return f"{typed}: cannot be read ({reason}); write key=value; a text with special characters: {quoted}"
     if several := re.match(r"Ambiguous value for argument '(.*?)' ", text):
         return f"{several[1]}: several values need -m: python -m cmacexp -m {several[1]}; a list needs brackets"
     if isinstance(error, OSError):  # such as a current folder that is gone

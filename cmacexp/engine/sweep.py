@@ -53,7 +53,7 @@ from cmacexp.engine.sweep_tables import (
 )
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.jit.interrupt import is_interrupt
-from cmacexp.terminal.messages import describe_resume, print_next, print_runs, warn_of_models
+from cmacexp.terminal.messages import describe_resume, print_next, print_runs, warn_of_models, warn_of_other_mode
 from cmacexp.terminal.output import print_line, show_activity
 from cmacexp.typing import Status
 
@@ -292,6 +292,7 @@ def _check_options(config: DictConfig) -> None:
         value = OmegaConf.select(config, key)
         if value is not None and (type(value) is not int or value < 1):
             raise BadInput(key, value, "must be at least 1, or null")
+    warn_of_other_mode(config.hydra.overrides.hydra, "hydra.run", "the folder of a sweep is hydra.sweep.dir")
     if config.sweep.resume is True and SWEEP_KEY not in _list_keys(config.hydra.overrides.hydra):
         raise BadInput("sweep.resume", True, "needs the folder of the sweep to resume: add hydra.sweep.dir=DIR")
     if config.sweep.chunk and config.hydra.launcher._target_ == CORES:

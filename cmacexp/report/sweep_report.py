@@ -67,7 +67,7 @@ def _group_keys(configs: Sequence[dict[str, Any]]) -> dict[Partition, list[str]]
 
 def _rank(key: str) -> tuple[int, int, str]:
     """Order in which keys describe a difference: the scenario, a component or method, the shortest, cycles last."""
-    chosen = key.endswith((".method", ".kind", ".rule", ".pattern"))
+    chosen = key.endswith((".method", ".kind", ".model", ".rule", ".pattern"))
     order = [key == "scenario", key in COMPONENTS, chosen, key != "cycles"]
     return (order.index(True) if True in order else len(order), len(key), key)
 

@@ -137,6 +137,13 @@ def warn_of_models(machines: Iterable[object]) -> None:
             _warn(other)
 
 
+def warn_of_other_mode(overrides: Iterable[str], group: str, reason: str) -> None:
+    """Print which overrides of Hydra have no effect since they are of a ``group`` that it reads in its other mode."""
+    for text in overrides:
+        if text.startswith(f"{group}."):
+            print_line(f"warning: {text} has no effect: {reason}", error=True)
+
+
 def format_outcome(result: Run, separator: str = ": ") -> str:
     """How a run ended, and after ``separator`` its steps and time."""
     manifest = result.manifest
@@ -162,9 +169,11 @@ def describe_idle(result: Run) -> str:
 
 
 def format_folder(folder: Path) -> str:
-    """A folder as an argument of a command in the current one."""
-    full = folder.resolve()
-    return quote(str(full.relative_to(Path.cwd()) if full.is_relative_to(Path.cwd()) else full))
+    """A folder as an argument of a command in the current one, or in that from which Hydra changed into a run's."""
+    from hydra.core.hydra_config import HydraConfig  # 60 ms, which who loads a sweep need not wait
+
+    full, here = folder.resolve(), Path(HydraConfig.get().runtime.cwd if HydraConfig.initialized() else Path.cwd())
+    return quote(str(full.relative_to(here) if full.is_relative_to(here) else full))
 
 
 def print_next(folder: Path, commands: Mapping[str, str]) -> None:

@@ -60,11 +60,14 @@ def test_score_gives_the_same_metrics_again(name, request, tmp_path):
 FALL = pytest.param("posture.gain=0 scenario=quadruped", marks=pytest.mark.ci)
 
 
-@pytest.mark.parametrize("words", ["controller.velocity_gain=80", FALL])
+@pytest.mark.parametrize(
+    "words", ["controller.velocity_gain=80", "hydra.job.chdir=true controller.velocity_gain=80", FALL]
+)
 def test_a_run_that_diverges_or_falls_is_a_result_with_an_exit_code_of_its_own(words, tmp_path):
     done = call("main", *words.split(), "cycles=1", "record=trace", "hydra.run.dir=r", folder=tmp_path)
     assert done.returncode == 3
     assert " at step " in done.stdout
+    assert "python -m cmacexp.report r\n" in done.stdout
     assert done.stdout.splitlines()[-1] == str(tmp_path / "r")
     assert package.load(tmp_path / "r").status in ("diverged", "fell")
 

@@ -129,3 +129,5 @@ def test_keys_that_differ_between_the_same_runs_are_one_and_what_a_scenario_deci
     assert swept(a, a) == ([], {}, [])
     runs = [{"scenario": s, "knee": k, "rate": r} for s, k, r in (("a", 1, 1), ("b", 0, 1), ("c", 0, 1), ("c", 0, 2))]
     assert swept(*runs) == (["scenario", "rate"], {"scenario": ["knee"]}, [])
+    robots = [{"posture.gain": gain, "machine.model": model} for gain, model in ((1, "go2"), (2, "go1"))]
+    assert swept(*robots) == (["machine.model"], {"machine.model": ["posture.gain"]}, [])
