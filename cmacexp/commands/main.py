@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from hydra import main as hydra_main
 from hydra.core.hydra_config import HydraConfig
 from hydra.types import HydraContext
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
 from cmacexp.commands.command import BAD_INPUT, COMPLETED, FAILED, STOPPED, report_usage, run_command
 from cmacexp.commands.group_help import find_group, format_help
@@ -124,7 +124,8 @@ def _run(composed: DictConfig, hydra: Any) -> str:
         from cmacexp.terminal.messages import announce_compiling, print_summary, warn_of_models, warn_of_other_mode
         from cmacexp.terminal.output import print_line, show_activity, show_progress
 
-    warn_of_other_mode(hydra.overrides.hydra, "hydra.sweep", "needs -m; the folder of a run is hydra.run.dir")
+    typed: Any = OmegaConf.to_container(hydra.overrides.hydra, resolve=False)
+    warn_of_other_mode(typed, "hydra.sweep", "needs -m; the folder of a run is hydra.run.dir")
     announce_compiling()
     check_metric(config.optimize, config.machine.kind)
     with show_activity(f"planning {config.steps_per_cycle} steps a cycle"):

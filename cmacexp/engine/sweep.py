@@ -101,7 +101,7 @@ class Sweep:
 
     def _expand(self) -> Any:
         """The batches of the grid of Hydra's own sweeper; raises BadInput if a key is swept over no value."""
-        sweeper, typed = self.config.hydra.sweeper, _read_typed(self.config)
+        sweeper, typed = self.config.hydra.sweeper, _read_typed(self.config.hydra.overrides.task)
         searched = [f"{key}={value}" for key, value in (sweeper.get("params") or {}).items()]
         if "record" not in _list_keys([*searched, *typed]):
             self.config.hydra.overrides.task.append(DEFAULT)
@@ -239,7 +239,7 @@ class Sweep:
             hydra_context=self.context,
             task_function=self,  # type: ignore[arg-type]  # for its launcher
         )
-        sweeper.sweep(_read_typed(self.config))
+        sweeper.sweep(_read_typed(self.config.hydra.overrides.task))
 
     def launch(self, batch: Sequence[Sequence[str]], first: int) -> list[JobReturn]:
         """Run the jobs of a batch, whose first has the number ``first``; what they return, in their order."""
@@ -292,8 +292,9 @@ def _check_options(config: DictConfig) -> None:
         value = OmegaConf.select(config, key)
         if value is not None and (type(value) is not int or value < 1):
             raise BadInput(key, value, "must be at least 1, or null")
-    warn_of_other_mode(config.hydra.overrides.hydra, "hydra.run", "the folder of a sweep is hydra.sweep.dir")
-    if config.sweep.resume is True and SWEEP_KEY not in _list_keys(config.hydra.overrides.hydra):
+    typed = _read_typed(config.hydra.overrides.hydra)
+    warn_of_other_mode(typed, "hydra.run", "the folder of a sweep is hydra.sweep.dir")
+    if config.sweep.resume is True and SWEEP_KEY not in _list_keys(typed):
         raise BadInput("sweep.resume", True, "needs the folder of the sweep to resume: add hydra.sweep.dir=DIR")
     if config.sweep.chunk and config.hydra.launcher._target_ == CORES:
         allowed = "is for a launcher that starts a process for each job; use hydra/launcher=submitit_slurm, or null"
@@ -318,9 +319,9 @@ def _read_objective(config: DictConfig) -> tuple[str | None, str | None]:
     return name, direction
 
 
-def _read_typed(config: DictConfig) -> list[str]:
-    """The overrides of jobs as typed: an interpolation in them is one of each job, not of the sweep."""
-    typed: Any = OmegaConf.to_container(config.hydra.overrides.task, resolve=False)
+def _read_typed(overrides: Any) -> list[str]:
+    """Overrides of a sweep as typed: an interpolation in them is one of each job, not of the sweep."""
+    typed: Any = OmegaConf.to_container(overrides, resolve=False)
     return list(typed)
 
 
