@@ -5,6 +5,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +25,7 @@ from cmacexp.cmac.rules import PAPER, train_batch
 from cmacexp.cmac.single import NOT_FINITE, Single
 from cmacexp.config.cmac import MOST_POSITIONS, PHASE, WORD_BYTES, CmacConfig, check_size
 from cmacexp.config.fields import read_fields
+from cmacexp.errors import BadInput
 from cmacexp.models.mix import MASK
 from cmacexp.typing import Array, Cells, Counts
 
@@ -72,9 +74,9 @@ class Cmac:
     ):
         ranges = InputRange(np.array(low, dtype=float), np.array(high, dtype=float))
         inputs, dense_rows = ranges.low.size, layers * cells**ranges.low.size
-        if ranges.low.ndim != 1 or ranges.low.shape != ranges.high.shape or not (ranges.low < ranges.high).all():
-            expected = "must be two arrays (n,), the first below the second"
-            raise ValueError(f"ranges from {ranges.low} to {ranges.high}: {expected}")
+        _require_ranges(ranges)
+        if outputs < 1:
+            raise BadInput("outputs", outputs, "must be at least 1")
         if addressing is None:
             addressing = "dense" if dense_rows * outputs * WORD_BYTES <= memory_bytes else "hashed"
         given = CmacConfig(
@@ -130,6 +132,9 @@ class Cmac:
 
     @weights.setter
     def weights(self, weights: Array) -> None:
+        shape = self.address.rows, self._outputs  # kernels do not look beyond it
+        if getattr(weights, "shape", None) != shape or weights.dtype != np.float64:
+            raise ValueError(f"weights must be an array of shape {shape}, float64")
         self._weights, self._single = weights, None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -228,16 +233,38 @@ class Cmac:
 
     @classmethod
     def load(cls, path: str | Path) -> "Cmac":
-        """The CMAC of a file of :meth:`save`, bit for bit."""
-        with np.load(path, allow_pickle=False) as saved:
-            cmac = cls.__new__(cls)
-            elements, rows, hashed, seed, cmac.clipped, cmac.receptive_field = (int(value) for value in saved["law"])
-            ranges = InputRange(saved["low"], saved["high"])
-            cmac.address = Address(ranges, saved["displacement"], elements, rows, bool(hashed), seed)
-            cmac.weights, cmac.visited = saved["weights"], None
-            if "visited" in saved:
-                cmac.visited = Visited(rows, WORD_BYTES * cmac.weights.shape[1], saved["visited"])
+        """The CMAC of a file of :meth:`save`, bit for bit; raises BadInput of any other file."""
+        try:
+            with np.load(path, allow_pickle=False) as saved:
+                return cls._read(saved)
+        except (OSError, EOFError, LookupError, TypeError, ValueError, BadZipFile) as error:
+            raise BadInput("path", path, f"is no file of Cmac.save, or not whole ({error})") from error
+
+    @classmethod
+    def _read(cls, saved: Any) -> "Cmac":
+        """The CMAC of what a file holds; raises whatever a file of something else leads to."""
+        cmac = cls.__new__(cls)
+        elements, rows, hashed, seed, cmac.clipped, cmac.receptive_field = (int(value) for value in saved["law"])
+        ranges, shifts, cmac.visited = InputRange(saved["low"], saved["high"]), saved["displacement"], None
+        _require_ranges(ranges)
+        cmac.address = Address(ranges, shifts, elements, rows, bool(hashed), seed)
+        cmac._outputs = len(saved["weights"].T)
+        cmac.weights = saved["weights"]
+        (layers, inputs), positions = shifts.shape, saved.get("visited")
+        if positions is not None:
+            cmac.visited = Visited(rows, WORD_BYTES * cmac._outputs, positions)
+        needed = 1 if hashed else layers * elements**inputs if positions is None else len(positions)
+        is_whole = elements > 1 and inputs == len(ranges.low) and ((shifts >= 0) & (shifts < layers)).all()
+        if not (rows >= needed and is_whole and cmac.receptive_field in RECEPTIVE_FIELDS.values()):
+            raise ValueError("its parts do not fit each other")
         return cmac
+
+
+def _require_ranges(ranges: InputRange) -> None:
+    """Require a range for each input; raises ValueError."""
+    low, high = ranges
+    if low.ndim != 1 or low.shape != high.shape or not (np.isfinite(high - low) & (low < high)).all():
+        raise ValueError(f"ranges from {low} to {high}: must be two arrays (n,), the first below the second")
 
 
 class MemoryUse(NamedTuple):

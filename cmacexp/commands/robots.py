@@ -66,7 +66,8 @@ def quote_value(value: object) -> str:
     if isinstance(value, list):
         return f"[{','.join(map(quote_value, value))}]"
     text = str(value)
-    is_plain = not isinstance(value, str) or re.fullmatch(r"(?!(?i:null|true|false|nan|inf)$)[A-Za-z/][\w/.-]*", text)
+    plain = r"(?!(?i:null|true|false|nan|inf)$)[A-Za-z/][\w/.-]*"
+    is_plain = not isinstance(value, str) or re.fullmatch(plain, text, re.ASCII)  # as Hydra reads it
     return text if is_plain else '"' + text.replace('"', '\\"') + '"'
 
 

@@ -176,3 +176,9 @@ def require_own_forces(path: Path, model: Any) -> None:
     for what, values in others.items():
         if np.any(values):
             raise BadInput("machine.path", path, f"has {what}, which would push or hold the robot: remove it")
+    losses = {"frictionloss": model.dof_frictionloss, "damping": model.dof_damping, "armature": model.dof_armature}
+    for what, values in losses.items():
+        if values.min() < 0.0:
+            name = model.joint(int(model.dof_jntid[values.argmin()])).name
+            reason = f"has {what}={values.min():g} at joint {name}, which would push the robot: must be 0 or more"
+            raise BadInput("machine.path", path, reason)

@@ -190,6 +190,8 @@ def choose(gap: Gap, names: str | None, targets: Sequence[str], identified: bool
             method = find_class("--method", target)
         if not (hasattr(method, "fit") and hasattr(method, "predict")):
             raise BadInput("--method", target, "must have fit(strokes) and predict(stroke) to take a log")
+        if method.__name__ in (*METHODS, *own):
+            raise BadInput("--method", target, "a method of that name takes part already; rename the class")
         own[method.__name__] = lambda method=method: Entered(gap.signals, method())  # type: ignore[misc]
     add_makers(gap)
     if identified and gap.replays:

@@ -96,3 +96,21 @@ def test_what_does_not_fit_is_refused_and_changes_nothing(call):
 def test_settings_out_of_range_are_named(high, options, error, named):
     with pytest.raises(error, match=named):
         Cmac([-1.0, 0.0], high, **options)
+
+
+def test_weights_and_files_that_do_not_fit_are_refused(tmp_path):
+    cmac, file = Cmac([0.0, 0.0], [1.0, 1.0], outputs=2, layers=4, cells=5), tmp_path / "cmac.npz"
+    for wrong in (np.zeros((10, 2)), np.zeros(cmac.weights.shape, int), None):
+        with pytest.raises(ValueError, match=r"weights must be an array of shape \(100, 2\), float64"):
+            cmac.weights = wrong
+    cmac.save(file)
+    with np.load(file) as saved:
+        parts = dict(saved)
+    changes = {"weights": np.zeros((10, 2)), "law": parts["law"] * 1000, "low": np.zeros(3), "displacement": [[9, 9]]}
+    for name, wrong in changes.items():
+        np.savez(file, **(parts | {name: wrong}))
+        with pytest.raises(BadInput, match=r"is no file of Cmac\.save"):
+            Cmac.load(file)
+    file.write_text("none")
+    with pytest.raises(BadInput, match=r"is no file of Cmac\.save"):
+        Cmac.load(file)

@@ -196,6 +196,7 @@ class Ends(AnalyticPlant):
         raise RuntimeError("a motor is lost")
 
 
+@pytest.mark.ci  # a plant that is not simulated has its loop compiled
 @pytest.mark.parametrize(("plant", "reason"), [(Talks, "not JSON serializable"), (Ends, "a motor is lost")])
 def test_a_plant_that_fails_after_the_last_step_fails_the_run_which_keeps_its_trace(tmp_path, plant, reason):
     run = cmacexp.run(SHORT, tmp_path / "run", plant=plant(compose_config(SHORT).plant))

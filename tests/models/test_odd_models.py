@@ -96,6 +96,11 @@ ODD = {
         (),
         OTHERS.format("gravcomp"),
     ),
+    "a joint that pushes": (
+        [('<joint armature="0.01"', '<joint armature="-0.01"')],
+        (),
+        r"machine\.path=.*has armature=-0\.01 at joint \w+, which would push",
+    ),
     "a tendon with a spring": (
         [
             (
