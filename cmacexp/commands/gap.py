@@ -38,7 +38,7 @@ def _read_pairs(given: Sequence[str], key: str) -> dict[str, str]:
 
 def _read_gain(text: str | None, key: str) -> list[float]:
     try:
-        return [float(part) for part in text.split(",")] if text else []
+        return [] if text is None else [float(part) for part in text.split(",")]
     except ValueError as error:
         raise BadInput(key, text, "must be numbers, separated by commas") from error
 
@@ -51,11 +51,10 @@ def read_given(arguments: Arguments) -> tuple[Log, Machine]:
         _read_pairs(arguments.names, "--names"),
         _read_pairs(arguments.units, "--units"),
         {key: gain for key, gain in given.items() if gain},
-        load_reader(arguments.reader) if arguments.reader else None,
+        None if arguments.reader is None else load_reader(arguments.reader),
+        [] if arguments.leave_out is None else arguments.leave_out.split(","),
     )
-    if arguments.leave_out:
-        log = log.leave_out(arguments.leave_out.split(","))
-    return log, read_machine(arguments.robot, log.joints, arguments.joints)
+    return log, read_machine(arguments.robot, log.joints, _read_pairs(arguments.joints, "--joints"))
 
 
 def _show(arguments: Arguments) -> None:

@@ -18,6 +18,8 @@ from cmacexp.typing import Array
 LEAST_ROWS = 200
 RATES = (20.0, 20_000.0)
 """Sampling rates of logs, Hz."""
+NORM_ERROR = 0.01
+"""By which the norm of an orientation, a unit quaternion, may differ from 1."""
 GAP = 1.6
 """Spacing of two rows, over the median, from which rows are missing."""
 LEAST_RANGE, LEAST_TURNS = 0.02, 4
@@ -66,6 +68,10 @@ def _find(log: Log, machine: Machine) -> Iterator[str]:
         for row, joint in np.argwhere(~np.isfinite(values)):
             name = log.column(quantity, joint) if quantity in signals else quantity
             yield f"column {name} is {values[row, joint]} in row {row}: fill or cut such rows"
+    if log.orientation is not None:
+        norms = np.linalg.norm(log.orientation, axis=1)
+        for row in np.flatnonzero(np.abs(norms - 1.0) > NORM_ERROR):
+            yield f"orientation has the norm {norms[row]:.3g} in row {row}: must be 1"
     yield from _find_in_time(log)
     if log.command is not None:
         yield from _find_in_pairs(log, log.command)

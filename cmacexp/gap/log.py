@@ -104,11 +104,13 @@ class Log:
         return self.names.get(quantity, quantity).replace(JOINT, self.joints[joint])
 
     def leave_out(self, joints: Sequence[str]) -> "Log":
-        """The log without some joints; raises BadInput for a name that it does not have."""
+        """The log without some joints; raises BadInput for a name that it does not have, and if no joint is left."""
         for name in joints:
             if name not in self.joints:
                 raise BadInput("--leave-out", name, f"is no joint of the log{suggest(name, self.joints)}")
         kept = [j for j, name in enumerate(self.joints) if name not in joints]
+        if not kept:
+            raise BadInput("--leave-out", ",".join(joints), "leaves no joint of the log: keep at least one")
         signals = ("angle", "command", "velocity", "command_velocity", "torque", "feedforward")
         cut: dict[str, Any] = {key: None if (own := getattr(self, key)) is None else own[:, kept] for key in signals}
         return replace(self, joints=tuple(self.joints[j] for j in kept), kp=self.kp[kept], kd=self.kd[kept], **cut)
@@ -120,6 +122,7 @@ def read_log(
     units: Mapping[str, str] | None = None,
     gains: Mapping[str, Sequence[float]] | None = None,
     reader: Reader | None = None,
+    left_out: Sequence[str] = (),
 ) -> Log:
     """Read the log in a file.
 
@@ -129,10 +132,11 @@ def read_log(
         units: by quantity, see UNITS, over those that the file declares; else s, rad, N m.
         gains: ``kp`` and ``kd``, one number or one for each joint, over those in the file.
         reader: of another format.
+        left_out: joints that are not used; one with a command or torque but no measured angle must be among them.
 
     Raises:
-        BadInput: the file cannot be read, a column is missing or holds no numbers, a unit is unknown, or the log has
-            neither torques nor commands with the gains of the drives.
+        BadInput: the file cannot be read, a column is missing or holds no numbers, a unit is unknown or of nothing
+            that the log has, or the log has neither torques nor commands with the gains of the drives.
     """
     if not path.is_file():
         raise BadInput(KEY, path, "there is no such file")
@@ -152,7 +156,7 @@ def read_log(
         if quantity not in PATTERNS:
             raise BadInput("--names", quantity, f"is no quantity of a log, which are {', '.join(PATTERNS)}")
     return _Table(
-        path, columns, PATTERNS | {key: (own,) for key, own in (names or {}).items()}, units or {}
+        path, columns, PATTERNS | {key: (own,) for key, own in (names or {}).items()}, units or {}, left_out
     ).make_log(gains or {})
 
 
@@ -179,15 +183,18 @@ class _Table:
     columns: dict[str, NDArray[Any]]
     patterns: Mapping[str, tuple[str, ...]]
     units: Mapping[str, str]
+    left_out: Sequence[str]
 
     def make_log(self, gains: Mapping[str, Sequence[float]]) -> Log:
         """The log; raises BadInput."""
-        joints, names = self._find_joints(), dict[str, str]()
+        joints, names, without_angle = self._find_joints(), dict[str, str](), set[str]()
 
         def read(quantity: str, each: Sequence[str] = joints, missing: Array | None = None) -> Any:
             if (pattern := self._find(quantity, each)) is None:
                 return missing
             names[quantity] = pattern
+            if quantity in ("command", "torque") and JOINT in pattern:
+                without_angle.update(own for own in self._match(pattern, quantity) if own not in joints)
             return np.stack([self._read(pattern.replace(JOINT, own), quantity) for own in each], axis=1)
 
         time, angle = read("time", [""]), read("angle")
@@ -196,6 +203,9 @@ class _Table:
                 KEY, self.path, f"has no column of time; name it, --names time=NAME; it has {self._list()}"
             )
         command, torque, zero = read("command"), read("torque"), np.zeros_like(angle)
+        for own in sorted(without_angle.difference(self.left_out)):
+            lacks = f"has no column {names['angle'].replace(JOINT, own)} for angle of joint {own}"
+            raise BadInput(KEY, self.path, f"{lacks}, which has a command or torque: rename it, or --leave-out {own}")
         found = Log(
             path=self.path,
             time=time[:, 0] - time[:1, 0].sum(),
@@ -218,7 +228,12 @@ class _Table:
         if torque is None and not found.has_gains:
             key = "--kd" if np.isfinite(found.kp).all() else "--kp"
             raise BadInput(key, None, "is missing: the log has neither torques nor the gains of the drives")
-        return found
+        for quantity, unit in self.units.items():
+            if quantity not in names:
+                raise BadInput(
+                    "--units", f"{quantity}={unit}", f"the log has no {quantity}; it has {', '.join(names)}"
+                )
+        return found.leave_out([own for own in self.left_out if own not in without_angle])
 
     def _list(self) -> str:
         names = [name for name in self.columns if not name.startswith("#")]
@@ -231,45 +246,56 @@ class _Table:
             if not missing:
                 return pattern
             is_chosen = (pattern,) == self.patterns[quantity]
-            if is_chosen or (len(missing) < len(joints) and quantity != "orientation"):
+            is_angle = quantity == "orientation" and pattern in self.patterns["angle"]  # of joints x, y, z
+            if is_chosen or (len(missing) < len(joints) and not is_angle):
                 near = suggest(missing[0], self.columns)
                 raise BadInput(KEY, self.path, f"has no column {missing[0]} for {quantity}{near}")
         return None
 
     def _find_joints(self) -> list[str]:
-        """Names of joints: what stands for ``{joint}`` in the columns of angles, and of nothing more specific."""
-
-        def match(pattern: str) -> dict[str, str]:
-            form = re.compile(re.escape(pattern).replace(re.escape(JOINT), "(.+)"))
-            return {name: found[1] for name in self.columns if (found := form.fullmatch(name))}
-
-        others = [each for key, own in self.patterns.items() if key != "angle" for each in own if JOINT in each]
+        """Names of the joints that have a measured angle; raises BadInput if there is none."""
         for pattern in self.patterns["angle"]:
             if JOINT not in pattern:
                 raise BadInput("--names", f"angle={pattern}", f"must contain {JOINT}")
-            claimed = {name for other in others if len(other) > len(pattern) for name in match(other)}
-            if joints := [own for name, own in match(pattern).items() if name not in claimed]:
+            if joints := self._match(pattern, "angle"):
                 return joints
         tried = " or ".join(self.patterns["angle"])
         reason = f"has no measured angles under {tried}; name them, --names angle=NAME_{JOINT}; it has {self._list()}"
         raise BadInput(KEY, self.path, reason)
 
+    def _match(self, pattern: str, quantity: str) -> list[str]:
+        """What stands for ``{joint}`` in the columns of a quantity, and of no other with a longer pattern."""
+
+        def match(pattern: str) -> dict[str, str]:
+            form = re.compile(re.escape(pattern).replace(re.escape(JOINT), "(.+)"))
+            return {name: found[1] for name in self.columns if (found := form.fullmatch(name))}
+
+        others = [each for key, own in self.patterns.items() if key != quantity for each in own if JOINT in each]
+        claimed = {name for other in others if len(other) > len(pattern) for name in match(other)}
+        return [own for name, own in match(pattern).items() if name not in claimed]
+
     def _read(self, name: str, quantity: str) -> Array:
         """A column (n,) in the units of the project; raises BadInput."""
         try:
-            values = np.asarray(self.columns[name], dtype=float)
+            values = np.atleast_1d(np.asarray(self.columns[name], dtype=float))
         except (TypeError, ValueError) as error:
             raise BadInput(KEY, self.path, f"holds no numbers in column {name} ({error})") from error
-        rows = len(self.columns[self._find("time", [""]) or name])
+        rows = self.columns[self._find("time", [""]) or name].size
         if values.shape != (rows,):
             raise BadInput(KEY, self.path, f"column {name} has {values.size} values, time has {rows}")
         known = UNITS.get(quantity, {})
-        declared = re.split(r"\s*[,;]\s*", str(self.columns.get("#units", "")))
+        declared = re.split(r"\s*[,;]\s*", str(self.columns.get("#units", "")).strip())
         unit = self.units.get(quantity) or next((each for each in declared if each in known), None)
+        unknown = [each for each in declared if each and not any(each in own for own in UNITS.values())]
+        if known and unknown and not unit:
+            allowed = f"must be one of {', '.join(known)} for {quantity}, or say --units {quantity}=UNIT"
+            raise BadInput(KEY, self.path, f"declares the unit {unknown[0]}: {allowed}")
         return values * known[unit] if unit else values
 
     def _read_gain(self, key: str, gains: Mapping[str, Sequence[float]], joints: Sequence[str]) -> Array:
         """(J,) a gain: given, declared by the file, or in columns; NaN if unknown; raises BadInput."""
+        if len(self.patterns[key]) == 1:
+            self._find(key, joints)  # a column that is named must be there, also if the gain is given
         if given := gains.get(key):
             values = np.array(given, dtype=float)
         elif declared := self.columns.get(f"#{key}"):
@@ -288,8 +314,8 @@ class _Table:
             values = columns[:, 0]
         else:
             return np.full(len(joints), np.nan)
-        if len(values) not in (1, len(joints)) or not (values >= 0.0).all():
-            allowed = f"must be one number from 0 on, or one for each of {len(joints)} joints"
+        if len(values) not in (1, len(joints)) or not ((values >= 0.0) & (values < np.inf)).all():
+            allowed = f"must be one finite number from 0 on, or one for each of {len(joints)} joints"
             raise BadInput(f"--{key}", ",".join(f"{value:g}" for value in values[:20]), allowed)
         return np.broadcast_to(values, len(joints)).copy()
 
@@ -313,7 +339,7 @@ def read_csv(path: Path) -> Columns:
 
     with path.open(encoding="utf-8", errors="replace") as file:
         lines = file.readlines()
-    head = next(line for line in lines if not line.startswith("#"))
+    head = next((line for line in lines if not line.startswith("#")), "")
     frame = pandas.read_csv(path, comment="#", sep=max(",;\t", key=head.count), skipinitialspace=True)
     comments = [line[1:].partition(":") for line in lines if line.startswith("#")]
     declared = {f"#{key.strip()}": np.asarray(value.strip()) for key, _, value in comments if value}
@@ -357,7 +383,10 @@ def load_reader(spec: str) -> Reader:
     file, _, name = spec.partition(":")
     if not Path(file).is_file():
         raise BadInput("--reader", spec, "there is no such file; it must be FILE.py:FUNCTION")
-    reader: Reader | None = runpy.run_path(file).get(name)
-    if reader is None:
+    try:
+        reader: Reader | None = runpy.run_path(file).get(name)
+    except Exception as error:
+        raise BadInput("--reader", spec, f"{file} cannot be run ({type(error).__name__}: {error})") from error
+    if not callable(reader):
         raise BadInput("--reader", spec, f"{file} has no function {name}; it must be FILE.py:FUNCTION")
     return reader

@@ -132,11 +132,11 @@ class Machine:
         return replace(self, model=model)
 
 
-def read_machine(robot: str, names: Sequence[str], pairs: Sequence[str] = ()) -> Machine:
+def read_machine(robot: str, names: Sequence[str], pairs: Mapping[str, str] | None = None) -> Machine:
     """The machine of an option of ``conf/machine``, a model of the package or a file, for the joints of a log.
 
-    ``pairs``, ``NAME_IN_LOG=NAME_IN_MODEL``, name what does not match by itself. Raises BadInput if there is no such
-    robot, or a joint of the log cannot be found in it.
+    ``pairs``, names in the model by names in the log, are for what does not match by itself. Raises BadInput if there
+    is no such robot, or a joint of the log cannot be found in it.
     """
     path = _find_path(robot)
     model = compile_spec(path, load_spec(path))
@@ -146,7 +146,7 @@ def read_machine(robot: str, names: Sequence[str], pairs: Sequence[str] = ()) ->
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     kinds = [int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)]
     joints = {model.joint(i).name: i for i in np.flatnonzero(np.isin(model.jnt_type, kinds)).tolist()}
-    matched = match_names(names, list(joints), dict(pair.partition("=")[::2] for pair in pairs))
+    matched = match_names(names, list(joints), pairs or {})
     index = np.array([joints[name] for name in matched])
     dof, limited = model.jnt_dofadr[index].astype(np.int64), model.jnt_limited[index].astype(bool)
     losses = np.zeros((len(dof), OWN + 1))
@@ -181,7 +181,7 @@ def _find_path(robot: str) -> Path:
     raise BadInput(ROBOT_KEY, robot, f"{allowed}{suggest(robot, [*options, *package_models()])}")
 
 
-def match_names(names: Sequence[str], joints: Sequence[str], pairs: dict[str, str]) -> tuple[str, ...]:
+def match_names(names: Sequence[str], joints: Sequence[str], pairs: Mapping[str, str]) -> tuple[str, ...]:
     """The joint of a model for each name of a log: given in ``pairs``, the same, or the only one that contains it.
 
     Letter case and separators do not matter. Names that are numbers count the joints of the model. Raises BadInput.
@@ -190,6 +190,9 @@ def match_names(names: Sequence[str], joints: Sequence[str], pairs: dict[str, st
     def plain(name: str) -> str:
         return "".join(c for c in name.lower() if c.isalnum())
 
+    if unknown := next((name for name in pairs if name not in names), None):
+        reason = f"the log has no joint {unknown}{suggest(unknown, names)}; it has {', '.join(names)}"
+        raise BadInput("--joints", f"{unknown}={pairs[unknown]}", reason)
     found = []
     for name in names:
         wanted = pairs.get(name, name)

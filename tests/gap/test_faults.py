@@ -56,6 +56,10 @@ def exchange(*keys):
 FAULTS = {
     "short": (choose(lambda rows: rows[:150]), "has 150 rows"),
     "nan": (put([700], lambda own: np.nan), "q_hip is nan in row 700"),
+    "no rotation": (
+        lambda log: replace(log, orientation=np.zeros((len(log.time), 4))),
+        "the norm 0 in row 0: must be 1",
+    ),
     "time in ms": (change("time", None, 1e3), "the unit of time"),
     "repeated": (choose(lambda rows: np.insert(rows, 500, 500)), "row 501 repeats"),
     "unsorted": (choose(lambda rows: np.r_[rows[:500], 501, 500, rows[502:]]), "row 501 is earlier"),

@@ -1,5 +1,7 @@
 """Reading a log: the same from every format and under other names and units; one line where something is missing."""
 
+from functools import partial
+
 import numpy as np
 import pandas as pd
 import pyarrow as pa
@@ -8,6 +10,7 @@ import pytest
 from support.doors import BadInput
 
 from cmacexp.gap.log import load_reader, read_log
+from cmacexp.gap.machine import match_names
 
 TIME = np.arange(0.0, 0.5, 0.005)
 NAMES = ("shoulder", "elbow", "wrist")
@@ -73,6 +76,21 @@ WRONG = {
     "unit": ({"units": {"angle": "grad"}}, "is no unit of angle"),
     "quantity": ({"names": {"angel": "q_{joint}"}}, "is no quantity"),
     "text": ({"rename": {"note": "q_wrist", "q_wrist": "other"}}, "holds no numbers in column q_wrist"),
+    "one angle": (
+        {"rename": {"q_wrist": "Q_wrist"}},
+        "no column q_wrist for angle of joint wrist.*--leave-out wrist",
+    ),
+    "orientation": ({"add": {"qw": 1.0, "qx": 0.0, "qy": 0.0}}, "no column qz for orientation"),
+    "unit of nothing": (
+        {"units": {"velocity": "deg/s"}},
+        "--units=velocity=deg/s: the log has no velocity; it has time",
+    ),
+    "no such gain": ({"names": {"kp": "gain"}}, "no column gain for kp"),
+    "declared unit": ({"head": "# units: s, furlong\n"}, "declares the unit furlong: must be one of rad"),
+    "all left out": ({"left_out": NAMES}, "--leave-out=shoulder,elbow,wrist: leaves no joint"),
+    "infinite": ({"gains": {"kp": [np.inf], "kd": [1.0]}}, "--kp=inf: must be one finite number"),
+    "reader": ({"reader": "def read(:"}, "--reader=.*SyntaxError"),
+    "one time": ({"reader": "def read(_): return {'time': 0.1, 'q_a': [1.0, 2.0]}"}, "q_a has 2 values, time has 1"),
     "torques only": ({"drop": [f"q_des_{name}" for name in NAMES]}, "neither commanded angles nor torques"),
 }
 
@@ -82,8 +100,18 @@ def test_what_is_missing_or_wrong_is_one_line(tmp_path, name):
     case, words = WRONG[name]
     path = tmp_path / case.get("path", "log.csv")
     if path.name != "nowhere.csv":
-        frame = pd.DataFrame({**columns(), "note": "a"}).rename(columns=case.get("rename", {}))
-        frame.drop(columns=case.get("drop", [])).to_csv(path, index=False)
+        frame = pd.DataFrame({**columns(), "note": "a", **case.get("add", {})}).rename(columns=case.get("rename", {}))
+        path.write_text(case.get("head", "") + frame.drop(columns=case.get("drop", [])).to_csv(index=False))
+    (tmp_path / "reader.py").write_text(case.get("reader", ""))
+    gains = case.get("gains", {"kp": [20.0], "kd": [1.0]})
+    load = partial(load_reader, f"{tmp_path}/reader.py:read") if "reader" in case else lambda: None
     with pytest.raises(BadInput, match=words) as caught:
-        read_log(path, case.get("names"), case.get("units"), case.get("gains", {"kp": [20.0], "kd": [1.0]}))
+        read_log(path, case.get("names"), case.get("units"), gains, load(), case.get("left_out", ()))
     assert "\n" not in str(caught.value)
+
+
+def test_a_joint_without_a_measured_angle_can_be_left_out_and_pairs_of_joints_must_be_of_the_log(tmp_path):
+    pd.DataFrame(columns() | {"q_des_thumb": TIME}).to_csv(tmp_path / "log.csv", index=False)
+    assert read_log(tmp_path / "log.csv", gains={"kp": [20.0], "kd": [1.0]}, left_out=["thumb"]).joints == NAMES
+    with pytest.raises(BadInput, match="--joints=thumb=wrist: the log has no joint thumb"):
+        match_names(NAMES, NAMES, {"thumb": "wrist"})
