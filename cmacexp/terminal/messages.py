@@ -4,12 +4,14 @@ Tables are text without control characters, the same in a terminal, in a file an
 columns shows the cycles of a run; columns that do not fit side by side follow below, so that no number is folded.
 """
 
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from shlex import quote
 from shutil import get_terminal_size
 from textwrap import wrap
+from typing import Any
 
 from cmacexp.config.machine import describe_other_model
 from cmacexp.data.run import Run
@@ -170,9 +172,9 @@ def describe_idle(result: Run) -> str:
 
 def format_folder(folder: Path) -> str:
     """A folder as an argument of a command in the current one, or in that from which Hydra changed into a run's."""
-    from hydra.core.hydra_config import HydraConfig  # 60 ms, which who loads a sweep need not wait
-
-    full, here = folder.resolve(), Path(HydraConfig.get().runtime.cwd if HydraConfig.initialized() else Path.cwd())
+    hydra: Any = sys.modules.get("hydra.core.hydra_config")  # to import it takes 60 ms, and only it changes folders
+    begun = hydra is not None and hydra.HydraConfig.initialized()
+    full, here = folder.resolve(), Path(hydra.HydraConfig.get().runtime.cwd) if begun else Path.cwd()
     return quote(str(full.relative_to(here) if full.is_relative_to(here) else full))
 
 
