@@ -75,12 +75,12 @@ def kill(count: int) -> list[float]:
     delays, wire = [], Wire(LOOPBACK, 60, STATES, COMMANDS)
     for _ in range(count):
         controller = subprocess.Popen([sys.executable, "-m", "benchmarks.wire"], cwd=ROOT)
-        while (seen := wire.receive(1.0)) is None or not get_motors(seen, "motor_cmd.kp").all():
+        while (seen := wire.receive(1.0)) is None or not get_motors(seen["motor_cmd"]["kp"]).all():
             pass
         time.sleep(0.2)
         controller.send_signal(signal.SIGKILL)
         begun = time.perf_counter()
-        while (seen := wire.receive(1.0)) is not None and get_motors(seen, "motor_cmd.kp").any():
+        while (seen := wire.receive(1.0)) is not None and get_motors(seen["motor_cmd"]["kp"]).any():
             pass
         delays.append(time.perf_counter() - begun)
         controller.wait()
@@ -95,7 +95,7 @@ def control() -> None:
     set_motors(command, q=np.zeros((4, 3)), dq=0.0, tau=0.0, kp=20.0, kd=1.0)
     while True:
         guardian.report()
-        wire.send(command.tobytes())
+        wire.send(command)
         time.sleep(0.002)
 
 

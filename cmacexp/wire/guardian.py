@@ -13,7 +13,7 @@ import time
 from contextlib import suppress
 
 from cmacexp.errors import CmacexpError
-from cmacexp.wire.messages import new_command, set_motors
+from cmacexp.wire.messages import Message, new_command, set_motors
 from cmacexp.wire.network import COMMANDS, Wire, ask_for_priority
 
 ALIVE, DONE = b"+", b"."
@@ -26,11 +26,11 @@ LASTS = 10.0
 """For which the guardian damps the robot, s: long enough to lie down."""
 
 
-def make_damping(damping: float) -> bytes:
+def make_damping(damping: float) -> Message:
     """A command under which the joints give no torque but ``damping``, N m s/rad, times their velocity."""
     command = new_command()
     set_motors(command, q=0.0, dq=0.0, tau=0.0, kp=0.0, kd=damping)
-    return command.tobytes()
+    return command
 
 
 class Guardian:

@@ -122,7 +122,7 @@ class Link:
         set_motors(self.command, q=angle, dq=velocity, tau=torque, kp=stiffness, kd=damping)
         if self.guardian is not None:
             self.guardian.report()
-        self.wire.send(self.command.tobytes())
+        self.wire.send(self.command)
         self.asked = angle
         if self.rows is not None:
             sent = (np.broadcast_to(each, angle.shape) for each in (angle, velocity, torque, stiffness, damping))

@@ -1,55 +1,72 @@
-"""LowCmd and LowState of Unitree's quadrupeds: where each field lies in the bytes, and the checksum of a command.
+"""LowCmd and LowState of Unitree's quadrupeds: their structures, their bytes on the wire, the checksum of a command.
 
-Names, types and order are those of Unitree's public interface files (``unitree_go/msg``). On the wire messages are in
-CDR, in which a number lies at a multiple of its size; the checksum is that of the same fields as a C compiler lays
-them out, where each structure begins at a multiple of its largest number. One table gives both.
+Names, types and order are those of Unitree's public interface files (``unitree_go/msg``). In memory a message is a
+structured array of NumPy, laid out as a C compiler does it, of which the checksum is; on the wire it is in CDR, in
+which a number lies at a multiple of its size, but a structure begins anywhere.
 """
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Field = tuple[str, Any, int]
-"""Name, type (of NumPy, or the fields of a structure) and how many."""
-Bytes = NDArray[np.uint8]
+Message = NDArray[np.void]
+"""Of the shape (), with a type of STRUCTURES; ``message["motor_cmd"]["q"]`` are the numbers of all motors."""
 
-MOTOR_CMD: Sequence[Field] = (
-    ("mode", "u1", 1), ("q", "f4", 1), ("dq", "f4", 1), ("tau", "f4", 1), ("kp", "f4", 1), ("kd", "f4", 1),
-    ("reserve", "u4", 3),
+
+MOTOR_CMD = np.dtype(
+    [
+        ("mode", "u1"), ("q", "f4"), ("dq", "f4"), ("tau", "f4"), ("kp", "f4"), ("kd", "f4"), ("reserve", "u4", 3),
+    ],
+    align=True,
 )  # fmt: skip
 """q in rad, dq in rad/s, tau in N m, kp in N m/rad, kd in N m s/rad."""
-BMS_CMD: Sequence[Field] = (("off", "u1", 1), ("reserve", "u1", 3))
-IMU_STATE: Sequence[Field] = (
-    ("quaternion", "f4", 4), ("gyroscope", "f4", 3), ("accelerometer", "f4", 3), ("rpy", "f4", 3),
-    ("temperature", "u1", 1),
+BMS_CMD = np.dtype([("off", "u1"), ("reserve", "u1", 3)], align=True)
+IMU_STATE = np.dtype(
+    [
+        ("quaternion", "f4", 4), ("gyroscope", "f4", 3), ("accelerometer", "f4", 3), ("rpy", "f4", 3),
+        ("temperature", "u1"),
+    ],
+    align=True,
 )  # fmt: skip
 """Quaternion w, x, y, z; rad/s and m/s^2 in the frame of the body, x forward, y left, z up."""
-MOTOR_STATE: Sequence[Field] = (
-    ("mode", "u1", 1), ("q", "f4", 1), ("dq", "f4", 1), ("ddq", "f4", 1), ("tau_est", "f4", 1), ("q_raw", "f4", 1),
-    ("dq_raw", "f4", 1), ("ddq_raw", "f4", 1), ("temperature", "u1", 1), ("lost", "u4", 1), ("reserve", "u4", 2),
+MOTOR_STATE = np.dtype(
+    [
+        ("mode", "u1"), ("q", "f4"), ("dq", "f4"), ("ddq", "f4"), ("tau_est", "f4"), ("q_raw", "f4"),
+        ("dq_raw", "f4"), ("ddq_raw", "f4"), ("temperature", "u1"), ("lost", "u4"), ("reserve", "u4", 2),
+    ],
+    align=True,
 )  # fmt: skip
 """Temperature in degrees Celsius; lost: packets of the motor's bus, counted."""
-BMS_STATE: Sequence[Field] = (
-    ("version_high", "u1", 1), ("version_low", "u1", 1), ("status", "u1", 1), ("soc", "u1", 1), ("current", "i4", 1),
-    ("cycle", "u2", 1), ("bq_ntc", "u1", 2), ("mcu_ntc", "u1", 2), ("cell_vol", "u2", 15),
+BMS_STATE = np.dtype(
+    [
+        ("version_high", "u1"), ("version_low", "u1"), ("status", "u1"), ("soc", "u1"), ("current", "i4"),
+        ("cycle", "u2"), ("bq_ntc", "u1", 2), ("mcu_ntc", "u1", 2), ("cell_vol", "u2", 15),
+    ],
+    align=True,
 )  # fmt: skip
-HEAD: Sequence[Field] = (
-    ("head", "u1", 2), ("level_flag", "u1", 1), ("frame_reserve", "u1", 1), ("sn", "u4", 2), ("version", "u4", 2),
-    ("bandwidth", "u2", 1),
+HEAD = [
+    ("head", "u1", 2), ("level_flag", "u1"), ("frame_reserve", "u1"), ("sn", "u4", 2), ("version", "u4", 2),
+    ("bandwidth", "u2"),
+]  # fmt: skip
+LOW_CMD = np.dtype(
+    [
+        *HEAD, ("motor_cmd", MOTOR_CMD, 20), ("bms_cmd", BMS_CMD), ("wireless_remote", "u1", 40), ("led", "u1", 12),
+        ("fan", "u1", 2), ("gpio", "u1"), ("reserve", "u4"), ("crc", "u4"),
+    ],
+    align=True,
 )  # fmt: skip
-LOW_CMD: Sequence[Field] = (
-    *HEAD, ("motor_cmd", MOTOR_CMD, 20), ("bms_cmd", BMS_CMD, 1), ("wireless_remote", "u1", 40), ("led", "u1", 12),
-    ("fan", "u1", 2), ("gpio", "u1", 1), ("reserve", "u4", 1), ("crc", "u4", 1),
-)  # fmt: skip
-LOW_STATE: Sequence[Field] = (
-    *HEAD, ("imu_state", IMU_STATE, 1), ("motor_state", MOTOR_STATE, 20), ("bms_state", BMS_STATE, 1),
-    ("foot_force", "i2", 4), ("foot_force_est", "i2", 4), ("tick", "u4", 1), ("wireless_remote", "u1", 40),
-    ("bit_flag", "u1", 1), ("adc_reel", "f4", 1), ("temperature_ntc1", "u1", 1), ("temperature_ntc2", "u1", 1),
-    ("power_v", "f4", 1), ("power_a", "f4", 1), ("fan_frequency", "u2", 4), ("reserve", "u4", 1), ("crc", "u4", 1),
+LOW_STATE = np.dtype(
+    [
+        *HEAD, ("imu_state", IMU_STATE), ("motor_state", MOTOR_STATE, 20), ("bms_state", BMS_STATE),
+        ("foot_force", "i2", 4), ("foot_force_est", "i2", 4), ("tick", "u4"), ("wireless_remote", "u1", 40),
+        ("bit_flag", "u1"), ("adc_reel", "f4"), ("temperature_ntc1", "u1"), ("temperature_ntc2", "u1"),
+        ("power_v", "f4"), ("power_a", "f4"), ("fan_frequency", "u2", 4), ("reserve", "u4"), ("crc", "u4"),
+    ],
+    align=True,
 )  # fmt: skip
 """power_v in V; feet in the order of the motors."""
 STRUCTURES = {
@@ -60,148 +77,85 @@ STRUCTURES = {
 
 LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 """What precedes a message: plain CDR, least byte first."""
+PADDING = -1
 JOINTS = np.array([[3, 4, 5], [0, 1, 2], [9, 10, 11], [6, 7, 8]])
 """(4, 3): motors of the legs of this project, left front, right front, left rear, right rear: hip, thigh, calf."""
 MOTORS_ON, LEVEL_LOW = 0x01, 0xFF
 HEADER = (0xFE, 0xEF)
-
-
-class Layout(NamedTuple):
-    """Where the numbers of a message lie."""
-
-    places: dict[str, tuple[str, NDArray[np.intp]]]
-    """By the name, as ``motor_cmd.q``: type, and offsets in bytes."""
-    size: int
-    """In bytes."""
-
-
-def _align(at: int, size: int) -> int:
-    return -(-at // size) * size
-
-
-def _largest(kind: Any) -> int:
-    """The size of the largest number of a field, in bytes."""
-    return np.dtype(kind).itemsize if isinstance(kind, str) else max(_largest(inner) for _, inner, _ in kind)
-
-
-@cache
-def lay_out(structure: str, in_c: bool = False) -> Layout:
-    """The layout of one of STRUCTURES in CDR, or as a C compiler makes it."""
-    found: dict[str, tuple[str, list[int]]] = {}
-    fields = STRUCTURES[structure]
-
-    def place(fields: Sequence[Field], at: int, before: str) -> int:
-        for name, kind, count in fields:
-            for _ in range(count):
-                if isinstance(kind, str):
-                    size = np.dtype(kind).itemsize
-                    at = _align(at, size)
-                    found.setdefault(before + name, (kind, []))[1].append(at)
-                    at += size
-                else:
-                    whole = _largest(kind) if in_c else 1
-                    at = _align(place(kind, _align(at, whole), f"{before}{name}."), whole)
-        return at
-
-    size = _align(place(fields, 0, ""), _largest(fields) if in_c else 1)
-    return Layout({name: (kind, np.array(at)) for name, (kind, at) in found.items()}, size)
-
-
-@cache
-def _checked_bytes() -> tuple[NDArray[np.intp], NDArray[np.intp], int]:
-    """Bytes of a command in CDR that its checksum covers, where it takes each, and of how many; the others are 0.
-
-    It takes words of four bytes with the most significant byte first, and not the last word, which is itself.
-    """
-    wire, compiled = lay_out("LowCmd_"), lay_out("LowCmd_", in_c=True)
-    pairs = [
-        (source + n, (target + n) ^ 3)
-        for name, (kind, places) in wire.places.items()
-        if name != "crc"
-        for source, target in zip(places.tolist(), compiled.places[name][1].tolist(), strict=True)
-        for n in range(np.dtype(kind).itemsize)
-    ]
-    sources, targets = np.array(pairs).T
-    return sources, targets, compiled.size - 4
-
-
 REVERSED = np.array([int(f"{value:08b}"[::-1], 2) for value in range(256)], dtype=np.uint8)
 """Bytes whose bits are in the opposite order."""
 
 
-def compute_checksum(body: Bytes) -> int:
-    """CRC-32/MPEG-2 (polynomial 0x04c11db7, start 0xffffffff) of a LowCmd without its header.
+def list_numbers(kind: np.dtype[Any], place: int = 0) -> Iterator[tuple[int, int]]:
+    """Where in memory each number of a type lies, and its size, in bytes; the type itself lies at ``place``."""
+    if kind.subdtype is not None:
+        inner, (count,) = kind.subdtype
+        for n in range(count):
+            yield from list_numbers(inner, place + n * inner.itemsize)
+    elif kind.fields is not None:
+        for inner, offset, *_ in kind.fields.values():
+            yield from list_numbers(inner, place + offset)
+    else:
+        yield place, kind.itemsize
 
-    zlib has the same polynomial, but takes the least bit first, and inverts the result.
+
+@cache
+def lay_out(kind: np.dtype[Any]) -> NDArray[np.intp]:
+    """Where in memory each byte of a message in CDR lies; PADDING: nowhere."""
+    found = list[int]()
+    for place, size in list_numbers(kind):
+        found += [PADDING] * (-len(found) % size)
+        found += range(place, place + size)
+    return np.array(found)
+
+
+def encode(message: Message) -> bytes:
+    """What goes on the wire."""
+    memory = np.frombuffer(message.tobytes() + b"\0", dtype=np.uint8)  # whose last byte is the padding's
+    return LITTLE_ENDIAN + memory[lay_out(message.dtype)].tobytes()
+
+
+def decode(kind: np.dtype[Any], data: bytes) -> Message:
+    """The message of a ``kind`` of STRUCTURES in the ``data`` on the wire.
+
+    Raises ValueError if the data is of another kind, or of another length.
     """
-    sources, targets, size = _checked_bytes()
-    words = np.zeros(size, dtype=np.uint8)
-    words[targets] = body[sources]
-    value = zlib.crc32(REVERSED[words].tobytes()) ^ 0xFFFFFFFF
+    places, begin = lay_out(kind), len(LITTLE_ENDIAN)
+    size = begin + len(places)
+    if data[:2] != LITTLE_ENDIAN[:2] or not size <= len(data) <= size + 3:
+        raise ValueError(f"{len(data)} bytes that begin with {data[:4].hex()}, not {size} of plain CDR")
+    memory = np.zeros(kind.itemsize + 1, dtype=np.uint8)
+    memory[places] = np.frombuffer(data, dtype=np.uint8)[begin:size]
+    return memory[:-1].view(kind).reshape(())
+
+
+def compute_checksum(command: Message) -> int:
+    """CRC-32/MPEG-2 (polynomial 0x04c11db7, start 0xffffffff) of the words of a LowCmd but for itself, the last one.
+
+    It takes the most significant byte of a word first. zlib has the same polynomial, but takes the least bit first,
+    and inverts the result.
+    """
+    words = np.frombuffer(command.tobytes(), dtype="<u4")[:-1].astype(">u4")
+    value = zlib.crc32(REVERSED[words.view(np.uint8)].tobytes()) ^ 0xFFFFFFFF
     return int(f"{value:032b}"[::-1], 2)
-
-
-class Message:
-    """The bytes of a message, with its numbers by name."""
-
-    def __init__(self, structure: str, data: bytes | None = None):
-        """A message of a ``structure`` of STRUCTURES: of the ``data`` on the wire, or all 0.
-
-        Raises ValueError if the data is of another kind, or of another length.
-        """
-        self.layout = lay_out(structure)
-        size = len(LITTLE_ENDIAN) + self.layout.size
-        if data is not None and (data[:2] != LITTLE_ENDIAN[:2] or not size <= len(data) <= size + 3):
-            raise ValueError(
-                f"{structure}: {len(data)} bytes that begin with {data[:4].hex()}, not {size} of plain CDR"
-            )
-        self.buffer = np.zeros(_align(size, 4), dtype=np.uint8)
-        given = np.frombuffer(data or LITTLE_ENDIAN, dtype=np.uint8)[:size]
-        self.buffer[: len(given)] = given
-        self.body = self.buffer[len(LITTLE_ENDIAN) :]
-
-    def __getitem__(self, name: str) -> NDArray[Any]:
-        """The numbers of a field, (count,), of all structures of that name one after the other."""
-        numbers, places = self._find(name)
-        return numbers[places]
-
-    def __setitem__(self, name: str, values: Any) -> None:
-        numbers, places = self._find(name)
-        numbers[places] = values
-
-    def _find(self, name: str) -> tuple[NDArray[Any], NDArray[np.intp]]:
-        """The whole body as numbers of the type of a field, and which of them are the field's."""
-        kind, places = self.layout.places[name]
-        size = np.dtype(kind).itemsize
-        return self.body[: len(self.body) // size * size].view(kind), places // size
-
-    def tobytes(self) -> bytes:
-        """What goes on the wire."""
-        return self.buffer.tobytes()
 
 
 def new_command() -> Message:
     """A LowCmd that asks nothing of the motors but to listen."""
-    command = Message("LowCmd_")
-    command["head"], command["level_flag"] = HEADER, LEVEL_LOW
-    set_each_motor(command, "motor_cmd.mode", MOTORS_ON)
+    command: Message = np.zeros((), LOW_CMD)
+    command["head"] = HEADER
+    command["level_flag"] = LEVEL_LOW
+    command["motor_cmd"]["mode"][JOINTS] = MOTORS_ON
     return command
 
 
 def set_motors(command: Message, **values: Any) -> None:
     """Set fields of the motors, each (L, 3) in the order of this project or one number, and the checksum."""
     for name, given in values.items():
-        set_each_motor(command, f"motor_cmd.{name}", given)
-    command["crc"] = compute_checksum(command.body)
+        command["motor_cmd"][name][JOINTS] = given
+    command["crc"] = compute_checksum(command)
 
 
-def set_each_motor(message: Message, name: str, values: Any) -> None:
-    """Set a field of the motors, as ``motor_state.q``, from (L, 3) in the order of this project, or one number."""
-    motors = message[name]
-    motors[JOINTS] = values
-    message[name] = motors
-
-
-def get_motors(message: Message, name: str) -> NDArray[np.float64]:
-    """A field of the motors, as ``motor_state.q``, (L, 3) in the order of this project."""
-    return message[name][JOINTS].astype(np.float64)
+def get_motors(numbers: NDArray[Any]) -> NDArray[np.float64]:
+    """Those of the 20 ``numbers`` of motors that are of joints, (L, 3) in the order of this project."""
+    return numbers[JOINTS].astype(np.float64)

@@ -6,11 +6,14 @@ from contextlib import suppress
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 from cmacexp.errors import BadInput, require_extra
-from cmacexp.wire.messages import STRUCTURES, Message
+from cmacexp.wire.messages import LOW_CMD, LOW_STATE, STRUCTURES, Message, decode, encode
 
 COMMANDS, STATES = "rt/lowcmd", "rt/lowstate"
-"""Topics of LowCmd and LowState."""
+TOPICS = {COMMANDS: LOW_CMD, STATES: LOW_STATE}
+"""What is sent on each."""
 LOOPBACK = "lo"
 MOST = 230
 """The last DDS domain, whose ports are still ports."""
@@ -47,19 +50,26 @@ def make_sample(kind: Any, data: bytes, /, **options: Any) -> Any:
 
 
 @cache
-def make_types() -> dict[str, Any]:
-    """The types of messages for DDS, by name, see :func:`make_sample`: nothing converts their bytes."""
+def make_types() -> dict[Any, Any]:
+    """The types of messages for DDS, by those of NumPy, see :func:`make_sample`: DDS does not convert their bytes."""
     from cyclonedds.idl import annotations, make_idl_struct, types
 
-    numbers = {"u1": "uint8", "u2": "uint16", "u4": "uint32", "i2": "int16", "i4": "int32", "f4": "float32"}
-    kinds: dict[Any, Any] = {short: getattr(types, name) for short, name in numbers.items()}
+    made = dict[Any, Any]()
     array: Any = types.array
-    for name, fields in STRUCTURES.items():
-        declared = {field: kinds[kind] if count == 1 else array[kinds[kind], count] for field, kind, count in fields}
-        made: Any = make_idl_struct(name, f"unitree_go.msg.dds_.{name}", declared)
-        made.serialize, made.deserialize = lambda sample, **options: sample.data, classmethod(make_sample)
-        kinds[fields] = annotations.autoid("sequential")(annotations.final(made))
-    return {name: kinds[fields] for name, fields in STRUCTURES.items()}
+
+    def declare(kind: np.dtype[Any]) -> Any:
+        if kind.subdtype is not None:
+            inner, (count,) = kind.subdtype
+            return array[declare(inner), count]
+        return made[kind] if kind in made else getattr(types, kind.name)
+
+    for name, kind in STRUCTURES.items():
+        fields = {field: declare(kind[field]) for field in kind.names or ()}
+        struct: Any = make_idl_struct(name, f"unitree_go.msg.dds_.{name}", fields)
+        struct.serialize = lambda sample, **options: sample.data
+        struct.deserialize = classmethod(make_sample)
+        made[kind] = annotations.autoid("sequential")(annotations.final(struct))
+    return made
 
 
 @cache
@@ -99,16 +109,15 @@ class Wire:
         from cyclonedds.sub import DataReader
         from cyclonedds.topic import Topic
 
-        types = make_types()
         join(interface, domain)
-        self._participant = DomainParticipant(domain)
-        self._kind = types["LowCmd_" if sends == COMMANDS else "LowState_"]
+        self._participant = participant = DomainParticipant(domain)
         if sends is not None:
-            self._writer = DataWriter(self._participant, Topic(self._participant, sends, self._kind))
-        self._received = "LowCmd_" if receives == COMMANDS else "LowState_"
+            self._kind = make_types()[TOPICS[sends]]
+            self._writer = DataWriter(participant, Topic(participant, sends, self._kind))
         if receives is not None:
-            self._reader = DataReader(self._participant, Topic(self._participant, receives, types[self._received]))
-            self._arrivals = WaitSet(self._participant)
+            self._received = TOPICS[receives]
+            self._reader = DataReader(participant, Topic(participant, receives, make_types()[self._received]))
+            self._arrivals = WaitSet(participant)
             self._new = ReadCondition(self._reader, ViewState.Any | InstanceState.Any | SampleState.NotRead)
             self._arrivals.attach(self._new)
 
@@ -120,8 +129,8 @@ class Wire:
         if self._arrivals.wait(int(timeout * 1e9)) == 0:
             return None
         data = [sample.data for sample in self._reader.take(1) if hasattr(sample, "data")]
-        return Message(self._received, data[-1]) if data else None
+        return decode(self._received, data[-1]) if data else None
 
-    def send(self, data: bytes) -> None:
-        """Send the bytes of a message."""
-        self._writer.write(make_sample(self._kind, data))
+    def send(self, message: Message) -> None:
+        """Send a message."""
+        self._writer.write(make_sample(self._kind, encode(message)))

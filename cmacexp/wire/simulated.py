@@ -25,8 +25,7 @@ from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY, Drives, n
 from cmacexp.plants.mujoco_kernels import advance_engine
 from cmacexp.plants.mujoco_robot import MujocoRobot
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig
-from cmacexp.typing import Array
-from cmacexp.wire.messages import HEADER, JOINTS, LEVEL_LOW, Message, compute_checksum, get_motors, set_each_motor
+from cmacexp.wire.messages import HEADER, JOINTS, LEVEL_LOW, LOW_STATE, Message, compute_checksum, get_motors
 from cmacexp.wire.network import COMMANDS, STATES, Wire, ask_for_priority
 
 NO_FAULT = "none"
@@ -50,9 +49,8 @@ KINDS = {
 PART = 0.05
 BURST, EVERY = 10, 250
 """States that are held back, of so many."""
-MEASURED = ("motor_state.q", "motor_state.dq", "motor_state.tau_est")
-COMMANDED = ("motor_cmd.q", "motor_cmd.dq", "motor_cmd.tau")
-GAINS = ("motor_cmd.kp", "motor_cmd.kd")
+MEASURED, COMMANDED, GAINS = ("q", "dq", "tau_est"), ("q", "dq", "tau"), ("kp", "kd")
+"""Of a motor, in the messages."""
 
 
 @dataclass
@@ -65,7 +63,8 @@ class Fault:
     motor: int = 0
     """That it is of, 0 to 11; the leg of this motor and the next leg are swapped."""
     seed: int = 0
-    _frozen: Message | None = field(default=None, init=False)
+    _first: Message | None = field(default=None, init=False)
+    """State when it began."""
     _lost: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
@@ -73,18 +72,16 @@ class Fault:
             raise BadInput("--fault", self.kind, f"choose from {', '.join(KINDS)}{suggest(self.kind, KINDS)}")
         self._random = np.random.default_rng(self.seed)
 
-    def loses_command(self, step: int) -> bool:
-        """Whether a command is lost on its way to the motors."""
-        lost = self.kind == "lost_commands" and step >= self.start and self._random.random() < PART
-        self._lost += lost
-        return lost
-
-    def spoil_command(self, command: Message, step: int) -> Message:
-        """A command as it reaches the motors."""
-        if step >= self.start and self.kind in ("sign", "swapped"):
-            for name in (*COMMANDED, *GAINS) if self.kind == "swapped" else COMMANDED:
-                command[name] = self._disturb(command[name])
-            command["crc"] = compute_checksum(command.body)
+    def spoil_command(self, command: Message, step: int) -> Message | None:
+        """A command as it reaches the motors; None: it is lost."""
+        if step < self.start:
+            return command
+        if self.kind == "lost_commands" and self._random.random() < PART:
+            self._lost += 1
+            return None
+        if self.kind in ("sign", "swapped"):
+            self._disturb(command["motor_cmd"], COMMANDED if self.kind == "sign" else (*COMMANDED, *GAINS))
+            command["crc"] = compute_checksum(command)
         return command
 
     def spoil_state(self, state: Message, step: int) -> Message | None:
@@ -94,40 +91,37 @@ class Fault:
         is_held_back = self.kind == "late" and (step - self.start) % EVERY < BURST
         if is_held_back or (self.kind == "lost_states" and self._random.random() < PART):
             return None
-        sent = Message("LowState_", state.tobytes())
-        sent["motor_state.lost"] = self._lost
-        if self.kind in ("sign", "sign_of_encoder", "swapped", "swapped_encoders"):
-            for name in MEASURED if self.kind in ("sign", "swapped") else MEASURED[:2]:
-                sent[name] = self._disturb(sent[name])
-        self._frozen = self._frozen or Message("LowState_", sent.tobytes())
-        return self._spoil_values(sent, self._frozen)
-
-    def _disturb(self, values: Array) -> Array:
-        """Numbers of 20 motors with the sign of one, or with two legs, exchanged."""
-        if self.kind.startswith("sign"):
-            values[self.motor] = -values[self.motor]
-            return values
-        legs = values[:12].reshape(4, 3)
-        own, other = self.motor // 3, (self.motor // 3 + 1) % 4
-        legs[[own, other]] = legs[[other, own]]
-        return values
-
-    def _spoil_values(self, sent: Message, frozen: Message) -> Message:
-        if self.kind in ("frozen", "frozen_numbers"):
-            frozen["tick"] = frozen["tick"] if self.kind == "frozen" else sent["tick"]
-            return frozen
-        motor: dict[str, dict[str, float]] = {
-            "nan": {"motor_state.q": np.nan},
-            "stuck": {"motor_state.q": float(frozen["motor_state.q"][self.motor]), "motor_state.dq": 0.0},
-            "hot": {"motor_state.temperature": 90},
-        }
-        for name, value in motor.get(self.kind, {}).items():
-            values = sent[name]
-            values[self.motor] = value
-            sent[name] = values
-        if self.kind == "empty":
-            sent["power_v"] = 20.0
+        first = self._first = state.copy() if self._first is None else self._first
+        sent = (first if self.kind.startswith("frozen") else state).copy()
+        motors = sent["motor_state"]
+        motors["lost"] = self._lost
+        match self.kind:
+            case "frozen_numbers":
+                sent["tick"] = state["tick"]
+            case "sign" | "swapped":
+                self._disturb(motors, MEASURED)
+            case "sign_of_encoder" | "swapped_encoders":
+                self._disturb(motors, ("q", "dq"))
+            case "nan":
+                motors["q"][self.motor] = np.nan
+            case "stuck":
+                motors["q"][self.motor] = first["motor_state"]["q"][self.motor]
+                motors["dq"][self.motor] = 0.0
+            case "hot":
+                motors["temperature"][self.motor] = 90
+            case "empty":
+                sent["power_v"] = 20.0
         return sent
+
+    def _disturb(self, motors: Message, names: Sequence[str]) -> None:
+        """Turn the sign of these numbers of one motor, or exchange those of two legs."""
+        own, other = self.motor // 3, (self.motor // 3 + 1) % 4
+        for name in names:
+            legs = motors[name][:12].reshape(4, 3)
+            if self.kind.startswith("sign"):
+                motors[name][self.motor] *= -1.0
+            else:
+                legs[[own, other]] = legs[[other, own]]
 
 
 HANG = 0.5
@@ -199,11 +193,12 @@ class SimulatedRobot:
 
     def take(self, command: Message) -> None:
         """Follow a command; one with a wrong checksum is ignored, as by a robot."""
-        if int(command["crc"][0]) != compute_checksum(command.body):
+        if command["crc"] != compute_checksum(command):
             return
+        motors = command["motor_cmd"]
         for part, name in ((ANGLE, "q"), (VELOCITY, "dq"), (STIFFNESS, "kp"), (DAMPING, "kd")):
-            self._command[part] = get_motors(command, f"motor_cmd.{name}")
-        self._torque = get_motors(command, "motor_cmd.tau")
+            self._command[part] = get_motors(motors[name])
+        self._torque = get_motors(motors["tau"])
 
     def step(self) -> None:
         """Advance by one sampling period under the last command."""
@@ -232,32 +227,22 @@ class SimulatedRobot:
 
     def fill(self, state: Message) -> None:
         """Write what the robot measures into a LowState, all but its tick."""
-        signals = self.plant.signals
+        signals, imu, motors = self.plant.signals, state["imu_state"], state["motor_state"]
         assert signals is not None
-        pitch, roll, yaw = signals.attitude
-        half = 0.5 * np.array([roll, pitch, yaw])
-        (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)
-        state["imu_state.quaternion"] = [
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        ]
+        imu["quaternion"] = self._base[3:]
         sensors, normal = self._sensors, self._random.normal
-        for name, values, sensor in (
-            ("gyroscope", signals.gyroscope, sensors.gyroscope),
-            ("accelerometer", signals.accelerometer, sensors.accelerometer),
+        for numbers, values, sensor in (
+            (imu["gyroscope"], signals.gyroscope, sensors.gyroscope),
+            (imu["accelerometer"], signals.accelerometer, sensors.accelerometer),
         ):
-            state[f"imu_state.{name}"] = values + normal(0.0, sensor.noise, values.shape)
+            numbers[:] = values + normal(0.0, sensor.noise, values.shape)
         for name, values, sensor in (
             ("q", signals.q, sensors.position),
             ("dq", signals.dq, sensors.velocity),
             ("tau_est", signals.torque, sensors.torque),
         ):
-            set_each_motor(state, f"motor_state.{name}", values + normal(0.0, sensor.noise, values.shape))
-        feet = np.zeros(len(JOINTS))
-        feet[JOINTS[:, 0] // JOINTS.shape[1]] = np.clip(self.plant.state.force, 0, 32767)
-        state["foot_force"] = feet.astype(int)
+            motors[name][JOINTS] = values + normal(0.0, sensor.noise, values.shape)
+        state["foot_force"][JOINTS[:, 0] // JOINTS.shape[1]] = np.clip(self.plant.state.force, 0, 32767)
 
 
 def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fault: Fault, patient: bool) -> str:
@@ -265,9 +250,11 @@ def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fau
 
     A ``patient`` one waits for the answer to each state, once there were any, and takes as long as that takes.
     """
-    state = Message("LowState_")
-    state["head"], state["level_flag"], state["power_v"] = HEADER, LEVEL_LOW, VOLTAGE
-    state["motor_state.temperature"] = TEMPERATURE
+    state = np.zeros((), LOW_STATE)
+    state["head"] = HEADER
+    state["level_flag"] = LEVEL_LOW
+    state["power_v"] = VOLTAGE
+    state["motor_state"]["temperature"] = TEMPERATURE
     if not patient:
         ask_for_priority()
         gc.disable()  # it takes longer than several steps
@@ -283,15 +270,15 @@ def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fau
     end = begun + seconds
     while (now := time.perf_counter()) < end and (not taken or now - heard < IDLE):
         command = wire.receive(PATIENCE if patient and taken else 0.0)
-        if command is not None and not fault.loses_command(age):
+        if command is not None and (command := fault.spoil_command(command, age)) is not None:
             heard, taken = now, taken + 1
-            robot.take(fault.spoil_command(command, age))
+            robot.take(command)
         robot.step()
         robot.fill(state)
         state["tick"] = robot.steps
         age += taken > 0
         if (spoilt := fault.spoil_state(state, age)) is not None:
-            wire.send(spoilt.tobytes())
+            wire.send(spoilt)
         if patient and taken:
             continue
         due = begun + robot.steps * robot.period

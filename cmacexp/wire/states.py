@@ -66,22 +66,23 @@ class Reading(NamedTuple):
 
 def read_state(message: Message) -> Reading:
     """The reading of a LowState."""
-    w, x, y, z = message["imu_state.quaternion"].tolist()
+    imu, motors = message["imu_state"], message["motor_state"]
+    w, x, y, z = imu["quaternion"].tolist()
     is_turn = abs(w * w + x * x + y * y + z * z - 1.0) < UNIT
     pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x)))) if is_turn else math.nan
     roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return Reading(
-        q=get_motors(message, "motor_state.q"),
-        dq=get_motors(message, "motor_state.dq"),
-        torque=get_motors(message, "motor_state.tau_est"),
+        q=get_motors(motors["q"]),
+        dq=get_motors(motors["dq"]),
+        torque=get_motors(motors["tau_est"]),
         attitude=np.array([pitch, roll, yaw]),
-        gyroscope=message["imu_state.gyroscope"].astype(float),
-        accelerometer=message["imu_state.accelerometer"].astype(float),
-        tick=int(message["tick"][0]),
-        temperature=float(message["motor_state.temperature"].max()),
-        voltage=float(message["power_v"][0]),
-        lost=int(message["motor_state.lost"].sum()),
+        gyroscope=imu["gyroscope"].astype(float),
+        accelerometer=imu["accelerometer"].astype(float),
+        tick=int(message["tick"]),
+        temperature=float(motors["temperature"].max()),
+        voltage=float(message["power_v"]),
+        lost=int(motors["lost"].sum()),
     )
 
 

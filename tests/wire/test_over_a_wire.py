@@ -43,8 +43,8 @@ def test_the_guardian_damps_a_robot_whose_controller_dies_or_stops(how):
     controller = subprocess.Popen([sys.executable, "-c", CONTROLLER.format(domain, how)])
     command = wire.receive(30.0)
     assert command is not None
-    assert (get_motors(command, "motor_cmd.kd") == 3.0).all()
-    assert not get_motors(command, "motor_cmd.kp").any()
+    assert (get_motors(command["motor_cmd"]["kd"]) == 3.0).all()
+    assert not get_motors(command["motor_cmd"]["kp"]).any()
     controller.send_signal(signal.SIGKILL)
     controller.wait()
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cmacexp.errors import BadInput
-from cmacexp.wire.messages import Message
+from cmacexp.wire.messages import LOW_STATE, new_command
 from cmacexp.wire.simulated import KINDS, NO_FAULT, Fault
 from cmacexp.wire.states import LimitsConfig, StateWatch, Unsafe, read_state
 
@@ -24,14 +24,13 @@ SEEN = {
 
 def watch_motion(fault, steps=1500, limits=LIMITS, tick=1):
     """Watch joints that follow their commands exactly, each leg elsewhere, under a fault."""
-    watch, state, asked = StateWatch(limits, (4, 3), 1), Message("LowState_"), np.zeros((4, 3))
-    state["imu_state.quaternion"], state["power_v"] = [1.0, 0.0, 0.0, 0.0], 28.0
+    watch, state = StateWatch(limits, (4, 3), 1), np.zeros((), LOW_STATE)
+    state["imu_state"]["quaternion"], state["power_v"] = [1.0, 0.0, 0.0, 0.0], 28.0
     for step in range(steps):
         asked = 0.5 + 0.5 * np.arange(4)[:, None] + 0.3 * np.sin(0.02 * step) * np.ones((4, 3))
-        motors = state["motor_state.q"]
-        motors[:12] = asked[[1, 0, 3, 2]].ravel()
-        state["motor_state.q"], state["tick"] = motors, tick * step
-        fault.loses_command(step)
+        state["motor_state"]["q"][:12] = asked[[1, 0, 3, 2]].ravel()
+        state["tick"] = tick * step
+        fault.spoil_command(new_command(), step)
         if (sent := fault.spoil_state(state, step)) is not None:
             watch.check(read_state(sent), asked)
     return watch
@@ -55,7 +54,7 @@ def test_all_kinds_of_faults_are_tried_and_others_are_refused():
 
 
 def test_a_robot_that_tilts_is_fast_or_does_not_know_its_attitude_stops():
-    lost = read_state(Message("LowState_"))._replace(voltage=28.0)
+    lost = read_state(np.zeros((), LOW_STATE))._replace(voltage=28.0)
     reading = lost._replace(attitude=np.zeros(3))
     tilted = reading._replace(attitude=np.array([0.0, -0.6, 0.0]))
     fast = reading._replace(dq=np.full((4, 3), -21.0))
