@@ -127,6 +127,12 @@ class BadInput(CmacexpError, ValueError):
         return in_one_line(f"{key}={format_value(value)}: {allowed}")
 
 
+def require(holds: object, key: str, value: object, allowed: str) -> None:
+    """Require of an input that something ``holds``; raises BadInput with its key, its value and what is allowed."""
+    if not holds:
+        raise BadInput(key, value, allowed)
+
+
 class BadComponent(BadInput):
     """A component whose own code ``raised`` when it was imported or constructed; ``reason`` is that as text."""
 

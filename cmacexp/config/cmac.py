@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from cmacexp.config.fields import choice, number
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 
 PHASE = "phase"
 INPUTS = ("angle", "velocity", "acceleration", PHASE)
@@ -48,17 +48,24 @@ class CmacConfig:
 def check_size(cmac: CmacConfig, inputs: int, outputs: int) -> None:
     """Check that memory holds a weight per layer and output, and all cells if it is dense; raises BadInput."""
     least = cmac.layers * outputs * WORD_BYTES
-    if cmac.memory_bytes < least:
-        allowed = f"must be at least {least} B, one float64 per layer and output ({cmac.layers} layers)"
-        raise BadInput("cmac.memory_bytes", cmac.memory_bytes, allowed)
+    require(
+        cmac.memory_bytes >= least,
+        "cmac.memory_bytes",
+        cmac.memory_bytes,
+        f"must be at least {least} B, one float64 per layer and output ({cmac.layers} layers)",
+    )
     dense = least * cmac.resolution_elements**inputs
-    if cmac.addressing == "visited" and dense // (outputs * WORD_BYTES) > MOST_POSITIONS:
-        allowed = "must have at most 2^63 cells; use fewer cmac.inputs, layers or resolution_elements, or hashed"
-        raise BadInput("cmac.addressing", "visited", allowed)
-    if cmac.addressing == "dense" and dense > cmac.memory_bytes:
-        limit = f", above the limit of {2**30} B" if dense > 2**30 else ""
-        allowed = (
-            f"must be at least {dense} B for dense addressing of {inputs} inputs{limit}; "
-            "use fewer cmac.inputs or layers, or cmac.addressing=hashed"
-        )
-        raise BadInput("cmac.memory_bytes", cmac.memory_bytes, allowed)
+    require(
+        cmac.addressing != "visited" or dense // (outputs * WORD_BYTES) <= MOST_POSITIONS,
+        "cmac.addressing",
+        "visited",
+        "must have at most 2^63 cells; use fewer cmac.inputs, layers or resolution_elements, or hashed",
+    )
+    limit = f", above the limit of {2**30} B" if dense > 2**30 else ""
+    require(
+        cmac.addressing != "dense" or dense <= cmac.memory_bytes,
+        "cmac.memory_bytes",
+        cmac.memory_bytes,
+        f"must be at least {dense} B for dense addressing of {inputs} inputs{limit}; "
+        "use fewer cmac.inputs or layers, or cmac.addressing=hashed",
+    )

@@ -23,7 +23,7 @@ from omegaconf import DictConfig, OmegaConf
 from cmacexp.config.cmac import NEEDS_ACTING
 from cmacexp.config.fields import listed
 from cmacexp.config.schema import Config, read_component
-from cmacexp.errors import BadComponent, BadInput, format_install_command, suggest
+from cmacexp.errors import BadComponent, BadInput, format_install_command, require, suggest
 
 PACKAGE = __name__.partition(".")[0]
 COMPONENTS = ("plant", "sensors", "controller", "feedforward")
@@ -127,11 +127,11 @@ def select_accepted_fields(group: str, node: Mapping[str, Any], component: Calla
     unknown = [name for name in node if name not in taken and name != "_target_"]
     takes = f"{node['_target_']} takes {', '.join(taken) or 'no fields'}"
     for name in unknown:
-        if name not in _fields_of_options(group):
-            raise BadInput(f"{group}.{name}", node[name], takes + suggest(name, taken))
-    for name, required in taken.items():
-        if required and name not in node:
-            raise BadInput(f"{group}.{name}", "(not set)", f"{takes}: give it one with +{group}.{name}=VALUE")
+        is_of_an_option = name in _fields_of_options(group)
+        require(is_of_an_option, f"{group}.{name}", node[name], takes + suggest(name, taken))
+    for name, is_required in taken.items():
+        is_given = name in node or not is_required
+        require(is_given, f"{group}.{name}", "(not set)", f"{takes}: give it one with +{group}.{name}=VALUE")
     return {name: value for name, value in node.items() if name not in unknown}
 
 
@@ -174,9 +174,8 @@ def find_class(key: str, target: object) -> type[Any]:
         where = getattr(module, "__file__", "built in")
         raise BadInput(key, target, f"{module_name} ({where}) has no {name}{has}{suggest(name, classes)}")
     found = getattr(module, name)
-    if not inspect.isclass(found):
-        raise BadInput(key, target, f"must be a class, but is of type {type(found).__name__}")
-    return found
+    require(inspect.isclass(found), key, target, f"must be a class, but is of type {type(found).__name__}")
+    return found  # type: ignore[no-any-return]
 
 
 def _import(key: str, target: str, name: str) -> ModuleType:

@@ -21,7 +21,7 @@ from cmacexp.config.fields import read_field
 from cmacexp.config.load import list_groups, to_config, to_plain
 from cmacexp.config.robot_rule import READ, find_mistake
 from cmacexp.config.schema import Config
-from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.errors import BadInput, CmacexpError, require
 from cmacexp.jit.interrupt import exits_caught
 
 _MISSING = object()
@@ -44,20 +44,19 @@ _one_at_a_time = RLock()
 
 def list_texts(overrides: Iterable[str]) -> list[str]:
     """Overrides from Python as a list: they may come one by one. Raises BadInput unless each is a text."""
-    if isinstance(overrides, str) or not isinstance(overrides, Iterable):
-        raise BadInput("overrides", overrides, 'must be a list of texts, such as ["cycles=3"]')
+    is_list = isinstance(overrides, Iterable) and not isinstance(overrides, str)
+    require(is_list, "overrides", overrides, 'must be a list of texts, such as ["cycles=3"]')
     texts = list(overrides)
     for text in texts:
-        if not isinstance(text, str):
-            raise BadInput("overrides", text, 'must be a text, such as "cycles=3"')
+        require(isinstance(text, str), "overrides", text, 'must be a text, such as "cycles=3"')
     return texts
 
 
 def refuse_options(overrides: Iterable[str]) -> None:
     """Raise BadInput for an option of the command line among overrides from Python."""
     for text in overrides:
-        if text.startswith(("-", "hydra.", "hydra/")):
-            raise BadInput("overrides", text, "is an option of the command line; give config overrides only")
+        is_option = text.startswith(("-", "hydra.", "hydra/"))
+        require(not is_option, "overrides", text, "is an option of the command line; give config overrides only")
 
 
 def set_values(config: DictConfig, overrides: Iterable[str]) -> None:
@@ -206,8 +205,7 @@ def compose_untyped(
     """
     from cmacexp.config.explain import explain_composition
 
-    if config_dir is not None and not Path(config_dir).is_dir():
-        raise BadInput("config_dir", config_dir, "is no folder")
+    require(config_dir is None or Path(config_dir).is_dir(), "config_dir", config_dir, "is no folder")
     try:
         if config_dir is None:
             return _compose_cached(overrides)

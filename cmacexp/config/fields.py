@@ -13,7 +13,7 @@ from functools import cache
 from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
 
 TYPES = {int: "a whole number", float: "a number", bool: "true or false", str: "a word"}
 FLAGS = dict.fromkeys(("true", "yes", "on", "y", "1"), True) | dict.fromkeys(("false", "no", "off", "n", "0"), False)
@@ -161,11 +161,10 @@ def _describe_type(declared: Any) -> str:
 
 def _check_choice(key: str, value: Any, allowed: Sequence[str]) -> None:
     names = value if isinstance(value, list) else [value]
-    wrong = [name for name in names if name not in allowed]
-    if wrong:
-        raise BadInput(key, wrong[0], "choose from " + ", ".join(allowed))
-    if len(set(names)) != len(names) or not names:
-        raise BadInput(key, value, f"must name at least one of {', '.join(allowed)}, each once")
+    for name in names:
+        require(name in allowed, key, name, "choose from " + ", ".join(allowed))
+    is_set = names and len(set(names)) == len(names)
+    require(is_set, key, value, f"must name at least one of {', '.join(allowed)}, each once")
 
 
 def _check_range(key: str, value: Any, metadata: Mapping[str, Any]) -> None:

@@ -25,7 +25,7 @@ from cmacexp.config.fields import read_fields
 from cmacexp.config.machine import MACHINES
 from cmacexp.config.robot_rule import find_mistake, rule_value
 from cmacexp.config.schema import Config
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
 from cmacexp.jit.interrupt import exits_caught
 
 WITHOUT_EFFECT = ("record", "sweep", "optimize", "warn", "hydra")
@@ -83,8 +83,8 @@ def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
         key = str(error.full_key or "config")
         raise find_mistake(error) or BadInput(key, "?", reason[:1].lower() + reason[1:]) from error
     for group in list_groups():
-        if not isinstance(plain.get(group), dict):
-            raise BadInput(group, plain.get(group), f"must be a group of fields; choose an option of conf/{group}")
+        reason = f"must be a group of fields; choose an option of conf/{group}"
+        require(isinstance(plain.get(group), dict), group, plain.get(group), reason)
     with current_folder_importable():
         components = {group: _make_component(group, plain[group]) for group in COMPONENTS}
     machine = _make_machine(plain["machine"], plain["plant"].get("_target_"))

@@ -15,7 +15,7 @@ from cmacexp.config.component import find_option
 from cmacexp.config.fields import listed, read_fields
 from cmacexp.config.gait import PATTERNS, GaitPattern
 from cmacexp.config.machine import RobotModel, ask_for_robot, read_model
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
 from cmacexp.models.lead import discretise
 from cmacexp.models.loop_delay import LoopDelay, add_delays
 from cmacexp.models.robot_gains import (
@@ -56,8 +56,7 @@ def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
     if name in STRIDE:
         return STRIDE[name](_root_)
     names = (*PERIODS, *STRIDE, *Basis._fields, *Gains._fields, *DriveGains._fields)
-    if name not in names:
-        raise BadInput("${rule:...}", name, f"choose from {', '.join(names)}")
+    require(name in names, "${rule:...}", name, f"choose from {', '.join(names)}")
     robot = read_model(read_machine(_root_))
     basis = derive_basis(robot)
     if name in PERIODS:
@@ -86,8 +85,8 @@ def _choose_cycle(root: DictConfig) -> float:
         return pattern.cycle_time
     speed, duty = _read_number(root, "gait.speed", least=0.0), _read_number(root, "gait.duty_factor")
     fastest = longest / (duty * SHORTEST_CYCLE)
-    if speed > fastest:
-        raise BadInput("gait.speed", speed, f"must be at most {fastest:.3g} m/s, for legs that long and this gait")
+    allowed = f"must be at most {fastest:.3g} m/s, for legs that long and this gait"
+    require(speed <= fastest, "gait.speed", speed, allowed)
     parts = math.floor(min(pattern.cycle_time, longest / max(speed * duty, 1e-9)) / CYCLE_STEP + 1e-9)
     return round(parts * CYCLE_STEP, DIGITS)
 
@@ -130,9 +129,9 @@ def _derive_gains(basis: Basis, root: DictConfig) -> Gains:
 
 def _read_number(root: DictConfig, key: str, least: float = 1e-9) -> float:
     value = OmegaConf.select(root, key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value < 1e9:
-        allowed = "above 0" if least else "of at least 0"
-        raise BadInput(key, value, f"must be a number {allowed}, from which others follow by rule")
+    is_number = isinstance(value, int | float) and not isinstance(value, bool) and least <= value < 1e9
+    allowed = "above 0" if least else "of at least 0"
+    require(is_number, key, value, f"must be a number {allowed}, from which others follow by rule")
     return float(value)
 
 
@@ -153,8 +152,8 @@ def _read_loop_delay(root: DictConfig) -> LoopDelay:
 def read_machine(root: DictConfig) -> RobotModel:
     """The fields of a config that say which robot it is, of the types that they must have; raises BadInput."""
     kind = OmegaConf.select(root, "machine.kind")
-    if kind != "robot":
-        raise BadInput("machine.kind", kind, "must be robot where settings follow from its model: use scenario=robot")
+    reason = "must be robot where settings follow from its model: use scenario=robot"
+    require(kind == "robot", "machine.kind", kind, reason)
     names = [field.name for field in fields(RobotModel)]
     given: Any = OmegaConf.to_container(OmegaConf.masked_copy(root.machine, names), resolve=True)
     model = read_fields(RobotModel, given, "machine")

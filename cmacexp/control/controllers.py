@@ -20,7 +20,7 @@ from cmacexp.control.hybrid_kernels import (
 )
 from cmacexp.control.protocol import Action, Drive
 from cmacexp.control.steering import new_steering, steer
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
 from cmacexp.feedforward.protocol import Feedforward
 from cmacexp.models.lead import discretise
 from cmacexp.models.loop_delay import first_order_share
@@ -119,19 +119,14 @@ class DriveController:
         def check(self, config: Config) -> None:
             """Check that drives are stable behind their lag (Routh, a joint without friction); raises BadInput."""
             least = config.actuator.lag * self.stiffness
-            if self.damping <= least:
-                reason = f"must be above actuator.lag times controller.stiffness, {least:.4g}, or joints shake"
-                raise BadInput("controller.damping", self.damping, reason)
-            if (method := config.force_control.method) not in ("stiffness", "combined"):
-                reason = "must be stiffness or combined with controller=drives: other plans have no depth to follow"
-                raise BadInput("force_control.method", method, reason)
-            for name in ("elasticity", "admittance"):
-                value = getattr(config.force_control, name)
-                if value:
-                    reason = (
-                        "must be 0 with controller=drives: the reference would give way to a force that none reads"
-                    )
-                    raise BadInput(f"force_control.{name}", value, reason)
+            reason = f"must be above actuator.lag times controller.stiffness, {least:.4g}, or joints shake"
+            require(self.damping > least, "controller.damping", self.damping, reason)
+            force = config.force_control
+            reason = "must be stiffness or combined with controller=drives: other plans have no depth to follow"
+            require(force.method in ("stiffness", "combined"), "force_control.method", force.method, reason)
+            reason = "must be 0 with controller=drives: the reference would give way to a force that none reads"
+            for name, value in (("elasticity", force.elasticity), ("admittance", force.admittance)):
+                require(value == 0.0, f"force_control.{name}", value, reason)
 
     sends_drives = True
     response = 1

@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from cmacexp.control.load_meter import LoadMeter, read_meter
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
 from cmacexp.loop.state import list_arrays
 from cmacexp.planning.plan import NOTHING, LoadEstimate, Plan, Setup, adapt_plan
 from cmacexp.typing import Array
@@ -59,10 +59,10 @@ class Adaptation:
         self.measured = float(planned) + met.weight
         if not self.begun:
             share, limits = met.weight / planned + 1.0, f"{LEAST_BORNE:g} to {MOST_BORNE:g}"
-            if not LEAST_BORNE <= share <= MOST_BORNE:
-                carried = f"in the first cycle its feet carried {share:.2g} of its weight, not {limits}"
-                reason = f"{carried}: use m, kg and rad in the model, or a lighter payload"
-                raise BadInput("machine.kind", self.setup.config.machine.kind, reason)
+            carried = f"in the first cycle its feet carried {share:.2g} of its weight, not {limits}"
+            reason = f"{carried}: use m, kg and rad in the model, or a lighter payload"
+            fits = LEAST_BORNE <= share <= MOST_BORNE
+            require(fits, "machine.kind", self.setup.config.machine.kind, reason)
             self.new, self.begun = NOTHING._replace(weight=met.weight), True
         else:
             change, least = np.subtract(met, self.known), LEAST._replace(weight=LEAST.weight * planned)

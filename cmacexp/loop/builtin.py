@@ -11,7 +11,7 @@ from cmacexp.config.schema import ESTIMATE, NONE, REFINE, ActuatorConfig, read_c
 from cmacexp.control.actuator import new_actuator
 from cmacexp.control.hybrid_kernels import new_hybrid_state
 from cmacexp.control.load_meter import new_load_meter
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.feedforward import Learns, Plays
 from cmacexp.feedforward.kernels import TABLE
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
@@ -76,17 +76,15 @@ def make_guard(scenario: Scenario, external: External) -> Guard | None:
     known = isinstance(feedforward, BuiltInFeedforward) and not (external.controller or external.feedforward)
     if not feedforward.acts or (isinstance(feedforward, BuiltInFeedforward) and feedforward.params.kind == TABLE):
         return None
-    if estimates and mode == NONE:
-        raise BadInput("learning.lead", ESTIMATE, "needs learning.guard=freeze or refine; use that, or auto")
-    if estimates and not known:
-        raise BadInput("learning.lead", ESTIMATE, f"{BUILT_IN}; use that, or auto")
-    if estimates and config.cycles < FIRST_LEARNING:
+    if estimates:
+        is_guarded = mode != NONE
+        require(is_guarded, "learning.lead", ESTIMATE, "needs learning.guard=freeze or refine; use that, or auto")
+        require(known, "learning.lead", ESTIMATE, f"{BUILT_IN}; use that, or auto")
         least = f"must be at least {FIRST_LEARNING} with learning.lead=estimate, which learns from that cycle on"
-        raise BadInput("cycles", config.cycles, f"{least}; use that, or learning.lead=auto")
+        require(config.cycles >= FIRST_LEARNING, "cycles", config.cycles, f"{least}; use that, or learning.lead=auto")
     if mode == NONE:
         return None
-    if mode == REFINE and not known:
-        raise BadInput("learning.guard", mode, f"{BUILT_IN}; use that, or freeze")
+    require(known or mode != REFINE, "learning.guard", mode, f"{BUILT_IN}; use that, or freeze")
     weights: SavedWeights = NoWeights()
     if known and isinstance(feedforward, BuiltInFeedforward):
         weights = NetworkWeights(feedforward.params)
@@ -109,9 +107,9 @@ def _make_drives(scenario: Scenario, external: External, actuator: ActuatorConfi
     limits, legs = mechanism.torque_limits, mechanism.shape[0]
     if external.plant and getattr(scenario.plant, "takes_drives", False):
         return new_drives(replace(actuator, delay=0, lag=0.0), BusConfig(), period, 1, limits, legs)
-    if external.plant or not isinstance(built, MujocoRobot.Config):
-        plant = find_option("plant", read_component(built)["_target_"])
-        raise BadInput("plant", plant, "must be mujoco_robot or mujoco_robot_rigid with controller=drives")
+    has_drives = isinstance(built, MujocoRobot.Config) and not external.plant
+    plant = find_option("plant", read_component(built)["_target_"])
+    require(has_drives, "plant", plant, "must be mujoco_robot or mujoco_robot_rigid with controller=drives")
     return new_drives(actuator, built.bus, period, built.substeps, limits, legs)
 
 
@@ -145,9 +143,9 @@ def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard:
         machine = parts["plant_state"]
         parts["observation"] = Observation._make((*get_state(machine), machine.kinematics, None))
         parts |= _get_parts(scenario.sensors)
-        if "estimator" in parts and parts.get("signals") is None:
-            reason = "needs a plant that gives RobotSignals; use plant=mujoco_robot"
-            raise BadInput("sensors", "proprioceptive", reason)
+        has_signals = "estimator" not in parts or parts.get("signals") is not None
+        reason = "needs a plant that gives RobotSignals; use plant=mujoco_robot"
+        require(has_signals, "sensors", "proprioceptive", reason)
         if TRAVEL not in find_altered(scenario.sensors):
             parts["observation"] = parts["observation"]._replace(travel=parts.get("travel"))
     parts["control_state"] = new_hybrid_state(*mechanism.shape)

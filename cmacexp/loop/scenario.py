@@ -18,7 +18,7 @@ from cmacexp.config.schema import AUTO, NONE
 from cmacexp.control.controllers import HybridController
 from cmacexp.control.protocol import Controller
 from cmacexp.data.weights import read_weights
-from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_install_command
+from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_install_command, require
 from cmacexp.feedforward.protocol import Feedforward, Learns
 from cmacexp.jit.compiler import workload
 from cmacexp.jit.interrupt import exits_caught
@@ -48,8 +48,8 @@ def require_members(group: str, target: object, component: object) -> None:
     protocol = PROTOCOLS[group]
     members = [name for name in (*vars(protocol), *protocol.__annotations__) if not name.startswith("_")]
     missing = [name for name in members if not hasattr(component, name)]
-    if missing:
-        raise BadInput(f"{group}._target_", target, f"is not a {group}: it has no {' and no '.join(missing)}")
+    reason = f"is not a {group}: it has no {' and no '.join(missing)}"
+    require(not missing, f"{group}._target_", target, reason)
 
 
 @lru_cache(64)  # the jobs of a sweep have few classes
@@ -57,11 +57,12 @@ def require_class(group: str, target: object, component: type[Any], given: tuple
     """Require, before anything of a class is called, that it has the methods of its protocol; raises BadInput."""
     protocol, key = PROTOCOLS[group], f"{group}._target_"
     methods = [name for name, value in vars(protocol).items() if inspect.isfunction(value) and name[0] != "_"]
-    if missing := [name for name in methods if not callable(getattr(component, name, None))]:
-        raise BadInput(key, target, f"is not a {group}: it has no {' and no '.join(missing)}")
+    missing = [name for name in methods if not callable(getattr(component, name, None))]
+    require(not missing, key, target, f"is not a {group}: it has no {' and no '.join(missing)}")
     for name in methods:
-        if not _takes(component, name, taken := list(inspect.signature(getattr(protocol, name)).parameters)):
-            raise BadInput(key, target, f"is not a {group}: {name} must take ({', '.join(taken[1:])})")
+        taken = list(inspect.signature(getattr(protocol, name)).parameters)
+        fits = _takes(component, name, taken)
+        require(fits, key, target, f"is not a {group}: {name} must take ({', '.join(taken[1:])})")
     try:
         inspect.signature(component).bind(**dict.fromkeys(given))
     except TypeError as error:
@@ -248,10 +249,9 @@ def _make_components(config: Config, given: dict[str, Any]) -> dict[str, Any]:
     components = {**made, **given}
     if not isinstance(feedforward := components["feedforward"], Learns):
         learns = f"{type(feedforward).__name__} learns no weights"
-        if config.record.weights:
-            raise BadInput("record.weights", True, f"must be false: {learns}")
-        if config.learning.start_from is not None:
-            raise BadInput("learning.start_from", config.learning.start_from, f"must be null: {learns}")
+        require(not config.record.weights, "record.weights", True, f"must be false: {learns}")
+        start = config.learning.start_from
+        require(start is None, "learning.start_from", start, f"must be null: {learns}")
     return components
 
 

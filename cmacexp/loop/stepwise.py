@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cmacexp.errors import BadInput, BadOutput, CmacexpError
+from cmacexp.errors import BadOutput, CmacexpError, require
 from cmacexp.jit.compiler import kernel, program
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.loop.adaptation import Adaptation
@@ -151,8 +151,7 @@ class OpenLoop:
 
     def reset(self, seed: int | None = None) -> LoopState:
         """Return to the start of the run; ``seed`` of the noise of the sensors, None: as before; raises BadInput."""
-        if seed is not None and not 0 <= seed < 2**32:
-            raise BadInput("seed", seed, "must be at least 0 and below 2^32")
+        require(seed is None or 0 <= seed < 2**32, "seed", seed, "must be at least 0 and below 2^32")
         with interrupt_held_back():  # MuJoCo would drop an interrupt in a function that it calls
             if self._plant is not None:
                 self._plant.put()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cmacexp.errors import BadInput, format_install_command
+from cmacexp.errors import BadInput, format_install_command, require
 from cmacexp.models.robot_legs import (
     JOINTS,
     LEGS,
@@ -193,18 +193,18 @@ def read_robot(path: Path, joints: Sequence[Sequence[str]], feet: Sequence[str],
 
 def require_sizes(path: Path, model: Any, legs: Legs, length: float) -> None:
     """Require sizes of a quadruped in m and kg, with legs of ``length``, m; raises BadInput."""
-
-    def require(what: str, value: float, unit: str, least: float, most: float) -> None:
-        if not least <= value <= most:
-            reason = f"{what} is {value:.3g} {unit}, of robots {least:.3g} to {most:.3g}"
-            raise BadInput("machine.path", path, f"{reason}: use m, kg and rad in the model")
-
     mass = float(model.body_subtreemass[legs.base])
-    require("the length of a stretched leg", length, "m", SHORTEST_LEG, LONGEST_LEG)
-    require("the mass", mass, "kg", *(density * length**3 for density in DENSITIES))
+    lightest, heaviest = (density * length**3 for density in DENSITIES)
+    sizes = [
+        ("the length of a stretched leg", length, "m", SHORTEST_LEG, LONGEST_LEG),
+        ("the mass", mass, "kg", lightest, heaviest),
+    ]
     for k in np.flatnonzero(model.body_mass > LIGHTEST * mass):
-        inertia, most = float(model.body_inertia[k].max()), float(model.body_mass[k]) * (WIDEST * length) ** 2
-        require(f"the moment of inertia of {model.body(k).name or f'body {k}'}", inertia, "kg m^2", 0.0, most)
+        what, most = f"the moment of inertia of {model.body(k).name or f'body {k}'}", model.body_mass[k]
+        sizes.append((what, float(model.body_inertia[k].max()), "kg m^2", 0.0, float(most) * (WIDEST * length) ** 2))
+    for what, value, unit, least, most in sizes:
+        reason = f"{what} is {value:.3g} {unit}, of robots {least:.3g} to {most:.3g}: use m, kg and rad in the model"
+        require(least <= value <= most, "machine.path", path, reason)
 
 
 @lru_cache(maxsize=16)

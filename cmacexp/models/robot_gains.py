@@ -115,14 +115,14 @@ class Standing(NamedTuple):
     """(4, V): Jacobians of the heights of the thigh joints, m/rad or 1."""
 
 
-def linearise_at(robot: Robot, posture: Array) -> Standing:
-    """How a robot moves about a ``posture`` (4, 3), rad.
+def linearise(robot: Robot, posture: Array | None = None) -> Standing:
+    """How a robot moves about a ``posture`` (4, 3), rad; None: about home.
 
     The model of its legs has no other damping, and friction is left out.
     """
     mujoco = load_mujoco()
     model, legs = robot.model, robot.legs
-    data = robot.at(posture)
+    data = robot.at(robot.home if posture is None else posture)
     mujoco.mj_fwdPosition(model, data)
     inertia = np.zeros((model.nv, model.nv))
     for row, unit in zip(inertia, np.eye(model.nv), strict=True):
@@ -135,18 +135,12 @@ def linearise_at(robot: Robot, posture: Array) -> Standing:
     return Standing(inertia, np.diag(model.dof_damping), feet, moved, hips[:, 2])
 
 
-@lru_cache(maxsize=16)
-def linearise(robot: Robot) -> Standing:
-    """How a robot moves about home."""
-    return linearise_at(robot, robot.home)
-
-
 def list_jacobians(robot: Robot, posture: Array | None = None) -> list[tuple[Array, Array]]:
     """Of each leg, the inertia of its joints (3, 3), kg m^2, and the Jacobian (3, 3) of its foot, m/rad.
 
     ``posture`` (4, 3) are the angles of all legs, rad; None: at home.
     """
-    standing = linearise(robot) if posture is None else linearise_at(robot, posture)
+    standing = linearise(robot, posture)
     return [
         (standing.inertia[np.ix_(dof, dof)], foot[:, dof])
         for dof, foot in zip(robot.legs.dof, standing.feet, strict=True)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
 from cmacexp.typing import Array, Counts
 
 POINT = 0.001
@@ -114,34 +114,33 @@ class Legs:
     """(4, 3) addresses of the joint velocities."""
     foot_geom: Counts
     """(4,) geoms of the feet."""
-    foot_body: Counts
-    """(4,) bodies to which they are fixed."""
     foot_radius: Array
     """(4,) m."""
 
 
 def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], angles: Array, home: object) -> None:
     """Require names (4, 3) of joints, and ``angles`` (3,) or (4, 3), rad, at home; raises BadInput."""
-    if len(joints) != LEGS or any(len(leg) != JOINTS for leg in joints):
-        raise BadInput("machine.joints", joints, "must be four lists of three names: hip, thigh, calf")
-    if angles.shape not in ((JOINTS,), (LEGS, JOINTS)):
-        reason = "must be three angles, hip, thigh, calf, or four lists of three"
-        raise BadInput("machine.home", home, reason)
-    if len(feet) != LEGS or len(set(feet)) != LEGS:
-        allowed = "must be four names of geoms, sites or bodies, a different one for each leg"
-        raise BadInput("machine.feet", ", ".join(feet), allowed)
+    has_names = len(joints) == LEGS and all(len(leg) == JOINTS for leg in joints)
+    require(has_names, "machine.joints", joints, "must be four lists of three names: hip, thigh, calf")
+    has_angles = angles.shape in ((JOINTS,), (LEGS, JOINTS))
+    require(has_angles, "machine.home", home, "must be three angles, hip, thigh, calf, or four lists of three")
+    require(
+        len(feet) == len(set(feet)) == LEGS,
+        "machine.feet",
+        ", ".join(feet),
+        "must be four names of geoms, sites or bodies, a different one for each leg",
+    )
 
 
 def find_free(mujoco: Any, model: Any, path: Path, joint: Counts) -> int:
     """Number of the free joint on which the joints (4, 3) hang; raises BadInput if there is none, or more moves."""
     trunk = int(model.body_rootid[model.jnt_bodyid[joint[0, 0]]])
     free = int(model.body_jntadr[trunk])
-    if free < 0 or model.jnt_type[free] != mujoco.mjtJoint.mjJNT_FREE:
-        raise BadInput("machine.path", path, "has no free joint: its trunk must float, <freejoint/>")
-    others = sorted(set(range(model.njnt)) - {free, *joint.ravel()})
-    if others:
-        more = list_names(_name(model.joint(k)) for k in others)
-        raise BadInput("machine.joints", more, "moves, too: a leg has three joints; weld the others in the model")
+    floats = free >= 0 and model.jnt_type[free] == mujoco.mjtJoint.mjJNT_FREE
+    require(floats, "machine.path", path, "has no free joint: its trunk must float, <freejoint/>")
+    others = list_names(_name(model.joint(k)) for k in sorted(set(range(model.njnt)) - {free, *joint.ravel()}))
+    reason = "moves, too: a leg has three joints; weld the others in the model"
+    require(not others, "machine.joints", others, reason)
     return free
 
 
@@ -152,10 +151,9 @@ def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence
     """
     for leg, geom, name in zip(joint, foot, feet, strict=True):
         chain = find_chain(model, int(model.geom_bodyid[geom]))
-        if chain != [free, *leg]:
-            expected, actual = (list_names(_name(model.joint(int(k))) for k in own) for own in (leg, chain[1:]))
-            reason = f"must hang on {expected}, but hangs on {actual or 'the trunk alone'}"
-            raise BadInput("machine.feet", name, reason)
+        expected, actual = (list_names(_name(model.joint(int(k))) for k in own) for own in (leg, chain[1:]))
+        reason = f"must hang on {expected}, but hangs on {actual or 'the trunk alone'}"
+        require(chain == [free, *leg], "machine.feet", name, reason)
     return Legs(
         base=int(model.jnt_bodyid[free]),
         base_qpos=int(model.jnt_qposadr[free]),
@@ -164,7 +162,6 @@ def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence
         qpos=model.jnt_qposadr[joint].astype(np.int64),
         dof=model.jnt_dofadr[joint].astype(np.int64),
         foot_geom=foot,
-        foot_body=model.geom_bodyid[foot].astype(np.int64),
         foot_radius=model.geom_size[foot, 0].copy(),
     )
 
@@ -176,9 +173,9 @@ def require_frame(hips: Array, feet: Sequence[str]) -> None:
     """
     forward, left = hips[:2] - hips[2:], hips[::2] - hips[1::2]
     cosines = [each[axis] / np.linalg.norm(each) for axis, pair in enumerate((forward, left)) for each in pair]
-    if not min(cosines) >= LEAST_COSINE:
-        order = "front left, front right, rear left, rear right in the frame of the trunk, x forward, y left, z up"
-        raise BadInput("machine.feet", ", ".join(feet), f"must be {order}: change the order, or turn the frame")
+    order = "front left, front right, rear left, rear right in the frame of the trunk, x forward, y left, z up"
+    allowed = f"must be {order}: change the order, or turn the frame"
+    require(min(cosines) >= LEAST_COSINE, "machine.feet", ", ".join(feet), allowed)
 
 
 def torque_limits(mujoco: Any, model: Any, joints: Counts, needs_motor: bool) -> Array:
@@ -197,8 +194,8 @@ def _torque_limit(mujoco: Any, model: Any, joint: int, needs_motor: bool) -> flo
     at_joint = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (model.actuator_trnid[:, 0] == joint)
     actuators = np.flatnonzero(at_joint)
     limits = [_to_both_sides(model.jnt_actfrcrange[joint])] if model.jnt_actfrclimited[joint] else []
-    if needs_motor and not (len(actuators) or limits):
-        raise BadInput("machine.joints", name, "has no actuator in the model; give it a motor: <motor joint=.../>")
+    is_driven = len(actuators) or limits or not needs_motor
+    require(is_driven, "machine.joints", name, "has no actuator in the model; give it a motor: <motor joint=.../>")
     for k in actuators:
         gear = abs(model.actuator_gear[k, 0])
         if model.actuator_forcelimited[k]:
@@ -208,8 +205,8 @@ def _torque_limit(mujoco: Any, model: Any, joint: int, needs_motor: bool) -> flo
         if is_motor and model.actuator_ctrllimited[k]:
             limits.append(_to_both_sides(model.actuator_ctrlrange[k]) * abs(model.actuator_gainprm[k, 0]) * gear)
     limit = float(min(limits, default=np.inf))
-    if limit <= 0.0:
-        raise BadInput("machine.joints", name, "has a motor without torque in the model: a range, gain or gear is 0")
+    reason = "has a motor without torque in the model: a range, gain or gear is 0"
+    require(limit > 0.0, "machine.joints", name, reason)
     return limit
 
 
@@ -222,11 +219,11 @@ def _to_both_sides(limits: Array) -> float:
 def find_joint(mujoco: Any, model: Any, name: str) -> int:
     """The number of a joint in a model, which must be a hinge; raises BadInput."""
     names = [_name(model.joint(k)) for k in range(model.njnt)]
-    if name not in names:
-        raise BadInput("machine.joints", name, f"is no joint of the model, which has {list_names(names)}; {HINT}")
+    known = f"is no joint of the model, which has {list_names(names)}; {HINT}"
+    require(name in names, "machine.joints", name, known)
     index = names.index(name)
-    if model.jnt_type[index] != mujoco.mjtJoint.mjJNT_HINGE:
-        raise BadInput("machine.joints", name, "must be a hinge: legs have neither wheels nor slides")
+    is_hinge = model.jnt_type[index] == mujoco.mjtJoint.mjJNT_HINGE
+    require(is_hinge, "machine.joints", name, "must be a hinge: legs have neither wheels nor slides")
     return index
 
 

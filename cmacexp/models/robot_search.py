@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.models.chain import chain_angles, chain_points
 from cmacexp.models.robot import compile_spec, load_mujoco, load_spec, place_joints
 from cmacexp.models.robot_gains import HEIGHT_OF_LINKS
@@ -42,10 +42,9 @@ def find_names(path: Path) -> Names:
     inner = {k for chain in found for k in chain[:-1]}
     types = [int(mujoco.mjtJoint.mjJNT_FREE), *[int(mujoco.mjtJoint.mjJNT_HINGE)] * JOINTS]
     chains = [each[1:] for each in found if each[-1] not in inner and model.jnt_type[each].tolist() == types]
-    if len(chains) != LEGS:
-        ends = list_names(model.joint(chain[-1]).name for chain in chains) or "none"
-        reason = f"has {len(chains)} chains of three hinges on a trunk that floats, not four; they end at {ends}"
-        raise BadInput("machine.path", path, reason)
+    ends = list_names(model.joint(chain[-1]).name for chain in chains) or "none"
+    reason = f"has {len(chains)} chains of three hinges on a trunk that floats, not four; they end at {ends}"
+    require(len(chains) == LEGS, "machine.path", path, reason)
     free = int(model.body_jntadr[model.body_rootid[model.jnt_bodyid[chains[0][0]]]])
     data = place_joints(model, mujoco.MjData(model), free, np.array(chains), np.zeros(JOINTS))
     thighs = [chain[1] for chain in chains]
@@ -61,8 +60,8 @@ def find_names(path: Path) -> Names:
     require_frame(data.xanchor[[leg[1] for leg in legs]], [name for name, _ in places])
     homes = [_find_home(model, data, leg, place) for leg, (_, place) in zip(legs, places, strict=True)]
     joints, feet = [[model.joint(k).name for k in leg] for leg in legs], [name for name, _ in places]
-    if not all((*itertools.chain(*joints), *feet)):
-        raise BadInput("machine.path", path, "has joints or feet without a name: name them in the model")
+    has_names = all((*itertools.chain(*joints), *feet))
+    require(has_names, "machine.path", path, "has joints or feet without a name: name them in the model")
     return Names(joints, feet, homes[0] if homes.count(homes[0]) == LEGS else homes)
 
 
@@ -93,8 +92,7 @@ def _find_home(model: Any, data: Any, leg: list[int], foot: Array) -> list[float
     least, largest = np.where(limited, model.jnt_range[leg], [-np.pi, np.pi]).T
     found = [chain_angles(chain, below, np.array(start))[0] for start in STARTS]
     fitting = [q for q in found if np.isfinite(q).all() and (least <= q).all() and (q <= largest).all()]
-    if not fitting:
-        reason = "has no angle within its range at which the foot is below the hip: give machine.home"
-        raise BadInput("machine.joints", model.joint(leg[-1]).name, reason)
+    reason = "has no angle within its range at which the foot is below the hip: give machine.home"
+    require(fitting, "machine.joints", model.joint(leg[-1]).name, reason)
     best = min(fitting, key=lambda q: (abs(q[0]) > 1.0, chain_points(chain, q)[2, 0] > 0.0, abs(q[0])))
     return [float(round(angle, DIGITS)) + 0.0 for angle in best]

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
 from cmacexp.models.leg import GRAVITY
 
 KEPT_OPTIONS = ("cone", "impratio")
@@ -44,12 +44,12 @@ def read_spec(mujoco: Any, path: Path) -> Any:
     if is_urdf(path):
         spec = _read_urdf(mujoco, path)
     else:
-        if (copies := _check_files(path, path.parent, {path})) > MOST_COPIES:
-            reason = f"asks for {copies:.3g} copies by count= or nkey=, more than {MOST_COPIES}"
-            raise BadInput("machine.path", path, f"{reason}: use smaller counts")
+        copies = _check_files(path, path.parent, {path})
+        reason = f"asks for {copies:.3g} copies by count= or nkey=, more than {MOST_COPIES}: use smaller counts"
+        require(copies <= MOST_COPIES, "machine.path", path, reason)
         spec = mujoco.MjSpec.from_file(str(path))
-    if spec.plugins:
-        raise BadInput("machine.path", path, "uses a plugin of MuJoCo, which a run does not have; remove it")
+    reason = "uses a plugin of MuJoCo, which a run does not have; remove it"
+    require(not spec.plugins, "machine.path", path, reason)
     spec.compiler.discardvisual = False  # a foot may be drawn only
     spec.memory = -1  # as much as needed: MuJoCo ends the process where a model reserves too little
     return spec
@@ -117,9 +117,9 @@ def _make_possible(link: ElementTree.Element, inertial: ElementTree.Element) -> 
 
 def _require_size(path: Path, file: Path) -> None:
     """Require that a file of the model at ``path`` is one that can be read in a moment; raises BadInput."""
-    if (megabytes := file.stat().st_size / 1e6) > MOST_MEGABYTES:
-        name = "is" if file == path else f"names {file}, which is"
-        raise BadInput("machine.path", path, f"{name} a file of {megabytes:.0f} MB, larger than {MOST_MEGABYTES} MB")
+    name, megabytes = "is" if file == path else f"names {file}, which is", file.stat().st_size / 1e6
+    reason = f"{name} a file of {megabytes:.0f} MB, larger than {MOST_MEGABYTES} MB"
+    require(megabytes <= MOST_MEGABYTES, "machine.path", path, reason)
 
 
 def _check_files(path: Path, folder: Path, known: set[Path]) -> float:
@@ -133,12 +133,9 @@ def _check_files(path: Path, folder: Path, known: set[Path]) -> float:
     copies = math.prod(max(1.0, float(number)) for number in re.findall(r"\d+", " ".join(counts)))
     folders = ["", *re.findall(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"']*)""", text)]
     for name in re.findall(r"""\bfile\s*=\s*["']([^"']+)""", text):
-        for file in {folder / inner / name for inner in folders} - known:
+        for file in {each for inner in folders if (each := folder / inner / name).exists()} - known:
             known.add(file)
-            if not file.exists():
-                continue
-            if not file.is_file():
-                raise BadInput("machine.path", path, f"names {name}, which is not a regular file")
+            require(file.is_file(), "machine.path", path, f"names {name}, which is not a regular file")
             _require_size(path, file)
             if file.suffix.lower() in ("", ".xml", ".mjcf"):
                 copies *= _check_files(file, folder, known)
@@ -174,11 +171,10 @@ def require_own_forces(path: Path, model: Any) -> None:
         "a flexible body (flex)": model.nflex,
     }
     for what, values in others.items():
-        if np.any(values):
-            raise BadInput("machine.path", path, f"has {what}, which would push or hold the robot: remove it")
+        reason = f"has {what}, which would push or hold the robot: remove it"
+        require(not np.any(values), "machine.path", path, reason)
     losses = {"frictionloss": model.dof_frictionloss, "damping": model.dof_damping, "armature": model.dof_armature}
     for what, values in losses.items():
-        if values.min() < 0.0:
-            name = model.joint(int(model.dof_jntid[values.argmin()])).name
-            reason = f"has {what}={values.min():g} at joint {name}, which would push the robot: must be 0 or more"
-            raise BadInput("machine.path", path, reason)
+        name = model.joint(int(model.dof_jntid[values.argmin()])).name
+        reason = f"has {what}={values.min():g} at joint {name}, which would push the robot: must be 0 or more"
+        require(values.min() >= 0.0, "machine.path", path, reason)

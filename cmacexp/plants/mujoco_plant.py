@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cmacexp.config import number
-from cmacexp.errors import BadInput, Diverged
+from cmacexp.errors import Diverged, require
 from cmacexp.models.robot import load_mujoco
 from cmacexp.planning.plan import Setup
 from cmacexp.plants.as_built import AsBuiltConfig
@@ -245,6 +245,5 @@ class MujocoPlant:
 
 def require_machine(setup: Setup, kind: str, option: str, scenario: str) -> None:
     """Check that a plant can move the machine; raises BadInput."""
-    if setup.config.machine.kind != kind:
-        allowed = f"must be {kind} with plant={option}: use scenario={scenario}"
-        raise BadInput("machine.kind", setup.config.machine.kind, allowed)
+    own = setup.config.machine.kind
+    require(own == kind, "machine.kind", own, f"must be {kind} with plant={option}: use scenario={scenario}")

@@ -9,7 +9,7 @@ import numpy as np
 from cmacexp.config import Config, choice, number
 from cmacexp.config.fields import listed
 from cmacexp.config.machine import read_model
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.models.robot import compile_spec, load_mujoco
 from cmacexp.models.robot_legs import Legs
 from cmacexp.planning.machine import find_stance
@@ -94,14 +94,15 @@ class AsBuilt:
 
     def _make_joints(self, model: Any, legs: Legs) -> Joints:
         names = [model.joint(int(joint)).name for joint in legs.joint.ravel()]
-        if sorted(names) != sorted(self.joints):
-            raise BadInput(JOINTS_KEY, listed(list(self.joints)), f"must be the joints of the legs, {listed(names)}")
+        allowed = f"must be the joints of the legs, {listed(names)}"
+        require(sorted(names) == sorted(self.joints), JOINTS_KEY, listed(list(self.joints)), allowed)
         joints = [self.joints[name] for name in names]
-        if len({len(own.coulomb_friction) for own in joints}) != 1 or not joints[0].coulomb_friction:
-            raise BadInput(JOINTS_KEY, "coulomb_friction", "must have as many values, at least one, for every joint")
+        is_table = joints[0].coulomb_friction and len({len(own.coulomb_friction) for own in joints}) == 1
+        allowed = "must have as many values, at least one, for every joint"
+        require(is_table, JOINTS_KEY, "coulomb_friction", allowed)
         for name, own in zip(names, joints, strict=True):
-            if len(own.range) != 2 or own.range[0] >= own.range[1]:
-                raise BadInput(f"{JOINTS_KEY}.{name}.range", own.range, "must be two angles, the lower one first")
+            is_range = len(own.range) == 2 and own.range[0] < own.range[1]
+            require(is_range, f"{JOINTS_KEY}.{name}.range", own.range, "must be two angles, the lower one first")
         shape = legs.joint.shape
         model.dof_armature[legs.dof] = np.reshape([own.rotor_inertia for own in joints], shape)
         model.dof_damping[legs.dof] = np.reshape([own.viscous_friction for own in joints], shape)
@@ -148,10 +149,9 @@ class MujocoRobot(MujocoPlant):
             """Check that MuJoCo's floor is asked for nothing but to be flat and rigid; raises BadInput."""
             terrain = config.terrain
             changed = {"slope": terrain.slope, "patch_spread": terrain.patch_spread, "step_time": terrain.step_time}
-            for key, value in changed.items() if self.contact == RIGID else ():
-                if value:
-                    reason = f"has no effect with plant.contact={RIGID}, a flat rigid floor; use plant=mujoco_robot"
-                    raise BadInput(f"terrain.{key}", value, reason)
+            reason = f"has no effect with plant.contact={RIGID}, a flat rigid floor; use plant=mujoco_robot"
+            for key, value in changed.items():
+                require(self.contact != RIGID or not value, f"terrain.{key}", value, reason)
 
     config: Config
 

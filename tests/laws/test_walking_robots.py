@@ -105,10 +105,11 @@ def test_feet_feel_the_elastic_ground_below_them_on_slopes_patches_and_after_a_s
 def test_the_ground_pushes_a_foot_at_its_centre_with_no_more_than_friction_can(friction):
     walked = walk_robot(EXACT, *SHORT, f"plant.friction={friction}", *PAYLOAD)
     data, legs = walked.plant.data, read().legs
+    feet = walked.plant.model.geom_bodyid[legs.foot_geom]
     force, moment = np.split(data.xfrc_applied, 2, axis=1)
-    assert set(np.flatnonzero(force.any(axis=1))) <= {legs.base, *legs.foot_body}
-    pushed, arm = force[legs.foot_body], data.xipos[legs.foot_body] - data.geom_xpos[legs.foot_geom]
-    assert_allclose(moment[legs.foot_body] + np.cross(arm, pushed), 0.0, atol=1e-12)
+    assert set(np.flatnonzero(force.any(axis=1))) <= {legs.base, *feet}
+    pushed, arm = force[feet], data.xipos[feet] - data.geom_xpos[legs.foot_geom]
+    assert_allclose(moment[feet] + np.cross(arm, pushed), 0.0, atol=1e-12)
     assert_allclose(pushed[:, 2], walked.plant.measure().force)
     sideways = np.linalg.norm(pushed[:, :2], axis=1)
     assert (sideways <= friction * pushed[:, 2] * (1.0 + 1e-12)).all()

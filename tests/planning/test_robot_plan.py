@@ -52,6 +52,7 @@ def test_planned_torques_and_forces_leave_nothing_for_mujoco_to_add(planned):
 
     robot, force = read(), planned.force
     model, legs = make_model(robot.model), robot.legs
+    feet = model.geom_bodyid[legs.foot_geom]
     data, left, plan = mujoco.MjData(model), [], planned.plan
     torque = planned_torques(planned.config, planned.mechanism, plan.joints, plan.sway, force, force)
     for k in range(0, len(force), 9):
@@ -61,7 +62,7 @@ def test_planned_torques_and_forces_leave_nothing_for_mujoco_to_add(planned):
         mujoco.mj_inverse(model, data)
         given = np.zeros(model.nv)
         given[legs.dof] = torque[k]
-        for body, geom, share in zip(legs.foot_body, legs.foot_geom, force[k] / force[k].sum(), strict=True):
+        for body, geom, share in zip(feet, legs.foot_geom, force[k] / force[k].sum(), strict=True):
             place, push = data.geom_xpos[geom].copy(), share * planned.needs[k, :3]
             mujoco.mj_applyFT(model, data, push, np.zeros(3), place, int(body), given)
         left.append(np.abs(data.qfrc_inverse - given))
