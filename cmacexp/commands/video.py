@@ -8,28 +8,17 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.run import Run
 from cmacexp.errors import BadInput, CmacexpError, require_extra
 from cmacexp.recording.run_view import RunView
-from cmacexp.report.video import (
-    FORMATS,
-    MOST_CYCLES,
-    MP4,
-    require_rendering,
-    view_cycles,
-    write_video,
-)
+from cmacexp.report.video import FORMATS, MOST_CYCLES, MP4, RobotPicture, render_robot, view_cycles, write_video
 from cmacexp.terminal.output import print_line, show_activity
 
 
-def _draw(views: Sequence[RunView], out: Path, titles: Sequence[str]) -> None:
-    """Draw robots as their models show them; as lines, and say why, where that cannot be."""
+def _make_pictures(views: Sequence[RunView]) -> list[RobotPicture | None]:
+    """What renders the robots as their models show them; none, and why is said, where that cannot be."""
     try:
-        if any(view.robot for view in views):
-            require_rendering()
-        from cmacexp.recording.meshes import read_shown_model
-
-        write_video(views, out, titles, [read_shown_model(view.run) if view.robot else None for view in views])
+        return [render_robot(view.run) if view.robot else None for view in views]
     except CmacexpError as error:
         print_line(f"drawn as lines: {error}")
-        write_video(views, out, titles)
+        return []
 
 
 def _choose(arguments: Arguments) -> list[RunView]:
@@ -62,7 +51,7 @@ def _video(arguments: Arguments) -> None:
     if out.suffix == MP4:
         require_extra("imageio_ffmpeg")
     with show_activity("drawing"):
-        write_video(views, out, titles) if arguments.lines else _draw(views, out, titles)
+        write_video(views, out, titles, [] if arguments.lines else _make_pictures(views))
     print_line(str(out))
 
 

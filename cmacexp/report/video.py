@@ -4,30 +4,28 @@ A robot appears as MuJoCo renders its model, from its right side and without per
 """
 
 import copy
-import importlib
 import os
+import shutil
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing
-from io import BytesIO
+from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import matplotlib
 import numpy as np
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from PIL import Image
 
 from cmacexp.data.files import write_atomically
 from cmacexp.data.run import Run
-from cmacexp.data.trace import count_steps_by_cycle
 from cmacexp.errors import BadInput, BadRun, CmacexpError
 from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.recording import palette
-from cmacexp.recording.run_view import RunView
-from cmacexp.report.figures import Panel, Series, draw_panel
+from cmacexp.recording.meshes import read_shown_model
+from cmacexp.recording.run_view import RunView, count_kept
 from cmacexp.report.style import (
     DENT,
     DESIRED,
@@ -47,20 +45,20 @@ MOST_CYCLES = 3
 """More side by side are too narrow."""
 WIDTH, HEIGHT, DPI = 8.0, 4.5, 100
 """Of a frame, inches and pixels per inch."""
+PLACE = {"left": 0.075, "right": 0.985, "top": 0.94, "bottom": 0.1, "hspace": 0.3, "wspace": 0.1}
+"""Where the axes are in a frame."""
 FRAMES_PER_SECOND = 12.5
 """Frames of GIF last whole hundredths of a second."""
-COLOURS = 128
-"""Of the palette that all frames share."""
 PATHS = (colour(palette.FIRST_CYCLE), colour(palette.LAST_CYCLE))
 """Of the foot's path: in the last of the cycles the second, in the others the first."""
-HATCHED = {"fc": "white", "ec": DESIRED, "hatch": "////"}
-SOLID = {"linestyle": "-", "linewidth": 1.4, "marker": None}
 BORDER = 60.0
 """Around the machine, mm."""
+ROBOT_BORDER = np.array([120.0, 0.0, 120.0])
+"""Around the legs of a robot that is rendered, mm: its head and rump stand out of them."""
 BODY_THICKNESS = 24.0
 """Drawn thickness of the body, mm."""
 PIXELS = 640
-"""Width of a rendered robot."""
+"""Width and height of a rendered robot."""
 MP4 = ".mp4"
 FORMATS = (".gif", ".webp", MP4)
 """Endings of the file; the last needs the extra ``video``."""
@@ -70,47 +68,30 @@ FAR = 10.0
 """Distance of the camera, m."""
 
 
-def require_rendering() -> None:
-    """Import MuJoCo so that it draws without a screen where it can; raises CmacexpError if it is not able to draw."""
-    if sys.platform == "linux":
-        os.environ.setdefault("MUJOCO_GL", "egl")  # read when MuJoCo is imported, which fails without that library
-    try:
-        importlib.import_module("mujoco")
-    except Exception as error:  # whatever the OpenGL of this machine raises
-        raise _explain(error) from error
-
-
-def _explain(error: Exception) -> CmacexpError:
-    return CmacexpError(f"MuJoCo cannot draw here ({type(error).__name__}: {error}); set MUJOCO_GL=egl or osmesa")
-
-
 class RobotPicture:
-    """Renders one robot, without a screen where OpenGL can do that; raises CmacexpError if it cannot."""
+    """Renders one robot."""
 
-    def __init__(self, robot: Robot, width: int, height: int):
+    def __init__(self, robot: Robot):
         mujoco = load_mujoco()
         self.robot = robot
         self.model = copy.copy(robot.model)
-        self.model.vis.global_.offwidth, self.model.vis.global_.offheight = width, height
+        self.model.vis.global_.offwidth = self.model.vis.global_.offheight = PIXELS
         self.model.vis.headlight.ambient[:], self.model.vis.headlight.diffuse[:] = 0.3, 0.5
         self.data = mujoco.MjData(self.model)
         self.camera: Any = mujoco.MjvCamera()
         self.camera.azimuth, self.camera.elevation, self.camera.distance = FROM_THE_RIGHT, 0.0, FAR
         self.camera.orthographic = 1
-        try:
-            self.renderer: Any = mujoco.Renderer(self.model, height, width)
-        except Exception as error:  # whatever the OpenGL of this machine raises
-            raise _explain(error) from error
+        self.renderer: Any = mujoco.Renderer(self.model, PIXELS, PIXELS)
 
     def draw(self, q: Array, place: Array, turn: Array, middle: Array, high: float) -> NDArray[Any]:
-        """The picture (height, width, 4) of the robot, red, green, blue and opacity from 0 to 255.
+        """The picture (PIXELS, PIXELS, 4) of the robot, red, green, blue and opacity from 0 to 255.
 
         Args:
             q: (4, 3), joint angles, rad.
             place: (3,), of the trunk's frame, m.
             turn: (4,), of the trunk, a quaternion x y z w.
             middle: (3,), of the picture, m.
-            high: how high it is, m.
+            high: how high and wide it is, m.
         """
         legs, mujoco = self.robot.legs, load_mujoco()
         self.data.qpos[legs.base_qpos : legs.base_qpos + 7] = [*place, *np.roll(turn, 1)]
@@ -125,9 +106,21 @@ class RobotPicture:
         self.renderer.disable_segmentation_rendering()
         return np.concatenate([colours, np.where(seen, 255, 0).astype(np.uint8)], axis=2)
 
-    def close(self) -> None:
-        """Free what OpenGL holds."""
-        self.renderer.close()
+
+def render_robot(run: Run) -> RobotPicture:
+    """What renders the robot of a run, without a screen where OpenGL can do that.
+
+    Raises BadInput or BadRun if the run's model is not there, CmacexpError if MuJoCo cannot draw here.
+    """
+    if sys.platform == "linux":
+        os.environ.setdefault("MUJOCO_GL", "egl")  # read when MuJoCo is imported, which fails without that library
+    try:
+        return RobotPicture(read_shown_model(run))
+    except CmacexpError:
+        raise
+    except Exception as error:  # whatever the OpenGL of this machine raises
+        reason = f"MuJoCo cannot draw here ({type(error).__name__}: {error}); set MUJOCO_GL=egl or osmesa"
+        raise CmacexpError(reason) from error
 
 
 class Cycle(NamedTuple):
@@ -140,33 +133,27 @@ class Cycle(NamedTuple):
     """Where the feet should be, (steps, legs, 3), mm."""
     ink: str
     title: str
-    picture: RobotPicture | None = None
+    picture: RobotPicture | None
     """Of a robot as its model shows it; None: drawn as lines."""
 
-    @property
-    def error(self) -> Array:
-        """Distance of the feet from where they should be, of the farthest one, (steps,), mm."""
-        return np.asarray(np.linalg.norm(self.places[:, :, -1] - self.desired, axis=2).max(axis=1))
 
-
-def _find_window(cycles: Sequence[Cycle], rendered: bool) -> tuple[Array, Array]:
+def _find_window(cycles: Sequence[Cycle]) -> tuple[Array, Array]:
     """Lower and upper bounds (3,) of all that is drawn of the machines, mm."""
     drawn = np.concatenate([points.reshape(-1, 3) for c in cycles for points in (c.places, c.desired)])
-    low, high = drawn.min(axis=0) - BORDER, drawn.max(axis=0) + BORDER
-    low[2] = min(low[2], -40.0 - BORDER)
-    if rendered:  # heads and rumps stand out of the legs
-        low[0], high[[0, 2]] = low[0] - 2.0 * BORDER, high[[0, 2]] + 2.0 * BORDER
+    border = BORDER + ROBOT_BORDER * any(c.picture is not None for c in cycles)
+    low, high = drawn.min(axis=0) - border, drawn.max(axis=0) + border
+    low[2] = min(drawn[:, 2].min(), -40.0) - BORDER
     return low, high
 
 
 def _render(axes: Axes, view: RunView, picture: RobotPicture, k: int, window: tuple[Array, Array]) -> None:
-    """The robot in step ``k`` as its model shows it, within the ``window``, mm."""
-    low, high = window
-    middle, tall = (low + high) / 2.0 / MM, (high[2] - low[2]) / MM
+    """The robot in step ``k`` as its model shows it, in a square about the ``window``, mm."""
+    middle, half = np.mean(window, axis=0), float(np.ptp(window, axis=0).max()) / 2.0
     offset = view.joints[0, 0, 0] - picture.robot.hinges[0, 0, :3]  # of the trunk's frame from the body's
     place = in_travel(view, np.tile(offset, (view.trace.steps, 1)))[k] / MM
-    image = picture.draw(view.trace.stack_joints("q{}")[k], place, view.turn()[k], middle, tall)
-    axes.imshow(image, extent=(low[0], high[0], low[2], high[2]), zorder=4, interpolation="lanczos")
+    image = picture.draw(view.trace.stack_joints("q{}")[k], place, view.turn()[k], middle / MM, 2.0 * half / MM)
+    extent = (middle[0] - half, middle[0] + half, middle[2] - half, middle[2] + half)
+    axes.imshow(image, extent=extent, zorder=4, interpolation="lanczos")
 
 
 def _draw_legs(axes: Axes, cycle: Cycle, k: int) -> None:
@@ -197,66 +184,56 @@ def _draw_machine(axes: Axes, cycle: Cycle, k: int, window: tuple[Array, Array])
         axes.plot(*cycle.desired[:, i, [0, 2]].T, color=DESIRED, lw=1.0, zorder=5)
         axes.plot(*places[: k + 1, i, -1][:, [0, 2]].T, color=cycle.ink, lw=1.6, zorder=6)
     axes.axhline(surface, color=GROUND, lw=1.2, zorder=1)
-    axes.set(aspect="equal", xticks=[], yticks=[])
     axes.axis("off")
+    axes.set(aspect="equal", xlim=(window[0][0], window[1][0]), ylim=(window[0][2], window[1][2]))
     axes.text(0.0, -0.1, "grey: desired foot paths", color=DESIRED, transform=axes.transAxes)
     axes.set_title(cycle.title, color=cycle.ink, fontsize=12.0, loc="center")
 
 
-def _make_panels(cycle: Cycle, k: int) -> Iterator[Panel]:
-    """The paper's foot force display, actual beside desired; the path error of a walk in this cycle, up to now."""
-    view, places = cycle.view, np.arange(cycle.view.trace.legs)
-    forces = [
-        Series("actual", places, view.trace["force"][k], style={"color": cycle.ink}),
-        Series("desired", places, view.trace["force_desired"][k], style=HATCHED),
-    ]
+def _draw_forces(axes: Axes, cycle: Cycle, k: int) -> None:
+    """The paper's foot force display in step ``k``: actual beside desired."""
+    view, feet = cycle.view, np.arange(cycle.view.trace.legs)
+    axes.bar(feet - 0.2, view.trace["force"][k], 0.4, color=cycle.ink, label="actual")
+    axes.bar(feet + 0.2, view.trace["force_desired"][k], 0.4, fc="white", ec=DESIRED, hatch="////", label="desired")
     names = ["".join(word[0].upper() for word in name.split()) if view.walks else name for name in view.names]
-    yield Panel("", "", "force, N", forces, "bars", ticks=names)
-    if view.walks:
-        time = view.time - view.time[0]
-        error = [Series("", time[: k + 1], cycle.error[: k + 1], style=SOLID | {"color": cycle.ink})]
-        x_range = (0.0, float(time[-1]))
-        yield Panel("", "time in the cycle, s", "foot error, mm", error, x_limits=[time[k]], x_range=x_range)
+    axes.set_xticks(feet, names)
 
 
-def _set_limits(axes: NDArray[Any], cycles: Sequence[Cycle], window: tuple[Array, Array]) -> None:
-    """Give the axes of all cycles, a row each of machines, forces and path errors, ranges that hold every frame."""
-    force = max(float(c.view.trace[name].max()) for c in cycles for name in ("force", "force_desired"))
-    error = max(float(cycle.error.max()) for cycle in cycles)
-    (left, _, bottom), (right, _, top) = window
-    for column in axes.T:
-        column[0].set(xlim=(left, right), ylim=(bottom, top))
-        for ax, most in zip(column[1:], (1.5 * force, 1.1 * error or 1.0), strict=False):
-            ax.set_ylim(0.0, most)
+def _draw_error(axes: Axes, cycle: Cycle, k: int) -> None:
+    """How far the farthest foot of a walk is from where it should be, pale in the cycle, and in colour up to now."""
+    time = cycle.view.time - cycle.view.time[0]
+    error = np.linalg.norm(cycle.places[:, :, -1] - cycle.desired, axis=2).max(axis=1)
+    axes.plot(time, error, color=cycle.ink, lw=1.0, alpha=0.3)
+    axes.plot(time[: k + 1], error[: k + 1], color=cycle.ink, lw=1.4)
+    axes.set(xlim=(0.0, time[-1]), xlabel="time in the cycle, s")
 
 
-def draw_frame(cycles: Sequence[Cycle], window: tuple[Array, Array], part: float) -> Image.Image:
-    """A frame of the picture.
+def draw_frame(figure: Figure, cycles: Sequence[Cycle], window: tuple[Array, Array], part: float) -> None:
+    """Draw a frame of the picture.
 
     Args:
+        figure: what is drawn on anew.
         cycles: side by side.
         window: bounds (3,) of what is drawn of the machines, mm.
         part: of the cycle that has passed, from 0 to 1.
     """
-    matplotlib.rcParams.update(STYLE)
+    figure.clear()
     heights = [2.2, 1.0, 1.0] if cycles[0].view.walks else [2.7, 1.0]
-    figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DPI)
-    place = {"left": 0.075, "right": 0.985, "top": 0.94, "bottom": 0.1, "hspace": 0.3, "wspace": 0.1}
-    axes = figure.subplots(len(heights), len(cycles), height_ratios=heights, squeeze=False, gridspec_kw=place)
-    for column, cycle in enumerate(cycles):
+    axes = figure.subplots(
+        len(heights), len(cycles), sharey="row", height_ratios=heights, squeeze=False, gridspec_kw=PLACE
+    )
+    for column, cycle in zip(axes.T, cycles, strict=True):
         since = cycle.view.time - cycle.view.time[0]
         k = int(np.abs(since - part * since[-1]).argmin())  # rows of a thinned trace need not be evenly spaced
-        _draw_machine(axes[0, column], cycle, k, window)
-        for ax, panel in zip(axes[1:, column], _make_panels(cycle, k), strict=True):
-            draw_panel(ax, panel, [series.name for series in panel.series])
-            ax.set(xlabel=panel.x, ylabel="" if column else panel.y)
-            ax.tick_params(labelleft=column == 0)
-        if column == len(cycles) - 1:
-            axes[1, column].legend(loc="upper right", ncols=2, borderaxespad=0.0)
-    _set_limits(axes, cycles, window)
-    memory = BytesIO()
-    figure.savefig(memory, format="png", dpi=DPI)
-    return Image.open(memory).convert("RGB")
+        _draw_machine(column[0], cycle, k, window)
+        _draw_forces(column[1], cycle, k)
+        if cycle.view.walks:
+            _draw_error(column[2], cycle, k)
+    most = max(float(c.view.trace[name].max()) for c in cycles for name in ("force", "force_desired"))
+    axes[1, 0].set(ylabel="force, N", ylim=(0.0, 1.5 * most))
+    axes[1, -1].legend(loc="upper right", ncols=2, borderaxespad=0.0)
+    if cycles[0].view.walks:
+        axes[2, 0].set(ylabel="foot error, mm", ylim=(0.0, None))
 
 
 def view_cycles(run: Run, asked: Sequence[int]) -> list[RunView]:
@@ -266,7 +243,7 @@ def view_cycles(run: Run, asked: Sequence[int]) -> list[RunView]:
         BadInput: the trace does not have them whole, or they are too many.
         BadRun: the trace has no whole cycle.
     """
-    whole = run.select_whole(sorted(count_steps_by_cycle(run.folder)))
+    whole = run.select_whole(sorted(count_kept(run)))
     if not whole:
         raise BadRun(f"{run.folder}: its trace has no whole cycle, there is nothing to show")
     cycles = sorted(set(asked) or {whole[0], whole[-1]})
@@ -276,7 +253,10 @@ def view_cycles(run: Run, asked: Sequence[int]) -> list[RunView]:
 
 
 def write_video(
-    views: Sequence[RunView], path: Path, titles: Sequence[str] = (), robots: Sequence[Robot | None] = ()
+    views: Sequence[RunView],
+    path: Path,
+    titles: Sequence[str] = (),
+    pictures: Sequence[RobotPicture | None] = (),
 ) -> int:
     """Write cycles side by side as a moving picture that plays one cycle in its own time, again and again.
 
@@ -284,52 +264,38 @@ def write_video(
         views: one cycle each.
         path: of the file, whose ending is one of FORMATS.
         titles: one above each cycle; empty: the numbers of the cycles.
-        robots: the model that each cycle shows, None for lines; empty: all machines are drawn as lines.
+        pictures: what renders the robot of each cycle, None for lines; empty: all machines are drawn as lines.
 
     Returns:
         The number of frames.
-
-    Raises:
-        CmacexpError: MuJoCo cannot draw here.
     """
-    shown = titles or [f"cycle {view.cycle[0]}" for view in views]
+    titles = titles or [f"cycle {view.cycle[0]}" for view in views]
+    pictures = pictures or [None] * len(views)
     inks = [PATHS[0]] * (len(views) - 1) + [PATHS[1]]
     cycles = [
-        Cycle(view, joints(view), in_travel(view, view.feet("_desired")), ink, title)
-        for view, ink, title in zip(views, inks, shown, strict=True)
+        Cycle(view, joints(view), in_travel(view, view.feet("_desired")), ink, title, picture)
+        for view, ink, title, picture in zip(views, inks, titles, pictures, strict=True)
     ]
-    low, high = window = _find_window(cycles, rendered=any(robots))
-    size = PIXELS, round(PIXELS * float((high - low)[2] / (high - low)[0]))
-    with ExitStack() as pictures:
-        for number, robot in enumerate(robots):
-            if robot is not None:
-                picture = pictures.enter_context(closing(RobotPicture(robot, *size)))
-                cycles[number] = cycles[number]._replace(picture=picture)
-        seconds = max(float(view.time[-1] - view.time[0]) for view in views)
-        count = max(2, round(seconds * FRAMES_PER_SECOND))
-        frames = [draw_frame(cycles, window, number / (count - 1)) for number in range(count)]
-    with write_atomically(path) as temporary:
-        _write_mp4(frames, temporary) if path.suffix == MP4 else _write_picture(frames, temporary, path.suffix)
+    window = _find_window(cycles)
+    seconds = max(float(view.time[-1] - view.time[0]) for view in views)
+    count = max(2, round(seconds * FRAMES_PER_SECOND))
+    matplotlib.rcParams.update(STYLE)
+    figure, writer = Figure(figsize=(WIDTH, HEIGHT)), _make_writer(path.suffix)
+    with TemporaryDirectory() as folder, write_atomically(path) as temporary:
+        made = Path(folder, f"video{path.suffix}")  # writers choose the format by the ending
+        with writer.saving(figure, str(made), DPI):
+            for part in np.linspace(0.0, 1.0, count):
+                draw_frame(figure, cycles, window, part)
+                writer.grab_frame()
+        shutil.copyfile(made, temporary)
     return count
 
 
-def _write_picture(frames: Sequence[Image.Image], path: Path, suffix: str) -> None:
-    """Frames as GIF, with one palette for all, or as WebP."""
-    options: dict[str, Any] = {"quality": 80}
-    if suffix == ".gif":
-        colours, options = frames[len(frames) // 2].quantize(COLOURS), {}
-        frames = [frame.quantize(palette=colours, dither=Image.Dither.NONE) for frame in frames]
-    duration = 1000 / FRAMES_PER_SECOND
-    frames[0].save(path, suffix[1:], save_all=True, append_images=frames[1:], duration=duration, loop=0, **options)
-
-
-def _write_mp4(frames: Sequence[Image.Image], path: Path) -> None:
-    """Frames as MP4, by an encoder that an extra has."""
+def _make_writer(suffix: str) -> AbstractMovieWriter:
+    """What writes frames to a file with this ending; the encoder of MP4 is that of the extra."""
+    if suffix != MP4:
+        return PillowWriter(FRAMES_PER_SECOND)  # type: ignore[arg-type]  # typed as an integer; any number will do
     import imageio_ffmpeg
 
-    size, options = frames[0].size, {"macro_block_size": 2, "output_params": ["-f", "mp4"]}
-    writer = imageio_ffmpeg.write_frames(path, size, fps=FRAMES_PER_SECOND, **options)
-    writer.send(None)
-    for frame in frames:
-        writer.send(frame.tobytes())
-    writer.close()
+    matplotlib.rcParams["animation.ffmpeg_path"] = imageio_ffmpeg.get_ffmpeg_exe()
+    return FFMpegWriter(FRAMES_PER_SECOND)  # type: ignore[arg-type]
