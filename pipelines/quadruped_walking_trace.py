@@ -10,6 +10,7 @@ counts as -inf: fewer than three feet carry, or the line along the body misses w
 from collections.abc import Callable
 from functools import cache, cached_property, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,29 +19,15 @@ from cmacexp.data.signals import TRUE_MARGINS
 from cmacexp.planning.stability import FRONT, REAR, STABILITY
 from cmacexp.recording import palette
 from cmacexp.recording.run_view import RunView
-from cmacexp.report.figures import draw_panel
-from cmacexp.report.style import (
-    ALOFT,
-    DENT,
-    DESIRED,
-    GROUND,
-    MM,
-    NEAR,
-    NEAR_SIDE,
-    SERIES,
-    colour,
-    draw_leg,
-    joints,
-    label,
-    new_figure,
-)
+from cmacexp.report.style import ALOFT, DESIRED, MM, NEAR, SERIES, colour, joints
 from cmacexp.study import Array, DataFrame, Figure, Measures, Panel, Run, Series, Status, draw
-from cmacexp.typing import Axes
+from cmacexp.typing import Mask
 from pipelines.common_results import if_completed
 
 X, Y, Z = range(3)
-DEPRESSION_SCALE = 20.0
-"""Factor by which drawn depressions exceed the true ones."""
+AXES = ("x forward of the centre of gravity, mm", "y left, mm", "z up, mm")
+AROUND = (0, 1, 3, 2)
+"""The legs in the order in which a line around the machine passes them."""
 BODY, COG, POLYGON = colour(palette.BODY_COLOR), colour(palette.COG), colour(palette.POLYGON)
 DUTY_FACTOR = 0.8
 WAVE = (0.2, 0.7, 0.0, 0.5)
@@ -245,98 +232,74 @@ MEASURES: Measures = {
 def gait_diagram(walk: Walk, cycles: int = 2) -> Figure:
     """Fig. 14: which foot is planned to be down, and which carries, over the last cycles."""
     rows = walk.cycle > walk.cycle[-1] - cycles
-    time, series = walk.time[rows] - walk.time[rows][0], []
+    time, style = walk.time[rows] - walk.time[rows][0], {"lw": 7.0, "linestyle": "-", "solid_capstyle": "butt"}
     shown = {
         "planned support": (walk.trace.support, -0.15, "black"),
         "foot carries": (walk.trace["force"] > 0.0, 0.15, SERIES[1]),
     }
-    for leg in range(1, 5):
-        for name, (down, shift, ink) in shown.items():
-            style = {"color": ink, "lw": 7.0, "linestyle": "-", "solid_capstyle": "butt"}
-            series.append(Series(name, time, np.where(down[rows, leg - 1], leg + shift, np.nan), style=style))
+    series = [
+        Series(name, time, np.where(down[rows, leg - 1], leg + shift, np.nan), style={**style, "color": ink})
+        for leg in range(1, 5)
+        for name, (down, shift, ink) in shown.items()
+    ]
     starts = np.flatnonzero(np.diff(walk.cycle[rows])) + 1
     axes = ("support and transfer", "time, s", "leg")
     return draw([Panel(*axes, series, x_limits=time[starts], y_range=(0.5, 4.5), y_down=True)])
 
 
-def _number(axes: Axes, x: float, y: float, text: str, ink: str = "black") -> None:
-    axes.text(x, y, text, ha="center", va="center", color=ink, weight="bold")
+def _connect(points: Array, chosen: Mask) -> Array:
+    """The closed line (n + 1, 3) through those of the points (4, 3) of the legs that are chosen."""
+    legs = [leg for leg in AROUND if chosen[leg]]
+    return points[[*legs, *legs[:1]]]
 
 
-def _hull(points: Array) -> Array:
-    """Corners of the convex hull of points (n, 2), counterclockwise."""
-    from scipy.spatial import ConvexHull
+def _outline(walk: Walk, k: int) -> list[tuple[str, Array, dict[str, Any]]]:
+    """What is drawn of the machine in a step: names, lines in space (n, 3), mm, and their styles.
 
-    return points[ConvexHull(points).vertices]
-
-
-def _draw_elevation(axes: Axes, walk: Walk, k: int, across: int, near: tuple[int, ...]) -> None:
-    """A view along the ground; far legs are pale, their numbers stand in the upper row below the ground."""
-    links, flat = joints(walk)[k], [across, Z]
-    dents = MM * DEPRESSION_SCALE * walk.trace["force"][k] / walk.run.config["terrain"]["stiffness"]
-    for i in range(4):
-        is_near, aloft, foot = i + 1 in near, not walk.trace.support[k, i], float(links[i, 2, across])
-        draw_leg(axes, links[i][:, flat], is_near, aloft)
-        axes.fill([foot - DENT, foot, foot + DENT], [0.0, -dents[i], 0.0], color=GROUND, lw=0.0, zorder=3)
-        _number(
-            axes, foot, -118.0 if is_near else -76.0, str(i + 1), ALOFT if aloft else NEAR if is_near else "#5F6B78"
+    The origin is on the ground below the centre of gravity; a number stands at the foot of each leg.
+    """
+    links, carries, support = joints(walk)[k], walk.trace["force"][k] > 0.0, walk.trace.support[k]
+    ends = MM * walk.carried[k][[REAR, FRONT]] * [-1.0, 1.0]
+    above = MM * np.array([[0.0, 0.0, walk.body["height"][k]]])
+    margins = np.outer(np.where(np.isfinite(ends), ends, np.nan), [1.0, 0.0, 0.0])
+    line = {"linestyle": "-", "marker": None}
+    legs = [
+        (
+            f"leg in {'support' if down else 'transfer'}",
+            points,
+            {**line, "color": NEAR if down else ALOFT, "lw": 2.4, "marker": f"${leg}$", "markevery": [-1], "ms": 9},
         )
-    axes.plot(*links[:, 0][:, flat].T, color=BODY, lw=7.0, solid_capstyle="round", zorder=3.5)
-    axes.axhline(0.0, color=GROUND, lw=1.2, zorder=1)
-    height = MM * float(walk.body["height"][k])
-    axes.plot([0.0, 0.0], [0.0, height], color=COG, lw=1.0, ls="--", zorder=7)
-    axes.plot(0.0, height, "o", ms=8.5, color="white", mec=COG, mew=1.6, zorder=8)
-    axes.plot(0.0, height, "+", ms=8.5, color=COG, mew=1.4, zorder=9)
-
-
-def _draw_plan(axes: Axes, walk: Walk, k: int) -> None:
-    """The view from above: what the feet that carry span, what is planned, and the margins along the body."""
-    links, carries, aloft = joints(walk)[k], walk.trace["force"][k] > 0.0, ~walk.trace.support[k]
-    feet = links[:, 2, :2]
-    axes.fill(*_hull(links[:, 0, :2]).T, color=BODY, alpha=0.55, lw=0.0, zorder=1)
-    if carries.sum() >= 3:
-        axes.fill(*_hull(feet[carries]).T, fc=f"{POLYGON}40", ec=POLYGON, lw=1.2, zorder=2)
-    axes.fill(*_hull(feet[~aloft]).T, fill=False, ec="black", lw=0.9, ls=(0, (4, 3)), zorder=2.6)
-    for i, (x, y) in enumerate(feet):
-        draw_leg(axes, links[i][:, :2], True, bool(aloft[i]))
-        _number(axes, x, y + (62.0 if y > 0.0 else -62.0), str(i + 1), ALOFT if aloft[i] else "black")
-    margins = walk.carried[k]
-    for margin, sign, name, side in ((margins[FRONT], 1.0, "front", "right"), (margins[REAR], -1.0, "rear", "left")):
-        text = f"{name} margin {MM * margin:.0f} mm" if np.isfinite(margin) else f"no {name} margin"
-        axes.plot([0.0, sign * MM * margin], [0.0, 0.0], color=COG, lw=2.4, solid_capstyle="butt", zorder=6)
-        axes.text(0.5 + 0.48 * sign, 0.03, text, transform=axes.transAxes, ha=side, color=COG, zorder=9)
-    axes.plot(0.0, 0.0, "o", ms=4.0, color=COG, mec="black", mew=0.6, zorder=8)
-
-
-def _draw_forces(axes: Axes, walk: Walk, k: int) -> None:
-    """The paper's foot force display: actual beside desired, leg by leg."""
-    forces = [
-        Series("actual", range(4), walk.trace["force"][k]),
-        Series(
-            "desired", range(4), walk.trace["force_desired"][k], style={"fc": "white", "ec": DESIRED, "hatch": "////"}
-        ),
+        for leg, (points, down) in enumerate(zip(links, support, strict=True), 1)
     ]
-    panel = Panel("", "", "", forces, "bars", ticks=["1", "2", "3", "4"], y_range=(0.0, 29.0))
-    draw_panel(axes, panel, ["actual", "desired"])
-    axes.legend(loc="upper center", ncols=2, borderaxespad=0.1)
-    label(axes, "foot forces", "leg", "contact force, N")
+    return [
+        ("body", _connect(links[:, 0], support | True), {**line, "color": BODY, "lw": 4.0}),
+        ("planned support", _connect(links[:, -1], support), {**line, "color": "black", "linestyle": "--"}),
+        ("feet that carry", _connect(links[:, -1], carries), {**line, "color": POLYGON, "lw": 1.4}),
+        ("margins along the body", margins, {**line, "color": COG, "lw": 2.6}),
+        ("centre of gravity", above, {"color": COG, "linestyle": "none", "marker": "o", "ms": 7}),
+        *legs,
+    ]  # fmt: skip
+
+
+def _draw_forces(walk: Walk, k: int) -> Panel:
+    """The paper's foot force display: actual beside desired, leg by leg."""
+    desired = {"fc": "white", "ec": DESIRED, "hatch": "////"}
+    forces = [
+        Series("actual force", range(4), walk.trace["force"][k], style={"color": SERIES[0]}),
+        Series("desired force", range(4), walk.trace["force_desired"][k], style=desired),
+    ]
+    return Panel("foot forces", "leg", "contact force, N", forces, "bars", ticks="1234", y_range=(0.0, 29.0))
 
 
 def views(walk: Walk, cycle: int, number: int) -> Figure:
     """Fig. 16 to 20: the machine from above, from the right side and the front, and its foot forces."""
     k = ({16: 0} | instants(walk, cycle))[number]
-    figure, (plan, forces, side, front) = new_figure(2, 2, 2.75, width_ratios=[1.65, 1.0], height_ratios=[1.0, 1.05])
-    _draw_plan(plan, walk, k)
-    _draw_forces(forces, walk, k)
-    _draw_elevation(side, walk, k, X, NEAR_SIDE)
-    _draw_elevation(front, walk, k, Y, (1, 2))
-    forward, left, up = "x forward of the centre of gravity, mm", "y left, mm", "z up, mm"
-    shown = (
-        (plan, "from above", forward, left, 560.0, (-370.0, 340.0)),
-        (side, "side, from the right", forward, up, 560.0, (-150.0, 620.0)),
-        (front, "front", left, up, 340.0, (-150.0, 620.0)),
-    )
-    for axes, title, x, y, reach, limits in shown:
-        label(axes, title, x, y)
-        axes.set(xlim=(-reach, reach), ylim=limits, aspect="equal")
-    return figure
+    lines = _outline(walk, k)
+    panels = [
+        Panel(
+            title, AXES[x], AXES[y], [Series(name, own[:, x], own[:, y], style=style) for name, own, style in lines],
+            equal=True, y_limits=[0.0] if y == Z else (),
+        )
+        for title, x, y in (("from above", X, Y), ("side, from the right", X, Z), ("front", Y, Z))
+    ]  # fmt: skip
+    return draw([panels[0], _draw_forces(walk, k), *panels[1:]], height=2.9)
