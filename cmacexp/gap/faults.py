@@ -60,14 +60,13 @@ def check_log(log: Log, machine: Machine) -> None:
 
 
 def _find(log: Log, machine: Machine) -> Iterator[str]:
-    signals = {"angle": log.angle, "command": log.command, "velocity": log.velocity, "torque": log.torque}
-    others = {"time": log.time[:, None], "orientation": log.orientation}
     if len(log.time) < LEAST_ROWS:
         yield f"has {len(log.time)} rows, fewer than {LEAST_ROWS}: too short to identify anything"
-    for quantity, values in ((key, own) for key, own in (signals | others).items() if own is not None):
-        for row, joint in np.argwhere(~np.isfinite(values)):
-            name = log.column(quantity, joint) if quantity in signals else quantity
-            yield f"column {name} is {values[row, joint]} in row {row}: fill or cut such rows"
+    found = {key: getattr(log, key) for key in ("time", "orientation", "angle", "command", "torque")}
+    for quantity, values in ((key, own) for key, own in found.items() if own is not None):
+        for place in map(tuple, np.argwhere(~np.isfinite(values)).tolist()):
+            name = quantity if quantity in ("time", "orientation") else log.column(quantity, place[1])
+            yield f"column {name} is {values[place]} in row {place[0]}: fill or cut such rows"
     if log.orientation is not None:
         norms = np.linalg.norm(log.orientation, axis=1)
         for row in np.flatnonzero(np.abs(norms - 1.0) > NORM_ERROR):
@@ -76,13 +75,8 @@ def _find(log: Log, machine: Machine) -> Iterator[str]:
     if log.command is not None:
         yield from _find_in_pairs(log, log.command)
     yield from _find_in_angles(log, machine)
-    if log.velocity is not None:
-        yield from _compare(
-            log, "velocity", log.velocity, differentiate(log.angle, log.period), "the slope of the angles"
-        )
     if log.torque is not None and log.command is not None and np.isfinite(log.kp).all():
-        own = Signals(log).compute_torque(log.angle) + log.feedforward
-        yield from _compare(log, "torque", log.torque, own, "what the gains give: check --kp and --kd")
+        yield from _find_in_torque(log, log.torque)
 
 
 def _find_in_time(log: Log) -> Iterator[str]:
@@ -134,14 +128,17 @@ def _find_in_pairs(log: Log, command: Array) -> Iterator[str]:
 
 
 def _find_in_angles(log: Log, machine: Machine) -> Iterator[str]:
-    for j in range(log.angle.shape[1]):
+    speeds = differentiate(log.angle, log.period)
+    moving = np.abs(speeds) > 0.1 * np.sqrt((speeds**2).mean(axis=0))
+    for j, joint in enumerate(log.joints):
         name, values = log.column("angle", j), log.angle[:, j]
         low, high = machine.ranges[j]
+        span, turns = np.ptp(values), np.count_nonzero(np.diff(np.sign(speeds[moving[:, j], j])))
         if values.min() < low - BEYOND or values.max() > high + BEYOND:
             inside = low - BEYOND <= values.min() * np.pi / 180.0 and values.max() * np.pi / 180.0 <= high + BEYOND
             hint = (
                 "it looks like degrees: --units angle=deg,command=deg"
-                if inside and np.ptp(values) > 3.0
+                if inside and span > 3.0
                 else "check its unit, zero and joint"
             )
             yield (
@@ -150,22 +147,18 @@ def _find_in_angles(log: Log, machine: Machine) -> Iterator[str]:
             )
         yield from _find_stops(log, j)
         bend = np.abs(np.diff(values, 2))
-        if bend.max() > max(SPIKE * np.percentile(bend, 99.0), 0.02 * np.ptp(values), 1e-6):
+        if bend.max() > max(SPIKE * np.percentile(bend, 99.0), 0.02 * span, 1e-6):
             row = int(bend.argmax()) + 1
             yield (
                 f"column {name} jumps at row {row} (t = {log.time[row]:.3f} "
                 "s): an outlier, or the log was joined there"
             )
-    yield from _find_lost_rows(log)
-    for j in range(log.angle.shape[1]):
-        span, speed = np.ptp(log.angle[:, j]), differentiate(log.angle[:, [j]], log.period)[:, 0]
-        moving = speed[np.abs(speed) > 0.1 * np.sqrt((speed**2).mean())]
-        turns = int((np.diff(np.sign(moving)) != 0).sum())
         if span < LEAST_RANGE or turns < LEAST_TURNS:
             yield (
-                f"joint {log.joints[j]} moves {span:.2g} rad and turns {turns} times, which identifies neither its "
-                f"friction nor its inertia: move it, or --leave-out {log.joints[j]}"
+                f"joint {joint} moves {span:.2g} rad and turns {turns} times, which identifies neither its "
+                f"friction nor its inertia: move it, or --leave-out {joint}"
             )
+    yield from _find_lost_rows(log)
 
 
 def _find_stops(log: Log, j: int) -> Iterator[str]:
@@ -207,12 +200,13 @@ def _find_lost_rows(log: Log) -> Iterator[str]:
         )
 
 
-def _compare(log: Log, quantity: str, values: Array, expected: Array, what: str) -> Iterator[str]:
-    """Signals (n, J) that must be those that follow from others."""
-    a, b = low_pass(values, log.period), low_pass(expected, log.period)
+def _find_in_torque(log: Log, torque: Array) -> Iterator[str]:
+    """Measured torques must be those of the drives."""
+    drives = Signals(log).compute_torque(log.angle) + log.feedforward
+    a, b = low_pass(torque, log.period), low_pass(drives, log.period)
     slopes = (a * b).sum(axis=0) / np.maximum((b * b).sum(axis=0), 1e-12)
     for j in np.flatnonzero(~((slopes >= 0.75) & (slopes <= 1.3))).tolist():
-        yield f"column {log.column(quantity, j)} is {slopes[j]:.3g} times {what}"
+        yield f"column {log.column('torque', j)} is {slopes[j]:.3g} times what the gains give: check --kp and --kd"
 
 
 def check_against_model(problem: Problem) -> list[str]:
@@ -220,14 +214,14 @@ def check_against_model(problem: Problem) -> list[str]:
 
     Raises BadInput where commands are shifted in time, gains or signs cannot be right, or nothing fits.
     """
-    signals, log, machine = problem.signals, problem.signals.log, problem.machine
+    log, machine = problem.signals.log, problem.machine
     period, rows = log.period, slice(20, len(log.time) - 20)
     columns = np.concatenate([problem.rigid[..., None], problem.make_regressors(1)[..., [0, 1, 2, 4]]], axis=-1)
     filtered = low_pass(columns, period)
     delays = [0] if log.command is None else range(-round(0.06 / period), round(0.06 / period) + 1)
     found: list[tuple[float, float, Array, Array, int]] = []
     for delay in delays:
-        torque = low_pass(Signals(log, delay).torque if log.command is not None else signals.torque, period)[rows]
+        torque = low_pass(Signals(log, delay).torque, period)[rows]
         left, weights, errors = _solve(filtered[rows], torque)
         distance = left if log.torque is None else float(np.abs(low_pass(log.torque, period)[rows] - torque).mean())
         found.append((distance, left, weights, errors, delay))
@@ -244,8 +238,8 @@ def check_against_model(problem: Problem) -> list[str]:
             "--kp or --kd is wrong"
         )
     notes = list(_note(log))
-    gravity = np.where(errors[:, 0] < 0.3 * np.abs(weights[:, 0]), weights[:, 0], np.nan)
-    for j in np.flatnonzero(gravity < 0.0):
+    gravity, known = weights[:, 0], errors[:, 0] < 0.3 * np.abs(weights[:, 0])
+    for j in np.flatnonzero(known & (gravity < 0.0)):
         raise refuse(
             f"torque of {log.joints[j]} grows where the model of {machine.joints[j]} says "
             f"that it falls (factor {gravity[j]:.2f}): its sign, side or joint is another"
@@ -261,19 +255,12 @@ def check_against_model(problem: Problem) -> list[str]:
             f"viscous friction of {log.joints[j]} comes out as {weights[j, 2]:.2g} "
             f"N m s/rad, below zero: --kd {log.kd[j]:g} is too large"
         )
-    if np.isfinite(gravity).any():
-        known = np.isfinite(gravity)
-        factor = float(np.average(gravity[known], weights=errors[known, 0] ** -2))
-        if not GRAVITY[0] <= factor <= GRAVITY[1]:
-            raise refuse(
-                f"torques are {factor:.2f} times those of the rigid bodies of the "
-                "model: gains (--kp), units of torque, or masses are wrong by that"
-            )
-        if not 0.8 <= factor <= 1.25:
-            notes.append(
-                f"Torques are {factor:.2f} times those of the rigid "
-                "bodies of the model: masses, or gains, differ by that."
-            )
+    factor = float(np.average(gravity[known], weights=errors[known, 0] ** -2)) if known.any() else 1.0
+    times = f"are {factor:.2f} times those of the rigid bodies of the model:"
+    if not GRAVITY[0] <= factor <= GRAVITY[1]:
+        raise refuse(f"torques {times} gains (--kp), units of torque, or masses are wrong by that")
+    if not 0.8 <= factor <= 1.25:
+        notes.append(f"Torques {times} masses, or gains, differ by that.")
     if log.command is not None and (viscous := float(np.median(weights[:, 2]))) > 0.4 * float(log.kd.mean()):
         notes.append(
             f"Viscous friction is {viscous:.2f} N m s/rad, much beside --kd {log.kd.mean():g}: check that gain."
@@ -317,13 +304,11 @@ def _note(log: Log) -> Iterator[str]:
 
 
 def _is_quantised(log: Log) -> bool:
-    """Whether measured angles lie on the lattice of an encoder."""
-    shares = []
-    for values in log.angle.T:
-        steps = np.abs(np.diff(values))
+    """Whether the angles of most joints, where they move, lie on the lattice of an encoder."""
+    shares = list[float]()
+    for steps in np.abs(np.diff(log.angle, axis=0)).T:
         steps = steps[steps > 1e-6]
         if len(steps) > 20:
-            step = float(steps.min())
-            few = steps[steps < 20.0 * step] / step
+            few = steps[steps < 20.0 * steps.min()] / steps.min()
             shares.append(float((np.abs(few - np.round(few)) < 0.1).mean()) if len(few) > 10 else 0.0)
     return bool(shares) and float(np.median(shares)) > ON_LATTICE

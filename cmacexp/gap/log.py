@@ -33,7 +33,6 @@ PATTERNS: dict[str, tuple[str, ...]] = {
         "q_des_{joint}", "{joint}_q_des", "cmd_{joint}", "{joint}_cmd", "command_{joint}", "{joint}_command",
         "target_{joint}", "{joint}_target",
     ),
-    "velocity": ("dq_{joint}", "qd_{joint}", "{joint}_dq", "vel_{joint}", "{joint}_vel", "velocity_{joint}"),
     "command_velocity": ("dq_des_{joint}", "qd_des_{joint}", "{joint}_dq_des"),
     "torque": ("tau_{joint}", "{joint}_tau", "torque_{joint}", "{joint}_torque", "effort_{joint}"),
     "feedforward": ("tau_ff_{joint}", "{joint}_tau_ff"),
@@ -45,14 +44,12 @@ PATTERNS: dict[str, tuple[str, ...]] = {
 AXES = ("w", "x", "y", "z")
 """What stands for the joint in the names of an orientation."""
 ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180.0, "rev": 2.0 * np.pi, "m": 1.0, "mm": 1e-3}
-RATES = {f"{unit}/s": factor for unit, factor in ANGLES.items()}
 TORQUES = {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "mNm": 1e-3, "N": 1.0}
 UNITS = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "angle": ANGLES,
     "command": ANGLES,
-    "velocity": RATES,
-    "command_velocity": RATES,
+    "command_velocity": {f"{unit}/s": factor for unit, factor in ANGLES.items()},
     "torque": TORQUES,
     "feedforward": TORQUES,
 }
@@ -72,8 +69,6 @@ class Log:
     """Measured, rad."""
     command: Array | None
     """Commanded angle, rad; None: the log has torques only."""
-    velocity: Array | None
-    """Measured, rad/s."""
     command_velocity: Array
     """Commanded, rad/s; zero where the log has none."""
     torque: Array | None
@@ -111,7 +106,7 @@ class Log:
         kept = [j for j, name in enumerate(self.joints) if name not in joints]
         if not kept:
             raise BadInput("--leave-out", ",".join(joints), "leaves no joint of the log: keep at least one")
-        signals = ("angle", "command", "velocity", "command_velocity", "torque", "feedforward")
+        signals = ("angle", "command", "command_velocity", "torque", "feedforward")
         cut: dict[str, Any] = {key: None if (own := getattr(self, key)) is None else own[:, kept] for key in signals}
         return replace(self, joints=tuple(self.joints[j] for j in kept), kp=self.kp[kept], kd=self.kd[kept], **cut)
 
@@ -212,7 +207,6 @@ class _Table:
             joints=tuple(joints),
             angle=angle,
             command=command,
-            velocity=read("velocity"),
             command_velocity=read("command_velocity", missing=zero),
             torque=torque,
             feedforward=read("feedforward", missing=zero),

@@ -67,12 +67,8 @@ class Guardian:
 
     def end(self) -> None:
         """End the guardian, whose robot is safe."""
-        assert self._process.stdin is not None
-        with suppress(BrokenPipeError, BlockingIOError):
-            os.write(self._pipe, DONE)
-            self._process.stdin.close()
         with suppress(subprocess.TimeoutExpired):  # it ends by itself
-            self._process.wait(LASTS + 5.0)
+            self._process.communicate(DONE, LASTS + 5.0)
 
 
 def watch(pipe: int, silence: float) -> bool:

@@ -62,7 +62,6 @@ class Fault:
     """State from which on it is there, counted from the first command; 0: always."""
     motor: int = 0
     """That it is of, 0 to 11; the leg of this motor and the next leg are swapped."""
-    seed: int = 0
     _first: Message | None = field(default=None, init=False)
     """State when it began."""
     _lost: int = field(default=0, init=False)
@@ -70,7 +69,7 @@ class Fault:
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise BadInput("--fault", self.kind, f"choose from {', '.join(KINDS)}{suggest(self.kind, KINDS)}")
-        self._random = np.random.default_rng(self.seed)
+        self._random = np.random.default_rng(0)
 
     def spoil_command(self, command: Message, step: int) -> Message | None:
         """A command as it reaches the motors; None: it is lost."""

@@ -48,7 +48,6 @@ def simulate_log(
         joints=NAMES,
         angle=found + np.random.default_rng(seed).normal(size=found.shape) * noise,
         command=command,
-        velocity=None,
         command_velocity=np.zeros_like(command),
         torque=None,
         feedforward=np.zeros_like(command),

@@ -80,7 +80,6 @@ FAULTS = {
     "clipped": (put(slice(None), lambda own: np.minimum(own, 0.45)), "clipped at 0.45"),
     "outlier": (put([600], lambda own: own + 0.3), "jumps at row 600"),
     "at rest": (choose(lambda rows: rows[:210]), "identifies neither"),
-    "velocity": (lambda log: replace(log, velocity=20.0 * np.gradient(log.angle, PERIOD, axis=0)), "the slope"),
     "torque": (lambda log: replace(log, torque=log.kp * (log.angle - log.command)), "what the gains give"),
     "late commands": (lambda log: replace(log, command=np.roll(log.command, -6, 0)), "are shifted"),
     "gains": (lambda log: replace(log, kp=3.0 * log.kp, kd=3.0 * log.kd), "gains .--kp., units of torque"),

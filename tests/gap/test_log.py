@@ -82,8 +82,8 @@ WRONG = {
     ),
     "orientation": ({"add": {"qw": 1.0, "qx": 0.0, "qy": 0.0}}, "no column qz for orientation"),
     "unit of nothing": (
-        {"units": {"velocity": "deg/s"}},
-        "--units=velocity=deg/s: the log has no velocity; it has time",
+        {"units": {"feedforward": "Nm"}},
+        "--units=feedforward=Nm: the log has no feedforward; it has time",
     ),
     "no such gain": ({"names": {"kp": "gain"}}, "no column gain for kp"),
     "declared unit": ({"head": "# units: s, furlong\n"}, "declares the unit furlong: must be one of rad"),
