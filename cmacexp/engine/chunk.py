@@ -100,14 +100,16 @@ class Chunk:
 
     def score(self) -> dict[int, Scores]:
         """The metrics of all runs by their numbers, in their order."""
-        groups = defaultdict[Hashable, list[int]](list)  # equally many steps of the same gait, and the same signals
+        groups = defaultdict[Hashable, list[int]](list)  # equally many steps of the same phases, and the same signals
         for number, trace in self.traces.items():
             config = self._configs[number]
-            rhythm = repr(config.gait), config.sampling_period, *trace.shape
-            groups[*rhythm, *trace.names, *trace.arrays, trace.memory is None].append(number)
-        for alike in groups.values():
-            found = score_together([self.traces[number] for number in alike], self._configs[alike[0]].steps_per_cycle)
-            self._scores |= zip(alike, found, strict=True)
+            phases = [of[: config.steps_per_cycle].tobytes() for of in (trace.support, trace["progress"])]
+            alike = *phases, config.sampling_period, *trace.shape, *trace.names, *trace.arrays, trace.memory is None
+            groups[alike].append(number)
+        for numbers in groups.values():
+            steps_per_cycle = self._configs[numbers[0]].steps_per_cycle
+            found = score_together([self.traces[number] for number in numbers], steps_per_cycle)
+            self._scores |= zip(numbers, found, strict=True)
         if not self.keeps_trace:
             self.traces.clear()
         return {number: self._scores[number] for number in self._configs}

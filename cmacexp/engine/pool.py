@@ -127,8 +127,9 @@ def _begin(shared: Any, environment: Mapping[str, str]) -> None:
     os.environ.update(environment)
     gc.freeze()  # what has been imported is no garbage
     if set_option := getattr(ctypes.CDLL(None), "mallopt", None):
-        # What a run frees is for the next one: to get it from the system again took a tenth of many short runs.
-        set_option(M_MMAP_THRESHOLD, 1 << 20)
+        # What a run frees is for the next one, the weights of a CMAC included: to get them from the system again,
+        # page by page, took a fifth of many short runs.
+        set_option(M_MMAP_THRESHOLD, 1 << 24)
         set_option(M_TRIM_THRESHOLD, 1 << 27)
     number = multiprocessing.current_process().name.rpartition("-")[2]  # consecutive
     _Progress.shared, _Progress.place = shared, int(number) % len(shared)
