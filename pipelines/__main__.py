@@ -58,16 +58,16 @@ def print_status(witnesses: bool) -> None:
     the same.
     """
     results = read_results()
-    for name in [file.name for file in every_study()]:
-        if witnesses and results.find_state(name).state == CHANGED:
-            for line in results.confirm(name):
-                print(f"{name}: {line}", file=sys.stderr)
+    for file in every_study():
+        if witnesses and results.find_state(file.name).state == CHANGED:
+            for line in results.confirm(file.name):
+                print(f"{file.name}: {line}", file=sys.stderr)
             RESULTS_FILE.write_text(results.format(), encoding="utf-8")
-        study, state, date, reasons, confirmed = results.find_state(name)
+        state, date, reasons, confirmed = results.find_state(file.name)
         more = f" and {len(reasons) - SHOWN_FILES} more" if len(reasons) > SHOWN_FILES else ""
         changed = f": {', '.join(reasons[:SHOWN_FILES])}{more}" if reasons else ""
         same = f" (its witnesses gave the same values on {confirmed}); changed" if confirmed else ""
-        print(f"{study:24} {date:10} {state}{same}{changed}")
+        print(f"{file.name:24} {date:10} {state}{same}{changed}")
 
 
 def print_stages() -> None:
@@ -104,13 +104,13 @@ def _run(arguments: Arguments) -> None:
 def main() -> int:
     """Run a study, a group or the benchmark; print all, or their state; or renew documents; the exit code."""
     word = sys.argv[1] if len(sys.argv) > 1 else ""
-    if word in (BENCHMARK, *GROUPS):
-        del sys.argv[1]
-        return run_benchmark() if word == BENCHMARK else run_group(word)
-    if (path := Path(word) if Path(word).suffix in (".py", *YAML) else find_study(word)) is not None:
-        del sys.argv[1]
+    path = Path(word) if Path(word).suffix in (".py", *YAML) else find_study(word)
+    if path is None and word not in (BENCHMARK, *GROUPS):
+        return Parser("pipelines", "List the studies.", OPTIONS).run(_run)
+    del sys.argv[1]
+    if path is not None:
         run_study(str(path))
-    return Parser("pipelines", "List the studies.", OPTIONS).run(_run)
+    return run_benchmark() if word == BENCHMARK else run_group(word)
 
 
 if __name__ == "__main__":

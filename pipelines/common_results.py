@@ -40,10 +40,9 @@ def cycles_to(errors: Array, level: float | Array) -> Array:
 
     The level may be one of each run, (runs, 1).
     """
-    above = errors > level
-    last = above.shape[1] - above[:, ::-1].argmax(axis=1)
-    first = np.where(above.any(axis=1), last + 1.0, 1.0)
-    return np.where(first > above.shape[1], np.inf, first)
+    cycles = np.arange(1, errors.shape[1] + 1)
+    first = np.where(errors > level, cycles, 0).max(axis=1) + 1.0
+    return np.where(first > len(cycles), np.inf, first)
 
 
 def find_depression(config: Mapping[str, Any], stiffness: float, static_load: bool = True) -> float:

@@ -92,18 +92,14 @@ def _find_softening(results: Results) -> Array:
     return measured[1:] / measured[:-1]
 
 
-def _show_force(ground: str, run: Run) -> Series:
-    """Contact force of a run while it is small, in its first seconds."""
-    shown = run.trace[(run.trace["time"] <= 2.0) & (run.trace["force"] <= 4.0)]
-    return Series(f"ground {ground}", shown["time"].to_numpy(), shown["force"].to_numpy())
-
-
 def draw_forces(results: Results) -> Figure:
-    """Contact force after the release, a panel for each method."""
+    """Contact force in the first seconds after the release, a panel for each method."""
     panels, axes = [], ("time since the release, s", "force, N")
     for method, own in results.select({CLEARANCE: 0.05, "part": "known ground", **PRINTED}).by("method").items():
-        series = [_show_force(ground, group.run) for ground, group in own.by("ground").items()]
-        panels.append(Panel(method, *axes, series, y_limits=[own.value("force_control.desired_force")]))
+        traces = {f"ground {ground}": group.run.trace for ground, group in own.by("ground").items()}
+        series = [Series(name, trace["time"], trace["force"]) for name, trace in traces.items()]
+        limit = own.value("force_control.desired_force")
+        panels.append(Panel(method, *axes, series, x_range=(0.0, 2.0), y_range=(0.0, 4.0), y_limits=[limit]))
     return draw(panels, height=2.0)
 
 

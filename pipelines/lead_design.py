@@ -80,8 +80,7 @@ def nearest(loops: DataFrame) -> Array:
 
 
 def _loops(results: Results, scenario: str, default: bool) -> DataFrame:
-    loops = results.computed["lead_design"]
-    return loops[(loops["scenario"] == scenario) & (loops["default"] == default)]
+    return results.computed["lead_design"].query("scenario == @scenario and default == @default")
 
 
 def draw_bandwidths(results: Results) -> Figure:

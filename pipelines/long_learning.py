@@ -77,10 +77,9 @@ def best_of_others(results: Results, lead: int | str, name: str) -> Array:
 
 def over_best_rate(results: Results) -> Array:
     """(worlds,): error at the end with rate ``auto`` over the least with another rate."""
-    auto = results.select({"learning.rate": "auto"})
     others = results.select({"learning.rate": [rate for rate in results.values("learning.rate") if rate != "auto"]})
-    least = dict(zip(others.values("seed"), per_seed(others, compute_quantity(AT_END, others), min), strict=True))
-    return quotients(compute_quantity(AT_END, auto), np.array([least[row.settings["seed"]] for row in auto.rows]))
+    auto = compute_quantity(AT_END, results.select({"learning.rate": "auto"}))
+    return quotients(auto, per_seed(others, compute_quantity(AT_END, others), min))  # worlds are in the same order
 
 
 def _describe_drift(results: Results) -> str:

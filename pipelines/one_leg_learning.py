@@ -38,14 +38,9 @@ WEIGHT = trace.in_cycle(1, trace.weight_at_foot)
 
 
 def values(results: Results) -> Declared:
-    """What the page says of statics, and in which cycles the long runs ended."""
-    paper = results.select(PAPER)
-    config, weight = paper.run.config, float(paper.measure("weight")[0])
-    return {
-        "ended": ", ".join(map(str, results.select(law=next(iter(LAWS))).cycles)),
-        "depth": 1e3 * trace.reference_depth(config), "bias": 100.0 * trace.learned_error(config), "weight": weight,
-        "statics": trace.feedback_force(config, weight), "weightless": trace.feedback_force(config, 0.0),
-    }  # fmt: skip
+    """In which cycles the long runs ended, and what the page says of statics."""
+    statics, ended = ("depth", "bias", "weight", "statics", "weightless"), results.select(law=next(iter(LAWS))).cycles
+    return {"ended": ", ".join(map(str, ended)), **{name: results.select(PAPER).measure(name)[0] for name in statics}}
 
 
 def _view(run: Run, *cycles: int) -> RunView:
@@ -91,6 +86,8 @@ STUDY = declare(
         "peak_y": trace.in_cycle(1, partial(trace.peak_error, axis="y", extent="lift")),
         "weight": WEIGHT,
         "statics": lambda run: trace.feedback_force(run.config, WEIGHT(run)),
+        "weightless": lambda run: trace.feedback_force(run.config, 0.0),
+        "depth": lambda run: trace.reference_depth(run.config),
         "bias": lambda run: trace.learned_error(run.config),
         "least_feedback": lambda run: np.nanmin(run.pooled["feedback_rms"]),
         "largest_share": lambda run: np.nanmax(run.pooled["feedforward_share"]),

@@ -142,11 +142,11 @@ def trajectory(run: Run) -> Figure:
 
 def motion(run: Run, order: int, name: str, unit: str) -> Figure:
     """Fig. 8, 9: a derivative of the desired path, from shortly before lift-off on."""
-    plan, panels = make_scenario(read_config(run)).setup.plan, []
-    point = np.arange(-BEFORE, len(plan.support))
-    for values, direction in zip(plan.desired[order][:, 0].T, ("forward", "down"), strict=True):
-        series = [Series("desired", point, values[point])]
-        panels.append(
-            Panel(f"{name} {direction}", "data point", unit, series, x_limits=[0.0, int(plan.support.argmax())])
-        )
+    plan = make_scenario(read_config(run)).setup.plan
+    point, ends = np.arange(-BEFORE, len(plan.support)), [0.0, int(plan.support.argmax())]
+    lines = zip(("forward", "down"), plan.desired[order][:, 0].T, strict=True)
+    panels = [
+        Panel(f"{name} {direction}", "data point", unit, [Series("desired", point, values[point])], x_limits=ends)
+        for direction, values in lines
+    ]
     return draw(panels)

@@ -18,8 +18,6 @@ from pipelines.benchmark.methods.once_a_cycle import Playing
 
 INPUTS = ("angle", "velocity")
 """Planned joint values that are the inputs of the network."""
-LAYERS = ("hidden", "output")
-"""Weights (L, rows, columns) of the layers; the last row is that of the bias."""
 MEMORY, LONG_MEMORY = 0.9, 0.999
 """Of the optimiser: the part of a mean gradient, and of a mean square, that the next step leaves."""
 
@@ -81,8 +79,7 @@ class Perceptron(Playing):
         self._train(order, np.zeros((legs, samples, joints)), passes=1)
         if setup.learnt is not None:
             self.scale[:] = setup.learnt["scale"]
-            for weights, name in zip(self.weights, LAYERS, strict=True):
-                weights[:] = setup.learnt[name]
+            self.parameters[:] = setup.learnt["parameters"]
             self.torque[:] = (self.scale * self._compute(self.paths)[1]).swapaxes(0, 1)
 
     def _compute(self, paths: Array) -> tuple[Array, Array]:
@@ -113,9 +110,12 @@ class Perceptron(Playing):
         self.parameters -= rate * self.mean / (np.sqrt(self.square) + 1e-8)
 
     def learnt(self) -> Weights:
-        """``middle`` and ``spread`` (L, 1, n) of the inputs, ``scale`` (L, 1, 1) of the torques, N m, and LAYERS."""
-        weights = {name: own.copy() for name, own in zip(LAYERS, self.weights, strict=True)}
-        return {"middle": self.middle, "spread": self.spread, "scale": self.scale.copy(), **weights}
+        """``middle`` and ``spread`` (L, 1, n) of the inputs, ``scale`` (L, 1, 1) of the torques, N m; ``parameters``.
+
+        These are the weights of the hidden layer, then of the output layer, (L, size), each row by row, biases last.
+        """
+        scaled = {"middle": self.middle, "spread": self.spread, "scale": self.scale.copy()}
+        return {**scaled, "parameters": self.parameters.copy()}
 
     def learn(self, feedback: Array) -> None:
         """Train the network of each leg with the ``feedback`` (N, L, J), N m, of the cycle."""

@@ -41,9 +41,6 @@ PAGES = (README, *sorted(DOCS.glob("*.md")))
 """What may quote the studies."""
 BLOCKS = PIPELINES / "readme_blocks"
 """A file of Markdown with quotes for each section of its name."""
-FENCE = re.compile(r"(?<=```text\n).*?(?=^```$)", flags=re.DOTALL | re.MULTILINE)
-"""What a command printed, in a section."""
-FIRST_RUN = "Install and run"
 QUOTE = re.compile(r'\{\{ (quote|interval|measured|size|verdict|sentence)\("(\w+)\.([^"]+)"(?:, (\d+))?\) \}\}')
 NOT_MEASURED = "not measured yet"
 CURRENT, EQUAL, CHANGED, NEVER = "current", "equal", "changed", "never run"
@@ -57,12 +54,11 @@ Quotable = Mapping[str, Mapping[str, Any]]
 class State(NamedTuple):
     """Whether what a study gave still is what its code gives."""
 
-    study: str
     state: str
     """One of CURRENT, EQUAL, CHANGED and NEVER."""
-    date: str
+    date: str = ""
     """Of the last full run."""
-    reasons: Sequence[str]
+    reasons: Sequence[str] = ()
     """Files and models that have changed since."""
     confirmed: str = ""
     """Date on which the witnesses of an EQUAL study ran on the files of today."""
@@ -121,16 +117,13 @@ class PublishedResults:
     def find_state(self, name: str) -> State:
         """Whether a study is current."""
         if (study := self.studies.get(name)) is None:
-            return State(name, NEVER, "", [])
-        changed = self._list_changed(study)
-        known = {} if changed else study["models"]  # reading models takes long, and could only add reasons
-        models = [
-            f"model of {model}" for model, digest in known.items() if find_model_hash(model) not in ("", digest)
-        ]
-        again = study.get("confirmed")
+            return State(NEVER)
+        changed, again = self._list_changed(study), study.get("confirmed")
         if changed and again and not self._list_changed(again):
-            return State(name, EQUAL, study["date"], changed, again["date"])
-        return State(name, CHANGED if changed or models else CURRENT, study["date"], [*changed, *models])
+            return State(EQUAL, study["date"], changed, again["date"])
+        models = {} if changed else study["models"]  # reading models takes long, and could only add reasons
+        differ = [f"model of {name}" for name, own in models.items() if find_model_hash(name) not in ("", own)]
+        return State(CHANGED if changed or differ else CURRENT, study["date"], [*changed, *differ])
 
     def _list_changed(self, known: Mapping[str, Any]) -> list[str]:
         """Files of the package and of a study that are not those of digests that are ``known``."""
@@ -268,14 +261,6 @@ def count_claims(results: Quotable) -> str:
     return count_verdicts([entry["verdict"] for entry in entries if entry])
 
 
-def print_first_run(section: str) -> str:
-    """The table that the first run of a section prints at its end."""
-    with TemporaryDirectory() as folder:
-        return str(
-            cmacexp.run(re.findall(r"-m cmacexp (.*)$", section, re.MULTILINE)[0].split(), Path(folder) / "run")
-        ).partition("\n")[2]
-
-
 def find_section(text: str, heading: str) -> str:
     """What stands below a heading of the README, up to the next one."""
     return text.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
@@ -291,5 +276,4 @@ def renew_readme(text: str, statements: Quotable) -> str:
     """The README with its sections made anew."""
     for path in sorted(BLOCKS.glob("*.md")):
         text = text.replace(find_section(text, path.stem), make_section(path, statements))
-    first = find_section(text, FIRST_RUN)
-    return text.replace(first, FENCE.sub(lambda _: f"{print_first_run(first)}\n", first))
+    return text

@@ -2,21 +2,21 @@
 
 ``python -m pipelines.when_learning_holds`` draws configurations of one leg, of the quadruped and of robots, runs each
 for thousands of cycles without a guard (robots for fewer), and compares how it went with what each predictor says of
-the config alone. The limits of the verdict (``cmacexp/stability/verdict.py``) were chosen on other draws.
+the config alone. Robots need the extra ``robots``; the quick form goes without. The limits of the verdict
+(``cmacexp/stability/verdict.py``) were chosen on other draws.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
-from cmacexp.models.robot_file import package_models
 from cmacexp.stability.verdict import GROWS, HOLDS, MAX_CYCLES
-from cmacexp.study import Array, Declared, Figure, Mask, Panel, Request, Results, Series, declare, draw
+from cmacexp.study import Array, Declared, Figure, Mask, Panel, Results, Series, declare, draw
 from pipelines.when_learning_holds_measures import MEASURES, SAID
 from pipelines.worlds import ONE_LEG, QUADRUPED, ROBOT, draw_settings
 
-DRAWS = {ONE_LEG: (1200, 5, 3000), QUADRUPED: (240, 4, 3000), ROBOT: (20, 0, 150)}
-"""Settings that are drawn, of which feedback alone does not last with some; those of the quick form; cycles."""
+DRAWS = {ONE_LEG: (1200, 3000), QUADRUPED: (240, 3000), ROBOT: (20, 150)}
+"""Settings that are drawn, of which feedback alone does not last with some; and their cycles."""
 CRITERIA = {
     "condition_1": "condition 1, Re(z^l T) > (beta/2) T^H T",
     "condition_2": "condition 2, Re(z^l T) > beta (l + 1/2) T^H T",
@@ -27,16 +27,6 @@ CRITERIA = {
 }
 WITHIN = 0.002
 """Distance of a predicted growth from the measured one that counts as right."""
-
-
-def runs(quick: bool) -> list[Request]:
-    """One run for each draw; of robots only where their models are installed."""
-    requests = []
-    for machine, (count, few, cycles) in DRAWS.items():
-        common = (f"cycles={40 if quick else cycles}", "record=trace", "record.cycles=[1]")
-        for number in range((few if quick else count) if machine != ROBOT or package_models() else 0):
-            requests.append(Request((*draw_settings(machine, 25, number), *common), {"machine": machine}))
-    return requests
 
 
 def learning(results: Results) -> Results:
@@ -109,7 +99,12 @@ STUDY = declare(
     title="When learning stays bounded",
     question="What do frequency tests, the cycle map, a short simulation and `stability` say of random "
              "configurations, and are they right?",
-    runs=runs,
+    runs=[
+        {"set": [f"cycles={cycles}", "record=trace", "record.cycles=[1]"],
+         "over": {"draw": {number: [*draw_settings(machine, 25, number)] for number in range(count)}},
+         "quick": None if machine == ROBOT else {"cycles": 40}, "labels": {"machine": machine}}
+        for machine, (count, cycles) in DRAWS.items()
+    ],
     measures=MEASURES,
     findings={
         "base_rate": {

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from cmacexp.config import Config
 from cmacexp.data.run import read_config
-from cmacexp.loop.scenario import make_scenario, resolve_lead
+from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.drift import DRIFT_RATIO
 from cmacexp.stability.cycle_map import NotPredictable
 from cmacexp.stability.growth import GROWTH_CYCLES, MAX_CYCLES_BEFORE, SETTLING_CYCLES, fitted_growth
@@ -30,7 +29,7 @@ FEWEST = 20
 
 NAMES = (
     "learns", "held", "condition_1", "condition_2", "frequency", "cycle_map", "simulation", "verdict", "predicted",
-    "measured", "late",
+    "measured",
 )  # fmt: skip
 """Measures of a run, see :func:`_measure`; a criterion gives a number of SAID, or NaN if it cannot be computed."""
 
@@ -79,7 +78,7 @@ def _measure(folder: Path) -> Mapping[str, float]:
     if len(levels) < first - 1:
         return {"learns": 0.0}
     scenario, verdict, short = make_scenario(config), assess(config), assess(config, simulate=False)
-    setup, automatic, spectra = scenario.setup, replace(config.learning, lead="auto"), _spectra(config)
+    setup, spectra = scenario.setup, _spectra(config)
     lead, learning, asked = setup.lead, levels[first - 1 :], config.cycles - first + 1
     changes, lowest = _over_legs(run, "feedback_change")[1:], float(learning.min(initial=np.inf))
     return {
@@ -96,9 +95,6 @@ def _measure(folder: Path) -> Mapping[str, float]:
         "verdict": SAID[verdict.verdict],
         "predicted": verdict.growth,
         "measured": _measure_growth(changes, lowest, verdict.cycle),  # NaN where it is not small, or cycles are few
-        "late": float(
-            resolve_lead(replace(config, learning=automatic), scenario.sensors, scenario.controller) - lead
-        ),  # samples below the lead of ``learning.lead=auto``
     }
 
 

@@ -32,31 +32,23 @@ FEWER = TESTED[:12]
 """Those in which long runs are tested."""
 
 
-class Draw:
-    """Random choices of one run.
+class Draw(np.random.Generator):
+    """NumPy's generator, for the random choices of one run.
 
     Args:
-        seed: of numpy's generator; equal seeds give equal draws.
+        seed: equal seeds give equal draws.
     """
 
     def __init__(self, *seed: int):
-        self.random = np.random.default_rng(seed)
+        super().__init__(np.random.PCG64(seed))
 
     def choose(self, *values: Any) -> Any:
         """One of the values; what is listed twice is twice as likely."""
-        return values[self.random.integers(len(values))]
-
-    def even(self, low: float, high: float) -> float:
-        """A number, evenly distributed."""
-        return float(self.random.uniform(low, high))
+        return values[self.integers(len(values))]
 
     def even_log(self, low: float, high: float) -> float:
         """A number whose logarithm is evenly distributed."""
-        return float(np.exp(self.random.uniform(np.log(low), np.log(high))))
-
-    def happens(self, probability: float) -> bool:
-        """Whether something does."""
-        return bool(self.random.random() < probability)
+        return float(np.exp(self.uniform(np.log(low), np.log(high))))
 
 
 def draw_world(scenario: str, number: int, stiffer: float = 1.0) -> tuple[str, ...]:
@@ -68,18 +60,18 @@ def draw_world(scenario: str, number: int, stiffer: float = 1.0) -> tuple[str, .
         stiffer: how many times as stiff the ground has become, unknown to the plan; not of ``robot``.
     """
     draw, known = Draw(2026, sorted(PATCH).index(scenario), number), STIFFNESS.get(scenario)
-    true = known and stiffer * known * float(np.exp(draw.even(-0.3, 0.3)))
+    true = known and stiffer * known * float(np.exp(draw.uniform(-0.3, 0.3)))
     # Gains of a robot by rule count the delay of its sensors: with none they leave no room for a later torque.
     return (
         f"seed={number}",
         *((f"terrain.stiffness={true:.5g}", f"terrain.assumed_stiffness={known:g}") if known else ()),
         *("terrain.patch_spread=0.2", f"terrain.patch_size={PATCH[scenario]}", f"terrain.patch_seed={number}"),
-        f"plant.mass_factor={draw.even(0.8, 1.2):.4f}",
+        f"plant.mass_factor={draw.uniform(0.8, 1.2):.4f}",
         *(f"plant.start_spread={START[scenario]}", f"plant.start_seed={number}"),
         "sensors=encoders",
         f"sensors.velocity.delay={max(draw.choose(0, 1), scenario == 'robot'):d}",
         f"sensors.velocity.noise={draw.even_log(0.005, 0.05):.4f}",
-        f"sensors.force.noise_relative={draw.even(0.0, 0.1):.4f}",
+        f"sensors.force.noise_relative={draw.uniform(0.0, 0.1):.4f}",
     )
 
 
@@ -118,21 +110,21 @@ def _draw_ground(draw: Draw, known: float | None) -> list[str]:
     return [
         *((f"terrain.stiffness={true:.4g}", f"terrain.assumed_stiffness={known:g}") if known else ()),
         *(
-            ("terrain.patch_spread=0.3", "terrain.patch_size=0.15", f"terrain.patch_seed={draw.random.integers(100)}")
-            if draw.happens(0.4)
+            ("terrain.patch_spread=0.3", "terrain.patch_size=0.15", f"terrain.patch_seed={draw.integers(100)}")
+            if draw.random() < 0.4
             else ()
         ),
-        *((f"terrain.slope={draw.even(-0.05, 0.05):.3g}",) if draw.happens(0.4) else ()),
+        *((f"terrain.slope={draw.uniform(-0.05, 0.05):.3g}",) if draw.random() < 0.4 else ()),
     ]
 
 
 def _draw_payload(draw: Draw, machine: str) -> list[str]:
     """A load that the plan does not know; one leg has no body that carries it."""
-    if machine == ONE_LEG or draw.happens(0.5):
+    if machine == ONE_LEG or draw.random() < 0.5:
         return []
     ends = {"weight": (5.0, 20.0), "x": (-0.05, 0.05), "y": (-0.03, 0.03)}
     ends |= {"x": (-0.1, 0.1), "y": (-0.07, 0.07)} if machine == QUADRUPED else {}
-    return [f"payload.{key}={draw.even(*own):.3g}" for key, own in ends.items()]
+    return [f"payload.{key}={draw.uniform(*own):.3g}" for key, own in ends.items()]
 
 
 def draw_hard_world(machine: str, number: int) -> tuple[str, ...]:
@@ -158,7 +150,7 @@ def draw_long(number: int) -> Sequence[str]:
     gain, period = float(f"{draw.even_log(50.0, 250.0):.3g}"), draw.choose(0.004, 0.005, 0.008)
     stiffness = float(f"{draw.even_log(8.0, 100.0):.3g}")
     elasticity = float(f"{draw.even_log(0.1, 3.0):.3g}") / stiffness
-    samples = 20 * round(float(f"{draw.even(2.0, 4.0):.3g}") / period / 20)
+    samples = 20 * round(float(f"{draw.uniform(2.0, 4.0):.3g}") / period / 20)
     return (
         f"controller.position_gain={gain:.4g}",
         f"controller.velocity_gain={0.5 * gain**0.5 * float(f'{draw.even_log(0.6, 1.6):.3g}'):.4g}",
@@ -170,7 +162,7 @@ def draw_long(number: int) -> Sequence[str]:
         f"cmac.resolution_elements={draw.choose(9, 17, 33, 65)}",
         *("cmac.addressing=visited", "cmac.memory_bytes=4000000"),
         *(f"sampling_period={period}", f"gait.cycle_time={samples * period:.6g}"),
-        f"gait.stroke={draw.even(0.08, 0.2):.3g}",
+        f"gait.stroke={draw.uniform(0.08, 0.2):.3g}",
         f"terrain.stiffness={stiffness:.4g}",
         f"force_control.elasticity={elasticity:.4g}",
         f"force_control.admittance={elasticity * float(f'{draw.even_log(0.3, 2.0):.3g}'):.4g}",
@@ -216,7 +208,7 @@ def _draw_machine(draw: Draw, machine: str) -> list[str]:
     position, velocity = GAINS[machine]
     factor = draw.even_log(0.4, 4.0)
     velocity *= float(np.sqrt(factor)) * draw.even_log(0.5, 2.5)
-    lead = "lead_alpha=1.0" if draw.happens(0.12) else f"lead_omega={draw.even_log(5.0, 30.0):.3g}"
+    lead = "lead_alpha=1.0" if draw.random() < 0.12 else f"lead_omega={draw.even_log(5.0, 30.0):.3g}"
     fields = ("rectangular", "rectangular", "rectangular", "linear", "cubic")
     parts = [
         f"controller.position_gain={position * factor:.4g}", f"controller.velocity_gain={velocity:.4g}",
@@ -229,12 +221,12 @@ def _draw_machine(draw: Draw, machine: str) -> list[str]:
         f"cmac.inputs={draw.choose('[angle]', '[angle,velocity]', '[angle,velocity,acceleration]')}",
     ]  # fmt: skip
     period = draw.choose(0.002, 0.004, 0.005, 0.005, 0.008, 0.01)
-    samples = 20 * int(draw.even(1.5, 4.0) / period / 20)
+    samples = 20 * int(draw.uniform(1.5, 4.0) / period / 20)
     stiffness = draw.even_log(*SOFT_TO_HARD[machine])
     elasticity = draw.even_log(0.1, 5.0) / stiffness
     return [
         *parts, f"sampling_period={period}", f"gait.cycle_time={samples * period:.6g}",
-        f"gait.stroke={draw.even(0.05, 0.25):.3g}", f"gait.vertical={draw.choose('cubic', 'two_cubics')}",
+        f"gait.stroke={draw.uniform(0.05, 0.25):.3g}", f"gait.vertical={draw.choose('cubic', 'two_cubics')}",
         f"terrain.stiffness={stiffness:.4g}", f"force_control.elasticity={elasticity:.4g}",
         f"force_control.admittance={elasticity * draw.even_log(0.3, 2.0):.4g}",
     ]  # fmt: skip
