@@ -41,8 +41,6 @@ TITLES = {
 }
 GOAL_NAMES = {NO_GOAL: "", ZERO_BY_ERROR: "zero_by_error", MEAN: "mean"}
 """In the template; any other goal is ``zero``."""
-SPLINE = {"linear": (2, 1), "cubic": (3, 7)}
-"""Additions and multiplications of a B-spline, at most."""
 QUANTITIES = {"angle": ("rad", "m"), "velocity": ("rad/s", "m/s"), "acceleration": ("rad/s^2", "m/s^2")}
 """Units of planned inputs: of joints, and of a point mass, whose joints are its axes."""
 
@@ -181,39 +179,6 @@ def describe(network: Network, single: bool) -> dict[str, Any]:
         "input_lines": [*_list_inputs(network, columns, on_axes)],
         "state_bytes": -(-state // size) * size,
         "constant_bytes": constants,
-        "operations": count_operations(network),
-    }
-
-
-def count_operations(network: Network) -> dict[str, int]:
-    """Operations of one step, at most, all legs: of numbers, of integers (about), and words of memory."""
-    params, rule = network.params, network.params.learning.rule
-    (legs, _, joints), layers, inputs = params.weights.shape, params.cells.shape[2], network.inputs.shape[2]
-    weighted, goal, mean = int(network.is_weighted), int(rule.goal != NO_GOAL), int(rule.goal == MEAN)
-    predict, power, integer = layers * joints, weighted * layers, 2 * layers * joints
-    add = predict + power + joints * (network.model_torque is not None)
-    add += joints * (1 + (rule.divisor == REGULARISED) + layers * (1 + 2 * goal + mean))
-    multiply = weighted * predict + power + joints * (1 + goal * (1 + (rule.goal == ZERO_BY_ERROR)))
-    multiply += joints * layers * (weighted + goal * (1 + weighted) + 2 * weighted * mean)
-    divide = joints * (1 + goal * weighted + mean)
-    if network.addresses:
-        add, multiply, divide = add + 2 * inputs, multiply + inputs, divide + inputs
-        integer += layers * inputs * (8 if network.addresses[0].hashed else 5) + 12 * layers
-        integer += layers * 5 * params.weights.shape[1].bit_length() * bool(network.places)
-        if weighted:
-            name = next(key for key, value in RECEPTIVE_FIELDS.items() if value == network.field)
-            added, multiplied = SPLINE[name]
-            add += layers * (inputs * (2 + added) + 1)
-            multiply += layers * (inputs * (1 + multiplied) + 1)
-            divide += layers * (inputs + 1)
-    decays = rule.rate == DECAYING
-    return {
-        "add": legs * add + decays,
-        "multiply": legs * multiply,
-        "divide": legs * divide + 2 * decays,
-        "integer": legs * integer,
-        "weights": legs * layers * joints,
-        "trained": legs * layers * joints,
     }
 
 

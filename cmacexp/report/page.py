@@ -116,24 +116,23 @@ class Renderer:
         return Markup(cut_figure(drawing.figure, path.read_text(encoding="utf-8")))
 
 
-def _find_panels(figure: Figure) -> list[tuple[Array, list[int]]]:
-    """Extent (2, 2) of each panel, display units, as wide as its column and as high as its row; and its axes."""
-    boxes = [np.asarray(axes.get_tightbbox()) for axes in figure.axes]
-    specs = {n: spec for n, axes in enumerate(figure.axes) if (spec := axes.get_subplotspec()) is not None}
-    if not specs:
-        return [(np.array([[0.0, 0.0], figure.bbox.max]), list(range(len(boxes))))]
-    own = {n: [n] for n in specs}
-    for n in set(range(len(boxes))) - set(specs):  # a bar of colours, beside its map
-        own[min(specs, key=lambda main: abs(boxes[main] - boxes[n])[1].sum())].append(n)
+def _find_panels(figure: Figure) -> list[Array]:
+    """Extent (2, 2) of each panel, display units, as wide as its column and as high as its row.
+
+    A figure with axes outside its grid, such as a bar of colours beside a map, is one panel.
+    """
+    specs = [spec for axes in figure.axes if (spec := axes.get_subplotspec()) is not None]
+    if len(specs) < len(figure.axes):
+        return [np.array([[0.0, 0.0], figure.bbox.max])]
+    boxes = np.array([np.asarray(axes.get_tightbbox()) for axes in figure.axes])
+    columns, rows = (np.array([getattr(spec, span).start for spec in specs]) for span in ("colspan", "rowspan"))
     found = []
-    for main, spec in specs.items():
-        columns = [n for other in specs if specs[other].colspan.start == spec.colspan.start for n in own[other]]
-        rows = [n for other in specs if specs[other].rowspan.start == spec.rowspan.start for n in own[other]]
-        left, right = min(boxes[n][0, 0] for n in columns), max(boxes[n][1, 0] for n in columns)
-        bottom, top = min(boxes[n][0, 1] for n in rows), max(boxes[n][1, 1] for n in rows)
+    for spec, column, row in zip(specs, columns, rows, strict=True):
+        left, right = boxes[columns == column, 0, 0].min(), boxes[columns == column, 1, 0].max()
+        bottom, top = boxes[rows == row, 0, 1].min(), boxes[rows == row, 1, 1].max()
         ratios = np.asarray(spec.get_gridspec().get_width_ratios(), dtype=float)
-        least = 0.96 * figure.bbox.width * ratios[spec.colspan.start] / ratios.sum()
-        found.append((np.array([[left, bottom], [max(right, left + least), top]]), own[main]))
+        least = 0.96 * figure.bbox.width * ratios[column] / ratios.sum()
+        found.append(np.array([[left, bottom], [max(right, left + least), top]]))
     return found
 
 
@@ -146,10 +145,11 @@ def cut_figure(figure: Figure, drawn: str) -> str:
     boxes = [legend.get_window_extent().get_points() for legend in figure.legends]
     pieces = [(box, "legend", text) for box, text in zip(boxes, texts["legend"], strict=True)]
     panels = _find_panels(figure)
-    pieces += [(box, "panel", "".join(texts["axes"][n] for n in own)) for box, own in panels]
+    drawn_in = texts["axes"] if len(panels) == len(texts["axes"]) else ["".join(texts["axes"])]
+    pieces += [(box, "panel", text) for box, text in zip(panels, drawn_in, strict=True)]
     definitions = "".join(DEFINITIONS.findall(plain))
     width, height = figure.get_size_inches() * POINTS
-    columns = {round(box[0, 0]): np.ptp(box[:, 0]) * POINTS / figure.dpi + 2.0 * PAD for box, _ in panels}
+    columns = {round(box[0, 0]): np.ptp(box[:, 0]) * POINTS / figure.dpi + 2.0 * PAD for box in panels}
     percent = 100.0 / max(width, 1.01 * sum(columns.values()))  # all columns fit into a row
     drawings = []
     for box, kind, text in pieces:

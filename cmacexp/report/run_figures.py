@@ -10,12 +10,12 @@ from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.run import Run
 from cmacexp.data.tables import as_array
 from cmacexp.data.trace import LAST_STEPS
-from cmacexp.metrics.registry import count_legs, format_number, pool_legs, select_main
+from cmacexp.metrics.registry import count_legs, pool_legs, select_main
 from cmacexp.recording.run_view import RunView
-from cmacexp.report.curves import describe_change, join, over_cycles
+from cmacexp.report.curves import over_cycles
 from cmacexp.report.figures import DESIRED_LINE, Panel, Series, draw
 from cmacexp.report.page import Drawing
-from cmacexp.report.style import FEEDBACK, FEEDFORWARD, mark, pale
+from cmacexp.report.style import FEEDBACK, FEEDFORWARD, mark
 from cmacexp.typing import Array, Mask, Status
 
 JOINTS = {2: ("joint 1, hip", "joint 2, knee"), 3: ("hip", "thigh", "knee")}
@@ -29,33 +29,27 @@ TORQUES = {
 """Styles of the parts of a torque."""
 Rows = dict[str, Array]
 """Signals of one leg or of the body by name, (steps,) each."""
-VISIBLE = 0.005
-"""Least difference of two lines that is visible, as part of their range: about half the width of what is desired."""
+DIGITS = 3
+"""Decimals to which plans of two cycles are compared, in the unit that is drawn."""
 
 
 def draw_metrics(run: Run) -> Drawing:
     """The main metrics per cycle, pooled over the legs and, of several, of each."""
     pooled, count, table = pool_legs(run.scores), count_legs(run.scores), run.scores.legs
-    main, panels = select_main(pooled, count), []
-    for name in main:
+    panels = []
+    for name in select_main(pooled, count):
         lines = {"all legs": [pooled[name]]}
         if count > 1 and name in table.column_names:
             lines |= {LEG_NAMES[leg]: [as_array(table, name)[leg::count]] for leg in range(count)}
         panels.append(over_cycles(name, lines))
-    changes = describe_change({name: pooled[name] for name in main})
-    return Drawing("metrics", draw(panels, height=2.1), f"Metrics of each cycle.{changes}")
+    return Drawing("metrics", draw(panels, height=2.1), "Metrics of each cycle.")
 
 
-def keep_rows(view: RunView, leg: int, kept: Mask | slice) -> Rows:
+def select(view: RunView, leg: int, kept: Mask | slice) -> Rows:
     """Some steps of the signals of one leg; of the body if ``leg`` is 0."""
     trace = view.trace
     rows = {name: trace[name][:, leg - 1] for name in trace.names if name != "phase"} if leg else view.body
     return {name: column[kept] for name, column in rows.items()}
-
-
-def select(view: RunView, cycle: int, leg: int) -> Rows:
-    """The signals of one leg, or of the body, in one cycle."""
-    return keep_rows(view, leg, view.cycle == cycle)
 
 
 def measure_time(view: RunView, rows: Rows) -> Array:
@@ -65,7 +59,7 @@ def measure_time(view: RunView, rows: Rows) -> Array:
 
 def measure_duration(view: RunView) -> float:
     """Duration of the longest of the cycles, s; less than a cycle if the run stopped in its first."""
-    return float(measure_time(view, keep_rows(view, 1, slice(None))).max()) + view.run.config["sampling_period"]
+    return float(measure_time(view, select(view, 1, slice(None))).max()) + view.run.config["sampling_period"]
 
 
 def find_support(view: RunView, leg: int) -> list[tuple[float, float]]:
@@ -74,7 +68,7 @@ def find_support(view: RunView, leg: int) -> list[tuple[float, float]]:
         return []
     support = view.trace.support[view.cycle == view.cycles[0], leg - 1]
     edges = np.flatnonzero(np.diff(support.astype(int), prepend=0, append=0))
-    time = measure_time(view, select(view, view.cycles[0], leg))
+    time = measure_time(view, select(view, leg, view.cycle == view.cycles[0]))
     clock = np.append(time, view.run.config["gait"]["cycle_time"])
     return [] if support.all() else list(zip(clock[edges[::2]], clock[edges[1::2]], strict=True))
 
@@ -129,10 +123,6 @@ QUANTITIES = {
 }
 """By column; of x, y and z the errors."""
 BODY_QUANTITIES = ("height", MARGIN, "pitch", "roll")
-PEAKS = {"force", "x", "y", "z", "pitch", "roll"}
-"""Quantities whose largest sizes are in a caption."""
-PLANS = ("desired,", "planned,")
-"""How the names of lines begin that show what is desired in one cycle alone."""
 
 
 def draw_desired(name: str, rows: Rows, clock: Array) -> list[Series]:
@@ -150,35 +140,26 @@ def _style(view: RunView, cycle: int) -> dict[str, Any]:
     return {**mark(view.cycles.index(cycle) + 1), "linewidth": 1.1}
 
 
-def _coincide(one: Series, other: Series) -> bool:
-    """Whether lines are drawn on each other; those of a thinned trace, which has other steps, need not."""
-    a, b = (np.nan_to_num(np.array([line.x, line.y])) for line in (one, other))
-    return a.shape == b.shape and bool((np.abs(a - b) <= VISIBLE * np.ptp(b, axis=1, keepdims=True)).all())
-
-
-def _draw_plans(view: RunView, name: str, legs: Sequence[int]) -> list[list[Series]]:
-    """What is desired, for each leg: a grey line if that is the same in all cycles, else a pale line for each cycle.
+def _list_plans(view: RunView, name: str, leg: int) -> list[Series]:
+    """What is desired in the cycles, as grey lines; a single one where it is the same in all of them.
 
     The plan of a robot follows the load of its feet and its course from cycle to cycle.
     """
-    plans = []
+    lines = {}
     for cycle in view.cycles:
-        rows = [select(view, cycle, leg) for leg in legs]
-        plans.append([line for own in rows for line in draw_desired(name, own, measure_time(view, own))])
-    if all(_coincide(*lines) for plan in plans for lines in zip(plan, plans[-1], strict=True)):
-        return [[line] for line in plans[-1]] or [[] for _ in legs]
-    for cycle, plan in zip(view.cycles, plans, strict=True):
-        style = {**DESIRED_LINE, "color": pale(_style(view, cycle)["color"]), "alpha": 1.0}
-        plan[:] = [replace(line, name=f"{line.name}, cycle {cycle}", style=style) for line in plan]
-    return list(map(list, zip(*plans, strict=True)))
+        rows = select(view, leg, view.cycle == cycle)
+        for line in draw_desired(name, rows, measure_time(view, rows)):
+            lines[np.round([line.x, line.y], DIGITS).tobytes()] = line
+    return list(lines.values())
 
 
 def draw_over_cycle(view: RunView, name: str, legs: Sequence[int]) -> list[Panel]:
     """A quantity of legs, or of the body if they are ``[0]``, over the time of each cycle, a panel for each leg."""
     panels, quantity = [], QUANTITIES[name]
-    for leg, lines in zip(legs, _draw_plans(view, name, legs), strict=True):
+    for leg in legs:
+        lines = _list_plans(view, name, leg)
         for cycle in view.cycles:
-            rows = select(view, cycle, leg)
+            rows = select(view, leg, view.cycle == cycle)
             x = 1e3 * rows["x"] if name == FOOT else measure_time(view, rows)
             lines.append(Series(f"cycle {cycle}", x, quantity.compute(rows), style=_style(view, cycle)))
         panel = Panel(name_leg(view, leg) or quantity.title, CLOCK, quantity.y, lines, from_zero=quantity.from_zero)
@@ -187,16 +168,6 @@ def draw_over_cycle(view: RunView, name: str, legs: Sequence[int]) -> list[Panel
         else:
             panels.append(replace(panel, x_range=(0.0, measure_duration(view)), shaded=find_support(view, leg)))
     return panels
-
-
-def _describe_peaks(view: RunView, names: Sequence[str], legs: Sequence[int]) -> str:
-    """The largest sizes of quantities in the first and in the last cycle that is shown."""
-    parts, cycles = [], dict.fromkeys((view.cycles[0], view.cycles[-1]))
-    for quantity in (QUANTITIES[name] for name in names):
-        rows = [[select(view, cycle, leg) for leg in legs] for cycle in cycles]
-        sizes = [max(float(np.nanmax(np.abs(quantity.compute(each)))) for each in own) for own in rows]
-        parts.append(f"{quantity.title} {' and '.join(map(format_number, sizes))} {quantity.y.rpartition(', ')[2]}")
-    return f" Largest {' and '.join(f'in cycle {cycle}' for cycle in cycles)}:{join(parts)}"
 
 
 def _draw_quantities(
@@ -208,12 +179,8 @@ def _draw_quantities(
     height: float,
     share: str = "",
 ) -> Drawing:
-    """A figure of some quantities over the chosen cycles; ``caption`` is followed by how to read it, and by peaks."""
+    """A figure of some quantities over the chosen cycles; ``caption`` is followed by how to read it."""
     panels = [panel for name in names for panel in draw_over_cycle(view, name, legs)]
-    if any(series.name.startswith(PLANS) for panel in panels for series in panel.series):
-        caption += " The desired or planned lines are pale, each in the colour of its cycle."
-    if peaks := [name for name in names if name in PEAKS]:
-        caption += _describe_peaks(view, peaks, legs)
     return Drawing(file, draw(panels, height=height, share=share), caption + _describe_shade(panels))
 
 
@@ -249,7 +216,7 @@ def draw_torques(view: RunView) -> Drawing:
     learns = any(view.trace[f"tau_feedforward_{joint + 1}"].any() for joint in range(count))
     panels = []
     for leg in range(1, view.trace.legs + 1):
-        time = measure_time(view, select(view, cycle, leg))  # three panels beside each other are narrow:
+        time = measure_time(view, select(view, leg, view.cycle == cycle))  # titles beside each other are narrow:
         leg_name = f"{leg} {LEG_NAMES[leg - 1]}" if view.robot else name_leg(view, leg)
         for joint, name in enumerate(names, 1):
             parts = {key: own[view.cycle == cycle, leg - 1] for key, own in view.torques(joint).items()}
@@ -270,13 +237,13 @@ def draw_end(view: RunView) -> Drawing:
     columns = joints if view.has_joints else {"vx": "along x", "vy": "along y"}
     speeds, forces = [], []
     for leg in range(1, view.trace.legs + 1):
-        rows = keep_rows(view, leg, slice(-LAST_STEPS, None))
+        rows = select(view, leg, slice(-LAST_STEPS, None))
         whose = f"leg {leg} " if view.trace.legs > 1 else ""
         speeds += [Series(whose + name, rows["time"], rows[column]) for column, name in columns.items()]
         forces.append(Series(whose or "force", rows["time"], rows["force"]))
     panels = [Panel("contact force", "time, s", "force, N", forces)]
     if view.trace.body is not None and view.run.status == Status.FELL:
-        rows = keep_rows(view, 0, slice(-LAST_STEPS, None))
+        rows = select(view, 0, slice(-LAST_STEPS, None))
         for name in BODY_QUANTITIES:
             quantity, time = QUANTITIES[name], rows["time"]
             lines = [*draw_desired(name, rows, time), Series("true", time, quantity.compute(rows))]

@@ -77,11 +77,6 @@ def mark(index: int) -> dict[str, Any]:
     return {"color": SERIES[index % 7], "linestyle": DASHES[(index + index // 7) % 7]}
 
 
-def pale(ink: str) -> str:
-    """A colour ``#RRGGBB`` mixed with white; unlike one that is transparent, it hides what it lies on."""
-    return colour(tuple(255 - (255 - part) * 2 // 5 for part in bytes.fromhex(ink[1:])))
-
-
 def nested(index: int, count: int) -> dict[str, Any]:
     """Widths of lines that may lie on each other: the first is the widest, and is seen behind the others."""
     return {"linewidth": 1.2 + 2.0 * (count - 1 - index) / max(count - 1, 1)}

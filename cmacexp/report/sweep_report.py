@@ -13,10 +13,9 @@ from cmacexp.config.describe import describe_fields
 from cmacexp.config.load import WITHOUT_EFFECT
 from cmacexp.data.run import Run
 from cmacexp.metrics.registry import JUDGED, MAIN, format_runs, format_setting, make_names, shows
-from cmacexp.report.curves import describe_change, describe_effect, is_numeric, over_cycles, over_setting
+from cmacexp.report.curves import is_numeric, over_cycles, over_setting
 from cmacexp.report.figures import draw
 from cmacexp.report.page import HOW_TO_REPORT, Drawing, PageElement, Report, Section, Table
-from cmacexp.report.style import DASHES, MARKERS, SERIES
 from cmacexp.typing import Array
 
 MOST_LINES = 12
@@ -141,16 +140,6 @@ def _name_lines(runs: Sequence[Run], keys: Sequence[str]) -> dict[str, list[Run]
     return {name + end: [run] for name, end, run in zip(names, ends, runs, strict=True) if run.cycles_done}
 
 
-def _style_lines(lines: Mapping[str, Sequence[Run]], keys: Sequence[str]) -> dict[Any, dict[str, Any]]:
-    """Of two swept keys the first has a colour for each value, the second a dash and a mark."""
-    places = [list(_group_by([run for (run,) in lines.values()], key)) for key in keys]
-    styles = {}
-    for name, (run,) in lines.items():
-        colour, dash = (values.index(run.settings.get(key)) % 7 for values, key in zip(places, keys, strict=True))
-        styles[name] = {"color": SERIES[colour], "linestyle": DASHES[dash], "marker": MARKERS[dash]}
-    return styles
-
-
 def draw_learning_curves(runs: Sequence[Run], keys: Sequence[str]) -> list[Drawing]:
     """The main metrics per cycle, a line for each run that has a whole one; none if no run has two.
 
@@ -161,23 +150,20 @@ def draw_learning_curves(runs: Sequence[Run], keys: Sequence[str]) -> list[Drawi
     if max((run.cycles_done for run in begun), default=0) < 2:
         return []
     if len(begun) <= MOST_LINES:
-        styles = _style_lines(lines, keys) if len(keys) == 2 else {}
-        return [_draw_learning("learning", "one line for each run", lines, "", styles)]
+        return [_draw_learning("learning", "one line for each run", lines, "")]
     drawings = []
     for key, title in _read_names(begun[0], keys[:2]).items():
         groups = list(_group_by(begun, key).items())
         chosen = dict(groups[round(place)] for place in np.linspace(0, len(groups) - 1, MOST_LINES))
         some = f"; {len(chosen)} of {len(groups)} values are shown" if len(chosen) < len(groups) else ""
         what = f"median and range of the runs with the same {key}{some}"
-        drawings.append(_draw_learning(_make_file_name("learning", key), what, chosen, title, {}))
+        drawings.append(_draw_learning(_make_file_name("learning", key), what, chosen, title))
     return drawings
 
 
-def _draw_learning(
-    file: str, what: str, groups: Mapping[Any, Sequence[Run]], title: str, styles: Mapping[Any, dict[str, Any]]
-) -> Drawing:
+def _draw_learning(file: str, what: str, groups: Mapping[Any, Sequence[Run]], title: str) -> Drawing:
     """The main metrics per cycle, a line for each group; its name is that of the legend's entry."""
-    panels, ends = [], {}
+    panels = []
     for name in JUDGED:
         histories = {
             value: [
@@ -186,14 +172,9 @@ def _draw_learning(
             ]
             for value, group in groups.items()
         }
-        first, last = np.array([own[[0, -1]] for group in histories.values() for own in group]).T
-        if np.isfinite(last).any():
-            panel = over_cycles(name, histories)
-            series = [replace(line, style={**line.style, **styles.get(line.name, {})}) for line in panel.series]
-            panels.append(replace(panel, series=series, title=f"{MAIN[name].title} ({name})"))
-            ends[name] = np.array([np.nanmedian(own) for own in (first, last) if np.isfinite(own).any()])
-    caption = f"Metrics of each whole cycle: {what}.{describe_change(ends)}"
-    return Drawing(file, draw(panels, legend_title=title), f"{caption} Numbers are medians of the runs.")
+        if any(np.isfinite(own[-1]) for group in histories.values() for own in group):
+            panels.append(replace(over_cycles(name, histories), title=f"{MAIN[name].title} ({name})"))
+    return Drawing(file, draw(panels, legend_title=title), f"Metrics of each whole cycle: {what}.")
 
 
 def _read_finals(runs: Sequence[Run], key: str, name: str) -> dict[Any, Array]:
@@ -211,20 +192,16 @@ def draw_over_key(runs: Sequence[Run], key: str, keys: Sequence[str]) -> list[Dr
     second = others[0] if len(others) == 1 and len(_group_by(ended, others[0])) <= 7 else ""
     lines = _group_by(ended, second) if second else {"last cycle": ended}
     stopped: list[Any] = [run.settings.get(key) for run in runs if not run.completed]
-    panels, samples, names, numeric = [], {}, _read_names(runs[0], keys), is_numeric(values)
+    panels, names, numeric = [], _read_names(runs[0], keys), is_numeric(values)
     for name in JUDGED:
         known = np.array([value for run in ended if np.isfinite(value := run.final(name))])
         varies = known.size and np.ptp(known) > 1e-9 * np.abs(known).max()
         if not varies or not all(shows(run, name) for run in ended):
             continue
-        samples[name] = list(_read_finals(ended, key, name).values())
         groups = {line: _read_finals(group, key, name) for line, group in lines.items()}
         shown, kind = MAIN[name], "lines" if numeric else "scatter"
         axes, title = (names[key], f"{shown.title}, {shown.unit}"), f"{shown.title} ({name})"
         panel = over_setting(groups, *axes, kind=kind, log=None, title=title, order=values)
-        if numeric and "x" not in panel.log:  # the same for all, also where few values have a metric
-            margin = 0.05 * (values[-1] - values[0] or 1.0)
-            panel = replace(panel, x_range=(values[0] - margin, values[-1] + margin))
         crosses = stopped if numeric else [panel.ticks.index(format_setting(value)) for value in stopped]
         panels.append(replace(panel, from_zero=shown.from_zero, crosses=crosses))
     if not panels:
@@ -233,7 +210,7 @@ def draw_over_key(runs: Sequence[Run], key: str, keys: Sequence[str]) -> list[Dr
     rest = [other for other in others if other != second]
     also = f"; {', '.join(rest)} also varies: values are means, bands are the range" if rest else ""
     figure = draw(panels, legend_title=names.get(second, ""))
-    return [Drawing(_make_file_name("over", key), figure, f"{caption}{also}.{describe_effect(samples)}")]
+    return [Drawing(_make_file_name("over", key), figure, f"{caption}{also}.")]
 
 
 def make_sweep_report(runs: Sequence[Run], title: str, resume: str = "") -> Report:
