@@ -94,8 +94,7 @@ def _list_tried(results: Results) -> dict[str, Results]:
 
 def ended_early(results: Results) -> Array:
     """(seeds,): number of values tried with which a run ended early."""
-    seeds = results.by("seed").values()
-    return np.array([sum(not all(group.completed) for group in _list_tried(own).values()) for own in seeds])
+    return np.sum([np.logical_not(group.completed) for group in _list_tried(results).values()], axis=0)
 
 
 def differs(conclusion: Criterion, results: Results, variant: str) -> Mask:

@@ -13,7 +13,7 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache, partial
 from pathlib import Path
@@ -235,7 +235,9 @@ def fill_quotes(text: str, results: Quotable) -> str:
     return QUOTE.sub(partial(quoted, results=results), text)
 
 
-def find_outdated(sentences: Sequence[Mapping[str, Any]], texts: Mapping[str, str], results: Quotable) -> list[str]:
+def find_outdated(
+    sentences: Sequence[Mapping[str, Any]], texts: Mapping[str, str], results: Quotable
+) -> Iterator[str]:
     """Sentences that are gone from their page, or were written for another verdict; a line for each.
 
     Args:
@@ -243,16 +245,14 @@ def find_outdated(sentences: Sequence[Mapping[str, Any]], texts: Mapping[str, st
         texts: of pages, by name.
         results: of the studies.
     """
-    found = []
     for each in sentences:
         if each["text"] not in " ".join(texts[each["page"]].split()):
-            found.append(f"{each['page']}: has no sentence {each['text']!r}")
+            yield f"{each['page']}: has no sentence {each['text']!r}"
         for key, verdict in each["needs"].items():
             study, _, name = key.partition(".")
             entry = find_entry(study, name, results)
             if (today := entry["verdict"] if entry else NOT_MEASURED) != verdict:
-                found.append(f"{each['page']}: {each['text']!r} is for {key} = {verdict}, it is {today}")
-    return found
+                yield f"{each['page']}: {each['text']!r} is for {key} = {verdict}, it is {today}"
 
 
 def count_claims(results: Quotable) -> str:

@@ -1,20 +1,17 @@
 """What the study of predictors measures of one run: how it went, and what each of them says of its config."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 
-from cmacexp.config import Config
 from cmacexp.data.run import read_config
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.drift import DRIFT_RATIO
-from cmacexp.stability.cycle_map import NotPredictable
-from cmacexp.stability.growth import GROWTH_CYCLES, MAX_CYCLES_BEFORE, SETTLING_CYCLES, fitted_growth
-from cmacexp.stability.transfer import Spectrum, spectra_along
-from cmacexp.stability.verdict import FREQUENCIES, GROWS, HOLDS, MAX_CYCLES, PLACES, UNDECIDED, assess, compute_rise
+from cmacexp.stability.growth import GROWTH_CYCLES, SETTLING_CYCLES, fitted_growth
+from cmacexp.stability.verdict import GROWS, HOLDS, MAX_CYCLES, UNDECIDED, assess, compute_rise, find_least_real
 from cmacexp.study import Array, Measures, Run
 
 SAID = {HOLDS: 1.0, UNDECIDED: 0.0, GROWS: -1.0}
@@ -51,21 +48,9 @@ def _measure_growth(changes: Array, lowest: float, cycle: int) -> float:
     return fitted_growth(after) if cycle and len(after) >= FEWEST and small.all() else float("nan")
 
 
-def _spectra(config: Config) -> list[Spectrum]:
-    """T at the places of the cycle; none where the loop without learning does not complete them."""
-    try:
-        return spectra_along(config, config.learning.start_cycle + MAX_CYCLES_BEFORE, PLACES, FREQUENCIES)
-    except NotPredictable:
-        return []
-
-
-def _say(holds: bool) -> float:
-    return SAID[HOLDS] if holds else SAID[GROWS]
-
-
-def _say_if_met(spectra: Sequence[Spectrum], lead: int, share: float) -> float:
-    """What Re(z^l T) > ``share`` T^H T at every frequency and place says; NaN without spectra."""
-    return _say(min(place.least(lead, share) for place in spectra) > 0.0) if spectra else float("nan")
+def _say(margin: float) -> float:
+    """What a criterion says that is met where its margin is above 0; NaN if that cannot be computed."""
+    return math.nan if math.isnan(margin) else SAID[HOLDS] if margin > 0.0 else SAID[GROWS]
 
 
 @lru_cache(maxsize=2)
@@ -78,19 +63,17 @@ def _measure(folder: Path) -> Mapping[str, float]:
     if len(levels) < first - 1:
         return {"learns": 0.0}
     scenario, verdict, short = make_scenario(config), assess(config), assess(config, simulate=False)
-    setup, spectra = scenario.setup, _spectra(config)
-    lead, learning, asked = setup.lead, levels[first - 1 :], config.cycles - first + 1
+    lead, rate = scenario.setup.lead, scenario.setup.rate
+    learning, asked = levels[first - 1 :], config.cycles - first + 1
+    # Re(z^l T) > s T^H T, Re the Hermitian part: s = beta / 2 in condition 1, beta (l + 1/2) in condition 2.
+    margins = find_least_real(config, lead, rate / 2.0, rate * (lead + 0.5), 0.0)
     changes, lowest = _over_legs(run, "feedback_change")[1:], float(learning.min(initial=np.inf))
     return {
         "learns": 1.0,  # feedback only lasts until learning begins
-        "held": float(
-            _held(learning, asked)
-        ),  # it completed, and its feedback ended below DRIFT_RATIO times its least
-        "condition_1": _say_if_met(spectra, lead, setup.rate / 2.0),  # Re(z^l T) > (beta / 2) T^H T, Re the Hermitian
-        "condition_2": _say_if_met(spectra, lead, setup.rate * (lead + 0.5)),  # Re(z^l T) > beta (l + 1/2) T^H T
-        "frequency": _say_if_met(spectra, lead, 0.0),
-        # Growth below 1 of the loop linearised after the first cycles.
-        "cycle_map": math.nan if math.isnan(short.growth) else _say(short.growth < 1.0),
+        # It completed, and its feedback ended below DRIFT_RATIO times its least.
+        "held": float(_held(learning, asked)),
+        **dict(zip(("condition_1", "condition_2", "frequency"), map(_say, margins), strict=True)),
+        "cycle_map": _say(1.0 - short.growth),  # of the loop linearised after the first cycles
         "simulation": _say(_held(learning, min(MAX_CYCLES, asked))),
         "verdict": SAID[verdict.verdict],
         "predicted": verdict.growth,

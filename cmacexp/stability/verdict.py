@@ -156,17 +156,20 @@ def _growth_before(config: Config, scenario: Scenario, history: History) -> tupl
         return float("nan"), cycle
 
 
-def _least_real(config: Config, lead: int) -> float:
-    """Least Re z^lead T over frequency and place, NaN where the loop without learning does not last."""
+def find_least_real(config: Config, lead: int, *shares: float) -> list[float]:
+    """Least Re(z^lead T) - share T^H T over frequency and place, for each share; see :meth:`Spectrum.least_real`.
+
+    NaN where the loop without learning does not last.
+    """
     try:
         spectra = spectra_along(config, config.learning.start_cycle + MAX_CYCLES_BEFORE, PLACES, FREQUENCIES)
     except NotPredictable:
-        return float("nan")
-    return min(spectrum.least(lead) for spectrum in spectra)
+        return [float("nan")] * len(shares)
+    return [min(spectrum.least(lead, share) for spectrum in spectra) for share in shares]
 
 
 def _linearise(config: Config, lead: int, loop: RestorableLoop, lowest: float, risen: float) -> _Evidence:
-    least_real = _least_real(config, lead)
+    (least_real,) = find_least_real(config, lead, 0.0)
     try:
         growth, other = grow(loop), grow(loop, seed=SEED)
     except NotPredictable:
