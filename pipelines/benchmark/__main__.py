@@ -4,18 +4,19 @@
 take a log: see ``docs/benchmark.md``.
 """
 
-import argparse
 import json
+from collections.abc import Collection
 from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
-from cmacexp.commands.command import OptionTable, add_options
+from cmacexp.commands.command import Arguments, OptionTable, add_options
 from cmacexp.commands.gap import LOG_OPTIONS
 from cmacexp.commands.study import Options, command, study_parser, write_results
 from cmacexp.config.component import find_sources
 from cmacexp.config.compose import compose_config
 from cmacexp.data.folder import HTML
+from cmacexp.errors import BadInput
 from cmacexp.models.robot_file import package_models
 from cmacexp.study import Results
 from cmacexp.study.provenance import digest_files, make_provenance
@@ -45,35 +46,41 @@ ALL, TRIALS = "all", "trials"
 """Every machine; the folder of outcomes, which are used again, beside the reports of studies."""
 
 
-def _write(machines: dict[str, Machine], methods: list[Method], options: Options) -> Path:
+def _write(machines: dict[str, Machine], methods: dict[str, Method], options: Options) -> Path:
     """Tune and test; write table, JSON and page; returns the page."""
     with options.start_workers() as each:
-        named = {method.name: method for method in methods}
-        run_rows = partial(run_plan, machines, named, each, options.folder / TRIALS)
+        run_rows = partial(run_plan, machines, methods, each, options.folder / TRIALS)
         chosen, tuned = tune(machines, methods, run_rows)
         frame = test(machines, methods, run_rows, chosen)
-    results, root = (
-        Results([], {BENCHMARK: frame, "settings": summary.table_settings(tuned)}),
-        Path(__file__).parents[2],
-    )
-    imported = {*find_sources("pipelines.benchmark.benchmark"), *find_sources("pipelines.perceptron")}
-    own = digest_files(sorted(imported.union(Path(__file__).parent.rglob("*.py"))), root)
-    first = next(iter(machines.values()))
+    results = Results([], {BENCHMARK: frame, "settings": summary.table_settings(tuned)})
+    first, known = next(iter(machines.values())), () if options.quick else (ALONE, CMAC)
     witnesses = [
-        run_witness(list_overrides(first, each, DEFAULT, first.draw(0)))
-        for each in methods
-        if each.name in (ALONE, CMAC) and not options.quick
+        run_witness(list_overrides(first, methods[name], DEFAULT, first.draw(0))) for name in known if name in methods
     ]
+    imported = {*find_sources("pipelines.benchmark.benchmark"), *find_sources("pipelines.perceptron")}
+    own = digest_files(sorted(imported.union(Path(__file__).parent.rglob("*.py"))), Path(__file__).parents[2])
     provenance = {
         **make_provenance(own, results, witnesses, seeds=max(each.worlds for each in machines.values())),
         "runs": len(frame),
         "models": {name: find_model_hash(name) for name in machines if name in package_models()},
     }
-    file = StudyFile(Path(__file__).with_name(f"{BENCHMARK}.py"), make_study(machines, named))
-    settings = {", ".join(place): {kind: text.split() for kind, text in own.items()} for place, own in chosen.items()}
-    about = {"version": VERSION, "quick": options.quick, "tasks_hash": hash_tasks(machines), "settings": settings}
-    texts = {f"{BENCHMARK}.json": json.dumps(about, indent=1) + "\n"}  # code and models are in the provenance
-    write_results(file, results, options.place(BENCHMARK), options.quick, provenance, texts)
+    about = {  # code and models are in the provenance
+        "version": VERSION,
+        "quick": options.quick,
+        "tasks_hash": hash_tasks(machines),
+        "settings": {
+            ", ".join(place): {kind: text.split() for kind, text in own.items()} for place, own in chosen.items()
+        },
+    }
+    file = StudyFile(Path(__file__).with_name(f"{BENCHMARK}.py"), make_study(machines, methods))
+    write_results(
+        file,
+        results,
+        options.place(BENCHMARK),
+        options.quick,
+        provenance,
+        {f"{BENCHMARK}.json": json.dumps(about, indent=1) + "\n"},
+    )
     for machine in machines:
         print_line(f"{machine}: mean score of completed runs over {len(TASKS)} tasks, and failures")
         scores = summary.table_scores(frame, machine)
@@ -83,14 +90,26 @@ def _write(machines: dict[str, Machine], methods: list[Method], options: Options
     return options.place(BENCHMARK) / HTML
 
 
-def run(arguments: argparse.Namespace, options: Options) -> Path:
+def _refuse_in_vain(arguments: Arguments, used: Collection[str], form: str) -> None:
+    """Refuse an option that a form of the command does not use; raises BadInput."""
+    for name, option in {**OPTIONS, **LOG}.items():
+        given = getattr(arguments, name.lstrip("-").replace("-", "_"))
+        if name not in used and given != option.get("default"):
+            raise BadInput(name, given, f"has no effect {form}; leave it out")
+
+
+def run(arguments: Arguments, options: Options) -> Path:
     """Run the benchmark or its log track, or compare results; returns the page, or the second table of results."""
     if arguments.log is not None:
+        own = ["--log"] if str(arguments.log) == log_track.SIMULATED else LOG
+        _refuse_in_vain(arguments, ("--method", "--methods", *own), f"with --log {arguments.log}")
         return log_track.run(arguments, options)
     if arguments.compare is not None:
+        _refuse_in_vain(arguments, ["--compare"], "with --compare")
         for line in summary.compare_results(*arguments.compare):
             print_line(line)
         return Path(arguments.compare[1])
+    _refuse_in_vain(arguments, OPTIONS, "without --log")
     chosen = choose_names("--machine", arguments.machine, [*MACHINES, ALL])
     names = MACHINES if ALL in chosen else chosen
     machines = {name: make_quick(MACHINES[name]) if options.quick else MACHINES[name] for name in names}

@@ -5,12 +5,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from cmacexp.study import (
-    UNPAIRED,
     Array,
-    Comparison,
     Criterion,
     DataFrame,
     Finding,
@@ -19,6 +16,7 @@ from cmacexp.study import (
     Study,
     at_least,
     at_most,
+    quotients,
 )
 from pipelines.benchmark import summary
 from pipelines.benchmark.entrants import ALONE, CMAC, MACHINES, SPEED, STRESS, STROKE, TASKS, VERSION
@@ -31,8 +29,6 @@ MODEL, HEAVY, SMOOTH, IDENTIFIED = "model", "model 20 % heavy", "model, smooth p
 NOMINAL = (MODEL, "model 20 % light", HEAVY)
 MODELS = (*NOMINAL, SMOOTH, IDENTIFIED)
 LEARNERS = (CMAC, ON_MODEL, RBF, ILC, "MLP", "norm-optimal ILC", "Fourier features", "adaptive regressor", REPETITIVE)
-CYCLES = "cycles to a tenth"
-"""Column of the chosen settings: median in the worlds of tuning."""
 FEW, AS_GOOD, CLEARLY = 0.05, 1.25, 0.8
 """Share of failures that is small; ratios of scores or cycles that count as as good, and as clearly less."""
 SHARE = partial(Criterion, unit="%", scale=100.0)
@@ -49,9 +45,7 @@ TABLES = {
 
 def _divide(sums: Array) -> Array:
     """(worlds,): of sums (2, worlds) the first over the second; ``UNPAIRED`` where no run counts."""
-    mine, other = sums
-    found: Array = np.divide(mine, other, out=np.full(len(other), UNPAIRED), where=other > 0.0)
-    return found
+    return quotients(sums[0], np.where(sums[1] > 0.0, sums[1], np.inf))
 
 
 def _ratio(machine: str, method: str, *others: str, setting: str = FOR_ALL) -> Callable[[Results], Array]:
@@ -72,26 +66,25 @@ def _changed(results: Results, machine: str, kind: str, method: str = CMAC) -> A
     """(worlds,): score of a method with a kind of setting over that with its default one."""
     frame = results.computed[BENCHMARK]
     before, after = (summary.make_comparison(frame, machine, each) for each in (BY_DEFAULT, kind))
-    pair = {each: found.scores[method] for each, found in ((BY_DEFAULT, before), (kind, after))}
-    return _divide(Comparison(pair, before.tasks, before.worlds).sums(kind, BY_DEFAULT))
+    return _divide(summary.pair_settings(before, after, method).sums(summary.AFTER, summary.BEFORE))
 
 
 def _fastest(results: Results, machine: str) -> Array:
     """(worlds,): cycles to a tenth of CMAC over those of the learner that was the fastest other one in tuning."""
-    counted = summary.count_cycles(summary.take(results.computed[BENCHMARK], machine, FOR_ALL))
+    rows = summary.count_cycles(summary.take(results.computed[BENCHMARK], machine, FOR_ALL))
+    counted = rows.groupby(["method", "world"])[summary.CYCLES].median()
     tuned = results.computed["settings"]
-    in_tuning = tuned[tuned["machine"] == machine].set_index("method")[CYCLES]
+    in_tuning = tuned[tuned["machine"] == machine].set_index("method")[summary.CYCLES]
     rival = min((name for name in LEARNERS if name not in (CMAC, ON_MODEL)), key=lambda name: in_tuning[name])
-    own, other = (pd.DataFrame(counted[name]).median() for name in (CMAC, rival))
-    return (own / other).fillna(1.0).to_numpy()
+    return (counted[CMAC] / counted[rival]).fillna(1.0).to_numpy()
 
 
 def _first(results: Results, machine: str, task: str) -> Array:
     """(worlds,): first error of CMAC after a change over that of feedback only, where both complete."""
-    rows = summary.take(results.computed[BENCHMARK], machine, FOR_ALL)
-    values = summary.tabulate_values(rows, "first_error", (task,))
-    both = np.isfinite(values[CMAC][0]) & np.isfinite(values[ALONE][0])
-    return _divide(np.stack([np.where(both, values[name][0], 0.0) for name in (CMAC, ALONE)]))
+    rows = summary.take(results.computed[BENCHMARK], machine, FOR_ALL).query("task == @task")
+    values = rows.pivot(index="world", columns="method", values="first_error")
+    alone = values[ALONE].where(np.isfinite(values[CMAC]), np.inf)
+    return quotients(values[CMAC].to_numpy(), alone.to_numpy())
 
 
 def _beaten(results: Results, method: str) -> Array:

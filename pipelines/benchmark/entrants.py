@@ -5,9 +5,9 @@ A task is what changes for a machine that walks; a method is its overrides, and 
 
 import hashlib
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Any
+from typing import Any, TypeVar
 
 from cmacexp.config.cmac import CmacConfig
 from cmacexp.config.component import config_class, current_folder_importable, find_class
@@ -105,8 +105,7 @@ MACHINES = {
 def change_world(world: Sequence[str], change: Sequence[str]) -> list[str]:
     """The overrides of a world with those of a task: ``x1.2`` is a factor of the value that the world has."""
     values = dict(text.split("=", 1) for text in world)
-    for text in change:
-        key, value = text.split("=", 1)
+    for key, value in (text.split("=", 1) for text in change):
         values[key] = f"{float(values[key]) * float(value[1:]):.6g}" if value.startswith("x") else value
     return [f"{key}={value}" for key, value in values.items()]
 
@@ -128,6 +127,7 @@ def hash_tasks(machines: Mapping[str, Machine]) -> str:
 FEEDFORWARD, CONTROLLER = "feedforward", "controller"
 ALONE, CMAC = "feedback only", "CMAC"
 OWN = "pipelines.benchmark.methods"
+T = TypeVar("T")
 RENAMED = {"feedback_alone": "feedback_only"}
 """Names as the command line took them before."""
 
@@ -144,13 +144,20 @@ class Method:
     """Whether it keeps what it has learnt, so that learning can be guarded."""
 
 
-def _list_tuned(group: str, schema: type[Any] | None, only: Sequence[str] = ()) -> list[tuple[str, Any]]:
-    """Fields of a config class that say what they are tuned over, or those of them that are named."""
-    found = {each.name: each.metadata.get("tuned") for each in (fields(schema) if schema else ())}
-    return [(f"{group}.{name}", tuned) for name, tuned in found.items() if tuned and (not only or name in only)]
+def _list_tuned(group: str, schema: type[Any] | None) -> list[tuple[str, Any]]:
+    """Fields of a config class that say what they are tuned over.
+
+    Raises:
+        BadInput: an end of a range, whose logarithm is drawn, is not above 0.
+    """
+    given = [(f"{group}.{each.name}", each.metadata.get("tuned")) for each in (fields(schema) if schema else ())]
+    for key, tuned in given:
+        if isinstance(tuned, tuple) and min(tuned) <= 0.0:
+            raise BadInput("--method", key, f"has tuned={tuned}: both ends must be above 0, its logarithm is drawn")
+    return [(key, tuned) for key, tuned in given if tuned]
 
 
-LEARNING = _list_tuned("learning", LearningConfig, ["rate"])
+LEARNING = _list_tuned("learning", LearningConfig)
 CMAC_SIZE = _list_tuned("cmac", CmacConfig)
 
 
@@ -219,20 +226,31 @@ def choose_names(option: str, names: str | None, known: Collection[str]) -> list
     return wanted
 
 
-def choose_methods(names: str | None, targets: Sequence[str]) -> list[Method]:
-    """The methods that are asked for, feedback only first.
+def choose(
+    names: str | None, targets: Sequence[str], known: Mapping[str, T], enter_class: Callable[[str], T]
+) -> dict[str, T]:
+    """What takes part, by name: what is asked for of what is known, then the classes that enter.
 
     Args:
-        names: of methods of the benchmark, separated by commas; None: all of them.
-        targets: classes that enter.
+        names: of known methods, as the command line takes them, separated by commas; None: all of them.
+        targets: classes that enter, each as ``module.Class``.
+        known: methods by name.
+        enter_class: gives the method of a target.
 
     Raises:
-        BadInput: there is no such method, or two have the same name.
+        BadInput: there is no such method, or a class has the name of another one; and as ``enter_class``.
     """
-    known = {slug(method.name): method for method in list_methods()}
-    chosen = {known[name].name: known[name] for name in (slug(ALONE), *choose_names("--methods", names, known))}
-    for method in map(enter, targets):
-        if method.name in chosen:
-            raise BadInput("--method", method.name, "a method of that name takes part already; rename the class")
-        chosen[method.name] = method
-    return list(chosen.values())
+    by_slug = {slug(name): name for name in known}
+    chosen = {by_slug[key]: known[by_slug[key]] for key in choose_names("--methods", names, by_slug)}
+    for target in targets:
+        name = target.rpartition(".")[2]
+        if name in {*known, *chosen}:
+            raise BadInput("--method", target, "a method of that name takes part already; rename the class")
+        chosen[name] = enter_class(target)
+    return chosen
+
+
+def choose_methods(names: str | None, targets: Sequence[str]) -> dict[str, Method]:
+    """The methods that are asked for by name, feedback only first; see :func:`choose`."""
+    known = {method.name: method for method in list_methods()}
+    return {ALONE: known[ALONE]} | choose(names, targets, known, enter)

@@ -3,7 +3,6 @@
 ``python -m pipelines.benchmark --log LOG --robot go2``; the protocol is that of ``cmacexp gap``.
 """
 
-import argparse
 import hashlib
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from cmacexp.commands.command import Arguments
 from cmacexp.commands.gap import read_given
 from cmacexp.commands.study import Options, write_results
 from cmacexp.config.component import current_folder_importable, find_class
@@ -28,7 +28,7 @@ from cmacexp.study.provenance import digest_files, make_provenance
 from cmacexp.study.study_file import StudyFile
 from cmacexp.terminal.messages import print_table
 from cmacexp.terminal.output import print_line, show_progress
-from pipelines.benchmark.entrants import choose_names, slug
+from pipelines.benchmark.entrants import choose, slug
 from pipelines.benchmark.simulated_log import MODEL, NAMES, simulate_log
 
 NAME, SCORES = "log_track", "log_scores"
@@ -182,32 +182,40 @@ def make_study(names: Sequence[str] = METHODS, values: Mapping[str, Any] | None 
     )
 
 
-def choose(gap: Gap, names: str | None, targets: Sequence[str], identified: bool) -> dict[str, Maker]:
-    """Makers of the methods that take part, by name; raises BadInput."""
-    own = dict[str, Maker]()
-    for target in targets:
-        with current_folder_importable():
-            method = find_class("--method", target)
-        if not (hasattr(method, "fit") and hasattr(method, "predict")):
-            raise BadInput("--method", target, "must have fit(strokes) and predict(stroke) to take a log")
-        if method.__name__ in (*METHODS, *own):
-            raise BadInput("--method", target, "a method of that name takes part already; rename the class")
-        own[method.__name__] = lambda method=method: Entered(gap.signals, method())  # type: ignore[misc]
+def _enter(gap: Gap, target: str) -> Maker:
+    """What makes a learner of a class that learns from strokes; raises BadInput."""
+    with current_folder_importable():
+        method = find_class("--method", target)
+    if not (hasattr(method, "fit") and hasattr(method, "predict")):
+        raise BadInput("--method", target, "must have fit(strokes) and predict(stroke) to take a log")
+    return lambda: Entered(gap.signals, method())
+
+
+def choose_makers(gap: Gap, names: str | None, targets: Sequence[str], identified: bool) -> dict[str, Maker]:
+    """Makers of the methods that take part, by name: those that the log allows, and classes that enter.
+
+    Raises:
+        BadInput: as :func:`pipelines.benchmark.entrants.choose`, or the log allows nothing that is asked for.
+    """
+    own: dict[str, Maker | None] = choose(names, targets, dict.fromkeys(METHODS), partial(_enter, gap))
     add_makers(gap)
     if identified and gap.replays:
         gap.makers |= list_identified(gap.problem, choose_level(gap.problem)[0], gap.makers["model"])
-    known = {slug(name): name for name in METHODS if name in gap.makers}
-    return {known[name]: gap.makers[known[name]] for name in choose_names("--methods", names, known)} | own
+    found = {name: make or gap.makers[name] for name, make in own.items() if make or name in gap.makers}
+    if names and len(found) < len(own):
+        allowed = ", ".join(slug(name) for name in METHODS if name in gap.makers)
+        raise BadInput("--methods", names, f"this log allows {allowed}")
+    return found
 
 
-def run(arguments: argparse.Namespace, options: Options) -> Path:
+def run(arguments: Arguments, options: Options) -> Path:
     """Try every method on the log; write scores, statements and page; returns the page."""
     simulated = str(arguments.log) == SIMULATED
     if not simulated and arguments.robot is None:
         raise BadInput("--robot", None, "is missing: an option of conf/machine, or an MJCF or URDF file")
     log, machine = (simulate_log(), read_machine(str(MODEL), NAMES)) if simulated else read_given(arguments)
     gap, folder = measure(log, machine), options.place(f"{NAME}-{SIMULATED}" if simulated else NAME)
-    makers = choose(gap, arguments.methods, arguments.method, not options.quick)
+    makers = choose_makers(gap, arguments.methods, arguments.method, not options.quick)
     pairs, rows = [(name, setting) for name in makers for setting in SETTINGS], []
     with show_progress("predicting strokes", len(pairs)) as set_done:
         for name, setting in pairs:

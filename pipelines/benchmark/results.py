@@ -100,9 +100,8 @@ def run_stage(machine: Machine, overrides: Sequence[str], learnt: Weights | None
         metrics = pool_legs(scorer.scores)
     except Exception as error:
         status, cause = REFUSED if isinstance(error, BadInput) else FAILED, describe_failure(error)
-    completed, errors = status == COMPLETED, np.full(machine.after, np.inf)
-    if completed:
-        errors = np.sqrt(sum(metrics[name] ** 2 for name in AXES if name in metrics))
+    completed, axes = status == COMPLETED, [metrics[name] for name in AXES if name in metrics]
+    errors = np.sqrt(sum(axis**2 for axis in axes)) if completed else np.full(machine.after, np.inf)
     return {
         "status": status,
         "cause": cause,
@@ -116,23 +115,23 @@ def run_stage(machine: Machine, overrides: Sequence[str], learnt: Weights | None
     }, kept
 
 
-def run_trial(machine: Machine, stages: Mapping[str, Sequence[str]], folder: Path) -> list[Row]:
+def run_trial(
+    machine: Machine, method: Method, setting: str, world: Sequence[str], tasks: Sequence[str], folder: Path
+) -> list[Row]:
     """Rows of all tasks in a world; an outcome in ``folder`` is used again.
 
-    ``stages`` are the overrides of the run before the change, by BEFORE, and of those after it, by their tasks. Each
-    outcome is a file, which a task of a cluster leaves even if the others are ended.
+    Each outcome is a file, which a task of a cluster leaves even if the others are ended.
     """
     announce_compiling()
     expect_runs(1000)
+    stages = {task: list_overrides(machine, method, setting, world, task) for task in (BEFORE, *tasks)}
     path = folder / f"{_find_hash(stages, machine.last)[:24]}.json"
     if path.is_file() and path.stat().st_size:  # or the machine lost its power before it was on the disk
         return list(json.loads(path.read_text(encoding="utf-8")))
     before, learnt = run_stage(machine, stages[BEFORE])
-    done = before["status"] == COMPLETED
     rows = [
-        {"task": task, **(run_stage(machine, stages[task], learnt or None)[0] if done else before)}
-        for task in stages
-        if task != BEFORE
+        {"task": t, **(run_stage(machine, stages[t], learnt or None)[0] if before["status"] == COMPLETED else before)}
+        for t in tasks
     ]
     folder.mkdir(parents=True, exist_ok=True)
     with write_atomically(path, durable=False) as new:
@@ -158,13 +157,12 @@ def run_plan(
         what: is run, for the terminal; in worlds of tuning if it is TUNING.
         plan: with the columns TRIAL, ``setting`` and ``task``.
     """
-    trials = plan.groupby(TRIAL, sort=False, as_index=False)["task"].agg(list)
-    items = []
-    for trial in trials.itertuples():
-        machine, method = machines[trial.machine], methods[trial.method]
-        world = machine.draw(trial.world, what == TUNING)
-        stages = {t: list_overrides(machine, method, trial.overrides, world, t) for t in (BEFORE, *trial.task)}
-        items.append((machine, stages, folder))
+    different = plan[[*TRIAL, "task"]].drop_duplicates()
+    trials = different.groupby(TRIAL, sort=False, as_index=False)["task"].agg(list)
+    items = [
+        (machines[machine], methods[method], setting, machines[machine].draw(world, what == TUNING), tasks, folder)
+        for machine, method, setting, world, tasks in trials.itertuples(index=False)
+    ]
     found = zip(trials[TRIAL].to_dict("records"), each(what, run_trial, items, long=True), strict=True)
     rows = pd.DataFrame({**trial, **row} for trial, own in found for row in own)
     return plan.merge(rows, how="left", on=[*TRIAL, "task"])
@@ -172,12 +170,11 @@ def run_plan(
 
 def _draw_value(draw: Draw, tuned: Any) -> str:
     """A value as an override says it: one of a list, or between two ends, evenly in its logarithm."""
-    value = draw.choose(*tuned) if isinstance(tuned, list) else draw.even_log(*tuned)
-    if isinstance(value, list):
-        return "[" + ",".join(map(str, value)) + "]"
-    if isinstance(tuned, tuple) and not any(isinstance(end, float) for end in tuned):
-        return str(round(value))
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    if isinstance(tuned, list):
+        value = draw.choose(*tuned)
+        return f"[{','.join(map(str, value))}]" if isinstance(value, list) else str(value)
+    value = draw.even_log(*tuned)
+    return f"{value:.4g}" if any(isinstance(end, float) for end in tuned) else str(round(value))
 
 
 def draw_settings(method: Method, number: int) -> list[str]:
@@ -200,7 +197,13 @@ def choose_setting(rows: pd.DataFrame) -> str:
     return str(ranked.index[0])
 
 
-def tune(machines: Mapping[str, Machine], methods: Sequence[Method], run: RunPlan) -> tuple[Chosen, pd.DataFrame]:
+def take_reference(rows: pd.DataFrame, columns: Any) -> Any:
+    """Columns of feedback only on the machine, in the task and in the world of each row; of one column a series."""
+    alone = rows[rows["method"] == ALONE].set_index(SAME)[columns]
+    return rows[SAME].join(alone, on=SAME)[columns]
+
+
+def tune(machines: Mapping[str, Machine], methods: Mapping[str, Method], run: RunPlan) -> tuple[Chosen, pd.DataFrame]:
     """The best settings of each method on each machine, by the mean score in the worlds of tuning.
 
     And the rows there with the setting for all tasks.
@@ -208,11 +211,11 @@ def tune(machines: Mapping[str, Machine], methods: Sequence[Method], run: RunPla
     drawn = {
         (name, method.name): settings
         for name, machine in machines.items()
-        for method in methods
+        for method in methods.values()
         if len(settings := draw_settings(method, machine.draws)) > 1
     }
     if not drawn:
-        return {}, pd.DataFrame(columns=[*TRIAL, "setting"])
+        return {}, pd.DataFrame(columns=[*TRIAL, "setting", "task", "end_error", "errors"])
     plan = pd.DataFrame(
         {"machine": name, "method": method, "setting": FOR_ALL, "task": task, "world": n, "overrides": setting}
         for (name, method), settings in (drawn | {(machine, ALONE): [DEFAULT] for machine, _ in drawn}).items()
@@ -221,9 +224,8 @@ def tune(machines: Mapping[str, Machine], methods: Sequence[Method], run: RunPla
         for n in range(machines[name].tuning_worlds)
     )
     frame = run(TUNING, plan)
-    alone_at = frame[frame["method"] == ALONE].set_index(SAME)["end_error"]
-    reference = frame[SAME].join(alone_at, on=SAME)["end_error"]
-    frame = frame.assign(score=relative_to(frame["end_error"].to_numpy(), reference.to_numpy()))
+    reference = take_reference(frame, "end_error").to_numpy()
+    frame = frame.assign(score=relative_to(frame["end_error"].to_numpy(), reference))
     chosen = {
         place: {FOR_ALL: choose_setting(own)} | {task: choose_setting(rows) for task, rows in own.groupby("task")}
         for place, own in frame[frame["method"] != ALONE].groupby(["machine", "method"])
@@ -238,7 +240,9 @@ def _find(own: Mapping[str, str], method: Method, kind: str, task: str) -> str:
     return {BY_DEFAULT: DEFAULT, FOR_ALL: general, FOR_EACH: own.get(task, general), GUARDED: guarded}[kind]
 
 
-def test(machines: Mapping[str, Machine], methods: Sequence[Method], run: RunPlan, chosen: Chosen) -> pd.DataFrame:
+def test(
+    machines: Mapping[str, Machine], methods: Mapping[str, Method], run: RunPlan, chosen: Chosen
+) -> pd.DataFrame:
     """A row for each machine, method, kind of setting, task and world."""
     plan = pd.DataFrame(
         {
@@ -246,7 +250,7 @@ def test(machines: Mapping[str, Machine], methods: Sequence[Method], run: RunPla
             "overrides": _find(chosen.get((name, method.name), {}), method, kind, task),
         }
         for name, machine in machines.items()
-        for method in methods
+        for method in methods.values()
         for kind in SETTINGS
         if kind != GUARDED or method.learns or method.name == ALONE
         for task in machine.changes

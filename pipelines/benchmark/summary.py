@@ -12,16 +12,22 @@ from cmacexp.data.tables import read_table
 from cmacexp.errors import BadInput
 from cmacexp.study import Array, Comparison, Figure, Interval, Mask, compare, draw, find_order, profile_panel
 from pipelines.benchmark.entrants import ALONE, CMAC, MACHINES, TASKS
-from pipelines.benchmark.results import BY_DEFAULT, COMPLETED, FOR_ALL, GUARDED, SETTINGS
+from pipelines.benchmark.results import BY_DEFAULT, COMPLETED, FOR_ALL, GUARDED, SETTINGS, take_reference
 from pipelines.common_results import cycles_to
 
 END, WORST, FORCE = "end_error", "worst_error", "force"
+CYCLES = "cycles to a tenth"
+"""Column of tables and of the chosen settings, there the median in the worlds of tuning."""
 TENTH = 0.1
 """Of the error of feedback only at the end: what a method is to reach."""
+COSTS = {FORCE: "force error", "feedback": "feedback", "torque_peak": "largest torque", "energy": "energy"}
+"""Columns that are compared with those of feedback only, and their titles."""
 METRICS = {"end error": END, "worst cycle": WORST}
 """What decides an order, by its name."""
 SAME = ("version", "tasks_hash")
 """Entries in which results must agree to be compared."""
+BEFORE, AFTER = "before", "after"
+"""Of two comparisons of one method."""
 UNDEFINED = "n/a"
 """Of what no completed run defines, or is relative to a reference that failed."""
 
@@ -31,18 +37,20 @@ def take(frame: pd.DataFrame, machine: str, setting: str) -> pd.DataFrame:
     return frame[(frame["machine"] == machine) & (frame["setting"] == setting)]
 
 
-def tabulate_values(rows: pd.DataFrame, column: str, tasks: tuple[str, ...] = TASKS) -> dict[str, Array]:
-    """(tasks, worlds) of a column by method, of the rows of a machine with a kind of setting."""
-    return {
-        method: own.pivot(index="task", columns="world", values=column).loc[list(tasks)].to_numpy()
-        for method, own in rows.groupby("method", sort=False)
-    }
-
-
 def make_comparison(frame: pd.DataFrame, machine: str, setting: str, column: str = END) -> Comparison:
     """Methods on a machine over the tasks that count: a column over that of feedback only in the same world."""
     rows = take(frame, machine, setting)
-    return compare(tabulate_values(rows, column), ALONE, TASKS, sorted(rows["world"].unique()))
+    values = {
+        method: own.pivot(index="task", columns="world", values=column).loc[[*TASKS]].to_numpy()
+        for method, own in rows.groupby("method", sort=False)
+    }
+    return compare(values, ALONE, TASKS, sorted(rows["world"].unique()))
+
+
+def pair_settings(before: Comparison, after: Comparison, method: str) -> Comparison:
+    """The scores of one method in two comparisons of the same tasks and worlds, BEFORE and AFTER."""
+    scores = {BEFORE: before.scores[method], AFTER: after.scores[method]}
+    return Comparison(scores, before.tasks, before.worlds)
 
 
 def describe_order(frame: pd.DataFrame, machine: str) -> str:
@@ -51,27 +59,21 @@ def describe_order(frame: pd.DataFrame, machine: str) -> str:
     return find_order(views).sentence
 
 
-def count_cycles(rows: pd.DataFrame) -> dict[str, Array]:
-    """(tasks, worlds) by method: cycles after the change to a tenth of the end error of feedback only, and on.
+def count_cycles(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows of the tasks that count, with CYCLES to a tenth of the end error of feedback only, after the change.
 
-    Infinite where that is never; NaN where feedback only failed.
+    Infinite where a run never stays below that; NaN where feedback only failed.
     """
-    alone = tabulate_values(rows, END)[ALONE]
-    level, known = TENTH * alone.reshape(-1, 1), np.isfinite(alone)
-    return {
-        method: np.where(known, cycles_to(np.array(errors.ravel().tolist()), level).reshape(alone.shape), np.nan)
-        for method, errors in tabulate_values(rows, "errors").items()
-    }
+    own = rows[rows["task"].isin(TASKS)]
+    levels = TENTH * take_reference(own, END).to_numpy(dtype=float)
+    pairs = zip(own["errors"], levels, strict=True)
+    counted = [cycles_to(np.array([errors]), level)[0] if np.isfinite(level) else np.nan for errors, level in pairs]
+    return own.assign(**{CYCLES: counted})
 
 
 def _format(interval: Interval) -> str:
-    known = f"{interval.value:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
-    return UNDEFINED if np.isnan(interval.value) else known
-
-
-def find_median(cycles: Array) -> float:
-    """The median of those that are defined; NaN if none is."""
-    return float(pd.Series(cycles.ravel()).median())
+    ends = f"[{interval.low:.3f}, {interval.high:.3f}]"
+    return UNDEFINED if np.isnan(interval.value) else f"{interval.value:.3f} {ends}"
 
 
 def _count(cycles: float) -> str:
@@ -93,7 +95,8 @@ def table_scores(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
     last = find_setting(machine)
     kinds = [kind for kind in SETTINGS if kind != GUARDED] if last == FOR_ALL else [last]
     ends = {kind: make_comparison(frame, machine, kind) for kind in kinds}
-    worst, cycles = make_comparison(frame, machine, last, WORST), count_cycles(take(frame, machine, last))
+    worst = make_comparison(frame, machine, last, WORST)
+    cycles = count_cycles(take(frame, machine, last)).groupby("method")[CYCLES].median()
     order = sorted(ends[last].scores, key=lambda method: np.nan_to_num(ends[last].mean(method).value, nan=np.inf))
     return pd.DataFrame(
         {
@@ -104,7 +107,7 @@ def table_scores(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
                 for title, text in ((kind, _format(found.mean(method))), (f"failed, {kind}", _failed(found, method)))
             },
             "worst cycle": _format(worst.mean(method)),
-            "cycles to a tenth": _count(find_median(cycles[method])),
+            CYCLES: _count(cycles[method]),
         }
         for method in order
     )
@@ -113,11 +116,6 @@ def table_scores(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
 def table_guarded(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
     """Default settings without and with the guard; and their ratio in the runs that both complete."""
     free, guarded = (make_comparison(frame, machine, kind) for kind in (BY_DEFAULT, GUARDED))
-    both = {
-        method: Comparison({"": free.scores[method], GUARDED: scores}, free.tasks, free.worlds)
-        for method, scores in guarded.scores.items()
-        if method != ALONE
-    }
     return pd.DataFrame(
         {
             "method": method,
@@ -125,25 +123,26 @@ def table_guarded(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
             "failed": _failed(free, method),
             "guarded": _format(guarded.mean(method)),
             "failed, guarded": _failed(guarded, method),
-            "guarded over default": _format(pair.ratio(GUARDED, "")),
+            "guarded over default": _format(pair_settings(free, guarded, method).ratio(AFTER, BEFORE)),
         }
-        for method, pair in both.items()
+        for method in guarded.scores
+        if method != ALONE
     )
 
 
 def table_absolute(frame: pd.DataFrame) -> pd.DataFrame:
     """What ratios are relative to: medians of the errors of feedback only, and of the CMAC if it takes part."""
-    rows: dict[tuple[str, str], dict[str, str]] = {(m, t): {} for m in frame["machine"].unique() for t in TASKS}
-    for (machine, task), row in rows.items():
-        own = take(frame, machine, find_setting(machine))
-        own = own[own["task"] == task]
-        for method in (name for name in (ALONE, CMAC) if name in set(own["method"])):
-            tried = own[own["method"] == method]
-            done = tried[tried["status"] == COMPLETED]
-            row[f"{method}, mm"] = f"{1e3 * done[END].median():.3g}" if len(done) else UNDEFINED
-            row[f"{method}, N"] = f"{done[FORCE].median():.3g}" if len(done) else UNDEFINED
-            row[f"{method}, completed"] = f"{len(done)} of {len(tried)}"
-    return pd.DataFrame({"machine": machine, "task": task, **row} for (machine, task), row in rows.items())
+    rows = dict[tuple[str, str], dict[str, str]]()
+    shown = frame[frame["setting"] == frame["machine"].map(find_setting)]
+    shown = shown[shown["task"].isin(TASKS) & shown["method"].isin((ALONE, CMAC))]
+    for (machine, task, method), tried in shown.groupby(["machine", "task", "method"], sort=False):
+        done = tried[tried["status"] == COMPLETED]
+        rows.setdefault((machine, task), {"machine": machine, "task": task}).update({
+            f"{method}, mm": f"{1e3 * done[END].median():.3g}" if len(done) else UNDEFINED,
+            f"{method}, N": f"{done[FORCE].median():.3g}" if len(done) else UNDEFINED,
+            f"{method}, completed": f"{len(done)} of {len(tried)}",
+        })  # fmt: skip
+    return pd.DataFrame(rows.values())
 
 
 def table_statistics(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
@@ -186,23 +185,13 @@ def table_costs(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
     Of the runs that both complete.
     """
     rows = take(frame, machine, find_setting(machine))
-    shown = {"force error": FORCE, "feedback": "feedback", "largest torque": "torque_peak", "energy": "energy"}
-    values = {title: tabulate_values(rows, column) for title, column in shown.items()}
+    counted = rows[rows["task"].isin(TASKS)]
+    own, alone = counted[[*COSTS]], take_reference(counted, [*COSTS])
+    ratios = own.where(np.isfinite(own)) / alone.where(np.isfinite(alone))
+    found = ratios.rename(columns=COSTS).groupby(counted["method"], sort=False).median()
     held = rows.groupby("method", sort=False)[["seconds", "bytes"]].median()
-
-    def divide(own: Array, alone: Array) -> float:
-        both = np.isfinite(own) & np.isfinite(alone)
-        return find_median(own[both] / alone[both])
-
-    return pd.DataFrame(
-        {
-            "method": method,
-            **{title: divide(found[method], found[ALONE]) for title, found in values.items()},
-            "time of a step, us": 1e6 * own.seconds,
-            "memory, KB": own.bytes / 1024,
-        }
-        for method, own in held.iterrows()
-    )
+    more = {"time of a step, us": 1e6 * held["seconds"], "memory, KB": held["bytes"] / 1024}
+    return found.assign(**more).reset_index()
 
 
 def table_failures(frame: pd.DataFrame) -> pd.DataFrame:
@@ -219,11 +208,10 @@ def table_failures(frame: pd.DataFrame) -> pd.DataFrame:
 
 def table_settings(tuned: pd.DataFrame) -> pd.DataFrame:
     """What was chosen for all tasks, and the median of the cycles to a tenth in the worlds of tuning."""
-    cycles = {machine: count_cycles(take(tuned, machine, FOR_ALL)) for machine in tuned["machine"].unique()}
-    rows = tuned[tuned["method"] != ALONE].drop_duplicates(["machine", "method"])
-    medians = [find_median(cycles[row.machine][row.method]) for row in rows.itertuples()]
-    chosen = rows[["machine", "method"]].assign(setting=rows["overrides"].replace("", "default"))
-    return chosen.assign(**{"cycles to a tenth": medians})
+    counted = count_cycles(tuned)
+    by = counted[counted["method"] != ALONE].groupby(["machine", "method"], sort=False)
+    found = by.agg(setting=("overrides", "first"), **{CYCLES: (CYCLES, "median")}).reset_index()
+    return found.replace({"setting": {"": "default"}})
 
 
 def draw_profiles(frame: pd.DataFrame) -> Figure:
@@ -237,9 +225,9 @@ def write_scores(frame: pd.DataFrame) -> str:
     parts = [f"**Absolute errors at the end, medians over the worlds**\n\n{write_table(table_absolute(frame))}\n"]
     for machine in frame["machine"].unique():
         excluded = make_comparison(frame, machine, BY_DEFAULT).excluded.items()
-        notes = [f"The task {task} does not count there: {why}." for task, why in excluded]
-        order, scores = " ".join([describe_order(frame, machine), *notes]), write_table(table_scores(frame, machine))
-        parts.append(f"**{machine}**\n\n{scores}\n\n{order}\n")
+        notes = "".join(f" The task {task} does not count there: {why}." for task, why in excluded)
+        scores, order = write_table(table_scores(frame, machine)), describe_order(frame, machine)
+        parts.append(f"**{machine}**\n\n{scores}\n\n{order}{notes}\n")
         if has_guarded(frame):
             parts[-1] += f"\nWith the guard:\n\n{write_table(table_guarded(frame, machine))}\n"
     return "\n".join(parts)
@@ -293,9 +281,9 @@ def compare_results(first: Path, second: Path) -> Iterator[str]:
     for machine, setting in pd.merge(*places).itertuples(index=False):
         old, new = (make_comparison(frame, machine, setting) for frame in (before, after))
         for method in (name for name in old.scores if name in new.scores):
-            pair = Comparison({"old": old.scores[method], "new": new.scores[method]}, old.tasks, old.worlds)
-            if not np.array_equal(pair.scores["old"], pair.scores["new"]):
-                found, failed = pair.ratio("new", "old"), [(~pair.completed(name)).sum() for name in pair.scores]
-                text = f"score times {_format(found)}, failed {failed[0]}, then {failed[1]}"
-                yield f"{machine}, {method}, {setting}: {text}"
+            pair = pair_settings(old, new, method)
+            if not np.array_equal(pair.scores[BEFORE], pair.scores[AFTER]):
+                failed = ", then ".join(str((~pair.completed(name)).sum()) for name in pair.scores)
+                ratio = _format(pair.ratio(AFTER, BEFORE))
+                yield f"{machine}, {method}, {setting}: score times {ratio}, failed {failed}"
     yield "no other score has changed"

@@ -5,7 +5,7 @@ from support.command import python
 from support.doors import BadInput, Gap, read_table
 from support.logs import make_problem, simulate_log
 
-from pipelines.benchmark.log_track import GUARDED, choose, try_method
+from pipelines.benchmark.log_track import GUARDED, choose_makers, try_method
 
 ENTRANTS = '''
 import numpy as np
@@ -93,4 +93,4 @@ def test_entrants_take_part_and_one_that_fails_is_a_row_with_its_cause(tmp_path)
 
 def test_what_takes_no_log_is_refused(gap):
     with pytest.raises(BadInput, match=r"^--method"):
-        choose(gap, None, ["numpy.ndarray"], identified=False)
+        choose_makers(gap, None, ["numpy.ndarray"], identified=False)

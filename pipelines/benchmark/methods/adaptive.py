@@ -53,9 +53,8 @@ def make_regressor(setup: Setup) -> Array:
     _, velocity, acceleration = list_by_joints(setup.plan.joints)
     size = np.sqrt(np.mean(velocity**2, axis=0))
     sign = np.tanh(np.divide(velocity, SMOOTH_SIGN * size, out=np.zeros_like(velocity), where=size > 0.0))
-    each = np.eye(velocity.shape[2])
-    own = (velocity, sign, acceleration)
-    return np.concatenate([np.stack(model, axis=-1), *(values[..., None] * each for values in own)], axis=-1)
+    own = (values[..., None] * np.eye(velocity.shape[2]) for values in (velocity, sign, acceleration))
+    return np.concatenate([np.stack(model, axis=-1), *own], axis=-1)
 
 
 def make_gains(regressor: Array) -> Array:
@@ -90,8 +89,7 @@ class AdaptiveRegressor(BuiltInFeedforward):
         columns = make_regressor(setup)
         samples, legs, _, number = columns.shape
         steps = self.config.gain / samples * make_gains(columns) @ columns.swapaxes(2, 3)
-        parameters = np.zeros((legs, number))
-        parameters[:, : len(MODEL)] = MODEL
+        parameters = np.tile(np.pad(MODEL, (0, number - len(MODEL))), (legs, 1))
         if setup.learnt is not None:
             parameters[...] = setup.learnt["parameters"]
         self.params = regressor(setup, columns, steps, parameters)

@@ -42,14 +42,16 @@ class RandomFourier(BuiltInFeedforward):
         inputs = np.stack([planned_inputs(setup, i, INPUTS) for i in range(legs)])
         if setup.learnt is None:
             chance, number = np.random.default_rng(setup.config.seed), self.config.features
-            self.ranges = np.stack([np.stack(spanning(own, 1.0)) for own in inputs])
-            self.waves = chance.normal(size=(legs, inputs.shape[2], number)) / self.config.width
-            self.phases = chance.uniform(0.0, 2.0 * np.pi, (legs, number))
+            self.basis: Weights = {
+                "ranges": np.stack([np.stack(spanning(own, 1.0)) for own in inputs]),
+                "waves": chance.normal(size=(legs, inputs.shape[2], number)) / self.config.width,
+                "phases": chance.uniform(0.0, 2.0 * np.pi, (legs, number)),
+            }
         else:
-            self.ranges, self.waves, self.phases = (setup.learnt[name] for name in ("ranges", "waves", "phases"))
-        low, high = self.ranges[:, :1], self.ranges[:, 1:]
+            self.basis = {name: own for name, own in setup.learnt.items() if name != "weights"}
+        low, high = np.split(self.basis["ranges"], 2, axis=1)
         points = (inputs - low) / (high - low)
-        wave = np.cos(points @ self.waves + self.phases[:, None]).swapaxes(0, 1)  # W^T x + b
+        wave = np.cos(points @ self.basis["waves"] + self.basis["phases"][:, None]).swapaxes(0, 1)  # W^T x + b
         rows = 2 * wave.shape[2]
         # One of the two half waves max(0, wave) and max(0, -wave) is zero; in order of rows sums keep their bits.
         cells = np.arange(wave.shape[2]) + wave.shape[2] * (wave < 0.0)
@@ -59,9 +61,4 @@ class RandomFourier(BuiltInFeedforward):
 
     def learnt(self) -> Weights:
         """``weights`` (L, 2 features, J), N m; ``ranges`` (L, 2, n), ``waves`` (L, n, features), ``phases``."""
-        return {
-            "weights": self.params.weights.copy(),
-            "ranges": self.ranges,
-            "waves": self.waves,
-            "phases": self.phases,
-        }
+        return {"weights": self.params.weights.copy(), **self.basis}

@@ -60,9 +60,7 @@ class Identified(Playing):
         self.omega = 2.0 * np.pi * np.fft.rfftfreq(samples, setup.config.sampling_period)[:, None, None]
         self.planned = self.regress(setup.plan.joints.position)
         self.parameters = np.zeros((legs, self.planned.shape[-1] - 1))
-        self.seen, shown = -samples, self.config.cycles * samples + 1
-        self.angles, self.taken = np.zeros((2, shown, *setup.mechanism.shape))
-        self.force = np.zeros((shown, legs))
+        self.shown: list[tuple[Array, Array, Array]] = []  # angles, forces and torques, from the first step on
         if setup.learnt is not None and setup.learnt["parameters"].any():
             self.use(setup.learnt["parameters"])
 
@@ -78,10 +76,8 @@ class Identified(Playing):
 
     def observe(self, reference: Reference, measurement: Measurement, torque: Array) -> bool:
         """Measure angles, forces, and the torque (L, J), N m, of the last step; whether there is more to measure."""
-        k, self.seen = self.seen, self.seen + 1
-        if k >= 0:
-            self.angles[k], self.force[k], self.taken[k] = measurement.q, measurement.force, torque
-        if self.seen < len(self.taken):
+        self.shown.append((measurement.q, measurement.force, torque))
+        if len(self.shown) <= (1 + self.config.cycles) * len(self.torque):
             return True
         self.use(self.identify())
         return False
@@ -102,15 +98,16 @@ class Identified(Playing):
 
     def identify(self) -> Array:
         """Parameters (L, P) by least squares, with a small penalty on what differs from the nominal ones."""
-        cycles = self.config.cycles
+        cycles, samples = self.config.cycles, len(self.torque)
+        angles, force, later = map(np.array, zip(*self.shown[samples:], strict=True))
         angles, force, taken = (
-            (shown.reshape(cycles, -1, *shown.shape[1:]) / cycles).sum(axis=0)
-            for shown in (self.angles[:-1], self.force[:-1], self.taken[1:])
+            (own.reshape(cycles, samples, *own.shape[1:]) / cycles).sum(axis=0)
+            for own in (angles[:-1], force[:-1], later[1:])
         )
         regressor = make_whole(self.regress(angles, np.fmax(force, LEAST)))
         # The torque of a sample acts until the next one: at its middle, half a sample later than the angles.
-        later: Any = self.gains * np.exp(-0.5j * self.omega * self.setup.config.sampling_period)
-        taken = np.fft.irfft(later * np.fft.rfft(taken, axis=0), len(taken), axis=0)
+        half: Any = self.gains * np.exp(-0.5j * self.omega * self.setup.config.sampling_period)
+        taken = np.fft.irfft(half * np.fft.rfft(taken, axis=0), samples, axis=0)
         nominal = np.pad(MODEL[:ADDED], (0, regressor.shape[-1] - ADDED))
         found = np.empty((regressor.shape[1], len(nominal)))
         for i, own in enumerate(found):

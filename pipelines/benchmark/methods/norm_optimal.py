@@ -38,8 +38,8 @@ def leg_at(setup: Setup, i: int, q: Array) -> tuple[Array, Array]:
     if mechanism.kind == POINT_MASS:
         return leg.mass_2 * np.eye(2), np.eye(2)
     trig = trigonometry(*q)
-    m11, m12, m22 = inertia(leg, trig)
-    return np.array([[m11, m12], [m12, m22]]), np.reshape(jacobian(leg, trig), (2, 2))
+    symmetric = [[0, 1], [1, 2]]  # places of M in its three different entries
+    return np.array(inertia(leg, trig))[symmetric], np.reshape(jacobian(leg, trig), (2, 2))
 
 
 def contact(setup: Setup, support: bool) -> tuple[Array, Array]:
@@ -133,12 +133,11 @@ class NormOptimal(Playing):
         joints, angles = setup.mechanism.shape[1], setup.plan.joints.position
         self.support = setup.plan.support
         self.inverse = np.zeros((2, samples // 2 + 1, legs, joints, joints), complex)
-        for phase in (0, 1):
-            for i in range(legs):
-                chosen = self.support[:, i] == phase
-                if chosen.any():
-                    model = feedback_removed(setup, i, angles[chosen, i].mean(axis=0), bool(phase))
-                    self.inverse[phase, :, i] = self._invert(model)
+        for phase, i in np.ndindex(2, legs):
+            chosen = self.support[:, i] == phase
+            if chosen.any():
+                model = feedback_removed(setup, i, angles[chosen, i].mean(axis=0), bool(phase))
+                self.inverse[phase, :, i] = self._invert(model)
         self.low_pass = low_pass(self.config.cutoff, setup)
 
     def _invert(self, model: Array) -> Array:

@@ -50,24 +50,23 @@ class Repetitive(Playing):
         self.raw = self.torque.reshape(samples, legs * joints).copy()
 
     def play(self, sample: int, feedback: Array) -> Array:
-        """Update the torque (N, L, J) of the next period by the ``feedback`` (N, L, J) since the last call, N m."""
-        self.feedback = feedback
-        self._update(sample)
+        """Update the torque (N, L, J) of the next period by the ``feedback`` (N, L, J), N m, of the last steps.
+
+        These are the steps from the last call to the one before ``sample``.
+        """
+        self.feedback, samples = feedback, len(feedback)
+        flat = self.torque.reshape(self.raw.shape)  # a view
+        count = 1 if self.since < 0 else (sample - self.since - 1) % samples + 1
+        steps, self.since = np.arange(sample - count, sample), sample
+        new = (steps - self.lead) % samples
+        self.raw[new] = flat[new] + self.config.gain * feedback.reshape(flat.shape)[steps]
+        around = self.raw[(np.arange(-2 * self.reach, count) + new[0]) % samples]
+        for joint, values in enumerate(around.T):
+            flat[new - self.reach, joint] = np.convolve(values, self.taps, "valid")
         return self.torque
 
     def learnt(self) -> Weights:
         """``torque`` (N, L, J), N m, at the end of a cycle, whose last feedback is not known yet."""
         if 0 <= self.since < len(self.torque) - 1:
-            self._update(len(self.torque) - 1)
+            self.play(len(self.torque) - 1, self.feedback)
         return super().learnt()
-
-    def _update(self, sample: int) -> None:
-        """Update the torque by the feedback of the steps from the last update to the one before ``sample``."""
-        samples, flat = len(self.feedback), self.torque.reshape(self.raw.shape)  # a view
-        count = 1 if self.since < 0 else (sample - self.since - 1) % samples + 1
-        steps, self.since = np.arange(sample - count, sample), sample
-        new = (steps - self.lead) % samples
-        self.raw[new] = flat[new] + self.config.gain * self.feedback.reshape(flat.shape)[steps]
-        around = self.raw[(np.arange(-2 * self.reach, count) + new[0]) % samples]
-        for joint, values in enumerate(around.T):
-            flat[new - self.reach, joint] = np.convolve(values, self.taps, "valid")
