@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.config import FeedforwardConfig, number
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.feedforward.network import planned_inputs
 from cmacexp.planning.plan import Setup
 from cmacexp.typing import Array, Weights
@@ -50,9 +50,8 @@ class Perceptron(Playing):
         Raises:
             BadInput: the learning rule is for networks linear in their weights.
         """
-        if (rule := setup.config.learning.rule) != "paper":
-            allowed = "needs a network that is linear in its weights; a perceptron is not, use paper"
-            raise BadInput("learning.rule", rule, allowed)
+        allowed = "needs a network that is linear in its weights; a perceptron is not, use paper"
+        require(setup.config.learning.rule == "paper", "learning.rule", setup.config.learning.rule, allowed)
         self.start(setup)
         samples, legs, joints = self.torque.shape
         self.rate, self.lead = setup.rate, setup.lead

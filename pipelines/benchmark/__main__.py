@@ -16,7 +16,7 @@ from cmacexp.commands.study import Options, command, study_parser, write_results
 from cmacexp.config.component import find_sources
 from cmacexp.config.compose import compose_config
 from cmacexp.data.folder import HTML
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.models.robot_file import package_models
 from cmacexp.study import Results
 from cmacexp.study.provenance import digest_files, make_provenance
@@ -94,8 +94,7 @@ def _refuse_in_vain(arguments: Arguments, used: Collection[str], form: str) -> N
     """Refuse an option that a form of the command does not use; raises BadInput."""
     for name, option in {**OPTIONS, **LOG}.items():
         given = getattr(arguments, name.lstrip("-").replace("-", "_"))
-        if name not in used and given != option.get("default"):
-            raise BadInput(name, given, f"has no effect {form}; leave it out")
+        require(name in used or given == option.get("default"), name, given, f"has no effect {form}; leave it out")
 
 
 def run(arguments: Arguments, options: Options) -> Path:

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from cmacexp.config.cmac import CmacConfig
 from cmacexp.config.component import config_class, current_folder_importable, find_class
 from cmacexp.config.schema import LearningConfig
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.feedforward import IterativeLearning, RadialBasis
 from cmacexp.feedforward.network import BuiltInFeedforward
 from pipelines.worlds import FIRST_TUNING, draw_world
@@ -152,8 +152,8 @@ def _list_tuned(group: str, schema: type[Any] | None) -> list[tuple[str, Any]]:
     """
     given = [(f"{group}.{each.name}", each.metadata.get("tuned")) for each in (fields(schema) if schema else ())]
     for key, tuned in given:
-        if isinstance(tuned, tuple) and min(tuned) <= 0.0:
-            raise BadInput("--method", key, f"has tuned={tuned}: both ends must be above 0, its logarithm is drawn")
+        above = not isinstance(tuned, tuple) or min(tuned) > 0.0
+        require(above, "--method", key, f"has tuned={tuned}: both ends must be above 0, its logarithm is drawn")
     return [(key, tuned) for key, tuned in given if tuned]
 
 
@@ -172,9 +172,9 @@ def enter(target: str, name: str | None = None, has_rate: bool | None = None) ->
     """
     with current_folder_importable():
         found = find_class("--method", target)
-    group = FEEDFORWARD if hasattr(found, "predict") else CONTROLLER if hasattr(found, "act") else None
-    if group is None:
-        raise BadInput("--method", target, "must be a feedforward with predict, or a controller with act")
+    known_form = hasattr(found, "predict") or hasattr(found, "act")
+    require(known_form, "--method", target, "must be a feedforward with predict, or a controller with act")
+    group = FEEDFORWARD if hasattr(found, "predict") else CONTROLLER
     own = _list_tuned(group, config_class(found))
     known = issubclass(found, BuiltInFeedforward) if has_rate is None else has_rate
     if group == FEEDFORWARD and (known or not own):
@@ -221,8 +221,7 @@ def choose_names(option: str, names: str | None, known: Collection[str]) -> list
     """Names of an option of the command line as they are ``known``, all of them for None; raises BadInput."""
     wanted = [*known] if names is None else [RENAMED.get(slug(name), slug(name)) for name in names.split(",")]
     for name in wanted:
-        if name not in known:
-            raise BadInput(option, name, f"choose from {', '.join(known)}")
+        require(name in known, option, name, f"choose from {', '.join(known)}")
     return wanted
 
 
@@ -244,8 +243,8 @@ def choose(
     chosen = {by_slug[key]: known[by_slug[key]] for key in choose_names("--methods", names, by_slug)}
     for target in targets:
         name = target.rpartition(".")[2]
-        if name in {*known, *chosen}:
-            raise BadInput("--method", target, "a method of that name takes part already; rename the class")
+        is_new = name not in {*known, *chosen}
+        require(is_new, "--method", target, "a method of that name takes part already; rename the class")
         chosen[name] = enter_class(target)
     return chosen
 

@@ -18,7 +18,7 @@ from cmacexp.commands.study import Options, write_results
 from cmacexp.config.component import current_folder_importable, find_class
 from cmacexp.data.folder import HTML
 from cmacexp.engine.run import describe_failure
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.gap.analysis import Gap, add_makers, list_scored, measure, measure_left, score
 from cmacexp.gap.learners import Entered, Maker, predict_all
 from cmacexp.gap.machine import read_machine
@@ -186,8 +186,8 @@ def _enter(gap: Gap, target: str) -> Maker:
     """What makes a learner of a class that learns from strokes; raises BadInput."""
     with current_folder_importable():
         method = find_class("--method", target)
-    if not (hasattr(method, "fit") and hasattr(method, "predict")):
-        raise BadInput("--method", target, "must have fit(strokes) and predict(stroke) to take a log")
+    learns = hasattr(method, "fit") and hasattr(method, "predict")
+    require(learns, "--method", target, "must have fit(strokes) and predict(stroke) to take a log")
     return lambda: Entered(gap.signals, method())
 
 
@@ -202,17 +202,16 @@ def choose_makers(gap: Gap, names: str | None, targets: Sequence[str], identifie
     if identified and gap.replays:
         gap.makers |= list_identified(gap.problem, choose_level(gap.problem)[0], gap.makers["model"])
     found = {name: make or gap.makers[name] for name, make in own.items() if make or name in gap.makers}
-    if names and len(found) < len(own):
-        allowed = ", ".join(slug(name) for name in METHODS if name in gap.makers)
-        raise BadInput("--methods", names, f"this log allows {allowed}")
+    allowed = ", ".join(slug(name) for name in METHODS if name in gap.makers)
+    require(not names or len(found) == len(own), "--methods", names, f"this log allows {allowed}")
     return found
 
 
 def run(arguments: Arguments, options: Options) -> Path:
     """Try every method on the log; write scores, statements and page; returns the page."""
     simulated = str(arguments.log) == SIMULATED
-    if not simulated and arguments.robot is None:
-        raise BadInput("--robot", None, "is missing: an option of conf/machine, or an MJCF or URDF file")
+    missing = "is missing: an option of conf/machine, or an MJCF or URDF file"
+    require(simulated or arguments.robot is not None, "--robot", None, missing)
     log, machine = (simulate_log(), read_machine(str(MODEL), NAMES)) if simulated else read_given(arguments)
     gap, folder = measure(log, machine), options.place(f"{NAME}-{SIMULATED}" if simulated else NAME)
     makers = choose_makers(gap, arguments.methods, arguments.method, not options.quick)

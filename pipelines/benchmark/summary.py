@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from cmacexp.data.tables import read_table
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
 from cmacexp.study import Array, Comparison, Figure, Interval, Mask, compare, draw, find_order, profile_panel
 from pipelines.benchmark.entrants import ALONE, CMAC, MACHINES, TASKS
 from pipelines.benchmark.results import BY_DEFAULT, COMPLETED, FOR_ALL, GUARDED, SETTINGS, take_reference
@@ -273,10 +273,8 @@ def compare_results(first: Path, second: Path) -> Iterator[str]:
         BadInput: a file is no result, or they are of different tasks.
     """
     (before, of_before), (after, of_after) = _read(first), _read(second)
-    if of_before != of_after:
-        raise BadInput(
-            "--compare", second, f"has another {' or '.join(SAME)} than {first}: their scores mean other things"
-        )
+    other = f"has another {' or '.join(SAME)} than {first}: their scores mean other things"
+    require(of_before == of_after, "--compare", second, other)
     places = [frame[["machine", "setting"]].drop_duplicates() for frame in (before, after)]
     for machine, setting in pd.merge(*places).itertuples(index=False):
         old, new = (make_comparison(frame, machine, setting) for frame in (before, after))

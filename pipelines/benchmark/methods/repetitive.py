@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cmacexp.config import FeedforwardConfig, number
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.feedforward.ilc import gaussian_taps
 from cmacexp.planning.plan import Setup
 from cmacexp.typing import Array, Weights
@@ -41,8 +41,8 @@ class Repetitive(Playing):
         """
         samples, (legs, joints) = len(setup.plan.support), setup.mechanism.shape
         taps = gaussian_taps(self.config.cutoff, setup.config.sampling_period, samples)
-        if 4 * len(taps) > samples:
-            raise BadInput("feedforward.cutoff", self.config.cutoff, "must be higher: Q is longer than half a cycle")
+        too_low = "must be higher: Q is longer than half a cycle"
+        require(4 * len(taps) <= samples, "feedforward.cutoff", self.config.cutoff, too_low)
         self.taps, self.lead, self.reach = np.concatenate([taps[:0:-1], taps]), setup.lead, len(taps) - 1
         self.start(setup)
         # Q and the lead need half a cycle at most: what is played in the other half is known.
