@@ -1,5 +1,6 @@
 """``cmacexp robot --simulate`` plays a robot for ``plant=unitree``; ``--chirp``, ``--learn`` move one that hangs."""
 
+from functools import partial
 from typing import Any
 
 from omegaconf import OmegaConf
@@ -20,6 +21,7 @@ from cmacexp.metrics.registry import format_number
 from cmacexp.terminal.messages import print_table
 from cmacexp.terminal.output import print_line, show_activity
 from cmacexp.typing import Array, Status
+from cmacexp.wire.hung import draw_chirp, learn_strokes, make_memory
 from cmacexp.wire.network import LOOPBACK
 from cmacexp.wire.simulated import KINDS, NO_FAULT, Fault, SimulatedRobot, play
 
@@ -53,10 +55,11 @@ def _move_hung(arguments: Arguments) -> None:
     try:
         with show_activity("the joints are checked, then move"):
             if arguments.chirp:
-                plant.draw_chirp()
+                plant.move_hung(draw_chirp)
             else:
-                lead, rate = scenario.setup.lead, scenario.setup.rate
-                strokes: Array = plant.learn_hung(LEG_NAMES.index(arguments.learn), lead, rate)
+                leg, setup = LEG_NAMES.index(arguments.learn), scenario.setup
+                learn = partial(learn_strokes, leg=leg, memory=make_memory(), lead=setup.lead, rate=setup.rate)
+                strokes: Array = plant.move_hung(learn)
         status = Status.COMPLETED
     finally:
         come_to_rest(plant, status)

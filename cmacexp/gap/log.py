@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.errors import BadInput, require_extra, suggest
+from cmacexp.errors import BadInput, require, require_extra, suggest
 from cmacexp.typing import Array
 
 Columns = Mapping[str, NDArray[Any]]
@@ -101,11 +101,9 @@ class Log:
     def leave_out(self, joints: Sequence[str]) -> "Log":
         """The log without some joints; raises BadInput for a name that it does not have, and if no joint is left."""
         for name in joints:
-            if name not in self.joints:
-                raise BadInput("--leave-out", name, f"is no joint of the log{suggest(name, self.joints)}")
+            require(name in self.joints, "--leave-out", name, f"is no joint of the log{suggest(name, self.joints)}")
         kept = [j for j, name in enumerate(self.joints) if name not in joints]
-        if not kept:
-            raise BadInput("--leave-out", ",".join(joints), "leaves no joint of the log: keep at least one")
+        require(kept, "--leave-out", ",".join(joints), "leaves no joint of the log: keep at least one")
         signals = ("angle", "command", "command_velocity", "torque", "feedforward")
         cut: dict[str, Any] = {key: None if (own := getattr(self, key)) is None else own[:, kept] for key in signals}
         return replace(self, joints=tuple(self.joints[j] for j in kept), kp=self.kp[kept], kd=self.kd[kept], **cut)
@@ -133,8 +131,7 @@ def read_log(
         BadInput: the file cannot be read, a column is missing or holds no numbers, a unit is unknown or of nothing
             that the log has, or the log has neither torques nor commands with the gains of the drives.
     """
-    if not path.is_file():
-        raise BadInput(KEY, path, "there is no such file")
+    require(path.is_file(), KEY, path, "there is no such file")
     reader = reader or READERS.get(path.suffix.lower())
     if reader is None:
         raise BadInput(KEY, path, f"is no {', '.join(READERS)}: name a reader, --reader FILE.py:FUNCTION")
@@ -144,12 +141,13 @@ def read_log(
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise BadInput(KEY, path, f"cannot be read ({reason})") from error
     for quantity, unit in (units or {}).items():
-        if unit not in UNITS.get(quantity, {}):
-            known = f"is no unit of {quantity}, which are {', '.join(UNITS[quantity])}" if quantity in UNITS else None
-            raise BadInput("--units", f"{quantity}={unit}", known or f"must name one of {', '.join(UNITS)}")
+        known = UNITS.get(quantity, {})
+        allowed = f"is no unit of {quantity}, which are" if known else "must name one of"
+        require(unit in known, "--units", f"{quantity}={unit}", f"{allowed} {', '.join(known or UNITS)}")
     for quantity in names or {}:
-        if quantity not in PATTERNS:
-            raise BadInput("--names", quantity, f"is no quantity of a log, which are {', '.join(PATTERNS)}")
+        require(
+            quantity in PATTERNS, "--names", quantity, f"is no quantity of a log, which are {', '.join(PATTERNS)}"
+        )
     return _Table(
         path, columns, PATTERNS | {key: (own,) for key, own in (names or {}).items()}, units or {}, left_out
     ).make_log(gains or {})
@@ -193,10 +191,8 @@ class _Table:
             return np.stack([self._read(pattern.replace(JOINT, own), quantity) for own in each], axis=1)
 
         time, angle = read("time", [""]), read("angle")
-        if time is None:
-            raise BadInput(
-                KEY, self.path, f"has no column of time; name it, --names time=NAME; it has {self._list()}"
-            )
+        reason = f"has no column of time; name it, --names time=NAME; it has {self._list()}"
+        require(time is not None, KEY, self.path, reason)
         command, torque, zero = read("command"), read("torque"), np.zeros_like(angle)
         for own in sorted(without_angle.difference(self.left_out)):
             lacks = f"has no column {names['angle'].replace(JOINT, own)} for angle of joint {own}"
@@ -215,18 +211,22 @@ class _Table:
             orientation=read("orientation", AXES),
             names=names,
         )
-        if command is None and torque is None:
-            raise BadInput(
-                KEY, self.path, "has neither commanded angles nor torques; name them, --names command=NAME_{joint}"
+        require(
+            command is not None or torque is not None,
+            KEY,
+            self.path,
+            "has neither commanded angles nor torques; name them, --names command=NAME_{joint}",
+        )
+        for key, gain in {"--kp": found.kp, "--kd": found.kd}.items():
+            require(
+                torque is not None or np.isfinite(gain).all(),
+                key,
+                None,
+                "is missing: the log has neither torques nor the gains of the drives",
             )
-        if torque is None and not found.has_gains:
-            key = "--kd" if np.isfinite(found.kp).all() else "--kp"
-            raise BadInput(key, None, "is missing: the log has neither torques nor the gains of the drives")
         for quantity, unit in self.units.items():
-            if quantity not in names:
-                raise BadInput(
-                    "--units", f"{quantity}={unit}", f"the log has no {quantity}; it has {', '.join(names)}"
-                )
+            has = f"the log has no {quantity}; it has {', '.join(names)}"
+            require(quantity in names, "--units", f"{quantity}={unit}", has)
         return found.leave_out([own for own in self.left_out if own not in without_angle])
 
     def _list(self) -> str:
@@ -249,8 +249,7 @@ class _Table:
     def _find_joints(self) -> list[str]:
         """Names of the joints that have a measured angle; raises BadInput if there is none."""
         for pattern in self.patterns["angle"]:
-            if JOINT not in pattern:
-                raise BadInput("--names", f"angle={pattern}", f"must contain {JOINT}")
+            require(JOINT in pattern, "--names", f"angle={pattern}", f"must contain {JOINT}")
             if joints := self._match(pattern, "angle"):
                 return joints
         tried = " or ".join(self.patterns["angle"])
@@ -275,15 +274,14 @@ class _Table:
         except (TypeError, ValueError) as error:
             raise BadInput(KEY, self.path, f"holds no numbers in column {name} ({error})") from error
         rows = self.columns[self._find("time", [""]) or name].size
-        if values.shape != (rows,):
-            raise BadInput(KEY, self.path, f"column {name} has {values.size} values, time has {rows}")
+        require(values.shape == (rows,), KEY, self.path, f"column {name} has {values.size} values, time has {rows}")
         known = UNITS.get(quantity, {})
         declared = re.split(r"\s*[,;]\s*", str(self.columns.get("#units", "")).strip())
         unit = self.units.get(quantity) or next((each for each in declared if each in known), None)
         unknown = [each for each in declared if each and not any(each in own for own in UNITS.values())]
-        if known and unknown and not unit:
-            allowed = f"must be one of {', '.join(known)} for {quantity}, or say --units {quantity}=UNIT"
-            raise BadInput(KEY, self.path, f"declares the unit {unknown[0]}: {allowed}")
+        allowed = f"must be one of {', '.join(known)} for {quantity}, or say --units {quantity}=UNIT"
+        is_known = unit or not known or not unknown
+        require(is_known, KEY, self.path, f"declares the unit {', '.join(unknown)}: {allowed}")
         return values * known[unit] if unit else values
 
     def _read_gain(self, key: str, gains: Mapping[str, Sequence[float]], joints: Sequence[str]) -> Array:
@@ -303,14 +301,14 @@ class _Table:
             )
             if JOINT not in pattern and columns.shape == (len(joints), len(joints)):
                 columns = columns.T  # one array of all joints
-            if np.ptp(columns, axis=1).any():
-                raise BadInput(KEY, self.path, f"has gains {key} that change; cut it where they are constant")
+            is_constant = not np.ptp(columns, axis=1).any()
+            require(is_constant, KEY, self.path, f"has gains {key} that change; cut it where they are constant")
             values = columns[:, 0]
         else:
             return np.full(len(joints), np.nan)
-        if len(values) not in (1, len(joints)) or not ((values >= 0.0) & (values < np.inf)).all():
-            allowed = f"must be one finite number from 0 on, or one for each of {len(joints)} joints"
-            raise BadInput(f"--{key}", ",".join(f"{value:g}" for value in values[:20]), allowed)
+        fits = len(values) in (1, len(joints)) and ((values >= 0.0) & (values < np.inf)).all()
+        allowed = f"must be one finite number from 0 on, or one for each of {len(joints)} joints"
+        require(fits, f"--{key}", ",".join(f"{value:g}" for value in values[:20]), allowed)
         return np.broadcast_to(values, len(joints)).copy()
 
 
@@ -375,12 +373,10 @@ READERS: dict[str, Reader] = {".parquet": read_parquet, ".csv": read_csv, ".npz"
 def load_reader(spec: str) -> Reader:
     """The reader ``FILE.py:FUNCTION`` of a user; raises BadInput."""
     file, _, name = spec.partition(":")
-    if not Path(file).is_file():
-        raise BadInput("--reader", spec, "there is no such file; it must be FILE.py:FUNCTION")
+    require(Path(file).is_file(), "--reader", spec, "there is no such file; it must be FILE.py:FUNCTION")
     try:
-        reader: Reader | None = runpy.run_path(file).get(name)
+        reader: Any = runpy.run_path(file).get(name)
     except Exception as error:
         raise BadInput("--reader", spec, f"{file} cannot be run ({type(error).__name__}: {error})") from error
-    if not callable(reader):
-        raise BadInput("--reader", spec, f"{file} has no function {name}; it must be FILE.py:FUNCTION")
-    return reader
+    require(callable(reader), "--reader", spec, f"{file} has no function {name}; it must be FILE.py:FUNCTION")
+    return reader  # type: ignore[no-any-return]

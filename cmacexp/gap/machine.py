@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cmacexp.config import config_folder
-from cmacexp.errors import BadInput, suggest
+from cmacexp.errors import require, suggest
 from cmacexp.models.joint import OWN
 from cmacexp.models.robot import UPRIGHT, compile_spec, load_mujoco, load_spec
 from cmacexp.models.robot_file import find_model, package_models
@@ -141,8 +141,8 @@ def read_machine(robot: str, names: Sequence[str], pairs: Mapping[str, str] | No
     path = _find_path(robot)
     model = compile_spec(path, load_spec(path))
     mujoco = load_mujoco()
-    if np.any(model.eq_active0):
-        raise BadInput(ROBOT_KEY, robot, "has equality constraints, with which its joints are no chains: remove them")
+    constrained = "has equality constraints, with which its joints are no chains: remove them"
+    require(not np.any(model.eq_active0), ROBOT_KEY, robot, constrained)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     kinds = [int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)]
     joints = {model.joint(i).name: i for i in np.flatnonzero(np.isin(model.jnt_type, kinds)).tolist()}
@@ -173,12 +173,10 @@ def _find_path(robot: str) -> Path:
     if Path(robot).is_file():
         return find_model(None, robot)
     option = config_folder() / "machine" / f"{robot}.yaml"
-    name = yaml.safe_load(option.read_text()).get("model", robot) if option.is_file() else robot
-    if name in package_models() or option.is_file():
-        return find_model(name, None)
-    options = [path.stem for path in option.parent.glob("*.yaml")]
-    allowed = "must be an option of conf/machine, or an MJCF or URDF file"
-    raise BadInput(ROBOT_KEY, robot, f"{allowed}{suggest(robot, [*options, *package_models()])}")
+    known = [path.stem for path in option.parent.glob("*.yaml")] + [*package_models()]
+    allowed = f"must be an option of conf/machine, or an MJCF or URDF file{suggest(robot, known)}"
+    require(robot in known, ROBOT_KEY, robot, allowed)
+    return find_model(yaml.safe_load(option.read_text()).get("model", robot) if option.is_file() else robot, None)
 
 
 def match_names(names: Sequence[str], joints: Sequence[str], pairs: Mapping[str, str]) -> tuple[str, ...]:
@@ -190,9 +188,9 @@ def match_names(names: Sequence[str], joints: Sequence[str], pairs: Mapping[str,
     def plain(name: str) -> str:
         return "".join(c for c in name.lower() if c.isalnum())
 
-    if unknown := next((name for name in pairs if name not in names), None):
-        reason = f"the log has no joint {unknown}{suggest(unknown, names)}; it has {', '.join(names)}"
-        raise BadInput("--joints", f"{unknown}={pairs[unknown]}", reason)
+    for name, joint in pairs.items():
+        reason = f"the log has no joint {name}{suggest(name, names)}; it has {', '.join(names)}"
+        require(name in names, "--joints", f"{name}={joint}", reason)
     found = []
     for name in names:
         wanted = pairs.get(name, name)
@@ -200,16 +198,14 @@ def match_names(names: Sequence[str], joints: Sequence[str], pairs: Mapping[str,
         close = [wanted] if wanted in joints else equal or [j for j in joints if plain(wanted) in plain(j)]
         if not close and wanted.isdigit() and int(wanted) < len(joints) == len(names):
             close = [joints[int(wanted)]]
-        if len(close) != 1:
-            what = (
-                f"fits {' and '.join(close[:4])}" if close else f"has no joint in the model{suggest(wanted, joints)}"
-            )
-            reason = f"{what}; say --joints {name}=JOINT, with a joint of {', '.join(joints) or 'which it has none'}"
-            raise BadInput("joint of the log", name, reason)
-        found.append(close[0])
-    if twice := next((each for each in found if found.count(each) > 1), None):
-        both = " and ".join(name for name, each in zip(names, found, strict=True) if each == twice)
-        raise BadInput("joint of the model", twice, f"fits {both} of the log; say which one it is by --joints")
+        what = f"fits {' and '.join(close[:4])}" if close else f"has no joint in the model{suggest(wanted, joints)}"
+        reason = f"{what}; say --joints {name}=JOINT, with a joint of {', '.join(joints) or 'which it has none'}"
+        require(len(close) == 1, "joint of the log", name, reason)
+        found += close
+    for joint in found:
+        both = [name for name, each in zip(names, found, strict=True) if each == joint]
+        reason = f"fits {' and '.join(both)} of the log; say which one it is by --joints"
+        require(len(both) == 1, "joint of the model", joint, reason)
     return tuple(found)
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from cmacexp.config import ComponentConfig, Config, choice, number
 from cmacexp.config.machine import HAS_BODY
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.sensors.kernels import FAULTS, WITHOUT_VALUE
 
 UNIT = "unit of the signal"
@@ -28,12 +28,13 @@ class FaultConfig:
 
     def check(self, key: str) -> None:
         """Check ``value`` against the kind of the fault; raises BadInput."""
-        if self.kind in WITHOUT_VALUE and self.value != 0.0:
-            raise BadInput(f"{key}.value", self.value, f"must be 0 with {key}.kind={self.kind}, which takes no value")
-        if self.kind == "bias" and self.value == 0.0:
-            raise BadInput(f"{key}.value", self.value, f"must not be 0 with {key}.kind=bias, or there is no fault")
-        if self.kind == "noise" and self.value <= 0.0:
-            raise BadInput(f"{key}.value", self.value, f"must be above 0 with {key}.kind=noise, a standard deviation")
+        chosen = f"with {key}.kind={self.kind}"
+        for kinds, fits, allowed in (
+            (WITHOUT_VALUE, self.value == 0.0, f"must be 0 {chosen}, which takes no value"),
+            (("bias",), self.value != 0.0, f"must not be 0 {chosen}, or there is no fault"),
+            (("noise",), self.value > 0.0, f"must be above 0 {chosen}, a standard deviation"),
+        ):
+            require(self.kind not in kinds or fits, f"{key}.value", self.value, allowed)
 
 
 @dataclass
@@ -76,11 +77,11 @@ class SignalConfig:
     def check(self, key: str, config: Config) -> None:
         """Check delay, starts and fault against the run; raises BadInput."""
         longest, end = config.steps_per_cycle - 1, config.cycles * config.gait.cycle_time
-        if self.delay > longest:
-            raise BadInput(f"{key}.delay", self.delay, f"must be at most {longest} samples, less than a cycle")
+        require(
+            self.delay <= longest, f"{key}.delay", self.delay, f"must be at most {longest} samples, less than a cycle"
+        )
         for place, start in ((key, self.start), (f"{key}.fault", self.fault.start)):
-            if start >= end:
-                raise BadInput(f"{place}.start", start, f"must be below {end:g} s, the end of the run")
+            require(start < end, f"{place}.start", start, f"must be below {end:g} s, the end of the run")
         self.fault.check(f"{key}.fault")
 
 
@@ -95,10 +96,10 @@ class LegSignalConfig(SignalConfig):
     def check(self, key: str, config: Config) -> None:
         """Check the legs too; raises BadInput."""
         for place, chosen in ((f"{key}.legs", self.legs), (f"{key}.fault.legs", self.fault.legs)):
-            if chosen and max(chosen) > config.legs:
-                raise BadInput(place, max(chosen), f"must be at most {config.legs}, the legs of the machine")
-            if chosen is not None and not 0 < len(chosen) == len(set(chosen)):
-                raise BadInput(place, chosen, "must name at least one leg, each once; or null for all")
+            last = max(chosen or [1])
+            require(last <= config.legs, place, last, f"must be at most {config.legs}, the legs of the machine")
+            fits = chosen is None or 0 < len(chosen) == len(set(chosen))
+            require(fits, place, chosen, "must name at least one leg, each once; or null for all")
         super().check(key, config)
 
 
@@ -145,7 +146,7 @@ class RealSensorsConfig(ChannelsConfig):
     def check(self, config: Config) -> None:
         """Check each signal against the machine and the run; raises BadInput."""
         for name, signal in self.signals.items():
-            if signal.alters and not config.has_body and not isinstance(signal, LegSignalConfig):
-                allowed = f"must be unaltered with machine.kind={config.machine.kind}, which has no body"
-                raise BadInput(f"sensors.{name}", "altered", allowed)
+            fits = not signal.alters or config.has_body or isinstance(signal, LegSignalConfig)
+            allowed = f"must be unaltered with machine.kind={config.machine.kind}, which has no body"
+            require(fits, f"sensors.{name}", "altered", allowed)
         super().check(config)

@@ -8,7 +8,7 @@ import numpy as np
 
 from cmacexp.config import Config, choice, number
 from cmacexp.config.machine import RobotMachine, read_model
-from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.errors import CmacexpError, require
 from cmacexp.models.chain import FOOT
 from cmacexp.models.loop_delay import first_order_share
 from cmacexp.models.robot import Robot, load_mujoco
@@ -74,14 +74,16 @@ class ProprioceptiveConfig(ChannelsConfig):
 
     def check(self, config: Config) -> None:
         """Check that the machine is a robot, and each signal against it and the run; raises BadInput."""
-        if config.machine.kind != "robot":
-            allowed = "must be robot with sensors=proprioceptive: use scenario=robot"
-            raise BadInput("machine.kind", config.machine.kind, allowed)
-        if config.plausibility.enabled:
-            allowed = (
-                "must be false with sensors=proprioceptive, whose forces are estimates and lag behind a touch-down"
-            )
-            raise BadInput("plausibility.enabled", True, allowed)
+        kind = config.machine.kind
+        require(
+            kind == "robot", "machine.kind", kind, "must be robot with sensors=proprioceptive: use scenario=robot"
+        )
+        require(
+            not config.plausibility.enabled,
+            "plausibility.enabled",
+            True,
+            "must be false with sensors=proprioceptive, whose forces are estimates and lag behind a touch-down",
+        )
         super().check(config)
 
 

@@ -7,9 +7,10 @@ import numpy as np
 
 from cmacexp.cmac import Cmac
 from cmacexp.models.robot import Robot, load_mujoco
+from cmacexp.plants.protocol import RobotSignals
 from cmacexp.typing import Array
 from cmacexp.wire.link import Gains, Link
-from cmacexp.wire.states import Reading, Unsafe, name_joint
+from cmacexp.wire.states import name_joint, require_safe
 
 SOFT: Gains = (40.0, 2.0)
 """Of a robot that hangs."""
@@ -52,28 +53,33 @@ def check_joints(link: Link, stand: Array, expected: Array) -> None:
     for leg, joint in np.ndindex(stand.shape):
         held = 0.0
         for angle in (WIGGLE, -WIGGLE):
-            before, goal = link.reading.q, stand.copy()
+            before, goal = link.signals.q, stand.copy()
             goal[leg, joint] += angle
             link.move(goal, HOLD, SOFT)
-            moved = (link.reading.q - before) * np.sign(angle)
+            moved = (link.signals.q - before) * np.sign(angle)
             link.move(stand, HOLD, SOFT)
             link.move(stand, HOLD, SOFT)  # until it rests
-            held += 0.5 * float(link.reading.torque[leg, joint])
+            held += 0.5 * float(link.signals.torque[leg, joint])
             others = np.delete(np.abs(moved), leg * stand.shape[1] + joint)
-            if moved[leg, joint] < ANSWERED or others.max() > CROSSTALK:
-                raise Unsafe(
-                    f"{name_joint(leg, joint)}, asked for {WIGGLE:g} rad, moved by {moved[leg, joint]:.2g} rad, "
-                    f"the others by up to {others.max():.2g}"
-                )
-        if joint != CALF and abs(held - expected[leg, joint]) > OFF:
-            raise Unsafe(
-                f"{name_joint(leg, joint)} holds {held:.2g} N m, by the model {expected[leg, joint]:.2g}: "
-                "does the robot hang, and are order and signs of the joints right?"
+            require_safe(
+                moved[leg, joint] >= ANSWERED and others.max() <= CROSSTALK,
+                f"{name_joint(leg, joint)}, asked for {WIGGLE:g} rad, moved by {moved[leg, joint]:.2g} rad, "
+                f"the others by up to {others.max():.2g}",
             )
+        require_safe(
+            joint == CALF or abs(held - expected[leg, joint]) <= OFF,
+            f"{name_joint(leg, joint)} holds {held:.2g} N m, by the model {expected[leg, joint]:.2g}: "
+            "does the robot hang, and are order and signs of the joints right?",
+        )
 
 
 def wait_for_ground(
-    link: Link, stand: Array, gains: Gains, estimate_force: Callable[[Reading], float], weight: float, longest: float
+    link: Link,
+    stand: Array,
+    gains: Gains,
+    estimate_force: Callable[[RobotSignals], float],
+    weight: float,
+    longest: float,
 ) -> None:
     """Hold still until the legs carry half the ``weight``, N, for a second; raises Unsafe after ``longest``, s.
 
@@ -81,10 +87,9 @@ def wait_for_ground(
     """
     end, needed, carried = time.monotonic() + longest, round(1.0 / link.period), 0
     while carried < needed:
-        if time.monotonic() > end:
-            raise Unsafe(f"not on the ground after plant.let_down={longest:g} s")
+        require_safe(time.monotonic() <= end, f"not on the ground after plant.let_down={longest:g} s")
         link.move(stand, link.period, gains)
-        carried = carried + 1 if estimate_force(link.reading) > CARRIED * weight else 0
+        carried = carried + 1 if estimate_force(link.signals) > CARRIED * weight else 0
 
 
 def draw_chirp(link: Link, stand: Array) -> None:
@@ -99,9 +104,9 @@ def draw_chirp(link: Link, stand: Array) -> None:
     link.move(stand, MOVE, SLACK)
 
 
-def make_memory(joints: int) -> Cmac:
-    """A CMAC over the phase of a stroke, with a torque for each joint, whose programs are compiled."""
-    memory = Cmac([0.0], [1.0], outputs=joints, layers=16)
+def make_memory() -> Cmac:
+    """A CMAC over the phase of a stroke, with a torque for each joint of a leg, whose programs are compiled."""
+    memory = Cmac([0.0], [1.0], outputs=len(SWING), layers=16)
     memory.update([0.0], memory.predict([0.0]), 0.0)
     return memory
 
@@ -125,7 +130,7 @@ def learn_strokes(link: Link, stand: Array, leg: int, memory: Cmac, lead: int, r
             learnt[leg] = np.clip(memory.predict([sample / samples]), -MOST_LEARNT, MOST_LEARNT)
         link.send(goal, velocity, learnt, *SLACK)
         link.receive()
-        error, slip = goal[leg] - link.reading.q[leg], velocity[leg] - link.reading.dq[leg]
+        error, slip = goal[leg] - link.signals.q[leg], velocity[leg] - link.signals.dq[leg]
         torque = SLACK[0] * error + SLACK[1] * slip
         memory.update([(sample - lead) % samples / samples], torque, rate)
         squares[stroke] += (error**2).mean(), (torque**2).mean()

@@ -11,12 +11,12 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.data.tables import write_table
-from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.errors import BadInput, CmacexpError, require
 from cmacexp.typing import Array
 from cmacexp.wire.guardian import Guardian, make_damping
 from cmacexp.wire.messages import new_command, set_motors
 from cmacexp.wire.network import COMMANDS, STATES, Wire, ask_for_priority, give_up_priority
-from cmacexp.wire.states import LimitsConfig, Reading, StateWatch, Unsafe, read_state
+from cmacexp.wire.states import LimitsConfig, Reading, StateWatch, Unsafe, read_state, require_safe
 
 ANSWERS = 5.0
 """Longest time until a robot is heard at all, s."""
@@ -42,7 +42,7 @@ class Link:
     """Commands to a robot of four legs with three joints each, and its states.
 
     Attributes:
-        reading: the last state.
+        signals: the last state.
         arrived: when it came, s on the clock of ``time.perf_counter``.
         asked: commanded angles (4, 3) of the last command, rad.
         watch: what compares states with the limits.
@@ -55,21 +55,22 @@ class Link:
         self.command = new_command()
         self.has_priority = ask_for_priority()  # for the threads of the wire
         try:
-            if Wire(interface, domain, None, COMMANDS).receive(OTHERS) is not None:
-                raise BadInput(
-                    "plant.domain",
-                    domain,
-                    "somebody else sends commands to this robot: release its sport mode, or wait for the run before",
-                )
+            require(
+                Wire(interface, domain, None, COMMANDS).receive(OTHERS) is None,
+                "plant.domain",
+                domain,
+                "somebody else sends commands to this robot: release its sport mode, or wait for the run before",
+            )
             self.wire = Wire(interface, domain, COMMANDS, STATES)
         finally:
             give_up_priority()
-        self.reading, tick = self._listen()
-        self.asked = self.reading.q
+        reading, tick = self._listen()
+        self.signals = reading.signals
+        self.asked = self.signals.q
         self.watch = StateWatch(limits, self.asked.shape, tick)
         self.rows: list[Array] | None = [] if log else None
         try:
-            self.watch.check(self.reading, self.asked)
+            self.watch.check(reading, self.asked)
         except Unsafe as error:
             raise BadInput("plant.interface", interface, f"the robot is not fit to stand up: {error}") from error
         self.guardian: Guardian | None = None
@@ -82,15 +83,15 @@ class Link:
         while len(heard) < FIRST_STATES and time.monotonic() < end:
             if (message := self.wire.receive(0.1)) is not None:
                 heard.append((time.perf_counter(), read_state(message)))
-        if len(heard) < FIRST_STATES:
-            reason = f"{len(heard)} states within {ANSWERS:g} s: connect the robot, or start cmacexp robot --simulate"
-            raise BadInput("plant.interface", self.interface, reason)
-        times, steps = np.diff([(at, reading.tick) for at, reading in heard], axis=0).T
+        reason = f"{len(heard)} states within {ANSWERS:g} s: connect the robot, or start cmacexp robot --simulate"
+        require(len(heard) == FIRST_STATES, "plant.interface", self.interface, reason)
+        times, steps = np.diff([(at, reading.signals.tick[0]) for at, reading in heard], axis=0).T
         tick = max(1, int(np.median(steps)))
         period = float(np.median(times * tick / np.maximum(steps, 1)))
-        if not RATES[0] * self.period < period < RATES[1] * self.period:
-            reason = f"the robot's states come every {1e3 * period:.2g} ms: use that"
-            raise BadInput("sampling_period", self.period, reason)
+        fits = RATES[0] * self.period < period < RATES[1] * self.period
+        require(
+            fits, "sampling_period", self.period, f"the robot's states come every {1e3 * period:.2g} ms: use that"
+        )
         return heard[-1][1], tick
 
     def begin(self) -> None:
@@ -100,7 +101,7 @@ class Link:
         self.watch = StateWatch(self.limits, self.asked.shape, self.watch.tick)
         self.wire.receive(self.limits.silence)  # what came meanwhile is old
         self.receive()
-        self.asked = self.reading.q
+        self.asked = self.signals.q
 
     def send(self, angle: Any, velocity: Any, torque: Any, stiffness: Any, damping: Any) -> None:
         """Send a command: (4, 3) each, or one number; with less torque where that and the drive would give too much.
@@ -108,16 +109,15 @@ class Link:
         Raises Unsafe if it is not finite, or too far from where the joints are; CmacexpError if the guardian has
         taken over.
         """
-        reading, most = self.reading, self.limits.torque
-        off = np.abs(angle - reading.q)
-        if not all(np.isfinite(each).all() for each in (angle, velocity, torque)):
-            raise Unsafe("a command is not finite")
-        if off.max() > JUMP * self.limits.deviation:
-            raise Unsafe(
-                f"a command is {off.max():.2g} rad from where its joint is, beyond {JUMP:g} times "
-                f"plant.limits.deviation={self.limits.deviation:g}"
-            )
-        law = stiffness * (angle - reading.q) + damping * (velocity - reading.dq)
+        signals, most = self.signals, self.limits.torque
+        off = np.abs(angle - signals.q)
+        require_safe(all(np.isfinite(each).all() for each in (angle, velocity, torque)), "a command is not finite")
+        require_safe(
+            off.max() <= JUMP * self.limits.deviation,
+            f"a command is {off.max():.2g} rad from where its joint is, beyond {JUMP:g} times "
+            f"plant.limits.deviation={self.limits.deviation:g}",
+        )
+        law = stiffness * (angle - signals.q) + damping * (velocity - signals.dq)
         torque = np.clip(torque + law, -most, most) - law
         set_motors(self.command, q=angle, dq=velocity, tau=torque, kp=stiffness, kd=damping)
         if self.guardian is not None:
@@ -126,7 +126,7 @@ class Link:
         self.asked = angle
         if self.rows is not None:
             sent = (np.broadcast_to(each, angle.shape) for each in (angle, velocity, torque, stiffness, damping))
-            self.rows.append(np.stack([reading.q, reading.dq, reading.torque, *sent]))
+            self.rows.append(np.stack([*signals[:3], *sent]))
 
     def receive(self) -> None:
         """Wait for the next state; raises Unsafe if none comes, or if it is beyond a limit."""
@@ -134,8 +134,9 @@ class Link:
         self.arrived = time.perf_counter()
         if message is None:
             raise Unsafe(f"no state for {1e3 * self.limits.silence:g} ms, plant.limits.silence")
-        self.reading = read_state(message)
-        self.watch.check(self.reading, self.asked)
+        reading = read_state(message)
+        self.signals = reading.signals
+        self.watch.check(reading, self.asked)
 
     def move(self, goal: Array, duration: float, gains: Gains) -> None:
         """Move all joints evenly to ``goal`` (4, 3), rad, within ``duration``, s; raises Unsafe."""

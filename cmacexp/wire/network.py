@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.errors import BadInput, require_extra
+from cmacexp.errors import BadInput, require, require_extra
 from cmacexp.wire.messages import LOW_CMD, LOW_STATE, STRUCTURES, Message, decode, encode
 
 COMMANDS, STATES = "rt/lowcmd", "rt/lowstate"
@@ -81,11 +81,10 @@ def join(interface: str, domain: int) -> Any:
     from cyclonedds.core import DDSException
     from cyclonedds.domain import Domain
 
-    if not 0 <= domain <= MOST:
-        raise BadInput("plant.domain", domain, f"must be at least 0 and at most {MOST}")
+    require(0 <= domain <= MOST, "plant.domain", domain, f"must be at least 0 and at most {MOST}")
     known = [name for _, name in socket.if_nameindex()]
-    if interface not in known:
-        raise BadInput("plant.interface", interface, f"no such network interface; choose from {', '.join(known)}")
+    choices = f"no such network interface; choose from {', '.join(known)}"
+    require(interface in known, "plant.interface", interface, choices)
     try:
         return Domain(domain, SETTINGS.format(interface=interface))
     except DDSException as error:

@@ -17,7 +17,7 @@ import numpy as np
 from cmacexp.config.component import find_option
 from cmacexp.config.machine import read_model
 from cmacexp.config.schema import Config, read_component
-from cmacexp.errors import BadInput, suggest
+from cmacexp.errors import require, suggest
 from cmacexp.jit.compiler import program
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.loop.scenario import make_scenario
@@ -67,8 +67,8 @@ class Fault:
     _lost: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise BadInput("--fault", self.kind, f"choose from {', '.join(KINDS)}{suggest(self.kind, KINDS)}")
+        choices = f"choose from {', '.join(KINDS)}{suggest(self.kind, KINDS)}"
+        require(self.kind in KINDS, "--fault", self.kind, choices)
         self._random = np.random.default_rng(0)
 
     def spoil_command(self, command: Message, step: int) -> Message | None:
@@ -157,8 +157,9 @@ class SimulatedRobot:
             ("plant", MujocoRobot.Config, "mujoco_robot, or mujoco_robot_rigid"),
             ("sensors", ProprioceptiveConfig, "proprioceptive, whose noise the robot has"),
         ):
-            if not isinstance(node := getattr(config, group), kind):
-                raise BadInput(group, find_option(group, read_component(node)["_target_"]), f"must be {options}")
+            node = getattr(config, group)
+            option = find_option(group, read_component(node)["_target_"])
+            require(isinstance(node, kind), group, option, f"must be {options}")
         scenario = make_scenario(replace(config, cycles=1))
         if scenario.fault is not None:
             raise scenario.fault

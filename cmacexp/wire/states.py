@@ -33,35 +33,23 @@ class Unsafe(Diverged):
     """The robot, or the wire to it, is beyond a limit: it is damped, and the run ends."""
 
 
+def require_safe(holds: object, trouble: str) -> None:
+    """Require that something ``holds`` of the robot, or of the wire to it; raises Unsafe with what is wrong."""
+    if not holds:
+        raise Unsafe(trouble)
+
+
 class Reading(NamedTuple):
     """One LowState, for L legs with J joints."""
 
-    q: Array
-    """(L, J): rad."""
-    dq: Array
-    """(L, J): rad/s."""
-    torque: Array
-    """(L, J): as the motors estimate it, N m."""
-    attitude: Array
-    """(3,): pitch, roll and yaw, rad, pitch positive nose down, roll right side down."""
-    gyroscope: Array
-    """(3,): rad/s."""
-    accelerometer: Array
-    """(3,): m/s^2."""
-    tick: int
+    signals: RobotSignals
+    """What sensors of a robot take: its yaw is that of the inertial unit, torques are as the motors estimate them."""
     temperature: float
     """Of the hottest motor, degrees Celsius."""
     voltage: float
     """V."""
     lost: int
     """Packets that the buses of all motors have lost so far."""
-
-    def get_signals(self, heading: float) -> RobotSignals:
-        """What sensors of a robot take; ``heading`` is the yaw, rad, that counts as 0."""
-        attitude = self.attitude - np.array([0.0, 0.0, heading])
-        attitude[2] = math.remainder(attitude[2], 2.0 * math.pi)
-        joints = self.q, self.dq, self.torque
-        return RobotSignals(*joints, attitude, self.gyroscope, self.accelerometer, np.array([float(self.tick)]))
 
 
 def read_state(message: Message) -> Reading:
@@ -72,18 +60,17 @@ def read_state(message: Message) -> Reading:
     pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x)))) if is_turn else math.nan
     roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return Reading(
+    signals = RobotSignals(
         q=get_motors(motors["q"]),
         dq=get_motors(motors["dq"]),
         torque=get_motors(motors["tau_est"]),
         attitude=np.array([pitch, roll, yaw]),
         gyroscope=imu["gyroscope"].astype(float),
         accelerometer=imu["accelerometer"].astype(float),
-        tick=int(message["tick"]),
-        temperature=float(motors["temperature"].max()),
-        voltage=float(message["power_v"]),
-        lost=int(motors["lost"].sum()),
+        tick=np.array([float(message["tick"])]),
     )
+    temperature, voltage = float(motors["temperature"].max()), float(message["power_v"])
+    return Reading(signals, temperature, voltage, int(motors["lost"].sum()))
 
 
 @dataclass(kw_only=True)
@@ -126,27 +113,27 @@ class StateWatch:
 
     def check(self, reading: Reading, asked: Array) -> None:
         """Compare a state with the limits; ``asked`` are the commanded angles (L, J), rad. Raises Unsafe."""
-        limits, last = self.limits, self._last
-        flat = [*reading.q.ravel(), *reading.dq.ravel(), *reading.torque.ravel(), *reading.gyroscope]
-        if not np.isfinite([*flat, *reading.attitude, *reading.accelerometer, reading.voltage]).all():
-            raise Unsafe("a state has a number that is not finite, or no attitude")
-        tilt, speed = np.abs(reading.attitude[:2]).max(), np.abs(reading.dq).max()
+        limits, last, signals = self.limits, self._last, reading.signals
+        is_finite = all(np.isfinite(values).all() for values in (*signals, reading.voltage))
+        require_safe(is_finite, "a state has a number that is not finite, or no attitude")
+        tilt, speed = np.abs(signals.attitude[:2]).max(), np.abs(signals.dq).max()
         for name, value, limit, unit in (
             ("tilt", tilt, limits.tilt, "rad"),
             ("speed", speed, limits.speed, "rad/s"),
             ("temperature", reading.temperature, limits.temperature, "degrees Celsius"),
         ):
-            if value > limit:
-                raise Unsafe(f"{name} of {value:.3g} {unit} is above plant.limits.{name}={limit:g}")
-        if reading.voltage < limits.voltage:
-            raise Unsafe(f"voltage of {reading.voltage:.3g} V is below plant.limits.voltage={limits.voltage:g}")
-        off = np.abs(asked - reading.q)
+            require_safe(value <= limit, f"{name} of {value:.3g} {unit} is above plant.limits.{name}={limit:g}")
+        require_safe(
+            reading.voltage >= limits.voltage,
+            f"voltage of {reading.voltage:.3g} V is below plant.limits.voltage={limits.voltage:g}",
+        )
+        off = np.abs(asked - signals.q)
         self._far = np.where(off > limits.deviation, self._far + 1, 0)
-        if (self._far > FAR).any():
-            raise Unsafe(
-                f"{_largest(self._far)} is {off.max():.2g} rad from its command, beyond "
-                f"plant.limits.deviation={limits.deviation:g}"
-            )
+        require_safe(
+            (self._far <= FAR).all(),
+            f"{_largest(self._far)} is {off.max():.2g} rad from its command, beyond "
+            f"plant.limits.deviation={limits.deviation:g}",
+        )
         if last is not None:
             self._compare(reading, last, asked)
         else:
@@ -155,28 +142,28 @@ class StateWatch:
 
     def _compare(self, reading: Reading, last: Reading, asked: Array) -> None:
         """Find lost and frozen states, and stuck encoders; raises Unsafe."""
-        passed = (reading.tick - last.tick) / self.tick
-        if passed <= 0 and self.limits.lost < 1.0:
-            raise Unsafe(
-                f"states are frozen, or from another sender: tick {reading.tick} follows {last.tick}; with a "
-                "simulator that does not count its states set plant.limits.lost=1"
-            )
+        tick, before = (int(each.signals.tick[0]) for each in (reading, last))
+        passed = (tick - before) / self.tick
+        require_safe(
+            passed > 0 or self.limits.lost >= 1.0,
+            f"states are frozen, or from another sender: tick {tick} follows {before}; with a simulator that does "
+            "not count its states set plant.limits.lost=1",
+        )
         gap = max(0, round(passed) - 1)
         self.missed += gap
         self._lost.append(max(gap, reading.lost - last.lost))
         share = sum(self._lost) / WINDOW
-        if share > self.limits.lost:
-            raise Unsafe(
-                f"{100 * share:.2g} % of packets lost within {WINDOW} states: plant.limits.lost={self.limits.lost:g}"
-            )
-        moved = reading.q != last.q
+        require_safe(
+            share <= self.limits.lost,
+            f"{100 * share:.2g} % of packets lost within {WINDOW} states: plant.limits.lost={self.limits.lost:g}",
+        )
+        moved = reading.signals.q != last.signals.q
         self._still = np.where(moved, 0, self._still + 1)
         self._asked = np.where(moved, asked, self._asked)
         asleep = (self._still >= LONG) & (np.median(self._still) < STILL)
         stuck = asleep | ((self._still >= STILL) & (np.abs(asked - self._asked) > LEAST_MOVE))
-        if stuck.any():
-            states = int(self._still[stuck].max())
-            raise Unsafe(f"the encoder of {_largest(stuck)} is stuck: the same angle in {states} states")
+        states = (self._still * stuck).max()
+        require_safe(not stuck.any(), f"the encoder of {_largest(stuck)} is stuck: the same angle in {states} states")
 
 
 def name_joint(leg: int, joint: int) -> str:

@@ -4,8 +4,10 @@ The robot's own drives close the joint loops, so a controller of drives is neede
 the robot: the state that this plant returns is that of an estimator (:mod:`cmacexp.sensors.proprioceptive`).
 """
 
+import math
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import partial
@@ -20,26 +22,19 @@ from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.config.schema import read_component
 from cmacexp.control.protocol import Drive
 from cmacexp.data.signals import LIVE_SIGNALS
-from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.errors import BadInput, CmacexpError, require
 from cmacexp.jit.compiler import program
 from cmacexp.models.leg import GRAVITY
 from cmacexp.planning.plan import Setup
-from cmacexp.plants.protocol import Measurement
+from cmacexp.plants.protocol import Measurement, RobotSignals
 from cmacexp.sensors.estimator import estimate
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig, ProprioceptiveSensors
 from cmacexp.typing import Array
 from cmacexp.wire.guardian import Guardian
-from cmacexp.wire.hung import (
-    check_joints,
-    draw_chirp,
-    find_holding_torque,
-    learn_strokes,
-    make_memory,
-    wait_for_ground,
-)
+from cmacexp.wire.hung import check_joints, find_holding_torque, wait_for_ground
 from cmacexp.wire.link import Gains, Link
 from cmacexp.wire.network import MOST
-from cmacexp.wire.states import LimitsConfig, Reading, name_joint
+from cmacexp.wire.states import LimitsConfig, name_joint
 
 PLAY = 0.1
 """Angle by which an encoder may be beyond the range of its joint, rad."""
@@ -110,8 +105,7 @@ class UnitreeRobot:
                 ("force_control.load_sharing", sharing, sharing != "adaptive", planned),
                 ("plant.crouch", self.crouch, len(self.crouch) == 3, "three angles: hip, thigh, calf"),
             ):
-                if not fits:
-                    raise BadInput(key, value, f"must be {allowed}")
+                require(fits, key, value, f"must be {allowed}")
 
     takes_drives = True
     link: Link
@@ -137,18 +131,18 @@ class UnitreeRobot:
         """
         config, machine = self.config, setup.config.machine
         assert isinstance(machine, RobotMachine)
-        if config.log is not None and not Path(config.log).parent.is_dir():
-            raise BadInput("plant.log", config.log, "must lie in a folder that exists")
+        has_folder = config.log is None or Path(config.log).parent.is_dir()
+        require(has_folder, "plant.log", config.log, "must lie in a folder that exists")
         self.setup, self.robot, self.stand = setup, read_model(machine), np.ascontiguousarray(setup.start)
         self.expected = find_holding_torque(self.robot, self.stand)
         self.sensors = ProprioceptiveSensors(config.estimator)
         self.sensors.reset(setup)
         still, nothing, level = np.zeros_like(self.stand), np.zeros(3), np.array([0.0, 0.0, GRAVITY])
-        first = self._measure(Reading(self.stand, still, still, nothing, nothing, level, 0, 0.0, 0.0, 0))
+        first = self._measure(RobotSignals(self.stand, still, still, nothing, nothing, level, np.zeros(1)))
         self._enter(Stage.CONNECT)
         period, log = setup.config.sampling_period, config.log is not None
         self.link = Link(config.interface, config.domain, period, config.limits, log)
-        self._require_ranges("plant.interface", config.interface, self.link.reading.q)
+        self._require_ranges("plant.interface", config.interface, self.link.signals.q)
         self._require_ranges("plant.crouch", config.crouch, np.array([config.crouch] * len(self.stand)))
         self.link.guardian = Guardian(config.interface, config.domain, config.damping, config.guardian)
         return first
@@ -176,25 +170,19 @@ class UnitreeRobot:
         link.send(angle, share * drive.dq, share * torque, drive.stiffness, drive.damping)
         self.steps.append((time.perf_counter() - link.arrived, link.watch.missed))
         link.receive()
-        return self._measure(link.reading)
+        return self._measure(link.signals)
 
-    def draw_chirp(self) -> None:
-        """Let the robot hang, and move its joints ever faster: what :mod:`cmacexp.gap` asks for. Raises Unsafe."""
-        self._begin_hung()
-        draw_chirp(self.link, self.stand)
+    def move_hung(self, move: Callable[[Link, Array], Array | None]) -> Array | None:
+        """Check a robot that hangs, then ``move`` it about the pose (4, 3), rad, in which it stands; raises Unsafe.
 
-    def learn_hung(self, leg: int, lead: int, rate: float) -> Array:
-        """Let the robot hang, and learn with a leg; see :func:`learn_strokes`."""
-        memory = make_memory(self.stand.shape[1])
-        self._begin_hung()
-        return learn_strokes(self.link, self.stand, leg, memory, lead, rate)
-
-    def _begin_hung(self) -> None:
+        Returns what ``move`` does, :func:`cmacexp.wire.hung.draw_chirp` or another function of a link and that pose.
+        """
         self.link.begin()
         self._enter(Stage.CHECK)
         check_joints(self.link, self.stand, self.expected)
         self._enter(Stage.SWING)
         self.link.rows = [] if self.config.log is not None else None
+        return move(self.link, self.stand)
 
     def end_run(self, is_safe: bool) -> None:
         """Sit down if the robot ``is_safe``, and damp it; nothing if it was never moved. Then write the log."""
@@ -263,15 +251,17 @@ class UnitreeRobot:
         link.move(self.stand, self.config.rise, gains)
         self._enter(Stage.WALK)
         self.sensors.reset(self.setup)
-        self.heading = float(link.reading.attitude[2])
-        self._measure(link.reading)
+        self.heading = float(link.signals.attitude[2])
+        self._measure(link.signals)
 
-    def _estimate_force(self, reading: Reading) -> float:
+    def _estimate_force(self, signals: RobotSignals) -> float:
         """The force on all feet of a robot at rest, N."""
         self.sensors.step = 0
-        return float(self._measure(reading).force.sum())
+        return float(self._measure(signals).force.sum())
 
-    def _measure(self, reading: Reading) -> Measurement:
-        """The state of the robot, as estimated, with what it measured."""
-        signals = reading.get_signals(self.heading)
+    def _measure(self, signals: RobotSignals) -> Measurement:
+        """The state of the robot, as estimated, with what it measured; its yaw counts from ``heading`` on."""
+        pitch, roll, yaw = signals.attitude
+        turned = np.array([pitch, roll, math.remainder(yaw - self.heading, 2.0 * math.pi)])
+        signals = signals._replace(attitude=turned)
         return self.sensors.observe(signals, self._estimate)._replace(signals=signals)

@@ -55,9 +55,9 @@ def test_all_kinds_of_faults_are_tried_and_others_are_refused():
 
 def test_a_robot_that_tilts_is_fast_or_does_not_know_its_attitude_stops():
     lost = read_state(np.zeros((), LOW_STATE))._replace(voltage=28.0)
-    reading = lost._replace(attitude=np.zeros(3))
-    tilted = reading._replace(attitude=np.array([0.0, -0.6, 0.0]))
-    fast = reading._replace(dq=np.full((4, 3), -21.0))
+    level = lost.signals._replace(attitude=np.zeros(3))
+    tilted = lost._replace(signals=level._replace(attitude=np.array([0.0, -0.6, 0.0])))
+    fast = lost._replace(signals=level._replace(dq=np.full((4, 3), -21.0)))
     for other, said in ((tilted, "limits.tilt="), (fast, "limits.speed="), (lost, "no attitude")):
         with pytest.raises(Unsafe, match=said):
-            StateWatch(LIMITS, (4, 3), 1).check(other, other.q)
+            StateWatch(LIMITS, (4, 3), 1).check(other, other.signals.q)
