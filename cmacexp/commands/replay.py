@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cmacexp.commands.command import FOLDERS, Arguments, Parser, add_options, make_flag
-from cmacexp.config.describe import differences
 from cmacexp.data.manifest import is_run, name_of, require_place, runs_below
 from cmacexp.data.run import Run
 from cmacexp.data.tables import RECORDING_FILE
 from cmacexp.errors import BadInput, require_extra
+from cmacexp.metrics.swept import find_swept
 from cmacexp.recording.viewer import open_window, require_display, serve_web
 from cmacexp.terminal.output import print_line, show_activity
 
@@ -33,7 +33,7 @@ def _show_table(runs: Sequence[Run], arguments: Arguments) -> int:
         ready, faults = build_recordings(runs, arguments.rebuild)
     for fault in faults:
         print_line(f"left out: {fault}", error=True)
-    keys = list(dict.fromkeys(key for each in differences([run.config for run in ready]) for key in each))
+    keys = find_swept(ready).all_keys
     with serve_catalog(ready, keys) as (address, _):
         differing = ", ".join(keys) or "nothing in which they differ"
         print_line(f"{len(ready)} of {len(runs)} runs in a table, by {differing}")

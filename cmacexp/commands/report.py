@@ -11,9 +11,10 @@ from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
 from cmacexp.data.run import Run
 from cmacexp.engine.sweep_tables import find_runs
 from cmacexp.errors import BadRun
+from cmacexp.metrics.swept import find_swept
 from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
-from cmacexp.report.sweep_report import find_swept, make_sweep_report
+from cmacexp.report.sweep_report import make_sweep_report
 from cmacexp.terminal.messages import describe_resume, print_key, print_runs
 from cmacexp.terminal.output import print_line, show_activity, show_progress
 from cmacexp.typing import Status

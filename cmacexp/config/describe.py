@@ -16,9 +16,6 @@ from cmacexp.config.machine import MACHINES
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput
 
-MOST_KEYS = 3
-"""Runs that differ in more keys are labelled by the names of their folders."""
-
 
 def flatten_config(config: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     """A config as dotted keys, which begin with ``before``; a ``_target_`` as its group with its option."""
@@ -39,24 +36,6 @@ def differences(configs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     keys = list(dict.fromkeys(key for each in flats for key in each))
     differing = [key for key in keys if any(key not in each or each[key] != flats[0].get(key) for each in flats)]
     return [{key: each[key] for key in differing if key in each} for each in flats]
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, list):
-        return f"[{','.join(map(_text, value))}]"
-    return "null" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def labels(configs: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[str]:
-    """A name for each of several runs: the values in which they differ, else the name of its folder."""
-    differing = differences(configs)
-    scenarios = [str(config["scenario"]) for config in configs]
-    if len(set(scenarios)) == len(configs):
-        return scenarios
-    found = [" ".join(f"{key}={_text(value)}" for key, value in each.items()) for each in differing]
-    if max(map(len, differing)) > MOST_KEYS or len(set(found)) < len(found):
-        return list(names)
-    return found
 
 
 class Described(NamedTuple):

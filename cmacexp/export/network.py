@@ -148,11 +148,6 @@ def _require_fitting(feedforward: NetworkFeedforward) -> None:
     ranges = feedforward.learnt()["ranges"]
     if not all(np.isfinite(each).all() for each in (params.weights, params.activation, ranges)):
         raise ValueError("not all of it is finite")
-    for cmac in getattr(feedforward, "cmacs", ()):
-        if cmac.visited is not None:
-            positions = cmac.visited.positions
-            if positions.dtype != np.uint64 or positions.ndim != 1 or len(positions) > rows:
-                raise ValueError("visited cells")
     if params.cells.max() >= rows:
         raise ValueError("cells without a row")
 

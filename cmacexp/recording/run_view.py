@@ -82,6 +82,11 @@ class RunView:
         return self.trace.shared("cycle")
 
     @cached_property
+    def clock(self) -> Array:
+        """(N,), time since the cycle began, s."""
+        return self.time - (self.cycle - 1) * float(self.run.config["gait"]["cycle_time"])
+
+    @cached_property
     def cycles(self) -> list[int]:
         """Numbers of the cycles of which it has a step."""
         return list(np.unique(self.cycle).tolist())

@@ -13,13 +13,13 @@ import pyarrow as pa
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from cmacexp.config.describe import labels
 from cmacexp.data.files import write_atomically
 from cmacexp.data.run import Run
 from cmacexp.data.tables import RECORDING_FILE
 from cmacexp.data.version import __version__
 from cmacexp.data.window import Window, make_window, read_cycles
 from cmacexp.errors import BadInput, BadRun
+from cmacexp.metrics.swept import find_swept, name_runs
 from cmacexp.recording.entities import Entities
 from cmacexp.recording.layout import KEY, describe_key, make_layout
 from cmacexp.recording.meshes import log_meshes, read_shown_model
@@ -112,11 +112,10 @@ def is_current(run: Run) -> bool:
 
 def _make_views(runs: Sequence[Run], windows: Sequence[Window], options: Options) -> list[RunView]:
     """The views of runs; of several each has a root of its own, and a label that tells it from the others."""
-    folders = [run.folder.resolve().name for run in runs]
     if len(runs) == 1:
-        names, roots = [options.label or folders[0]], [""]
+        names, roots = [options.label or runs[0].folder.resolve().name], [""]
     else:
-        names = labels([run.config for run in runs], folders)
+        names = name_runs(runs, find_swept(runs).all_keys)
         roots = [f"{n}_{re.sub('[^A-Za-z0-9.-]+', '_', name)}/" for n, name in enumerate(names, start=1)]
     views = [
         RunView(run, run.read_trace(window.cycles, window.every), name, root, options.meshes)

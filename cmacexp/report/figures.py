@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.errors import BadInput
-from cmacexp.report.style import DESIRED, MARKERS, add_legend, include_zero, label, logarithmic, mark, new_figure
+from cmacexp.report.style import DESIRED, MARKERS, add_legend, include_zero, logarithmic, mark, new_figure
 from cmacexp.typing import Array, Axes, Figure
 
 KINDS, LOG = ("lines", "scatter", "bars"), ("", "x", "y", "xy")
@@ -99,7 +99,7 @@ def draw(
     for ax, panel in zip(axes, panels, strict=False):
         draw_panel(ax, panel, names)
         ax.tick_params(labelbottom=True, labelleft=True)  # each panel can stand alone
-        label(ax, panel.title, panel.x, panel.y)
+        ax.set(title=panel.title, xlabel=panel.x, ylabel=panel.y)
     add_legend(figure, axes[: len(panels)], legend_title)
     return figure
 

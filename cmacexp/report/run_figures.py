@@ -1,6 +1,6 @@
 """Figures of one run: its metrics cycle by cycle, some of its cycles over their time, and its last steps."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -27,8 +27,6 @@ TORQUES = {
     "feedforward": {"color": FEEDFORWARD, "linestyle": "--"},
 }
 """Styles of the parts of a torque."""
-Rows = dict[str, Array]
-"""Signals of one leg or of the body by name, (steps,) each."""
 DIGITS = 3
 """Decimals to which plans of two cycles are compared, in the unit that is drawn."""
 
@@ -45,31 +43,26 @@ def draw_metrics(run: Run) -> Drawing:
     return Drawing("metrics", draw(panels, height=2.1), "Metrics of each cycle.")
 
 
-def select(view: RunView, leg: int, kept: Mask | slice) -> Rows:
-    """Some steps of the signals of one leg; of the body if ``leg`` is 0."""
-    trace = view.trace
-    rows = {name: trace[name][:, leg - 1] for name in trace.names if name != "phase"} if leg else view.body
-    return {name: column[kept] for name, column in rows.items()}
-
-
-def measure_time(view: RunView, rows: Rows) -> Array:
-    """Time since the cycle began, s."""
-    return rows["time"] - (rows["cycle"] - 1) * view.run.config["gait"]["cycle_time"]
+def read(view: RunView, name: str, leg: int) -> Array:
+    """A signal of one leg, or of the body if ``leg`` is 0, (steps,)."""
+    if leg:
+        return view.trace[name][:, leg - 1]
+    return view.body.get(name, view.body[name.removeprefix(TRUE)])  # a run of an earlier version has only one margin
 
 
 def measure_duration(view: RunView) -> float:
     """Duration of the longest of the cycles, s; less than a cycle if the run stopped in its first."""
-    return float(measure_time(view, select(view, 1, slice(None))).max()) + view.run.config["sampling_period"]
+    return float(view.clock.max()) + float(view.run.config["sampling_period"])
 
 
 def find_support(view: RunView, leg: int) -> list[tuple[float, float]]:
     """Begin and end of each planned support in the first cycle, s; none if all is support, or of the body."""
     if not leg:
         return []
-    support = view.trace.support[view.cycle == view.cycles[0], leg - 1]
+    first = view.cycle == view.cycles[0]
+    support = view.trace.support[first, leg - 1]
     edges = np.flatnonzero(np.diff(support.astype(int), prepend=0, append=0))
-    time = measure_time(view, select(view, leg, view.cycle == view.cycles[0]))
-    clock = np.append(time, view.run.config["gait"]["cycle_time"])
+    clock = np.append(view.clock[first], view.run.config["gait"]["cycle_time"])
     return [] if support.all() else list(zip(clock[edges[::2]], clock[edges[1::2]], strict=True))
 
 
@@ -84,53 +77,54 @@ class Quantity(NamedTuple):
     title: str
     y: str
     """Name and unit of the axis."""
-    compute: Callable[[Rows], Array]
-    desired: Callable[[Rows], Array] | None = None
-    """None: nothing is desired that could be drawn beside it."""
+    signal: str
+    desired: str = ""
+    """The signal that is drawn beside it; empty: none."""
+    relative_to: str = ""
+    """The signal that is subtracted; empty: none."""
     caption: str = ""
+    factor: float = 1e3
+    """To the unit of the axis: mm or mrad."""
     from_zero: bool = True
 
-
-def _scale(name: str, factor: float = 1e3) -> Callable[[Rows], Array]:
-    """A signal in the unit that is drawn: in mm or mrad, unless another factor is given."""
-    return lambda rows: factor * rows[name]
-
-
-def _make_error(axis: str, direction: str) -> Quantity:
-    """The error of a foot along an axis."""
-    title, caption = f"error along {axis}", f"Error of the foot along {axis}, {direction}."
-    compute = lambda rows: 1e3 * (rows[axis] - rows[f"{axis}_desired"])  # noqa: E731
-    return Quantity(title, f"{axis} - desired, mm", compute, caption=caption)
+    def compute(self, view: RunView, leg: int) -> Array:
+        """Its values in the unit of the axis, (steps,)."""
+        values = read(view, self.signal, leg)
+        return self.factor * (values - read(view, self.relative_to, leg) if self.relative_to else values)
 
 
-FOOT, MARGIN = "foot", "stability_margin"
+FOOT, MARGIN, TRUE = "foot", "stability_margin", "true_"
 PATHS = "Paths of the feet in the frames of their hips, y down."
+DOWN = "y, down; in support relative to the depression at the desired force"
 QUANTITIES = {
-    FOOT: Quantity("foot path", "y down, mm", _scale("y"), _scale("y_desired"), PATHS),
-    "force": Quantity("contact force", "force, N", _scale("force", 1), _scale("force_desired", 1), "Contact force."),
-    "x": _make_error("x", "forward"),
-    "y": _make_error("y", "down; in support relative to the depression at the desired force"),
-    "z": _make_error("z", "to the left"),
-    "height": Quantity("height of the body", "height, mm", _scale("height"), from_zero=False),
-    MARGIN: Quantity(
-        "stability margin, nearest edge",
-        "margin, mm",
-        lambda rows: 1e3 * rows.get(f"true_{MARGIN}", rows[MARGIN]),  # a run of an earlier version has only one
-        _scale(MARGIN),
-    ),
-    "pitch": Quantity("pitch, nose down", "pitch, mrad", _scale("pitch"), from_zero=False),
-    "roll": Quantity("roll, right side down", "roll, mrad", _scale("roll"), from_zero=False),
+    FOOT: Quantity("foot path", "y down, mm", "y", "y_desired", caption=PATHS),
+    "force": Quantity("contact force", "force, N", "force", "force_desired", "", "Contact force.", 1.0),
+    **{
+        axis: Quantity(
+            f"error along {axis}",
+            f"{axis} - desired, mm",
+            axis,
+            relative_to=f"{axis}_desired",
+            caption=f"Error of the foot along {direction}.",
+        )
+        for axis, direction in {"x": "x, forward", "y": DOWN, "z": "z, to the left"}.items()
+    },
+    "height": Quantity("height of the body", "height, mm", "height", from_zero=False),
+    MARGIN: Quantity("stability margin, nearest edge", "margin, mm", TRUE + MARGIN, MARGIN),
+    "pitch": Quantity("pitch, nose down", "pitch, mrad", "pitch", from_zero=False),
+    "roll": Quantity("roll, right side down", "roll, mrad", "roll", from_zero=False),
 }
-"""By column; of x, y and z the errors."""
+"""By what is drawn; of x, y and z the errors."""
 BODY_QUANTITIES = ("height", MARGIN, "pitch", "roll")
 
 
-def draw_desired(name: str, rows: Rows, clock: Array) -> list[Series]:
-    """The desired path or force, or the planned margin, as a line; of other quantities none."""
-    if (desired := QUANTITIES[name].desired) is None:
+def list_desired(view: RunView, name: str, leg: int, x: Array, kept: Mask | slice) -> list[Series]:
+    """What is desired or planned of a quantity in some steps, over ``x``, as a line; none of some quantities."""
+    quantity = QUANTITIES[name]
+    if not quantity.desired:
         return []
-    x = 1e3 * rows["x_desired"] if name == FOOT else clock
-    return [Series("planned" if name == MARGIN else "desired", x, desired(rows), style=DESIRED_LINE)]
+    values = quantity.factor * read(view, quantity.desired, leg)
+    return [Series("planned" if name == MARGIN else "desired", x[kept], values[kept], style=DESIRED_LINE)]
 
 
 def _style(view: RunView, cycle: int) -> dict[str, Any]:
@@ -140,29 +134,29 @@ def _style(view: RunView, cycle: int) -> dict[str, Any]:
     return {**mark(view.cycles.index(cycle) + 1), "linewidth": 1.1}
 
 
-def _list_plans(view: RunView, name: str, leg: int) -> list[Series]:
-    """What is desired in the cycles, as grey lines; a single one where it is the same in all of them.
+def _list_lines(view: RunView, name: str, leg: int) -> list[Series]:
+    """What is desired, as grey lines, a single one where it is the same in all cycles, and a line for each cycle.
 
     The plan of a robot follows the load of its feet and its course from cycle to cycle.
     """
-    lines = {}
+    is_path, values = name == FOOT, QUANTITIES[name].compute(view, leg)
+    x = 1e3 * read(view, "x", leg) if is_path else view.clock
+    x_desired = 1e3 * read(view, "x_desired", leg) if is_path else view.clock
+    plans, lines = {}, []
     for cycle in view.cycles:
-        rows = select(view, leg, view.cycle == cycle)
-        for line in draw_desired(name, rows, measure_time(view, rows)):
-            lines[np.round([line.x, line.y], DIGITS).tobytes()] = line
-    return list(lines.values())
+        kept = view.cycle == cycle
+        for line in list_desired(view, name, leg, x_desired, kept):
+            plans[np.round([line.x, line.y], DIGITS).tobytes()] = line
+        lines.append(Series(f"cycle {cycle}", x[kept], values[kept], style=_style(view, cycle)))
+    return [*plans.values(), *lines]
 
 
 def draw_over_cycle(view: RunView, name: str, legs: Sequence[int]) -> list[Panel]:
     """A quantity of legs, or of the body if they are ``[0]``, over the time of each cycle, a panel for each leg."""
     panels, quantity = [], QUANTITIES[name]
     for leg in legs:
-        lines = _list_plans(view, name, leg)
-        for cycle in view.cycles:
-            rows = select(view, leg, view.cycle == cycle)
-            x = 1e3 * rows["x"] if name == FOOT else measure_time(view, rows)
-            lines.append(Series(f"cycle {cycle}", x, quantity.compute(rows), style=_style(view, cycle)))
-        panel = Panel(name_leg(view, leg) or quantity.title, CLOCK, quantity.y, lines, from_zero=quantity.from_zero)
+        title, lines = name_leg(view, leg) or quantity.title, _list_lines(view, name, leg)
+        panel = Panel(title, CLOCK, quantity.y, lines, from_zero=quantity.from_zero)
         if name == FOOT:
             panels.append(replace(panel, x="x forward, mm", equal=True, y_down=True))
         else:
@@ -211,17 +205,18 @@ def draw_body(view: RunView) -> Drawing:
 def draw_torques(view: RunView) -> Drawing:
     """Feedback and feedforward of all joints in the last chosen cycle; of a robot J^T F_d apart, as in metrics."""
     cycle, count = view.cycles[-1], len(view.trace.axes)
+    last = view.cycle == cycle
     names = JOINTS[count] if view.has_joints else ("along x", "along y")
     unit = "torque, N m" if view.has_joints else "force, N"
     learns = any(view.trace[f"tau_feedforward_{joint + 1}"].any() for joint in range(count))
     panels = []
     for leg in range(1, view.trace.legs + 1):
-        time = measure_time(view, select(view, leg, view.cycle == cycle))  # titles beside each other are narrow:
+        # Titles of three panels beside each other are narrow.
         leg_name = f"{leg} {LEG_NAMES[leg - 1]}" if view.robot else name_leg(view, leg)
         for joint, name in enumerate(names, 1):
-            parts = {key: own[view.cycle == cycle, leg - 1] for key, own in view.torques(joint).items()}
+            parts = {key: own[last, leg - 1] for key, own in view.torques(joint).items()}
             shown = {key: own for key, own in parts.items() if learns or key != "feedforward"}
-            lines = [Series(key, time, own, style=TORQUES[key]) for key, own in shown.items()]
+            lines = [Series(key, view.clock[last], own, style=TORQUES[key]) for key, own in shown.items()]
             title, shaded = f"{leg_name}: {name}" if leg_name else name, find_support(view, leg)
             panels.append(Panel(title, CLOCK, unit, lines, x_range=(0.0, measure_duration(view)), shaded=shaded))
     torques = "Feedback and feedforward" if learns else "Feedback"
@@ -235,18 +230,18 @@ def draw_end(view: RunView) -> Drawing:
     """The last steps of a run that fell or diverged."""
     joints = {f"dq{joint}": f"joint {joint}" for joint in range(1, len(view.trace.axes) + 1)}
     columns = joints if view.has_joints else {"vx": "along x", "vy": "along y"}
-    speeds, forces = [], []
+    last, speeds, forces = slice(-LAST_STEPS, None), [], []
+    time = view.time[last]
     for leg in range(1, view.trace.legs + 1):
-        rows = select(view, leg, slice(-LAST_STEPS, None))
         whose = f"leg {leg} " if view.trace.legs > 1 else ""
-        speeds += [Series(whose + name, rows["time"], rows[column]) for column, name in columns.items()]
-        forces.append(Series(whose or "force", rows["time"], rows["force"]))
+        speeds += [Series(whose + name, time, read(view, column, leg)[last]) for column, name in columns.items()]
+        forces.append(Series(whose or "force", time, read(view, "force", leg)[last]))
     panels = [Panel("contact force", "time, s", "force, N", forces)]
     if view.trace.body is not None and view.run.status == Status.FELL:
-        rows = select(view, 0, slice(-LAST_STEPS, None))
         for name in BODY_QUANTITIES:
-            quantity, time = QUANTITIES[name], rows["time"]
-            lines = [*draw_desired(name, rows, time), Series("true", time, quantity.compute(rows))]
+            quantity = QUANTITIES[name]
+            lines = list_desired(view, name, 0, view.time, last)
+            lines.append(Series("true", time, quantity.compute(view, 0)[last]))
             panels.append(Panel(quantity.title, "time, s", quantity.y, lines, from_zero=quantity.from_zero))
     else:
         panels.append(Panel("speed", "time, s", "joint speed, rad/s" if view.has_joints else "speed, m/s", speeds))

@@ -82,11 +82,6 @@ def nested(index: int, count: int) -> dict[str, Any]:
     return {"linewidth": 1.2 + 2.0 * (count - 1 - index) / max(count - 1, 1)}
 
 
-def label(axes: Axes, title: str, x: str, y: str) -> None:
-    """Title and named axes with their units, e.g. ``label(axes, "foot", "x forward, mm", "y down, mm")``."""
-    axes.set(title=title, xlabel=x, ylabel=y)
-
-
 def _select_finite(values: Sequence[float] | Array) -> Array:
     """Those of the values that are neither NaN nor infinite."""
     known = np.asarray(values, dtype=float)

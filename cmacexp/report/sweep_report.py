@@ -2,17 +2,16 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from cmacexp.config.component import COMPONENTS
 from cmacexp.config.describe import describe_fields
-from cmacexp.config.load import WITHOUT_EFFECT
 from cmacexp.data.run import Run
 from cmacexp.metrics.registry import JUDGED, MAIN, format_runs, format_setting, make_names, shows
+from cmacexp.metrics.swept import Swept, find_swept, name_runs
 from cmacexp.report.curves import is_numeric, over_cycles, over_setting
 from cmacexp.report.figures import draw
 from cmacexp.report.page import HOW_TO_REPORT, Drawing, PageElement, Report, Section, Table
@@ -22,64 +21,6 @@ MOST_LINES = 12
 """Lines of learning curves: more runs are grouped by a swept value, of which as many are shown, evenly spaced."""
 MOST_VALUES = 12
 """Values of a swept key that the table of differences lists."""
-
-Partition = tuple[int, ...]
-"""For each run the first run that has the same value: values a, b, a give (0, 1, 0)."""
-
-
-class Swept(NamedTuple):
-    """The settings in which runs differ."""
-
-    keys: list[str]
-    """Config keys that vary independently of each other."""
-    linked: dict[str, list[str]]
-    """Keys that vary together with one of ``keys``, by that key."""
-    seeds: list[str]
-    """Seeds that vary besides ``keys``: runs that differ in them alone repeat each other."""
-
-    @property
-    def all_keys(self) -> list[str]:
-        """Keys, then seeds: the columns of a table of runs."""
-        return [*self.keys, *self.seeds]
-
-
-def _partition(values: Sequence[Any]) -> Partition:
-    texts = [repr(value) for value in values]
-    return tuple(texts.index(text) for text in texts)
-
-
-def _group_keys(configs: Sequence[dict[str, Any]]) -> dict[Partition, list[str]]:
-    """The keys that differ, by the runs between which they differ.
-
-    A key that has one value for each scenario belongs to the scenario.
-    """
-    scenarios = _partition([config.get("scenario") for config in configs])
-    groups: dict[Partition, list[str]] = {}
-    for key in dict.fromkeys(key for config in configs for key in config):
-        runs = _partition([config.get(key) for config in configs])
-        if not any(runs) or key.split(".")[0] in WITHOUT_EFFECT:
-            continue
-        follows_scenario = len(set(zip(scenarios, runs, strict=True))) == len(set(scenarios))
-        groups.setdefault(scenarios if follows_scenario else runs, []).append(key)
-    return groups
-
-
-def _rank(key: str) -> tuple[int, int, str]:
-    """Order in which keys describe a difference: the scenario, a component or method, the shortest, cycles last."""
-    chosen = key.endswith((".method", ".kind", ".model", ".rule", ".pattern"))
-    order = [key == "scenario", key in COMPONENTS, chosen, key != "cycles"]
-    return (order.index(True) if True in order else len(order), len(key), key)
-
-
-def find_swept(runs: Iterable[Run]) -> Swept:
-    """The config keys in which runs differ; of keys that differ between the same runs, one stands for all."""
-    groups = _group_keys([run.settings for run in runs if run.settings])
-    linked = {first: others for first, *others in (sorted(keys, key=_rank) for keys in groups.values())}
-    seeds = [key for key in linked if key.endswith("seed")]
-    keys = [key for key in linked if key not in seeds]
-    if not keys:
-        return Swept(seeds, {}, [])
-    return Swept(keys, {key: linked[key] for key in keys if linked[key]}, seeds)
 
 
 def _list_differences(runs: Sequence[Run], swept: Swept) -> list[PageElement]:
@@ -129,27 +70,18 @@ def _read_names(run: Run, keys: Sequence[str]) -> dict[str, str]:
     return {key: f"{key}, {fields[key].unit}".rstrip(", ") if key in fields else key for key in keys}
 
 
-def _name_lines(runs: Sequence[Run], keys: Sequence[str]) -> dict[str, list[Run]]:
-    """Runs with a whole cycle by their names in legends: the values of the swept keys, or else their folders."""
-    values = [[format_setting(run.settings.get(key)) for key in keys] for run in runs]
-    short = [key.rpartition(".")[2] for key in keys]
-    names = [", ".join(map(" ".join, zip(short, own, strict=True))) for own in values]
-    if not 0 < len(keys) <= 3 or len(set(names)) < len(runs):
-        names = make_names(runs)
-    ends = ["" if run.completed else f", {run.outcome.status}" for run in runs]
-    return {name + end: [run] for name, end, run in zip(names, ends, runs, strict=True) if run.cycles_done}
-
-
 def draw_learning_curves(runs: Sequence[Run], keys: Sequence[str]) -> list[Drawing]:
     """The main metrics per cycle, a line for each run that has a whole one; none if no run has two.
 
     Of many runs each of the first two swept keys has a figure with a line for each of its values.
     """
-    lines = _name_lines(runs, keys)
-    begun = [run for (run,) in lines.values()]
+    begun = [run for run in runs if run.cycles_done]
     if max((run.cycles_done for run in begun), default=0) < 2:
         return []
     if len(begun) <= MOST_LINES:
+        ends = ["" if run.completed else f", {run.outcome.status}" for run in runs]
+        named = zip(name_runs(runs, keys), ends, runs, strict=True)
+        lines = {f"{name}{end}": [run] for name, end, run in named if run.cycles_done}
         return [_draw_learning("learning", "one line for each run", lines, "")]
     drawings = []
     for key, title in _read_names(begun[0], keys[:2]).items():

@@ -12,7 +12,7 @@ import cmacexp
 from cmacexp.report.page import Details, Drawing, Table
 from cmacexp.report.run_figures import draw_metrics
 from cmacexp.report.run_report import make_run_report
-from cmacexp.report.sweep_report import find_swept, make_sweep_report
+from cmacexp.report.sweep_report import make_sweep_report
 
 
 @pytest.fixture(scope="module")
@@ -113,21 +113,3 @@ def test_the_page_of_several_runs_is_no_run(mass, tmp_path):
     assert rows == ["2", "10"]
     assert [call(command, runs).returncode for command in ("score", "verify", "report")] == [0, 0, 0]
     assert len(cmacexp.load_sweep(runs)["run"].unique()) == 2
-
-
-def swept(*configs):
-    runs = [made_run(str(folder), "completed", **config) for folder, config in enumerate(configs)]
-    found = find_swept(runs)
-    return found.keys, found.linked, found.seeds
-
-
-def test_keys_that_differ_between_the_same_runs_are_one_and_what_a_scenario_decides_goes_with_it():
-    keys = ("seed", "machine.leg.mass", "machine.legs.left.mass", "record.r")
-    a, b, c = (dict(zip(keys, values, strict=True)) for values in ((1, 1, 1, 1), (2, 2, 2, 2), (3, 2, 2, 2)))
-    assert swept(a, b, c) == (["machine.leg.mass"], {"machine.leg.mass": ["machine.legs.left.mass"]}, ["seed"])
-    assert swept(b, c) == (["seed"], {}, [])
-    assert swept(a, a) == ([], {}, [])
-    runs = [{"scenario": s, "knee": k, "rate": r} for s, k, r in (("a", 1, 1), ("b", 0, 1), ("c", 0, 1), ("c", 0, 2))]
-    assert swept(*runs) == (["scenario", "rate"], {"scenario": ["knee"]}, [])
-    robots = [{"posture.gain": gain, "machine.model": model} for gain, model in ((1, "go2"), (2, "go1"))]
-    assert swept(*robots) == (["machine.model"], {"machine.model": ["posture.gain"]}, [])
