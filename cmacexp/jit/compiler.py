@@ -14,10 +14,13 @@ from dataclasses import dataclass
 from functools import cached_property, update_wrapper
 from typing import cast
 
+import numpy as np
+
 from cmacexp.jit.interrupt import raise_if_interrupted
 from cmacexp.jit.kernels import Function
 from cmacexp.jit.kernels import kernel as kernel
 from cmacexp.jit.sources import cache_folder
+from cmacexp.typing import Array
 
 WORTH_LOADING, WORTH_COMPILING = 4_000, 40_000
 """Steps, times legs, that take as long in plain Python as reading a program from the cache, and as compiling it."""
@@ -73,6 +76,12 @@ def program(function: Function, plain: Callable[..., object] | None = None) -> F
     Where compiling does not pay off, ``plain`` runs, or ``function`` itself; it gives the same bits.
     """
     return cast(Function, _Program(function, plain or function))
+
+
+@kernel
+def copy_array(source: Array, target: Array) -> None:
+    """Copy an array to one of its shape and unit; for ``target[...] = source`` numba would allocate a third."""
+    np.positive(source, target)
 
 
 class NotCompiled(Exception):

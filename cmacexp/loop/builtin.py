@@ -18,7 +18,7 @@ from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.loop.guard import Guard
 from cmacexp.loop.guard_kernels import GuardState
 from cmacexp.loop.probe import FIRST_LEARNING
-from cmacexp.loop.saved_weights import CustomWeights, NetworkWeights, NoWeights, SavedWeights
+from cmacexp.loop.saved_weights import CustomWeights, NetworkWeights, SavedWeights
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import Loop, Torques
 from cmacexp.loop.stop import StopLimits
@@ -85,7 +85,7 @@ def make_guard(scenario: Scenario, external: External) -> Guard | None:
     if mode == NONE:
         return None
     require(known or mode != REFINE, "learning.guard", mode, f"{BUILT_IN}; use that, or freeze")
-    weights: SavedWeights = NoWeights()
+    weights = SavedWeights()
     if known and isinstance(feedforward, BuiltInFeedforward):
         weights = NetworkWeights(feedforward.params)
     elif config.record.weights and isinstance(feedforward, Learns):

@@ -11,6 +11,7 @@ every step is in :mod:`cmacexp.loop.guard_kernels`.
 """
 
 import math
+from collections import deque
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -115,12 +116,10 @@ class Guard:
         """Number of the best cycle; 0: with feedback only."""
         self.best_score = 1.0
         self.best_torque = np.zeros_like(self.state.torque)
-        self.evaluated = 0
-        """Cycles evaluated since learning began or the last return to the best cycle."""
-        self.scores = [0.0] * WINDOW
-        """A ring of their last scores."""
+        self.scores = deque[float](maxlen=WINDOW)
+        """Last scores of cycles since learning began or the last return to the best cycle."""
         self.lowest_score = math.inf
-        """Lowest mean of such a ring."""
+        """Lowest mean of a whole window of them."""
         self.last_error = 0.0
         """Error of the last of them."""
         self.settling = 0
@@ -191,7 +190,7 @@ class Guard:
     def _compare(self, step: int, score: Score) -> None:
         """Take the cycle that has ended as the best one, or retreat, or neither."""
         drifts, frozen = self._has_drifted(score.mean), self.phase is Phase.FROZEN
-        first = self.phase is Phase.LEARNING and self.evaluated == 1
+        first = self.phase is Phase.LEARNING and len(self.scores) == 1
         if not frozen and score.mean < BETTER * self.best_score and score.error < 1.0:
             self.best_score = score.mean
             self._keep_best(step // self.period)
@@ -203,17 +202,12 @@ class Guard:
 
     def _has_drifted(self, score: float) -> bool:
         """Whether the scores of the last WINDOW cycles rise, and their mean is far above its lowest."""
-        newest = self.evaluated % WINDOW
-        self.scores[newest] = score
-        self.evaluated += 1
-        if self.evaluated < WINDOW:
+        self.scores.append(score)
+        if len(self.scores) < WINDOW:
             return False
-        mean = 0.0
-        for each in self.scores:
-            mean += each / WINDOW
+        mean = math.fsum(self.scores) / WINDOW
         self.lowest_score = min(self.lowest_score, mean)
-        in_order = self.scores[newest + 1 :] + self.scores[: newest + 1]
-        return mean > DRIFT_RATIO * self.lowest_score and count_rises(in_order) >= SIGNIFICANT
+        return mean > DRIFT_RATIO * self.lowest_score and count_rises(self.scores) >= SIGNIFICANT
 
     def _measure_baseline(self, sums: CycleSums) -> None:
         """Take the cycle that has ended as one of feedback only."""
@@ -229,7 +223,7 @@ class Guard:
     def _learn(self) -> None:
         """Learn from now on, from the weights of the best cycle."""
         self.phase = Phase.LEARNING
-        self.evaluated = 0
+        self.scores.clear()
         self.learns_again = False
 
     def _keep_best(self, cycle: int) -> None:
@@ -248,7 +242,7 @@ class Guard:
         self.state.torque[...] = self.best_torque
         self.weights.restore()
         self.settling = SETTLING
-        self.evaluated = 0
+        self.scores.clear()
         self.lowest_score = math.inf
         self.probe.repeat(cause is not Cause.CHATTER)
         if len(self.events) < MOST_EVENTS:

@@ -1,15 +1,13 @@
 """Weights of a feedforward that the guard of learning saves at the end of the best cycle, and returns to."""
 
-from typing import Protocol
-
 import numpy as np
 
 from cmacexp.feedforward.kernels import FeedforwardParams
 from cmacexp.loop.scenario import Scenario
 
 
-class SavedWeights(Protocol):
-    """Weights as the guard sees them."""
+class SavedWeights:
+    """Weights as the guard sees them: by themselves none, of a feedforward whose weights nobody knows or needs."""
 
     def save(self, cycle: int) -> None:
         """Save the weights in use, at the end of ``cycle``; 0: at the start of the run."""
@@ -18,17 +16,7 @@ class SavedWeights(Protocol):
         """Return to the weights that were saved last."""
 
 
-class NoWeights:
-    """Of a feedforward whose weights nobody knows or needs."""
-
-    def save(self, cycle: int) -> None:
-        """There is nothing to save."""
-
-    def restore(self) -> None:
-        """There is nothing to return to."""
-
-
-class NetworkWeights:
+class NetworkWeights(SavedWeights):
     """Of a built-in network: the rows that the plan uses."""
 
     def __init__(self, params: FeedforwardParams):
@@ -48,7 +36,7 @@ class NetworkWeights:
             weights[rows] = saved
 
 
-class CustomWeights(NoWeights):
+class CustomWeights(SavedWeights):
     """Of a custom feedforward that learns: the guard cannot return to them, but the result of the run has them."""
 
     def __init__(self, scenario: Scenario):

@@ -16,25 +16,21 @@ from cmacexp.typing import Array, Clock, Status
 
 @kernel
 def is_finite(values: Array) -> bool:
-    """Whether all of ``values`` (L, J), of any unit, are finite."""
-    for i in range(values.shape[0]):
-        for j in range(values.shape[1]):
-            if not math.isfinite(values[i, j]):
-                return False
+    """Whether all of ``values``, of any shape and unit, are finite."""
+    for value in values.flat:  # noqa: SIM110  # numba knows no all() of a generator
+        if not math.isfinite(value):
+            return False
     return True
 
 
 @kernel
 def observes_finite(observation: Observation) -> bool:
     """Whether all values of an observation are finite."""
-    for i in range(observation.force.shape[0]):
-        if not math.isfinite(observation.force[i]):
-            return False
-    for n in range(3):
-        if not (math.isfinite(observation.body[n]) and math.isfinite(observation.body_rate[n])):
-            return False
     return (
-        is_finite(observation.q)
+        is_finite(observation.force)
+        and is_finite(observation.body)
+        and is_finite(observation.body_rate)
+        and is_finite(observation.q)
         and is_finite(observation.dq)
         and is_finite(observation.foot)
         and is_finite(observation.velocity)
@@ -44,10 +40,7 @@ def observes_finite(observation: Observation) -> bool:
 @kernel
 def moves_finite(machine: PlantState) -> bool:
     """Whether the velocities of body and feet are finite."""
-    for n in range(3):
-        if not math.isfinite(machine.body_rate[n]):
-            return False
-    return is_finite(machine.velocity)
+    return is_finite(machine.body_rate) and is_finite(machine.velocity)
 
 
 RUNNING, DIVERGED, FELL = range(3)
@@ -126,10 +119,7 @@ def stop_reason(limits: StopLimits, sample: int, state: PlantState | Measurement
         count_unborne(limits, state.force)
         if has_fallen(limits, state.body):
             return FELL
-    for i in range(state.force.shape[0]):
-        if not math.isfinite(state.force[i]):
-            return DIVERGED
-    return RUNNING
+    return RUNNING if is_finite(state.force) else DIVERGED
 
 
 def _explain_divergence(limits: StopLimits, q: Array, dq: Array) -> str:

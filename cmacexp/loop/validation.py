@@ -11,27 +11,29 @@ from cmacexp.errors import BadOutput
 from cmacexp.plants.protocol import STATE, Measurement, RobotSignals, get_state
 from cmacexp.typing import Array
 
-UNITS = list_units()
-"""Of all outputs, by name."""
-UNITS["force_trusted"] = ""
-UNITS["torque"] = UNITS["learning_error"] = UNITS["signals.torque"] = UNITS["feedback"]
 DRIVE_NAMES = [f"drive.{name}" for name in Drive._fields]
 SIGNAL_NAMES = [f"signals.{name}" for name in RobotSignals._fields]
-UNITS |= dict(zip(DRIVE_NAMES, ("rad", "rad/s", "N m/rad", "N m s/rad"), strict=True))
-UNITS |= {"signals.q": "rad", "signals.dq": "rad/s", "signals.attitude": "rad", "signals.gyroscope": "rad/s"}
-UNITS |= {"signals.accelerometer": "m/s^2", "signals.tick": "samples"}
+UNITS = {
+    **list_units(),
+    **dict.fromkeys(("torque", "learning_error"), "N m"),
+    **dict(zip(DRIVE_NAMES, ("rad", "rad/s", "N m/rad", "N m s/rad"), strict=True)),
+    **dict(zip(SIGNAL_NAMES, ("rad", "rad/s", "N m", "rad", "rad/s", "m/s^2", "samples"), strict=True)),
+    "force_trusted": "",
+}
+"""Of all outputs, by name."""
+EXPECTED = {
+    Measurement: f"cmacexp.plants.Measurement({', '.join(Measurement._fields)})",
+    RobotSignals: f"cmacexp.plants.RobotSignals({', '.join(RobotSignals._fields)})",
+    Action: "cmacexp.control.Action(feedback, feedforward[, reference])",
+    Drive: f"cmacexp.control.Drive({', '.join(Drive._fields)}), or None",
+}
+"""What components return as a tuple, as a message describes it."""
 
 FLOAT = np.dtype(np.float64)
 
 
 def _method(component: object, name: str) -> str:
     return f"{type(component).__name__}.{name}"
-
-
-def _expected(name: str, shape: tuple[int, ...], unit: str) -> str:
-    sides = "(3,)" if shape == (3,) else ["(L,)", "(L, J)", "(N, L, J)"][len(shape) - 1]
-    size = "" if sides == str(shape) else f" = {shape}"
-    return f"expected {sides}{size} float64, {unit}"
 
 
 Target = tuple[str, Array, tuple[int, ...]]
@@ -63,13 +65,14 @@ def copy_outputs(component: object, method: str, outputs: Iterable[Any], targets
 
 def _convert(component: object, method: str, name: str, output: Any, shape: tuple[int, ...]) -> Array:
     """Numbers of a ``shape`` that a component returned, in the unit of their name, as an array; raises BadOutput."""
-    expected = _expected(name, shape, UNITS[name])
+    sides = "(3,)" if shape == (3,) else ["(L,)", "(L, J)", "(N, L, J)"][len(shape) - 1]
+    size = "" if sides == str(shape) else f" = {shape}"
+    expected = f"expected {sides}{size} float64, {UNITS[name]}"
     try:
         values = np.asarray(output)
-        kind = values.dtype.kind
     except (TypeError, ValueError):
-        kind, values = "O", np.empty(0)
-    if output is None or kind not in "fiub":
+        values = np.empty(0, dtype=object)
+    if output is None or values.dtype.kind not in "fiub":
         raise BadOutput(f"{_method(component, method)} returned {name} of type {type(output).__name__}: {expected}")
     if values.shape != shape:
         raise BadOutput(f"{_method(component, method)} returned {name} of shape {values.shape}: {expected}")
@@ -87,13 +90,19 @@ def require_finite(component: object, method: str, name: str, values: Array) -> 
         )
 
 
+def _require_kind(component: object, method: str, output: Any, kind: type, name: str = "") -> None:
+    """Require that what a component returned, or its part ``name``, is a tuple of EXPECTED; raises BadOutput."""
+    if isinstance(output, kind):
+        return
+    is_array = isinstance(output, np.ndarray)
+    found = f"an array of shape {output.shape}" if is_array else f"a {type(output).__name__}"
+    found = "None" if output is None else found
+    raise BadOutput(f"{_method(component, method)} returned {name}{found}: expected {EXPECTED[kind]}")
+
+
 def copy_measurement(component: object, method: str, output: Any, targets: list[Target]) -> None:
     """Copy a measurement that a plant or sensors returned to the targets of one; raises BadOutput."""
-    if not isinstance(output, Measurement):
-        raise BadOutput(
-            f"{_method(component, method)} returned {_describe(output)}: "
-            f"expected cmacexp.plants.Measurement({', '.join(Measurement._fields)})"
-        )
+    _require_kind(component, method, output, Measurement)
     has_travel = output.travel is not None
     copy_outputs(component, method, output, targets if has_travel else targets[:-1])
     if has_travel:
@@ -105,11 +114,7 @@ def copy_action(component: object, output: Any, targets: list[Target]) -> bool:
 
     Returns whether it contains the reference that the controller followed.
     """
-    if not isinstance(output, Action):
-        raise BadOutput(
-            f"{_method(component, 'act')} returned {_describe(output)}: "
-            "expected cmacexp.control.Action(feedback, feedforward[, reference])"
-        )
+    _require_kind(component, "act", output, Action)
     has_reference = output.reference is not None
     copy_outputs(component, "act", output, targets if has_reference else targets[:2])
     return has_reference
@@ -124,11 +129,7 @@ def copy_drive(component: object, drive: Any, targets: list[Target]) -> None:
         for _, array, _ in targets:
             array[...] = 0.0
         return
-    if not isinstance(drive, Drive):
-        raise BadOutput(
-            f"{_method(component, 'act')} returned drive={_describe(drive)}: "
-            f"expected cmacexp.control.Drive({', '.join(Drive._fields)}), or None"
-        )
+    _require_kind(component, "act", drive, Drive, "drive=")
     copy_outputs(component, "act", drive, targets)
     for name, array, _ in targets:
         require_finite(component, "act", name, array)
@@ -136,16 +137,5 @@ def copy_drive(component: object, drive: Any, targets: list[Target]) -> None:
 
 def copy_signals(component: object, method: str, signals: Any, targets: list[Target]) -> None:
     """Copy what a plant says that a robot measures by itself to its targets; raises BadOutput."""
-    if not isinstance(signals, RobotSignals):
-        raise BadOutput(
-            f"{_method(component, method)} returned signals={_describe(signals)}: "
-            f"expected cmacexp.plants.RobotSignals({', '.join(RobotSignals._fields)})"
-        )
+    _require_kind(component, method, signals, RobotSignals, "signals=")
     copy_outputs(component, method, signals, targets)
-
-
-def _describe(output: Any) -> str:
-    """The kind of a value, in a few words."""
-    if isinstance(output, np.ndarray):
-        return f"an array of shape {output.shape}"
-    return "None" if output is None else f"a {type(output).__name__}"

@@ -159,17 +159,13 @@ class Robot:
 
     def at(self, q: Array) -> Any:
         """New data of MuJoCo: the trunk upright at the origin, every leg at ``q`` (3,) or (4, 3), rad, at rest."""
-        return place(self.model, load_mujoco().MjData(self.model), self.legs, q)
+        return place(self.model, load_mujoco().MjData(self.model), self.legs.joint, q)
 
 
-def place(model: Any, data: Any, legs: Legs, q: Array) -> Any:
-    """Set joint angles ``q`` (4, 3), rad, under a trunk upright at the origin; ``data`` with its kinematics."""
-    return place_joints(model, data, int(model.body_jntadr[legs.base]), legs.joint, q)
-
-
-def place_joints(model: Any, data: Any, free: int, joint: Counts, q: Array) -> Any:
-    """:func:`place` at ``q`` (4, 3), rad, by the numbers of the free joint and of the others, (4, 3)."""
-    data.qpos[model.jnt_qposadr[free] + np.arange(7)] = UPRIGHT
+def place(model: Any, data: Any, joint: Counts, q: Array) -> Any:
+    """Set joints (4, 3) to ``q`` (4, 3), rad, under a trunk upright at the origin; ``data`` with its kinematics."""
+    trunk = model.body_rootid[model.jnt_bodyid[joint[0, 0]]]
+    data.qpos[model.jnt_qposadr[model.body_jntadr[trunk]] + np.arange(7)] = UPRIGHT
     data.qpos[model.jnt_qposadr[joint]] = q
     load_mujoco().mj_kinematics(model, data)
     return data
@@ -215,20 +211,20 @@ def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], angles
     model = compile_spec(path, spec)
     joint = np.array([[find_joint(mujoco, model, name) for name in leg] for leg in joints])
     free = find_free(mujoco, model, path, joint)
-    data = place_joints(model, mujoco.MjData(model), free, joint, home)
+    data = place(model, mujoco.MjData(model), joint, home)
     names = place_feet(mujoco, spec, data, feet)
     if names != list(feet):
         model = compile_spec(path, spec)
     foot = np.array([model.geom(name).id for name in names])
     legs = find_legs(model, free, joint, foot, feet)
     require_own_forces(path, model)
-    data = place(model, mujoco.MjData(model), legs, home)
+    data = place(model, mujoco.MjData(model), joint, home)
     require_frame(data.xanchor[joint[:, 1]], feet)
     points = np.concatenate([data.xanchor[joint[0]], data.geom_xpos[foot[:1]]])
     _, length_1, length_2 = np.linalg.norm(np.diff(points, axis=0), axis=1)
     require_sizes(path, model, legs, length_1 + length_2)
     limits = torque_limits(mujoco, model, joint, needs_motor=not is_urdf(path))
-    place(model, data, legs, np.zeros(3))
+    place(model, data, joint, np.zeros(JOINTS))
     limited = model.jnt_limited[joint].astype(bool)[..., None]
     return Robot(
         path=path,

@@ -8,7 +8,7 @@ import numpy as np
 
 from cmacexp.errors import require
 from cmacexp.models.chain import chain_angles, chain_points
-from cmacexp.models.robot import compile_spec, load_mujoco, load_spec, place_joints
+from cmacexp.models.robot import compile_spec, load_mujoco, load_spec, place
 from cmacexp.models.robot_gains import HEIGHT_OF_LINKS
 from cmacexp.models.robot_legs import JOINTS, LEGS, find_chain, list_names, require_frame
 from cmacexp.typing import Array
@@ -45,8 +45,7 @@ def find_names(path: Path) -> Names:
     ends = list_names(model.joint(chain[-1]).name for chain in chains) or "none"
     reason = f"has {len(chains)} chains of three hinges on a trunk that floats, not four; they end at {ends}"
     require(len(chains) == LEGS, "machine.path", path, reason)
-    free = int(model.body_jntadr[model.body_rootid[model.jnt_bodyid[chains[0][0]]]])
-    data = place_joints(model, mujoco.MjData(model), free, np.array(chains), np.zeros(JOINTS))
+    data = place(model, mujoco.MjData(model), np.array(chains), np.zeros(JOINTS))
     thighs = [chain[1] for chain in chains]
     hips = data.xanchor[thighs]
     # Thighs turn about the axis that points aside; should that not be y, the frame is turned.

@@ -4,7 +4,6 @@ A run has its own gravity, medium, time step and torques, so a model's options a
 would push or hold the robot is refused.
 """
 
-import math
 import re
 import xml.etree.ElementTree as ElementTree
 from html import unescape
@@ -20,11 +19,6 @@ KEPT_OPTIONS = ("cone", "impratio")
 """Of contacts with the rigid floor; the run decides all other options."""
 MESHES = (".stl", ".obj", ".msh")
 """Files of meshes that MuJoCo reads."""
-MOST_MEGABYTES = 256
-"""Size of the largest file of a model."""
-MOST_COPIES = 10_000
-"""What all counts of a model, of <replicate>, <composite>, keyframes, may give together: MuJoCo compiles these for
-seconds, ten times as many for minutes, and heeds no signal meanwhile."""
 POINT_INERTIA = 1e-6
 """Moment of inertia over mass of a URDF link that has no size, m^2."""
 NO_MASS = 1e-9
@@ -40,13 +34,10 @@ def is_urdf(path: Path) -> bool:
 
 def read_spec(mujoco: Any, path: Path) -> Any:
     """The MjSpec of a model file; raises BadInput, and ValueError as MuJoCo does."""
-    _require_size(path, path)
     if is_urdf(path):
         spec = _read_urdf(mujoco, path)
     else:
-        copies = _check_files(path, path.parent, {path})
-        reason = f"asks for {copies:.3g} copies by count= or nkey=, more than {MOST_COPIES}: use smaller counts"
-        require(copies <= MOST_COPIES, "machine.path", path, reason)
+        _require_regular_files(path, path.parent, {path})
         spec = mujoco.MjSpec.from_file(str(path))
     reason = "uses a plugin of MuJoCo, which a run does not have; remove it"
     require(not spec.plugins, "machine.path", path, reason)
@@ -67,7 +58,7 @@ def _read_urdf(mujoco: Any, path: Path) -> Any:
         for visual in link.findall("visual"):
             link.remove(visual)
         for shape in link.findall("collision"):
-            if (mesh := shape.find("geometry/mesh")) is not None and not _find_mesh(path, mesh, folders):
+            if (mesh := shape.find("geometry/mesh")) is not None and not _find_mesh(mesh, folders):
                 link.remove(shape)
         if (inertial := link.find("inertial")) is not None:
             _make_possible(link, inertial)
@@ -86,13 +77,12 @@ def _read_urdf(mujoco: Any, path: Path) -> Any:
     return spec
 
 
-def _find_mesh(path: Path, mesh: ElementTree.Element, folders: list[Path]) -> bool:
+def _find_mesh(mesh: ElementTree.Element, folders: list[Path]) -> bool:
     """Whether the file of a mesh is on this machine; ``package://NAME/`` is searched in the folders of the model."""
     name = re.sub(r"^(package|model|file)://", "", mesh.get("filename", ""))
     names = [name, name.partition("/")[2]]
     for file in (folder / each for folder in folders for each in names if each):
         if file.suffix.lower() in MESHES and file.is_file():
-            _require_size(path, file)
             mesh.set("filename", str(file.resolve()))
             return True
     return False
@@ -115,31 +105,19 @@ def _make_possible(link: ElementTree.Element, inertial: ElementTree.Element) -> 
         inertia.attrib.update(ixx=str(max(xx, least)), iyy=str(max(yy, least)), izz=str(max(zz, least)))
 
 
-def _require_size(path: Path, file: Path) -> None:
-    """Require that a file of the model at ``path`` is one that can be read in a moment; raises BadInput."""
-    name, megabytes = "is" if file == path else f"names {file}, which is", file.stat().st_size / 1e6
-    reason = f"{name} a file of {megabytes:.0f} MB, larger than {MOST_MEGABYTES} MB"
-    require(megabytes <= MOST_MEGABYTES, "machine.path", path, reason)
-
-
-def _check_files(path: Path, folder: Path, known: set[Path]) -> float:
-    """Check all files that a model names: MuJoCo would wait for a FIFO, or read a device for ever.
+def _require_regular_files(path: Path, folder: Path, known: set[Path]) -> None:
+    """Require that all files that a model names are regular: MuJoCo would wait for a FIFO, or read a device for ever.
 
     ``path`` is that of one of its files, ``folder`` its own; ``known`` are those that have been checked, and grows.
-    Returns the product of all counts in these files, as if each element with one were inside the others.
     """
     text = unescape(path.read_text(errors="replace"))
-    counts = re.findall(r"""\b(?:count|nkey)\s*=\s*["']([^"']*)""", text)
-    copies = math.prod(max(1.0, float(number)) for number in re.findall(r"\d+", " ".join(counts)))
     folders = ["", *re.findall(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"']*)""", text)]
     for name in re.findall(r"""\bfile\s*=\s*["']([^"']+)""", text):
         for file in {each for inner in folders if (each := folder / inner / name).exists()} - known:
             known.add(file)
             require(file.is_file(), "machine.path", path, f"names {name}, which is not a regular file")
-            _require_size(path, file)
             if file.suffix.lower() in ("", ".xml", ".mjcf"):
-                copies *= _check_files(file, folder, known)
-    return copies
+                _require_regular_files(file, folder, known)
 
 
 def set_run_options(mujoco: Any, model: Any) -> None:

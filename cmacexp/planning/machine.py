@@ -165,7 +165,7 @@ def compute_needs(config: Config, joints: Motion, sway: Motion, mass_factor: flo
     mujoco, robot = load_mujoco(), read_model(config.machine)
     origin, legs = find_stance(robot, config.machine.hip_height).origin, robot.legs
     model = make_model(robot.model, mass_factor)
-    data = place(model, mujoco.MjData(model), legs, robot.home)
+    data = place(model, mujoco.MjData(model), legs.joint, robot.home)
     rates = sway.velocity + np.array([config.body_speed, 0.0])
     needs = np.empty((len(rates), model.nv))
     for k, sample in enumerate(zip(*joints, strict=True)):

@@ -12,7 +12,7 @@ import numpy as np
 
 from cmacexp.config import number
 from cmacexp.config.schema import ActuatorConfig
-from cmacexp.jit.compiler import kernel
+from cmacexp.jit.compiler import copy_array, kernel
 from cmacexp.models.loop_delay import first_order_share
 from cmacexp.models.mix import MASK, mix
 from cmacexp.typing import Array, Clock, Counts, Role, Scratch, State
@@ -132,14 +132,10 @@ def send_command(drives: Drives | None, step: int, torque: Array, feedforward: A
     if drives is None:
         return
     row = step % drives.sent.shape[0]
-    sent = drives.sent[row]
-    for i in range(torque.shape[0]):
-        for j in range(torque.shape[1]):
-            sent[TORQUE, i, j], sent[FEEDFORWARD, i, j] = torque[i, j], feedforward[i, j]
-            for part in range(ANGLE, DAMPING + 1):
-                sent[part, i, j] = drives.command[part, i, j]
-            for part in range(3):
-                drives.acted[part, i, j] = 0.0
+    copy_array(torque, drives.command[TORQUE])
+    copy_array(feedforward, drives.command[FEEDFORWARD])
+    copy_array(drives.command, drives.sent[row])
+    drives.acted[...] = 0.0
     drives.due[row] = step * drives.substeps + drives.delay + math.floor(drives.jitter * _draw(drives.key, step, 0))
     if drives.loss > 0.0 and _draw(drives.key, step, 1) < drives.loss:
         drives.due[row] = math.inf
@@ -159,11 +155,7 @@ def _receive(drives: Drives) -> None:
             taken = step
     if taken > used:
         drives.used[0] = taken
-        sent, held = drives.sent[taken % drives.due.shape[0]], drives.held
-        for part in range(held.shape[0]):
-            for i in range(held.shape[1]):
-                for j in range(held.shape[2]):
-                    held[part, i, j] = sent[part, i, j]
+        copy_array(drives.sent[taken % drives.due.shape[0]], drives.held)
 
 
 @kernel

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.jit.compiler import kernel
+from cmacexp.jit.compiler import copy_array, kernel
 from cmacexp.models.body import Load, balance, depth, make_pose
 from cmacexp.models.ground import (
     Ground,
@@ -286,8 +286,7 @@ def runge_kutta_step(params: PlantParams, state: PlantState, tau: Array) -> None
 @kernel
 def advance(params: PlantParams, state: PlantState, tau: Array) -> None:
     """Move the plant over one sampling period under the held torque ``tau`` (L, 2), N m."""
-    for n in range(3):
-        state.body_rate[n] = state.body[n]
+    copy_array(state.body, state.body_rate)
     for substep in range(params.substeps):
         runge_kutta_step(params, state, tau)
         state.distance[0] += params.speed * params.step

@@ -8,7 +8,8 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from cmacexp.jit.compiler import kernel, program
+from cmacexp.jit.compiler import copy_array, kernel, program
+from cmacexp.models.chain import cross
 from cmacexp.models.ground import Ground, grade_at, height_at, stiffness_under
 from cmacexp.models.mechanism import (
     Mechanism,
@@ -162,18 +163,10 @@ def foot_velocity(bodies: Bodies, feet: Feet, i: int) -> Vector:
 @kernel
 def pull_at(bodies: Bodies, body: int, place: Array | Vector, force: Vector) -> None:
     """Let a ``force`` (3,), N, act on ``body`` at ``place`` (3,), m, and nothing else."""
-    pull = bodies.pull[body]
     centre = bodies.mass_centre[body]
-    x, y, z = force
-    dx = place[0] - centre[0]
-    dy = place[1] - centre[1]
-    dz = place[2] - centre[2]
-    pull[0] = x
-    pull[1] = y
-    pull[2] = z
-    pull[3] = dy * z - dz * y
-    pull[4] = dz * x - dx * z
-    pull[5] = dx * y - dy * x
+    moment = cross((place[0] - centre[0], place[1] - centre[1], place[2] - centre[2]), force)
+    for n in range(3):
+        bodies.pull[body, n], bodies.pull[body, 3 + n] = force[n], moment[n]
 
 
 @kernel
@@ -299,8 +292,7 @@ def integrate(stages: Stages | None, engine: Engine, machine: PlantState) -> Non
         read_floor(engine.floor, engine.sensors, machine.force)
         mj_step1(model, data)
     else:
-        for n in range(stages.start.shape[0]):
-            stages.start[n] = engine.position[n]
+        copy_array(engine.position, stages.start)
         for stage in range(4):
             if engine.warned.any():
                 break
@@ -310,8 +302,7 @@ def integrate(stages: Stages | None, engine: Engine, machine: PlantState) -> Non
                 stages.velocity[stage, n], stages.acceleration[stage, n] = engine.velocity[n], engine.acceleration[n]
                 stages.mean[n] = average(stages.velocity, stage, n)
                 engine.velocity[n] = stages.velocity[0, n] + average(stages.acceleration, stage, n) * stages.step
-            for n in range(stages.start.shape[0]):
-                engine.position[n] = stages.start[n]
+            copy_array(stages.start, engine.position)
             mj_integratePos(model, engine.position.ctypes.data, stages.mean.ctypes.data, stages.step)
             mj_step1(model, data)
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from cmacexp.jit.compiler import kernel
+from cmacexp.jit.compiler import copy_array, kernel
 from cmacexp.models.leg import GRAVITY
 from cmacexp.planning.plan import Setup
 from cmacexp.plants.drives import Drives
@@ -72,11 +72,9 @@ def read_instruments(
     if instruments is not None and travel is not None:
         signals = instruments.signals
         before = instruments.velocity
-        for i in range(torque.shape[0]):
-            for j in range(torque.shape[1]):
-                signals.q[i, j] = machine.q[i, j]
-                signals.dq[i, j] = machine.dq[i, j]
-                signals.torque[i, j] = torque[i, j]
+        copy_array(machine.q, signals.q)
+        copy_array(machine.dq, signals.dq)
+        copy_array(torque, signals.torque)
         signals.attitude[0] = machine.body[1]
         signals.attitude[1] = machine.body[2]
         signals.attitude[2] = travel[2]
@@ -95,9 +93,8 @@ def read_drives(instruments: Instruments | None, drives: Drives | None) -> None:
     """Measure the torques of ``drives``, their means over the last sampling period; fills signals."""
     if instruments is not None and drives is not None:
         torque = instruments.signals.torque
-        for i in range(torque.shape[0]):
-            for j in range(torque.shape[1]):
-                torque[i, j] = drives.acted[0, i, j] + drives.acted[1, i, j] + drives.acted[2, i, j]
+        np.add(drives.acted[0], drives.acted[1], torque)
+        torque += drives.acted[2]
 
 
 class Measurement(NamedTuple):

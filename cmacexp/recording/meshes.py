@@ -87,7 +87,7 @@ def log_meshes(entities: Entities, view: RunView, robot: Robot) -> None:
     q = view.trace.stack_joints("q{}")
     poses = np.empty((len(q), model.nbody, 7))
     for pose, angles in zip(poses, q, strict=True):
-        place(model, data, robot.legs, angles)
+        place(model, data, robot.legs.joint, angles)
         pose[:, :3], pose[:, 3:] = data.xpos, np.roll(data.xquat, -1, axis=1)
     poses[..., :3] += view.joints[0, 0, 0] - robot.hinges[0, 0, :3]  # from the trunk's frame to the body's
     for body, geoms in shown.items():

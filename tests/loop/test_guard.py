@@ -8,7 +8,7 @@ from support.rollout import roll_out
 import cmacexp
 from cmacexp.loop.guard import Cause, Guard
 from cmacexp.loop.guard_kernels import Phase
-from cmacexp.loop.saved_weights import NetworkWeights, NoWeights
+from cmacexp.loop.saved_weights import NetworkWeights, SavedWeights
 
 LASTING = ("scenario=one_leg", "learning=lasting", "learning.rate=0.1953125", "warn=false")
 QUICK = (*LASTING, "gait.cycle_time=0.2", "gait.lift=0.005")
@@ -102,7 +102,7 @@ def test_behind_a_delay_the_first_samples_of_the_best_cycle_are_from_the_end_of_
 @pytest.mark.parametrize(("ratio", "phase", "events"), [(0.99, Phase.FROZEN, 1), (1.01, Phase.FEEDBACK_ONLY, 2)])
 def test_a_guard_that_freezes_repeats_what_is_no_worse_and_acts_at_most_twice(make_config, ratio, phase, events):
     """``ratio``: of the errors of each cycle to those with feedback only, the same in every cycle."""
-    guard = Guard(make_scenario(make_config("scenario=one_leg", "learning.guard=freeze")).setup, NoWeights())
+    guard = Guard(make_scenario(make_config("scenario=one_leg", "learning.guard=freeze")).setup, SavedWeights())
     guard.phase, guard.best_cycle, guard.baseline_effort, guard.baseline_error = Phase.LEARNING, 3, 1.0, 1.0
     guard.state.limits[:], guard.state.alarm[0] = 0.0, 1
     guard.begin_step(100)
