@@ -18,7 +18,6 @@ from types import FunctionType, ModuleType
 from typing import Any
 
 import numba
-from llvmlite.binding import create_new_module_pass_manager
 from numba import types
 from numba.core import codegen, event, serialize
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
@@ -59,25 +58,7 @@ import_module("numba.experimental.function_type")  # which knows the type of a h
 types.WrapperAddressProtocol.register(Hook)
 
 
-class _ProgramCode(codegen.JITCodeLibrary):
-    """Code of a program: LLVM optimises it once, with all kernels; numba's own passes are for counts of references.
-
-    While functions are small LLVM takes their tuples of arrays apart, which are copied in each call.
-    """
-
-    def _optimize_functions(self, module: Any) -> None:
-        module.data_layout = self._codegen._data_layout
-        manager = create_new_module_pass_manager()
-        manager.add_sroa_pass()
-        manager.add_instruction_combine_pass()
-        manager.run(module, self._codegen._pass_builder())
-
-    def _optimize_final_module(self) -> None:
-        manager, builder = self._codegen._module_pass_manager()
-        manager.run(self._final_module, builder)
-
-
-class _LinkedCode(_ProgramCode):
+class _LinkedCode(codegen.JITCodeLibrary):
     """Code of a kernel, as programs link it: LLVM optimises and translates it there, with what surrounds it."""
 
     def finalize(self) -> None:
@@ -96,7 +77,7 @@ class _Lowering(NativeLowering):  # type: ignore[misc]
     def run_pass(self, state: Any) -> bool:
         """Lower the function of a ``state`` of the compiler."""
         is_kernel = state.flags.no_cpython_wrapper
-        library = _LinkedCode if is_kernel else _ProgramCode
+        library = _LinkedCode if is_kernel else codegen.JITCodeLibrary
         state.library = library(state.targetctx.codegen(), state.func_id.func_qualname)
         if not is_kernel:
             state.library.enable_object_caching()

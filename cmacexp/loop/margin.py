@@ -11,20 +11,18 @@ SMALL_MARGIN = 0.004
 """Delay that feedback should bear beyond what is counted, s: buses of robots have it."""
 
 
-def require_margin(config: Config, control: HybridController.Config, loop_delay: LoopDelay) -> Margin:
-    """By how much a robot's feedback may be later before its feet shake in the air; raises BadInput if they do."""
-    lead = discretise(control.lead_omega, control.lead_alpha, config.sampling_period)
-    foot_mass = derive_basis(read_model(config.machine)).foot_mass
-    return find_delay_margin(foot_mass, control.velocity_gain, lead.b0, config.sampling_period, loop_delay)
-
-
-def find_margin(config: Config, control: HybridController.Config, loop_delay: LoopDelay) -> Margin:
-    """By how much a robot's feedback may be later before it shakes, a foot in the air or all of it as it stands.
+def find_margin(
+    config: Config, control: HybridController.Config, loop_delay: LoopDelay, stands: bool = True
+) -> Margin:
+    """By how much a robot's feedback may be later before it shakes, a foot in the air or all of it as it ``stands``.
 
     How it stands is known under the combined law alone. Raises BadInput if a foot shakes already.
     """
-    margin, force = require_margin(config, control, loop_delay), config.force_control
-    if force.method != "combined":
+    lead = discretise(control.lead_omega, control.lead_alpha, config.sampling_period)
+    robot, force = read_model(config.machine), config.force_control
+    foot_mass, gain = derive_basis(robot).foot_mass, control.velocity_gain
+    margin = find_delay_margin(foot_mass, gain, lead.b0, config.sampling_period, loop_delay)
+    if not stands or force.method != "combined":
         return margin
     gains = Gains(
         control.position_gain,
@@ -35,8 +33,6 @@ def find_margin(config: Config, control: HybridController.Config, loop_delay: Lo
         force.admittance,
     )
     ground = (config.terrain.stiffness, config.terrain.damping)
-    lead = discretise(control.lead_omega, control.lead_alpha, config.sampling_period)
-    robot = read_model(config.machine)
     standing = find_standing_margin(robot, ground, gains, lead, config.sampling_period, loop_delay)
     return min(margin, standing, key=lambda margin: margin.delay)
 
@@ -46,11 +42,9 @@ def check_margin(config: Config, control: HybridController.Config, loop_delay: L
 
     Raises BadInput if a foot shakes.
     """
-    require_margin(config, control, loop_delay)
-    if not config.warn or loop_delay == LoopDelay():
-        return ""
-    margin = find_margin(config, control, loop_delay).delay
-    if margin >= SMALL_MARGIN:
+    warns = config.warn and loop_delay != LoopDelay()
+    margin = find_margin(config, control, loop_delay, stands=warns).delay
+    if not warns or margin >= SMALL_MARGIN:
         return ""
     little = f"feedback bears {1e3 * margin:.2g} ms of delay that is not counted, less than"
     advice = "declare what a robot has, or use controller=drives"

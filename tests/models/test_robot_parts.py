@@ -62,12 +62,12 @@ def test_a_model_runs_with_the_options_of_this_project():
 
 
 def test_files_of_a_model_are_found_in_its_packages(tmp_path):
-    path, mesh = tmp_path / "robot.urdf", tmp_path / "meshes" / "calf.stl"
+    mesh = tmp_path / "meshes" / "calf.stl"
     mesh.parent.mkdir()
     mesh.touch()
     for name, found in {"package://robot/meshes/calf.stl": True, "meshes/calf.stl": True, "calf.stl": False}.items():
         element = ElementTree.Element("mesh", filename=name)
-        assert _find_mesh(path, element, [tmp_path]) is found
+        assert _find_mesh(element, [tmp_path]) is found
         assert element.get("filename") == (str(mesh) if found else name)
 
 
