@@ -17,7 +17,6 @@ from cmacexp.data.tables import read_table
 from cmacexp.engine.collect import Collected, ensure_runs
 from cmacexp.engine.equal_results import print_idle_keys
 from cmacexp.engine.pool import ParallelMap, start_workers
-from cmacexp.engine.sweep_tables import parse_overrides
 from cmacexp.errors import BadInput
 from cmacexp.study.page import (
     Evaluated,
@@ -192,7 +191,7 @@ def _print_idle_keys(requests: Sequence[Request], collected: Collected) -> None:
     for request in requests:
         starts = [] if request.starts_from is None else [f"{START}={collected[request.starts_from][0]}"]
         typed.append([*request.overrides, *starts])
-    print_idle_keys(parse_overrides(typed), [Run(collected[request][0]) for request in requests], "runs")
+    print_idle_keys(typed, [Run(collected[request][0]) for request in requests], "runs")
 
 
 def write_study(file: StudyFile, options: Options) -> Path:

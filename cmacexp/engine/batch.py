@@ -2,7 +2,6 @@
 
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -15,7 +14,7 @@ from cmacexp.config.compose import list_texts, refuse_options
 from cmacexp.data.files import write_atomically
 from cmacexp.data.tables import table_writer, write_table
 from cmacexp.engine.chunk import RunEnd, run_chunk
-from cmacexp.engine.equal_results import Outcome, find_idle_keys, hash_overrides
+from cmacexp.engine.equal_results import find_idle_keys
 from cmacexp.engine.pool import choose_size, count_processes, group_runs, start_workers
 from cmacexp.engine.sweep_tables import (
     concat_metrics,
@@ -149,11 +148,8 @@ def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | Non
             yield table if (np.diff(order) == 1).all() else table.take(order[index].argsort(kind="stable"))
     for other in dict.fromkeys(filter(None, (end.other_model for end in all_ends))):
         warnings.warn(other, OtherModel, stacklevel=3)
-    outcomes = [
-        Outcome(partial(hash_overrides, overrides), end.result) if end.result else None
-        for overrides, end in zip(runs, all_ends, strict=True)
-    ]
-    for kind, text in find_idle_keys(settings, outcomes, list(map(str, range(len(runs)))), "runs"):
+    results = [end.result for end in all_ends]
+    for kind, text in find_idle_keys(runs, results, list(map(str, range(len(runs)))), "runs"):
         if kind == "warning":
             warnings.warn(text, WithoutEffect, stacklevel=3)
         else:

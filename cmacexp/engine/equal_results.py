@@ -5,15 +5,12 @@ Nothing is declared for this, so it holds for custom components too. A single ru
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
 
-from cmacexp.config import config_hash, to_plain
-from cmacexp.config.compose import compose_config
+from cmacexp.config.load import WITHOUT_EFFECT
 from cmacexp.data.run import Run
 from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE
-from cmacexp.engine.sweep_tables import JobRun
+from cmacexp.engine.sweep_tables import read_settings
 from cmacexp.terminal.output import print_line
 from cmacexp.typing import RESULTS
 
@@ -21,57 +18,38 @@ MOST_NAMES = 5
 """Runs that a line names."""
 
 
-class Outcome(NamedTuple):
-    """What a run was of, and what it gave; metrics are all that is compared, since every run has them."""
+def describe_result(run: Run) -> str:
+    """How a stored run ended, after how many steps, and the hashes of its metrics, which every run has.
 
-    hash_config: Callable[[], str]
-    """The hash of its config, without what cannot change a result: two runs of one config prove nothing."""
-    result: str
-    """How it ended, after how many steps, and the hashes of its metrics."""
-
-
-def hash_overrides(overrides: Sequence[str]) -> str:
-    """The hash of the config of these overrides."""
-    return config_hash(to_plain(compose_config(overrides)))
-
-
-def read_outcome(run: Run) -> Outcome | None:
-    """The outcome of a stored run, whose manifest has the hashes of its files; raises BadRun.
-
-    None if it failed, has no whole cycle, or is not to warn.
+    Empty if it failed, has no whole cycle, or is not to warn. Raises BadRun.
     """
-    if isinstance(run, JobRun):
-        return Outcome(partial(run.read, "config_hash"), result) if (result := run.read("result")) else None
     if not run.config.get("warn", True) or run.status not in RESULTS or not run.whole_cycles:
-        return None
+        return ""
     hashes = [run.manifest["files"].get(name) for name in (METRICS_FILE, BODY_METRICS_FILE)]
-    found = run.manifest["config_hash"]
-    return Outcome(lambda: found, repr((run.status, run.manifest["steps"], hashes)))
+    return repr((run.status, run.manifest["steps"], hashes))
 
 
 def find_idle_keys(
-    settings: Sequence[Mapping[str, Any]], outcomes: Sequence[Outcome | None], names: Sequence[str], what: str
+    typed: Sequence[Sequence[str]], results: Sequence[str], names: Sequence[str], what: str
 ) -> Iterator[tuple[str, str]]:
     """Each key that had no effect in some runs, ``what`` such as ``jobs``: ``warning`` or ``note``, and a line.
 
-    A key had none if all runs that differ in it alone gave equal results, and there are such runs; those without an
-    outcome do not count. ``settings`` are the values that each run has for the keys of all. A seed only draws numbers
+    A key had none if all runs that set it, and differ in its value alone, gave equal ``results``, and there are such
+    runs; those whose result is empty do not count. ``typed`` are the overrides of each run. A seed only draws numbers
     that a run may not need: that is a note.
     """
-    known = zip(settings, outcomes, names, strict=True)
-    runs = [(values, outcome, name) for values, outcome, name in known if outcome is not None]
-    for key in settings[0] if settings else ():
-        groups = defaultdict[str, list[tuple[Outcome, str]]](list)
-        for values, outcome, name in runs:
-            groups[repr([value for other, value in values.items() if other != key])].append((outcome, name))
-        alike = [group for group in groups.values() if len(group) > 1]
-        if any(outcome.result != group[0][0].result for group in alike for outcome, _ in group):
+    settings = [read_settings(overrides) for overrides in typed]
+    for key in dict.fromkeys(key for values in settings for key in values):
+        groups = defaultdict[str, list[int]](list)
+        for number, values in enumerate(settings):
+            if key in values and results[number]:
+                others = sorted(item for item in values.items() if item[0] != key)
+                groups[repr(others)].append(number)
+        alike = [group for group in groups.values() if len({settings[number][key] for number in group}) > 1]
+        is_seen = any(len({results[number] for number in group}) > 1 for group in alike)
+        if is_seen or not alike or key.partition(".")[0] in WITHOUT_EFFECT:
             continue
-        firsts = ((group, group[0][0].hash_config()) for group in alike)
-        proof = next((group for group, first in firsts if any(o.hash_config() != first for o, _ in group)), None)
-        if proof is None:
-            continue
-        listed = [name for _, name in proof]
+        listed = [names[number] for number in alike[0]]
         if len(listed) > MOST_NAMES:
             listed = [*listed[: MOST_NAMES - 1], "...", listed[-1]]
         equal = f"{what} {', '.join(listed)} gave equal results"
@@ -83,8 +61,8 @@ def find_idle_keys(
             yield "warning", f"{key} had no effect: {equal}"
 
 
-def print_idle_keys(settings: Sequence[Mapping[str, Any]], runs: Sequence[Run], what: str) -> None:
+def print_idle_keys(typed: Sequence[Sequence[str]], runs: Sequence[Run], what: str) -> None:
     """Print :func:`find_idle_keys` of stored runs, each named as its folder; raises BadRun."""
-    outcomes, names = [read_outcome(run) for run in runs], [run.folder.name for run in runs]
-    for kind, text in find_idle_keys(settings, outcomes, names, what):
+    results, names = [describe_result(run) for run in runs], [run.folder.name for run in runs]
+    for kind, text in find_idle_keys(typed, results, names, what):
         print_line(f"{kind}: {text}", error=True)

@@ -23,7 +23,6 @@ from cmacexp.data.folder import RUN_KEY, check_place, new_result
 from cmacexp.data.integrity import compute_hashes, is_finished
 from cmacexp.data.run import Run
 from cmacexp.engine.chunk import Chunk, hash_scores
-from cmacexp.engine.equal_results import read_outcome
 from cmacexp.engine.objective import check_metric
 from cmacexp.engine.pool import is_first_worker, report_share
 from cmacexp.engine.run import describe_run, make_failure, run_scenario
@@ -247,7 +246,6 @@ def _tabulate(root: Path, runs: Mapping[int, Run], overrides: Mapping[int, list[
     """The tables of jobs by their numbers."""
     rows = []
     for (number, run), shown in zip(runs.items(), make_rows([*runs.values()], ()), strict=True):
-        outcome = read_outcome(run)
         rows.append(
             {
                 "run": number,
@@ -255,7 +253,6 @@ def _tabulate(root: Path, runs: Mapping[int, Run], overrides: Mapping[int, list[
                 "overrides": " ".join(select_run_overrides(overrides[number])),
                 **shown,
                 **{name: str(run.manifest.get(name)) for name in HASHES},
-                "result": outcome.result if outcome else "",
                 "bad_input": run.manifest.get("bad_input", False),
                 FINGERPRINT: find_fingerprint(run.folder) if run.is_checked else "",
                 "manifest": json.dumps(run.manifest),

@@ -200,7 +200,7 @@ class Sweep:
         ends = ", ".join(f"{count} {end}" for end, count in counts.items())
         print_line(f"{counts.total()} job{'s' * (counts.total() > 1)}: {ends}")
         results = [run for run in runs if run.outcome.is_result]
-        print_idle_keys([run.settings for run in results], results, "jobs")
+        print_idle_keys([self.planned[run.read("run")] for run in results], results, "jobs")
         for run in failed[:MAX_LISTED_FAILURES]:
             print_line(f"  {run.folder.name} {run.outcome.status}: {run.outcome.cause}", error=True)
         if len(failed) > MAX_LISTED_FAILURES:
@@ -350,7 +350,7 @@ def write_tables(folder: Path, runs: Sequence[JobRun], status: str) -> None:
     for place, name in enumerate(keys, 3):
         jobs = jobs.add_column(place, name, typed[name])
     metrics = select_rows(metrics, np.isin(as_array(metrics, "run"), as_array(jobs, "run")))
-    own, ends = ["run", "folder", *keys, "status"], [*HASHES, "result", "bad_input", FINGERPRINT, "manifest"]
+    own, ends = ["run", "folder", *keys, "status"], [*HASHES, "bad_input", FINGERPRINT, "manifest"]
     swept = jobs.drop_columns(ends)
     known = jobs.select([*own, FINGERPRINT, *(name for name in jobs.column_names if name not in (*own, FINGERPRINT))])
     is_lean = "" in jobs[FINGERPRINT].to_pylist()

@@ -62,11 +62,17 @@ def select_run_overrides(overrides: Sequence[str]) -> list[str]:
     return [text for text in overrides if re.split(r"[=./]", text)[0] not in ("sweep", "optimize", "hydra")]
 
 
-def parse_overrides(typed: Sequence[Sequence[str]]) -> list[dict[str, Any]]:
+def parse_overrides(typed: Sequence[Sequence[str]]) -> list[Row]:
     """The value of each key that some job overrides, for each job; None where it overrides others."""
-    settings = [dict(text.lstrip("+").partition("=")[::2] for text in overrides) for overrides in typed]
+    settings = [read_settings(overrides) for overrides in typed]
     keys = list(dict.fromkeys(key for values in settings for key in values))
-    return [{key: parse_value(values[key]) if key in values else None for key in keys} for values in settings]
+    return [{key: values.get(key) for key in keys} for values in settings]
+
+
+def read_settings(overrides: Sequence[str]) -> Row:
+    """The keys that overrides set, with their values."""
+    typed = (text.lstrip("+").partition("=") for text in overrides)
+    return {key: parse_value(value) for key, _, value in typed}
 
 
 @lru_cache(1 << 12)
