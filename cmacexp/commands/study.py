@@ -12,10 +12,8 @@ from typing import Any, NoReturn
 from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
 from cmacexp.data.folder import HTML, new_result
 from cmacexp.data.manifest import REPORT, require_place
-from cmacexp.data.run import Run
 from cmacexp.data.tables import read_table
 from cmacexp.engine.collect import Collected, ensure_runs
-from cmacexp.engine.equal_results import print_idle_keys
 from cmacexp.engine.pool import ParallelMap, start_workers
 from cmacexp.errors import BadInput
 from cmacexp.study.page import (
@@ -48,7 +46,6 @@ from cmacexp.terminal.output import print_line
 
 FOLDER = Path("outputs/studies")
 FOLDER_KEY = "--folder"
-START = "learning.start_from"
 SEEDS = 5
 WORKERS = 8
 
@@ -179,19 +176,7 @@ def write_studies(files: Sequence[StudyFile], options: Options, whole: bool = Fa
             )
             for file in files
         ]
-        evaluated = parallel_map("evaluating", _write, items)
-    for own in requests.values():
-        _print_idle_keys(own, collected)
-    return evaluated
-
-
-def _print_idle_keys(requests: Sequence[Request], collected: Collected) -> None:
-    """Print the keys that had no effect in the runs of one study."""
-    typed = []
-    for request in requests:
-        starts = [] if request.starts_from is None else [f"{START}={collected[request.starts_from][0]}"]
-        typed.append([*request.overrides, *starts])
-    print_idle_keys(typed, [Run(collected[request][0]) for request in requests], "runs")
+        return parallel_map("evaluating", _write, items)
 
 
 def write_study(file: StudyFile, options: Options) -> Path:

@@ -49,10 +49,7 @@ def take_over_sweeps(run_sweep: Callable[[DictConfig, HydraContext], None]) -> N
 
     def multirun(hydra: Hydra, config_name: str, task_function: object, overrides: list[str]) -> None:
         config = hydra.compose_config(config_name, overrides, RunMode.MULTIRUN, with_log_configuration=True)
-        callbacks = Callbacks(config)
-        callbacks.on_multirun_start(config=config, config_name=config_name)
-        run_sweep(config, HydraContext(hydra.config_loader, callbacks))
-        callbacks.on_multirun_end(config=config, config_name=config_name)
+        run_sweep(config, HydraContext(hydra.config_loader, Callbacks(config)))
 
     Hydra.multirun = multirun  # type: ignore[method-assign, assignment]
 

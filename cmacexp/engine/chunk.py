@@ -17,7 +17,7 @@ from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import describe_other_model
 from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores
 from cmacexp.data.trace import SampledTrace, join_sampled
-from cmacexp.engine.pool import RATE, SEED, drop_keys, report_share
+from cmacexp.engine.pool import RATE, SEED, drop_keys
 from cmacexp.engine.run import sample_scenario, score_scenario
 from cmacexp.engine.stop_cause import explain_stop
 from cmacexp.engine.sweep_tables import concat_metrics, join_scores
@@ -126,7 +126,6 @@ def run_chunk(chunk: Sequence[list[str]], keeps_trace: bool, runs: int) -> tuple
     configs = [compose_config(overrides, is_shared=True) for overrides in chunk]
     for number, config in enumerate(configs):
         ended.append((config, together.run(number, together.make(config))))
-        report_share((number + 1) / len(chunk))
     scores = list(together.score().values())
     tables = [trace.table for trace in together.traces.values()] if keeps_trace else [*map(join_scores, scores)]
     return [

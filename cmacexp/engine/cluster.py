@@ -30,7 +30,7 @@ def _do_share(work: Callable[..., Any], shares: Sequence[Sequence[Sequence[Any]]
 def make_map(config: DictConfig, context: HydraContext, count: Callable[[int], int]) -> ParallelMap:
     """A :data:`cmacexp.engine.pool.ParallelMap` by the launcher of a config of Hydra.
 
-    ``count`` gives the number of tasks for so many items. What Hydra composes for a task is not used.
+    ``count`` gives the number of tasks for so many runs. What Hydra composes for a task is not used.
     """
     config.hydra.overrides.hydra.append("hydra.sweep.subdir=.")  # the folder that it makes for a task
 
@@ -41,7 +41,7 @@ def make_map(config: DictConfig, context: HydraContext, count: Callable[[int], i
         see: Callable[[Any], object] = id,
         runs: int | None = None,
     ) -> list[Any]:
-        tasks = min(count(len(items)), len(items))
+        tasks = min(count(runs or len(items)), len(items))
         shares = [items[first::tasks] for first in range(tasks)]
         launcher = Plugins.instance().instantiate_launcher(
             hydra_context=context, task_function=partial(_do_share, work, shares), config=config
@@ -69,4 +69,4 @@ def start_tasks(name: str, settings: Sequence[str], tasks: int, folder: Path) ->
         except HydraException as error:
             raise CmacexpError(explain_composition(error, chosen)) from error
         context = HydraContext(GlobalHydra.instance().config_loader(), Callback())  # type: ignore[arg-type]
-    return make_map(config, context, lambda items: tasks)
+    return make_map(config, context, lambda runs: tasks)

@@ -11,7 +11,6 @@ from cmacexp.config.load import WITHOUT_EFFECT
 from cmacexp.data.run import Run
 from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE
 from cmacexp.engine.sweep_tables import read_settings
-from cmacexp.terminal.output import print_line
 from cmacexp.typing import RESULTS
 
 MOST_NAMES = 5
@@ -59,10 +58,3 @@ def find_idle_keys(
             yield "note", f"{key} changes nothing here, one is enough: {equal}"
         else:
             yield "warning", f"{key} had no effect: {equal}"
-
-
-def print_idle_keys(typed: Sequence[Sequence[str]], runs: Sequence[Run], what: str) -> None:
-    """Print :func:`find_idle_keys` of stored runs, each named as its folder; raises BadRun."""
-    results, names = [describe_result(run) for run in runs], [run.folder.name for run in runs]
-    for kind, text in find_idle_keys(typed, results, names, what):
-        print_line(f"{kind}: {text}", error=True)

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from hydra.core.hydra_config import HydraConfig
-from hydra.core.utils import JobRuntime, run_job, setup_globals
-from hydra.types import HydraContext
-from omegaconf import DictConfig, OmegaConf, open_dict, read_write
+from hydra.core.utils import setup_globals
+from omegaconf import DictConfig, OmegaConf, open_dict
 
 from cmacexp.config import Config, config_hash, to_config, to_plain
 from cmacexp.config.component import COMPONENTS
@@ -24,11 +23,11 @@ from cmacexp.data.integrity import compute_hashes, is_finished
 from cmacexp.data.run import Run
 from cmacexp.engine.chunk import Chunk, hash_scores
 from cmacexp.engine.objective import check_metric
-from cmacexp.engine.pool import is_first_worker, report_share
 from cmacexp.engine.run import describe_run, make_failure, run_scenario
 from cmacexp.engine.sweep_tables import (
     FINGERPRINT,
     HASHES,
+    JobItem,
     JobTables,
     concat_metrics,
     find_fingerprint,
@@ -43,19 +42,8 @@ from cmacexp.jit.interrupt import is_interrupt
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.registry import make_rows
-from cmacexp.terminal.messages import announce_compiling, describe_drift, describe_idle, format_outcome
+from cmacexp.terminal.messages import describe_drift, describe_idle, format_outcome
 from cmacexp.typing import Status
-
-
-class JobItem(NamedTuple):
-    """A job of a sweep."""
-
-    overrides: list[str]
-    values: list[str]
-    """Those of its overrides that are set in what Hydra composed for jobs of the same keys and options."""
-    number: int
-    known: tuple[str, ...]
-    """:data:`HASHES` of a result that the tables of the sweep have; empty without one."""
 
 
 def ensure_run(
@@ -77,18 +65,10 @@ def ensure_run(
             run.manifest["overrides"] = overrides
             manifests.write(folder, run.manifest)
         return run, False
-    if is_first_worker():
-        announce_compiling()
     expect_runs(runs)
-
+    scenario = make_scenario(config)
     return run_scenario(
-        config,
-        folder,
-        lambda cycles: report_share(cycles / config.cycles),
-        make_scenario(config),
-        record=record,
-        overrides=overrides,
-        durable=overrides is None,
+        config, folder, prepared=scenario, record=record, overrides=overrides, durable=overrides is None
     ), True
 
 
@@ -110,56 +90,62 @@ def write_failure(
     return Run(folder, manifest)
 
 
-@lru_cache(8)
-def _unpack(packed: bytes) -> tuple[DictConfig, Any, Path, Any, Any, Any, frozenset[str]]:
-    """What was packed; then the plain config, Hydra's part, and the typed config, as :func:`set_numbers` takes them.
+class JobTemplate(NamedTuple):
+    """What Hydra composed for jobs of the same keys and options, in the forms in which their values are set."""
 
-    There is no plain config if only Hydra can run the job, and no typed one if it is wrong. Both are pickled, and
-    every job has its own, unless all components are built in. Last :func:`find_referred`; no typed config without.
-    """
-    composed, callbacks, folder, needs_hydra = pickle.loads(packed)
-    plain: Any = {"hydra": None} if needs_hydra else OmegaConf.to_container(composed, enum_to_str=True)
-    hydra = plain.pop("hydra")
-    typed: Any = None
+    composed: DictConfig
+    """Without Hydra's own part; it holds the values of the last job that needed it."""
+    hydra: dict[str, Any]
+    """That part, likewise."""
+    plain: Any
+    """The config as :func:`set_numbers` takes it; pickled if a component is custom, so that each job has its own."""
+    typed: Any
+    """Likewise; None if it is wrong, or ``referred`` is None."""
+    referred: frozenset[str] | None
+    """From what other values follow, see :func:`find_referred`."""
+
+
+@lru_cache(8)
+def _unpack(packed: bytes) -> JobTemplate:
     setup_globals()
-    if plain:
-        with open_dict(composed):
-            del composed["hydra"]
-    referred = find_referred(composed) if plain else None
+    composed, typed = pickle.loads(packed), None
+    plain: Any = OmegaConf.to_container(composed, enum_to_str=True)
+    hydra = plain.pop("hydra")
+    with open_dict(composed):
+        del composed["hydra"]
+    referred = find_referred(composed)
     with suppress(Exception):  # which each job reports
         typed = None if referred is None else to_config(composed)
     modules = [type(getattr(typed, group, None)).__module__ for group in COMPONENTS]
-    if not all(name.startswith("cmacexp.") for name in modules):
-        plain, typed = (pickle.dumps(each) if each else None for each in (plain, typed))
-    return composed, callbacks, folder, plain, hydra, typed, referred or frozenset()
+    if typed is None or all(name.startswith("cmacexp.") for name in modules):
+        return JobTemplate(composed, hydra, plain, typed, referred)
+    return JobTemplate(composed, hydra, pickle.dumps(plain), pickle.dumps(typed), referred)
 
 
-def _describe_job(hydra: Any, overrides: list[str], number: int, folder: Path) -> None:
-    """Set what Hydra says of a job in its part of a config, plain or not."""
+def _describe_job(hydra: Any, item: JobItem, folder: Path) -> None:
+    """Set what Hydra says of a job in its part of a config."""
     job, how = hydra["job"], hydra["job"]["config"]["override_dirname"]
-    named = sorted(text for text in overrides if text.partition("=")[0] not in how["exclude_keys"])
+    named = sorted(text for text in item.overrides if text.partition("=")[0] not in how["exclude_keys"])
     job["override_dirname"] = how["item_sep"].join(named).replace("=", how["kv_sep"])
-    hydra["overrides"]["task"], job["id"], job["num"] = overrides, str(number), number
-    hydra["runtime"]["output_dir"] = str(folder / str(number))
+    hydra["overrides"]["task"], job["id"], job["num"] = item.overrides, str(item.number), item.number
+    hydra["runtime"]["output_dir"] = str(folder)
 
 
-def run_jobs(packed: bytes, items: Sequence[JobItem], jobs: int) -> list[tuple[str, bool]]:
+def run_jobs(packed: bytes, root: Path, items: Sequence[JobItem], jobs: int) -> list[tuple[str, bool]]:
     """Run some of so many jobs of a sweep in this process, and hand them over as one part of its tables.
 
-    ``packed`` is what Hydra composed for a job of the same keys and options. Returns how each ended, in a line, and
-    whether that is an error. Raises OSError.
+    ``packed`` is what Hydra composed for a job of the same keys and options, ``root`` the folder of the sweep.
+    Returns how each ended, in a line, and whether that is an error. Raises OSError.
     """
-    _, _, root, _, _, typed, referred = _unpack(packed)
+    template = _unpack(packed)
     chunk, ran = Chunk([item.values for item in items]), dict[int, tuple[Run | None, bool]]()
-    if is_first_worker():
-        announce_compiling()
     expect_runs(jobs)
     # In a row, as run_chunk does.
+    typed, referred = template.typed, template.referred or frozenset()
     configs = [set_numbers(typed, item.values, referred) if typed else None for item in items]
     try:
-        for count, (item, config) in enumerate(zip(items, configs, strict=True), 1):
-            ran[item.number] = run, _ = _run_item(packed, item, jobs, chunk, config)
-            report_share(count / len(items))
+        for item, config in zip(items, configs, strict=True):
+            ran[item.number] = run, _ = _run_item(template, root, item, jobs, chunk, config)
             if run is not None and run.status == Status.INTERRUPTED:
                 raise KeyboardInterrupt
     finally:
@@ -177,56 +163,32 @@ def run_jobs(packed: bytes, items: Sequence[JobItem], jobs: int) -> list[tuple[s
 
 
 def _run_item(
-    packed: bytes, item: JobItem, jobs: int, chunk: Chunk, config: Config | None
+    template: JobTemplate, root: Path, item: JobItem, jobs: int, chunk: Chunk, config: Config | None
 ) -> tuple[Run | None, bool]:
     """The run of one of so many jobs, of this config if it is known already, and whether it was run now.
 
-    None if the tables have its result. The values of this one are set in what was composed, all of them, since it
-    holds those of the last one.
+    None if the tables have its result. A failure is left on disk and does not end the sweep. A run that keeps metrics
+    alone is one of the ``chunk``.
     """
-    composed, callbacks, folder, plain, hydra, *_ = _unpack(packed)
-    if plain:
-        _describe_job(hydra, item.overrides, item.number, folder)
-        numbers_set = None if config is None else set_numbers(plain, item.values)
-        if numbers_set is None:
-            set_values(composed, item.values)
-        return _run_job(numbers_set or composed, hydra, jobs, chunk, item.known, config)
-    with read_write(composed.hydra), open_dict(composed.hydra):
+    folder, overrides = root / item.folder, select_run_overrides(item.overrides)
+    _describe_job(template.hydra, item, folder)
+    composed = None if config is None else set_numbers(template.plain, item.values)
+    if composed is None:
+        composed = template.composed
         set_values(composed, item.values)
-        _describe_job(composed.hydra, item.overrides, item.number, folder)
-    JobRuntime.instance().set("name", composed.hydra.job.name)
-    returned = run_job(
-        hydra_context=HydraContext(None, callbacks),  # type: ignore[arg-type]  # no job composes anything
-        task_function=lambda task: _run_job(task, OmegaConf.to_container(HydraConfig.get(), enum_to_str=True), jobs),  # type: ignore[call-overload]
-        config=composed,
-        job_dir_key="hydra.sweep.dir",
-        job_subdir_key="hydra.sweep.subdir",
-    )
-    ended: tuple[Run, bool] = returned.return_value
-    return ended
-
-
-def _run_job(
-    composed: DictConfig | dict[str, Any],
-    hydra: Any,
-    jobs: int,
-    chunk: Chunk | None = None,
-    known: tuple[str, ...] = (),
-    config: Config | None = None,
-) -> tuple[Run | None, bool]:
-    """As :func:`_run_item`; a failure is left on disk and does not end the sweep.
-
-    A run that keeps metrics alone is one of a ``chunk``, if there is one.
-    """
-    number, overrides = hydra["job"]["num"], select_run_overrides(hydra["overrides"]["task"])
-    folder = Path(hydra["runtime"]["output_dir"])
+        if template.referred is None:  # perhaps it is ${hydra:...} that values follow from
+            own: Any = OmegaConf.to_container(composed)
+            vars(HydraConfig.instance())["cfg"] = OmegaConf.create({**own, "hydra": template.hydra})
     try:
         config = config or to_config(composed)
         check_metric(config.optimize, config.machine.kind)
-        if chunk is None or config.record.trace or config.record.weights:
-            record = make_record(composed, hydra) if config.record.trace else None
+        if config.record.trace or config.record.weights:
+            record = make_record(composed, template.hydra) if config.record.trace else None
             return ensure_run(config, folder, jobs, config.sweep.resume, record, overrides)
-        if known and known == (config_hash(to_plain(config)), *map(str, compute_hashes(config).values())):
+        if item.known and item.known == (
+            config_hash(to_plain(config)),
+            *map(str, compute_hashes(config).values()),
+        ):
             return None, False
         if config.sweep.resume and is_finished(folder, config):
             return Run(folder), False
@@ -234,12 +196,13 @@ def _run_job(
             check_place(folder, RUN_KEY)
         began = time.perf_counter()
         scenario = chunk.make(config)
-        manifest = describe_run(scenario, chunk.run(number, scenario))
+        manifest = describe_run(scenario, chunk.run(item.number, scenario))
         return Run(folder, manifest | {"overrides": overrides, "wall_seconds": time.perf_counter() - began}), True
     except Exception as error:
         if is_interrupt(error):
             raise KeyboardInterrupt from error
-        return write_failure(folder, composed, error, make_record(composed, hydra), overrides=overrides), True
+        record = make_record(composed, template.hydra)
+        return write_failure(folder, composed, error, record, overrides=overrides), True
 
 
 def _tabulate(root: Path, runs: Mapping[int, Run], overrides: Mapping[int, list[str]]) -> JobTables:

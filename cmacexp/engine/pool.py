@@ -6,17 +6,16 @@ import multiprocessing
 import os
 import signal
 import sys
-import time
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from multiprocessing import forkserver
 from numbers import Integral
 from threading import Thread, current_thread, main_thread
 from types import ModuleType
-from typing import Any, ClassVar
+from typing import Any
 
 from cmacexp.errors import BadInput
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
@@ -36,30 +35,10 @@ ParallelMap = Callable[..., list[Any]]
 as soon as it is known."""
 
 
-class _Progress:
-    """What this process has done of items: ``shared`` has a place for each process, see :func:`report_share`."""
-
-    shared: ClassVar[Any] = [0.0]
-    place, finished = 0, 0.0
-
-
-def report_share(share: float) -> None:
-    """Report how much of the current item is done, from 0 to 1."""
-    _Progress.shared[_Progress.place] = _Progress.finished + share
-
-
 @exits_caught()  # a worker would hand a SystemExit to the program, which would end with its code
 def run_item(work: Callable[..., Any], item: Sequence[Any]) -> Any:
-    """Do one item, and report that it is done."""
-    result = work(*item)
-    report_share(1.0)
-    _Progress.finished += 1.0
-    return result
-
-
-def is_first_worker() -> bool:
-    """Whether this process speaks for all that do the same work."""
-    return _Progress.place == 0
+    """Do one item."""
+    return work(*item)
 
 
 def count_processes(asked: int | None) -> int:
@@ -120,8 +99,8 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _begin(shared: Any, environment: Mapping[str, str]) -> None:
-    """Begin to work, in the environment of the caller."""
+def _begin(environment: Mapping[str, str], speaks: Any) -> None:
+    """Begin to work, in the environment of the caller; the first process that ``speaks`` says that it compiles."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()
     os.environ.update(environment)
@@ -131,21 +110,10 @@ def _begin(shared: Any, environment: Mapping[str, str]) -> None:
         # page by page, took a fifth of many short runs.
         set_option(M_MMAP_THRESHOLD, 1 << 24)
         set_option(M_TRIM_THRESHOLD, 1 << 27)
-    number = multiprocessing.current_process().name.rpartition("-")[2]  # consecutive
-    _Progress.shared, _Progress.place = shared, int(number) % len(shared)
+    if speaks.acquire(block=False):
+        from cmacexp.terminal.messages import announce_compiling  # here, because only workers have it already
 
-
-def _show_done(what: str, shared: Sequence[float], items: int, runs: int | None) -> AbstractContextManager[None]:
-    """Show how many items are done, with the shares that are done of the others, or how many runs that is."""
-    from cmacexp.terminal.output import State, format_progress, show_state  # here, because they take long to import
-
-    before, began = sum(shared), time.monotonic()
-
-    def read_state() -> State:
-        share, total = (sum(shared) - before) / max(items, 1), items if runs is None else runs
-        return format_progress(what, share * total, total, "", time.monotonic() - began), share
-
-    return show_state(read_state)
+        announce_compiling()
 
 
 def map_here(
@@ -156,11 +124,16 @@ def map_here(
     runs: int | None = None,
 ) -> list[Any]:
     """A :data:`ParallelMap` in this process."""
-    results = []
-    with _show_done(what, _Progress.shared, len(items), runs):
+    from cmacexp.terminal.messages import announce_compiling  # here, because it takes long to import
+    from cmacexp.terminal.output import show_progress
+
+    announce_compiling()
+    results, total = [], runs or len(items)
+    with show_progress(what, total) as set_done:
         for item in items:
             results.append(run_item(work, item))
             see(results[-1])
+            set_done(total * len(results) / len(items))
     return results
 
 
@@ -173,8 +146,7 @@ def start_workers(processes: int | None = None) -> Iterator[ParallelMap]:
     """
     count = count_processes(processes)
     others, context = set(multiprocessing.active_children()), make_context()
-    shared = context.RawArray("d", count)
-    executor = ProcessPoolExecutor(count, context, _begin, (shared, dict(os.environ)))
+    executor = ProcessPoolExecutor(count, context, _begin, (dict(os.environ), context.Semaphore(1)))
 
     def submit(*call: Any) -> Future[Any]:
         # A process that starts here must not import the program of the caller, which then needs no guard.
@@ -191,11 +163,15 @@ def start_workers(processes: int | None = None) -> Iterator[ParallelMap]:
         see: Callable[[Any], object] = id,
         runs: int | None = None,
     ) -> list[Any]:
+        from cmacexp.terminal.output import show_progress  # here, because it takes long to import
+
+        total = runs or len(items)
         try:
-            with _show_done(what, shared, len(items), runs):
+            with show_progress(what, total) as set_done:
                 futures = [submit(run_item, work, item) for item in items]
-                for future in as_completed(futures):
+                for done, future in enumerate(as_completed(futures), 1):
                     see(future.result())
+                    set_done(total * done / len(items))
         except BrokenProcessPool as error:
             raise ChildProcessError(
                 "a worker process was killed, perhaps for want of memory; completed runs are kept"

@@ -30,7 +30,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.files import full_disk_named, sha256, write_atomically
 from cmacexp.data.folder import TABLE, TABLE_CSV, collection
 from cmacexp.data.tables import METRICS_FILE, as_array, select_rows, write_table
-from cmacexp.engine.equal_results import print_idle_keys
+from cmacexp.engine.equal_results import describe_result, find_idle_keys
 from cmacexp.engine.objective import DIRECTION, check_metric, describe_best, find_direction, read_objective
 from cmacexp.engine.pool import (
     MOST_RUNS,
@@ -44,6 +44,7 @@ from cmacexp.engine.pool import (
 from cmacexp.engine.sweep_tables import (
     FINGERPRINT,
     HASHES,
+    JobItem,
     JobRun,
     list_jobs,
     make_table,
@@ -61,6 +62,8 @@ SWEEP_KEY, SUBDIR = "hydra.sweep.dir", "${hydra.job.num}"
 CORES = "hydra_plugins.cmacexp_launcher.CoresLauncher"
 COUNTS = ("sweep.chunk", "hydra.launcher.processes", "hydra.sweeper.max_batch_size")
 """Options of a sweep that are numbers, at least 1, or null."""
+ONLY_OF_RUNS = ("callbacks", "job.chdir", "job.env_set", "output_subdir", "job_logging.root")
+"""What Hydra does around a single run; so many jobs share a process."""
 DEFAULT = "record=trace"
 """Override of a sweep that does not set ``record``."""
 MAX_LISTED_FAILURES = 20
@@ -82,10 +85,10 @@ class Sweep:
         self.config, self.context, self.folder = config, context, Path(config.hydra.sweep.dir)
         self.planned: list[tuple[str, ...]] = []
         """Overrides of the run of each job, see :func:`select_run_overrides`."""
-        self.places = set[str]()
-        """Folders of these jobs, if the user names them."""
-        self.size, self.launched = 1, 0
-        """Jobs without folders that a process takes at a time, at most; and those of the current batch."""
+        self.places: list[str] = []
+        """Folders of these jobs, in that of the sweep."""
+        self.size = 1
+        """Jobs without folders that a process takes at a time, at most."""
         self.templates: dict[tuple[str, ...], tuple[bytes, bool]] = {}
         """Arguments ``packed`` of :func:`cmacexp.engine.job.run_jobs`, by what jobs have in common, and whether a
         process takes several of these jobs at a time: those that keep metrics alone, and are no robot's."""
@@ -117,22 +120,22 @@ class Sweep:
     def _plan(self, batch: Sequence[Sequence[str]]) -> None:
         """Note jobs, and compose one of each kind; raises BadInput if two have the same folder."""
         for overrides in batch:
-            self._check_place(overrides, len(self.planned))
+            self.places.append(self._find_place(overrides, len(self.planned)))
             self.planned.append(tuple(select_run_overrides(overrides)))
             self._pack(overrides)
 
-    def _check_place(self, overrides: Sequence[str], number: int) -> None:
-        """Raise BadInput if an earlier job has the folder of this one; each is composed where the user names it."""
+    def _find_place(self, overrides: Sequence[str], number: int) -> str:
+        """The folder of a job, which is composed if the user names it; raises BadInput if an earlier one has it."""
         typed: Any = OmegaConf.to_container(self.config.hydra.sweep, resolve=False)
         if typed["subdir"] == SUBDIR:
-            return
+            return str(number)
         composed = self.context.config_loader.load_sweep_config(self.config, list(overrides))
         with read_write(composed.hydra), open_dict(composed.hydra):
             composed.hydra.job.num, composed.hydra.job.id = number, str(number)
-        place = composed.hydra.sweep.subdir
+        place = str(composed.hydra.sweep.subdir)
         if place in self.places:
             raise BadInput("hydra.sweep.subdir", typed["subdir"], f"must differ for each job, e.g. {SUBDIR}")
-        self.places.add(place)
+        return place
 
     def _pack(self, overrides: Sequence[str]) -> tuple[tuple[bytes, bool], list[str]]:
         """What Hydra composes for a job, and the overrides that set values in it.
@@ -152,9 +155,8 @@ class Sweep:
             if is_robot := composed.machine.get("kind") == "robot":
                 with suppress(BadInput, OmegaConfBaseException):  # which the job reports
                     warn_of_models([read_machine(composed)])
-            needs_hydra, record = _needs_hydra(composed), composed.record
-            packed = pickle.dumps((composed, self.context.callbacks, self.folder.absolute(), needs_hydra))
-            self.templates[kind] = packed, not (is_robot or needs_hydra or record.trace or record.weights)
+            packed, record = pickle.dumps(composed), composed.record
+            self.templates[kind] = packed, not (is_robot or record.trace or record.weights)
         return self.templates[kind], values
 
     def run(self) -> str:
@@ -200,7 +202,9 @@ class Sweep:
         ends = ", ".join(f"{count} {end}" for end, count in counts.items())
         print_line(f"{counts.total()} job{'s' * (counts.total() > 1)}: {ends}")
         results = [run for run in runs if run.outcome.is_result]
-        print_idle_keys([self.planned[run.read("run")] for run in results], results, "jobs")
+        typed, names = [self.planned[run.read("run")] for run in results], [run.folder.name for run in results]
+        for kind, text in find_idle_keys(typed, [describe_result(run) for run in results], names, "jobs"):
+            print_line(f"{kind}: {text}", error=True)
         for run in failed[:MAX_LISTED_FAILURES]:
             print_line(f"  {run.folder.name} {run.outcome.status}: {run.outcome.cause}", error=True)
         if len(failed) > MAX_LISTED_FAILURES:
@@ -225,7 +229,7 @@ class Sweep:
         from cmacexp.engine.cluster import make_map
 
         self.size = min(size, MOST_RUNS)
-        return nullcontext(make_map(self.config.copy(), self.context, lambda items: -(-self.launched // size)))
+        return nullcontext(make_map(self.config.copy(), self.context, lambda jobs: -(-jobs // size)))
 
     def _run_jobs(self) -> None:
         if self.batches:
@@ -245,20 +249,20 @@ class Sweep:
         """Run the jobs of a batch, whose first has the number ``first``; what they return, in their order."""
         if not self.batches:
             self._plan(batch)
-        self.launched, known, alike = len(batch), {}, defaultdict[tuple[bytes, bool], list[Any]](list)
+        known, alike = {}, defaultdict[tuple[bytes, bool], list[JobItem]](list)
         if self.config.sweep.resume:
             known = {(run.read("run"), run.read("overrides")): run for run in list_jobs(self.folder)}
         for number, overrides in enumerate(batch, first):
             template, values = self._pack(overrides)
             run = known.get((number, " ".join(self.planned[number])))
             hashes = tuple(map(run.read, HASHES)) if run is not None and run.outcome.is_result else ()
-            alike[template].append((list(overrides), values, number, hashes))
+            alike[template].append(JobItem(list(overrides), values, number, self.places[number], hashes))
         items = [
-            (packed, [own[index] for index in chunk], len(self.planned))
+            (packed, self.folder.absolute(), [own[index] for index in chunk], len(self.planned))
             for (packed, together), own in alike.items()
-            for chunk in group_runs([values for _, values, *_ in own], self.size if together else 1)
+            for chunk in group_runs([item.values for item in own], self.size if together else 1)
         ]
-        items.sort(key=lambda item: item[1][0][2])  # by the number of the first job
+        items.sort(key=lambda item: item[2][0].number)
         self.parallel_map("sweep", _run_jobs, items, self._see, len(batch))
         ended = [JobReturn(status=JobStatus.COMPLETED) for _ in batch]
         if self.optimize and not self.batches:  # else no sweeper waits for it
@@ -272,19 +276,10 @@ class Sweep:
             print_line(text, error=is_error)
 
 
-def _run_jobs(packed: bytes, items: Sequence[Any], jobs: int) -> Any:
-    from cmacexp.engine.job import JobItem, run_jobs  # here, because the process of the sweep needs nothing of that
+def _run_jobs(packed: bytes, root: Path, items: Sequence[JobItem], jobs: int) -> Any:
+    from cmacexp.engine.job import run_jobs  # here, because the process of the sweep needs nothing of that
 
-    return run_jobs(packed, [JobItem(*item) for item in items], jobs)
-
-
-def _needs_hydra(composed: DictConfig) -> bool:
-    """Whether only Hydra's own run of a job gives what a config asks for; it copies the config four times."""
-    plain: Any = OmegaConf.to_container(composed, enum_to_str=True)
-    hydra = plain.pop("hydra")
-    job, text = hydra["job"], str(plain)
-    asked = hydra["callbacks"], job["chdir"], job["env_set"], hydra["output_subdir"], hydra["job_logging"]["root"]
-    return hydra["sweep"]["subdir"] != SUBDIR or any(asked) or "${hydra" in text or "???" in text
+    return run_jobs(packed, root, items, jobs)
 
 
 def _check_options(config: DictConfig) -> None:
@@ -292,6 +287,9 @@ def _check_options(config: DictConfig) -> None:
         value = OmegaConf.select(config, key)
         if value is not None and (type(value) is not int or value < 1):
             raise BadInput(key, value, "must be at least 1, or null")
+    for key in ONLY_OF_RUNS:
+        if value := OmegaConf.select(config.hydra, key):
+            raise BadInput(f"hydra.{key}", value, "must be left out: jobs of a sweep share processes")
     typed = _read_typed(config.hydra.overrides.hydra)
     warn_of_other_mode(typed, "hydra.run", "the folder of a sweep is hydra.sweep.dir")
     if config.sweep.resume is True and SWEEP_KEY not in _list_keys(typed):
@@ -350,9 +348,7 @@ def write_tables(folder: Path, runs: Sequence[JobRun], status: str) -> None:
     for place, name in enumerate(keys, 3):
         jobs = jobs.add_column(place, name, typed[name])
     metrics = select_rows(metrics, np.isin(as_array(metrics, "run"), as_array(jobs, "run")))
-    own, ends = ["run", "folder", *keys, "status"], [*HASHES, "bad_input", FINGERPRINT, "manifest"]
-    swept = jobs.drop_columns(ends)
-    known = jobs.select([*own, FINGERPRINT, *(name for name in jobs.column_names if name not in (*own, FINGERPRINT))])
+    swept = jobs.drop_columns([*HASHES, "bad_input", FINGERPRINT, "manifest"])
     is_lean = "" in jobs[FINGERPRINT].to_pylist()
     entries = {
         "kind": manifests.SWEEP,
@@ -368,7 +364,7 @@ def write_tables(folder: Path, runs: Sequence[JobRun], status: str) -> None:
             write_table(swept, path)
         with write_atomically(folder / TABLE_CSV) as path:
             pa_csv.write_csv(swept, path)
-        write_runs(folder, known, metrics)
+        write_runs(folder, jobs, metrics)
         if is_lean:
             files = {name: sha256(folder / name) for name in (manifests.RUNS_FILE, METRICS_FILE)}
             manifests.write(folder, {**entries, "files": files})

@@ -143,8 +143,8 @@ def write_runs(root: Path, runs: pa.Table, metrics: pa.Table) -> None:
         write_table(runs.replace_schema_metadata({METRICS_FILE: sha256(own)}), path)
 
 
-def read_tables(root: Path, last: str | None = None) -> tuple[pa.Table, pa.Table]:
-    """What :func:`write_runs` wrote, jobs up to the ``last`` of their columns.
+def read_tables(root: Path, columns: Sequence[str] = ()) -> tuple[pa.Table, pa.Table]:
+    """What :func:`write_runs` wrote; of the jobs all columns up to the status, and some of the later ones, if asked.
 
     Raises OSError, KeyError, TypeError or ArrowException unless both are of one sweep.
     """
@@ -152,7 +152,8 @@ def read_tables(root: Path, last: str | None = None) -> tuple[pa.Table, pa.Table
         schema = pq.read_schema(file)
         if schema.metadata[METRICS_FILE.encode()].decode() != sha256(root / METRICS_FILE):
             raise KeyError(METRICS_FILE)
-        runs = pq.read_table(file, columns=schema.names[: schema.names.index(last) + 1] if last else None)
+        first = schema.names[: schema.names.index("status") + 1]
+        runs = pq.read_table(file, columns=[*first, *columns] if columns else None)
     with open_file(root / METRICS_FILE) as file:
         return runs, pq.read_table(file)
 
@@ -160,12 +161,13 @@ def read_tables(root: Path, last: str | None = None) -> tuple[pa.Table, pa.Table
 def read_runs(root: Path) -> tuple[pa.Table, pa.Table] | None:
     """The tables of a sweep, without hashes; None unless the runs below ``root`` are as it left them."""
     try:
-        runs, metrics = read_tables(root, FINGERPRINT)
+        runs, metrics = read_tables(root, [FINGERPRINT])
         hashes = dict(zip(runs["folder"].to_pylist(), runs[FINGERPRINT].to_pylist(), strict=True))
         hashes = {root / folder: digest for folder, digest in hashes.items() if digest}  # of jobs with folders
         added = {place for place in walk(root) if (place / MANIFEST).exists()} - hashes.keys()
         is_changed = any(find_fingerprint(folder) != digest for folder, digest in hashes.items())
-        return None if is_changed or any(map(is_run, added)) else (runs.drop_columns(FINGERPRINT), metrics)
+        runs = runs.drop_columns(["overrides", FINGERPRINT])
+        return None if is_changed or any(map(is_run, added)) else (runs, metrics)
     except (OSError, KeyError, TypeError, ValueError, pa.ArrowException):
         return None
 
@@ -182,6 +184,19 @@ MOST_PARTS = 64
 """Parts of a sweep that are in memory at a time: a small table takes several times what its values do."""
 HASHES = ("config_hash", "code_hash", "custom_code", "start_weights", "model_hash")
 """Of the manifest of a job: where all are the same, so is the result."""
+
+
+class JobItem(NamedTuple):
+    """A job of a sweep."""
+
+    overrides: list[str]
+    values: list[str]
+    """Those of its overrides that are set in what Hydra composed for jobs of the same keys and options."""
+    number: int
+    folder: str
+    """In that of the sweep."""
+    known: tuple[str, ...]
+    """:data:`HASHES` of a result that the tables of the sweep have; empty without one."""
 
 
 class JobTables(NamedTuple):
@@ -239,7 +254,7 @@ def _read(path: Path) -> JobTables:
     if path.name == RUNS_FILE:
         jobs, metrics = read_tables(path.parent)
         names = jobs.column_names
-        own = ["run", "folder", "overrides", "manifest"]  # without settings, whose columns stand before the status
+        own = ["run", "folder", "overrides"]  # without settings, whose columns stand before the status
         return JobTables(jobs.select(list(dict.fromkeys([*own, *names[names.index("status") :]]))), metrics)
     with open_file(path) as file:
         return JobTables(*(pa.ipc.open_stream(file).read_all() for _ in JobTables._fields))

@@ -123,27 +123,26 @@ def show_state(read_state: Callable[[], State]) -> Iterator[None]:
         writer.join()
 
 
-def format_progress(what: str, done: float, total: int, unit: str, seconds: float) -> str:
-    """How much is done after ``seconds``, and the time that is left at this rate; a search has a total of 0."""
-    if not total:
-        return f"{what}: {int(done)} {unit}".rstrip()
-    text = f"{what}: {int(done)}/{total} {unit}".rstrip()
-    if not done:
-        return text
-    left = timedelta(seconds=round(seconds * (total - done) / done))
-    return f"{text} ({100.0 * done / total:.1f} %), {left} left"
-
-
 @contextmanager
 def show_progress(what: str, total: int, unit: str = "") -> Iterator[Callable[[float], None]]:
-    """Show how much of some work is done while it takes place; gives what is called with the parts that are done."""
+    """Show how much of some work is done while it takes place, and the time that is left at this rate.
+
+    Gives what is called with the parts that are done, of so many in ``total``.
+    """
     done, began = 0.0, time.monotonic()
 
     def set_done(parts: float) -> None:
         nonlocal done
         done = parts
 
-    with show_state(lambda: (format_progress(what, done, total, unit, time.monotonic() - began), done / total)):
+    def read_state() -> State:
+        text = f"{what}: {int(done)}/{total} {unit}".rstrip()
+        if not done:
+            return text, 0.0
+        left = timedelta(seconds=round((time.monotonic() - began) * (total - done) / done))
+        return f"{text} ({100.0 * done / total:.1f} %), {left} left", done / total
+
+    with show_state(read_state):
         yield set_done
 
 

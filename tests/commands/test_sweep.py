@@ -153,13 +153,17 @@ def test_a_job_has_the_bytes_of_a_single_run(by_cores, tmp_path):
 
 
 @pytest.mark.ci
-def test_jobs_that_only_hydra_understands_are_run_by_it(tmp_path):
-    linked = ["cmac.resolution_elements='${cmac.layers}'", "hydra.sweep.subdir='${hydra.job.num}-${cmac.layers}'"]
+def test_values_and_folders_of_jobs_can_follow_from_what_hydra_says_of_them(tmp_path):
+    linked = [
+        *["cmac.resolution_elements='${cmac.layers}'", "seed='${hydra:job.num}'"],
+        "hydra.sweep.subdir='${hydra.job.num}-${cmac.layers}'",
+    ]
     assert (
         sweep("cmac.layers=8,16,32", *SHORT, *linked, "hydra.launcher.processes=1", folder=tmp_path).returncode == 0
     )
     for number, layers in enumerate((8, 16, 32)):
-        assert manifest_of(tmp_path, f"{number}-{layers}")["config"]["cmac"]["resolution_elements"] == layers
+        config = manifest_of(tmp_path, f"{number}-{layers}")["config"]
+        assert (config["cmac"]["resolution_elements"], config["seed"]) == (layers, number)
     for table in (table_of(tmp_path), load_sweep(tmp_path / "s")):
         assert table["run"].tolist() == [0, 1, 2], "an integer whatever the folders are called"
         assert table["folder"].tolist() == ["0-8", "1-16", "2-32"]
