@@ -8,7 +8,7 @@ from cmacexp.data.folder import OUT_KEY, require_no_link
 from cmacexp.data.manifest import is_run, name_of, require_place
 from cmacexp.data.run import Run
 from cmacexp.data.weights import WEIGHTS
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.export.tables import write_mcap, write_wide
 from cmacexp.terminal.output import print_line, show_activity
 
@@ -20,8 +20,7 @@ def _find_place(arguments: Arguments) -> Path:
     if arguments.out is None:
         return require_no_link(Path(f"export-{name_of(arguments.folder)}"))
     folder = require_place(OUT_KEY, arguments.out)
-    if is_run(folder):
-        raise BadInput(OUT_KEY, folder, "is the folder of a run, which stays as it is; choose another")
+    require(not is_run(folder), OUT_KEY, folder, "is the folder of a run, which stays as it is; choose another")
     return folder
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
 from cmacexp.data.folder import OUT_KEY, check_place
 from cmacexp.data.manifest import REPORT
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
 from cmacexp.gap.log import Log, load_reader, read_log
 from cmacexp.gap.machine import Machine, read_machine
 from cmacexp.terminal.messages import print_table
@@ -31,8 +31,7 @@ def _read_pairs(given: Sequence[str], key: str) -> dict[str, str]:
     """``KEY=VALUE`` by key, several separated by commas; raises BadInput."""
     pairs = [part for text in given for part in text.split(",") if part]
     for pair in pairs:
-        if "=" not in pair:
-            raise BadInput(key, pair, "must be NAME=VALUE, several separated by commas")
+        require("=" in pair, key, pair, "must be NAME=VALUE, several separated by commas")
     return dict(pair.split("=", 1) for pair in pairs)
 
 

@@ -7,7 +7,7 @@ from cmacexp.commands.command import FOLDERS, Arguments, Parser, add_options, ma
 from cmacexp.data.manifest import is_run, name_of, require_place, runs_below
 from cmacexp.data.run import Run
 from cmacexp.data.tables import RECORDING_FILE
-from cmacexp.errors import BadInput, require_extra
+from cmacexp.errors import require, require_extra
 from cmacexp.metrics.swept import find_swept
 from cmacexp.recording.viewer import open_window, require_display, serve_web
 from cmacexp.terminal.output import print_line, show_activity
@@ -24,8 +24,8 @@ def _show(shown: Path | str, arguments: Arguments) -> int:
 def _show_table(runs: Sequence[Run], arguments: Arguments) -> int:
     """Show runs as a table whose rows open their recordings."""
     for name in ("cycles", "every", "meshes", "out"):
-        if value := getattr(arguments, name):
-            raise BadInput(f"--{name}", value, "must be left out with --table, which shows what is recorded")
+        value = getattr(arguments, name)
+        require(not value, f"--{name}", value, "must be left out with --table, which shows what is recorded")
     require_extra("datafusion")
     from cmacexp.recording.catalog import build_recordings, serve_catalog
 
@@ -55,11 +55,10 @@ def _replay(arguments: Arguments) -> int:
         path = COMPARISONS / f"{'-'.join(name_of(run.folder) for run in runs)[:LONGEST_NAME]}.rrd"
     if arguments.out is not None:
         path = arguments.out
-        if path.suffix != ".rrd":
-            raise BadInput("--out", path, "must end in .rrd")
+        require(path.suffix == ".rrd", "--out", path, "must end in .rrd")
         require_place("--out", path.parent)
-        if any(is_run(parent) for parent in path.resolve().parents):
-            raise BadInput("--out", path, "must lie outside the folders of runs")
+        in_run = any(is_run(parent) for parent in path.resolve().parents)
+        require(not in_run, "--out", path, "must lie outside the folders of runs")
     is_own = len(runs) == 1 and arguments.out is None and options == DEFAULT
     path.parent.mkdir(parents=True, exist_ok=True)
     with show_activity(f"building {path}"):

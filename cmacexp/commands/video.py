@@ -6,7 +6,7 @@ from pathlib import Path
 from cmacexp.commands.command import Arguments, Parser, make_flag
 from cmacexp.data import manifest as manifests
 from cmacexp.data.run import Run
-from cmacexp.errors import BadInput, CmacexpError, require_extra
+from cmacexp.errors import BadInput, CmacexpError, require, require_extra
 from cmacexp.recording.run_view import RunView
 from cmacexp.report.video import FORMATS, MOST_CYCLES, MP4, RobotPicture, render_robot, view_cycles, write_video
 from cmacexp.terminal.output import print_line, show_activity
@@ -31,17 +31,14 @@ def _choose(arguments: Arguments) -> list[RunView]:
         return view_cycles(runs[0], [int(number) for number in numbers])
     if arguments.cycles:
         raise BadInput("--cycles", arguments.cycles, "is for one run; of several their last cycles are shown")
-    if len(runs) > MOST_CYCLES:
-        raise BadInput("DIR", len(runs), f"must be at most {MOST_CYCLES} runs")
+    require(len(runs) <= MOST_CYCLES, "DIR", len(runs), f"must be at most {MOST_CYCLES} runs")
     return [view_cycles(run, [])[-1] for run in runs]
 
 
 def _video(arguments: Arguments) -> None:
     out = arguments.out
-    if out.suffix not in FORMATS:
-        raise BadInput("--out", out, f"must end in {', '.join(FORMATS)}")
-    if not out.parent.is_dir():
-        raise BadInput("--out", out, "must lie in a folder that exists")
+    require(out.suffix in FORMATS, "--out", out, f"must end in {', '.join(FORMATS)}")
+    require(out.parent.is_dir(), "--out", out, "must lie in a folder that exists")
     titles = arguments.titles.split(",") if arguments.titles else []
     views = _choose(arguments)
     if len({view.walks for view in views}) > 1:

@@ -18,7 +18,7 @@ from cmacexp.control.drive_kernels import NEWTON_STEPS, DriveParams
 from cmacexp.control.hybrid_kernels import METHODS
 from cmacexp.control.protocol import Drive
 from cmacexp.data.run import Run
-from cmacexp.errors import BadInput, BadRun
+from cmacexp.errors import BadRun, require
 from cmacexp.export.network import (
     checksum,
     keep_rows,
@@ -196,8 +196,7 @@ def _require_carried(run: Run, config: Config) -> None:
         },
     }
     for key, (value, is_refused, allowed) in refused.items():
-        if is_refused:
-            raise BadInput(key, value, f"{allowed}; run it again so for --law")
+        require(not is_refused, key, value, f"{allowed}; run it again so for --law")
 
 
 def _describe(scenario: Scenario) -> dict[str, Any]:

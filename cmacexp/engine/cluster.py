@@ -18,7 +18,7 @@ from omegaconf import DictConfig
 from cmacexp.config import config_folder
 from cmacexp.config.explain import explain_composition
 from cmacexp.engine.pool import ParallelMap
-from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.errors import CmacexpError, require
 from cmacexp.terminal.output import show_activity
 
 
@@ -60,8 +60,7 @@ def start_tasks(name: str, settings: Sequence[str], tasks: int, folder: Path) ->
 
     Settings are as ``timeout_min=600``. Raises CmacexpError if there is no such launcher.
     """
-    if name == "cores":
-        raise BadInput("--launcher", name, "is for sweeps; without --launcher a study uses all cores")
+    require(name != "cores", "--launcher", name, "is for sweeps; without --launcher a study uses all cores")
     chosen = [f"hydra/launcher={name}", f"hydra.sweep.dir={folder}", *(f"hydra.launcher.{each}" for each in settings)]
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
         try:

@@ -52,7 +52,7 @@ from cmacexp.engine.sweep_tables import (
     select_run_overrides,
     write_runs,
 )
-from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.errors import BadInput, CmacexpError, require
 from cmacexp.jit.interrupt import is_interrupt
 from cmacexp.terminal.messages import describe_resume, print_next, print_runs, warn_of_models, warn_of_other_mode
 from cmacexp.terminal.output import print_line, show_activity
@@ -285,11 +285,10 @@ def _run_jobs(packed: bytes, root: Path, items: Sequence[JobItem], jobs: int) ->
 def _check_options(config: DictConfig) -> None:
     for key in COUNTS:
         value = OmegaConf.select(config, key)
-        if value is not None and (type(value) is not int or value < 1):
-            raise BadInput(key, value, "must be at least 1, or null")
+        require(value is None or (type(value) is int and value > 0), key, value, "must be at least 1, or null")
     for key in ONLY_OF_RUNS:
-        if value := OmegaConf.select(config.hydra, key):
-            raise BadInput(f"hydra.{key}", value, "must be left out: jobs of a sweep share processes")
+        value = OmegaConf.select(config.hydra, key)
+        require(not value, f"hydra.{key}", value, "must be left out: jobs of a sweep share processes")
     typed = _read_typed(config.hydra.overrides.hydra)
     warn_of_other_mode(typed, "hydra.run", "the folder of a sweep is hydra.sweep.dir")
     if config.sweep.resume is True and SWEEP_KEY not in _list_keys(typed):
