@@ -23,7 +23,7 @@ from cmacexp.data.integrity import compute_hashes, is_finished
 from cmacexp.data.run import Run
 from cmacexp.engine.chunk import Chunk, hash_scores
 from cmacexp.engine.objective import check_metric
-from cmacexp.engine.run import describe_run, make_failure, run_scenario
+from cmacexp.engine.run import describe_failure, describe_run, run_scenario
 from cmacexp.engine.sweep_tables import (
     FINGERPRINT,
     HASHES,
@@ -36,7 +36,7 @@ from cmacexp.engine.sweep_tables import (
     select_run_overrides,
     write_part,
 )
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import is_interrupt
 from cmacexp.loop.scenario import make_scenario
@@ -60,11 +60,7 @@ def ensure_run(
     :func:`cmacexp.engine.run.run_scenario`, which says too what is raised.
     """
     if reuse and is_finished(folder, config):
-        run = Run(folder)
-        if overrides not in (None, run.manifest.get("overrides")):  # the same config by other words
-            run.manifest["overrides"] = overrides
-            manifests.write(folder, run.manifest)
-        return run, False
+        return Run(folder), False
     expect_runs(runs)
     scenario = make_scenario(config)
     return run_scenario(
@@ -80,7 +76,13 @@ def write_failure(
     **entries: Any,
 ) -> Run:
     """Leave a manifest, with further ``entries``, that says why a config gave no run; an earlier run stays."""
-    manifest, written = make_failure(composed, error, **entries), folder / manifests.MANIFEST
+    # Of a config as typed: an interpolation may be what is wrong.
+    plain: Any = OmegaConf.to_container(composed) if isinstance(composed, DictConfig) else composed
+    entries["bad_input"] = isinstance(error, BadInput)
+    if isinstance(error, BadComponent) or not isinstance(error, CmacexpError | OSError | MemoryError):
+        entries["traceback"] = format_user_traceback(error.raised if isinstance(error, BadComponent) else error)
+    manifest = manifests.make_manifest(plain, Status.FAILED, describe_failure(error), **entries)
+    written = folder / manifests.MANIFEST
     with suppress(OSError, BadInput):  # then only the terminal and the table show it
         if not (written.exists() and manifests.read_file(written)["files"]):
             with new_result(folder, RUN_KEY) as writer:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from omegaconf import DictConfig, OmegaConf
 
 from cmacexp.config import Config, to_plain
 from cmacexp.config.component import COMPONENTS
@@ -43,7 +42,7 @@ from cmacexp.data.tables import (
 from cmacexp.data.trace import SampledTrace, Trace, concat_traces, count_steps_by_cycle, trace_writer
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.engine.stop_cause import explain_stop
-from cmacexp.errors import BadComponent, BadInput, BadOutput, CmacexpError, format_user_traceback, in_one_line
+from cmacexp.errors import BadInput, BadOutput, CmacexpError, format_user_traceback, in_one_line
 from cmacexp.feedforward import Learns
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
@@ -61,17 +60,6 @@ def describe_failure(error: Exception) -> str:
     """Why a run failed, in one line."""
     text = str(error) if isinstance(error, CmacexpError | OSError) else f"{type(error).__name__}: {error}"
     return " ".join(text.split())
-
-
-def make_failure(composed: DictConfig | dict[str, Any], error: Exception, **entries: Any) -> manifests.Manifest:
-    """The manifest of a run of a ``composed`` config that failed before its first step."""
-    plain: Any = composed
-    if isinstance(composed, DictConfig):
-        plain = OmegaConf.to_container(composed)  # as typed: an interpolation may be what is wrong
-    entries["bad_input"] = isinstance(error, BadInput)
-    if isinstance(error, BadComponent) or not isinstance(error, CmacexpError | OSError | MemoryError):
-        entries["traceback"] = format_user_traceback(error.raised if isinstance(error, BadComponent) else error)
-    return manifests.make_manifest(plain, Status.FAILED, describe_failure(error), **entries)
 
 
 Columns = tuple[tuple[Signal, ...], tuple[Signal, ...] | None]
