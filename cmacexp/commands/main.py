@@ -20,7 +20,7 @@ from cmacexp.config.compose import make_record
 from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
 from cmacexp.config.hydra_private import report_parser_errors, skip_mode_lookup, take_over_sweeps
 from cmacexp.data.version import __version__
-from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.errors import BadInput, CmacexpError, require
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.typing import Status
 
@@ -113,8 +113,12 @@ class _Task:
 def _run(composed: DictConfig, hydra: Any) -> str:
     """Run a config and print what it gave; the status of the run."""
     config = to_config(composed)
-    if config.sweep.resume:
-        raise BadInput("sweep.resume", True, "only a sweep can be resumed: add -m and hydra.sweep.dir=DIR")
+    require(
+        not config.sweep.resume,
+        "sweep.resume",
+        True,
+        "only a sweep can be resumed: add -m and hydra.sweep.dir=DIR",
+    )
     with interrupt_held_back():  # some libraries cannot be imported partially
         from cmacexp.engine.objective import check_metric
         from cmacexp.engine.run import run_scenario

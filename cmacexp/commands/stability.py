@@ -6,7 +6,7 @@ from cmacexp.commands.command import FOLDERS, Arguments, Parser
 from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
 from cmacexp.data.manifest import REPORT, runs_below
 from cmacexp.data.run import Run
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.terminal.messages import announce_compiling, print_table
 from cmacexp.terminal.output import print_line, show_activity
 
@@ -17,8 +17,12 @@ def _analyse(arguments: Arguments) -> None:
     """Analyse each run."""
     announce_compiling()
     folders = list(dict.fromkeys(run for given in arguments.folders for run in runs_below(given)))
-    if arguments.out is not None and len(folders) > 1:
-        raise BadInput(OUT_KEY, arguments.out, f"is for one run, but {len(folders)} were given")
+    require(
+        arguments.out is None or len(folders) == 1,
+        OUT_KEY,
+        arguments.out,
+        f"is for one run, but {len(folders)} were given",
+    )
     for folder in folders:
         out = arguments.out or require_no_link(folder / FOLDER)
         check_place(out, OUT_KEY, REPORT)

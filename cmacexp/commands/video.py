@@ -6,7 +6,7 @@ from pathlib import Path
 from cmacexp.commands.command import Arguments, Parser, make_flag
 from cmacexp.data import manifest as manifests
 from cmacexp.data.run import Run
-from cmacexp.errors import BadInput, CmacexpError, require, require_extra
+from cmacexp.errors import CmacexpError, require, require_extra
 from cmacexp.recording.run_view import RunView
 from cmacexp.report.video import FORMATS, MOST_CYCLES, MP4, RobotPicture, render_robot, view_cycles, write_video
 from cmacexp.terminal.output import print_line, show_activity
@@ -26,11 +26,19 @@ def _choose(arguments: Arguments) -> list[RunView]:
     runs = [Run(folder, manifests.read(folder)) for folder in arguments.folders]
     if len(runs) == 1:
         numbers = arguments.cycles.split(",") if arguments.cycles else []
-        if not all(number.isdigit() for number in numbers):
-            raise BadInput("--cycles", arguments.cycles, "must be whole numbers, separated by commas")
+        require(
+            all(number.isdigit() for number in numbers),
+            "--cycles",
+            arguments.cycles,
+            "must be whole numbers, separated by commas",
+        )
         return view_cycles(runs[0], [int(number) for number in numbers])
-    if arguments.cycles:
-        raise BadInput("--cycles", arguments.cycles, "is for one run; of several their last cycles are shown")
+    require(
+        not arguments.cycles,
+        "--cycles",
+        arguments.cycles,
+        "is for one run; of several their last cycles are shown",
+    )
     require(len(runs) <= MOST_CYCLES, "DIR", len(runs), f"must be at most {MOST_CYCLES} runs")
     return [view_cycles(run, [])[-1] for run in runs]
 
@@ -41,10 +49,18 @@ def _video(arguments: Arguments) -> None:
     require(out.parent.is_dir(), "--out", out, "must lie in a folder that exists")
     titles = arguments.titles.split(",") if arguments.titles else []
     views = _choose(arguments)
-    if len({view.walks for view in views}) > 1:
-        raise BadInput("DIR", ", ".join(map(str, arguments.folders)), "must be all of machines that walk, or none")
-    if titles and len(titles) != len(views):
-        raise BadInput("--titles", arguments.titles, f"must be {len(views)} texts, separated by commas")
+    require(
+        len({view.walks for view in views}) == 1,
+        "DIR",
+        ", ".join(map(str, arguments.folders)),
+        "must be all of machines that walk, or none",
+    )
+    require(
+        len(titles) in (0, len(views)),
+        "--titles",
+        arguments.titles,
+        f"must be {len(views)} texts, separated by commas",
+    )
     if out.suffix == MP4:
         require_extra("imageio_ffmpeg")
     with show_activity("drawing"):

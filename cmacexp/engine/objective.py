@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from cmacexp.data.run import Run
-from cmacexp.errors import BadInput, suggest
+from cmacexp.errors import BadInput, require, suggest
 from cmacexp.metrics.leg import SPATIAL
 from cmacexp.metrics.metric import LARGE, NEAR_ZERO, NEITHER, MetricDisplay
 from cmacexp.metrics.registry import ALL_METRICS, format_number
@@ -34,8 +34,12 @@ def find_direction(name: str | None, given: Any, searches: bool) -> str | None:
         BadInput: a sweeper searches without a metric, or for one of which neither direction is better and none is
             given; or ``given`` contradicts the registry of metrics.
     """
-    if name is None and searches:
-        raise BadInput("optimize", "null", "this sweeper searches: name the metric, e.g. optimize=transfer_rmse_y")
+    require(
+        name is not None or not searches,
+        "optimize",
+        "null",
+        "this sweeper searches: name the metric, e.g. optimize=transfer_rmse_y",
+    )
     better = NEITHER if name is None else ALL_METRICS[name].better
     known = None if better == NEITHER else MAXIMIZE if better == LARGE else MINIMIZE
     if given is None and (known or not searches):

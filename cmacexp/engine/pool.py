@@ -17,7 +17,7 @@ from threading import Thread, current_thread, main_thread
 from types import ModuleType
 from typing import Any
 
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
@@ -45,8 +45,12 @@ def count_processes(asked: int | None) -> int:
     """The number of processes that is asked for; None: one for each core that this process may use."""
     if asked is None:
         return len(os.sched_getaffinity(0))
-    if not isinstance(asked, Integral) or asked < 1:
-        raise BadInput("processes", asked, "must be a whole number from 1 on, or None")
+    require(
+        isinstance(asked, Integral) and asked > 0,
+        "processes",
+        asked,
+        "must be a whole number from 1 on, or None",
+    )
     return int(asked)
 
 

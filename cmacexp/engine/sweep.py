@@ -133,8 +133,12 @@ class Sweep:
         with read_write(composed.hydra), open_dict(composed.hydra):
             composed.hydra.job.num, composed.hydra.job.id = number, str(number)
         place = str(composed.hydra.sweep.subdir)
-        if place in self.places:
-            raise BadInput("hydra.sweep.subdir", typed["subdir"], f"must differ for each job, e.g. {SUBDIR}")
+        require(
+            place not in self.places,
+            "hydra.sweep.subdir",
+            typed["subdir"],
+            f"must differ for each job, e.g. {SUBDIR}",
+        )
         return place
 
     def _pack(self, overrides: Sequence[str]) -> tuple[tuple[bytes, bool], list[str]]:
@@ -291,11 +295,18 @@ def _check_options(config: DictConfig) -> None:
         require(not value, f"hydra.{key}", value, "must be left out: jobs of a sweep share processes")
     typed = _read_typed(config.hydra.overrides.hydra)
     warn_of_other_mode(typed, "hydra.run", "the folder of a sweep is hydra.sweep.dir")
-    if config.sweep.resume is True and SWEEP_KEY not in _list_keys(typed):
-        raise BadInput("sweep.resume", True, "needs the folder of the sweep to resume: add hydra.sweep.dir=DIR")
-    if config.sweep.chunk and config.hydra.launcher._target_ == CORES:
-        allowed = "is for a launcher that starts a process for each job; use hydra/launcher=submitit_slurm, or null"
-        raise BadInput("sweep.chunk", config.sweep.chunk, allowed)
+    require(
+        config.sweep.resume is not True or SWEEP_KEY in _list_keys(typed),
+        "sweep.resume",
+        True,
+        "needs the folder of the sweep to resume: add hydra.sweep.dir=DIR",
+    )
+    require(
+        not config.sweep.chunk or config.hydra.launcher._target_ != CORES,
+        "sweep.chunk",
+        config.sweep.chunk,
+        "is for a launcher that starts a process for each job; use hydra/launcher=submitit_slurm, or null",
+    )
 
 
 def _read_objective(config: DictConfig) -> tuple[str | None, str | None]:
