@@ -39,7 +39,6 @@ from cmacexp.engine.sweep_tables import (
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import is_interrupt
-from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.registry import make_rows
 from cmacexp.terminal.messages import describe_drift, describe_idle, format_outcome
@@ -62,10 +61,7 @@ def ensure_run(
     if reuse and is_finished(folder, config):
         return Run(folder), False
     expect_runs(runs)
-    scenario = make_scenario(config)
-    return run_scenario(
-        config, folder, prepared=scenario, record=record, overrides=overrides, durable=overrides is None
-    ), True
+    return run_scenario(config, folder, record=record, overrides=overrides, durable=overrides is None), True
 
 
 def write_failure(

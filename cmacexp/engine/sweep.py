@@ -315,8 +315,6 @@ def _read_objective(config: DictConfig) -> tuple[str | None, str | None]:
     Raises BadInput, see :func:`cmacexp.engine.objective.find_direction`.
     """
     name, searches = config.optimize, "direction" in config.hydra.sweeper
-    if name is None and not searches:
-        return None, None
     check_metric(name if name is None else str(name), "robot")  # which has all; a job knows its own machine
     given = OmegaConf.select(config, DIRECTION)
     typed = None if isinstance(given, Enum) else given  # the default of the sweeper is a member of its own Enum
