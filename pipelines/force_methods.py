@@ -65,13 +65,11 @@ def predicted_force(config: Declared) -> float:
 
 def over_best_other(results: Results, metric: str) -> Array:
     """(clearances,): a metric of combined control over the least of others that come to rest; inf if it does not."""
-    found = []
-    for own in results.by(CLEARANCE).values():
-        rests = np.isfinite(own.at(1, metric)) & (own.measure("rest_error") <= 0.02)
-        values = np.where(rests, own.at(1, metric), np.inf)
-        combined = np.array([row.settings["method"] == "combined" for row in own.rows])
-        found.append(quotients(values[combined], float(values[~combined].min())))
-    return np.concatenate(found)
+    rests = np.isfinite(results.at(1, metric)) & (results.measure("rest_error") <= 0.02)
+    runs = results.table.assign(value=np.where(rests, results.at(1, metric), np.inf)).set_index(CLEARANCE)
+    combined = runs["value"][runs["method"] == "combined"]
+    others = runs["value"][runs["method"] != "combined"].groupby(CLEARANCE).min()
+    return quotients(combined.to_numpy(), others[combined.index].to_numpy())
 
 
 def _find_springs(results: Results) -> tuple[Array, Array]:

@@ -85,14 +85,14 @@ def _loops(results: Results, scenario: str, default: bool) -> DataFrame:
 
 def draw_bandwidths(results: Results) -> Figure:
     """Over omega, the bandwidth of the closed loop over that of the open one, where (a) is met; lines: alpha."""
-    panels = []
+    panels, axes = [], ("omega, rad/s", "ratio of bandwidths")
     for name in SCENARIOS:
-        loops = _loops(results, name, False)
-        groups = list(loops[loops["excess"] < MOST_RESONANCE].groupby("alpha"))[::4]
+        met = _loops(results, name, False).query("excess < @MOST_RESONANCE").groupby("alpha")
         series = [
-            Series(f"alpha {a:.3g}", own["omega"], own["bandwidth"] / own["open_bandwidth"]) for a, own in groups
+            Series(f"alpha {alpha:.3g}", own["omega"], own["bandwidth"] / own["open_bandwidth"])
+            for alpha, own in list(met)[::4]
         ]
-        used, axes = _loops(results, name, True)["omega"].to_list(), ("omega, rad/s", "ratio of bandwidths")
+        used = _loops(results, name, True)["omega"].to_list()
         panels.append(Panel(f"gains of {name}", *axes, series, log="xy", x_limits=used, y_limits=[1.0]))
     return draw(panels, height=3.3)
 

@@ -103,8 +103,11 @@ class PublishedResults:
         study = self.studies[name]
         differing = [line for witness in study["witnesses"] for line in repeat_witness(witness)]
         if study["witnesses"] and not differing:
-            known = {"code": self._add_code(digest_package()), "own": _digest_own(study["own"])}
-            study["confirmed"] = {"date": datetime.now(UTC).date().isoformat(), **known}
+            study["confirmed"] = {
+                "date": datetime.now(UTC).date().isoformat(),
+                "code": self._add_code(digest_package()),
+                "own": _digest_own(study["own"]),
+            }
         return differing
 
     def format(self) -> str:
@@ -268,8 +271,7 @@ def find_section(text: str, heading: str) -> str:
 
 def make_section(path: Path, statements: Quotable) -> str:
     """A section with its quotes filled in."""
-    text = fill_quotes(path.read_text(encoding="utf-8"), statements)
-    return text.replace("{{ count }}", count_claims(statements))
+    return fill_quotes(path.read_text(encoding="utf-8"), statements).replace("{{ count }}", count_claims(statements))
 
 
 def renew_readme(text: str, statements: Quotable) -> str:
