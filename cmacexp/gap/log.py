@@ -239,11 +239,10 @@ class _Table:
             missing = [name for own in joints if (name := pattern.replace(JOINT, own)) not in self.columns]
             if not missing:
                 return pattern
-            is_chosen = (pattern,) == self.patterns[quantity]
+            is_given = (pattern,) == self.patterns[quantity]
             is_angle = quantity == "orientation" and pattern in self.patterns["angle"]  # of joints x, y, z
-            if is_chosen or (len(missing) < len(joints) and not is_angle):
-                near = suggest(missing[0], self.columns)
-                raise BadInput(KEY, self.path, f"has no column {missing[0]} for {quantity}{near}")
+            lacks = f"has no column {missing[0]} for {quantity}{suggest(missing[0], self.columns)}"
+            require(not is_given and (len(missing) == len(joints) or is_angle), KEY, self.path, lacks)
         return None
 
     def _find_joints(self) -> list[str]:

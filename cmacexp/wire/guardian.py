@@ -91,8 +91,7 @@ def main() -> None:
     print("ready", flush=True)
     if watch(sys.stdin.fileno(), float(silence)):
         os.close(sys.stdin.fileno())
-        end = time.monotonic() + LASTS
-        while time.monotonic() < end:
+        for _ in range(round(LASTS / PERIOD)):
             wire.send(command)
             time.sleep(PERIOD)
 

@@ -70,10 +70,10 @@ LOW_STATE = np.dtype(
 )  # fmt: skip
 """power_v in V; feet in the order of the motors."""
 STRUCTURES = {
-    "MotorCmd_": MOTOR_CMD, "BmsCmd_": BMS_CMD, "LowCmd_": LOW_CMD, "IMUState_": IMU_STATE,
-    "MotorState_": MOTOR_STATE, "BmsState_": BMS_STATE, "LowState_": LOW_STATE,
+    MOTOR_CMD: "MotorCmd_", BMS_CMD: "BmsCmd_", LOW_CMD: "LowCmd_", IMU_STATE: "IMUState_",
+    MOTOR_STATE: "MotorState_", BMS_STATE: "BmsState_", LOW_STATE: "LowState_",
 }  # fmt: skip
-"""Structures by their names on the wire; those inside others come before them."""
+"""Names of structures on the wire."""
 
 LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 """What precedes a message: plain CDR, least byte first."""

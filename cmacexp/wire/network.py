@@ -50,26 +50,21 @@ def make_sample(kind: Any, data: bytes, /, **options: Any) -> Any:
 
 
 @cache
-def make_types() -> dict[Any, Any]:
-    """The types of messages for DDS, by those of NumPy, see :func:`make_sample`: DDS does not convert their bytes."""
+def make_type(kind: np.dtype[Any]) -> Any:
+    """The type of DDS of a type of NumPy, see :func:`make_sample`: DDS does not convert the bytes of structures."""
     from cyclonedds.idl import annotations, make_idl_struct, types
 
-    made = dict[Any, Any]()
     array: Any = types.array
-
-    def declare(kind: np.dtype[Any]) -> Any:
-        if kind.subdtype is not None:
-            inner, (count,) = kind.subdtype
-            return array[declare(inner), count]
-        return made[kind] if kind in made else getattr(types, kind.name)
-
-    for name, kind in STRUCTURES.items():
-        fields = {field: declare(kind[field]) for field in kind.names or ()}
-        struct: Any = make_idl_struct(name, f"unitree_go.msg.dds_.{name}", fields)
-        struct.serialize = lambda sample, **options: sample.data
-        struct.deserialize = classmethod(make_sample)
-        made[kind] = annotations.autoid("sequential")(annotations.final(struct))
-    return made
+    if kind.subdtype is not None:
+        inner, (count,) = kind.subdtype
+        return array[make_type(inner), count]
+    if kind not in STRUCTURES:
+        return getattr(types, kind.name)
+    name, fields = STRUCTURES[kind], {field: make_type(kind[field]) for field in kind.names or ()}
+    struct: Any = make_idl_struct(name, f"unitree_go.msg.dds_.{name}", fields)
+    struct.serialize = lambda sample, **options: sample.data
+    struct.deserialize = classmethod(make_sample)
+    return annotations.autoid("sequential")(annotations.final(struct))
 
 
 @cache
@@ -111,11 +106,11 @@ class Wire:
         join(interface, domain)
         self._participant = participant = DomainParticipant(domain)
         if sends is not None:
-            self._kind = make_types()[TOPICS[sends]]
+            self._kind = make_type(TOPICS[sends])
             self._writer = DataWriter(participant, Topic(participant, sends, self._kind))
         if receives is not None:
             self._received = TOPICS[receives]
-            self._reader = DataReader(participant, Topic(participant, receives, make_types()[self._received]))
+            self._reader = DataReader(participant, Topic(participant, receives, make_type(self._received)))
             self._arrivals = WaitSet(participant)
             self._new = ReadCondition(self._reader, ViewState.Any | InstanceState.Any | SampleState.NotRead)
             self._arrivals.attach(self._new)

@@ -21,7 +21,7 @@ from cmacexp.errors import require, suggest
 from cmacexp.jit.compiler import program
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY, Drives, new_drives, send_command
+from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, TORQUE, VELOCITY, Drives, new_drives, send_command
 from cmacexp.plants.mujoco_kernels import advance_engine
 from cmacexp.plants.mujoco_robot import MujocoRobot
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig
@@ -171,7 +171,6 @@ class SimulatedRobot:
         self.drives: Drives = make()
         self._advance, self._send = program(advance_engine).compiled, program(send_command).compiled  # type: ignore[attr-defined]
         self._nothing = np.zeros(mechanism.shape)
-        self._torque = self._nothing.copy()
         robot, data = read_model(config.machine), plant.data
         at, rate = robot.legs.base_qpos, int(plant.model.jnt_dofadr[plant.model.body_jntadr[robot.legs.base]])
         data.qpos[robot.legs.qpos] = crouch
@@ -195,10 +194,9 @@ class SimulatedRobot:
         """Follow a command; one with a wrong checksum is ignored, as by a robot."""
         if command["crc"] != compute_checksum(command):
             return
-        motors = command["motor_cmd"]
-        for part, name in ((ANGLE, "q"), (VELOCITY, "dq"), (STIFFNESS, "kp"), (DAMPING, "kd")):
-            self._command[part] = get_motors(motors[name])
-        self._torque = get_motors(motors["tau"])
+        parts = {"tau": TORQUE, "q": ANGLE, "dq": VELOCITY, "kp": STIFFNESS, "kd": DAMPING}
+        for name, part in parts.items():
+            self._command[part] = get_motors(command["motor_cmd"][name])
 
     def step(self) -> None:
         """Advance by one sampling period under the last command."""
@@ -206,7 +204,7 @@ class SimulatedRobot:
         self._rested = self._rested + self.period if rests else 0.0
         self.drives.command[...] = self._command
         with interrupt_held_back():
-            self._send(self.drives, self.steps, self._torque, self._nothing)
+            self._send(self.drives, self.steps, self._command[TORQUE], self._nothing)
             self._support()
             self._advance(self.plant.engine, self.plant.state, self._nothing, self.drives)
         self.steps += 1
@@ -230,18 +228,15 @@ class SimulatedRobot:
         signals, imu, motors = self.plant.signals, state["imu_state"], state["motor_state"]
         assert signals is not None
         imu["quaternion"] = self._base[3:]
-        sensors, normal = self._sensors, self._random.normal
-        for numbers, values, sensor in (
-            (imu["gyroscope"], signals.gyroscope, sensors.gyroscope),
-            (imu["accelerometer"], signals.accelerometer, sensors.accelerometer),
+        sensors, every = self._sensors, slice(None)
+        for numbers, place, values, sensor in (
+            (imu["gyroscope"], every, signals.gyroscope, sensors.gyroscope),
+            (imu["accelerometer"], every, signals.accelerometer, sensors.accelerometer),
+            (motors["q"], JOINTS, signals.q, sensors.position),
+            (motors["dq"], JOINTS, signals.dq, sensors.velocity),
+            (motors["tau_est"], JOINTS, signals.torque, sensors.torque),
         ):
-            numbers[:] = values + normal(0.0, sensor.noise, values.shape)
-        for name, values, sensor in (
-            ("q", signals.q, sensors.position),
-            ("dq", signals.dq, sensors.velocity),
-            ("tau_est", signals.torque, sensors.torque),
-        ):
-            motors[name][JOINTS] = values + normal(0.0, sensor.noise, values.shape)
+            numbers[place] = values + self._random.normal(0.0, sensor.noise, values.shape)
         state["foot_force"][JOINTS[:, 0] // JOINTS.shape[1]] = np.clip(self.plant.state.force, 0, 32767)
 
 
