@@ -16,9 +16,8 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 
 from cmacexp.config.check import check
 from cmacexp.config.component import config_folder
-from cmacexp.config.describe import flatten_config
 from cmacexp.config.fields import read_field
-from cmacexp.config.load import list_groups, to_config, to_plain
+from cmacexp.config.load import list_groups, to_config
 from cmacexp.config.robot_rule import READ, find_mistake
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput, CmacexpError, require
@@ -212,14 +211,6 @@ def compose_untyped(
         return _compose([*overrides, f"hydra.searchpath=[file://{Path(config_dir).resolve()}]"])
     except Exception as error:  # Hydra expects no null among options, for example, and says so by a TypeError
         raise find_mistake(error) or CmacexpError(explain_composition(error, overrides)) from None
-
-
-def read_defaults(scenario: str) -> dict[str, Any]:
-    """The flat config of a scenario of this package without any override; empty if there is no such scenario."""
-    try:
-        return flatten_config(to_plain(compose_config([f"scenario={scenario}"])))
-    except CmacexpError:
-        return {}
 
 
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]  # the former is six times as fast

@@ -32,8 +32,6 @@ HEADER, SOURCE, CHECK = FILES = ("cmac_leg.h", "cmac_leg.c", "main.c")
 LAW_FILES = ("cmac_walk.h", "cmac_walk.c", "walk_main.c")
 MARK = "cmacexp"
 """What each of these files contains."""
-MOST_STATE, MOST_CONSTANTS = 2**28, 2**24
-"""Bytes, above which a network is refused."""
 TITLES = {
     "cmac": "CMAC feedforward",
     "cmac_on_model": "CMAC feedforward on top of the torque of a model",
@@ -55,10 +53,6 @@ def write_c(
     """
     network = read_network(run, one_path or law is not None)
     context = describe(network, single) | {"period": repr(float(run.config["sampling_period"]))}
-    for key, most in (("state_bytes", MOST_STATE), ("constant_bytes", MOST_CONSTANTS)):
-        if context[key] > most:
-            reason = f"needs {context[key]} {key.replace('_', ' ')}, above the limit of {most}; add --path"
-            raise BadInput("cmac.memory_bytes", run.config["cmac"].get("memory_bytes"), reason)
     vectors = make_vectors(network, np.float32 if single else np.float64)
     if single:
         off, largest, measured = measure_single(network, vectors)
@@ -129,16 +123,10 @@ def describe(network: Network, single: bool) -> dict[str, Any]:
     columns = ["x", "y"] if on_axes else [f"q{n + 1}" for n in range(joints)]
     ring = how.lead + 2
     small = rows <= 2**16 - bool(network.places)
-    size, cell = 4 if single else 8, 2 if small else 4
+    size = 4 if single else 8
     state = size * (legs * rows * joints + 1) + 8
-    constants = int(np.any(params.weights != 0.0, axis=2).sum()) * (4 + joints * size)
-    constants += 0 if network.model_torque is None else network.model_torque.size * size
-    of_cells = cell + size * network.is_weighted
-    if one_path:
-        constants += params.cells.size * of_cells
-    else:
-        state += 8 + ring * legs * layers * of_cells
-        constants += 2 * legs * inputs * size + 2 * layers * inputs + (8 * legs * rows if network.places else 0)
+    if not one_path:  # the active cells of the last steps
+        state += 8 + ring * legs * layers * ((2 if small else 4) + size * network.is_weighted)
     return {
         "title": TITLES[network.kind],
         "version": __version__,
@@ -178,7 +166,6 @@ def describe(network: Network, single: bool) -> dict[str, Any]:
         "joint_line": f"columns {', '.join(columns)}; torques act in the direction in which they grow.",
         "input_lines": [*_list_inputs(network, columns, on_axes)],
         "state_bytes": -(-state // size) * size,
-        "constant_bytes": constants,
     }
 
 

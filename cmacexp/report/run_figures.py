@@ -208,22 +208,19 @@ def draw_torques(view: RunView) -> Drawing:
     last = view.cycle == cycle
     names = JOINTS[count] if view.has_joints else ("along x", "along y")
     unit = "torque, N m" if view.has_joints else "force, N"
-    learns = any(view.trace[f"tau_feedforward_{joint + 1}"].any() for joint in range(count))
     panels = []
     for leg in range(1, view.trace.legs + 1):
         # Titles of three panels beside each other are narrow.
         leg_name = f"{leg} {LEG_NAMES[leg - 1]}" if view.robot else name_leg(view, leg)
         for joint, name in enumerate(names, 1):
             parts = {key: own[last, leg - 1] for key, own in view.torques(joint).items()}
-            shown = {key: own for key, own in parts.items() if learns or key != "feedforward"}
-            lines = [Series(key, view.clock[last], own, style=TORQUES[key]) for key, own in shown.items()]
+            lines = [Series(key, view.clock[last], own, style=TORQUES[key]) for key, own in parts.items()]
             title, shaded = f"{leg_name}: {name}" if leg_name else name, find_support(view, leg)
             panels.append(Panel(title, CLOCK, unit, lines, x_range=(0.0, measure_duration(view)), shaded=shaded))
-    torques = "Feedback and feedforward" if learns else "Feedback"
     also = " and the torque of the desired force, which the plan knows," if view.robot else ""
-    caption = f"{torques}{also} in cycle {cycle}; the plant receives their sum.{_describe_shade(panels)}"
+    caption = f"Feedback and feedforward{also} in cycle {cycle}; the plant receives their sum."
     figure = draw(panels, count, 2.6 if view.trace.legs == 1 else 2.0, share="x")
-    return Drawing("torques", figure, caption)
+    return Drawing("torques", figure, caption + _describe_shade(panels))
 
 
 def draw_end(view: RunView) -> Drawing:

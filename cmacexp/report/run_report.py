@@ -5,8 +5,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from cmacexp.config.compose import read_defaults
-from cmacexp.config.describe import Described, describe_fields, flatten_config
+from cmacexp.config.describe import Described, describe_fields
 from cmacexp.data.folder import require_no_link
 from cmacexp.data.run import Run
 from cmacexp.metrics.body import describe_load
@@ -53,28 +52,15 @@ def list_key_metrics(run: Run, cycles: Sequence[int]) -> Table:
 
 
 def list_settings(run: Run) -> list[PageElement]:
-    """The config of the run, compared with that of its scenario without any change."""
-    settings, described = flatten_config(run.config), describe_fields(run.config)
-    scenario = str(run.config["scenario"])
-    defaults = read_defaults(scenario)
-    changed = [key for key, value in settings.items() if value != defaults.get(key)] if defaults else []
-
-    def make_row(key: str, *more: str) -> list[str]:
+    """What was set for the run, as it was typed, and its whole config."""
+    described, rows = describe_fields(run.config), []
+    for key, value in run.settings.items():
         field = described.get(key, Described("", ""))
-        return [key, format_setting(settings[key]), *more, field.unit, field.meaning]
-
-    difference: PageElement
-    if not defaults:
-        difference = f"There is no scenario {scenario} here to compare with: changed settings are not listed."
-    elif not changed:
-        difference = f"All {len(settings)} settings are the defaults of scenario={scenario}."
-    else:
-        titles = ["setting", "value", f"default of {scenario}", "unit", "meaning"]
-        rows = [make_row(key, format_setting(defaults[key]) if key in defaults else "not set") for key in changed]
-        caption = f"{len(changed)} of {len(settings)} settings differ from the defaults of scenario={scenario}"
-        difference = Table(titles, rows, caption, cards=True)
-    table = Table(["setting", "value", "unit", "meaning"], list(map(make_row, settings)), cards=True)
-    return [difference, Details(f"All {len(settings)} settings", [table])]
+        rows.append([key, format_setting(value), field.unit, field.meaning])
+    overrides = " ".join(run.manifest.get("overrides", ()))
+    set_for_run = f"Set for this run: {overrides}" if overrides else "The config of this run was given as a whole."
+    table = Table(["setting", "value", "unit", "meaning"], rows, cards=True)
+    return [set_for_run, Details(f"All {len(rows)} settings", [table])]
 
 
 def choose_cycles(run: Run) -> list[int]:
