@@ -170,8 +170,7 @@ def enter(target: str, name: str | None = None, has_rate: bool | None = None) ->
     Raises:
         BadInput: there is no such class, or it is neither.
     """
-    with current_folder_importable():
-        found = find_class("--method", target)
+    found = find_class("--method", target)
     known_form = hasattr(found, "predict") or hasattr(found, "act")
     require(known_form, "--method", target, "must be a feedforward with predict, or a controller with act")
     group = FEEDFORWARD if hasattr(found, "predict") else CONTROLLER
@@ -245,7 +244,8 @@ def choose(
         name = target.rpartition(".")[2]
         is_new = name not in {*known, *chosen}
         require(is_new, "--method", target, "a method of that name takes part already; rename the class")
-        chosen[name] = enter_class(target)
+        with current_folder_importable():
+            chosen[name] = enter_class(target)
     return chosen
 
 

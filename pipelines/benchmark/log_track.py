@@ -15,8 +15,9 @@ import pandas as pd
 from cmacexp.commands.command import Arguments
 from cmacexp.commands.gap import read_given
 from cmacexp.commands.study import Options, write_results
-from cmacexp.config.component import current_folder_importable, find_class
+from cmacexp.config.component import find_class
 from cmacexp.data.folder import HTML
+from cmacexp.engine.pool import map_here
 from cmacexp.engine.run import describe_failure
 from cmacexp.errors import require
 from cmacexp.gap.analysis import Gap, add_makers, list_scored, measure, measure_left, score
@@ -27,7 +28,7 @@ from cmacexp.study import Array, Criterion, Finding, Results, Study, at_most
 from cmacexp.study.provenance import digest_files, make_provenance
 from cmacexp.study.study_file import StudyFile
 from cmacexp.terminal.messages import print_table
-from cmacexp.terminal.output import print_line, show_progress
+from cmacexp.terminal.output import print_line
 from pipelines.benchmark.entrants import choose, slug
 from pipelines.benchmark.simulated_log import MODEL, NAMES, simulate_log
 
@@ -184,8 +185,7 @@ def make_study(names: Sequence[str] = METHODS, values: Mapping[str, Any] | None 
 
 def _enter(gap: Gap, target: str) -> Maker:
     """What makes a learner of a class that learns from strokes; raises BadInput."""
-    with current_folder_importable():
-        method = find_class("--method", target)
+    method = find_class("--method", target)
     learns = hasattr(method, "fit") and hasattr(method, "predict")
     require(learns, "--method", target, "must have fit(strokes) and predict(stroke) to take a log")
     return lambda: Entered(gap.signals, method())
@@ -215,11 +215,8 @@ def run(arguments: Arguments, options: Options) -> Path:
     log, machine = (simulate_log(), read_machine(str(MODEL), NAMES)) if simulated else read_given(arguments)
     gap, folder = measure(log, machine), options.place(f"{NAME}-{SIMULATED}" if simulated else NAME)
     makers = choose_makers(gap, arguments.methods, arguments.method, not options.quick)
-    pairs, rows = [(name, setting) for name in makers for setting in SETTINGS], []
-    with show_progress("predicting strokes", len(pairs)) as set_done:
-        for name, setting in pairs:
-            rows.append(try_method(gap, name, makers[name], setting))
-            set_done(len(rows))
+    items = [(gap, name, make, setting) for name, make in makers.items() for setting in SETTINGS]
+    rows = map_here("predicting strokes", try_method, items)
     scores, strokes = pd.DataFrame(rows), list_scored(gap.signals)
     causes = [f"{row['method']}, {row['setting']}: {row['cause']}" for row in rows if row["cause"]]
     about = {
@@ -235,7 +232,7 @@ def run(arguments: Arguments, options: Options) -> Path:
     sources = [*(root / "cmacexp" / "gap").glob("*.py"), *Path(__file__).parent.glob("*log*.py")]
     provenance = {
         **make_provenance(digest_files(sources, root), results, [], seeds=1),
-        "runs": len(pairs),
+        "runs": len(rows),
         "log": "" if simulated else hashlib.sha256(log.path.read_bytes()).hexdigest(),
     }
     write_results(file, results, folder, options.quick, provenance, {})

@@ -60,10 +60,9 @@ def list_overrides(
     machine: Machine, method: Method, setting: str, world: Sequence[str], task: str = BEFORE
 ) -> list[str]:
     """Overrides of the run before the change, or of that after the change of a task."""
-    own = [*world, f"cycles={machine.before}"]
-    if task != BEFORE:
-        changed = change_world(world, machine.changes[task])
-        own = [*changed, f"cycles={machine.after}", "learning.start_cycle=1"]
+    before = [*world, f"cycles={machine.before}"]
+    after = [*change_world(world, machine.changes.get(task, ())), f"cycles={machine.after}", "learning.start_cycle=1"]
+    own = before if task == BEFORE else after
     return [*machine.overrides, *PROTOCOL, *method.overrides, *setting.split(), *own]
 
 
