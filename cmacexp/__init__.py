@@ -8,7 +8,8 @@ from cmacexp.data.version import __version__
 if TYPE_CHECKING:
     from cmacexp.control.protocol import Controller
     from cmacexp.engine.api import Run, load, open_loop, run
-    from cmacexp.engine.batch import load_sweep, run_many, write_many
+    from cmacexp.engine.batch import run_many, write_many
+    from cmacexp.engine.sweep_tables import load_sweep
     from cmacexp.errors import BadInput, BadRun, CmacexpError
     from cmacexp.feedforward.protocol import Feedforward
     from cmacexp.plants.protocol import Plant
@@ -34,7 +35,8 @@ __all__ = [
 _PLACES = {
     **dict.fromkeys(("BadInput", "BadRun", "CmacexpError"), "errors"),
     **dict.fromkeys(("Run", "load", "open_loop", "run"), "engine.api"),
-    **dict.fromkeys(("load_sweep", "run_many", "write_many"), "engine.batch"),
+    **dict.fromkeys(("run_many", "write_many"), "engine.batch"),
+    "load_sweep": "engine.sweep_tables",
     "Controller": "control.protocol",
     "Feedforward": "feedforward.protocol",
     "Plant": "plants.protocol",

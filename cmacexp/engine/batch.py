@@ -1,4 +1,4 @@
-"""Many runs as one table: those of a sweep, from disk, or run in memory on all cores."""
+"""Many runs as one table, run in memory on all cores."""
 
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,17 +16,7 @@ from cmacexp.data.tables import table_writer, write_table
 from cmacexp.engine.chunk import RunEnd, run_chunk
 from cmacexp.engine.equal_results import find_idle_keys
 from cmacexp.engine.pool import choose_size, count_processes, group_runs, start_workers
-from cmacexp.engine.sweep_tables import (
-    concat_metrics,
-    find_runs,
-    join_runs,
-    make_column,
-    make_labels,
-    make_table,
-    parse_overrides,
-    read_metrics,
-    read_runs,
-)
+from cmacexp.engine.sweep_tables import concat_metrics, join_runs, make_column, make_table, parse_overrides
 from cmacexp.errors import BadInput, OtherModel, WithoutEffect
 from cmacexp.terminal.output import print_line
 
@@ -36,31 +26,6 @@ if TYPE_CHECKING:
 METRICS, TRACE = KEPT = ("metrics", "trace")
 AT_ONCE = {METRICS: 1 << 12, TRACE: 1 << 5}
 """Runs whose results are in memory at a time while they are written, by what is kept."""
-
-
-def load_sweep(folder: str | Path) -> "pd.DataFrame":
-    """All metrics of all jobs of a sweep, or of all runs below a folder.
-
-    Returns:
-        A row for each job, cycle and leg: ``run``, the number of the job; ``folder``, its place below ``folder``; a
-        column for each key that some job overrides; ``status``; the columns of ``metrics.parquet`` and of
-        ``body_metrics.parquet``, see ``docs/files.md``. A job without metrics has one row, which lacks them. Runs
-        whose folders are not numbered, as jobs are, have the numbers 0, 1, ... in the order of their folders.
-
-    Raises:
-        BadRun: there is no run, or one is not intact.
-    """
-    root = Path(folder).resolve()
-    if known := read_runs(root):
-        runs, metrics = known
-        index = np.searchsorted(runs["run"], metrics["run"])
-        return join_runs(runs, metrics.drop_columns("run"), index).to_pandas()
-    stored = find_runs(root)
-    metrics, index = concat_metrics([read_metrics(run) for run in stored])
-    settings = parse_overrides([run.manifest.get("overrides", []) for run in stored])
-    labels = make_labels([run.folder.relative_to(root).as_posix() for run in stored])
-    rows = [a | b | {"status": run.status} for a, b, run in zip(labels, settings, stored, strict=True)]
-    return join_runs(make_table(rows), metrics, index).to_pandas()
 
 
 def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int | None = None) -> "pd.DataFrame":

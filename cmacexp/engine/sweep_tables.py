@@ -17,7 +17,7 @@ from contextlib import suppress
 from functools import cached_property, lru_cache
 from pathlib import Path
 from secrets import token_hex
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -40,6 +40,9 @@ from cmacexp.errors import BadRun
 from cmacexp.metrics.body import BODY_METRICS, ESTIMATE_METRICS
 from cmacexp.terminal.output import print_line
 from cmacexp.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FINGERPRINT = "fingerprint"
 """The table of jobs, and its column of hashes."""
@@ -310,3 +313,28 @@ def find_runs(folder: Path) -> list[Run]:
         reason = "are not of its last sweep and left out; name their folders to include them"
         print_line(f"warning: {folder}: runs in it ({len(others)}, e.g. {others[0]}) {reason}", error=True)
     return own or [*map(Run, found)]
+
+
+def load_sweep(folder: str | Path) -> "pd.DataFrame":
+    """All metrics of all jobs of a sweep, or of all runs below a folder.
+
+    Returns:
+        A row for each job, cycle and leg: ``run``, the number of the job; ``folder``, its place below ``folder``; a
+        column for each key that some job overrides; ``status``; the columns of ``metrics.parquet`` and of
+        ``body_metrics.parquet``, see ``docs/files.md``. A job without metrics has one row, which lacks them. Runs
+        whose folders are not numbered, as jobs are, have the numbers 0, 1, ... in the order of their folders.
+
+    Raises:
+        BadRun: there is no run, or one is not intact.
+    """
+    root = Path(folder).resolve()
+    if known := read_runs(root):
+        runs, metrics = known
+        index = np.searchsorted(runs["run"], metrics["run"])
+        return join_runs(runs, metrics.drop_columns("run"), index).to_pandas()
+    stored = find_runs(root)
+    metrics, index = concat_metrics([read_metrics(run) for run in stored])
+    settings = parse_overrides([run.manifest.get("overrides", []) for run in stored])
+    labels = make_labels([run.folder.relative_to(root).as_posix() for run in stored])
+    rows = [a | b | {"status": run.status} for a, b, run in zip(labels, settings, stored, strict=True)]
+    return join_runs(make_table(rows), metrics, index).to_pandas()

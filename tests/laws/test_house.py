@@ -126,8 +126,9 @@ def test_examples_in_docstrings_give_what_they_say():
             "from cmacexp.cmac import Cmac; Cmac([0], [1])",
             ("hydra", "omegaconf", "pandas", "pyarrow", "numba", "scipy"),
         ),
+        ("from cmacexp import load_sweep", ("cmacexp.loop", "cmacexp.plants", "hydra", "numba", "rerun", "scipy")),
     ],
-    ids=["a run", "its start", "a CMAC alone"],
+    ids=["a run", "its start", "a CMAC alone", "a sweep that is read"],
 )
 def test_nothing_is_imported_that_is_not_needed(tmp_path, work, heavy):
     code = f"import sys; sys.argv = ['', 'hydra.run.dir={tmp_path}']; {work}; print({{*{heavy}}} & {{*sys.modules}})"
