@@ -58,7 +58,7 @@ def list_settings(run: Run) -> list[PageElement]:
         field = described.get(key, Described("", ""))
         rows.append([key, format_setting(value), field.unit, field.meaning])
     overrides = " ".join(run.manifest.get("overrides", ()))
-    set_for_run = f"Set for this run: {overrides}" if overrides else "The config of this run was given as a whole."
+    set_for_run = f"Set for this run: {overrides}" if overrides else "Its manifest lists no overrides."
     table = Table(["setting", "value", "unit", "meaning"], rows, cards=True)
     return [set_for_run, Details(f"All {len(rows)} settings", [table])]
 
