@@ -4,7 +4,7 @@ import difflib
 import importlib
 import sys
 import traceback
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from types import TracebackType
 
@@ -131,6 +131,12 @@ def require(holds: object, key: str, value: object, allowed: str) -> None:
     """Require of an input that something ``holds``; raises BadInput with its key, its value and what is allowed."""
     if not holds:
         raise BadInput(key, value, allowed)
+
+
+def require_name(key: str, name: str, names: Collection[str]) -> None:
+    """Require of an input that it is one of ``names``; raises BadInput, which lists them and suggests a near one."""
+    if name not in names:
+        raise BadInput(key, name, f"choose from {', '.join(names) or 'none'}{suggest(str(name), names)}")
 
 
 class BadComponent(BadInput):

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from cmacexp.data.tables import BODY_FILE
 from cmacexp.planning.reference import Gains, compute_support_reference
 from cmacexp.study import (
     Array,
@@ -116,16 +115,21 @@ def cost_against(results: Results) -> Callable[[Results], Array]:
     return lambda own: worsening(own, free[own.value("rule")])
 
 
+def _last_body(run: Run) -> Any:
+    """The trace of the body in the last cycle."""
+    return run.read_trace([run.config["cycles"]]).body
+
+
 @if_completed
 def off_course(run: Run) -> float:
     """Relative error of the body's way in the last cycle."""
-    gait, body = run.config["gait"], run.cycles([run.config["cycles"]], BODY_FILE)
+    gait, body = run.config["gait"], _last_body(run)
     speed = gait["stroke"] / (gait["duty_factor"] * gait["cycle_time"])
-    planned = speed * run.config["sampling_period"] * (len(body) - 1)
-    return float(abs((body["cog_x"].iloc[-1] - body["cog_x"].iloc[0]) / planned - 1.0))
+    planned = speed * run.config["sampling_period"] * (body.steps - 1)
+    return float(abs((body["cog_x"][-1] - body["cog_x"][0]) / planned - 1.0))
 
 
 @if_completed
 def drift(run: Run) -> float:
     """Largest distance of the body from its course in the last cycle, m."""
-    return float(np.abs(run.cycles([run.config["cycles"]], BODY_FILE)["cog_y"]).max())
+    return float(np.abs(_last_body(run)["cog_y"]).max())

@@ -61,12 +61,10 @@ def deviations(results: Results) -> DataFrame:
         reference = results.select(same, part="ladder").run
         feet = force = np.inf
         if run.status == reference.status == "completed":
-            cycles, columns = (
-                range(max(1, run.whole_cycles - trace.LATE + 1), run.whole_cycles + 1),
-                ["x", "y", "force"],
-            )
-            change = ((run.cycles(cycles)[columns] - reference.cycles(cycles)[columns]) ** 2).mean()
-            feet, force = 1e3 * float(change["x"] + change["y"]) ** 0.5, float(change["force"]) ** 0.5
+            cycles = range(max(1, run.whole_cycles - trace.LATE + 1), run.whole_cycles + 1)
+            own, other = run.read_trace(cycles), reference.read_trace(cycles)
+            change = {name: float(np.mean((own[name] - other[name]) ** 2)) for name in ("x", "y", "force")}
+            feet, force = 1e3 * (change["x"] + change["y"]) ** 0.5, change["force"] ** 0.5
         rows.append({**by, "feet": feet, "force": force})
     return pd.DataFrame(rows)
 

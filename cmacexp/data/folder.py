@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from cmacexp.data import manifest as manifests
 from cmacexp.data.files import full_disk_named, name_part, remove_dead_parts, sha256, sync
@@ -28,7 +28,7 @@ from cmacexp.data.tables import (
     TRACE_FILE,
     WEIGHTS,
 )
-from cmacexp.errors import BadInput, BadRun
+from cmacexp.errors import BadInput, BadRun, require
 from cmacexp.jit.interrupt import interrupt_held_back
 
 HTML, FIGURES = "report.html", "figures"
@@ -56,6 +56,7 @@ OWN = {
     manifests.REPORT: (manifests.MANIFEST, HTML, FIGURES, "*.json", "*.yaml", "*.parquet"),
 }
 """What a result consists of, its views included, by its kind; a run has no kind. A new result replaces all of it."""
+FOREIGN = "holds {}, which is of no earlier result; move it, or choose another folder"
 LOGS = "*.log"
 """What Hydra writes into the folder of a run, before and while it runs, if it is asked to."""
 RENAME_EXCHANGE, AT_FDCWD = 2, -100
@@ -96,13 +97,8 @@ def _check_kind(folder: Path, key: str, kind: str | None) -> bool:
     except BadRun as error:
         reason = f"holds another {manifests.MANIFEST} ({error}); remove that file, or choose another folder"
         raise BadInput(key, folder, reason) from None
-    if found != kind:
-        raise BadInput(key, folder, f"holds a {found or 'run'}; choose another folder")
+    require(found == kind, key, folder, f"holds a {found or 'run'}; choose another folder")
     return True
-
-
-def _refuse(folder: Path, key: str, name: str) -> NoReturn:
-    raise BadInput(key, folder, f"holds {name}, which is of no earlier result; move it, or choose another folder")
 
 
 def check_place(folder: Path, key: str, kind: str | None = None) -> None:
@@ -112,14 +108,12 @@ def check_place(folder: Path, key: str, kind: str | None = None) -> None:
     """
     manifests.require_place(key, folder)
     shell = Path(os.environ.get("PWD", os.sep)).resolve()
-    if os.path.ismount(folder) or folder.resolve() == shell:
-        reason = "is a mount point or the current folder, which cannot be replaced as a whole; name a folder in it"
-        raise BadInput(key, folder, reason)
+    reason = "is a mount point or the current folder, which cannot be replaced as a whole; name a folder in it"
+    require(not os.path.ismount(folder) and folder.resolve() != shell, key, folder, reason)
     holds_result = _check_kind(folder, key, kind)
     for name in sorted(os.listdir(folder)) if folder.exists() else ():
         is_harmless = name[0] == "." or fnmatchcase(name, LOGS)
-        if not is_harmless and not (holds_result and _is_own(name, kind)):
-            _refuse(folder, key, name)
+        require(is_harmless or (holds_result and _is_own(name, kind)), key, folder, FOREIGN.format(name))
 
 
 def _identify(folder: Path) -> tuple[int, int] | None:
@@ -220,10 +214,9 @@ def collection(folder: Path, key: str) -> Iterator[Path]:
     """
     made = not folder.exists()
     _make(folder, folder, key)
-    if not _check_kind(folder, key, manifests.SWEEP):
-        for name in (TABLE, TABLE_CSV):
-            if os.path.lexists(folder / name):
-                _refuse(folder, key, name)
+    is_sweep = _check_kind(folder, key, manifests.SWEEP)
+    for name in (TABLE, TABLE_CSV):
+        require(is_sweep or not os.path.lexists(folder / name), key, folder, FOREIGN.format(name))
     remove_dead_parts(folder)
     try:
         yield folder
@@ -258,6 +251,5 @@ def update_run(folder: Path, write: Callable[[Path], list[str]], **entries: Any)
 
 def require_no_link(folder: Path) -> Path:
     """``folder``, by default inside that of a run; raises BadInput if it is a link, which could lead out."""
-    if folder.is_symlink():
-        raise BadInput(OUT_KEY, folder, "is a link, which is not followed; name a folder")
+    require(not folder.is_symlink(), OUT_KEY, folder, "is a link, which is not followed; name a folder")
     return folder

@@ -8,7 +8,8 @@ import json
 import os
 import platform
 import subprocess
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -20,36 +21,25 @@ from cmacexp.data.manifest_fields import REPORT as REPORT
 from cmacexp.data.manifest_fields import SWEEP as SWEEP
 from cmacexp.data.manifest_fields import find_wrong
 from cmacexp.data.version import __version__
-from cmacexp.errors import BadInput, BadRun
+from cmacexp.errors import BadRun, require
 from cmacexp.models.robot_file import DISTRIBUTION
 
 MANIFEST = "manifest.json"
 MAX_BYTES = 16 << 20
-PACKAGES = ("numpy", "numba", "scipy", "pyarrow", "pandas", "hydra-core", "rerun-sdk")
+PACKAGES = ("numpy", "numba", "scipy", "pyarrow", "pandas", "hydra-core", "rerun-sdk", "mujoco", DISTRIBUTION)
+"""On whose versions results can depend, those of robots included."""
 
 Manifest = dict[str, Any]
 
 
-def versions(config: Mapping[str, Any] | None = None) -> dict[str, str]:
-    """Versions of everything that results can depend on, those of a plain ``config`` if there is one."""
-    installed = {"cmacexp": __version__, "python": platform.python_version()}
-    found = {package: _find_version(package) for package in (*PACKAGES, *_list_models(config or {}))}
-    return installed | {package: number for package, number in found.items() if number is not None}
-
-
 @cache
-def _find_version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
-
-
-def _list_models(config: Mapping[str, Any]) -> list[str]:
-    """Packages of which the machine of a config, whatever that is, or its plant is made."""
-    machine, plant = (each if isinstance(each := config.get(key), dict) else {} for key in ("machine", "plant"))
-    named, uses_mujoco = machine.get("model") is not None, ".mujoco_" in str(plant.get("_target_"))
-    return ["mujoco"] * (uses_mujoco or machine.get("kind") == "robot") + [DISTRIBUTION] * named
+def versions() -> dict[str, str]:
+    """Versions of everything installed that results can depend on."""
+    found = {"cmacexp": __version__, "python": platform.python_version()}
+    for package in PACKAGES:
+        with suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found
 
 
 @cache
@@ -76,7 +66,7 @@ def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: An
         "seed": config.get("seed"),
         "config": config,
         "config_hash": config_hash(config),
-        "versions": versions(config),
+        "versions": versions(),
         "git_commit": git_commit(),
         "steps": 0,
         "rollout_seconds": 0.0,
@@ -193,13 +183,12 @@ RUNS_FILE, JOBS_FOLDER = "runs.parquet", ".jobs"
 
 def is_run(folder: Path) -> bool:
     """Whether ``folder`` is the folder of a run, complete or not."""
-    if os.path.lexists(folder / MANIFEST):
-        try:
-            found = read_file(folder / MANIFEST).get("kind")
-            return found not in (REPORT, SWEEP)
-        except BadRun:
-            return True
-    return os.path.lexists(folder / "trace.parquet")
+    if not os.path.lexists(folder / MANIFEST):
+        return os.path.lexists(folder / "trace.parquet")
+    try:
+        return read_file(folder / MANIFEST).get("kind") not in (REPORT, SWEEP)
+    except BadRun:
+        return True
 
 
 def _holds_jobs(folder: Path) -> bool:
@@ -258,6 +247,5 @@ def everything_below(folder: Path) -> list[Path]:
 def require_place(key: str, folder: Path) -> Path:
     """``folder`` if it is a folder or can be created; raises BadInput if it or a parent is a file."""
     nearest = next(path for path in (folder, *folder.parents) if path.exists())
-    if not nearest.is_dir():
-        raise BadInput(key, folder, f"must be a folder, which is created if missing; {nearest} is a file")
+    require(nearest.is_dir(), key, folder, f"must be a folder, which is created if missing; {nearest} is a file")
     return folder

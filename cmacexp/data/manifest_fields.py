@@ -1,14 +1,21 @@
-"""What a manifest holds: the shape of every entry, and of the parts of a config that are read without simulating."""
+"""What a manifest holds: the shape of every entry, and of the parts of a config that are read without simulating.
 
-import math
+A shape is a type, a range of whole numbers, a :class:`Number`, a pattern of a text, a list of which each item has the
+one shape, a tuple of the shapes of its items, or entries by name: ``name?`` may be missing, ``*`` stands for every
+other name.
+"""
+
 import re
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import cycle
 from pathlib import PurePosixPath
-from typing import Any, NamedTuple
+from typing import Any
 
 from cmacexp.config import config_hash
 from cmacexp.config.component import COMPONENTS
-from cmacexp.config.machine import LEG_NAMES
+from cmacexp.config.machine import LEG_KEYS
 from cmacexp.models.chain import CHAIN_FIELDS
 from cmacexp.typing import ENDS, RESULTS
 
@@ -17,56 +24,27 @@ REPORT, SWEEP = "report", "sweep"
 MAX_STEPS_PER_CYCLE = 1 << 32
 
 
-class ValueCheck(NamedTuple):
-    """What a value must be."""
+@dataclass(frozen=True)
+class Number:
+    """The shape of a finite number, at least ``low``."""
 
-    words: str
-    holds: Callable[[Any], bool]
-
-
-Shape = ValueCheck | Mapping[str, Any] | list[Any]
-"""A kind; entries by name (``name?``: may be missing; ``*``: every other one); or a list, each of the one shape."""
+    low: float = -sys.float_info.max
 
 
-def _or_null(kind: ValueCheck) -> ValueCheck:
-    return ValueCheck(f"{kind.words} or null", lambda value: value is None or kind.holds(value))
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) != math.inf
-
-
-def _of_legs(size: int) -> ValueCheck:
-    def holds(value: Any) -> bool:
-        rows = value if isinstance(value, list) else []
-        return len(rows) == len(LEG_NAMES) and all(
-            isinstance(row, list) and len(row) == size and all(map(_is_number, row)) for row in rows
-        )
-
-    return ValueCheck(f"{len(LEG_NAMES)} lists of {size} finite numbers", holds)
-
-
-ANY = ValueCheck("anything", lambda value: True)
-TEXT = ValueCheck("text", lambda value: isinstance(value, str))
-FLAG = ValueCheck("true or false", lambda value: isinstance(value, bool))
-FLOAT = ValueCheck("a number", lambda value: isinstance(value, float))
-NUMBER = ValueCheck("a finite number", _is_number)
-POSITIVE = ValueCheck("a number above 0", lambda value: _is_number(value) and value > 0)
-WHOLE = ValueCheck("a whole number, at least 0", lambda value: type(value) is int and 0 <= value < 2**63)
-COUNT = ValueCheck("a whole number, at least 1", lambda value: WHOLE.holds(value) and value > 0)
-COUNTS = ValueCheck("a list of whole numbers", lambda value: isinstance(value, list) and all(map(COUNT.holds, value)))
-HASH = ValueCheck("a SHA-256", lambda value: isinstance(value, str) and bool(re.fullmatch("[0-9a-f]{64}", value)))
-OBJECT = {"*": ANY}
-
+NUMBER = Number()
+POSITIVE = Number(sys.float_info.min)
+WHOLE = range(2**63)
+COUNT = range(1, 2**63)
+HASH = re.compile("[0-9a-f]{64}")
 RUN_FIELDS = {
-    "status": ValueCheck(f"one of {', '.join(ENDS)}", lambda value: isinstance(value, str) and value in ENDS),
-    "config": OBJECT,
+    "status": re.compile("|".join(ENDS)),
+    "config": dict,
     "files": {"*": HASH},
-    "versions": {"*": TEXT},
-    "cause": _or_null(TEXT),
-    "seed": ANY,
+    "versions": {"*": str},
+    "cause": str | None,
+    "seed": object,
     "config_hash": HASH,
-    "git_commit": _or_null(TEXT),
+    "git_commit": str | None,
     "steps": WHOLE,
     "rollout_seconds": NUMBER,
     "processor_seconds?": NUMBER,
@@ -76,18 +54,18 @@ RUN_FIELDS = {
         {
             "rows": COUNT,
             "rows_used": WHOLE,
-            "cells_visited": _or_null(WHOLE),
-            "cells_colliding": _or_null(WHOLE),
+            "cells_visited": int | None,
+            "cells_colliding": int | None,
             "clipped": WHOLE,
         }
     ],
-    "drift": _or_null(ValueCheck("an object", lambda value: isinstance(value, dict))),
-    "overrides?": [TEXT],
-    "code_hash?": TEXT,
-    "custom_code?": _or_null(HASH),
-    "start_weights?": _or_null(HASH),
+    "drift": dict | None,
+    "overrides?": [str],
+    "code_hash?": str,
+    "custom_code?": str | None,
+    "start_weights?": str | None,
     "learning_lead?": NUMBER,
-    "guard?": [{"cycle": COUNT, "step": WHOLE, "cause": TEXT, "restored": WHOLE}],
+    "guard?": [{"cycle": COUNT, "step": WHOLE, "cause": str, "restored": WHOLE}],
     "learning_rate?": NUMBER,
     "lead_estimates?": [{"cycle": COUNT, "lead": WHOLE}],
     "carried?": [
@@ -97,55 +75,70 @@ RUN_FIELDS = {
             **dict.fromkeys(("weight", "x", "y", "slope_x", "slope_y"), NUMBER),
         }
     ],
-    "robot?": {"chains": _of_legs(CHAIN_FIELDS), "hips": _of_legs(2), "foot_radius": NUMBER},
-    "model_hash?": _or_null(HASH),
-    "traceback?": TEXT,
-    "bad_input?": FLAG,
+    "robot?": {
+        "chains": len(LEG_KEYS) * (CHAIN_FIELDS * (NUMBER,),),
+        "hips": len(LEG_KEYS) * (2 * (NUMBER,),),
+        "foot_radius": NUMBER,
+    },
+    "model_hash?": str | None,
+    "traceback?": str,
+    "bad_input?": bool,
 }
 """Of a run. ``robot``: geometry of the legs, chains as in :mod:`cmacexp.models.chain`, hips in the body
 frame (forward and left, m), radius of the feet (m)."""
 SWEEP_FIELDS = {
-    "status": TEXT,
-    "config": {"record?": {"trace?": FLAG}},
+    "status": str,
+    "config": {"record?": {"trace?": bool}},
     "files": {"*": HASH},
 }
 """Of a sweep."""
-DRIFT = {"cycle": WHOLE, "leg": WHOLE, "named": WHOLE, "growth": FLOAT}
+DRIFT = {"cycle": WHOLE, "leg": WHOLE, "named": WHOLE, "growth": float}
 LEG = {"length_1?": NUMBER, "length_2?": NUMBER, "hip_x?": NUMBER, "hip_y?": NUMBER}
 CONFIG = {
-    "scenario": TEXT,
+    "scenario": str,
     "sampling_period": POSITIVE,
     "cycles": COUNT,
     "gait": {"cycle_time": POSITIVE},
-    "machine": {"kind": TEXT, "hip_height": NUMBER, "leg?": LEG, "legs?": {"*": LEG}},
+    "machine": {"kind": str, "hip_height": NUMBER, "leg?": LEG, "legs?": dict.fromkeys(LEG_KEYS, LEG)},
     "terrain": {"stiffness": POSITIVE, "slope?": NUMBER, "slope_start": NUMBER},
     "learning": {"start_cycle": COUNT},
-    "cmac": OBJECT,
-    "record": {"trace?": FLAG, "every_nth_step": COUNT, "cycles": _or_null(COUNTS)},
-    **{group: {"_target_": TEXT} for group in COMPONENTS},
+    "cmac": dict,
+    "record": {"trace?": bool, "every_nth_step": COUNT, "cycles": list | None},
+    **{group: {"_target_": str} for group in COMPONENTS},
 }
 """Of the config of a run that took steps or has files: what readers use of it."""
 
 
-def validate_value(value: Any, shape: Shape, name: str) -> str | None:
-    """Which value, as read from JSON, does not have its shape, and what it must be; None: all have."""
-    if isinstance(shape, ValueCheck):
-        return None if shape.holds(value) else f"{name} must be {shape.words}"
-    if isinstance(shape, list):
-        if not isinstance(value, list):
-            return f"{name} must be a list"
-        inner = ((each, shape[0], f"{name}[{index}]") for index, each in enumerate(value))
-    else:
+def _fits(value: Any, shape: Any) -> bool:
+    """Whether a value that has neither entries nor items has its shape."""
+    match shape:
+        case range():
+            return type(value) is int and value in shape
+        case Number():
+            return type(value) in (int, float) and not (value < shape.low or value > sys.float_info.max)
+        case re.Pattern():
+            return isinstance(value, str) and shape.fullmatch(value) is not None
+    return isinstance(value, shape)
+
+
+def find_misfit(value: Any, shape: Any, name: str) -> str | None:
+    """Which value, as read from JSON, does not have its shape, by its name; None: all have."""
+    inner: Iterable[tuple[Any, Any, str]]
+    if isinstance(shape, dict):
         if not isinstance(value, dict):
             return f"{name} must be an object"
-        required = {key: of for key, of in shape.items() if key[-1] not in "?*"}
-        if missing := required.keys() - value.keys():
+        if missing := {key for key in shape if key[-1] not in "?*"} - value.keys():
             return f"{name} has no {', '.join(sorted(missing))}"
-        entries = (
-            (key, each, shape.get(key, shape.get(f"{key}?", shape.get("*", ANY)))) for key, each in value.items()
-        )
-        inner = ((each, of, f"{name}.{key[:40]}") for key, each, of in entries)
-    return next(filter(None, (validate_value(*each) for each in inner)), None)
+        shapes = {key: shape.get(key, shape.get(f"{key}?", shape.get("*", object))) for key in value}
+        inner = ((each, shapes[key], f"{name}.{key[:40]}") for key, each in value.items())
+    elif isinstance(shape, list | tuple):
+        if not isinstance(value, list) or (isinstance(shape, tuple) and len(value) != len(shape)):
+            return f"{name} must be a list" + (f" of {len(shape)}" if isinstance(shape, tuple) else "")
+        items = enumerate(zip(value, cycle(shape), strict=False))
+        inner = ((each, own, f"{name}[{index}]") for index, (each, own) in items)
+    else:
+        return None if _fits(value, shape) else f"{name} cannot be {ascii(value)[:40]}"
+    return next(filter(None, (find_misfit(*each) for each in inner)), None)
 
 
 def find_wrong(manifest: Any) -> str | None:
@@ -153,7 +146,7 @@ def find_wrong(manifest: Any) -> str | None:
     kind = manifest.get("kind") if isinstance(manifest, dict) else None
     if kind == REPORT:
         return None  # for people: nothing else of it is read
-    if wrong := validate_value(manifest, SWEEP_FIELDS if kind == SWEEP else RUN_FIELDS, "manifest"):
+    if wrong := find_misfit(manifest, SWEEP_FIELDS if kind == SWEEP else RUN_FIELDS, "manifest"):
         return wrong
     for name in manifest["files"]:
         if not name or PurePosixPath(name).name != name or "\0" in name:
@@ -165,10 +158,8 @@ def find_wrong(manifest: Any) -> str | None:
         return "its config is not the one of its config_hash"
     if not (manifest["files"] or manifest["steps"]) and manifest["status"] not in RESULTS:
         return None  # of a job that failed the config can be anything
-    if wrong := validate_value(config, CONFIG, "config"):
+    if wrong := find_misfit(config, CONFIG, "config"):
         return wrong
-    if len(config["machine"].get("legs", ())) > len(LEG_NAMES):
-        return f"config.machine.legs must be at most {len(LEG_NAMES)}"
     if not 0.5 < config["gait"]["cycle_time"] / config["sampling_period"] < MAX_STEPS_PER_CYCLE:
         return f"config.gait.cycle_time must have from 1 to {MAX_STEPS_PER_CYCLE} steps of config.sampling_period"
-    return None if manifest["drift"] is None else validate_value(manifest["drift"], DRIFT, "manifest.drift")
+    return None if manifest["drift"] is None else find_misfit(manifest["drift"], DRIFT, "manifest.drift")

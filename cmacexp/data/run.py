@@ -26,7 +26,6 @@ from cmacexp.data.tables import (
     Scores,
     as_array,
     list_units,
-    read_cycles,
     read_schema,
     read_table,
     to_frame,
@@ -129,7 +128,8 @@ class Run:
     @property
     def last_cycle(self) -> int:
         """Number of the cycle in which the run ended."""
-        return -(-int(self.manifest["steps"]) // self.steps_per_cycle)
+        steps = int(self.manifest["steps"])
+        return -(-steps // self.steps_per_cycle) if steps else 0
 
     def select_whole(self, kept: Iterable[int]) -> list[int]:
         """Those of the cycles in the trace that are whole there, but for the thinning of their steps.
@@ -178,11 +178,6 @@ class Run:
         names = [name for name in TABLES if self.wrote(name)]
         return {key: unit for name in names for key, unit in list_units(read_schema(self.folder / name)).items()}
 
-    def cycles(self, numbers: Collection[int], name: str = TRACE_FILE) -> DataFrame:
-        """Rows of some cycles of the trace, or of another table, without holding all of a long run in memory."""
-        _ = self.manifest
-        return to_frame(read_cycles(self.folder / name, numbers))
-
     def read_trace(self, cycles: Collection[int] | None = None, every: int = 1) -> Trace:
         """The trace as arrays (steps, legs) by name: of all cycles or of some, one step in ``every``."""
         _ = self.manifest
@@ -192,15 +187,12 @@ class Run:
     def scores(self) -> Scores:
         """The metrics of every cycle, as Arrow tables; raises BadRun unless they have those of all cycles."""
         path = self.folder / METRICS_FILE
-        body = read_table(self.folder / BODY_METRICS_FILE) if self.walks else None
+        cycles = np.arange(1, self.last_cycle + 1)
         legs = Trace(read_table(path))
-        cycles = self.last_cycle if self.manifest["steps"] else 0
-        for table in (legs, None if body is None else Trace(body)):
-            if table is None:
-                continue
-            if table.steps != cycles or (table.shared("cycle") != np.arange(1, cycles + 1)).any():
-                raise BadRun(f"{path}: not the metrics of the run: it must have a row for each cycle, in order")
-        return Scores(legs.table, body)
+        body = Trace(read_table(self.folder / BODY_METRICS_FILE)) if self.walks else None
+        if not all(np.array_equal(table.shared("cycle"), cycles) for table in (legs, body) if table is not None):
+            raise BadRun(f"{path}: not the metrics of the run: it must have a row for each cycle, in order")
+        return Scores(legs.table, None if body is None else body.table)
 
     @cached_property
     def _summary(self) -> tuple[Outcome, dict[str, Array], int]:

@@ -6,6 +6,7 @@ exchange and ``docs/files.md`` derive from it.
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import pyarrow as pa
 
@@ -235,6 +236,7 @@ def list_units() -> dict[str, str]:
     return {array: of[0] if len(set(of)) == 1 else ", ".join(of) for array, of in by_column.items()}
 
 
+@cache
 def make_schema(signals: Sequence[Signal]) -> pa.Schema:
     """Arrow schema of signals, with unit and meaning in the metadata of each field."""
     return pa.schema([pa.field(s.name, s.type, metadata={"unit": s.unit, "meaning": s.meaning}) for s in signals])

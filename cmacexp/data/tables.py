@@ -129,14 +129,6 @@ def read_table(path: Path, texts: bool = False) -> pa.Table:
         return table.read()
 
 
-def read_cycles(path: Path, cycles: Collection[int]) -> pa.Table:
-    """Rows of some cycles of a table; the others are never all in memory."""
-    with _open_parquet(path) as table:
-        kept = [table.read_row_groups([])]
-    kept += [select_rows(part, _is_in(part, cycles)) for part in read_parts(path, cycles=cycles)]
-    return pa.concat_tables(kept)
-
-
 def list_units(schema: pa.Schema) -> dict[str, str]:
     """The unit of each column, as its field says; empty where it has none."""
     return {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in schema}

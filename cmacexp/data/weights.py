@@ -22,41 +22,36 @@ def read_weights(config: Config) -> Weights | None:
     if config.learning.start_from is None:
         return None
     folder = Path(config.learning.start_from)
-
-    def refusal(reason: str) -> BadInput:
-        return BadInput("learning.start_from", folder, reason)
-
     try:
-        manifest = Run(folder).manifest
+        weights = load_weights(folder)
+        networks = [
+            {
+                "machine": {"kind": plain["machine"]["kind"]},
+                "feedforward": plain["feedforward"],
+                "cmac": plain["cmac"],
+            }
+            for plain in (Run(folder).config, to_plain(config))
+        ]  # on which the meaning of weights depends
+        if differing := differences(networks)[0]:
+            there = " ".join(f"{key}={value}" for key, value in differing.items())
+            raise BadRun(f"its weights were learnt with {there}; give the same here")
     except BadRun as error:
-        raise refusal(f"must be the folder of a run with record.weights=true ({error})") from None
-    if WEIGHTS not in manifest["files"]:
-        raise refusal("this run did not store its weights; run it with record.weights=true")
-    networks = [
-        {"machine": {"kind": plain["machine"]["kind"]}, "feedforward": plain["feedforward"], "cmac": plain["cmac"]}
-        for plain in (manifest["config"], to_plain(config))
-    ]  # on which the meaning of weights depends
-    if differing := differences(networks)[0]:
-        there = " ".join(f"{key}={value}" for key, value in differing.items())
-        raise refusal(f"its weights were learnt with {there}; give the same here")
-    try:
-        return load_weights(folder)
-    except BadRun as error:
-        raise refusal(f"must hold the weights that its run wrote ({error})") from None
+        allowed = f"must be the folder of a run with record.weights=true, and with this network ({error})"
+        raise BadInput("learning.start_from", folder, allowed) from None
+    return weights
 
 
 def load_weights(folder: Path) -> Weights:
     """The weights that the run in a folder stored; raises BadRun."""
-    path = folder / WEIGHTS
+    _ = Run(folder).manifest  # without one there is nothing that they could be compared with
+    path = require_intact(folder / WEIGHTS)
     try:
-        with open_file(require_intact(path)) as file, np.load(file, allow_pickle=False) as arrays:
+        with open_file(path) as file, np.load(file, allow_pickle=False) as arrays:
             if sum(array.file_size for array in arrays.zip.infolist()) > MAX_BYTES:
                 raise ValueError(f"its arrays have more than {MAX_BYTES} B")
             weights = dict(arrays)
         if other := [name for name, array in weights.items() if array.dtype.kind not in "fiu"]:
             raise ValueError(f"{other[0]} holds no numbers")
-    except BadRun:
-        raise
     except Exception as error:  # whatever zipfile, zlib and numpy raise for a file that nobody wrote with them
         raise BadRun(f"{path}: cannot be read ({error}); run it again") from None
     return weights

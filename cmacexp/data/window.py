@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
 
 MOST_STEPS = 20_000
 """Steps that a recording shows at most by default; of a longer run it shows one step in so many."""
@@ -49,9 +49,8 @@ def read_cycles(text: str, cycles: int) -> tuple[int, int]:
         first, last = cycles + 1 - int(found["number"] or 1), cycles
     else:
         first, last = int(found["first"]), int(found["last"] or found["first"])
-    if not 1 <= first <= last <= cycles:
-        reason = f"must lie within the {cycles} cycles that the run, or each of the runs, took, lower number first"
-        raise BadInput("--cycles", text, reason)
+    allowed = f"must lie within the {cycles} cycles that the run, or each of the runs, took, lower number first"
+    require(1 <= first <= last <= cycles, "--cycles", text, allowed)
     return first, last
 
 
@@ -64,9 +63,9 @@ def make_window(
     """
     first, last = cycles or (min(kept), max(kept))
     steps = sum(count for cycle, count in kept.items() if first <= cycle <= last)
-    if not steps:
-        reason = "not in the trace, of which record.cycles kept others"
-        raise BadInput("--cycles", f"{first}-{last}", reason)
-    if every is not None and not 1 <= every <= steps:
-        raise BadInput("--every", every, f"must be from 1, every step, to {steps}, the steps of these cycles")
-    return Window(first, last, every or choose_every(steps, sharing), steps)
+    require(steps, "--cycles", f"{first}-{last}", "not in the trace, of which record.cycles kept others")
+    every = choose_every(steps, sharing) if every is None else every
+    require(
+        1 <= every <= steps, "--every", every, f"must be from 1, every step, to {steps}, the steps of these cycles"
+    )
+    return Window(first, last, every, steps)

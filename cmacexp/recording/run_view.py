@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.config.machine import LEG_NAMES, RobotMachine, read_model
+from cmacexp.config.machine import LEG_KEYS, LEG_NAMES, RobotMachine, read_model
 from cmacexp.data.run import Run
 from cmacexp.data.trace import Trace, count_steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
@@ -124,7 +124,7 @@ class RunView:
     def _planar_legs(self) -> list[Mapping[str, Any]]:
         """How each leg that moves in a plane is built, as the config says; empty of a point mass."""
         machine = self.run.config["machine"]
-        return list(machine["legs"].values()) if "legs" in machine else [machine.get("leg") or {}]
+        return [machine["legs"][key] for key in LEG_KEYS] if "legs" in machine else [machine.get("leg") or {}]
 
     @cached_property
     def hips(self) -> Array:

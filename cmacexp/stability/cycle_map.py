@@ -4,7 +4,6 @@ The state is every array that a component declares as such (:mod:`cmacexp.typing
 return with the state, but are not part of it.
 """
 
-import copy
 from collections.abc import Callable
 
 import numpy as np
@@ -135,8 +134,6 @@ class RestorableLoop:
         return (state - other) / (2.0 * size), (observed - observed_other) / (2.0 * size)
 
 
-def make_restorable_loop(config: Config, prepared: Scenario | None = None) -> RestorableLoop:
-    """The loop of a config, at its start; a prepared scenario that has not run stays unchanged."""
-    if prepared is None or isinstance(prepared.plant, MujocoPlant):  # which cannot be copied
-        return RestorableLoop(make_scenario(config))
-    return RestorableLoop(prepared if any(find_external(prepared)) else copy.deepcopy(prepared))
+def make_restorable_loop(config: Config) -> RestorableLoop:
+    """The loop of a config, at its start."""
+    return RestorableLoop(make_scenario(config))

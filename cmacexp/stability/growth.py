@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from cmacexp.config import Config
 from cmacexp.feedforward.kernels import TABLE
-from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.stability.cycle_map import NotPredictable, RestorableLoop, make_restorable_loop
 from cmacexp.typing import Array
 
@@ -149,9 +148,9 @@ def watch(loop: RestorableLoop, cycles: int) -> History:
     return history
 
 
-def change_sizes(config: Config, cycles: int, prepared: Scenario | None = None) -> list[float]:
+def change_sizes(config: Config, cycles: int) -> list[float]:
     """Changes of the feedback torque from cycle to cycle of a run in memory, N m; see :class:`History`."""
-    return watch(make_restorable_loop(config, prepared), cycles).sizes
+    return watch(make_restorable_loop(config), cycles).sizes
 
 
 def calmest(sizes: Sequence[float] | Array, first: int) -> int:
@@ -191,21 +190,19 @@ def require_learning(loop: RestorableLoop) -> None:
         raise NotPredictable("nothing learns from cycle to cycle")
 
 
-def predicted_growth(config: Config, cycle: int | None = None, prepared: Scenario | None = None) -> Growth:
+def predicted_growth(config: Config, cycle: int | None = None) -> Growth:
     """Predict the growth of learning, by running a few cycles in memory and linearising the loop there.
 
-    It is linearised after ``cycle`` cycles, by default at the calmest of the first MAX_CYCLES_BEFORE. A prepared
-    scenario of the config stays unchanged. Raises NotPredictable if components cannot be linearised, nothing is
-    learnt, or it ends.
+    It is linearised after ``cycle`` cycles, by default at the calmest of the first MAX_CYCLES_BEFORE. Raises
+    NotPredictable if components cannot be linearised, nothing is learnt, or it ends.
     """
     first = config.learning.start_cycle
-    scenario = make_scenario(config) if prepared is None else prepared
     if cycle is None:
-        sizes = change_sizes(config, first + MAX_CYCLES_BEFORE, scenario)
+        sizes = change_sizes(config, first + MAX_CYCLES_BEFORE)
         if len(sizes) <= first:
             raise NotPredictable(f"the run ends in cycle {len(sizes) + 2}, before learning shows")
         cycle = calmest(sizes, first)
-    loop = make_restorable_loop(config, scenario)
+    loop = make_restorable_loop(config)
     if len(watch(loop, cycle).levels) < cycle:
         raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}, before cycle {cycle} is done")
     require_learning(loop)

@@ -36,17 +36,18 @@ class Local(NamedTuple):
 
 def _from_torque(loop: RestorableLoop, now: Array, torque: Array) -> Array:
     """B at the step where the loop is held; ``torque`` (L, J) is the torque of that step."""
-    nominal, columns = torque.copy(), []
-    for j in range(nominal.size):
-        ends = []
-        for sign in (1.0, -1.0):
-            loop.put(now)
-            torque[np.unravel_index(j, nominal.shape)] += sign * NUDGE
-            if not loop.advance(1):
-                raise NotPredictable(f"a run from nearby ends at sample {loop.run.taken % loop.period}")
-            torque[...] = nominal
-            ends.append(loop.state())
-        columns.append((ends[0] - ends[1]) / (2.0 * NUDGE))
+    nominal = torque.copy()
+
+    def end(joint: int, change: float) -> Array:
+        """The state after the step, with another torque of one joint."""
+        loop.put(now)
+        torque[np.unravel_index(joint, nominal.shape)] += change
+        if not loop.advance(1):
+            raise NotPredictable(f"a run from nearby ends at sample {loop.run.taken % loop.period}")
+        torque[...] = nominal
+        return loop.state()
+
+    columns = [(end(j, NUDGE) - end(j, -NUDGE)) / (2.0 * NUDGE) for j in range(nominal.size)]
     return np.stack(columns, axis=1)
 
 

@@ -18,7 +18,7 @@ from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.metrics.drift import DRIFT_RATIO, LEAST
 from cmacexp.models.trend import WINDOW
 from cmacexp.plants import AnalyticPlant
-from cmacexp.stability.cycle_map import NotPredictable, RestorableLoop, make_restorable_loop
+from cmacexp.stability.cycle_map import NotPredictable, RestorableLoop
 from cmacexp.stability.growth import (
     GROWTH_CYCLES,
     MAX_CYCLES_BEFORE,
@@ -100,12 +100,12 @@ def compute_rise(levels: Array) -> tuple[float, float]:
     return float(medians[-1]) / lowest, lowest
 
 
-def assess(config: Config, prepared: Scenario | None = None, simulate: bool = True) -> Verdict:
-    """Say whether the learning of a config holds; a prepared scenario of it stays unchanged. Raises BadInput.
+def assess(config: Config, simulate: bool = True) -> Verdict:
+    """Say whether the learning of a config holds; raises BadInput.
 
     As many cycles as take a second are run in memory, MAX_CYCLES at most; MAX_CYCLES_BEFORE if not ``simulate``.
     """
-    scenario = make_scenario(config) if prepared is None else prepared
+    scenario = make_scenario(config)
     try:
         return _assess(config, scenario, simulate)
     except NotPredictable as error:
@@ -113,7 +113,7 @@ def assess(config: Config, prepared: Scenario | None = None, simulate: bool = Tr
 
 
 def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
-    loop, lead, first = make_restorable_loop(config, scenario), scenario.setup.lead, config.learning.start_cycle
+    loop, lead, first = RestorableLoop(scenario), scenario.setup.lead, config.learning.start_cycle
     steps = loop.period * loop.samples.shape[2] * getattr(config.plant, "substeps", 1)
     compiled = loop.plant is None  # MuJoCo takes a hundred times as long
     cycles = max(MAX_CYCLES_BEFORE, min(MAX_CYCLES, AFFORDABLE // steps) if simulate and compiled else 0)
@@ -123,12 +123,12 @@ def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
         raise NotPredictable(f"the run ends in cycle {done + 1}, before learning shows")
     require_learning(loop)
     if done < first + cycles:
-        growth, cycle = _growth_before(config, scenario, history)
+        growth, cycle = _growth_before(config, history)
         return Verdict(GROWS, growth, lead, (f"The run ends in cycle {done + 1}.",), cycle, done + 1)
     risen, lowest = compute_rise(np.array(history.levels[first - 1 :]))
     level = f"After {done} cycles without a guard the feedback is {risen:.3g} times its lowest level"
     if risen >= DRIFT_RATIO:
-        growth, cycle = _growth_before(config, scenario, history)
+        growth, cycle = _growth_before(config, history)
         return Verdict(GROWS, growth, lead, (f"{level} (grows from {DRIFT_RATIO:g}).",), cycle)
     if quantised := _find_quantised(config):
         reason = f"{quantised} is above 0: what is quantised cannot be linearised."
@@ -144,14 +144,14 @@ def _find_quantised(config: Config) -> str:
     return next((f"sensors.{name}.quantum" for name, each in channels.items() if getattr(each, "quantum", 0.0)), "")
 
 
-def _growth_before(config: Config, scenario: Scenario, history: History) -> tuple[float, int]:
+def _growth_before(config: Config, history: History) -> tuple[float, int]:
     """Growth per cycle after the calmest cycle of a run that grew, and that cycle; NaN if it ended too soon."""
     first = config.learning.start_cycle
     if len(history.sizes) <= first:
         return float("nan"), 0
     cycle = calmest(history.sizes, first)
     try:
-        return predicted_growth(config, cycle, prepared=scenario).per_cycle, cycle
+        return predicted_growth(config, cycle).per_cycle, cycle
     except NotPredictable:
         return float("nan"), cycle
 
@@ -229,9 +229,8 @@ def analyse(config: Config, verdict: Verdict) -> Analysis:
 
     Raises NotPredictable if it does not learn, ends before that shows, or its loop cannot be linearised.
     """
-    scenario = make_scenario(config)
-    growth = predicted_growth(config, prepared=scenario)
-    is_quick = isinstance(scenario.plant, AnalyticPlant)  # on others each lead takes minutes
+    growth = predicted_growth(config)
+    is_quick = isinstance(make_scenario(config).plant, AnalyticPlant)  # on others each lead takes minutes
     leads = sorted({*LEADS, verdict.lead}) if is_quick else [verdict.lead]
     return Analysis(
         verdict.lead,

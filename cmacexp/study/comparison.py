@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.errors import BadInput, suggest
+from cmacexp.errors import require, require_name
 from cmacexp.report import curves
 from cmacexp.report.figures import Panel, Series
 from cmacexp.study.interval import CONFIDENCE, UNKNOWN, Interval, estimate
@@ -39,8 +39,8 @@ def relative_to(values: Array, reference: Array) -> Array:
     Raises:
         BadInput: a value of the reference is not finite or not above 0: nothing is relative to it.
     """
-    if not _defined(reference).all():
-        raise BadInput("reference", "undefined in some worlds", "leave out the tasks that split_tasks excludes")
+    allowed = "leave out the tasks that split_tasks excludes"
+    require(_defined(reference).all(), "reference", "undefined in some worlds", allowed)
     return np.where(np.isfinite(values), values, np.inf) / reference
 
 
@@ -119,21 +119,21 @@ class Comparison:
 
     def __post_init__(self) -> None:
         for name, values in (("tasks", self.tasks), ("worlds", self.worlds), ("methods", self.scores)):
-            if not len(values) or len(set(map(str, values))) < len(values):
-                raise BadInput(name, ", ".join(map(str, values)), f"name some, each once; excluded: {self.excluded}")
+            labels = list(map(str, values))
+            is_unique = 0 < len(labels) == len(set(labels))
+            require(is_unique, name, ", ".join(labels), f"name some, each once; excluded: {self.excluded}")
         shape, scores = (len(self.tasks), len(self.worlds)), {}
         tasks, worlds = (np.argsort([str(name) for name in names]) for names in (self.tasks, self.worlds))
         for method, given in self.scores.items():
-            if np.shape(given) != shape or np.any(np.asarray(given) < 0):
-                raise BadInput("scores", method, f"must be (tasks, worlds), here {shape}, without negative values")
+            fits = np.shape(given) == shape and not np.any(np.asarray(given) < 0)
+            require(fits, "scores", method, f"must be (tasks, worlds), here {shape}, without negative values")
             scores[method] = np.where(np.isnan(given), np.inf, given)[np.ix_(tasks, worlds)]
         object.__setattr__(self, "scores", scores)
         object.__setattr__(self, "tasks", [self.tasks[i] for i in tasks])
         object.__setattr__(self, "worlds", [self.worlds[i] for i in worlds])
 
     def _of(self, method: str) -> Array:
-        if method not in self.scores:
-            raise BadInput("method", method, f"choose from {', '.join(self.scores)}{suggest(method, self.scores)}")
+        require_name("method", method, self.scores)
         return self.scores[method]
 
     def completed(self, method: str) -> Mask:

@@ -16,11 +16,11 @@ from typing import Any
 
 import yaml
 
-from cmacexp.errors import BadInput, suggest
+from cmacexp.errors import BadInput, require, require_name
 from cmacexp.metrics.registry import ALL_METRICS, TRANSFER, format_number
 from cmacexp.report.figures import Panel, draw
 from cmacexp.study.interval import estimate
-from cmacexp.study.quantity import check_quantity, compute_quantity, find_unit, parse_quantity
+from cmacexp.study.quantity import compute_quantity, find_unit, parse_quantity
 from cmacexp.study.results import Measure, NoSuchRuns, Results
 from cmacexp.study.statements import ANY, Claim, Criterion, Finding, Limit
 from cmacexp.study.study import DataFrame, Figure, Request, Study, grid, starting_from
@@ -69,20 +69,16 @@ FORMS: dict[str, dict[str, tuple[Any, str]]] = {
 
 def _check(part: str, given: Any, needs: Collection[str] = ()) -> dict[str, Any]:
     """A part that is a mapping of its own keys to values of their kinds, with all that it needs; raises BadInput."""
-    if not isinstance(given, Mapping):
-        raise BadInput(part, given, f"must be a mapping with {', '.join(FORMS[part])}")
+    require(isinstance(given, Mapping), part, given, f"must be a mapping with {', '.join(FORMS[part])}")
     for key, value in given.items():
-        if key not in FORMS[part]:
-            raise BadInput(part, key, f"may have {', '.join(FORMS[part])}{suggest(str(key), FORMS[part])}")
+        require_name(part, key, FORMS[part])
         kind, words = FORMS[part][key]
-        if not isinstance(value, kind):
-            raise BadInput(f"{part}.{key}", value, f"must be {words}")
+        require(isinstance(value, kind), f"{part}.{key}", value, f"must be {words}")
         for name, each in value.items() if FORMS[part][key] is LISTS and value else ():
-            if isinstance(each, str) or not isinstance(each, Collection):
-                raise BadInput(f"{part}.{key}.{name}", each, "must be a list of values, such as [0.1, 0.2]")
+            is_list = isinstance(each, Collection) and not isinstance(each, str)
+            require(is_list, f"{part}.{key}.{name}", each, "must be a list of values, such as [0.1, 0.2]")
     for key in needs:
-        if given.get(key) in (None, {}):
-            raise BadInput(part, dict(given), f"needs {key}")
+        require(given.get(key) not in (None, {}), part, dict(given), f"needs {key}")
     return dict(given)
 
 
@@ -102,9 +98,8 @@ def format_overrides(values: Any) -> list[str]:
 def _find_scale(text: str, unit: str, quantity: str | None) -> float:
     """The factor from the SI unit of a ``quantity``, None if unknown, to the unit of its limit; raises BadInput."""
     allowed = [name for name, (own, _) in UNITS.items() if quantity in (None, own)]
-    if unit not in allowed:
-        use = ", ".join(name or "no unit" for name in allowed)
-        raise BadInput("limit", text, f"its unit must be one of {use}, not {unit or 'none'}")
+    use = ", ".join(name or "no unit" for name in allowed)
+    require(unit in allowed, "limit", text, f"its unit must be one of {use}, not {unit or 'none'}")
     return UNITS[unit][1]
 
 
@@ -149,8 +144,8 @@ def read_criteria(given: Mapping[str, Any], measures: Collection[str] = ()) -> l
 def _list_values(given: Mapping[str, Any]) -> dict[str, Any]:
     """What shows the values of the runs that a criterion divides, those of ``over`` first; it decides nothing."""
     own = _check("criteria", given, ("of", "over"))
-    if missing := own["over"].keys() - own["of"].keys():
-        raise BadInput("beside", own["beside"], f"needs a value under of for what over names: {', '.join(missing)}")
+    missing = own["over"].keys() - own["of"].keys()
+    require(not missing, "beside", own["beside"], f"needs a value under of for what over names: {', '.join(missing)}")
     quantity, _, unit = str(own["beside"]).rpartition(", ")
     pairs = {key: [value, own["of"][key]] for key, value in own["over"].items()}
     case = {"case": ", ".join([str(own["case"]), *map("{{{}}}".format, pairs)])} if "case" in own else {}
@@ -159,11 +154,10 @@ def _list_values(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _read_criterion(own: Mapping[str, Any], measures: Collection[str]) -> list[Criterion]:
-    sample, case = own["value"], own.get("case")  # with the values of settings in braces; without one, the values
+    sample = own["value"] if callable(own["value"]) else str(own["value"])
+    case = own.get("case")  # with the values of settings in braces; without one, the values
     more = {key: own[key] for key in ("over", "infinite") if key in own}
-    if not callable(sample):
-        check_quantity(sample := str(sample), measures)
-    measured = None if callable(sample) else find_unit(parse_quantity(sample))
+    measured = None if callable(sample) else find_unit(parse_quantity(sample, measures))
     holds, unit, scale = read_limit(own["limit"], measured if own.get("over") is None else "")
     fails = read_limit(own["opposite"], UNITS[unit][0])[0] if "opposite" in own else None
     values = [[(key, value) for value in _list(each)] for key, each in (own.get("each") or {}).items()]
@@ -225,7 +219,7 @@ def _cell(value: Any, measures: Collection[str]) -> Callable[[Results], Any]:
     if callable(value):
         return value  # type: ignore[no-any-return]
     for text in _list(value):
-        check_quantity(text, measures)
+        parse_quantity(text, measures)
 
     def show(results: Results) -> Any:
         done = [row for row in results.rows if row.run.completed] or results.rows
@@ -253,9 +247,9 @@ def read_figure(given: Any, measures: Collection[str] = ()) -> Callable[[Results
         for each in _list(given)
     ]
     for own in panels:
-        check_quantity(str(own.get("metric", own.get("value"))), measures)
-        if own.get("metric", TRANSFER) not in list(ALL_METRICS):
-            raise BadInput("figures.metric", own["metric"], "must be a metric; other quantities are a value")
+        parse_quantity(str(own.get("metric", own.get("value"))), measures)
+        is_metric = own.get("metric", TRANSFER) in list(ALL_METRICS)
+        require(is_metric, "figures.metric", own.get("metric"), "must be a metric; other quantities are a value")
 
     def build(own: Mapping[str, Any], results: Results) -> list[Panel]:
         try:

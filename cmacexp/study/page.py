@@ -16,7 +16,7 @@ from cmacexp.config.fields import listed
 from cmacexp.data.folder import ResultWriter
 from cmacexp.data.manifest import Manifest
 from cmacexp.data.tables import write_table
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.report.page import (
     HOW_TO_REPORT,
     Renderer,
@@ -149,9 +149,9 @@ def check_page(file: StudyFile) -> None:
         "figure": study.figures, "table": study.tables, "finding": study.findings, "claim": study.claims,
     }  # fmt: skip
     for kind, name, line in find_insertions(file.page, file.text):
-        if kind in declared and name not in declared[kind]:
-            has = listed(list(declared[kind])) or "none"
-            raise BadInput("page", file.page, f"line {line}: the study declares no {kind} {name!r}; it has {has}")
+        has = listed(list(declared.get(kind, ()))) or "none"
+        allowed = f"line {line}: the study declares no {kind} {name!r}; it has {has}"
+        require(name in declared.get(kind, [name]), "page", file.page, allowed)
 
 
 def _write_tables(results: Results, folder: Path) -> None:

@@ -9,14 +9,13 @@ that it did. The text is Python's notation of arithmetic and comparisons, with `
 
 import ast
 import operator
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import reduce
 from typing import Any
 
 import numpy as np
 
-from cmacexp.errors import BadInput, suggest
+from cmacexp.errors import BadInput, require_name
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.study.interval import UNPAIRED
 from cmacexp.study.results import Results
@@ -64,17 +63,13 @@ def _seeds(results: Results) -> list[int]:
 
 OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: growth, ast.Pow: operator.pow,
-    ast.USub: operator.neg, ast.LtE: operator.le, ast.GtE: operator.ge, ast.Lt: operator.lt, ast.Gt: operator.gt,
+    ast.LtE: operator.le, ast.GtE: operator.ge, ast.Lt: operator.lt, ast.Gt: operator.gt,
 }  # fmt: skip
 """What is computed for each sign; a ratio is infinite of a run that ended before its numerator."""
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "abs": np.abs, "hypot": np.hypot, "max": lambda *values: reduce(np.maximum, values),
     "min": lambda *values: reduce(np.minimum, values),
 }  # fmt: skip
-CALLED = (*FUNCTIONS, "setting")
-"""Functions, and that of a dotted key that is a number of the config."""
-CYCLES = re.compile(r"[1-9]\d*|-[1-9]\d*:")
-"""A cycle, or the last cycles."""
 OF_RUNS: dict[str, Callable[[Results], Array]] = {
     "completed": lambda results: np.array(results.completed),
     "done": lambda results: np.array([row.run.cycles_done / row.settings["cycles"] for row in results.rows]),
@@ -85,24 +80,21 @@ OF_RUNS: dict[str, Callable[[Results], Array]] = {
 """What every run has besides metrics and measures."""
 
 
-def parse_quantity(text: str) -> ast.expr:
-    """The expression of a text.
+def parse_quantity(text: str, measures: Collection[str] | None = None) -> ast.expr:
+    """The expression of a text, checked before anything is run.
 
     Raises:
-        BadInput: it is none, or uses what this file does not know.
+        BadInput: it is none, it uses what this file does not know, or, if ``measures`` are given, a name is neither a
+            metric nor one of them.
     """
+    allowed = [*FUNCTIONS, "setting", *OF_RUNS, *(measures or ()), *ALL_METRICS]
     try:
         tree = ast.parse(str(text), mode="eval").body
-    except SyntaxError as error:
-        raise BadInput("quantity", text, f"is no expression: {error.msg}") from error
-    for node in ast.walk(tree):
-        known = isinstance(node, ast.Constant | ast.Name | ast.Load | ast.Slice | ast.Subscript | ast.operator)
-        known |= isinstance(node, ast.BinOp | ast.UnaryOp | ast.Compare | ast.cmpop | ast.unaryop)
-        known |= isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in CALLED
-        if not known or (isinstance(node, ast.operator | ast.cmpop | ast.unaryop) and type(node) not in OPERATORS):
-            raise BadInput("quantity", text, f"may use + - * / ** < <= > >= and {', '.join(FUNCTIONS)}")
-        if isinstance(node, ast.Subscript) and not CYCLES.fullmatch(ast.unparse(node.slice)):
-            raise BadInput("quantity", text, "write a cycle, from 1, as [5], the last cycles as [-3:]")
+        for name in (node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and measures is not None):
+            require_name("quantity", name, allowed)
+        _compute(tree, Results([]))
+    except (SyntaxError, TypeError) as error:
+        raise BadInput("quantity", text, f"is no expression: {error}") from error
     return tree
 
 
@@ -116,18 +108,6 @@ def find_unit(quantity: ast.expr) -> str | None:
     return "" if isinstance(quantity, ast.Compare) else None
 
 
-def check_quantity(text: str, measures: Any = ()) -> None:
-    """Check the names of a quantity before anything is run.
-
-    Raises:
-        BadInput: it is no quantity, or a name is neither a metric nor one of ``measures``.
-    """
-    for name in (node.id for node in ast.walk(parse_quantity(text)) if isinstance(node, ast.Name)):
-        if name not in {*CALLED, *OF_RUNS, *measures, *ALL_METRICS}:
-            allowed = [*OF_RUNS, *measures, *ALL_METRICS]
-            raise BadInput("quantity", text, f"has no metric or measure {name!r}{suggest(name, allowed)}")
-
-
 def compute_quantity(text: str, results: Results) -> Array:
     """(runs,): the value of a quantity in each run; raises as :func:`parse_quantity` and ``Results.at``."""
     found = np.broadcast_to(_compute(parse_quantity(text), results), len(results))
@@ -135,28 +115,36 @@ def compute_quantity(text: str, results: Results) -> Array:
 
 
 def _compute(node: ast.expr, results: Results) -> Any:
+    """The value of an expression in each run; raises BadInput for what is no part of a quantity."""
     match node:
-        case ast.Constant(value):
+        case ast.Constant(int() | float() as value):
             return value
+        case ast.Name(name) if name in OF_RUNS:
+            return OF_RUNS[name](results)
         case ast.Name(name):
-            if name in OF_RUNS:
-                return OF_RUNS[name](results)
             return results.end(name) if name in ALL_METRICS else results.measure(name)
-        case ast.Subscript(ast.Name(name), ast.Slice(ast.UnaryOp(ast.USub(), ast.Constant(int(count))), None)):
-            return results.end(name, count)
-        case ast.Subscript(ast.Name(name), ast.Constant(int(cycle))):
+        case ast.Subscript(ast.Name(name), ast.Slice(ast.UnaryOp(ast.USub(), ast.Constant(int(last))), None)) if last:
+            return results.end(name, last)
+        case ast.Subscript(ast.Name(name), ast.Constant(int(cycle))) if cycle:
             return results.at(cycle, name)
-        case ast.BinOp(left, sign, right) | ast.Compare(left, [sign], [right]):
+        case ast.BinOp(left, sign, right) | ast.Compare(left, [sign], [right]) if type(sign) in OPERATORS:
             return OPERATORS[type(sign)](_compute(left, results), _compute(right, results))
-        case ast.UnaryOp(sign, value):
-            return OPERATORS[type(sign)](_compute(value, results))
+        case ast.UnaryOp(ast.USub(), value):
+            return -_compute(value, results)
         case ast.Call(ast.Name("setting"), [ast.Constant(str(key))]):
-            try:
-                return np.array([float(row.settings[key]) for row in results.rows])
-            except (LookupError, TypeError, ValueError) as error:
-                raise BadInput(
-                    "setting", key, f"must be a number in all of these runs; they have {results.values(key)}"
-                ) from error
-        case ast.Call(ast.Name(name), values):
+            return _read_setting(key, results)
+        case ast.Call(ast.Name(name), values, []) if name in FUNCTIONS:
             return FUNCTIONS[name](*(_compute(value, results) for value in values))
-    raise BadInput("quantity", ast.unparse(node), "has a part that is no number, metric or measure")
+    allowed = (
+        f"a quantity may use + - * / ** < <= > >=, {', '.join(FUNCTIONS)}, a cycle as [5], the last ones as [-3:]"
+    )
+    raise BadInput("quantity", ast.unparse(node), allowed)
+
+
+def _read_setting(key: str, results: Results) -> Array:
+    """(runs,): a number of the config."""
+    try:
+        return np.array([float(row.settings[key]) for row in results.rows])
+    except (LookupError, TypeError, ValueError) as error:
+        values = results.values(key)
+        raise BadInput("setting", key, f"must be a number in all of these runs; they have {values}") from error

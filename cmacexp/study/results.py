@@ -1,6 +1,6 @@
 """The results of a study: a table with one row a run, selected by config, and the runs themselves."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.data.run import Run
-from cmacexp.errors import BadInput, suggest
+from cmacexp.errors import BadInput, require, require_name, suggest
 from cmacexp.metrics.metric import LARGE, NEITHER
 from cmacexp.metrics.registry import ALL_METRICS, FINAL_CYCLES, compute_final, find_history, format_setting
 from cmacexp.typing import Array, DataFrame
@@ -140,7 +140,7 @@ class Results:
         if name in ALL_METRICS:
             return np.array([row.run.final(name) for row in self.rows])
         for row in self.rows:
-            _require("measure", name, row.measures)
+            require_name("measure", name, row.measures)
         return np.array([row.measures[name] for row in self.rows])
 
     def at(self, cycle: int, name: str) -> Array:
@@ -151,16 +151,15 @@ class Results:
         """
         worst = worst_value(name)
         asked = min((row.run.cycles_done for row in self.rows if row.run.completed), default=cycle)
-        if not 1 <= cycle <= asked:
-            raise BadInput("cycle", cycle, f"must be from 1 to {asked}, the cycles of a run that completed")
+        require(1 <= cycle <= asked, "cycle", cycle, f"must be from 1 to {asked}, the cycles of a run that completed")
         histories = [row.history(name) for row in self.rows]
         return np.array([float(h[cycle - 1]) if cycle <= len(h) else worst for h in histories])
 
     def end(self, name: str, cycles: int = LAST_CYCLES) -> Array:
         """(runs,): final value of a metric, over the last cycles; of a run that did not complete, the worst value."""
         worst = worst_value(name)
-        if any(row.run.completed and not len(row.history(name)) for row in self.rows):
-            raise BadInput("metric", name, "these machines do not have it; a robot has all")
+        has_it = all(len(row.history(name)) for row in self.rows if row.run.completed)
+        require(has_it, "metric", name, "these machines do not have it; a robot has all")
         return np.array(
             [compute_final(row.history(name), cycles) if row.run.completed else worst for row in self.rows]
         )
@@ -196,14 +195,9 @@ class Results:
 
 def worst_value(name: str) -> float:
     """What a metric of a run that ended before counts as; NaN if neither direction is better; raises BadInput."""
-    _require("metric", name, ALL_METRICS)
+    require_name("metric", name, ALL_METRICS)
     better = ALL_METRICS[name].better
     return float("nan") if better == NEITHER else 0.0 if better == LARGE else float("inf")
-
-
-def _require(kind: str, name: str, names: Collection[str]) -> None:
-    if name not in names:
-        raise BadInput(kind, name, f"choose from {', '.join(names) or 'none'}{suggest(name, names)}")
 
 
 def _same(value: Any, wanted: Any) -> bool:

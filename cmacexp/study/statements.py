@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, ClassVar
 
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
 from cmacexp.metrics.registry import format_number
 from cmacexp.study.interval import (
     EXACT,
@@ -206,8 +206,7 @@ class Judged:
     """What the verdict on a criterion is called beside it."""
 
     def __post_init__(self) -> None:
-        if not self.criteria:
-            raise BadInput(type(self).__name__.lower(), self, "has no criteria: nothing would decide it")
+        require(self.criteria, type(self).__name__.lower(), self, "has no criteria: nothing would decide it")
 
     def judge(self, results: Results) -> "StatementResult":
         """Measure every criterion."""
@@ -263,8 +262,8 @@ class Finding(Judged):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.yes and all(each.holds == ANY for each in self.criteria):
-            raise BadInput("finding", self.says, "has no criterion with a limit: nothing would decide it")
+        decides = self.yes or any(each.holds != ANY for each in self.criteria)
+        require(decides, "finding", self.says, "has no criterion with a limit: nothing would decide it")
         for wording in (self.yes, self.no, self.unclear):  # also those of outcomes that rarely occur
             try:
                 _fill(wording, [""] * len(self.criteria))

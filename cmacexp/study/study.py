@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
 from cmacexp.study.results import Measures, Results
 from cmacexp.study.statements import Claim, Finding
 from cmacexp.typing import DataFrame as DataFrame
@@ -83,9 +83,8 @@ def starting_from(before: Sequence[Request], after: Sequence[Request]) -> list[R
 
 def _predecessor(before: Sequence[Request], request: Request) -> Request:
     found = [each for each in before if each.labels.items() <= request.labels.items()]
-    if len(found) != 1:
-        allowed = f"must match one request to start from, not {len(found)}; name bundles of overrides with labels"
-        raise BadInput("labels", dict(request.labels), allowed)
+    allowed = f"must match one request to start from, not {len(found)}; name bundles of overrides with labels"
+    require(len(found) == 1, "labels", dict(request.labels), allowed)
     return found[0]
 
 

@@ -5,7 +5,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from cmacexp.errors import BadComponent, BadInput, CmacexpError
+from cmacexp.errors import BadComponent, BadInput, CmacexpError, require
 from cmacexp.study.declaration import read_study
 from cmacexp.study.study import Study
 
@@ -58,12 +58,11 @@ def load_study(path: Path) -> StudyFile:
     :class:`BadComponent` with the traceback of what it raised.
     """
     path = path.resolve()
-    if not path.is_file():
-        raise BadInput("study", path, "there is no such file")
+    require(path.is_file(), "study", path, "there is no such file")
     if path.suffix in YAML:
         return StudyFile(path, read_study(path))
-    if path.suffix != ".py" or "." in path.stem:
-        raise BadInput("study", path, "must be a file of Python, its name without a dot before .py, or of YAML")
+    allowed = "must be a file of Python, its name without a dot before .py, or of YAML"
+    require(path.suffix == ".py" and "." not in path.stem, "study", path, allowed)
     root, name = find_module(path)
     if str(root) not in sys.path:
         sys.path.insert(0, str(root))
@@ -73,12 +72,11 @@ def load_study(path: Path) -> StudyFile:
         raise
     except (Exception, SystemExit) as error:
         raise BadComponent("study", path, f"importing it failed: {type(error).__name__}: {error}", error) from error
-    if module.__file__ is None or Path(module.__file__).resolve() != path:
-        raise BadInput("study", path, f"another module is called {path.stem}; rename this file and its page")
+    is_own = module.__file__ is not None and Path(module.__file__).resolve() == path
+    require(is_own, "study", path, f"another module is called {path.stem}; rename this file and its page")
     study = getattr(module, STUDY_VARIABLE, None)
     if not isinstance(study, Study):
         raise BadInput("study", path, f"must define {STUDY_VARIABLE} = cmacexp.study.Study(...)")
     found = StudyFile(path, study)
-    if not found.page.is_file():
-        raise BadInput("study", path, f"needs a page of Markdown beside it: {found.page.name}")
+    require(found.page.is_file(), "study", path, f"needs a page of Markdown beside it: {found.page.name}")
     return found

@@ -73,7 +73,7 @@ def start_from(folder: Path) -> None:
 READERS = {
     TRACE_FILE: (
         lambda folder: cmacexp.load(folder).trace,
-        lambda folder: cmacexp.load(folder).cycles([1]),
+        lambda folder: cmacexp.load(folder).read_trace([1]),
         lambda folder: use("score", folder),
         lambda folder: use("replay", folder, "--no-viewer", "--rebuild"),
     ),
@@ -150,6 +150,8 @@ SHAPES = {
     "config of nothing": lambda m: {**m, "config": {}},
     "no cycle": lambda m: changed(m, "config", "gait", "cycle_time", value=1e-9),
     "a period of nothing": lambda m: changed(m, "config", "sampling_period", value=1e-320),
+    "a time of 400 digits": lambda m: changed(m, "config", "gait", "cycle_time", value=10**400),
+    "legs that are missing": lambda m: changed(m, "config", "machine", "legs", value={"left_front": {}}),
     "a leg null": lambda m: changed(m, "config", "machine", "leg", value=None),
     "a class is a list": lambda m: changed(m, "config", "plant", "_target_", value=[1]),
     "steps endless": lambda m: {**m, "steps": 10**400},

@@ -26,7 +26,10 @@ def make_walk(number=1, error=0.0, **columns) -> RunView:
     legs = make_trace("S" * 6 + "T" * 4 + "S" * 10, legs=4, **values | columns)
     body = {"cycle": values["cycle"], "height": zero + 0.5, "margin_front": np.linspace(0.2, 0.1, STEPS)}
     body |= dict.fromkeys(("cog_x", "cog_y", "yaw", "pitch", "roll", "stability_margin", "margin_rear"), zero)
-    machine = {"legs": {str(n): {"hip_x": x, "hip_y": y, "length_1": 0.25} for n, (x, y) in enumerate(HIPS)}}
+    names = ("left_front", "right_front", "left_rear", "right_rear")
+    machine = {
+        "legs": {name: {"hip_x": x, "hip_y": y, "length_1": 0.25} for name, (x, y) in zip(names, HIPS, strict=True)}
+    }
     config = {"machine": machine, "terrain": {"stiffness": 1e4}, "sampling_period": 0.1}
     manifest = {"config": {**config, "gait": {"cycle_time": 0.1 * STEPS}}, "steps": number * STEPS}
     return RunView(Run("made", manifest), replace(legs, body=Trace(pa.table(body))), "made")
