@@ -112,34 +112,77 @@ class Trace:
         return Trace(select_rows(self.table, rows), None if self.body is None else self.body.select(steps))
 
 
-def make_trace(
-    samples: Mapping[str, NDArray[Any]],
-    signals: Sequence[Signal],
-    support: Mask,
-    body: Trace | None = None,
-    memory: Trace | None = None,
-) -> Trace:
-    """The trace of ``signals``, of samples by name that broadcast to the shape (steps, legs) of ``support``."""
-    columns = []
-    for signal in signals:
-        if signal.name == "phase":
-            indices = arrow(support.ravel(), pa.int8())
-            columns.append(pa.DictionaryArray.from_arrays(indices, arrow_strings(PHASES)))
-        else:
-            values = samples[signal.name]
-            whole = values if values.shape == support.shape else np.broadcast_to(values, support.shape)
-            columns.append(arrow(whole.ravel(), signal.type))
-    return Trace(pa.Table.from_arrays(columns, schema=make_schema(signals)), body, memory)
+class SampledTrace(Trace):
+    """A trace as the loop sampled it, whose table is made only where one is asked for."""
+
+    arrays: Mapping[str, NDArray[Any]]
+    """Signals by name, (steps, legs) or what broadcasts to that shape; some of them may be no column of the table."""
+    signals: Sequence[Signal]
+    """The columns of the table."""
+    shape: tuple[int, int]
+    """(steps, legs)."""
+
+    def __init__(
+        self,
+        arrays: Mapping[str, NDArray[Any]],
+        signals: Sequence[Signal],
+        shape: tuple[int, int],
+        support: Mask | None = None,
+        body: Trace | None = None,
+        memory: Trace | None = None,
+    ):
+        """Of so many steps and legs; ``support`` (steps, legs) is for the phase, if that is one of the signals."""
+        self.__dict__.update(arrays=arrays, signals=signals, shape=shape, body=body, memory=memory, legs=shape[1])
+        if support is not None:
+            self.__dict__["support"] = support
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return self.shape[0]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the signals, in the order of their columns."""
+        return [signal.name for signal in self.signals]
+
+    def __getitem__(self, name: str) -> Array:
+        """A signal, (steps, legs)."""
+        values = self.arrays[name]
+        return values if values.shape == self.shape else np.broadcast_to(values, self.shape)
+
+    @cached_property
+    def table(self) -> pa.Table:  # type: ignore[override]
+        """One row per step and leg."""
+        columns = []
+        for signal in self.signals:
+            if signal.name == "phase":
+                indices = arrow(self.support.ravel(), pa.int8())
+                columns.append(pa.DictionaryArray.from_arrays(indices, arrow_strings(PHASES)))
+            else:
+                columns.append(arrow(self[signal.name].ravel(), signal.type))
+        return pa.Table.from_arrays(columns, schema=make_schema(self.signals))
+
+
+def join_sampled(traces: Sequence[SampledTrace]) -> SampledTrace:
+    """Parts of a run, with the same columns, as one."""
+    first = traces[0]
+    if len(traces) == 1:
+        return first
+    arrays = {name: np.concatenate([trace[name] for trace in traces]) for name in first.arrays}
+    support = np.concatenate([trace.support for trace in traces]) if "support" in vars(first) else None
+    bodies = [trace.body.table for trace in traces if trace.body is not None]
+    memories = [trace.memory for trace in traces if isinstance(trace.memory, SampledTrace)]
+    body = Trace(pa.concat_tables(bodies).combine_chunks()) if bodies else None
+    shape = sum(trace.steps for trace in traces), first.legs
+    return SampledTrace(arrays, first.signals, shape, support, body, join_sampled(memories) if memories else None)
 
 
 def concat_traces(traces: Sequence[Trace]) -> Trace:
-    """Parts of a run one after the other, of which there must be one."""
-    if len(traces) == 1:
-        return traces[0]
+    """Parts of a run one after the other, of which there must be one; the memory is left out."""
+    bodies = [trace.body.table for trace in traces if trace.body is not None]
     table = pa.concat_tables([trace.table for trace in traces]).combine_chunks()
-    bodies = [trace.body for trace in traces if trace.body is not None]
-    memories = [trace.memory for trace in traces if trace.memory is not None]
-    return Trace(table, concat_traces(bodies) if bodies else None, concat_traces(memories) if memories else None)
+    return Trace(table, Trace(pa.concat_tables(bodies).combine_chunks()) if bodies else None)
 
 
 def count_steps_by_cycle(folder: Path) -> dict[int, int]:
@@ -206,8 +249,10 @@ class TraceWriter:
         self._held: deque[Trace] = deque()
 
     def write(self, trace: Trace) -> None:
-        """Write the next cycles; the last steps are held back."""
-        if trace.steps:
+        """Write the next cycles; a thinned trace holds back the last steps."""
+        if not self._record.thins:
+            self._put(trace)
+        elif trace.steps:
             self._held.append(trace)
             end = self._end
             while len(self._held) > 1 and end - self._held[1].shared("step")[0] >= LAST_STEPS:

@@ -16,7 +16,7 @@ from cmacexp.config import Config
 from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import describe_other_model
 from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores
-from cmacexp.data.trace import Trace, concat_traces
+from cmacexp.data.trace import SampledTrace, join_sampled
 from cmacexp.engine.pool import RATE, SEED, drop_keys
 from cmacexp.engine.run import sample_scenario, score_scenario
 from cmacexp.engine.stop_cause import explain_stop
@@ -60,7 +60,7 @@ class Chunk:
             keys: len({drop_keys(overrides, keys) for overrides in runs}) < len(runs) for keys in (OF_RATE, OF_BOTH)
         }
         """Whether some of the runs differ in these keys alone."""
-        self.traces = dict[int, Trace]()
+        self.traces = dict[int, SampledTrace]()
         self._configs, self._scores = dict[int, Config](), dict[int, Scores]()
 
     def make(self, config: Config) -> Scenario:
@@ -83,11 +83,11 @@ class Chunk:
 
     def run(self, number: int, scenario: Scenario) -> End:
         """Run the one of this number; raises as its loop."""
-        config, last = scenario.setup.config, deque[Trace](maxlen=2)  # the last part may be short
+        config, last = scenario.setup.config, deque[SampledTrace](maxlen=2)  # the last part may be short
         if self.keeps_trace or config.cycles * config.steps_per_cycle * config.legs <= SHORT:
-            parts = list[Trace]()
+            parts = list[SampledTrace]()
             end = sample_scenario(scenario, parts.append)
-            self.traces[number] = concat_traces(parts)
+            self.traces[number] = join_sampled(parts)
             last.append(self.traces[number])
         else:
             end, scorer = score_scenario(scenario, last.append)
@@ -104,8 +104,7 @@ class Chunk:
         for number, trace in self.traces.items():
             config = self._configs[number]
             phases = [of[: config.steps_per_cycle].tobytes() for of in (trace.support, trace["progress"])]
-            shape = trace.steps, trace.legs
-            alike = *phases, config.sampling_period, *shape, *trace.names, trace.memory is None
+            alike = *phases, config.sampling_period, *trace.shape, *trace.names, *trace.arrays, trace.memory is None
             groups[alike].append(number)
         for numbers in groups.values():
             steps_per_cycle = self._configs[numbers[0]].steps_per_cycle

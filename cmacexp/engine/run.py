@@ -39,7 +39,7 @@ from cmacexp.data.tables import (
     write_scores,
     write_table,
 )
-from cmacexp.data.trace import Trace, concat_traces, count_steps_by_cycle, trace_writer
+from cmacexp.data.trace import SampledTrace, Trace, concat_traces, count_steps_by_cycle, trace_writer
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.engine.stop_cause import explain_stop
 from cmacexp.errors import BadInput, BadOutput, CmacexpError, format_user_traceback, in_one_line
@@ -91,7 +91,7 @@ def _known_torque(scenario: Scenario) -> Array | None:
     return feedforward.model_torque if isinstance(feedforward, BuiltInFeedforward) else None
 
 
-def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Trace:
+def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> SampledTrace:
     """The trace of the steps that were sampled."""
     plan, config, legs = scenario.setup.plan, scenario.setup.config, samples.columns()
     period, start = config.sampling_period, samples.start
@@ -112,7 +112,7 @@ def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Trace:
 @exits_caught()
 def sample_scenario(
     scenario: Scenario,
-    keep: Callable[[Trace], None],
+    keep: Callable[[SampledTrace], None],
     watch: Callable[[float], None] = lambda cycles: None,
 ) -> End:
     """Run a new scenario and write nothing; ``keep`` is called with the trace of some cycles at a time."""
@@ -122,14 +122,14 @@ def sample_scenario(
 
 def score_scenario(
     scenario: Scenario,
-    keep: Callable[[Trace], None] = lambda trace: None,
+    keep: Callable[[SampledTrace], None] = lambda trace: None,
     watch: Callable[[float], None] = lambda cycles: None,
     warn: Callable[[Drift], None] = lambda drift: None,
 ) -> tuple[End, RunScorer]:
     """:func:`sample_scenario`, with what has the metrics; ``watch`` and ``warn`` as by :func:`run_scenario`."""
     scorer = RunScorer(scenario.setup.config.steps_per_cycle)
 
-    def take(trace: Trace) -> None:
+    def take(trace: SampledTrace) -> None:
         known = scorer.drift
         keep(trace)
         scorer.add(trace)

@@ -18,7 +18,7 @@ from cmacexp.data.signals import (
     select_signals,
 )
 from cmacexp.data.tables import arrow
-from cmacexp.data.trace import Trace, make_trace
+from cmacexp.data.trace import SampledTrace, Trace
 from cmacexp.planning.machine import find_centres
 from cmacexp.planning.plan import Plan, Setup
 from cmacexp.planning.reference import X, Y, Z
@@ -37,7 +37,7 @@ def assemble(
     steered: bool = False,
     body: Trace | None = None,
     memory: Trace | None = None,
-) -> Trace:
+) -> SampledTrace:
     """The trace of a run, or of a part of it, from the ``plan`` of a cycle and the samples of what is not planned.
 
     Samples are (steps, L) by column name. Where the controller keeps a course (``steered``), feet should be where its
@@ -67,7 +67,7 @@ def assemble(
         acting = step >= plan.start_step
         for joint in range(model.shape[2]):
             known[MODEL_SIGNALS[joint].name] = np.where(acting, model[sample, :, joint], 0.0)
-    return make_trace({**samples, **known}, columns, plan.support.take(sample, 0), body, memory)
+    return SampledTrace({**samples, **known}, columns, (steps, legs), plan.support.take(sample, 0), body, memory)
 
 
 def assemble_body(
@@ -107,8 +107,8 @@ def assemble_body(
     return pa.Table.from_arrays([arrow(known[c.name], c.type) for c in columns], schema=make_schema(columns))
 
 
-def assemble_memory(memory: dict[str, Array], first_cycle: int) -> Trace:
+def assemble_memory(memory: dict[str, Array], first_cycle: int) -> SampledTrace:
     """The memory of networks, columns (cycles, L) by name from ``first_cycle``, as rows of one cycle and leg each."""
     cycles, legs = next(iter(memory.values())).shape
     numbers = {"cycle": np.arange(first_cycle, first_cycle + cycles)[:, None], "leg": np.arange(1, legs + 1)}
-    return make_trace(memory | numbers, MEMORY_SIGNALS, np.ones((cycles, legs), dtype=bool))
+    return SampledTrace(memory | numbers, MEMORY_SIGNALS, (cycles, legs))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cmacexp.data.run import Run
 from cmacexp.data.tables import Scores
-from cmacexp.data.trace import Trace, read_memory, stream_trace
+from cmacexp.data.trace import SampledTrace, Trace, read_memory, stream_trace
 from cmacexp.errors import BadRun
 from cmacexp.metrics.block import Block, split_cycles
 from cmacexp.metrics.body import compute_body
@@ -75,7 +75,7 @@ class RunScorer:
         return Scores(to_table(index, {name: by_machine(of) for name, of in values.items()}, columns), body)
 
 
-def score_together(traces: Sequence[Trace], steps_per_cycle: int) -> list[Scores]:
+def score_together(traces: Sequence[SampledTrace], steps_per_cycle: int) -> list[Scores]:
     """The metrics of several whole runs, computed at once, which takes little longer than those of one.
 
     They must have taken equally many steps of the same gait, and have the same columns.
