@@ -26,9 +26,9 @@ MAX_STEPS_PER_CYCLE = 1 << 32
 
 @dataclass(frozen=True)
 class Number:
-    """The shape of a finite number, at least ``low``."""
+    """The shape of a number that is not infinite: NaN too, unless it must be at least ``low``."""
 
-    low: float = -sys.float_info.max
+    low: float | None = None
 
 
 NUMBER = Number()
@@ -115,7 +115,8 @@ def _fits(value: Any, shape: Any) -> bool:
         case range():
             return type(value) is int and value in shape
         case Number():
-            return type(value) in (int, float) and not (value < shape.low or value > sys.float_info.max)
+            is_number = type(value) in (int, float) and not abs(value) > sys.float_info.max
+            return is_number and (shape.low is None or value >= shape.low)
         case re.Pattern():
             return isinstance(value, str) and shape.fullmatch(value) is not None
     return isinstance(value, shape)

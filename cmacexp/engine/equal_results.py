@@ -34,8 +34,8 @@ def find_idle_keys(
     """Each key that had no effect in some runs, ``what`` such as ``jobs``: ``warning`` or ``note``, and a line.
 
     A key had none if all runs that set it, and differ in its value alone, gave equal ``results``, and there are such
-    runs; those whose result is empty do not count. ``typed`` are the overrides of each run. A seed only draws numbers
-    that a run may not need: that is a note.
+    runs; those whose result is empty do not count. ``typed`` are the overrides of each run, whose values are compared
+    as they are typed, but numbers by value. A seed only draws numbers that a run may not need: that is a note.
     """
     settings = [read_settings(overrides) for overrides in typed]
     for key in dict.fromkeys(key for values in settings for key in values):

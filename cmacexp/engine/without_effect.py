@@ -17,7 +17,6 @@ from cmacexp.cmac.rules import strength_needs
 from cmacexp.config import Config
 from cmacexp.config.component import COMPONENTS, config_folder, find_option
 from cmacexp.config.compose import parse_override
-from cmacexp.config.describe import flatten_config
 from cmacexp.config.load import to_plain
 from cmacexp.errors import format_value
 
@@ -62,8 +61,16 @@ def read_keys(overrides: Sequence[str]) -> Iterator[tuple[str, str]]:
     for override in map(parse_override, overrides):
         own = re.split(r"[./@]", override.key_or_group)[0] != "hydra"
         if own and not override.is_delete() and not override.is_sweep_override():
-            for key in flatten_config({override.key_or_group: override.value()}):
+            for key in _leaves(override.key_or_group, override.value()):
                 yield key, str(override.input_line)
+
+
+def _leaves(key: str, value: Any) -> Iterator[str]:
+    if isinstance(value, dict) and value:
+        for name, inner in value.items():
+            yield from _leaves(f"{key}.{name}", inner)
+    else:
+        yield key
 
 
 def list_idle_overrides(config: Config, overrides: Sequence[str], composed: DictConfig) -> list[str]:

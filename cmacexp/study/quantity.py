@@ -93,7 +93,7 @@ def parse_quantity(text: str, measures: Collection[str] | None = None) -> ast.ex
         for name in (node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and measures is not None):
             require_name("quantity", name, allowed)
         _compute(tree, Results([]))
-    except (SyntaxError, TypeError) as error:
+    except (SyntaxError, TypeError, ArithmeticError) as error:
         raise BadInput("quantity", text, f"is no expression: {error}") from error
     return tree
 

@@ -91,7 +91,8 @@ def main() -> None:
     print("ready", flush=True)
     if watch(sys.stdin.fileno(), float(silence)):
         os.close(sys.stdin.fileno())
-        for _ in range(round(LASTS / PERIOD)):
+        end = time.monotonic() + LASTS
+        while time.monotonic() < end:
             wire.send(command)
             time.sleep(PERIOD)
 

@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import os
 import random
 import shutil
@@ -151,6 +152,7 @@ SHAPES = {
     "no cycle": lambda m: changed(m, "config", "gait", "cycle_time", value=1e-9),
     "a period of nothing": lambda m: changed(m, "config", "sampling_period", value=1e-320),
     "a time of 400 digits": lambda m: changed(m, "config", "gait", "cycle_time", value=10**400),
+    "ground of no number": lambda m: changed(m, "config", "terrain", "stiffness", value=math.nan),
     "legs that are missing": lambda m: changed(m, "config", "machine", "legs", value={"left_front": {}}),
     "a leg null": lambda m: changed(m, "config", "machine", "leg", value=None),
     "a class is a list": lambda m: changed(m, "config", "plant", "_target_", value=[1]),

@@ -41,7 +41,7 @@ def test_a_quantity_is_a_value_for_each_run(text, expected):
 
 
 @pytest.mark.parametrize(
-    "text", ["open('x')", "mass.real", "[mass]", "mass if mass else 1", "mass[1:2]", "mass @ mass"]
+    "text", ["open('x')", "mass.real", "[mass]", "mass if mass else 1", "mass[1:2]", "mass @ mass", "0**-1"]
 )
 def test_a_text_that_is_no_quantity_is_refused(text):
     with pytest.raises(BadInput):
