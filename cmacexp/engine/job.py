@@ -22,6 +22,7 @@ from cmacexp.data.folder import RUN_KEY, check_place, new_result
 from cmacexp.data.integrity import compute_hashes, is_finished
 from cmacexp.data.run import Run
 from cmacexp.engine.chunk import Chunk, hash_scores
+from cmacexp.engine.equal_results import describe_result
 from cmacexp.engine.objective import check_metric
 from cmacexp.engine.run import describe_failure, describe_run, run_scenario
 from cmacexp.engine.sweep_tables import (
@@ -214,6 +215,7 @@ def _tabulate(root: Path, runs: Mapping[int, Run], overrides: Mapping[int, list[
                 "overrides": " ".join(select_run_overrides(overrides[number])),
                 **shown,
                 **{name: str(run.manifest.get(name)) for name in HASHES},
+                "result": describe_result(run),
                 "bad_input": run.manifest.get("bad_input", False),
                 FINGERPRINT: find_fingerprint(run.folder) if run.is_checked else "",
                 "manifest": json.dumps(run.manifest),

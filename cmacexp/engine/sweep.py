@@ -30,7 +30,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.files import full_disk_named, sha256, write_atomically
 from cmacexp.data.folder import TABLE, TABLE_CSV, collection
 from cmacexp.data.tables import METRICS_FILE, as_array, select_rows, write_table
-from cmacexp.engine.equal_results import describe_result, find_idle_keys
+from cmacexp.engine.equal_results import find_idle_keys
 from cmacexp.engine.objective import DIRECTION, check_metric, describe_best, find_direction, read_objective
 from cmacexp.engine.pool import (
     MOST_RUNS,
@@ -207,7 +207,7 @@ class Sweep:
         print_line(f"{counts.total()} job{'s' * (counts.total() > 1)}: {ends}")
         results = [run for run in runs if run.outcome.is_result]
         typed, names = [self.planned[run.read("run")] for run in results], [run.folder.name for run in results]
-        for kind, text in find_idle_keys(typed, [describe_result(run) for run in results], names, "jobs"):
+        for kind, text in find_idle_keys(typed, [run.read("result") for run in results], names, "jobs"):
             print_line(f"{kind}: {text}", error=True)
         for run in failed[:MAX_LISTED_FAILURES]:
             print_line(f"  {run.folder.name} {run.outcome.status}: {run.outcome.cause}", error=True)
@@ -356,7 +356,7 @@ def write_tables(folder: Path, runs: Sequence[JobRun], status: str) -> None:
     for place, name in enumerate(keys, 3):
         jobs = jobs.add_column(place, name, typed[name])
     metrics = select_rows(metrics, np.isin(as_array(metrics, "run"), as_array(jobs, "run")))
-    swept = jobs.drop_columns([*HASHES, "bad_input", FINGERPRINT, "manifest"])
+    swept = jobs.drop_columns([*HASHES, "result", "bad_input", FINGERPRINT, "manifest"])
     is_lean = "" in jobs[FINGERPRINT].to_pylist()
     entries = {
         "kind": manifests.SWEEP,

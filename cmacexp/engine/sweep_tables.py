@@ -12,7 +12,7 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -183,6 +183,8 @@ def join_runs(runs: pa.Table, metrics: pa.Table, index: Array) -> pa.Table:
     return joined
 
 
+MOST_PARTS = 64
+"""Parts of a sweep that are in memory at a time: a small table takes several times what its values do."""
 HASHES = ("config_hash", "code_hash", "custom_code", "start_weights", "model_hash")
 """Of the manifest of a job: where all are the same, so is the result."""
 
@@ -266,31 +268,34 @@ def list_jobs(root: Path) -> list[JobRun]:
 
     Of several with one number the last one counts. A part that a power failure has cut short is left out.
     """
-    found, known = list[JobTables](), np.empty(0)
+    found, known = list[tuple[Array, Path]](), np.empty(0)
     newest_first = sorted((root / JOBS_FOLDER).glob("[!.]*"), key=lambda path: path.lstat().st_mtime_ns, reverse=True)
     for path in [*newest_first, root / RUNS_FILE]:
         with suppress(OSError, KeyError, TypeError, ValueError, pa.ArrowException):
-            part = _read(path)
-            numbers = np.setdiff1d(as_array(part.jobs, "run"), known)
+            numbers = np.setdiff1d(as_array(_read(path).jobs, "run"), known)
             known = np.append(known, numbers)
-            if numbers.size:
-                found.append(
-                    JobTables(*(select_rows(table, np.isin(as_array(table, "run"), numbers)) for table in part))
-                )
+            found += [(numbers, path)] if numbers.size else []
     if not found:
         return []
-    found.sort(key=lambda part: int(as_array(part.jobs, "run")[0]))  # so that columns have always the same order
-    tables = _join(found)
+    found.sort(key=lambda part: part[0][0])  # so that columns have always the same order
+    batches = [found[at : at + MOST_PARTS] for at in range(0, len(found), MOST_PARTS)]
+    tables = _join(_join(_select(_read(path), numbers) for numbers, path in batch) for batch in batches)
     return [JobRun(root, tables, index) for index in range(tables.jobs.num_rows)]
 
 
-def _join(parts: Sequence[JobTables]) -> JobTables:
+def _select(part: JobTables, numbers: Array) -> JobTables:
+    return JobTables(*(select_rows(table, np.isin(as_array(table, "run"), numbers)) for table in part))
+
+
+def _join(parts: Iterable[JobTables]) -> JobTables:
     """Parts as one, in the order of their numbers."""
     joined = list[pa.Table]()
     for tables in zip(*parts, strict=True):
         table = pa.concat_tables(tables, promote_options="permissive")
-        order = as_array(table, "run").argsort(kind="stable")
-        joined.append(table.take(arrow(order, pa.int64())).combine_chunks())
+        numbers = as_array(table, "run")
+        if (np.diff(numbers) < 0).any():  # else a copy less of what ten thousand jobs have left
+            table = table.take(arrow(numbers.argsort(kind="stable"), pa.int64()))
+        joined.append(table.combine_chunks())
     return JobTables(*joined)
 
 
