@@ -3,7 +3,7 @@
 import time
 
 from cmacexp.commands.command import Arguments, Parser
-from cmacexp.errors import CmacexpError, require
+from cmacexp.errors import CmacexpError, require_name
 from cmacexp.terminal.output import print_line, show_activity
 
 FORMS = {
@@ -21,7 +21,7 @@ MANY = 10**6
 
 def _warm(arguments: Arguments) -> None:
     for name in arguments.forms:
-        require(name in FORMS, "FORM", name, f"choose from {', '.join(FORMS)}")
+        require_name("FORM", name, FORMS)
     from cmacexp.engine.chunk import run_chunk
 
     for name in arguments.forms or FORMS:

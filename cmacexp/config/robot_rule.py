@@ -15,7 +15,7 @@ from cmacexp.config.component import find_option
 from cmacexp.config.fields import listed, read_fields
 from cmacexp.config.gait import PATTERNS, GaitPattern
 from cmacexp.config.machine import RobotModel, ask_for_robot, read_model
-from cmacexp.errors import BadInput, require
+from cmacexp.errors import BadInput, require, require_name
 from cmacexp.models.lead import discretise
 from cmacexp.models.loop_delay import LoopDelay, add_delays
 from cmacexp.models.robot_gains import (
@@ -56,7 +56,7 @@ def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
     if name in STRIDE:
         return STRIDE[name](_root_)
     names = (*PERIODS, *STRIDE, *Basis._fields, *Gains._fields, *DriveGains._fields)
-    require(name in names, "${rule:...}", name, f"choose from {', '.join(names)}")
+    require_name("${rule:...}", name, names)
     robot = read_model(read_machine(_root_))
     basis = derive_basis(robot)
     if name in PERIODS:

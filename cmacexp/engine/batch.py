@@ -17,7 +17,7 @@ from cmacexp.engine.chunk import RunEnd, run_chunk
 from cmacexp.engine.equal_results import find_idle_keys
 from cmacexp.engine.pool import choose_size, count_processes, group_runs, start_workers
 from cmacexp.engine.sweep_tables import concat_metrics, join_runs, make_column, make_table, parse_overrides
-from cmacexp.errors import BadInput, OtherModel, WithoutEffect
+from cmacexp.errors import BadInput, OtherModel, WithoutEffect, require_name
 from cmacexp.terminal.output import print_line
 
 if TYPE_CHECKING:
@@ -92,8 +92,7 @@ def _list_runs(runs: Iterable[Sequence[str]]) -> list[list[str]]:
 
 def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | None, most: int) -> Iterator[pa.Table]:
     """The table of :func:`run_many`, of so many runs at a time; warnings are in the name of the caller's caller."""
-    if keep not in KEPT:
-        raise BadInput("keep", keep, f"choose from {', '.join(KEPT)}")
+    require_name("keep", keep, KEPT)
     count = count_processes(processes)
     size, settings = choose_size(len(runs), count), parse_overrides(runs)
     known = make_table([{"run": number, **own} for number, own in enumerate(settings)])

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from cmacexp.config.cmac import CmacConfig
 from cmacexp.config.component import config_class, current_folder_importable, find_class
 from cmacexp.config.schema import LearningConfig
-from cmacexp.errors import require
+from cmacexp.errors import require, require_name
 from cmacexp.feedforward import IterativeLearning, RadialBasis
 from cmacexp.feedforward.network import BuiltInFeedforward
 from pipelines.worlds import FIRST_TUNING, draw_world
@@ -220,7 +220,7 @@ def choose_names(option: str, names: str | None, known: Collection[str]) -> list
     """Names of an option of the command line as they are ``known``, all of them for None; raises BadInput."""
     wanted = [*known] if names is None else [RENAMED.get(slug(name), slug(name)) for name in names.split(",")]
     for name in wanted:
-        require(name in known, option, name, f"choose from {', '.join(known)}")
+        require_name(option, name, known)
     return wanted
 
 
