@@ -7,7 +7,7 @@ from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
 from cmacexp.commands.study import FOLDER, Options
 from cmacexp.commands.study import main as run_study
 from cmacexp.data.tables import read_table
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.study.provenance import STAGES_FILE, list_stages
 from cmacexp.study.study_file import YAML
 from pipelines.benchmark import log_track, summary
@@ -52,7 +52,7 @@ def write_docs() -> None:
 
 
 def print_status(witnesses: bool) -> None:
-    """Print whether what each study gave is what its code gives today.
+    """Print whether what each study gave is what its code gives today, then the stages of those with a report here.
 
     If asked for, the witnesses of every changed study are run again first, and results.json notes whose values are
     the same.
@@ -68,10 +68,6 @@ def print_status(witnesses: bool) -> None:
         changed = f": {', '.join(reasons[:SHOWN_FILES])}{more}" if reasons else ""
         same = f" (its witnesses gave the same values on {confirmed}); changed" if confirmed else ""
         print(f"{file.name:24} {date:10} {state}{same}{changed}")
-
-
-def print_stages() -> None:
-    """Print the stages of every study that has a full report here: what of them is current, and why not."""
     for file in all_studies():
         if (FOLDER / file.name / STAGES_FILE).is_file():
             requests = Options().expand(file.study.runs(False))
@@ -91,21 +87,20 @@ def _run(arguments: Arguments) -> None:
         write_docs()
     elif arguments.what == STATUS:
         print_status(arguments.witnesses)
-        print_stages()
     else:
         for name, group in GROUPS.items():
             print(f"python -m pipelines.{name}\n    {group.title}: {group.question}\n    {', '.join(group.studies)}")
         for file in every_study()[:-1]:
             print(f"python -m pipelines.{file.name}\n    {file.study.title}: {file.study.question}")
-        if arguments.what is not None:
-            raise BadInput("study", arguments.what, "no such study; choose one of this list")
+        require(arguments.what is None, "study", arguments.what, "no such study; choose one of this list")
 
 
 def main() -> int:
     """Run a study, a group or the benchmark; print all, or their state; or renew documents; the exit code."""
     word = sys.argv[1] if len(sys.argv) > 1 else ""
-    path = Path(word) if Path(word).suffix in (".py", *YAML) else find_study(word)
-    if path is None and word not in (BENCHMARK, *GROUPS):
+    if Path(word).suffix in (".py", *YAML):
+        run_study()
+    if (path := find_study(word)) is None and word not in (BENCHMARK, *GROUPS):
         return Parser("pipelines", "List the studies.", OPTIONS).run(_run)
     del sys.argv[1]
     if path is not None:

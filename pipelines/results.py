@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import cmacexp
 from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import RobotMachine, read_model
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.models.robot_file import package_models
 from cmacexp.study.page import CLAIMS, count_verdicts
 from cmacexp.study.provenance import PROVENANCE, digest_package, digest_source, list_changed, make_witness
@@ -41,6 +41,8 @@ PAGES = (README, *sorted(DOCS.glob("*.md")))
 """What may quote the studies."""
 BLOCKS = PIPELINES / "readme_blocks"
 """A file of Markdown with quotes for each section of its name."""
+FIRST_RUN = re.compile(r"python -m cmacexp (.*)\n```\n\n.*\n\n```text\n((?:.*\n)*?.*)\n```")
+"""In the README: the overrides of a run, and the table that it prints."""
 QUOTE = re.compile(r'\{\{ (quote|interval|measured|size|verdict|sentence)\("(\w+)\.([^"]+)"(?:, (\d+))?\) \}\}')
 NOT_MEASURED = "not measured yet"
 CURRENT, EQUAL, CHANGED, NEVER = "current", "equal", "changed", "never run"
@@ -171,8 +173,7 @@ def _read(path: Path) -> Any:
 
 def read_results() -> PublishedResults:
     """The results of the checkout; raises BadInput if this is none."""
-    if not RESULTS_FILE.is_file():
-        raise BadInput("results", RESULTS_FILE, "does not exist; run it from a checkout")
+    require(RESULTS_FILE.is_file(), "results", RESULTS_FILE, "does not exist; run it from a checkout")
     return PublishedResults(_read(RESULTS_FILE))
 
 
@@ -264,18 +265,17 @@ def count_claims(results: Quotable) -> str:
     return count_verdicts([entry["verdict"] for entry in entries if entry])
 
 
-def find_section(text: str, heading: str) -> str:
-    """What stands below a heading of the README, up to the next one."""
-    return text.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
-
-
 def make_section(path: Path, statements: Quotable) -> str:
     """A section with its quotes filled in."""
     return fill_quotes(path.read_text(encoding="utf-8"), statements).replace("{{ count }}", count_claims(statements))
 
 
 def renew_readme(text: str, statements: Quotable) -> str:
-    """The README with its sections made anew."""
+    """The README with its sections, and the table of its first run, made anew."""
     for path in sorted(BLOCKS.glob("*.md")):
-        text = text.replace(find_section(text, path.stem), make_section(path, statements))
-    return text
+        section = text.partition(f"\n## {path.stem}\n")[2].partition("\n## ")[0]
+        text = text.replace(section, make_section(path, statements))
+    ((overrides, table),) = FIRST_RUN.findall(text)
+    with TemporaryDirectory() as folder:
+        run = cmacexp.run(overrides.split(), Path(folder, "run"))
+    return text.replace(table, str(run).partition("\n")[2])

@@ -10,7 +10,6 @@ from support.pages import PAGES
 from cmacexp.study import Criterion, Finding, at_most
 from pipelines import results as quotes
 from pipelines.results import (
-    BLOCKS,
     CHANGED,
     CURRENT,
     NEVER,
@@ -21,9 +20,8 @@ from pipelines.results import (
     fill_quotes,
     find_entry,
     find_outdated,
-    find_section,
-    make_section,
     read_results,
+    renew_readme,
 )
 
 RESULTS = read_results()
@@ -106,11 +104,10 @@ def test_a_sentence_for_another_verdict_and_one_that_is_gone_are_found(statement
 
 @pytest.mark.ci
 def test_sentences_and_blocks_of_pages_are_what_the_studies_found():
-    """``python -m pipelines --write-docs`` renews the blocks."""
+    """``python -m pipelines --write-docs`` renews the README."""
     texts = {path.name: path.read_text() for path in PAGES.values()}
     assert not list(find_outdated(RESULTS.sentences, texts, RESULTS.statements))
-    for path in BLOCKS.glob("*.md"):
-        assert find_section(texts["README.md"], path.stem) == make_section(path, RESULTS.statements)
+    assert renew_readme(texts["README.md"], RESULTS.statements) == texts["README.md"]
 
 
 @pytest.mark.ci

@@ -27,8 +27,8 @@ def environment(**changes: str) -> dict[str, str]:
 
 
 def call(name: str, *words: object, folder: Path | None = None) -> subprocess.CompletedProcess:
-    """The command of ``cmacexp.commands.NAME`` (``main`` runs a scenario) in this process: exit code and output."""
-    command = importlib.import_module(f"cmacexp.commands.{name}")
+    """A command in this process, ``pipelines`` or ``cmacexp.commands.NAME`` (``main`` runs one): its output."""
+    command = importlib.import_module("pipelines.__main__" if name == "pipelines" else f"cmacexp.commands.{name}")
     output, errors, code = io.StringIO(), io.StringIO(), 0
     arguments = [f"cmacexp.{name}", *map(str, words)]
     with (
