@@ -5,14 +5,10 @@ import re
 from collections.abc import Sequence
 from shlex import quote
 
-from hydra import compose, initialize_config_dir
-from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
-from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from cmacexp.config.component import config_folder
 from cmacexp.config.fields import listed
 from cmacexp.config.robot_rule import find_mistake
 from cmacexp.errors import format_install_command, format_value, suggest
@@ -48,30 +44,19 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
     if not isinstance(error, COMPOSITION_ERRORS):
         return f"a group takes the name of an option (cmac=one_leg), a field takes a value (cmac.layers=8): {text}"
     if isinstance(cause, OmegaConfBaseException) and "not in" in str(cause):
-        key = str(cause.full_key or "")
-        if key and not key.startswith("hydra"):
-            return _explain_key(key, overrides)
+        if not (cause.full_key or "hydra").startswith("hydra"):
+            return _explain_key(cause, overrides)
     reason = str(cause).splitlines()[0] if str(cause or "") else ""
     return text if reason in text else f"{text} ({reason})"
 
 
-def _explain_key(key: str, overrides: Sequence[str]) -> str:
-    """Which keys exist where ``key`` does not, with the valid choices of options among ``overrides``."""
-    GlobalHydra.instance().clear()
-    valid = [text for text in overrides if (config_folder() / f"{text.replace('=', '/', 1)}.yaml").is_file()]
-    with initialize_config_dir(str(config_folder()), version_base="1.3"):
-        node = compose("config", valid)
-    parent, wrong = "", key
-    while isinstance(node, DictConfig):
-        name, _, rest = wrong.partition(".")
-        if name not in node:
-            break
-        node, parent, wrong = OmegaConf.select(node, name), f"{parent}.{name}".lstrip("."), rest
-    if not isinstance(node, DictConfig):
+def _explain_key(error: OmegaConfBaseException, overrides: Sequence[str]) -> str:
+    """Which keys exist where the one of an error does not, which OmegaConf names together with its group."""
+    key = str(error.full_key)
+    parent, names = key.rpartition(".")[0], [str(name) for name in error.parent_node or () if name != "hydra"]
+    if not names:
         return f"{key}: no such key; {parent} is a value, not a group"
     if any(text.startswith(f"{parent}._target_=") for text in overrides):
         return f"{key}: the option of conf/{parent} has no such field; add one of a custom class: +{key}=VALUE"
-    names = [str(name) for name in node]
-    prefix = f"{parent}." if parent else ""
-    suggestion = suggest(wrong.split(".")[0], names, prefix)
+    suggestion = suggest(str(error.key), names, f"{parent}." if parent else "")
     return f"{key}: no such key; {parent or 'the config'} has {listed(names)}{suggestion}"

@@ -17,8 +17,9 @@ from cmacexp.typing import Array, Clock, Mask
 
 STEPS, FORCE, LONGITUDINAL, LATERAL = range(4)
 """Sums over a cycle: steps; forces of the feet and their moments about the body's centre, N and N m."""
-FEET, X, Y, XX, XY, YY, DEPTH, X_DEPTH, Y_DEPTH = range(4, 13)
-"""Sums over the feet that pressed: their number, places, m, and depths of the ground below the body's centre, m."""
+FEET = 4
+"""First of the sums over the feet that pressed: their number; x, y, xx, xy, yy of their places; depth, x depth, y depth
+of the ground below the body's centre; m, m^2."""
 SUMS = 13
 LEAST_SPREAD = 1e-6
 """Of the places of the feet, as a variance, below which they span no plane, m^2."""
@@ -31,7 +32,7 @@ class LoadMeter(NamedTuple):
     stiffness: float
     """K_n that the controller assumes, N/m."""
     sums: Clock
-    """(13,): in the order and units of STEPS to Y_DEPTH."""
+    """(13,): in the order and units of STEPS to FEET."""
 
 
 def new_load_meter(config: Config, mechanism: Mechanism) -> LoadMeter | None:
@@ -60,27 +61,15 @@ def accumulate_load(meter: LoadMeter | None, support: Mask, observation: Observa
         sums[LATERAL] += force * y
         if support[i] and force > 0.0:
             depth = foot[1] - force / meter.stiffness + pitch * x - roll * y
-            sums[FEET] += 1.0
-            sums[X] += x
-            sums[Y] += y
-            sums[XX] += x * x
-            sums[XY] += x * y
-            sums[YY] += y * y
-            sums[DEPTH] += depth
-            sums[X_DEPTH] += x * depth
-            sums[Y_DEPTH] += y * depth
+            for n, value in enumerate((1.0, x, y, x * x, x * y, y * y, depth, x * depth, y * depth)):
+                sums[FEET + n] += value
 
 
 def _find_slopes(sums: Array) -> tuple[float, float]:
     """Slopes of the least-squares plane through the feet, forward and to the left, m/m; 0 where they span none."""
-    count = max(1.0, sums[FEET])
-    x = sums[X] / count
-    y = sums[Y] / count
-    depth = sums[DEPTH] / count
-    xx = sums[XX] / count - x * x
-    xy = sums[XY] / count - x * y
-    yy = sums[YY] / count - y * y
-    longitudinal, lateral = sums[X_DEPTH] / count - x * depth, sums[Y_DEPTH] / count - y * depth
+    x, y, xx, xy, yy, depth, x_depth, y_depth = sums[FEET + 1 :] / max(1.0, sums[FEET])
+    xx, xy, yy = xx - x * x, xy - x * y, yy - y * y
+    longitudinal, lateral = x_depth - x * depth, y_depth - y * depth
     size = xx * yy - xy * xy
     if size < LEAST_SPREAD**2:
         return 0.0, 0.0

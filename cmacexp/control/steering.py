@@ -120,35 +120,26 @@ def steer(steering: Steering | None, travel: Array | None, step: int, sample: in
 
 
 @kernel
-def scale_longitudinal(steering: Steering | None, hips: Array, i: int) -> float:
-    """Factor of the planned x of foot ``i``; ``hips`` (L, 2), m."""
-    if steering is None:
-        return 1.0
-    return 1.0 + steering.command[LONGITUDINAL] - steering.command[TURN] * hips[i, 1] / steering.radius
-
-
-@kernel
-def scale_lateral(steering: Steering | None, hips: Array, i: int) -> float:
-    """Share of its planned x that is added to the planned z of foot ``i``; ``hips`` (L, 2), m."""
-    if steering is None:
-        return 0.0
-    return steering.command[LATERAL] + steering.command[TURN] * hips[i, 0] / steering.radius
-
-
-@kernel
 def steer_longitudinal(
     steering: Steering | None, hips: Array, i: int, reference: ControlReference
 ) -> tuple[float, float]:
     """x, m, and vx, m/s, of foot ``i`` in the ``reference`` of a step; ``hips`` (L, 2), m."""
-    scale = scale_longitudinal(steering, hips, i)
+    scale = 1.0
+    if steering is not None:
+        scale = 1.0 + steering.command[LONGITUDINAL] - steering.command[TURN] * hips[i, 1] / steering.radius
     return scale * reference.position[i, X], scale * reference.velocity[i, X]
 
 
 @kernel
 def steer_lateral(steering: Steering | None, hips: Array, i: int, reference: ControlReference) -> tuple[float, float]:
-    """z, m, and vz, m/s, of foot ``i`` likewise, where feet move in space; ``hips`` (L, 2), m."""
-    scale = scale_lateral(steering, hips, i)
-    offset = 0.0 if steering is None else steering.offset[i]
+    """z, m, and vz, m/s, of foot ``i`` likewise, where feet move in space; ``hips`` (L, 2), m.
+
+    A share of the planned x is added to z.
+    """
+    scale = offset = 0.0
+    if steering is not None:
+        scale = steering.command[LATERAL] + steering.command[TURN] * hips[i, 0] / steering.radius
+        offset = steering.offset[i]
     return (
         reference.position[i, Z] + scale * reference.position[i, X] + offset,
         reference.velocity[i, Z] + scale * reference.velocity[i, X],

@@ -15,9 +15,9 @@ from cmacexp.control.steering import (
     TURN,
     Steering,
     new_steering,
-    scale_lateral,
-    scale_longitudinal,
     steer,
+    steer_lateral,
+    steer_longitudinal,
 )  # fmt: skip
 
 SUPPORT = np.array([True, False, False, True])
@@ -55,10 +55,12 @@ def test_a_turning_body_moves_its_feet_round_its_centre():
     steering, hips = make_steering(), np.array([[0.2, 0.15], [-0.2, -0.15]])
     steering.command[TURN] = 0.05
     rate, vx = 0.05 * 0.5 / 0.25, -0.5  # of the body, and of a foot that supports
+    reference = SimpleNamespace(position=np.ones((2, 3)), velocity=np.array(2 * [[vx, 0.0, 0.0]]))
     for i, (x, y) in enumerate(hips):
-        assert vx * scale_longitudinal(steering, hips, i) == pytest.approx(vx + rate * y)
-        assert vx * scale_lateral(steering, hips, i) == pytest.approx(-rate * x)
-    assert (scale_longitudinal(None, hips, 0), scale_lateral(None, hips, 0)) == (1.0, 0.0)
+        assert steer_longitudinal(steering, hips, i, reference)[1] == pytest.approx(vx + rate * y)
+        assert steer_lateral(steering, hips, i, reference)[1] == pytest.approx(-rate * x)
+    assert steer_longitudinal(None, hips, 0, reference) == (1.0, vx)
+    assert steer_lateral(None, hips, 0, reference) == (1.0, 0.0)
 
 
 @pytest.mark.parametrize(
