@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
 from cmacexp.gap.identify import Problem
 from cmacexp.gap.log import KEY, Log
 from cmacexp.gap.machine import Machine
@@ -55,113 +55,130 @@ ON_LATTICE = 0.6
 
 def check_log(log: Log, machine: Machine) -> None:
     """Check a log by itself and against the limits of a model; raises BadInput for the first fault."""
-    for fault in _find(log, machine):
-        raise BadInput(KEY, log.path, fault)
-
-
-def _find(log: Log, machine: Machine) -> Iterator[str]:
-    if len(log.time) < LEAST_ROWS:
-        yield f"has {len(log.time)} rows, fewer than {LEAST_ROWS}: too short to identify anything"
-    found = {key: getattr(log, key) for key in ("time", "orientation", "angle", "command", "torque")}
-    for quantity, values in ((key, own) for key, own in found.items() if own is not None):
-        for place in map(tuple, np.argwhere(~np.isfinite(values)).tolist()):
+    rows = len(log.time)
+    require(
+        rows >= LEAST_ROWS, KEY, log.path, f"has {rows} rows, fewer than {LEAST_ROWS}: too short to identify anything"
+    )
+    for quantity in ("time", "orientation", "angle", "command", "torque"):
+        values = getattr(log, quantity)
+        for place in () if values is None else map(tuple, np.argwhere(~np.isfinite(values)).tolist()):
             name = quantity if quantity in ("time", "orientation") else log.column(quantity, place[1])
-            yield f"column {name} is {values[place]} in row {place[0]}: fill or cut such rows"
+            raise refuse(log, f"column {name} is {values[place]} in row {place[0]}: fill or cut such rows")
     if log.orientation is not None:
         norms = np.linalg.norm(log.orientation, axis=1)
         for row in np.flatnonzero(np.abs(norms - 1.0) > NORM_ERROR):
-            yield f"orientation has the norm {norms[row]:.3g} in row {row}: must be 1"
-    yield from _find_in_time(log)
+            raise refuse(log, f"orientation has the norm {norms[row]:.3g} in row {row}: must be 1")
+    _check_time(log)
     if log.command is not None:
-        yield from _find_in_pairs(log, log.command)
-    yield from _find_in_angles(log, machine)
+        _check_pairs(log, log.command)
+    for j in range(len(log.joints)):
+        _check_angle(log, machine, j)
+    _check_lost_rows(log)
     if log.torque is not None and log.command is not None and np.isfinite(log.kp).all():
-        yield from _find_in_torque(log, log.torque)
+        _check_torque(log, log.torque)
 
 
-def _find_in_time(log: Log) -> Iterator[str]:
+def refuse(log: Log, fault: str) -> BadInput:
+    """The mistake of a log with a fault."""
+    return BadInput(KEY, log.path, fault)
+
+
+def _check_time(log: Log) -> None:
     steps, period = np.diff(log.time), log.period
     for before in np.flatnonzero(steps <= 0.0):
         what = "repeats the time of" if steps[before] == 0.0 else "is earlier than"
-        yield f"row {before + 1} {what} the row before it: sort the rows and remove those written twice"
-    if not RATES[0] <= 1.0 / period <= RATES[1]:
-        yield f"has {1.0 / period:.3g} rows a second, which robots do not have: say the unit of time, --units time=ms"
+        raise refuse(log, f"row {before + 1} {what} the row before it: sort the rows and remove those written twice")
+    require(
+        RATES[0] <= 1.0 / period <= RATES[1],
+        KEY,
+        log.path,
+        f"has {1.0 / period:.3g} rows a second, which robots do not have: say the unit of time, --units time=ms",
+    )
     for before in np.flatnonzero(steps > GAP * period):
-        yield (
+        raise refuse(
+            log,
             f"lacks rows before row {before + 1} (t = {log.time[before + 1]:.3f} s): "
-            f"{1e3 * steps[before]:.1f} ms instead of {1e3 * period:.1f} ms; cut the log there"
+            f"{1e3 * steps[before]:.1f} ms instead of {1e3 * period:.1f} ms; cut the log there",
         )
 
 
-def _find_in_pairs(log: Log, command: Array) -> Iterator[str]:
+def _check_pairs(log: Log, command: Array) -> None:
     """Measured beside commanded angles: units, signs, order."""
     span, centred = np.ptp(command, axis=0), command - command.mean(axis=0)
     names, others = ([log.column(each, j) for j in range(len(span))] for each in ("angle", "command"))
-    if np.sqrt(((log.angle - command) ** 2).mean()) < 1e-4 * max(span.max(), 1e-9):
-        yield f"column {names[0]} and others hold the commands, not measured angles"
+    require(
+        np.sqrt(((log.angle - command) ** 2).mean()) >= 1e-4 * max(span.max(), 1e-9),
+        KEY,
+        log.path,
+        f"column {names[0]} and others hold the commands, not measured angles",
+    )
     products = (centred * log.angle).sum(axis=0)
     slopes = np.divide(products, (centred**2).sum(axis=0), out=np.ones_like(span), where=span > LEAST_RANGE)
     for j in np.flatnonzero((slopes < SLOPES[0]) | (slopes > SLOPES[1])):
-        if np.ptp(log.angle[:, j]) < 0.05 * span[j]:
-            yield (
-                f"column {names[j]} does not move while {others[j]} moves "
-                f"{span[j]:.3g} rad: a frozen encoder or another joint"
-            )
-        elif slopes[j] < 0.0:
-            yield (
-                f"column {names[j]} moves against {others[j]} (slope {slopes[j]:.2f}): "
-                "its sign or its joint is another"
-            )
-        else:
-            in_degrees = abs(abs(np.log(slopes[j])) - np.log(180.0 / np.pi)) < 0.4
-            hint = "one of them is in degrees, --units" if in_degrees else "units or joints differ"
-            yield f"column {names[j]} moves {slopes[j]:.3g} times as far as {others[j]}: {hint}"
+        raise refuse(log, _explain_slope(names[j], others[j], slopes[j], span[j], np.ptp(log.angle[:, j])))
     apart = np.abs(np.median(log.angle - command, axis=0))
     for j in np.flatnonzero(apart > np.maximum(MOST_APART[0], MOST_APART[1] * span)):
-        yield f"column {names[j]} is {apart[j]:.2g} rad apart from {others[j]} in the median: their zeros differ"
+        raise refuse(
+            log, f"column {names[j]} is {apart[j]:.2g} rad apart from {others[j]} in the median: their zeros differ"
+        )
     distance = np.sqrt(((log.angle[:, :, None] - command[:, None, :]) ** 2).mean(axis=0))
     for a, b in enumerate(distance.argmin(axis=1)):
-        if distance[a, b] < NEARER * distance[a, a] and distance[b, a] < NEARER * distance[b, b]:
-            yield f"columns {names[a]} and {names[b]} seem to be exchanged: each follows the command of the other"
-        elif distance[a, b] < 0.3 * distance[a, a]:
-            yield f"column {names[a]} follows {others[b]} and not {others[a]}"
+        require(
+            distance[a, b] >= NEARER * distance[a, a] or distance[b, a] >= NEARER * distance[b, b],
+            KEY,
+            log.path,
+            f"columns {names[a]} and {names[b]} seem to be exchanged: each follows the command of the other",
+        )
+        is_own = distance[a, b] >= 0.3 * distance[a, a]
+        require(is_own, KEY, log.path, f"column {names[a]} follows {others[b]} and not {others[a]}")
 
 
-def _find_in_angles(log: Log, machine: Machine) -> Iterator[str]:
-    speeds = differentiate(log.angle, log.period)
-    moving = np.abs(speeds) > 0.1 * np.sqrt((speeds**2).mean(axis=0))
-    for j, joint in enumerate(log.joints):
-        name, values = log.column("angle", j), log.angle[:, j]
-        low, high = machine.ranges[j]
-        span, turns = np.ptp(values), np.count_nonzero(np.diff(np.sign(speeds[moving[:, j], j])))
-        if values.min() < low - BEYOND or values.max() > high + BEYOND:
-            inside = low - BEYOND <= values.min() * np.pi / 180.0 and values.max() * np.pi / 180.0 <= high + BEYOND
-            hint = (
-                "it looks like degrees: --units angle=deg,command=deg"
-                if inside and span > 3.0
-                else "check its unit, zero and joint"
-            )
-            yield (
-                f"column {name} reaches from {values.min():.3g} to {values.max():.3g} rad, "
-                f"{machine.joints[j]} of the model from {low:.3g} to {high:.3g}: {hint}"
-            )
-        yield from _find_stops(log, j)
-        bend = np.abs(np.diff(values, 2))
-        if bend.max() > max(SPIKE * np.percentile(bend, 99.0), 0.02 * span, 1e-6):
-            row = int(bend.argmax()) + 1
-            yield (
-                f"column {name} jumps at row {row} (t = {log.time[row]:.3f} "
-                "s): an outlier, or the log was joined there"
-            )
-        if span < LEAST_RANGE or turns < LEAST_TURNS:
-            yield (
-                f"joint {joint} moves {span:.2g} rad and turns {turns} times, which identifies neither its "
-                f"friction nor its inertia: move it, or --leave-out {joint}"
-            )
-    yield from _find_lost_rows(log)
+def _explain_slope(name: str, command: str, slope: float, span: float, moved: float) -> str:
+    """Why measured angles, which ``moved`` over so many rad, have that ``slope`` over commands with that ``span``."""
+    if moved < 0.05 * span:
+        return f"column {name} does not move while {command} moves {span:.3g} rad: a frozen encoder or another joint"
+    if slope < 0.0:
+        return f"column {name} moves against {command} (slope {slope:.2f}): its sign or its joint is another"
+    in_degrees = abs(abs(np.log(slope)) - np.log(180.0 / np.pi)) < 0.4
+    hint = "one of them is in degrees, --units" if in_degrees else "units or joints differ"
+    return f"column {name} moves {slope:.3g} times as far as {command}: {hint}"
 
 
-def _find_stops(log: Log, j: int) -> Iterator[str]:
+def _check_angle(log: Log, machine: Machine, j: int) -> None:
+    """One joint: its unit and zero, stops, jumps, and whether it moves enough."""
+    joint, name, values, (low, high) = log.joints[j], log.column("angle", j), log.angle[:, j], machine.ranges[j]
+    speed = differentiate(values[:, None], log.period)[:, 0]
+    moving = speed[np.abs(speed) > 0.1 * np.sqrt((speed**2).mean())]
+    span, turns = np.ptp(values), np.count_nonzero(np.diff(np.sign(moving)))
+    least, most = low - BEYOND, high + BEYOND
+    in_degrees = least <= values.min() * np.pi / 180.0 and values.max() * np.pi / 180.0 <= most and span > 3.0
+    hint = "it looks like degrees: --units angle=deg,command=deg" if in_degrees else "check its unit, zero and joint"
+    require(
+        least <= values.min() and values.max() <= most,
+        KEY,
+        log.path,
+        f"column {name} reaches from {values.min():.3g} to {values.max():.3g} rad, "
+        f"{machine.joints[j]} of the model from {low:.3g} to {high:.3g}: {hint}",
+    )
+    _check_stops(log, j)
+    bend = np.abs(np.diff(values, 2))
+    row = int(bend.argmax()) + 1
+    require(
+        bend.max() <= max(SPIKE * np.percentile(bend, 99.0), 0.02 * span, 1e-6),
+        KEY,
+        log.path,
+        f"column {name} jumps at row {row} (t = {log.time[row]:.3f} s): an outlier, or the log was joined there",
+    )
+    require(
+        span >= LEAST_RANGE and turns >= LEAST_TURNS,
+        KEY,
+        log.path,
+        f"joint {joint} moves {span:.2g} rad and turns {turns} times, which identifies neither its "
+        f"friction nor its inertia: move it, or --leave-out {joint}",
+    )
+
+
+def _check_stops(log: Log, j: int) -> None:
     """Values that stay exactly the same while the joint is told to move."""
     values, name = log.angle[:, j], log.column("angle", j)
     edges = np.flatnonzero(np.diff(values) != 0.0) + 1
@@ -172,17 +189,20 @@ def _find_stops(log: Log, j: int) -> Iterator[str]:
     for extreme in (values.min(), values.max()):
         clipped = begins[stopped & (values[begins] == extreme)]
         if len(clipped) >= CLIPPED[0]:
-            yield f"column {name} is clipped at {extreme:.4g} rad, {len(clipped)} times, first in row {clipped[0]}"
+            times = f"{len(clipped)} times, first in row {clipped[0]}"
+            raise refuse(log, f"column {name} is clipped at {extreme:.4g} rad, {times}")
     command = values if log.command is None else log.command[:, j]
     for k in np.flatnonzero(ends - begins >= max(3, round(FROZEN[0] / log.period))):
-        if np.ptp(command[begins[k] : ends[k]]) > FROZEN[1] * np.ptp(command):
-            yield (
-                f"column {name} stays at {values[begins[k]]:.4g} from row {begins[k]} "
-                f"to {ends[k] - 1} while its command moves: a frozen encoder"
-            )
+        require(
+            np.ptp(command[begins[k] : ends[k]]) <= FROZEN[1] * np.ptp(command),
+            KEY,
+            log.path,
+            f"column {name} stays at {values[begins[k]]:.4g} from row {begins[k]} "
+            f"to {ends[k] - 1} while its command moves: a frozen encoder",
+        )
 
 
-def _find_lost_rows(log: Log) -> Iterator[str]:
+def _check_lost_rows(log: Log) -> None:
     """A step of all joints together that is several times as long as their speed on both sides of it says."""
     scaled = log.angle / np.maximum(np.ptp(log.angle, axis=0), LEAST_RANGE)
     reach = max(3, round(0.02 / log.period))
@@ -192,21 +212,24 @@ def _find_lost_rows(log: Log) -> Iterator[str]:
     size = (around**2).sum(axis=1)
     fast = size > 0.1 * np.percentile(size, 95.0)
     advance = np.divide((step * around).sum(axis=1), size, out=np.zeros_like(size), where=fast)
-    if advance.max() > max(ADVANCE, 2.0 * np.percentile(advance, 99.0)):  # which is large of a noisy log
-        row = int(place[advance.argmax()]) + 1
-        yield (
-            f"moves {advance.max():.1f} times as far as its speed from row {row - 1} to "
-            f"{row} (t = {log.time[row]:.3f} s): rows were lost and the times written anew"
-        )
+    row = int(place[advance.argmax()]) + 1
+    require(
+        advance.max() <= max(ADVANCE, 2.0 * np.percentile(advance, 99.0)),  # which is large of a noisy log
+        KEY,
+        log.path,
+        f"moves {advance.max():.1f} times as far as its speed from row {row - 1} to "
+        f"{row} (t = {log.time[row]:.3f} s): rows were lost and the times written anew",
+    )
 
 
-def _find_in_torque(log: Log, torque: Array) -> Iterator[str]:
+def _check_torque(log: Log, torque: Array) -> None:
     """Measured torques must be those of the drives."""
     drives = Signals(log).compute_torque(log.angle) + log.feedforward
     a, b = low_pass(torque, log.period), low_pass(drives, log.period)
     slopes = (a * b).sum(axis=0) / np.maximum((b * b).sum(axis=0), 1e-12)
     for j in np.flatnonzero(~((slopes >= 0.75) & (slopes <= 1.3))).tolist():
-        yield f"column {log.column('torque', j)} is {slopes[j]:.3g} times what the gains give: check --kp and --kd"
+        times = f"{slopes[j]:.3g} times what the gains give: check --kp and --kd"
+        raise refuse(log, f"column {log.column('torque', j)} is {times}")
 
 
 def check_against_model(problem: Problem) -> list[str]:
@@ -215,50 +238,44 @@ def check_against_model(problem: Problem) -> list[str]:
     Raises BadInput where commands are shifted in time, gains or signs cannot be right, or nothing fits.
     """
     log, machine = problem.signals.log, problem.machine
-    period, rows = log.period, slice(20, len(log.time) - 20)
-    columns = np.concatenate([problem.rigid[..., None], problem.make_regressors(1)[..., [0, 1, 2, 4]]], axis=-1)
-    filtered = low_pass(columns, period)
-    delays = [0] if log.command is None else range(-round(0.06 / period), round(0.06 / period) + 1)
-    found: list[tuple[float, float, Array, Array, int]] = []
-    for delay in delays:
-        torque = low_pass(Signals(log, delay).torque, period)[rows]
-        left, weights, errors = _solve(filtered[rows], torque)
-        distance = left if log.torque is None else float(np.abs(low_pass(log.torque, period)[rows] - torque).mean())
-        found.append((distance, left, weights, errors, delay))
-    # Where the drives' torque is known their law is compared with that: friction that sticks looks like a delay.
-    _, left, weights, errors, delay = min(found, key=lambda each: each[0])
-
-    def refuse(reason: str) -> BadInput:
-        return BadInput(KEY, log.path, reason)
-
-    if not DELAYS[0] <= delay * period <= DELAYS[1]:
-        raise refuse(
-            f"commands fit best {1e3 * abs(delay * period):.0f} ms "
-            f"{'later' if delay > 0 else 'earlier'} than they are written: their times are shifted, or "
-            "--kp or --kd is wrong"
-        )
+    left, weights, errors, late = _fit_model(problem)
+    require(
+        DELAYS[0] <= late <= DELAYS[1],
+        KEY,
+        log.path,
+        f"commands fit best {1e3 * abs(late):.0f} ms {'later' if late > 0 else 'earlier'} than they are written: "
+        "their times are shifted, or --kp or --kd is wrong",
+    )
     notes = list(_note(log))
     gravity, known = weights[:, 0], errors[:, 0] < 0.3 * np.abs(weights[:, 0])
     for j in np.flatnonzero(known & (gravity < 0.0)):
         raise refuse(
+            log,
             f"torque of {log.joints[j]} grows where the model of {machine.joints[j]} says "
-            f"that it falls (factor {gravity[j]:.2f}): its sign, side or joint is another"
+            f"that it falls (factor {gravity[j]:.2f}): its sign, side or joint is another",
         )
-    if left > MOST_LEFT:
-        raise refuse(
-            f"the model explains its torque only to {100.0 * left:.0f} "
-            "%: order, signs or units of joints, or --robot, are wrong"
-        )
+    require(
+        left <= MOST_LEFT,
+        KEY,
+        log.path,
+        f"the model explains its torque only to {100.0 * left:.0f} %: order, signs or units of joints, or --robot, "
+        "are wrong",
+    )
     too_low = weights[:, 2] + 2.0 * errors[:, 2] < NEGATIVE * log.kd
     for j in np.flatnonzero(too_low & (log.command is not None)):
         raise refuse(
+            log,
             f"viscous friction of {log.joints[j]} comes out as {weights[j, 2]:.2g} "
-            f"N m s/rad, below zero: --kd {log.kd[j]:g} is too large"
+            f"N m s/rad, below zero: --kd {log.kd[j]:g} is too large",
         )
     factor = float(np.average(gravity[known], weights=errors[known, 0] ** -2)) if known.any() else 1.0
     times = f"are {factor:.2f} times those of the rigid bodies of the model:"
-    if not GRAVITY[0] <= factor <= GRAVITY[1]:
-        raise refuse(f"torques {times} gains (--kp), units of torque, or masses are wrong by that")
+    require(
+        GRAVITY[0] <= factor <= GRAVITY[1],
+        KEY,
+        log.path,
+        f"torques {times} gains (--kp), units of torque, or masses are wrong by that",
+    )
     if not 0.8 <= factor <= 1.25:
         notes.append(f"Torques {times} masses, or gains, differ by that.")
     if log.command is not None and (viscous := float(np.median(weights[:, 2]))) > 0.4 * float(log.kd.mean()):
@@ -266,6 +283,26 @@ def check_against_model(problem: Problem) -> list[str]:
             f"Viscous friction is {viscous:.2f} N m s/rad, much beside --kd {log.kd.mean():g}: check that gain."
         )
     return notes
+
+
+def _fit_model(problem: Problem) -> tuple[float, Array, Array, float]:
+    """As :func:`_solve`, with commands delayed by what fits best, and that delay, s.
+
+    Where the drives' torque is known their law is compared with that: friction that sticks looks like a delay.
+    """
+    log, period, rows = problem.signals.log, problem.signals.log.period, slice(20, len(problem.signals.log.time) - 20)
+    columns = np.concatenate([problem.rigid[..., None], problem.make_regressors(1)[..., [0, 1, 2, 4]]], axis=-1)
+    filtered = low_pass(columns, period)[rows]
+    known = None if log.torque is None else low_pass(log.torque, period)[rows]
+    best, least = (0.0, np.zeros(0), np.zeros(0), 0.0), np.inf
+    most = 0 if log.command is None else round(0.06 / period)
+    for delay in range(-most, most + 1):
+        torque = low_pass(Signals(log, delay).torque, period)[rows]
+        found = _solve(filtered, torque)
+        distance = found[0] if known is None else float(np.abs(known - torque).mean())
+        if distance < least:
+            best, least = (*found, delay * period), distance
+    return best
 
 
 def _solve(columns: Array, torque: Array) -> tuple[float, Array, Array]:
