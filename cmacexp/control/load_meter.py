@@ -18,8 +18,8 @@ from cmacexp.typing import Array, Clock, Mask
 STEPS, FORCE, LONGITUDINAL, LATERAL = range(4)
 """Sums over a cycle: steps; forces of the feet and their moments about the body's centre, N and N m."""
 FEET = 4
-"""First of the sums over the feet that pressed: their number; x, y, xx, xy, yy of their places; depth, x depth, y depth
-of the ground below the body's centre; m, m^2."""
+"""First of the sums over the feet that pressed: their number; x, y, xx, xy, yy of their places; depth, x depth,
+y depth of the ground below the body's centre; m, m^2."""
 SUMS = 13
 LEAST_SPREAD = 1e-6
 """Of the places of the feet, as a variance, below which they span no plane, m^2."""

@@ -22,7 +22,7 @@ from cmacexp.report.figures import Panel, draw
 from cmacexp.study.interval import estimate
 from cmacexp.study.quantity import compute_quantity, find_unit, parse_quantity
 from cmacexp.study.results import Measure, NoSuchRuns, Results
-from cmacexp.study.statements import ANY, Claim, Criterion, Finding, Limit
+from cmacexp.study.statements import ANY, Claim, Criterion, Finding, Limit, fill
 from cmacexp.study.study import DataFrame, Figure, Request, Study, grid, starting_from
 from cmacexp.study.views import completed, cross_tabulate, over_cycles, over_setting, tabulate
 
@@ -290,14 +290,7 @@ def _fill(part: str, value: Any, words: Mapping[str, Any]) -> Any:
         return {key: _fill(part, each, words) for key, each in value.items()}
     if isinstance(value, list):
         return [_fill(part, each, words) for each in value]
-    try:
-        return value.format(**words) if isinstance(value, str) else value
-    except (LookupError, ValueError, AttributeError) as error:
-        raise BadInput(
-            part,
-            value,
-            f"may have {', '.join(filter(str.isidentifier, words)) or 'no name'} in braces, or {{{{ and }}}}",
-        ) from error
+    return fill(part, value, words) if isinstance(value, str) else value
 
 
 def _expand(part: str, given: Mapping[str, Any], needs: Collection[str] = ()) -> dict[str, dict[str, Any]]:

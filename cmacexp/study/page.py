@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 from functools import cache, partial
 from pathlib import Path
 from textwrap import wrap
-from typing import Any, NamedTuple
+from typing import Any
 
 import pyarrow as pa
 from markupsafe import Markup
@@ -58,34 +58,22 @@ that no seed and no case changes is marked “deterministic”, which says nothi
 CLAIMS = "claims.json"
 
 
-class EvidenceRow(NamedTuple):
-    """What was measured for one criterion, as readers see it; ``reason`` is that of an infinite value."""
-
-    case: str
-    value: str
-    reason: str
-    interval: str
-    size: str
-    limit: str
-    opposite: str
-    verdict: str
-
-
-Evidence = Mapping[str, Sequence[EvidenceRow]]
-"""The cases of each quantity."""
+Evidence = Mapping[str, Sequence[Mapping[str, str]]]
+"""The cases of each quantity, and of each what was measured, as readers see it: ``case``, ``value``, ``reason`` of an
+infinite value, ``interval``, ``size``, ``limit``, ``opposite``, ``verdict``."""
 
 
 def build_evidence(criteria: Sequence[Criterion], measured: Mapping[str, Any]) -> Evidence:
     """The evidence of a statement, of what was ``MEASURED`` for each criterion."""
-    found: dict[str, list[EvidenceRow]] = {}
+    found: dict[str, list[Mapping[str, str]]] = {}
     for criterion, value, interval, size, verdict in zip(
         criteria, *(measured[name] for name in MEASURED), strict=True
     ):
         reason = criterion.infinite if value == INFINITE else ""
         holds, fails = (criterion.format_limit(each) if each else "" for each in (criterion.holds, criterion.fails))
-        found.setdefault(criterion.quantity, []).append(
-            EvidenceRow(criterion.case, value, reason, interval, size, holds, fails, verdict if holds else "")
-        )
+        row = {"case": criterion.case, "value": value, "reason": reason, "interval": interval, "size": size}
+        row |= {"limit": holds, "opposite": fails, "verdict": verdict if holds else ""}
+        found.setdefault(criterion.quantity, []).append(row)
     return found
 
 
@@ -117,14 +105,15 @@ def format_html(evidence: Evidence) -> str:
 def format_text(statement: str, evidence: Evidence | None = None) -> str:
     """A statement and its evidence in lines of ``TEXT_WIDTH``; limits of the opposite are left out."""
     lines, table = wrap(statement, TEXT_WIDTH, subsequent_indent="  "), evidence or {}
-    cells = [(row.case, row.value, row.interval, row.limit, row.verdict) for rows in table.values() for row in rows]
+    columns = ("case", "value", "interval", "limit", "verdict")
+    cells = [[row[column] for column in columns] for rows in table.values() for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     for quantity, rows in table.items():
         lines += wrap(quantity, TEXT_WIDTH, initial_indent="  ", subsequent_indent="  ")
         for row in rows:
             padded = [cell.ljust(width) for cell, width in zip(cells.pop(0), widths, strict=True) if width]
             lines += wrap((" " * GAP).join(padded), TEXT_WIDTH, initial_indent="    ", subsequent_indent="      ")
-            lines += [f"      {row.value}: {row.reason}"] if row.reason else []
+            lines += [f"      {row['value']}: {row['reason']}"] if row["reason"] else []
     return "\n".join(lines)
 
 
@@ -236,12 +225,11 @@ def make_claims_section(claims: Sequence[StatementResult], folder: Path) -> Sect
 
 def _entry(measured: CriterionResult, folder: Path) -> dict[str, Any]:
     criterion, interval = measured.criterion, measured.interval
-    limits = {"holds": criterion.holds, "fails": criterion.fails}
     return {
         "quantity": criterion.quantity, "case": criterion.case, "value": interval.value, "low": interval.low,
         "high": interval.high, "count": interval.count, "size": interval.size, "method": interval.method,
         "failed": interval.failed, "unpaired": interval.unpaired,
-        **{name: [limit.low, limit.high] for name, limit in limits.items() if limit},
+        **{name: [limit.low, limit.high] for name in ("holds", "fails") if (limit := getattr(criterion, name))},
         "verdict": measured.verdict, "shown": measured.value, "spread": measured.spread,
         "runs": [relative(Path(run), folder) for run in measured.runs],
     }  # fmt: skip

@@ -68,11 +68,6 @@ class Results:
         return len(self.rows)
 
     @property
-    def folders(self) -> list[Path]:
-        """The folders of the runs."""
-        return [row.run.folder for row in self.rows]
-
-    @property
     def has_one_seed(self) -> bool:
         """Whether runs that are to be repeated for other seeds were not."""
         return len({row.settings.get("seed") for row in self.rows if row.seeded}) == 1

@@ -191,7 +191,7 @@ def _measure(criterion: Criterion, results: Results) -> CriterionResult:
         interval = replace(UNKNOWN, count=len(chosen))
     except NoSuchRuns as error:
         raise BadInput("quantity", criterion.quantity, str(error)) from error
-    return CriterionResult(criterion, interval, [str(folder) for folder in chosen.folders])
+    return CriterionResult(criterion, interval, [str(row.run.folder) for row in chosen.rows])
 
 
 class Judged:
@@ -234,8 +234,13 @@ class Claim(Judged):
         return f"“{self.words}” ({self.where}): {verdict}."
 
 
-def _fill(wording: str, values: Sequence[str]) -> str:
-    return wording.format(value=values[0], values=values)
+def fill(part: str, text: str, words: Mapping[str, Any]) -> str:
+    """A text of a ``part`` of a study with its names in braces replaced; raises BadInput for one that is no word."""
+    try:
+        return text.format(**words)
+    except (LookupError, ValueError, AttributeError) as error:
+        names = ", ".join(filter(str.isidentifier, words)) or "no name"
+        raise BadInput(part, text, f"may have {names} in braces, or {{{{ and }}}}") from error
 
 
 @dataclass(frozen=True)
@@ -265,12 +270,7 @@ class Finding(Judged):
         decides = self.yes or any(each.holds != ANY for each in self.criteria)
         require(decides, "finding", self.says, "has no criterion with a limit: nothing would decide it")
         for wording in (self.yes, self.no, self.unclear):  # also those of outcomes that rarely occur
-            try:
-                _fill(wording, [""] * len(self.criteria))
-            except (LookupError, ValueError, AttributeError) as error:
-                allowed = f"{{value}} and {{values[0]}} to {{values[{len(self.criteria) - 1}]}}"
-                message = f"has a name in braces that is none of the values: use {allowed}; {{{{ and }}}} give braces"
-                raise BadInput("finding", wording, message) from error
+            fill("finding", wording, {"value": "", "values": [""] * len(self.criteria)})
 
     def decide(self, found: Collection[str]) -> str:
         """``yes``, ``no`` or ``unclear``, from the different verdicts on criteria that are not beside others."""
@@ -285,16 +285,16 @@ class Finding(Judged):
         if self.yes:
             wordings = {YES: self.yes, NO: self.no, UNCLEAR: self.unclear or UNDECIDED.format(self.yes)}
             pairs = zip(self.criteria, values, strict=True)
-            return _fill(wordings[verdict], [f"{v} ({each.infinite})" if v == INFINITE else v for each, v in pairs])
-        quantities: dict[str, list[str]] = {}
+            shown = [f"{v} ({each.infinite})" if v == INFINITE else v for each, v in pairs]
+            return fill("finding", wordings[verdict], {"value": shown[0], "values": shown})
+        quantities: dict[tuple[str, str], list[str]] = {}
         for each, value, spread, size in zip(self.criteria, values, spreads, sizes, strict=True):
             if each.holds != ANY:
                 reason = f" ({each.infinite})" if value == INFINITE else ""
-                shown = f"{each.case}{': ' if each.case else ''}{value}{reason} [{spread}], n = {size}"
-                quantities.setdefault(f"{each.quantity}|{each.format_limit(each.holds)}", []).append(shown)
+                measured = f"{each.case}{': ' if each.case else ''}{value}{reason} [{spread}], n = {size}"
+                quantities.setdefault((each.quantity, each.format_limit(each.holds)), []).append(measured)
         parts = []
-        for key, found in quantities.items():
-            quantity, _, limit = key.rpartition("|")
+        for (quantity, limit), found in quantities.items():
             listed = "; ".join(found) if len(found) <= MOST_SHOWN else f"{len(found)} values"
             named = "" if self.says and len(quantities) == 1 else f"{quantity}: "
             parts.append(f"{named}{listed}; limit {limit}")
