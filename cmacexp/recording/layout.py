@@ -1,24 +1,29 @@
 """The layout of the viewer: views of machines, plots with room for numbers and legends, what colours mean."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from fnmatch import fnmatch
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
+from cmacexp.config.machine import LEG_NAMES
 from cmacexp.recording.run_view import RunView
 from cmacexp.recording.scene import EYES, FIGURE, FORCE_LENGTH, LOWEST_NUMBER, MESHES, MM, name_eye
-from cmacexp.recording.series import EVENTS, SERIES, collect_series, name_component
+from cmacexp.recording.series import EVENTS, SERIES, list_plots, name_component
 from cmacexp.typing import Array
 
 Panel = rrb.Container | rrb.View
 Range = tuple[float, float]
 SHARES = {
-    **{"scene": 3.0, "sides": 1.6, "gait": 1.2, "force": 2.1},
-    **{"posture": 2.2, "margins": 1.0, "error": 2.1, "torque": 4.2, "events": 1.7},
+    **{"scene": 3.0, "sides": 1.6, "gait": 1.2, "events": 1.7},
+    **{"leg_*/force": 2.1, "leg_*/error": 2.1, "leg_*/torque_*": 4.2},
+    **{"body/tilt": 1.1, "body/height": 1.1, "body/margins": 1.0},
 }
-"""Heights of panels above each other, by the names of the methods that make them."""
+"""Heights of panels above each other, by the methods that make them, or the plots in them."""
+MOVING = ("force", "margins")
+"""Plots of a walk that show the time about now."""
 KEY = "key"
 """The entity of the text that explains the colours."""
 KEY_SHARE = 0.1
@@ -37,22 +42,20 @@ def widen_range(low: float, high: float) -> Range:
     span = high - low or abs(high) or 1.0
     low, high = low - 0.05 * span, high + 0.05 * span
     mark = 10.0 ** np.ceil(np.log10((high - low) / 5.0))  # even a low plot has numbers at five marks
-    first, last = np.ceil(low / mark) * mark, np.floor(high / mark) * mark
-    while last - first < 0.5 * mark:  # the nearest mark outside is taken in, with room for its number
-        if low - first < last - high:
-            first -= mark
-            low = first - MARK_ROOM * mark
-        else:
-            last += mark
-            high = last + MARK_ROOM * mark
-    return low, high
+    first = np.arange(np.floor(low / mark), np.ceil(high / mark)) * mark
+    last = first + mark
+    if np.any((first >= low) & (last <= high)):
+        return low, high
+    ends = np.array([np.minimum(low, first - MARK_ROOM * mark), np.maximum(high, last + MARK_ROOM * mark)])
+    narrowest = ends[:, np.ptp(ends, axis=0).argmin()]
+    return float(narrowest[0]), float(narrowest[1])
 
 
 def _measure_ranges(view: RunView) -> dict[str, Range]:
     """Least and largest value of each plot that has a finite one."""
     ranges = {}
-    for path, lines in collect_series(view).items():
-        values = np.concatenate([line[1] for line in lines])
+    for path, plot in list_plots(view).items():
+        values = np.concatenate([line.values for line in plot.lines])
         values = values[np.isfinite(values)]
         if values.size:
             ranges[path] = (float(values.min()), float(values.max()))
@@ -84,14 +87,23 @@ class Panels:
     def __init__(self, view: RunView, ranges: Mapping[str, Range], times: Range, cycle: int | None = None):
         self.view, self.ranges = view, ranges
         self.times: Range = times if cycle is None else tuple(view.time[view.cycle == cycle][[0, -1]])
-        self._lines = collect_series(view)
+        self._plots = list_plots(view)
         self._cycle = "" if cycle is None else f", cycle {cycle}"
         self._now = float(view.run.config["gait"]["cycle_time"]) if view.walks and cycle is None else None
 
     def stack(self, names: Sequence[str], title: str | None = None) -> Panel:
-        """Panels above each other, by the names of the methods that make them."""
-        panels = [getattr(self, name)() for name in names]
+        """Panels above each other: what the method of a name makes, or the plots in a grid that a pattern matches."""
+        panels = [self._grid(name) if "/" in name else getattr(self, name)() for name in names]
         return rrb.Vertical(*panels, row_shares=[SHARES[name] for name in names], name=title)
+
+    def plots(self, pattern: str) -> list[rrb.TimeSeriesView]:
+        """The plots whose paths match."""
+        return [self._plot(path) for path in self._plots if fnmatch(path, pattern)]
+
+    def _grid(self, pattern: str) -> Panel:
+        """These above each other, those of four legs in two columns."""
+        plots = self.plots(pattern)
+        return rrb.Grid(*plots, grid_columns=2 if len(plots) == len(LEG_NAMES) and not self._cycle else 1)
 
     def _from_side(self, eye: str, name: str, without: tuple[str, ...] = ()) -> rrb.Spatial2DView:
         """The machine as one of :data:`EYES` sees it, of everything but the entities ``without``; mm."""
@@ -115,19 +127,19 @@ class Panels:
         lowest = points.min(axis=0) - [0.0, 0.0, -LOWEST_NUMBER if view.walks else 0.0]
         return np.array([lowest, np.maximum(points.max(axis=0), [0.0, 0.0, FORCE_LENGTH])])
 
-    def plot(self, path: str, name: str, around: float | None = None) -> rrb.TimeSeriesView:
-        """A plot of all times, or of those from 1.6 to 0.2 times ``around`` seconds about now."""
-        entity = f"/{self.view.root}{SERIES}"
-        names, _, colours = zip(*self._lines[path], strict=True)
-        style = rr.SeriesLines(names=list(names), colors=list(colours), widths=[1.5] * len(names))
+    def _plot(self, path: str) -> rrb.TimeSeriesView:
+        """A plot of all times, or of a walk's MOVING quantities from 1.6 to 0.2 cycles about now."""
+        entity, (title, unit, _, lines) = f"/{self.view.root}{SERIES}", self._plots[path]
+        names, colours = [line.name for line in lines], [line.colour for line in lines]
+        style = rr.SeriesLines(names=names, colors=colours, widths=[1.5] * len(names))
         drawn = VisualizerComponentMapping(
             "Scalars:scalars", ComponentSourceKind.SourceComponent, source_component=name_component(path)
         )
-        shown, drawn_times = self._make_time_axis(around)
+        shown, drawn_times = self._make_time_axis(self._now if path.endswith(MOVING) else None)
         return rrb.TimeSeriesView(
             origin=entity,
             contents=[f"+ {entity}"],
-            name=name + self._cycle,
+            name=f"{title}, {unit}{self._cycle}",
             overrides={entity: style.visualizer(mappings=[drawn])},
             axis_y=rrb.ScalarAxis(range=self.ranges.get(path)),
             plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=path.startswith(("leg_1/", "body/"))),
@@ -183,45 +195,6 @@ class Panels:
             axis_x=self._make_time_axis(self._now)[0],
         )
 
-    def force(self) -> Panel:
-        """Contact forces."""
-        if not self.view.walks:
-            return self.plot("leg_1/force", "contact force, N")
-        plots = [
-            self.plot(f"leg_{number}/force", f"{number} {name}: force, N", self._now)
-            for number, name in enumerate(self.view.names, start=1)
-        ]
-        return rrb.Grid(*plots, grid_columns=1 if self._cycle else 2)
-
-    def posture(self) -> Panel:
-        """Tilt and height of the body."""
-        tilt = self.plot("body/tilt", "tilt of the body, mrad")
-        return rrb.Vertical(tilt, self.plot("body/height", "height of the body, mm"))
-
-    def margins(self) -> Panel:
-        """Stability margins: the planned one, and those of the feet that carry load."""
-        return self.plot("body/margins", "stability margins, planned and true, mm", self._now)
-
-    def error(self) -> Panel:
-        """Tracking error of the only foot."""
-        return self.plot("leg_1/error", "foot, actual minus desired, mm")
-
-    def torque(self) -> Panel:
-        """Feedback and feedforward torques of the only leg."""
-        return rrb.Vertical(*self._torques(1))
-
-    def tracking(self, number: int) -> Panel:
-        """Tracking error and torques of one leg of several, side by side."""
-        name = f"{number} {self.view.names[number - 1]}: actual minus desired, mm"
-        return rrb.Horizontal(self.plot(f"leg_{number}/error", name), *self._torques(number, f"{number}: "))
-
-    def _torques(self, number: int, before: str = "") -> list[rrb.TimeSeriesView]:
-        """Feedback and feedforward of all joints of one leg; of a point mass the forces that drive it."""
-        joints = range(1, len(self.view.trace.axes) + 1)
-        forces = ["Cartesian force along x, N", "Cartesian force along y, N"]
-        names = [f"torque of joint {joint}, N m" for joint in joints] if self.view.has_joints else forces
-        return [self.plot(f"leg_{number}/torque_{i}", before + name) for i, name in zip(joints, names, strict=True)]
-
     def events(self) -> Panel:
         """Lift-offs, touch-downs and critical moments; a click on the time of one goes there."""
         return rrb.TextLogView(
@@ -260,14 +233,15 @@ def _add_key(scenes: Panel) -> Panel:
 def _lay_out_run(panels: Panels) -> Panel:
     """The machine on the left; on the right plots of its first cycle beside those of the last whole one, of all."""
     view, (first, last) = panels.view, panels.view.whole_cycles()
-    names = ("force",) if view.walks else ("force", "error", "torque")
+    names = ("leg_*/force",) if view.walks else ("leg_*/force", "leg_*/error", "leg_*/torque_*")
     tabs: list[Panel] = []
     if first < last:
         both = [Panels(view, panels.ranges, panels.times, cycle).stack(names) for cycle in (first, last)]
         tabs.append(rrb.Horizontal(*both, name=f"cycles {first} and {last}"))
     if view.walks:
-        legs = [panels.tracking(number) for number in range(1, view.trace.legs + 1)]
-        tabs += [panels.stack(("gait", "posture", "margins"), "walk"), rrb.Vertical(*legs, name="whole run")]
+        legs = [rrb.Horizontal(*panels.plots(f"leg_{leg}/[et]*")) for leg in range(1, view.trace.legs + 1)]
+        walk = panels.stack(("gait", "body/tilt", "body/height", "body/margins"), "walk")
+        tabs += [walk, rrb.Vertical(*legs, name="whole run")]
     else:
         tabs.append(panels.stack(names, "whole run"))
     tabs.append(panels.stack(("events",), "moments"))
@@ -278,8 +252,8 @@ def _lay_out_run(panels: Panels) -> Panel:
 def _select_panels(view: RunView, runs: int) -> tuple[str, ...]:
     """The panels of a run beside others; of many walks each column is too narrow for a plot for each leg."""
     if not view.walks:
-        return ("scene", "force", "error")
-    return ("scene", "force", "posture") if runs <= 3 else ("scene", "posture", "margins")
+        return ("scene", "leg_*/force", "leg_*/error")
+    return ("scene", "leg_*/force" if runs <= 3 else "body/margins", "body/tilt", "body/height")
 
 
 def make_layout(views: Sequence[RunView]) -> rrb.Blueprint:

@@ -1,6 +1,7 @@
 """What a run shows over time: forces, tracking errors, torques, posture, stability, gait, and the moments of it."""
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -12,8 +13,6 @@ from cmacexp.recording.entities import Entities
 from cmacexp.recording.run_view import RunView
 from cmacexp.typing import Array
 
-Line = tuple[str, Array, tuple[int, ...]]
-"""Name, values (steps,), colour."""
 SERIES, EVENTS = "series", "events"
 """The entity of all plots, which as one has the times of the steps once; that of the moments."""
 Event = tuple[int, str]
@@ -24,6 +23,10 @@ AXES = {
     "z": ("z left", palette.LAST_CYCLE),
 }
 """Names and colours of the axes in which a foot moves."""
+JOINTS = {2: ("hip", "knee"), 3: ("hip", "thigh", "knee")}
+"""Names of the joints of a leg, by their number."""
+FORCES = {"desired": ("force_desired", palette.DESIRED), "actual": ("force", palette.ACTUAL)}
+"""The signal and the colour of a contact force."""
 BODY_PLOTS = {
     "tilt": {
         "pitch": ("pitch, nose down", palette.ACTUAL),
@@ -37,7 +40,13 @@ BODY_PLOTS = {
         "true_margin_rear": ("true, rear", palette.FIRST_CYCLE),
     },
 }
-"""Plots of the body: the name and the colour of each signal; in mm or mrad."""
+"""Plots of the body: the name and the colour of each signal."""
+BODY_TITLES = {
+    "tilt": ("tilt of the body", "mrad"),
+    "height": ("height of the body", "mm"),
+    "margins": ("stability margins, planned and true", "mm"),
+}
+"""What these plots show, and its unit."""
 TORQUES = {
     "for the desired force": palette.DESIRED,
     "feedback": palette.FEEDBACK,
@@ -46,42 +55,64 @@ TORQUES = {
 """Colours of the parts of a torque."""
 
 
-def _list_leg_lines(view: RunView, leg: int) -> dict[str, list[Line]]:
-    """The plots of a leg, by its index."""
+class Line(NamedTuple):
+    """A signal over time."""
+
+    name: str
+    values: Array
+    """(steps,), in the unit of its plot."""
+    colour: tuple[int, ...]
+
+
+class Plot(NamedTuple):
+    """Lines that share an axis."""
+
+    title: str
+    unit: str
+    """After the name of the quantity, where the title lacks it."""
+    leg: int
+    """Number of the leg, from 1; 0: the body."""
+    lines: list[Line]
+
+
+def _list_leg_plots(view: RunView, leg: int) -> dict[str, Plot]:
+    """The plots of a leg, by its number; those of several begin with it."""
 
     def signal(name: str) -> Array:
-        return view.trace[name][:, leg]
+        return view.trace[name][:, leg - 1]
 
-    axes = view.trace.axes
-    force: list[Line] = [
-        ("desired", signal("force_desired"), palette.DESIRED),
-        ("actual", signal("force"), palette.ACTUAL),
+    axes, who = view.trace.axes, f"{leg} {view.names[leg - 1]}: " if view.walks else ""
+    force = [
+        Line("desired", signal("force_desired"), palette.DESIRED),
+        Line("actual", signal("force"), palette.ACTUAL),
     ]
     if not np.array_equal(signal("force"), signal("force_measured")):
-        force.insert(1, ("measured", signal("force_measured"), palette.MEASURED))
-    error: list[Line] = [
-        (AXES[axis][0], 1e3 * (signal(axis) - signal(f"{axis}_desired")), AXES[axis][1]) for axis in axes
-    ]
-    lines = {"force": force, "error": error}
-    for joint in range(1, len(axes) + 1):
-        torques = view.torques(joint)
-        lines[f"torque_{joint}"] = [(name, torques[name][:, leg], TORQUES[name]) for name in torques]
-    return lines
+        force.insert(1, Line("measured", signal("force_measured"), palette.MEASURED))
+    error = [Line(AXES[axis][0], 1e3 * (signal(axis) - signal(f"{axis}_desired")), AXES[axis][1]) for axis in axes]
+    plots = {
+        "force": Plot(f"{who}contact force", "N", leg, force),
+        "error": Plot(f"{who}actual minus desired", "mm", leg, error),
+    }
+    for joint, name in enumerate(JOINTS[len(axes)] if view.has_joints else ("along x", "along y"), 1):
+        lines = [Line(part, values[:, leg - 1], TORQUES[part]) for part, values in view.torques(joint).items()]
+        plots[f"torque_{joint}"] = Plot(f"{who}{name}", "torque, N m" if view.has_joints else "force, N", leg, lines)
+    return plots
 
 
-def collect_series(view: RunView) -> dict[str, list[Line]]:
-    """All time series by the name of their plot, ``leg_1/force`` or ``body/tilt``; N, mm, N m, mrad.
+def list_plots(view: RunView) -> dict[str, Plot]:
+    """All that a run shows over time, by ``leg_1/force`` or ``body/tilt``; N, mm, N m, mrad.
 
     A signal of the body that an earlier version did not write has no line.
     """
     found = {
-        f"leg_{leg + 1}/{name}": lines
-        for leg in range(view.trace.legs)
-        for name, lines in _list_leg_lines(view, leg).items()
+        f"leg_{leg}/{name}": plot
+        for leg in range(1, view.trace.legs + 1)
+        for name, plot in _list_leg_plots(view, leg).items()
     }
-    for plot, signals in BODY_PLOTS.items() if view.walks else ():
-        shown = {name: style for name, style in signals.items() if name in view.body}
-        found[f"body/{plot}"] = [(title, 1e3 * view.body[name], colour) for name, (title, colour) in shown.items()]
+    for name, signals in BODY_PLOTS.items() if view.walks else ():
+        shown = {signal: style for signal, style in signals.items() if signal in view.body}
+        lines = [Line(title, 1e3 * view.body[signal], colour) for signal, (title, colour) in shown.items()]
+        found[f"body/{name}"] = Plot(*BODY_TITLES[name], 0, lines)
     return found
 
 
@@ -104,8 +135,8 @@ def _log_gait(entities: Entities, view: RunView) -> None:
 def log_series(entities: Entities, view: RunView) -> None:
     """All time series, in single precision, and the gait diagram."""
     columns = []
-    for path, lines in collect_series(view).items():
-        values = pa.array(np.stack([line[1] for line in lines], axis=1).astype(np.float32).ravel())
+    for path, plot in list_plots(view).items():
+        values = pa.array(np.stack([line.values for line in plot.lines], axis=1).astype(np.float32).ravel())
         name, owner = name_component(path), path.partition("/")[0]
         # rr.AnyValues.columns makes the same, but looks at each number.
         columns.append(

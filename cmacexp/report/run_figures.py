@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -11,22 +11,18 @@ from cmacexp.data.run import Run
 from cmacexp.data.tables import as_array
 from cmacexp.data.trace import LAST_STEPS
 from cmacexp.metrics.registry import count_legs, pool_legs, select_main
+from cmacexp.recording import palette
 from cmacexp.recording.run_view import RunView
+from cmacexp.recording.series import AXES, Plot, list_plots
 from cmacexp.report.curves import over_cycles
 from cmacexp.report.figures import DESIRED_LINE, Panel, Series, draw
 from cmacexp.report.page import Drawing
-from cmacexp.report.style import FEEDBACK, FEEDFORWARD, mark
+from cmacexp.report.style import DASHES, colour, mark
 from cmacexp.typing import Array, Mask, Status
 
-JOINTS = {2: ("joint 1, hip", "joint 2, knee"), 3: ("hip", "thigh", "knee")}
-"""Names of joints, by their number."""
 CLOCK = "time in the cycle, s"
-TORQUES = {
-    "for the desired force": DESIRED_LINE,
-    "feedback": {"color": FEEDBACK, "linestyle": "-"},
-    "feedforward": {"color": FEEDFORWARD, "linestyle": "--"},
-}
-"""Styles of the parts of a torque."""
+LAST = slice(-LAST_STEPS, None)
+"""The last steps of a run."""
 DIGITS = 3
 """Decimals to which plans of two cycles are compared, in the unit that is drawn."""
 
@@ -41,18 +37,6 @@ def draw_metrics(run: Run) -> Drawing:
             lines |= {LEG_NAMES[leg]: [as_array(table, name)[leg::count]] for leg in range(count)}
         panels.append(over_cycles(name, lines))
     return Drawing("metrics", draw(panels, height=2.1), "Metrics of each cycle.")
-
-
-def read(view: RunView, name: str, leg: int) -> Array:
-    """A signal of one leg, or of the body if ``leg`` is 0, (steps,)."""
-    if leg:
-        return view.trace[name][:, leg - 1]
-    return view.body.get(name, view.body[name.removeprefix(TRUE)])  # a run of an earlier version has only one margin
-
-
-def measure_duration(view: RunView) -> float:
-    """Duration of the longest of the cycles, s; less than a cycle if the run stopped in its first."""
-    return float(view.clock.max()) + float(view.run.config["sampling_period"])
 
 
 def find_support(view: RunView, leg: int) -> list[tuple[float, float]]:
@@ -71,60 +55,24 @@ def name_leg(view: RunView, leg: int) -> str:
     return f"leg {leg}, {view.names[leg - 1]}" if leg and view.walks else ""
 
 
-class Quantity(NamedTuple):
-    """What is drawn over time, and what is desired of it."""
-
-    title: str
-    y: str
-    """Name and unit of the axis."""
-    signal: str
-    desired: str = ""
-    """The signal that is drawn beside it; empty: none."""
-    relative_to: str = ""
-    """The signal that is subtracted; empty: none."""
-    caption: str = ""
-    factor: float = 1e3
-    """To the unit of the axis: mm or mrad."""
-    from_zero: bool = True
-
-    def compute(self, view: RunView, leg: int) -> Array:
-        """Its values in the unit of the axis, (steps,)."""
-        values = read(view, self.signal, leg)
-        return self.factor * (values - read(view, self.relative_to, leg) if self.relative_to else values)
-
-
-FOOT, MARGIN, TRUE = "foot", "stability_margin", "true_"
-PATHS = "Paths of the feet in the frames of their hips, y down."
-DOWN = "y, down; in support relative to the depression at the desired force"
+FOOT, MARGIN = "foot", "stability_margin"
 QUANTITIES = {
-    FOOT: Quantity("foot path", "y down, mm", "y", "y_desired", caption=PATHS),
-    "force": Quantity("contact force", "force, N", "force", "force_desired", "", "Contact force.", 1.0),
-    **{
-        axis: Quantity(
-            f"error along {axis}",
-            f"{axis} - desired, mm",
-            axis,
-            relative_to=f"{axis}_desired",
-            caption=f"Error of the foot along {direction}.",
-        )
-        for axis, direction in {"x": "x, forward", "y": DOWN, "z": "z, to the left"}.items()
-    },
-    "height": Quantity("height of the body", "height, mm", "height", from_zero=False),
-    MARGIN: Quantity("stability margin, nearest edge", "margin, mm", TRUE + MARGIN, MARGIN),
-    "pitch": Quantity("pitch, nose down", "pitch, mrad", "pitch", from_zero=False),
-    "roll": Quantity("roll, right side down", "roll, mrad", "roll", from_zero=False),
+    "force": ("force", "actual", "contact force"),
+    **{axis: ("error", name, f"error along {axis}") for axis, (name, _) in AXES.items()},
+    "height": ("height", "height", "height of the body"),
+    MARGIN: ("margins", "true, nearest edge", "stability margin"),
+    "pitch": ("tilt", "pitch, nose down", "pitch, nose down"),
+    "roll": ("tilt", "roll, right side down", "roll, right side down"),
 }
-"""By what is drawn; of x, y and z the errors."""
+"""What is drawn over the time of a cycle: the plot and the line of a recording that show it, and its title."""
+CAPTIONS = {
+    FOOT: "Paths of the feet in the frames of their hips, y down.",
+    "force": "Contact force.",
+    "x": "Error of the foot along x, forward.",
+    "y": "Error of the foot along y, down; in support relative to the depression at the desired force.",
+    "z": "Error of the foot along z, to the left.",
+}
 BODY_QUANTITIES = ("height", MARGIN, "pitch", "roll")
-
-
-def list_desired(view: RunView, name: str, leg: int, x: Array, kept: Mask | slice) -> list[Series]:
-    """What is desired or planned of a quantity in some steps, over ``x``, as a line; none of some quantities."""
-    quantity = QUANTITIES[name]
-    if not quantity.desired:
-        return []
-    values = quantity.factor * read(view, quantity.desired, leg)
-    return [Series("planned" if name == MARGIN else "desired", x[kept], values[kept], style=DESIRED_LINE)]
 
 
 def _style(view: RunView, cycle: int) -> dict[str, Any]:
@@ -134,34 +82,54 @@ def _style(view: RunView, cycle: int) -> dict[str, Any]:
     return {**mark(view.cycles.index(cycle) + 1), "linewidth": 1.1}
 
 
-def _list_lines(view: RunView, name: str, leg: int) -> list[Series]:
-    """What is desired, as grey lines, a single one where it is the same in all cycles, and a line for each cycle.
+def _list_lines(view: RunView, x: Array, y: Array, planned: tuple[str, Array, Array] | None = None) -> list[Series]:
+    """A line for each cycle over what is planned, a name, x and y, as grey lines, one where all cycles have the same.
 
     The plan of a robot follows the load of its feet and its course from cycle to cycle.
     """
-    is_path, values = name == FOOT, QUANTITIES[name].compute(view, leg)
-    x = 1e3 * read(view, "x", leg) if is_path else view.clock
-    x_desired = 1e3 * read(view, "x_desired", leg) if is_path else view.clock
     plans, lines = {}, []
     for cycle in view.cycles:
         kept = view.cycle == cycle
-        for line in list_desired(view, name, leg, x_desired, kept):
-            plans[np.round([line.x, line.y], DIGITS).tobytes()] = line
-        lines.append(Series(f"cycle {cycle}", x[kept], values[kept], style=_style(view, cycle)))
+        if planned is not None:
+            name, plan = planned[0], np.array([planned[1][kept], planned[2][kept]])
+            plans[np.round(plan, DIGITS).tobytes()] = Series(name, plan[0], plan[1], style=DESIRED_LINE)
+        lines.append(Series(f"cycle {cycle}", x[kept], y[kept], style=_style(view, cycle)))
     return [*plans.values(), *lines]
+
+
+def _draw_path(view: RunView, leg: int) -> Panel:
+    """The path of a foot in each cycle, mm."""
+    x, y, x_desired, y_desired = (1e3 * view.trace[name][:, leg - 1] for name in ("x", "y", "x_desired", "y_desired"))
+    lines = _list_lines(view, x, y, ("desired", x_desired, y_desired))
+    return Panel(name_leg(view, leg) or "foot path", "x forward, mm", "y down, mm", lines, equal=True, y_down=True)
+
+
+def _over_clock(view: RunView, panel: Panel, leg: int) -> Panel:
+    """A panel over the time of a cycle, as long as the longest that is shown, with the planned support shaded."""
+    longest = float(view.clock.max()) + float(view.run.config["sampling_period"])
+    return replace(panel, x_range=(0.0, longest), shaded=find_support(view, leg))
+
+
+def _draw_quantity(view: RunView, name: str, leg: int) -> Panel:
+    """One of :data:`QUANTITIES` over the time of each cycle; of the body if ``leg`` is 0."""
+    path, line, title = QUANTITIES[name]
+    plot = list_plots(view)[f"leg_{leg}/{path}" if leg else f"body/{path}"]
+    plans = [(each.name, view.clock, each.values) for each in plot.lines if each.colour == palette.DESIRED]
+    values = {each.name: each.values for each in plot.lines}
+    shown = values.get(line, plot.lines[0].values)  # a run of an earlier version has only one margin
+    panel = Panel(
+        name_leg(view, leg) or title,
+        CLOCK,
+        f"{title.partition(',')[0]}, {plot.unit}",
+        _list_lines(view, view.clock, shown, *plans),
+        from_zero=name not in ("height", "pitch", "roll"),
+    )
+    return _over_clock(view, panel, leg)
 
 
 def draw_over_cycle(view: RunView, name: str, legs: Sequence[int]) -> list[Panel]:
     """A quantity of legs, or of the body if they are ``[0]``, over the time of each cycle, a panel for each leg."""
-    panels, quantity = [], QUANTITIES[name]
-    for leg in legs:
-        title, lines = name_leg(view, leg) or quantity.title, _list_lines(view, name, leg)
-        panel = Panel(title, CLOCK, quantity.y, lines, from_zero=quantity.from_zero)
-        if name == FOOT:
-            panels.append(replace(panel, x="x forward, mm", equal=True, y_down=True))
-        else:
-            panels.append(replace(panel, x_range=(0.0, measure_duration(view)), shaded=find_support(view, leg)))
-    return panels
+    return [_draw_path(view, leg) if name == FOOT else _draw_quantity(view, name, leg) for leg in legs]
 
 
 def _draw_quantities(
@@ -191,7 +159,7 @@ def draw_tracking(view: RunView) -> list[Drawing]:
         return [_draw_quantities(view, "tracking", names, legs, "Force and errors over the chosen cycles.", 2.7)]
     files = {name: f"error_{name}" if name in view.trace.axes else name for name in names}
     return [
-        _draw_quantities(view, file, [name], legs, QUANTITIES[name].caption, 2.0 if name == FOOT else 2.4, "xy")
+        _draw_quantities(view, file, [name], legs, CAPTIONS[name], 2.0 if name == FOOT else 2.4, "xy")
         for name, file in files.items()
     ]
 
@@ -202,45 +170,46 @@ def draw_body(view: RunView) -> Drawing:
     return _draw_quantities(view, "body", BODY_QUANTITIES, [0], caption, 2.3, "x")
 
 
+def _draw_plot(plot: Plot, axis: str, x: Array, kept: Mask | slice) -> Panel:
+    """A plot of the recordings in some steps over ``x``, which ``axis`` names."""
+    series = []
+    for (name, values, rgb), dash in zip(plot.lines, DASHES, strict=False):
+        style = DESIRED_LINE if rgb == palette.DESIRED else {"color": colour(rgb), "linestyle": dash}
+        series.append(Series(name, x[kept], values[kept], style=style))
+    return Panel(plot.title, axis, plot.unit, series, from_zero=plot.leg > 0)
+
+
 def draw_torques(view: RunView) -> Drawing:
     """Feedback and feedforward of all joints in the last chosen cycle; of a robot J^T F_d apart, as in metrics."""
-    cycle, count = view.cycles[-1], len(view.trace.axes)
-    last = view.cycle == cycle
-    names = JOINTS[count] if view.has_joints else ("along x", "along y")
-    unit = "torque, N m" if view.has_joints else "force, N"
-    panels = []
-    for leg in range(1, view.trace.legs + 1):
-        # Titles of three panels beside each other are narrow.
-        leg_name = f"{leg} {LEG_NAMES[leg - 1]}" if view.robot else name_leg(view, leg)
-        for joint, name in enumerate(names, 1):
-            parts = {key: own[last, leg - 1] for key, own in view.torques(joint).items()}
-            lines = [Series(key, view.clock[last], own, style=TORQUES[key]) for key, own in parts.items()]
-            title, shaded = f"{leg_name}: {name}" if leg_name else name, find_support(view, leg)
-            panels.append(Panel(title, CLOCK, unit, lines, x_range=(0.0, measure_duration(view)), shaded=shaded))
+    cycle, panels = view.cycles[-1], []
+    for path, plot in list_plots(view).items():
+        if "torque" in path:
+            panel = _draw_plot(plot, CLOCK, view.clock, view.cycle == cycle)
+            panels.append(_over_clock(view, panel, plot.leg))
     also = " and the torque of the desired force, which the plan knows," if view.robot else ""
     caption = f"Feedback and feedforward{also} in cycle {cycle}; the plant receives their sum."
-    figure = draw(panels, count, 2.6 if view.trace.legs == 1 else 2.0, share="x")
+    figure = draw(panels, len(view.trace.axes), 2.6 if view.trace.legs == 1 else 2.0, share="x")
     return Drawing("torques", figure, caption + _describe_shade(panels))
 
 
-def draw_end(view: RunView) -> Drawing:
-    """The last steps of a run that fell or diverged."""
-    joints = {f"dq{joint}": f"joint {joint}" for joint in range(1, len(view.trace.axes) + 1)}
-    columns = joints if view.has_joints else {"vx": "along x", "vy": "along y"}
-    last, speeds, forces = slice(-LAST_STEPS, None), [], []
-    time = view.time[last]
+def _draw_speeds(view: RunView) -> Panel:
+    """The speeds of all joints in the last steps, or those of a point mass."""
+    unit, columns = ("rad/s", "dq{}") if view.has_joints else ("m/s", "v{}")
+    time, series = view.time[LAST], []
     for leg in range(1, view.trace.legs + 1):
-        whose = f"leg {leg} " if view.trace.legs > 1 else ""
-        speeds += [Series(whose + name, time, read(view, column, leg)[last]) for column, name in columns.items()]
-        forces.append(Series(whose or "force", time, read(view, "force", leg)[last]))
-    panels = [Panel("contact force", "time, s", "force, N", forces)]
-    if view.trace.body is not None and view.run.status == Status.FELL:
-        for name in BODY_QUANTITIES:
-            quantity = QUANTITIES[name]
-            lines = list_desired(view, name, 0, view.time, last)
-            lines.append(Series("true", time, quantity.compute(view, 0)[last]))
-            panels.append(Panel(quantity.title, "time, s", quantity.y, lines, from_zero=quantity.from_zero))
-    else:
-        panels.append(Panel("speed", "time, s", "joint speed, rad/s" if view.has_joints else "speed, m/s", speeds))
+        for number, axis in enumerate(view.trace.axes, 1):
+            name = columns.format(number if view.has_joints else axis)
+            series.append(Series(f"leg {leg} {name}", time, view.trace[name][LAST, leg - 1]))
+    return Panel("speed", "time, s", unit, series)
+
+
+def draw_end(view: RunView) -> Drawing:
+    """The last steps of a run that fell or diverged: forces, and the body that fell or the speeds that diverged."""
+    fell = view.trace.body is not None and view.run.status == Status.FELL
+    shown = {
+        path: plot for path, plot in list_plots(view).items() if path.endswith("force") or (fell and not plot.leg)
+    }
+    panels = [_draw_plot(plot, "time, s", view.time, LAST) for plot in shown.values()]
     steps = min(LAST_STEPS, view.trace.steps)
-    return Drawing("end", draw(panels), f"The last {steps} recorded steps before the run stopped.")
+    figure = draw([*panels, *([] if fell else [_draw_speeds(view)])])
+    return Drawing("end", figure, f"The last {steps} recorded steps before the run stopped.")
