@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
 
 from cmacexp.config.compose import list_texts
 from cmacexp.engine.api import open_loop
@@ -24,6 +23,7 @@ from cmacexp.models.chain import chain_points
 from cmacexp.models.ground import height_at
 from cmacexp.models.mechanism import POINT_MASS, get_leg, has_body
 from cmacexp.planning.reference import BEFORE, ControlReference, Y, Z
+from cmacexp.report.style import GROUND, MM, draw_machine
 from cmacexp.typing import Array, Status
 
 try:
@@ -46,14 +46,12 @@ FASTEST_BODY = 10.0
 AXES = "xyz"
 REFERENCE_NAMES = ("x", "y", "vx", "vy", "force_desired", "z", "vz")
 """What is observed of the reference, the last two where feet move in space."""
-SIZE = (640, 360)
-"""Width and height of a picture, pixels."""
+SIZE, DPI = (640, 360), 100
+"""Width and height of a picture, pixels, and how many are an inch."""
 VIEW_HEIGHT, GROUND_SHARE = 1.7, 0.3
 """Height that a picture shows over that of the hips, and the share of it that is ground."""
 MARK_DISTANCE = 0.1
 """Distance of the marks on the ground, m."""
-SKY, EARTH, FAR, NEAR, PRESSING = (255, 255, 255), (205, 195, 180), (170, 180, 195), (40, 70, 110), (200, 60, 40)
-"""Colours; FAR of legs on the left, NEAR of legs on the right, PRESSING of feet that bear a load."""
 
 
 def find_largest_torque(loop: OpenLoop) -> Array:
@@ -212,12 +210,12 @@ class LoopEnv(Env[Array, Array]):
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """A picture (height, width, 3) of the machine as it is; None without ``render_mode``."""
-        return draw_machine(self.loop) if self.render_mode == "rgb_array" else None
+        return draw_loop(self.loop) if self.render_mode == "rgb_array" else None
 
 
-def _find_points(loop: OpenLoop) -> list[Array]:
-    """Of each leg the joints and the foot (points, 2), x forward of the body and z above the ground below it, m."""
-    mechanism, state, found = loop.setup.mechanism, loop.moment.state, []
+def _find_legs(loop: OpenLoop) -> Array:
+    """Joints and foot of each leg (L, points, 2), x forward of the body and z above the ground below it, m."""
+    mechanism, state, legs = loop.setup.mechanism, loop.moment.state, []
     height, pitch, _ = state.body if has_body(mechanism) else (mechanism.hip_height, 0.0, 0.0)
     for leg in range(loop.shape[0]):
         foot, angle, thigh = state.foot[leg, :2], state.q[leg, 0], get_leg(mechanism, leg).length_1
@@ -227,49 +225,39 @@ def _find_points(loop: OpenLoop) -> list[Array]:
             points = np.array([foot])
         else:
             points = np.array([[0.0, 0.0], [thigh * math.cos(angle), thigh * math.sin(angle)], foot])
-        x, z = points[:, 0] + mechanism.hips[leg, 0], -points[:, 1]
-        turned = [x * math.cos(pitch) + z * math.sin(pitch), z * math.cos(pitch) - x * math.sin(pitch) + height]
-        found.append(np.nan_to_num(np.stack(turned, axis=1)))
-    return found
+        legs.append(points * [1.0, -1.0] + [mechanism.hips[leg, 0], 0.0])
+    turn = np.array([[math.cos(pitch), -math.sin(pitch)], [math.sin(pitch), math.cos(pitch)]])
+    return np.nan_to_num(np.array(legs) @ turn + np.array([0.0, height]))
 
 
-def draw_machine(loop: OpenLoop) -> NDArray[np.uint8]:
-    """A picture (height, width, 3) of a machine from its right side: legs, feet that press, body, and the ground.
+def draw_loop(loop: OpenLoop) -> NDArray[np.uint8]:
+    """A picture (height, width, 3) of a machine on the ground, from its right side, which moves along with it.
 
-    The picture moves with the body; marks on the ground are 0.1 m apart.
+    Legs that bear no load are light blue; marks on the ground are 0.1 m apart.
     """
-    (width, height), mechanism, config = SIZE, loop.setup.mechanism, loop.setup.config
-    pixels = height / (VIEW_HEIGHT * mechanism.hip_height)
-    travel, time = loop.moment.state.travel, loop.moment.step * loop.sampling_period
-    at = config.body_speed * time if travel is None else float(travel[0])
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
 
-    def place(points: Array) -> list[tuple[float, float]]:
-        level = (1.0 - GROUND_SHARE) * height
-        return [(width / 2.0 + pixels * float(x), level - pixels * float(z)) for x, z in points]
-
-    def find_ground(x: NDArray[Any]) -> Array:
-        heights = height_at(config.terrain.slope, config.terrain.slope_start, np.append(x + at, at))
-        return np.stack([x, heights[:-1] - heights[-1]], axis=1)
-
-    image = Image.new("RGB", SIZE, SKY)
-    drawing, half = ImageDraw.Draw(image), width / pixels / 2.0
-    ground = place(find_ground(np.linspace(-half, half, 65)))
-    drawing.polygon([*ground, (width, height), (0, height)], fill=EARTH)
-    first = math.ceil((at - half) / MARK_DISTANCE)
-    marks = MARK_DISTANCE * np.arange(float(first), first + 2.0 * half / MARK_DISTANCE) - at
-    for x, y in place(find_ground(marks)):
-        drawing.line([(x, y), (x, y + 6)], fill=NEAR)
-    legs, forces = _find_points(loop), loop.moment.state.force
-    if len(legs) > 1:
-        drawing.line(place(np.array([points[0] for points in legs])), fill=NEAR, width=10)
-    for leg in np.argsort(-mechanism.hips[:, 1], kind="stable"):  # those on the left are behind
-        colour, points = NEAR if mechanism.hips[leg, 1] <= 0.0 else FAR, place(legs[leg])
-        drawing.line(points, fill=colour, width=6, joint="curve")
-        for x, y in points[:-1]:
-            drawing.ellipse([x - 4, y - 4, x + 4, y + 4], fill=colour)
-        x, y = points[-1]
-        drawing.ellipse([x - 7, y - 7, x + 7, y + 7], fill=PRESSING if forces[leg] > 0.0 else colour)
-    return np.array(image)
+    mechanism, config, state = loop.setup.mechanism, loop.setup.config, loop.moment.state
+    at = (
+        config.body_speed * loop.moment.step * loop.sampling_period
+        if state.travel is None
+        else float(state.travel[0])
+    )
+    high = VIEW_HEIGHT * mechanism.hip_height
+    wide, low = high * SIZE[0] / SIZE[1], -GROUND_SHARE * high
+    x = MARK_DISTANCE * np.arange(math.floor((at - wide) / MARK_DISTANCE), math.ceil((at + wide) / MARK_DISTANCE))
+    ground = height_at(config.terrain.slope, config.terrain.slope_start, np.append(x, at))
+    figure = Figure(figsize=(SIZE[0] / DPI, SIZE[1] / DPI), dpi=DPI)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.axis("off")
+    axes.fill_between(MM * x, MM * (ground[:-1] - ground[-1]), MM * low, color=GROUND, alpha=0.3, lw=0.0)
+    axes.plot(MM * x, MM * (ground[:-1] - ground[-1]), "|", color=GROUND)
+    draw_machine(axes, MM * (_find_legs(loop) + np.array([at, 0.0])), mechanism.hips[:, 1] <= 0.0, state.force <= 0.0)
+    axes.set(xlim=(MM * (at - wide / 2.0), MM * (at + wide / 2.0)), ylim=(MM * low, MM * (low + high)))
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.array(canvas.buffer_rgba())[..., :3]
 
 
 def make(

@@ -9,17 +9,11 @@ import numpy as np
 from cmacexp.metrics.metric import MetricDisplay
 from cmacexp.metrics.registry import ALL_METRICS, SHOWN, format_setting
 from cmacexp.report.figures import Panel, Series
-from cmacexp.report.style import nested, spans_decades
+from cmacexp.report.style import nested
 from cmacexp.typing import Array
 
 Reduce = Callable[[Array], tuple[float, float, float]]
 """The value of a sample, and the ends of its band."""
-
-
-def find_log(series: Sequence[Series]) -> str:
-    """Those of the axes x and y whose values span decades."""
-    values = {axis: [np.asarray(getattr(each, axis), dtype=float) for each in series] for axis in "xy"}
-    return "".join(axis for axis, arrays in values.items() if arrays and spans_decades(np.concatenate(arrays)))
 
 
 def is_numeric(values: Sequence[Any]) -> bool:
@@ -44,7 +38,6 @@ def over_cycles(name: str, groups: Mapping[Any, Sequence[Array]], log: str | Non
         series.append(
             Series(format_setting(value), np.arange(1, length + 1), middle, low, high, nested(index, len(groups)))
         )
-    log = find_log(series) if log is None else log
     return Panel(title, "cycle", f"{title}, {shown.unit}".rstrip(", "), series, log=log, from_zero=shown.from_zero)
 
 
@@ -81,5 +74,4 @@ def over_setting(
         series.append(
             Series(format_setting(name), list(samples), middle, band[0], band[1], nested(index, len(groups)))
         )
-    log = find_log(series) if log is None else log
     return Panel(title, x, y, series, kind=kind, log=log, ticks=() if kind == "lines" else ticks)

@@ -8,10 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.errors import BadInput
-from cmacexp.report.style import DESIRED, MARKERS, add_legend, include_zero, logarithmic, mark, new_figure
+from cmacexp.report.style import (
+    DESIRED,
+    MARKERS,
+    STYLE,
+    WIDTH,
+    add_legend,
+    include_zero,
+    logarithmic,
+    mark,
+    spans_decades,
+)
 from cmacexp.typing import Array, Axes, Figure
 
-KINDS, LOG = ("lines", "scatter", "bars"), ("", "x", "y", "xy")
+KINDS, LOG = ("lines", "scatter", "bars"), ("", "x", "y", "xy", None)
 Values = Sequence[float] | NDArray[Any]
 LIMIT: dict[str, Any] = {"color": "#555555", "linestyle": ":", "linewidth": 1.0, "zorder": 0}
 SHADE: dict[str, Any] = {"color": "#F1F1F1", "linewidth": 0, "zorder": 0}
@@ -49,8 +59,8 @@ class Panel:
     series: Sequence[Series]
     kind: str = "lines"
     """``lines``; ``scatter``: points alone; ``bars``: ``x`` counts groups from 0, which ``ticks`` name."""
-    log: str = ""
-    """Logarithmic axes: ``x``, ``y`` or ``xy``."""
+    log: str | None = ""
+    """Logarithmic axes: ``x``, ``y`` or ``xy``; None: those whose values span decades."""
     ticks: Sequence[str] = ()
     """Names of the positions 0, 1, ... on the x axis."""
     x_limits: Sequence[float] = ()
@@ -90,9 +100,14 @@ def draw(
 
     All share the axes ``x`` or ``xy`` of ``share``; the legend below the figure is that of all.
     """
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    matplotlib.rcParams.update(STYLE)
     columns = min(columns, len(panels)) or 1
-    shared = {f"share{axis}": True for axis in share}
-    figure, axes = new_figure(-(-len(panels) // columns) or 1, columns, height, **shared)
+    rows = -(-len(panels) // columns) or 1
+    figure = Figure(figsize=(WIDTH, height * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, sharex="x" in share, sharey="y" in share).ravel().tolist()
     for unused in axes[len(panels) :]:
         unused.remove()
     names = list(dict.fromkeys(series.name for panel in panels for series in panel.series))
@@ -127,10 +142,12 @@ def draw_panel(axes: Axes, panel: Panel, names: Sequence[str]) -> None:
         axes.axvline(limit, **LIMIT)
     for begin, end in panel.shaded:
         axes.axvspan(begin, end, **SHADE)
-    for axis in panel.log:
-        shown = [np.asarray(s.x if axis == "x" else s.y, dtype=float) for s in panel.series]
-        logarithmic(axes, axis, np.concatenate(shown))
-    if "x" not in panel.log and all(np.issubdtype(np.asarray(s.x).dtype, np.integer) for s in panel.series):
+    for axis in "xy" if panel.series else "":
+        shown = np.concatenate([np.asarray(getattr(each, axis), dtype=float) for each in panel.series])
+        if spans_decades(shown) if panel.log is None else axis in panel.log:
+            logarithmic(axes, axis, shown)
+    whole = all(np.issubdtype(np.asarray(series.x).dtype, np.integer) for series in panel.series)
+    if whole and axes.get_xscale() == "linear":
         axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True))  # no tick between two cycles
     _set_ranges(axes, panel)
     if panel.ticks:

@@ -7,7 +7,7 @@ import numpy as np
 
 from cmacexp.recording import palette
 from cmacexp.recording.run_view import RunView
-from cmacexp.typing import Array, Axes, Figure
+from cmacexp.typing import Array, Axes, Figure, Mask
 
 WIDTH = 7.2
 """Width of a figure, inches: the text width of a page."""
@@ -58,18 +58,8 @@ MM = 1e3
 DENT = 26.0
 """Half the length of the dent that a foot presses, mm."""
 NEAR, FAR, ALOFT = colour(palette.THIGH), "#AEB9C6", colour(palette.TRANSFER)
-NEAR_SIDE = (2, 4)
-"""Legs on the viewer's side, who looks from the right."""
-
-
-def new_figure(rows: int = 1, columns: int = 1, height: float = 2.6, **options: Any) -> tuple[Figure, list[Axes]]:
-    """A figure in this style with rows of so many inches, and its axes row by row."""
-    import matplotlib
-    from matplotlib.figure import Figure
-
-    matplotlib.rcParams.update(STYLE)
-    figure = Figure(figsize=(WIDTH, height * rows), layout="constrained")
-    return figure, list(figure.subplots(rows, columns, squeeze=False, **options).flat)
+BODY_THICKNESS = 24.0
+"""Drawn thickness of the body, mm."""
 
 
 def mark(index: int) -> dict[str, Any]:
@@ -127,10 +117,7 @@ def logarithmic(axes: Axes, which: str, values: Sequence[float] | Array) -> None
 
 def add_legend(figure: Figure, axes: Sequence[Axes], title: str = "") -> None:
     """A legend of all names in ``axes``, each once, below the figure; a single name without a title has none."""
-    handles: dict[str, Any] = {}
-    for ax in axes:
-        for handle, name in zip(*ax.get_legend_handles_labels(), strict=True):
-            handles.setdefault(name, handle)
+    handles = {name: handle for ax in axes for handle, name in zip(*ax.get_legend_handles_labels(), strict=True)}
     if len(handles) < 2 and not title:
         return
     most = max(1, min(7, LINE_CHARACTERS // (8 + max(map(len, handles), default=1))))
@@ -150,10 +137,19 @@ def joints(view: RunView) -> Array:
     return in_travel(view, view.joints)
 
 
-def draw_leg(axes: Axes, points: Array, near: bool, aloft: bool) -> None:
-    """Joints and foot (n, 2), mm; of the far side paler, light blue while in transfer."""
-    ink = ALOFT if aloft else NEAR if near else FAR
-    order = 4 if near else 2
-    axes.plot(*points.T, color=ink, lw=3.0 if near else 2.4, solid_capstyle="round", zorder=order)
-    axes.plot(*points[:-1].T, "o", ms=4.5, color="white", mec=ink, mew=1.3, zorder=order + 0.5)
-    axes.plot(*points[-1], "o", ms=5.5, color=ink, zorder=order + 0.5)
+def draw_machine(axes: Axes, legs: Array, near: Mask, aloft: Mask) -> None:
+    """A machine from its right side: joints and foot of each leg (L, n, 2), mm, and the body that joins several.
+
+    Legs of the far side are paler, those in transfer light blue; ``near`` and ``aloft`` are (L,).
+    """
+    for points, is_near, is_aloft in zip(legs, near, aloft, strict=True):
+        ink = ALOFT if is_aloft else NEAR if is_near else FAR
+        order = 4 if is_near else 2
+        axes.plot(*points.T, color=ink, lw=3.0 if is_near else 2.4, solid_capstyle="round", zorder=order)
+        axes.plot(*points[:-1].T, "o", ms=4.5, color="white", mec=ink, mew=1.3, zorder=order + 0.5)
+        axes.plot(*points[-1], "o", ms=5.5, color=ink, zorder=order + 0.5)
+    if len(legs) > 1:
+        hips = legs[:, 0]
+        ends = hips[[hips[:, 0].argmin(), hips[:, 0].argmax()]] + [0.0, BODY_THICKNESS / 2.0]
+        for ink, width in ((NEAR, 9.0), (colour(palette.BODY_COLOR), 7.0)):
+            axes.plot(*ends.T, color=ink, lw=width, solid_capstyle="round", zorder=3.5)

@@ -31,11 +31,9 @@ from cmacexp.report.style import (
     DESIRED,
     GROUND,
     MM,
-    NEAR,
-    NEAR_SIDE,
     STYLE,
     colour,
-    draw_leg,
+    draw_machine,
     in_travel,
     joints,
 )
@@ -55,8 +53,6 @@ BORDER = 60.0
 """Around the machine, mm."""
 ROBOT_BORDER = np.array([120.0, 0.0, 120.0])
 """Around the legs of a robot that is rendered, mm: its head and rump stand out of them."""
-BODY_THICKNESS = 24.0
-"""Drawn thickness of the body, mm."""
 PIXELS = 640
 """Width and height of a rendered robot."""
 MP4 = ".mp4"
@@ -156,24 +152,11 @@ def _render(axes: Axes, view: RunView, picture: RobotPicture, k: int, window: tu
     axes.imshow(image, extent=extent, zorder=4, interpolation="lanczos")
 
 
-def _draw_legs(axes: Axes, cycle: Cycle, k: int) -> None:
-    """The machine in step ``k`` as lines."""
-    view, places = cycle.view, cycle.places
-    for i in range(view.trace.legs):
-        is_near = i + 1 in NEAR_SIDE or view.hips[i, 1] == 0.0
-        draw_leg(axes, places[k, i][:, [0, 2]], is_near, not view.trace.support[k, i])
-    if view.walks:
-        hips = places[k][:, 0, [0, 2]]
-        ends = hips[[hips[:, 0].argmin(), hips[:, 0].argmax()]] + [0.0, BODY_THICKNESS / 2.0]
-        for ink, width in ((NEAR, 9.0), (colour(palette.BODY_COLOR), 7.0)):
-            axes.plot(*ends.T, color=ink, lw=width, solid_capstyle="round", zorder=3.5)
-
-
-def _draw_machine(axes: Axes, cycle: Cycle, k: int, window: tuple[Array, Array]) -> None:
+def _draw_side(axes: Axes, cycle: Cycle, k: int, window: tuple[Array, Array]) -> None:
     """The machine from its right side in step ``k``; each foot's desired path, and its own up to now."""
     view, places = cycle.view, cycle.places
     if cycle.picture is None:
-        _draw_legs(axes, cycle, k)
+        draw_machine(axes, places[k][..., [0, 2]], view.hips[:, 1] <= 0.0, ~view.trace.support[k])
     else:
         _render(axes, view, cycle.picture, k, window)
     surface = -MM * view.foot_radius
@@ -225,7 +208,7 @@ def draw_frame(figure: Figure, cycles: Sequence[Cycle], window: tuple[Array, Arr
     for column, cycle in zip(axes.T, cycles, strict=True):
         since = cycle.view.time - cycle.view.time[0]
         k = int(np.abs(since - part * since[-1]).argmin())  # rows of a thinned trace need not be evenly spaced
-        _draw_machine(column[0], cycle, k, window)
+        _draw_side(column[0], cycle, k, window)
         _draw_forces(column[1], cycle, k)
         if cycle.view.walks:
             _draw_error(column[2], cycle, k)
