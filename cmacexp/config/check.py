@@ -10,7 +10,7 @@ from cmacexp.config.fields import listed
 from cmacexp.config.gait import PATTERNS
 from cmacexp.config.machine import RobotMachine, ask_for_robot, read_model
 from cmacexp.config.schema import Config, read_component
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
 
 Check = tuple[bool, str, Any, str]
 """Whether a combination of fields is wrong; the key that the message names, its value, and what it must be."""
@@ -158,7 +158,9 @@ def check_ground_and_payload(config: Config) -> list[Check]:
     )
     furthest = config.gait.stroke / 2.0 + config.body_speed * end + max(x for x, _ in hips)
     some_legs = "1" if legs == 1 else f"some of 1 to {legs}, each once"
-    checks = [
+    has_none = f"must be 0 with machine.kind={machine.kind}: it has no body"
+    bounds = [(axis, min(values), max(values)) for axis, values in zip("xy", zip(*hips, strict=True), strict=True)]
+    return [
         (
             terrain.step_time is not None and terrain.step_time >= end,
             "terrain.step_time",
@@ -177,18 +179,16 @@ def check_ground_and_payload(config: Config) -> list[Check]:
             terrain.slope_start,
             f"must be below {furthest:.4g} m, the furthest that a foot gets",
         ),
-    ]
-    if not payload.weight:
-        return checks
-    has_none = f"must be 0 with machine.kind={machine.kind}: it has no body"
-    bounds = [(axis, min(values), max(values)) for axis, values in zip("xy", zip(*hips, strict=True), strict=True)]
-    return [
-        *checks,
-        (not config.has_body, "payload.weight", payload.weight, has_none),
-        (payload.time >= end, "payload.time", payload.time, f"must be below {end:g} s, the end of the run"),
+        (payload.weight > 0 and not config.has_body, "payload.weight", payload.weight, has_none),
+        (
+            payload.weight > 0 and payload.time >= end,
+            "payload.time",
+            payload.time,
+            f"must be below {end:g} s, the end of the run",
+        ),
         *(
             (
-                not low <= getattr(payload, axis) <= high,
+                payload.weight > 0 and not low <= getattr(payload, axis) <= high,
                 f"payload.{axis}",
                 getattr(payload, axis),
                 f"must be from {low:g} to {high:g} m, between the hips",
@@ -291,9 +291,8 @@ def check(config: Config) -> None:
             raise ask_for_robot(config.machine)
         read_model(config.machine)
     for make_checks in CHECKS:
-        for is_wrong, *mistake in make_checks(config):
-            if is_wrong:
-                raise BadInput(*mistake)
+        for is_wrong, key, value, allowed in make_checks(config):
+            require(not is_wrong, key, value, allowed)
     check_size(config.cmac, _count_inputs(config, config.cmac.inputs), config.joints)
     for group in COMPONENTS:
         component = getattr(config, group)

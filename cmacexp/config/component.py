@@ -188,8 +188,11 @@ def _import(key: str, target: str, name: str) -> ModuleType:
         missing = error.name or ""
         if name == missing or name.startswith(f"{missing}."):
             near = suggest(name, [path.stem for path in Path.cwd().glob("*.py")])
-            reason = f"there is no module {missing}, neither in {Path.cwd()} nor where Python finds packages{near}"
-            raise BadInput(key, target, reason) from error
+            raise BadInput(
+                key,
+                target,
+                f"there is no module {missing}, neither in {Path.cwd()} nor where Python finds packages{near}",
+            ) from error
         if command := format_install_command(missing):
             raise BadInput(key, target, f"needs {missing}, which is not installed: {command}") from error
         raise BadComponent(key, target, f"importing {name} failed: no module named {missing}", error) from error

@@ -80,8 +80,9 @@ def read_fields(schema: type[T], node: Mapping[str, Any], key: str = "") -> T:
     before, declared = f"{key}." if key else "", _list_declared(schema)  # type: ignore[arg-type]
     for name in node:
         if name not in declared:
-            allowed = f"no such key; {key or 'the config'} has {listed(list(declared))}"
-            raise BadInput(f"{before}{name}", node[name], allowed)
+            raise BadInput(
+                f"{before}{name}", node[name], f"no such key; {key or 'the config'} has {listed(list(declared))}"
+            )
     for name, (each, _) in declared.items():
         if name not in node and each.default is MISSING and each.default_factory is MISSING:
             raise BadInput(before + name, "(not set)", "must have a value")

@@ -57,8 +57,9 @@ def _make_machine(node: Mapping[str, Any], target: object) -> Any:
     settings: Any = OmegaConf.load(path) if unknown and path.exists() else {}
     if unknown and unknown[0] in settings.get("machine", {}):
         fitting = " or ".join(other for other in MACHINES if unknown[0] in names[other])
-        allowed = f"is not for machine.kind={kind}: choose a scenario with machine.kind={fitting}"
-        raise BadInput("plant", plant, allowed)
+        raise BadInput(
+            "plant", plant, f"is not for machine.kind={kind}: choose a scenario with machine.kind={fitting}"
+        )
     return read_fields(MACHINES[kind], node, "machine")
 
 

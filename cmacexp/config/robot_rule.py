@@ -85,8 +85,9 @@ def _choose_cycle(root: DictConfig) -> float:
         return pattern.cycle_time
     speed, duty = _read_number(root, "gait.speed", least=0.0), _read_number(root, "gait.duty_factor")
     fastest = longest / (duty * SHORTEST_CYCLE)
-    allowed = f"must be at most {fastest:.3g} m/s, for legs that long and this gait"
-    require(speed <= fastest, "gait.speed", speed, allowed)
+    require(
+        speed <= fastest, "gait.speed", speed, f"must be at most {fastest:.3g} m/s, for legs that long and this gait"
+    )
     parts = math.floor(min(pattern.cycle_time, longest / max(speed * duty, 1e-9)) / CYCLE_STEP + 1e-9)
     return round(parts * CYCLE_STEP, DIGITS)
 
@@ -152,8 +153,12 @@ def _read_loop_delay(root: DictConfig) -> LoopDelay:
 def read_machine(root: DictConfig) -> RobotModel:
     """The fields of a config that say which robot it is, of the types that they must have; raises BadInput."""
     kind = OmegaConf.select(root, "machine.kind")
-    reason = "must be robot where settings follow from its model: use scenario=robot"
-    require(kind == "robot", "machine.kind", kind, reason)
+    require(
+        kind == "robot",
+        "machine.kind",
+        kind,
+        "must be robot where settings follow from its model: use scenario=robot",
+    )
     names = [field.name for field in fields(RobotModel)]
     given: Any = OmegaConf.to_container(OmegaConf.masked_copy(root.machine, names), resolve=True)
     model = read_fields(RobotModel, given, "machine")

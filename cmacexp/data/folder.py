@@ -95,8 +95,9 @@ def _check_kind(folder: Path, key: str, kind: str | None) -> bool:
     try:
         found = manifests.read_file(folder / manifests.MANIFEST).get("kind")
     except BadRun as error:
-        reason = f"holds another {manifests.MANIFEST} ({error}); remove that file, or choose another folder"
-        raise BadInput(key, folder, reason) from None
+        raise BadInput(
+            key, folder, f"holds another {manifests.MANIFEST} ({error}); remove that file, or choose another folder"
+        ) from None
     require(found == kind, key, folder, f"holds a {found or 'run'}; choose another folder")
     return True
 
@@ -108,8 +109,12 @@ def check_place(folder: Path, key: str, kind: str | None = None) -> None:
     """
     manifests.require_place(key, folder)
     shell = Path(os.environ.get("PWD", os.sep)).resolve()
-    reason = "is a mount point or the current folder, which cannot be replaced as a whole; name a folder in it"
-    require(not os.path.ismount(folder) and folder.resolve() != shell, key, folder, reason)
+    require(
+        not os.path.ismount(folder) and folder.resolve() != shell,
+        key,
+        folder,
+        "is a mount point or the current folder, which cannot be replaced as a whole; name a folder in it",
+    )
     holds_result = _check_kind(folder, key, kind)
     for name in sorted(os.listdir(folder)) if folder.exists() else ():
         is_harmless = name[0] == "." or fnmatchcase(name, LOGS)

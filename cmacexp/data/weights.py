@@ -36,8 +36,11 @@ def read_weights(config: Config) -> Weights | None:
             there = " ".join(f"{key}={value}" for key, value in differing.items())
             raise BadRun(f"its weights were learnt with {there}; give the same here")
     except BadRun as error:
-        allowed = f"must be the folder of a run with record.weights=true, and with this network ({error})"
-        raise BadInput("learning.start_from", folder, allowed) from None
+        raise BadInput(
+            "learning.start_from",
+            folder,
+            f"must be the folder of a run with record.weights=true, and with this network ({error})",
+        ) from None
     return weights
 
 

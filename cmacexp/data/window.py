@@ -49,8 +49,12 @@ def read_cycles(text: str, cycles: int) -> tuple[int, int]:
         first, last = cycles + 1 - int(found["number"] or 1), cycles
     else:
         first, last = int(found["first"]), int(found["last"] or found["first"])
-    allowed = f"must lie within the {cycles} cycles that the run, or each of the runs, took, lower number first"
-    require(1 <= first <= last <= cycles, "--cycles", text, allowed)
+    require(
+        1 <= first <= last <= cycles,
+        "--cycles",
+        text,
+        f"must lie within the {cycles} cycles that the run, or each of the runs, took, lower number first",
+    )
     return first, last
 
 

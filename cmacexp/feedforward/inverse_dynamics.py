@@ -6,7 +6,7 @@ import numpy as np
 
 from cmacexp.config import FeedforwardConfig, number
 from cmacexp.config.machine import RobotMachine
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import planned_torque
@@ -46,9 +46,12 @@ class InverseDynamics(BuiltInFeedforward):
         """
         adds, plan = setup.config.reference == "force_feedforward", setup.plan
         if isinstance(setup.config.machine, RobotMachine):
-            if self.config.length_factor != 1.0:
-                reason = "must be 1 with machine.kind=robot, whose links are those of its model"
-                raise BadInput("feedforward.length_factor", self.config.length_factor, reason)
+            require(
+                self.config.length_factor == 1.0,
+                "feedforward.length_factor",
+                self.config.length_factor,
+                "must be 1 with machine.kind=robot, whose links are those of its model",
+            )
             forces = plan.force_desired, np.zeros_like(plan.force_desired) if adds else plan.force_desired
             motion = plan.joints, plan.sway
             return planned_torques(setup.config, setup.mechanism, *motion, *forces, self.config.mass_factor)

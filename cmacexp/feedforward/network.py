@@ -12,7 +12,7 @@ from cmacexp.cmac.rules import NEIGHBOURS, PAPER, make_rule, spread_shares
 from cmacexp.config import ComponentConfig, FeedforwardConfig
 from cmacexp.config.cmac import PHASE
 from cmacexp.config.schema import REFINE
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.feedforward.kernels import (
     CMAC,
     EMPTY,
@@ -87,6 +87,17 @@ class BuiltInFeedforward(ABC):
         return output
 
 
+class NoFeedforward(BuiltInFeedforward):
+    """Zero torque: feedback alone."""
+
+    Config = ComponentConfig
+    acts = False
+
+    def reset(self, setup: Setup) -> None:
+        """Set the torque to zero."""
+        self.params = known_torque(setup, np.zeros((*setup.plan.support.shape, setup.mechanism.shape[1])))
+
+
 def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
     """Inputs (N, columns) of the networks of leg ``i``.
 
@@ -136,8 +147,7 @@ def regressor(setup: Setup, columns: Array, steps: Array, parameters: Array) -> 
     feedback U that a sample caused changes them, ``parameters`` (L, P) a at first. Raises BadInput if the guard is to
     improve a network once a cycle.
     """
-    if setup.config.learning.guard == REFINE:
-        raise BadInput("learning.guard", REFINE, "needs a network; use freeze")
+    require(setup.config.learning.guard != REFINE, "learning.guard", REFINE, "needs a network; use freeze")
     torque, flat = np.zeros((1, *setup.mechanism.shape)), (*columns.shape[:2], -1)
     rows = np.broadcast_to(np.arange(parameters.shape[1], dtype=np.uint32), (1, *parameters.shape))
     return known_torque(setup, torque)._replace(
@@ -172,9 +182,12 @@ def _start_weights(setup: Setup, shape: tuple[int, ...], log: WeightLog) -> Arra
             own[rows] = 0.0  # the loop would read before it writes: two page faults a page, a third of a short run
         return weights
     weights = np.array(setup.learnt["weights"], dtype=float)
-    if weights.shape != shape:
-        reason = f"has weights of shape {weights.shape}, this run needs {shape}; give the config that was learnt"
-        raise BadInput("learning.start_from", setup.config.learning.start_from, reason)
+    require(
+        weights.shape == shape,
+        "learning.start_from",
+        setup.config.learning.start_from,
+        f"has weights of shape {weights.shape}, this run needs {shape}; give the config that was learnt",
+    )
     return weights
 
 

@@ -8,7 +8,7 @@ from cmacexp.cmac.addressing import spanning
 from cmacexp.cmac.network import MemoryUse
 from cmacexp.config import Config, FeedforwardConfig, choice, number
 from cmacexp.config.cmac import INPUTS
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.feedforward.network import BuiltInFeedforward, exponential, network, planned_inputs
 from cmacexp.planning.plan import Setup
 from cmacexp.typing import Array, Cells, Weights
@@ -67,9 +67,12 @@ class RadialBasis(BuiltInFeedforward):
 
         def check(self, config: Config) -> None:
             """Check that there are as many centres as active ones; raises BadInput."""
-            if self.active > self.centres:
-                allowed = f"must be at most feedforward.centres={self.centres}"
-                raise BadInput("feedforward.active", self.active, allowed)
+            require(
+                self.active <= self.centres,
+                "feedforward.active",
+                self.active,
+                f"must be at most feedforward.centres={self.centres}",
+            )
 
     config: Config
 
@@ -80,8 +83,9 @@ class RadialBasis(BuiltInFeedforward):
         """
         samples, legs = setup.plan.support.shape
         number = self.config.centres
-        if number > samples:
-            raise BadInput("feedforward.centres", number, f"must be at most {samples}, the samples of a cycle")
+        require(
+            number <= samples, "feedforward.centres", number, f"must be at most {samples}, the samples of a cycle"
+        )
         inputs = [planned_inputs(setup, i, self.config.inputs) for i in range(legs)]
         if setup.learnt is None:
             ranges = [spanning(own, 1.0) for own in inputs]

@@ -191,8 +191,12 @@ class _Table:
             return np.stack([self._read(pattern.replace(JOINT, own), quantity) for own in each], axis=1)
 
         time, angle = read("time", [""]), read("angle")
-        reason = f"has no column of time; name it, --names time=NAME; it has {self._list()}"
-        require(time is not None, KEY, self.path, reason)
+        require(
+            time is not None,
+            KEY,
+            self.path,
+            f"has no column of time; name it, --names time=NAME; it has {self._list()}",
+        )
         command, torque, zero = read("command"), read("torque"), np.zeros_like(angle)
         for own in sorted(without_angle.difference(self.left_out)):
             lacks = f"has no column {names['angle'].replace(JOINT, own)} for angle of joint {own}"
@@ -225,8 +229,12 @@ class _Table:
                 "is missing: the log has neither torques nor the gains of the drives",
             )
         for quantity, unit in self.units.items():
-            has = f"the log has no {quantity}; it has {', '.join(names)}"
-            require(quantity in names, "--units", f"{quantity}={unit}", has)
+            require(
+                quantity in names,
+                "--units",
+                f"{quantity}={unit}",
+                f"the log has no {quantity}; it has {', '.join(names)}",
+            )
         return found.leave_out([own for own in self.left_out if own not in without_angle])
 
     def _list(self) -> str:
@@ -241,8 +249,12 @@ class _Table:
                 return pattern
             is_given = (pattern,) == self.patterns[quantity]
             is_angle = quantity == "orientation" and pattern in self.patterns["angle"]  # of joints x, y, z
-            lacks = f"has no column {missing[0]} for {quantity}{suggest(missing[0], self.columns)}"
-            require(not is_given and (len(missing) == len(joints) or is_angle), KEY, self.path, lacks)
+            require(
+                not is_given and (len(missing) == len(joints) or is_angle),
+                KEY,
+                self.path,
+                f"has no column {missing[0]} for {quantity}{suggest(missing[0], self.columns)}",
+            )
         return None
 
     def _find_joints(self) -> list[str]:
@@ -252,8 +264,11 @@ class _Table:
             if joints := self._match(pattern, "angle"):
                 return joints
         tried = " or ".join(self.patterns["angle"])
-        reason = f"has no measured angles under {tried}; name them, --names angle=NAME_{JOINT}; it has {self._list()}"
-        raise BadInput(KEY, self.path, reason)
+        raise BadInput(
+            KEY,
+            self.path,
+            f"has no measured angles under {tried}; name them, --names angle=NAME_{JOINT}; it has {self._list()}",
+        )
 
     def _match(self, pattern: str, quantity: str) -> list[str]:
         """What stands for ``{joint}`` in the columns of a quantity, and of no other with a longer pattern."""
@@ -306,8 +321,12 @@ class _Table:
         else:
             return np.full(len(joints), np.nan)
         fits = len(values) in (1, len(joints)) and ((values >= 0.0) & (values < np.inf)).all()
-        allowed = f"must be one finite number from 0 on, or one for each of {len(joints)} joints"
-        require(fits, f"--{key}", ",".join(f"{value:g}" for value in values[:20]), allowed)
+        require(
+            fits,
+            f"--{key}",
+            ",".join(f"{value:g}" for value in values[:20]),
+            f"must be one finite number from 0 on, or one for each of {len(joints)} joints",
+        )
         return np.broadcast_to(values, len(joints)).copy()
 
 

@@ -141,8 +141,12 @@ def read_machine(robot: str, names: Sequence[str], pairs: Mapping[str, str] | No
     path = _find_path(robot)
     model = compile_spec(path, load_spec(path))
     mujoco = load_mujoco()
-    constrained = "has equality constraints, with which its joints are no chains: remove them"
-    require(not np.any(model.eq_active0), ROBOT_KEY, robot, constrained)
+    require(
+        not np.any(model.eq_active0),
+        ROBOT_KEY,
+        robot,
+        "has equality constraints, with which its joints are no chains: remove them",
+    )
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     kinds = [int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)]
     joints = {model.joint(i).name: i for i in np.flatnonzero(np.isin(model.jnt_type, kinds)).tolist()}
@@ -174,8 +178,12 @@ def _find_path(robot: str) -> Path:
         return find_model(None, robot)
     option = config_folder() / "machine" / f"{robot}.yaml"
     known = [path.stem for path in option.parent.glob("*.yaml")] + [*package_models()]
-    allowed = f"must be an option of conf/machine, or an MJCF or URDF file{suggest(robot, known)}"
-    require(robot in known, ROBOT_KEY, robot, allowed)
+    require(
+        robot in known,
+        ROBOT_KEY,
+        robot,
+        f"must be an option of conf/machine, or an MJCF or URDF file{suggest(robot, known)}",
+    )
     return find_model(yaml.safe_load(option.read_text()).get("model", robot) if option.is_file() else robot, None)
 
 

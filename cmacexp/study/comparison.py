@@ -39,8 +39,12 @@ def relative_to(values: Array, reference: Array) -> Array:
     Raises:
         BadInput: a value of the reference is not finite or not above 0: nothing is relative to it.
     """
-    allowed = "leave out the tasks that split_tasks excludes"
-    require(_defined(reference).all(), "reference", "undefined in some worlds", allowed)
+    require(
+        _defined(reference).all(),
+        "reference",
+        "undefined in some worlds",
+        "leave out the tasks that split_tasks excludes",
+    )
     return np.where(np.isfinite(values), values, np.inf) / reference
 
 

@@ -139,8 +139,12 @@ def check_page(file: StudyFile) -> None:
     }  # fmt: skip
     for kind, name, line in find_insertions(file.page, file.text):
         has = listed(list(declared.get(kind, ()))) or "none"
-        allowed = f"line {line}: the study declares no {kind} {name!r}; it has {has}"
-        require(name in declared.get(kind, [name]), "page", file.page, allowed)
+        require(
+            name in declared.get(kind, [name]),
+            "page",
+            file.page,
+            f"line {line}: the study declares no {kind} {name!r}; it has {has}",
+        )
 
 
 def _write_tables(results: Results, folder: Path) -> None:

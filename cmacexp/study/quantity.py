@@ -135,10 +135,11 @@ def _compute(node: ast.expr, results: Results) -> Any:
             return _read_setting(key, results)
         case ast.Call(ast.Name(name), values, []) if name in FUNCTIONS:
             return FUNCTIONS[name](*(_compute(value, results) for value in values))
-    allowed = (
-        f"a quantity may use + - * / ** < <= > >=, {', '.join(FUNCTIONS)}, a cycle as [5], the last ones as [-3:]"
+    raise BadInput(
+        "quantity",
+        ast.unparse(node),
+        f"a quantity may use + - * / ** < <= > >=, {', '.join(FUNCTIONS)}, a cycle as [5], the last ones as [-3:]",
     )
-    raise BadInput("quantity", ast.unparse(node), allowed)
 
 
 def _read_setting(key: str, results: Results) -> Array:

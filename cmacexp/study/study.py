@@ -83,8 +83,12 @@ def starting_from(before: Sequence[Request], after: Sequence[Request]) -> list[R
 
 def _predecessor(before: Sequence[Request], request: Request) -> Request:
     found = [each for each in before if each.labels.items() <= request.labels.items()]
-    allowed = f"must match one request to start from, not {len(found)}; name bundles of overrides with labels"
-    require(len(found) == 1, "labels", dict(request.labels), allowed)
+    require(
+        len(found) == 1,
+        "labels",
+        dict(request.labels),
+        f"must match one request to start from, not {len(found)}; name bundles of overrides with labels",
+    )
     return found[0]
 
 

@@ -61,8 +61,12 @@ def load_study(path: Path) -> StudyFile:
     require(path.is_file(), "study", path, "there is no such file")
     if path.suffix in YAML:
         return StudyFile(path, read_study(path))
-    allowed = "must be a file of Python, its name without a dot before .py, or of YAML"
-    require(path.suffix == ".py" and "." not in path.stem, "study", path, allowed)
+    require(
+        path.suffix == ".py" and "." not in path.stem,
+        "study",
+        path,
+        "must be a file of Python, its name without a dot before .py, or of YAML",
+    )
     root, name = find_module(path)
     if str(root) not in sys.path:
         sys.path.insert(0, str(root))

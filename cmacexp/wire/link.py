@@ -83,8 +83,12 @@ class Link:
         while len(heard) < FIRST_STATES and time.monotonic() < end:
             if (message := self.wire.receive(0.1)) is not None:
                 heard.append((time.perf_counter(), read_state(message)))
-        reason = f"{len(heard)} states within {ANSWERS:g} s: connect the robot, or start cmacexp robot --simulate"
-        require(len(heard) == FIRST_STATES, "plant.interface", self.interface, reason)
+        require(
+            len(heard) == FIRST_STATES,
+            "plant.interface",
+            self.interface,
+            f"{len(heard)} states within {ANSWERS:g} s: connect the robot, or start cmacexp robot --simulate",
+        )
         times, steps = np.diff([(at, reading.signals.tick[0]) for at, reading in heard], axis=0).T
         tick = max(1, int(np.median(steps)))
         period = float(np.median(times * tick / np.maximum(steps, 1)))

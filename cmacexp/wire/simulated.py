@@ -10,18 +10,17 @@ import gc
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
 from cmacexp.config.component import find_option
 from cmacexp.config.machine import read_model
 from cmacexp.config.schema import Config, read_component
-from cmacexp.errors import require, suggest
+from cmacexp.errors import require, require_name
 from cmacexp.jit.compiler import program
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, TORQUE, VELOCITY, Drives, new_drives, send_command
+from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, TORQUE, VELOCITY, new_drives, send_command
 from cmacexp.plants.mujoco_kernels import advance_engine
 from cmacexp.plants.mujoco_robot import MujocoRobot
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig
@@ -67,8 +66,7 @@ class Fault:
     _lost: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        choices = f"choose from {', '.join(KINDS)}{suggest(self.kind, KINDS)}"
-        require(self.kind in KINDS, "--fault", self.kind, choices)
+        require_name("--fault", self.kind, KINDS)
         self._random = np.random.default_rng(0)
 
     def spoil_command(self, command: Message, step: int) -> Message | None:
@@ -167,8 +165,7 @@ class SimulatedRobot:
         self.plant, self.period, self.hung, mechanism = plant, config.sampling_period, hung, scenario.setup.mechanism
         self.weight, limits, legs = mechanism.weight, mechanism.torque_limits, mechanism.shape[0]
         actuator = replace(config.actuator, delay=config.actuator.delay + config.plant.delay)
-        make = partial(new_drives, actuator, config.plant.bus, self.period, config.plant.substeps, limits, legs)
-        self.drives: Drives = make()
+        self.drives = new_drives(actuator, config.plant.bus, self.period, config.plant.substeps, limits, legs)
         self._advance, self._send = program(advance_engine).compiled, program(send_command).compiled  # type: ignore[attr-defined]
         self._nothing = np.zeros(mechanism.shape)
         robot, data = read_model(config.machine), plant.data
@@ -185,10 +182,7 @@ class SimulatedRobot:
         self._command = np.zeros((6, *self._nothing.shape))
         self.steps = 0
         self._random, self._sensors = np.random.default_rng(config.seed), config.sensors
-        plant.hold()
         self.step()  # which compiles what a step needs
-        plant.put()
-        self.drives, self.steps = make(), 0
 
     def take(self, command: Message) -> None:
         """Follow a command; one with a wrong checksum is ignored, as by a robot."""
