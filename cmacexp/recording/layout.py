@@ -11,18 +11,18 @@ from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMa
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.recording.run_view import RunView
 from cmacexp.recording.scene import EYES, FIGURE, FORCE_LENGTH, LOWEST_NUMBER, MESHES, MM, name_eye
-from cmacexp.recording.series import EVENTS, SERIES, list_plots, name_component
+from cmacexp.recording.series import EVENTS, GAIT, SERIES, list_plots, name_component
 from cmacexp.typing import Array
 
 Panel = rrb.Container | rrb.View
 Range = tuple[float, float]
 SHARES = {
-    **{"scene": 3.0, "sides": 1.6, "gait": 1.2, "events": 1.7},
+    **{"scene": 3.0, "sides": 1.6, "events": 1.7},
     **{"leg_*/force": 2.1, "leg_*/error": 2.1, "leg_*/torque_*": 4.2},
-    **{"body/tilt": 1.1, "body/height": 1.1, "body/margins": 1.0},
+    **{GAIT: 1.2, "body/tilt": 1.1, "body/height": 1.1, "body/margins": 1.0},
 }
 """Heights of panels above each other, by the methods that make them, or the plots in them."""
-MOVING = ("force", "margins")
+MOVING = ("force", "margins", GAIT)
 """Plots of a walk that show the time about now."""
 KEY = "key"
 """The entity of the text that explains the colours."""
@@ -51,17 +51,6 @@ def widen_range(low: float, high: float) -> Range:
     return float(narrowest[0]), float(narrowest[1])
 
 
-def _measure_ranges(view: RunView) -> dict[str, Range]:
-    """Least and largest value of each plot that has a finite one."""
-    ranges = {}
-    for path, plot in list_plots(view).items():
-        values = np.concatenate([line.values for line in plot.lines])
-        values = values[np.isfinite(values)]
-        if values.size:
-            ranges[path] = (float(values.min()), float(values.max()))
-    return ranges
-
-
 def _share_range(ranges: Iterable[Range]) -> Range | None:
     """The range that covers all, unless one dwarfs another."""
     ranges = list(ranges)
@@ -73,7 +62,7 @@ def _share_range(ranges: Iterable[Range]) -> Range | None:
 
 def find_ranges(views: Sequence[RunView]) -> list[dict[str, Range]]:
     """The vertical axis of each plot of each run, by its name; where several runs have it, one that they share."""
-    own = [_measure_ranges(view) for view in views]
+    own = [{path: span for path, plot in list_plots(view).items() if (span := plot.find_range())} for view in views]
     shared = {path: _share_range([ranges[path] for ranges in own if path in ranges]) for path in set().union(*own)}
     return [{path: widen_range(*(shared[path] or span)) for path, span in ranges.items()} for ranges in own]
 
@@ -131,7 +120,7 @@ class Panels:
         """A plot of all times, or of a walk's MOVING quantities from 1.6 to 0.2 cycles about now."""
         entity, (title, unit, _, lines) = f"/{self.view.root}{SERIES}", self._plots[path]
         names, colours = [line.name for line in lines], [line.colour for line in lines]
-        style = rr.SeriesLines(names=names, colors=colours, widths=[1.5] * len(names))
+        style = rr.SeriesLines(names=names, colors=colours, widths=[9.0 if path == GAIT else 1.5] * len(names))
         drawn = VisualizerComponentMapping(
             "Scalars:scalars", ComponentSourceKind.SourceComponent, source_component=name_component(path)
         )
@@ -184,17 +173,6 @@ class Panels:
             self._from_side("top", "from above", (paths, "travel/body/plate")),
         )
 
-    def gait(self) -> Panel:
-        """Which foot supports when (Lin & Song 1997, Fig. 14)."""
-        names = [f"{number} {name}" for number, name in enumerate(self.view.names, start=1)]
-        return rrb.TimeSeriesView(
-            origin=f"/{self.view.root}gait",
-            name=f"support of {', '.join(names)}",
-            axis_y=rrb.ScalarAxis(range=(0.4, len(names) + 0.6)),
-            plot_legend=rrb.PlotLegend(visible=False),
-            axis_x=self._make_time_axis(self._now)[0],
-        )
-
     def events(self) -> Panel:
         """Lift-offs, touch-downs and critical moments; a click on the time of one goes there."""
         return rrb.TextLogView(
@@ -240,7 +218,7 @@ def _lay_out_run(panels: Panels) -> Panel:
         tabs.append(rrb.Horizontal(*both, name=f"cycles {first} and {last}"))
     if view.walks:
         legs = [rrb.Horizontal(*panels.plots(f"leg_{leg}/[et]*")) for leg in range(1, view.trace.legs + 1)]
-        walk = panels.stack(("gait", "body/tilt", "body/height", "body/margins"), "walk")
+        walk = panels.stack((GAIT, "body/tilt", "body/height", "body/margins"), "walk")
         tabs += [walk, rrb.Vertical(*legs, name="whole run")]
     else:
         tabs.append(panels.stack(names, "whole run"))

@@ -4,17 +4,16 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-import pyarrow as pa
-import rerun as rr
 
 from cmacexp.metrics.drift import format_event
 from cmacexp.recording import palette
-from cmacexp.recording.entities import Entities
 from cmacexp.recording.run_view import RunView
 from cmacexp.typing import Array
 
 SERIES, EVENTS = "series", "events"
 """The entity of all plots, which as one has the times of the steps once; that of the moments."""
+GAIT = "gait/support"
+"""The plot of which foot is planned to support when (Lin & Song 1997, Fig. 14)."""
 Event = tuple[int, str]
 """A moment that is worth a look: its step of the view, and what happens."""
 AXES = {
@@ -74,6 +73,12 @@ class Plot(NamedTuple):
     """Number of the leg, from 1; 0: the body."""
     lines: list[Line]
 
+    def find_range(self) -> tuple[float, float] | None:
+        """Least and largest value; None if none is finite."""
+        values = np.concatenate([line.values for line in self.lines])
+        finite = values[np.isfinite(values)]
+        return (float(finite.min()), float(finite.max())) if finite.size else None
+
 
 def _list_leg_plots(view: RunView, leg: int) -> dict[str, Plot]:
     """The plots of a leg, by its number; those of several begin with it."""
@@ -109,7 +114,14 @@ def list_plots(view: RunView) -> dict[str, Plot]:
         for leg in range(1, view.trace.legs + 1)
         for name, plot in _list_leg_plots(view, leg).items()
     }
-    for name, signals in BODY_PLOTS.items() if view.walks else ():
+    if not view.walks:
+        return found
+    support = [
+        Line(f"{number} {name}", np.where(down, float(number), np.nan), palette.SUPPORT)
+        for number, (name, down) in enumerate(zip(view.names, view.trace.support.T, strict=True), 1)
+    ]
+    found[GAIT] = Plot(f"support of {', '.join(line.name for line in support)}", "number of the leg", 0, support)
+    for name, signals in BODY_PLOTS.items():
         shown = {signal: style for signal, style in signals.items() if signal in view.body}
         lines = [Line(title, 1e3 * view.body[signal], colour) for signal, (title, colour) in shown.items()]
         found[f"body/{name}"] = Plot(*BODY_TITLES[name], 0, lines)
@@ -119,31 +131,6 @@ def list_plots(view: RunView) -> dict[str, Plot]:
 def name_component(path: str) -> str:
     """The component of :data:`SERIES` that holds the lines of the plot ``leg_1/force``."""
     return path.replace("/", ":")
-
-
-def _log_gait(entities: Entities, view: RunView) -> None:
-    """Bars at the height of each leg's number while it is planned to support (Fig. 14); only changes are written."""
-    for number, (name, support) in enumerate(zip(view.names, view.trace.support.T, strict=True), start=1):
-        path, bar = f"gait/{number}_{name.replace(' ', '_')}", np.where(support, float(number), np.nan)
-        rows = np.union1d(np.flatnonzero(np.diff(support, prepend=~support[:1])), [len(bar) - 1])
-        style = rr.SeriesLines(
-            names=f"{number} {name}", colors=palette.SUPPORT, widths=9.0, interpolation_mode="StepAfter"
-        )
-        entities.send_columns(path, rr.Scalars.columns(scalars=bar[rows]), rows, style)
-
-
-def log_series(entities: Entities, view: RunView) -> None:
-    """All time series, in single precision, and the gait diagram."""
-    columns = []
-    for path, plot in list_plots(view).items():
-        values = pa.array(np.stack([line.values for line in plot.lines], axis=1).astype(np.float32).ravel())
-        name, owner = name_component(path), path.partition("/")[0]
-        # rr.AnyValues.columns makes the same, but looks at each number.
-        columns.append(
-            rr.ComponentColumn(rr.ComponentDescriptor(name, archetype=owner), rr.AnyBatchValue(name, values))
-        )
-    entities.send_columns(SERIES, columns)
-    _log_gait(entities, view)
 
 
 def _find_contacts(view: RunView) -> Iterator[Event]:
@@ -166,10 +153,3 @@ def find_events(view: RunView) -> list[Event]:
         if view.step[0] <= event["step"] <= view.step[-1]
     ]
     return sorted([*cycles, *_find_contacts(view), *guard])
-
-
-def log_events(entities: Entities, view: RunView) -> None:
-    """The moments as a log, each with its time, which the viewer goes to when it is clicked."""
-    found = find_events(view)
-    texts = [f"{view.time[row]:.3f} s  {text}" for row, text in found]
-    entities.send_columns(EVENTS, rr.TextLog.columns(text=texts), rows=np.array([row for row, _ in found]))

@@ -9,6 +9,7 @@ from importlib.abc import MetaPathFinder
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pyarrow as pa
 import rerun as rr
 from rerun.chunk import RrdReader
@@ -25,7 +26,7 @@ from cmacexp.recording.layout import KEY, describe_key, make_layout
 from cmacexp.recording.meshes import log_meshes, read_shown_model
 from cmacexp.recording.run_view import RunView, count_kept
 from cmacexp.recording.scene import log_ground, log_machine
-from cmacexp.recording.series import log_events, log_series
+from cmacexp.recording.series import EVENTS, SERIES, find_events, list_plots, name_component
 
 MOST_RUNS = 6
 """More side by side have too narrow columns."""
@@ -96,6 +97,26 @@ def _send_facts(recording: rr.RecordingStream, run: Run, root: str) -> None:
             recording.send_property(root.replace("/", "_") + name, rr.AnyValues(**known))
 
 
+def _log_series(entities: Entities, view: RunView) -> None:
+    """All time series, in single precision."""
+    columns = []
+    for path, plot in list_plots(view).items():
+        values = pa.array(np.stack([line.values for line in plot.lines], axis=1).astype(np.float32).ravel())
+        name, owner = name_component(path), path.partition("/")[0]
+        # rr.AnyValues.columns makes the same, but looks at each number.
+        columns.append(
+            rr.ComponentColumn(rr.ComponentDescriptor(name, archetype=owner), rr.AnyBatchValue(name, values))
+        )
+    entities.send_columns(SERIES, columns)
+
+
+def _log_events(entities: Entities, view: RunView) -> None:
+    """The moments as a log, each with its time, which the viewer goes to when it is clicked."""
+    found = find_events(view)
+    texts = [f"{view.time[row]:.3f} s  {text}" for row, text in found]
+    entities.send_columns(EVENTS, rr.TextLog.columns(text=texts), rows=np.array([row for row, _ in found]))
+
+
 def is_current(run: Run) -> bool:
     """Whether a run has its recording, whatever it shows: made from this run, by this version, and readable."""
     path, facts = run.folder / RECORDING_FILE, _list_facts(run)
@@ -158,8 +179,8 @@ def make_recording(runs: Sequence[Run], options: Options) -> tuple[rr.RecordingS
         entities = Entities(recording, view)
         log_machine(entities, view)
         log_ground(entities, view)
-        log_series(entities, view)
-        log_events(entities, view)
+        _log_series(entities, view)
+        _log_events(entities, view)
         if options.meshes:
             log_meshes(entities, view, models[number])
     return recording, name + ("; --every 1 shows all" if max(window.every for window in windows) > 1 else "")

@@ -14,8 +14,7 @@ from cmacexp.metrics.registry import count_legs, pool_legs, select_main
 from cmacexp.recording import palette
 from cmacexp.recording.run_view import RunView
 from cmacexp.recording.series import AXES, Plot, list_plots
-from cmacexp.report.curves import over_cycles
-from cmacexp.report.figures import DESIRED_LINE, Panel, Series, draw
+from cmacexp.report.figures import DESIRED_LINE, Panel, Series, draw, over_cycles
 from cmacexp.report.page import Drawing
 from cmacexp.report.style import DASHES, colour, mark
 from cmacexp.typing import Array, Mask, Status
@@ -206,10 +205,9 @@ def _draw_speeds(view: RunView) -> Panel:
 def draw_end(view: RunView) -> Drawing:
     """The last steps of a run that fell or diverged: forces, and the body that fell or the speeds that diverged."""
     fell = view.trace.body is not None and view.run.status == Status.FELL
-    shown = {
-        path: plot for path, plot in list_plots(view).items() if path.endswith("force") or (fell and not plot.leg)
-    }
-    panels = [_draw_plot(plot, "time, s", view.time, LAST) for plot in shown.values()]
+    shown = ("/force", "body/") if fell else ("/force",)
+    plots = [plot for path, plot in list_plots(view).items() if any(part in path for part in shown)]
+    panels = [_draw_plot(plot, "time, s", view.time, LAST) for plot in plots]
     steps = min(LAST_STEPS, view.trace.steps)
     figure = draw([*panels, *([] if fell else [_draw_speeds(view)])])
     return Drawing("end", figure, f"The last {steps} recorded steps before the run stopped.")

@@ -12,8 +12,7 @@ from cmacexp.config.describe import describe_fields
 from cmacexp.data.run import Run
 from cmacexp.metrics.registry import JUDGED, MAIN, format_runs, format_setting, make_names, shows
 from cmacexp.metrics.swept import Swept, find_swept, name_runs
-from cmacexp.report.curves import is_numeric, over_cycles, over_setting
-from cmacexp.report.figures import draw
+from cmacexp.report.figures import draw, is_numeric, over_cycles, over_setting
 from cmacexp.report.page import HOW_TO_REPORT, Drawing, PageElement, Report, Section, Table
 from cmacexp.typing import Array
 

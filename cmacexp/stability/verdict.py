@@ -6,6 +6,7 @@ Limits were chosen on 200 random settings of one leg; ``pipelines/when_learning_
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, is_dataclass
 from typing import NamedTuple
 
@@ -80,16 +81,6 @@ class Verdict(NamedTuple):
         return f"{self.verdict}: {' '.join(self.reasons)}"
 
 
-class _Evidence(NamedTuple):
-    """What decides where a run ends as it began; NaN where it is not known."""
-
-    growth: float
-    ritz: float
-    reached: float
-    """Level over the lowest if all changes to come add up."""
-    least_real: float
-
-
 def compute_rise(levels: Array) -> tuple[float, float]:
     """Level of the feedback at the end of the cycles of learning over its lowest there, and that lowest level.
 
@@ -133,9 +124,7 @@ def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
     if quantised := _find_quantised(config):
         reason = f"{quantised} is above 0: what is quantised cannot be linearised."
         return Verdict(UNDECIDED, float("nan"), lead, (f"{level}.", reason), done)
-    evidence = _linearise(config, lead, loop, lowest, risen)
-    verdict = _decide(evidence, compiled and config.learning.rule not in BOUNDED_RULES)
-    return Verdict(verdict, evidence.growth, lead, (f"{level}.", *_explain(evidence)), done)
+    return _linearise(config, loop, lead, level, risen, lowest)
 
 
 def _find_quantised(config: Config) -> str:
@@ -168,34 +157,33 @@ def find_least_real(config: Config, lead: int, *shares: float) -> list[float]:
     return [min(spectrum.least(lead, share) for spectrum in spectra) for share in shares]
 
 
-def _linearise(config: Config, lead: int, loop: RestorableLoop, lowest: float, risen: float) -> _Evidence:
+def _linearise(config: Config, loop: RestorableLoop, lead: int, level: str, risen: float, lowest: float) -> Verdict:
+    """The verdict where a run ends as it began, of feedback that has ``risen`` to so many times its ``lowest``.
+
+    Growth of the map may end in a limit cycle of a rule, or of contacts in MuJoCo: then it is not trusted.
+    """
     (least_real,) = find_least_real(config, lead, 0.0)
-    try:
-        growth, other = grow(loop), grow(loop, seed=SEED)
-    except NotPredictable:
-        return _Evidence(float("nan"), float("nan"), float("nan"), least_real)
-    ritz = max(float(abs(space.krylov.eigenvalues()[0])) for space in (growth, other))
-    reached = risen + float(growth.krylov.lengths(AHEAD).sum()) / lowest
-    return _Evidence(growth.per_cycle, ritz, reached, least_real)
-
-
-def _decide(evidence: _Evidence, trusts_growth: bool) -> str:
-    """The verdict; growth of the map may end in a limit cycle of a rule, or of contacts in MuJoCo."""
-    allowed = MAX_IF_POSITIVE if evidence.least_real >= POSITIVE else MAX_LEVEL
-    if evidence.ritz <= MAX_RITZ and evidence.reached <= allowed:
-        return HOLDS
-    map_grows = min(evidence.growth, evidence.ritz) >= MIN_GROWTH and evidence.least_real < 0.0
-    return GROWS if map_grows and trusts_growth else UNDECIDED
-
-
-def _explain(evidence: _Evidence) -> tuple[str, ...]:
-    return (
-        f"Linearised there, its changes grow by a factor of {evidence.growth:.4f} per cycle; the largest Ritz value "
-        f"is {evidence.ritz:.4f} (holds up to {MAX_RITZ:g}).",
-        f"If all changes of {AHEAD} more cycles add up, it reaches {evidence.reached:.3g} times that level (holds up "
-        f"to {MAX_LEVEL:g}; where Re T is positive, to {MAX_IF_POSITIVE:g}).",
-        f"The least Re T is {evidence.least_real:.3f} (positive from {POSITIVE:g}).",
+    growth = ritz = reached = float("nan")
+    with suppress(NotPredictable):
+        own, other = grow(loop), grow(loop, seed=SEED)
+        growth = own.per_cycle
+        ritz = max(float(abs(space.krylov.eigenvalues()[0])) for space in (own, other))
+        reached = risen + float(own.krylov.lengths(AHEAD).sum()) / lowest
+    trusts_growth = loop.plant is None and config.learning.rule not in BOUNDED_RULES
+    verdict, allowed = UNDECIDED, MAX_IF_POSITIVE if least_real >= POSITIVE else MAX_LEVEL
+    if ritz <= MAX_RITZ and reached <= allowed:
+        verdict = HOLDS
+    elif trusts_growth and min(growth, ritz) >= MIN_GROWTH and least_real < 0.0:
+        verdict = GROWS
+    reasons = (
+        f"{level}.",
+        f"Linearised there, its changes grow by a factor of {growth:.4f} per cycle; the largest Ritz value is "
+        f"{ritz:.4f} (holds up to {MAX_RITZ:g}).",
+        f"If all changes of {AHEAD} more cycles add up, it reaches {reached:.3g} times that level (holds up to "
+        f"{MAX_LEVEL:g}; where Re T is positive, to {MAX_IF_POSITIVE:g}).",
+        f"The least Re T is {least_real:.3f} (positive from {POSITIVE:g}).",
     )
+    return Verdict(verdict, growth, lead, reasons, loop.cycles)
 
 
 @dataclass(frozen=True)

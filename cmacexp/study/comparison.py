@@ -19,8 +19,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.errors import require, require_name
-from cmacexp.report import curves
-from cmacexp.report.figures import Panel, Series
+from cmacexp.report.figures import Panel, Series, over_setting
 from cmacexp.study.interval import CONFIDENCE, UNKNOWN, Interval, estimate
 from cmacexp.typing import Array, Mask
 
@@ -271,4 +270,4 @@ def interval_panel(comparison: Comparison, title: str = "scores and failures") -
         name: {method: np.array(astuple(compute(method))[:3]) for method in comparison.scores}
         for name, compute in {"mean score": comparison.mean, "failures": comparison.failures}.items()
     }
-    return curves.over_setting(groups, "", "score, share", lambda found: tuple(found), kind="bars", title=title)
+    return over_setting(groups, "", "score, share", lambda found: tuple(found), kind="bars", title=title)

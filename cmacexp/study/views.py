@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.report import curves
+from cmacexp.report import figures
 from cmacexp.report.figures import Panel
 from cmacexp.study.interval import estimate
 from cmacexp.study.results import Results
@@ -17,7 +17,7 @@ def over_cycles(results: Results, name: str, by: str, log: str = "", title: str 
 
     ``title`` replaces the metric's own.
     """
-    return curves.over_cycles(
+    return figures.over_cycles(
         name, {value: group.history(name) for value, group in results.by(by).items()}, log, title
     )
 
@@ -59,7 +59,7 @@ def over_setting(
         for name, group in (results.by(by) if by else {"": results}).items()
     }
     x = axis or ("" if kind == "bars" else key)
-    return curves.over_setting(groups, x, y, _interval, kind=kind, log=log, title=title, order=results.values(key))
+    return figures.over_setting(groups, x, y, _interval, kind=kind, log=log, title=title, order=results.values(key))
 
 
 def tabulate(results: Results, by: Mapping[str, str], columns: Mapping[str, Callable[[Results], Any]]) -> DataFrame:

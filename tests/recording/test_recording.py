@@ -48,7 +48,7 @@ def test_every_leg_of_a_walk_and_its_body_are_shown(walk):
 
 def test_views_look_at_entities_of_the_run_and_facts_are_those_of_its_manifest(leg, walk):
     eyes = {f"world/travel/eyes/{eye}" for eye in ("front", "right_side", "top")}
-    expected = {leg: {"world/travel/eyes/right_side"}, walk: {"gait", "world/travel", *eyes}}
+    expected = {leg: {"world/travel/eyes/right_side"}, walk: {"world/travel", *eyes}}
     for run, own in expected.items():
         path, origins = run.folder / "recording.rrd", set()
         for _, row in read_rows(path, store=lambda reader: reader.blueprints()[0]):
