@@ -4,8 +4,11 @@ Without a name of a command the words are overrides of a run, or with ``-m`` of 
 """
 
 import sys
+from contextlib import suppress
 from importlib import import_module
 from typing import cast
+
+from cmacexp.errors import CmacexpError
 
 COMMANDS = {
     "run": "simulates a scenario: cmacexp run scenario=one_leg cycles=3",
@@ -61,7 +64,8 @@ def run_words() -> int:
     if {"-m", "--multirun"} & set(sys.argv):
         from cmacexp.engine.pool import make_context
 
-        make_context()  # what workers need is imported while this process imports what it needs
+        with suppress(CmacexpError):  # which the sweep raises again
+            make_context()  # what workers need is imported while this process imports what it needs
     from cmacexp.commands.main import main as run
 
     return run()

@@ -215,6 +215,7 @@ def check_run(config: Config) -> list[Check]:
             config.cycles,
             f"must be at most {MOST_STEPS // steps} with {steps} steps a cycle",
         ),
+        (record.cycles == [], "record.cycles", [], "must name at least one cycle; or null for all"),
         *(
             (
                 cycle > config.cycles,

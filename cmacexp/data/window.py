@@ -24,7 +24,9 @@ class Window(NamedTuple):
 
     def __str__(self) -> str:
         cycles = f"cycles {self.first} to {self.last}" if self.last > self.first else f"cycle {self.first}"
-        return f"{cycles}, " + ("every step" if self.every == 1 else f"one step in {self.every} of {self.steps}")
+        return f"{cycles}, " + (
+            f"all {self.steps} steps of the trace" if self.every == 1 else f"one step in {self.every} of {self.steps}"
+        )
 
     @property
     def cycles(self) -> range:

@@ -42,11 +42,12 @@ from cmacexp.data.tables import (
 from cmacexp.data.trace import SampledTrace, Trace, concat_traces, count_steps_by_cycle, trace_writer
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.engine.stop_cause import explain_stop
-from cmacexp.errors import BadInput, BadOutput, CmacexpError, format_user_traceback, in_one_line
+from cmacexp.errors import BadInput, BadOutput, format_user_traceback, in_one_line
 from cmacexp.feedforward import Learns
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
 from cmacexp.loop import End, Samples, stream
+from cmacexp.loop.run import describe_failure as describe_failure
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.trace import assemble, assemble_body, assemble_memory
 from cmacexp.metrics.drift import Drift, make_drift_entry
@@ -54,13 +55,6 @@ from cmacexp.metrics.score import RunScorer
 from cmacexp.models.mechanism import PLANE, has_body
 from cmacexp.sensors.protocol import find_altered
 from cmacexp.typing import Array, Status
-
-
-def describe_failure(error: Exception) -> str:
-    """Why a run failed, in one line."""
-    text = str(error) if isinstance(error, CmacexpError | OSError) else f"{type(error).__name__}: {error}"
-    return " ".join(text.split())
-
 
 Columns = tuple[tuple[Signal, ...], tuple[Signal, ...] | None]
 """Columns of the traces of the legs, and of the body if there is one."""
@@ -97,9 +91,7 @@ def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Sampled
     period, start = config.sampling_period, samples.start
     body = memory = None
     if columns[1] is not None:
-        moves, sampled = scenario.first.travel is not None, samples.body_columns()
-        if hasattr(scenario.plant, "list_steps"):
-            sampled |= scenario.plant.list_steps(start, start + samples.body.shape[1])
+        moves, sampled = scenario.first.travel is not None, samples.body_columns() | samples.live
         body = Trace(assemble_body(scenario.setup, sampled, legs, moves, start, columns[1]))
     if samples.memory is not None:
         memory = assemble_memory(samples.memory, start // config.steps_per_cycle + 1)

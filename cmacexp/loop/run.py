@@ -11,7 +11,7 @@ import numpy as np
 
 from cmacexp.config import Config
 from cmacexp.config.schema import ADAPTIVE, ESTIMATE, NONE
-from cmacexp.data.signals import ARRAYS, FEEDBACK_ALONE, LEARNS, REPEATED
+from cmacexp.data.signals import ARRAYS, FEEDBACK_ALONE, LEARNS, LIVE_SIGNALS, REPEATED
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.kernels import TABLE, FeedforwardParams
 from cmacexp.feedforward.network import BuiltInFeedforward
@@ -60,6 +60,8 @@ class Samples(NamedTuple):
     """(columns, steps), likewise."""
     memory: dict[str, Array] | None
     """Columns of ``memory.parquet``, (cycles, L) by name; None without weights."""
+    live: dict[str, Array]
+    """LIVE_SIGNALS, (steps,) by name; NaN where the plant does not list them."""
 
     def columns(self) -> dict[str, Array]:
         """Of the legs, (steps, L) by column name, in the units of :func:`cmacexp.data.signals.list_units`."""
@@ -96,9 +98,9 @@ class End:
     ``force_control.load_sharing=adaptive``."""
 
 
-def _format_error(raised: Exception) -> str:
-    """One line for what a component raised; errors of this project need no class name."""
-    message = str(raised) if isinstance(raised, CmacexpError) else f"{type(raised).__name__}: {raised}"
+def describe_failure(raised: Exception) -> str:
+    """Why a run failed, in one line; errors of this project and of the system need no class name."""
+    message = str(raised) if isinstance(raised, CmacexpError | OSError) else f"{type(raised).__name__}: {raised}"
     return " ".join(message.split())
 
 
@@ -156,6 +158,12 @@ class _Stream:
             self.status == Status.COMPLETED and self.driver.taken < self.config.cycles * self.config.steps_per_cycle
         )
 
+    def fail(self, where: str, raised: Exception) -> None:
+        """Let the run fail by what a component raised, unless it has failed before; ``where``: in which method."""
+        if self.error is None:
+            self.status, self.error = Status.FAILED, raised
+            self.cause = f"{where}after step {self.driver.taken}: {describe_failure(raised)}"
+
     def advance(self) -> int:
         """Run until the arrays are full or the run ends, as at an interrupt or an error; returns the first step."""
         config = self.config
@@ -177,8 +185,7 @@ class _Stream:
         except KeyboardInterrupt:
             self.status, self.cause = Status.INTERRUPTED, f"after step {driver.taken}"
         except Exception as raised:
-            self.status, self.error = Status.FAILED, raised
-            self.cause = f"after step {driver.taken}: {_format_error(raised)}"
+            self.fail("", raised)
         self.seconds += time.perf_counter() - began
         self.processor_seconds += time.process_time() - worked
         return start
@@ -247,7 +254,21 @@ class _Stream:
         legs, body = self.samples[:, :done], self.body[:, :done]
         if self.runs:  # which fills them again
             legs, body = legs.copy(), body.copy()
-        return Samples(start, legs, body, memory)
+        return Samples(start, legs, body, memory, self._list_live(start))
+
+    def _list_live(self, start: int) -> dict[str, Array]:
+        """LIVE_SIGNALS of the steps since ``start`` as a plant lists them, (steps,) each; NaN if that fails."""
+        plant, steps = self.scenario.plant, self.driver.taken - start
+        columns = {signal.name: np.full(steps, np.nan) for signal in LIVE_SIGNALS}
+        if hasattr(plant, "list_steps"):
+            try:
+                with exits_caught():
+                    listed = plant.list_steps(start, self.driver.taken)
+                for name, values in columns.items():
+                    values[:] = listed[name]
+            except Exception as raised:
+                self.fail("list_steps, ", raised)
+        return columns
 
     def _guard_states(self, start: int, shape: tuple[int, int]) -> Array:
         """States of the guard of learning at the end of the cycles from step ``start`` on; ``shape`` (cycles, L)."""
@@ -289,8 +310,9 @@ def stream(
     scenario.begin()
     if scenario.fault is not None:
         legs, joints = scenario.setup.mechanism.shape
-        keep(Samples(0, *make_samples(0, legs, _samples_measured(scenario), joints), None))
-        cause = f"before the first step: {_format_error(scenario.fault)}"
+        none = dict.fromkeys((signal.name for signal in LIVE_SIGNALS), np.empty(0))
+        keep(Samples(0, *make_samples(0, legs, _samples_measured(scenario), joints), None, none))
+        cause = f"before the first step: {describe_failure(scenario.fault)}"
         return End(0, Status.FAILED, cause, scenario.setup.rate, scenario.fault)
     config = scenario.setup.config
     leg_steps = math.inf if is_live(scenario.plant) else config.cycles * config.steps_per_cycle * config.legs
@@ -310,9 +332,8 @@ def stream(
                 come_to_rest(scenario.plant, status)
             except Exception as raised:
                 fault = raised
-        if fault is not None and run.error is None:
-            run.status, run.error = Status.FAILED, fault
-            run.cause = f"end_run, after step {run.driver.taken}: {_format_error(fault)}"
+        if fault is not None:
+            run.fail("end_run, ", fault)
         if start == 0 or run.driver.taken > start:
             take(run.collect(start))
         for samples in later:

@@ -1,6 +1,7 @@
 """A quadruped with three hinges a leg, as its MJCF or URDF model describes it: geometry, masses, limits, losses."""
 
 import hashlib
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -65,10 +66,12 @@ def load_mujoco() -> Any:
 def refusals_named(key: str, value: object) -> Iterator[Any]:
     """Within the block, which gets the module ``mujoco``, a model that it refuses raises BadInput with this key.
 
-    Raises BadInput, too, if MuJoCo is not installed.
+    Of a model that it doubts it prints nothing: what acts on a robot is checked here. Raises BadInput, too, if MuJoCo
+    is not installed.
     """
     try:
-        yield load_mujoco()
+        with warnings.catch_warnings(action="ignore", category=UserWarning):
+            yield load_mujoco()
     except BadInput:
         raise
     except ValueError as error:

@@ -34,13 +34,9 @@ def is_urdf(path: Path) -> bool:
 
 def read_spec(mujoco: Any, path: Path) -> Any:
     """The MjSpec of a model file; raises BadInput, and ValueError as MuJoCo does."""
-    if is_urdf(path):
-        spec = _read_urdf(mujoco, path)
-    else:
-        _require_regular_files(path, path.parent, {path})
-        spec = mujoco.MjSpec.from_file(str(path))
-    reason = "uses a plugin of MuJoCo, which a run does not have; remove it"
-    require(not spec.plugins, "machine.path", path, reason)
+    _check_text(path, path.parent, {path})
+    spec = _read_urdf(mujoco, path) if is_urdf(path) else mujoco.MjSpec.from_file(str(path))
+    require(not spec.plugins, "machine.path", path, "uses a plugin of MuJoCo, which a run does not have; remove it")
     spec.compiler.discardvisual = False  # a foot may be drawn only
     spec.memory = -1  # as much as needed: MuJoCo ends the process where a model reserves too little
     return spec
@@ -105,19 +101,22 @@ def _make_possible(link: ElementTree.Element, inertial: ElementTree.Element) -> 
         inertia.attrib.update(ixx=str(max(xx, least)), iyy=str(max(yy, least)), izz=str(max(zz, least)))
 
 
-def _require_regular_files(path: Path, folder: Path, known: set[Path]) -> None:
-    """Require that all files that a model names are regular: MuJoCo would wait for a FIFO, or read a device for ever.
+def _check_text(path: Path, folder: Path, known: set[Path]) -> None:
+    """Require what MuJoCo does not: that no number is NaN, which it takes for one that is not given, and that all
+    files that a model names are regular: it would wait for a FIFO, or read a device for ever.
 
     ``path`` is that of one of its files, ``folder`` its own; ``known`` are those that have been checked, and grows.
     """
     text = unescape(path.read_text(errors="replace"))
+    undefined = re.findall(r"""(\w+)\s*=\s*["'](?:[-+.\de\s]*\s)?nan[\s"']""", text, re.IGNORECASE)
+    require(not undefined, "machine.path", path, f"has nan in {', '.join(undefined)}, which must be numbers")
     folders = ["", *re.findall(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"']*)""", text)]
     for name in re.findall(r"""\bfile\s*=\s*["']([^"']+)""", text):
         for file in {each for inner in folders if (each := folder / inner / name).exists()} - known:
             known.add(file)
             require(file.is_file(), "machine.path", path, f"names {name}, which is not a regular file")
             if file.suffix.lower() in ("", ".xml", ".mjcf"):
-                _require_regular_files(file, folder, known)
+                _check_text(file, folder, known)
 
 
 def set_run_options(mujoco: Any, model: Any) -> None:

@@ -3,13 +3,15 @@
 import json
 import shutil
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 import pandas as pd
 import pytest
 import yaml
-from support.command import interrupted, started
+from support.command import environment, interrupted, started
 from support.doors import BadRun
 from support.manifests import change_manifest
 from support.sweeps import sweep, table_of
@@ -191,6 +193,13 @@ def test_a_sweep_interrupted_in_its_first_jobs_leaves_nothing_half_written_and_s
     done = interrupted(*LONG, folder=tmp_path, once=lambda: [*tmp_path.glob("s/.1.*.part")], number=number)
     assert done.stdout.endswith("sweep.resume=true hydra.sweep.dir=s\n")
     assert [path.name for path in (tmp_path / "s").iterdir()] == ["multirun.yaml"]
+
+
+@pytest.mark.ci
+def test_from_a_folder_that_is_gone_a_sweep_ends_in_one_line(tmp_path):
+    words = ["sh", "-c", f"rmdir {tmp_path}; {sys.executable} -m cmacexp -m seed=0,1"]
+    done = subprocess.run(words, cwd=tmp_path, env=environment(), capture_output=True, text=True)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
 
 
 @pytest.mark.ci

@@ -196,8 +196,16 @@ class Ends(AnalyticPlant):
         raise RuntimeError("a motor is lost")
 
 
+class Lists(AnalyticPlant):
+    def list_steps(self, start, stop):
+        return {"answer_time": 0.001}
+
+
 @pytest.mark.ci  # a plant that is not simulated has its loop compiled
-@pytest.mark.parametrize(("plant", "reason"), [(Talks, "not JSON serializable"), (Ends, "a motor is lost")])
+@pytest.mark.parametrize(
+    ("plant", "reason"),
+    [(Talks, "not JSON serializable"), (Ends, "a motor is lost"), (Lists, "KeyError: 'states_missed'")],
+)
 def test_a_plant_that_fails_after_the_last_step_fails_the_run_which_keeps_its_trace(tmp_path, plant, reason):
     run = cmacexp.run(SHORT, tmp_path / "run", plant=plant(compose_config(SHORT).plant))
     assert (run.status, len(run.trace)) == ("failed", 2 * STEPS)

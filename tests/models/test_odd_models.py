@@ -155,6 +155,7 @@ ODD = {
     "inches": (scaled(39.37), (), UNITS.format("length of a stretched leg")),
     "grams": ([('mass="6"', 'mass="6000"')], (), UNITS.format("mass")),
     "tons": ([('mass="0.', 'mass="0.000'), ('mass="6"', 'mass="0.006"')], (), UNITS.format("mass")),
+    "no number": ([('mass="6"', 'mass="nan"')], (), r"machine\.path=.*nan in mass, which must be numbers"),
     "inertia in g mm^2": (
         [(FREE, f'{FREE}<inertial pos="0 0 0" mass="6.7" diaginertia="2e4 5e4 6e4"/>')],
         (),
