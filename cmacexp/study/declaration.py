@@ -40,6 +40,7 @@ ANYTHING: tuple[Any, str] = (object, "")
 MAPPING, LISTS = ((Mapping, NoneType), "a mapping"), ((Mapping, NoneType), "a mapping to lists of values")
 LIST, FUNCTION = ((list, tuple), "a list"), (Callable, "a function of Python")
 SETTING, TITLES = ((str, NoneType), "a setting"), ((str, list, Mapping), "a setting, or a mapping of it to a title")
+ACROSS = ((str, Mapping), TITLES[1])
 SWITCH = (bool, "true or false; --seeds N gives the number of seeds")
 """Kinds of values: their types, and how a message names them."""
 CRITERION: dict[str, tuple[Any, str]] = {
@@ -62,7 +63,7 @@ FORMS: dict[str, dict[str, tuple[Any, str]]] = {
         "metric": ANYTHING, "value": ANYTHING, "over": SETTING, "by": SETTING, "of": MAPPING, "log": ANYTHING,
         "title": ANYTHING, "y": ANYTHING, "kind": ANYTHING,
     },
-    "tables": {"rows": TITLES, "columns": MAPPING, "across": TITLES, "value": ANYTHING, "of": MAPPING},
+    "tables": {"rows": TITLES, "columns": MAPPING, "across": ACROSS, "value": ANYTHING, "of": MAPPING},
 }  # fmt: skip
 """What each part of a declaration may hold."""
 
@@ -74,12 +75,18 @@ def _check(part: str, given: Any, needs: Collection[str] = ()) -> dict[str, Any]
         require_name(part, key, FORMS[part])
         kind, words = FORMS[part][key]
         require(isinstance(value, kind), f"{part}.{key}", value, f"must be {words}")
+        _require_texts(f"{part}.{key}", value if isinstance(value, Mapping) else ())
         for name, each in value.items() if FORMS[part][key] is LISTS and value else ():
             is_list = isinstance(each, Collection) and not isinstance(each, str)
             require(is_list, f"{part}.{key}.{name}", each, "must be a list of values, such as [0.1, 0.2]")
     for key in needs:
         require(given.get(key) not in (None, {}), part, dict(given), f"needs {key}")
     return dict(given)
+
+
+def _require_texts(key: str, names: Collection[Any]) -> None:
+    """Require of names that they are texts, which a number in YAML is not; raises BadInput."""
+    require(all(isinstance(name, str) for name in names), key, names, "must have texts for names, such as '3'")
 
 
 def _list(value: Any) -> list[Any]:
@@ -218,7 +225,7 @@ def _cell(value: Any, measures: Collection[str]) -> Callable[[Results], Any]:
     """
     if callable(value):
         return value  # type: ignore[no-any-return]
-    for text in _list(value):
+    for text in _list(value) or [""]:
         parse_quantity(text, measures)
 
     def show(results: Results) -> Any:
@@ -275,6 +282,7 @@ def read_table(given: Any, measures: Collection[str] = ()) -> Callable[[Results]
     own = _check(
         "tables", given, ["rows", *(["across", "value"] if "across" in _check("tables", given) else ["columns"])]
     )
+    _require_texts("tables.rows", own["rows"].values() if isinstance(own["rows"], Mapping) else own["rows"])
     rows = own["rows"] if isinstance(own["rows"], Mapping) else {key: key for key in _list(own["rows"])}
     if "across" in own:
         across = own["across"] if isinstance(own["across"], Mapping) else {own["across"]: ""}

@@ -84,6 +84,8 @@ def require_refused(folder, file, named):
         ("figures:", "measures: 3\nfigures:", "study.measures"), ("metric: t", "metric: 2 * t", "figures.metric"),
         ("figures:", "tables: {x: {rows: 3}}\nfigures:", "tables.rows"),
         ("figures:", "tables: {x: {rows: seed, across: cycles}}\nfigures:", "tables"),
+        ("figures:", "tables: {x: {rows: [[1]], columns: {n: done}}}\nfigures:", "tables.rows"),
+        ("seeds: true", "labels: {3: 1}", "runs.labels"),
         ("seeds: true", "seeds: 3", "runs.seeds"), ("cycles: 12", "cycles: 12, seed: 3", "seeds"),
     ],
 )  # fmt: skip
