@@ -43,8 +43,8 @@ def _run(arguments: Arguments) -> None:
 
 
 def _move_hung(arguments: Arguments) -> None:
-    from cmacexp.loop.run import come_to_rest
     from cmacexp.loop.scenario import make_scenario
+    from cmacexp.plants.protocol import come_to_rest
 
     log = [f"plant.log={quote_value(arguments.chirp)}"] if arguments.chirp else []
     scenario = make_scenario(compose_config([*HUNG, *log, f"plant.domain={arguments.domain}", *arguments.overrides]))

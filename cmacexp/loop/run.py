@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from cmacexp.planning.plan import LoadEstimate
 from cmacexp.planning.stability import STABILITY
 from cmacexp.plants import AnalyticPlant
 from cmacexp.plants.mujoco_plant import MujocoPlant
+from cmacexp.plants.protocol import come_to_rest, is_live
 from cmacexp.sensors.protocol import find_altered
 from cmacexp.typing import Array, Status
 
@@ -278,21 +279,6 @@ class _Stream:
         for cycle, state in sorted(changes, key=itemgetter(0)):
             states[cycles >= cycle] = state
         return states
-
-
-def is_live(plant: Any) -> bool:
-    """Whether a plant is not simulated: it has an ``end_run(is_safe)``."""
-    return hasattr(plant, "end_run")
-
-
-def come_to_rest(plant: Any, status: str) -> None:
-    """Let a plant that is not simulated come to rest.
-
-    It is safe if the walk has completed, or the user has interrupted it. Else a component has failed, the machine
-    fell, or a limit was passed.
-    """
-    if is_live(plant):
-        plant.end_run(status in (Status.COMPLETED, Status.INTERRUPTED))
 
 
 def stream(

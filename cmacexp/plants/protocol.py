@@ -13,7 +13,7 @@ from cmacexp.planning.plan import Setup
 from cmacexp.plants.drives import Drives
 from cmacexp.plants.kernels import PlantState
 from cmacexp.plants.touch import Vector
-from cmacexp.typing import Array, Clock, State
+from cmacexp.typing import Array, Clock, State, Status
 
 
 class RobotSignals(NamedTuple):
@@ -170,3 +170,18 @@ class Plant(Protocol):
             Diverged: the engine of the plant reports that it has diverged (:class:`cmacexp.errors.Diverged`).
         """
         ...
+
+
+def is_live(plant: Any) -> bool:
+    """Whether a plant is not simulated: it has an ``end_run(is_safe)``."""
+    return hasattr(plant, "end_run")
+
+
+def come_to_rest(plant: Any, status: str) -> None:
+    """Let a plant that is not simulated come to rest.
+
+    It is safe if the walk has completed, or the user has interrupted it. Else a component has failed, the machine
+    fell, or a limit was passed.
+    """
+    if is_live(plant):
+        plant.end_run(status in (Status.COMPLETED, Status.INTERRUPTED))
