@@ -164,20 +164,6 @@ class SampledTrace(Trace):
         return pa.Table.from_arrays(columns, schema=make_schema(self.signals))
 
 
-def join_sampled(traces: Sequence[SampledTrace]) -> SampledTrace:
-    """Parts of a run, with the same columns, as one."""
-    first = traces[0]
-    if len(traces) == 1:
-        return first
-    arrays = {name: np.concatenate([trace[name] for trace in traces]) for name in first.arrays}
-    support = np.concatenate([trace.support for trace in traces]) if "support" in vars(first) else None
-    bodies = [trace.body.table for trace in traces if trace.body is not None]
-    memories = [trace.memory for trace in traces if isinstance(trace.memory, SampledTrace)]
-    body = Trace(pa.concat_tables(bodies).combine_chunks()) if bodies else None
-    shape = sum(trace.steps for trace in traces), first.legs
-    return SampledTrace(arrays, first.signals, shape, support, body, join_sampled(memories) if memories else None)
-
-
 def concat_traces(traces: Sequence[Trace]) -> Trace:
     """Parts of a run one after the other, of which there must be one; the memory is left out."""
     bodies = [trace.body.table for trace in traces if trace.body is not None]

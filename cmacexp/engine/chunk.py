@@ -15,18 +15,21 @@ import pyarrow as pa
 from cmacexp.config import Config
 from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import describe_other_model
-from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores
-from cmacexp.data.trace import SampledTrace, join_sampled
+from cmacexp.config.schema import ADAPTIVE
+from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores, as_array
+from cmacexp.data.trace import Trace, concat_traces
 from cmacexp.engine.pool import RATE, SEED, drop_keys
 from cmacexp.engine.run import sample_scenario, score_scenario
 from cmacexp.engine.stop_cause import explain_stop
 from cmacexp.engine.sweep_tables import concat_metrics, join_scores
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.loop import End
-from cmacexp.loop.run import Repeated
+from cmacexp.loop.run import MOST_CYCLES, Repeated
 from cmacexp.loop.scenario import Scenario, make_scenario
+from cmacexp.loop.trace import Sampled, assemble, join_runs
+from cmacexp.metrics.body import compute_body
 from cmacexp.metrics.drift import make_drift_entry, read_drift_entry
-from cmacexp.metrics.score import score_together
+from cmacexp.metrics.score import RunScorer
 from cmacexp.typing import RESULTS, Status
 
 OF_RATE, OF_BOTH = (RATE,), (RATE, SEED)
@@ -55,13 +58,17 @@ class Chunk:
 
     def __init__(self, runs: Sequence[Sequence[str]], keeps_trace: bool = False):
         """Runs of these overrides; the traces of all of them are kept, else of short runs until they are scored."""
-        self.keeps_trace = keeps_trace
+        self._keeps_trace = keeps_trace
         self._repeats = {
             keys: len({drop_keys(overrides, keys) for overrides in runs}) < len(runs) for keys in (OF_RATE, OF_BOTH)
         }
         """Whether some of the runs differ in these keys alone."""
-        self.traces = dict[int, SampledTrace]()
+        self.traces = dict[int, pa.Table]()
+        self._sampled = dict[int, Sampled]()
+        """Of the runs that are not scored yet."""
         self._configs, self._scores = dict[int, Config](), dict[int, Scores]()
+        self.hashes = dict[int, dict[str, str]]()
+        """SHA-256 of the values of each table of metrics of the runs that are scored, by the name of its file."""
 
     def make(self, config: Config) -> Scenario:
         """A scenario of a config, for the next run.
@@ -83,36 +90,60 @@ class Chunk:
 
     def run(self, number: int, scenario: Scenario) -> End:
         """Run the one of this number; raises as its loop."""
-        config, last = scenario.setup.config, deque[SampledTrace](maxlen=2)  # the last part may be short
-        if self.keeps_trace or config.cycles * config.steps_per_cycle * config.legs <= SHORT:
-            parts = list[SampledTrace]()
+        config = self._configs[number] = scenario.setup.config
+        traces = deque[Trace](maxlen=None if self._keeps_trace else 2)  # the last part may be short
+        parts = list[Sampled]()
+        if not self._keeps_trace and _is_short(config):
             end = sample_scenario(scenario, parts.append)
-            self.traces[number] = join_sampled(parts)
-            last.append(self.traces[number])
+            (self._sampled[number],) = parts
         else:
-            end, scorer = score_scenario(scenario, last.append)
-            self._scores[number] = scorer.scores
-        self._configs[number] = config
-        if end.status in (Status.FELL, Status.DIVERGED) and not self.keeps_trace:
+            end, scorer = score_scenario(scenario, traces.append)
+            self._add_scores([number], scorer.scores.legs, [scorer.scores.body])
+        if self._keeps_trace:
+            self.traces[number] = concat_traces(traces).table
+        elif end.status in (Status.FELL, Status.DIVERGED):
+            traces.extend(assemble(*part) for part in parts)
             drift = read_drift_entry(make_drift_entry(self.score()[number].legs))
-            end = replace(end, cause=end.cause + explain_stop(scenario, end, last, drift))
+            end = replace(end, cause=end.cause + explain_stop(scenario, end, traces, drift))
         return end
 
     def score(self) -> dict[int, Scores]:
         """The metrics of all runs by their numbers, in their order."""
         groups = defaultdict[Hashable, list[int]](list)  # equally many steps of the same phases, and the same signals
-        for number, trace in self.traces.items():
-            config = self._configs[number]
-            phases = [of[: config.steps_per_cycle].tobytes() for of in (trace.support, trace["progress"])]
-            alike = *phases, config.sampling_period, *trace.shape, *trace.names, *trace.arrays, trace.memory is None
-            groups[alike].append(number)
+        for number, run in self._sampled.items():
+            phases = run.plan.support.tobytes(), run.plan.progress.tobytes(), run.plan.start_step
+            signals = *run.samples, *(signal.name for signal in run.columns), run.memory is None, run.steered
+            groups[*phases, *signals, run.sampling_period, run.samples["x"].shape].append(number)
         for numbers in groups.values():
             steps_per_cycle = self._configs[numbers[0]].steps_per_cycle
-            found = score_together([self.traces[number] for number in numbers], steps_per_cycle)
-            self._scores |= zip(numbers, found, strict=True)
-        if not self.keeps_trace:
-            self.traces.clear()
+            runs = [self._sampled[number] for number in numbers]
+            scorer = RunScorer(steps_per_cycle, len(runs))
+            scorer.add(assemble(*join_runs(runs)))
+            bodies = [None if run.body is None else compute_body(run.body, steps_per_cycle) for run in runs]
+            self._add_scores(numbers, scorer.scores.legs, bodies)
+        self._sampled.clear()
         return {number: self._scores[number] for number in self._configs}
+
+    def _add_scores(self, numbers: Sequence[int], table: pa.Table, bodies: Sequence[pa.Table | None]) -> None:
+        """Note the metrics of runs, whose rows follow one another in a table, equally many of each."""
+        rows, hashes = table.num_rows // len(numbers), _hash_rows(table, len(numbers))
+        for place, (number, body) in enumerate(zip(numbers, bodies, strict=True)):
+            self._scores[number] = Scores(table.slice(place * rows, rows), body)
+            self.hashes[number] = {METRICS_FILE: hashes[place]}
+            if body is not None:
+                (self.hashes[number][BODY_METRICS_FILE],) = _hash_rows(body, 1)
+
+
+def _is_short(config: Config) -> bool:
+    """Whether a run is handed over as a whole, and its samples are few enough to be kept."""
+    fits = config.cycles * config.steps_per_cycle * config.legs <= SHORT and config.cycles <= MOST_CYCLES
+    return fits and config.force_control.load_sharing != ADAPTIVE
+
+
+def _hash_rows(table: pa.Table, runs: int) -> list[str]:
+    """SHA-256 of the rows of each of some runs, which follow one another in a table, equally many of each."""
+    values = np.column_stack([as_array(table, name) for name in table.column_names])
+    return [hashlib.sha256(own.tobytes()).hexdigest() for own in np.split(values, runs)]
 
 
 def run_chunk(chunk: Sequence[list[str]], keeps_trace: bool, runs: int) -> tuple[list[RunEnd], pa.Table]:
@@ -127,25 +158,16 @@ def run_chunk(chunk: Sequence[list[str]], keeps_trace: bool, runs: int) -> tuple
     for number, config in enumerate(configs):
         ended.append((config, together.run(number, together.make(config))))
     scores = list(together.score().values())
-    tables = [trace.table for trace in together.traces.values()] if keeps_trace else [*map(join_scores, scores)]
+    tables = [*together.traces.values()] if keeps_trace else [*map(join_scores, scores)]
+    hashes = [together.hashes[number] for number in range(len(ended))]
     return [
         RunEnd(end.status, _describe_result(config, end, of), describe_other_model(config.machine), table.num_rows)
-        for (config, end), of, table in zip(ended, scores, tables, strict=True)
+        for (config, end), of, table in zip(ended, hashes, tables, strict=True)
     ], concat_metrics(tables)[0].combine_chunks()  # a slice is pickled with all that it is a slice of
 
 
-def hash_scores(scores: Scores) -> dict[str, str]:
-    """SHA-256 of the values of each table of metrics, by the name of its file."""
-    hashes = dict[str, str]()
-    for name, table in zip((METRICS_FILE, BODY_METRICS_FILE), scores, strict=True):
-        if table is not None:  # of one piece; to_numpy would import pandas
-            values = b"".join(np.from_dlpack(column.chunk(0)).tobytes() for column in table.columns)
-            hashes[name] = hashlib.sha256(values).hexdigest()
-    return hashes
-
-
-def _describe_result(config: Config, end: End, scores: Scores) -> str:
+def _describe_result(config: Config, end: End, hashes: dict[str, str]) -> str:
     """How a run ended, after how many steps, and the hashes of its metrics, unless it failed or is not to warn."""
     if not config.warn or end.status not in RESULTS or end.steps < config.steps_per_cycle:
         return ""
-    return repr((end.status, end.steps, hash_scores(scores)))
+    return repr((end.status, end.steps, hashes))

@@ -21,7 +21,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import RUN_KEY, check_place, new_result
 from cmacexp.data.integrity import compute_hashes, is_finished
 from cmacexp.data.run import Run
-from cmacexp.engine.chunk import Chunk, hash_scores
+from cmacexp.engine.chunk import Chunk
 from cmacexp.engine.equal_results import describe_result
 from cmacexp.engine.objective import check_metric
 from cmacexp.engine.run import describe_failure, describe_run, run_scenario
@@ -152,7 +152,7 @@ def run_jobs(packed: bytes, root: Path, items: Sequence[JobItem], jobs: int) -> 
             run = ran.get(number, (None, False))[0]
             if run is not None:  # it has no folder
                 run.is_checked, run.scores = False, scores
-                run.manifest |= {"drift": make_drift_entry(scores.legs), "files": hash_scores(scores)}
+                run.manifest |= {"drift": make_drift_entry(scores.legs), "files": chunk.hashes[number]}
         if runs := {number: run for number, (run, _) in ran.items() if run is not None}:
             write_part(root, _tabulate(root, runs, {item.number: item.overrides for item in items}))
             for run in runs.values():  # an earlier one in the place of a run that has no folder

@@ -49,7 +49,7 @@ from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
 from cmacexp.loop import End, Samples, stream
 from cmacexp.loop.run import describe_failure as describe_failure
 from cmacexp.loop.scenario import Scenario, make_scenario
-from cmacexp.loop.trace import assemble, assemble_body, assemble_memory
+from cmacexp.loop.trace import Sampled, assemble, assemble_body
 from cmacexp.metrics.drift import Drift, make_drift_entry
 from cmacexp.metrics.score import RunScorer
 from cmacexp.models.mechanism import PLANE, has_body
@@ -85,31 +85,29 @@ def _known_torque(scenario: Scenario) -> Array | None:
     return feedforward.model_torque if isinstance(feedforward, BuiltInFeedforward) else None
 
 
-def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> SampledTrace:
-    """The trace of the steps that were sampled."""
+def _list_sampled(scenario: Scenario, columns: Columns, samples: Samples) -> Sampled:
+    """What was sampled, and what its trace needs besides."""
     plan, config, legs = scenario.setup.plan, scenario.setup.config, samples.columns()
     period, start = config.sampling_period, samples.start
-    body = memory = None
+    body = None
     if columns[1] is not None:
         moves, sampled = scenario.first.travel is not None, samples.body_columns() | samples.live
         body = Trace(assemble_body(scenario.setup, sampled, legs, moves, start, columns[1]))
-    if samples.memory is not None:
-        memory = assemble_memory(samples.memory, start // config.steps_per_cycle + 1)
     controller, steered = scenario.controller, False
     if isinstance(controller, HybridController | DriveController) and scenario.fault is None:
         steered = controller.params.steering is not None
-    return assemble(plan, legs, period, start, columns[0], _known_torque(scenario), steered, body, memory)
+    return Sampled(plan, legs, period, start, columns[0], _known_torque(scenario), steered, body, samples.memory)
 
 
 @exits_caught()
 def sample_scenario(
     scenario: Scenario,
-    keep: Callable[[SampledTrace], None],
+    keep: Callable[[Sampled], None],
     watch: Callable[[float], None] = lambda cycles: None,
 ) -> End:
-    """Run a new scenario and write nothing; ``keep`` is called with the trace of some cycles at a time."""
+    """Run a new scenario and write nothing; ``keep`` is called with what is sampled of some cycles at a time."""
     columns = _columns(scenario)
-    return stream(scenario, lambda samples: keep(_assemble(scenario, columns, samples)), watch)
+    return stream(scenario, lambda samples: keep(_list_sampled(scenario, columns, samples)), watch)
 
 
 def score_scenario(
@@ -121,8 +119,8 @@ def score_scenario(
     """:func:`sample_scenario`, with what has the metrics; ``watch`` and ``warn`` as by :func:`run_scenario`."""
     scorer = RunScorer(scenario.setup.config.steps_per_cycle)
 
-    def take(trace: SampledTrace) -> None:
-        known = scorer.drift
+    def take(sampled: Sampled) -> None:
+        known, trace = scorer.drift, assemble(*sampled)
         keep(trace)
         scorer.add(trace)
         if known is None and scorer.drift is not None:

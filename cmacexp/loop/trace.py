@@ -1,9 +1,11 @@
 """From the plan and the samples of the loop to the tables of a run."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from cmacexp.config.machine import QuadrupedMachine, RobotMachine
 from cmacexp.data.signals import (
@@ -27,6 +29,20 @@ from cmacexp.plants.environment import make_payload
 from cmacexp.typing import Array
 
 
+class Sampled(NamedTuple):
+    """What was sampled of a run, or of a part of it, and what its trace needs: the arguments of :func:`assemble`."""
+
+    plan: Plan
+    samples: dict[str, Array]
+    sampling_period: float
+    start: int
+    columns: Sequence[Signal]
+    model: Array | None
+    steered: bool
+    body: Trace | None
+    memory: dict[str, Array] | None
+
+
 def assemble(
     plan: Plan,
     samples: dict[str, Array],
@@ -36,12 +52,13 @@ def assemble(
     model: Array | None = None,
     steered: bool = False,
     body: Trace | None = None,
-    memory: Trace | None = None,
+    memory: dict[str, Array] | None = None,
 ) -> SampledTrace:
     """The trace of a run, or of a part of it, from the ``plan`` of a cycle and the samples of what is not planned.
 
     Samples are (steps, L) by column name. Where the controller keeps a course (``steered``), feet should be where its
     reference is; ``model`` (N, L, J), N m, is the torque of a model that the feedforward learns on top of, if any.
+    The ``memory`` of networks is (cycles, L) by column name.
     """
     steps, legs = samples["x"].shape
     period = plan.support.shape[0]
@@ -67,7 +84,34 @@ def assemble(
         acting = step >= plan.start_step
         for joint in range(model.shape[2]):
             known[MODEL_SIGNALS[joint].name] = np.where(acting, model[sample, :, joint], 0.0)
-    return SampledTrace({**samples, **known}, columns, (steps, legs), plan.support.take(sample, 0), body, memory)
+    own = None if memory is None else assemble_memory(memory, start // period + 1)
+    return SampledTrace({**samples, **known}, columns, (steps, legs), plan.support.take(sample, 0), body, own)
+
+
+def _put_beside(arrays: Iterable[NDArray[Any]]) -> NDArray[Any]:
+    """Arrays (N, L, ...) of runs as one with the legs of all of them."""
+    return np.concatenate(list(arrays), axis=1)
+
+
+def join_runs(runs: Sequence[Sampled]) -> Sampled:
+    """Whole runs as one, with the legs of all side by side, and without bodies.
+
+    They must have equally many steps, of the same phases, and the same columns.
+    """
+    first, plans = runs[0], [run.plan for run in runs]
+    plan = first.plan._replace(
+        support=_put_beside(plan.support for plan in plans),
+        progress=_put_beside(plan.progress for plan in plans),
+        desired=first.plan.desired._replace(position=_put_beside(plan.desired.position for plan in plans)),
+        joints=first.plan.joints._replace(position=_put_beside(plan.joints.position for plan in plans)),
+        force_desired=_put_beside(plan.force_desired for plan in plans),
+    )
+    # Transposed: of runs of one leg the steps of each stay in one piece.
+    samples = {name: np.concatenate([run.samples[name].T for run in runs]).T for name in first.samples}
+    model = None if first.model is None else _put_beside(run.model for run in runs if run.model is not None)
+    memories = [run.memory for run in runs if run.memory is not None]
+    memory = {name: _put_beside(own[name] for own in memories) for name in memories[0]} if memories else None
+    return first._replace(plan=plan, samples=samples, model=model, body=None, memory=memory)
 
 
 def assemble_body(

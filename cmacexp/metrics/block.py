@@ -1,6 +1,6 @@
 """A trace cut into cycles, with the masks of its phases."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -117,32 +117,29 @@ class Block:
         return np.where(began & whole, 1.0, np.nan)
 
 
-def split_cycles(traces: Sequence[Trace], steps_per_cycle: int, before: Block | None = None) -> Block:
+def split_cycles(trace: Trace, steps_per_cycle: int, before: Block | None = None, machines: int = 1) -> Block:
     """Cut the trace of a run, or of a part of it, into cycles of N steps; the last may be short.
 
-    Several ``traces`` are of machines with the same rhythm, which have taken equally many steps. The part ``before``
-    has the rhythm of the run; None: this is the first part.
+    Several ``machines`` are side by side in it. The part ``before`` has the rhythm of the run; None: this is the
+    first part.
     """
 
-    def fold(values: NDArray[Any]) -> NDArray[Any]:
-        """(steps, L) as (cycles, L, N), a view if the last cycle is whole."""
+    def fold(name: str) -> NDArray[Any]:
+        """(steps, L) as (cycles, L, N), a view if the last cycle is whole; of the phase 1.0 is support."""
+        values = trace.support if name == "phase" else trace[name]
         if missing := -len(values) % steps_per_cycle:
             values = np.concatenate([values, np.full((missing, values.shape[1]), np.nan)])
         return values.reshape(-1, steps_per_cycle, values.shape[1]).swapaxes(1, 2)
 
     def split(*names: str) -> Array:
-        """Signals by name, (signals, cycles, L, N), each in one piece; of the phase 1.0 is support."""
-        folded = [[fold(trace.support if name == "phase" else trace[name]) for trace in traces] for name in names]
-        legs = sum(part.shape[1] for part in folded[0])
-        values = np.empty((len(names), len(folded[0][0]), legs, steps_per_cycle))
-        for own, parts in zip(values, folded, strict=True):
-            np.concatenate(parts, axis=1, out=own)
-        return values
+        """Signals by name, (signals, cycles, L, N), each in one piece."""
+        folded = [fold(name) for name in names]
+        return np.stack(folded, out=np.empty((len(names), *folded[0].shape)))
 
     def joints(name: str) -> Array:
         return np.moveaxis(split(*(name.format(joint + 1) for joint in range(len(axes)))), 0, 3)
 
-    axes = traces[0].axes
+    axes = trace.axes
     in_space = THIRD_AXIS in axes
     time, progress, phase, force, force_desired = split("time", "progress", "phase", "force", "force_desired")
     valid, support = ~np.isnan(time), phase == 1.0
@@ -163,7 +160,7 @@ def split_cycles(traces: Sequence[Trace], steps_per_cycle: int, before: Block | 
         before=before.feedback[-1] if before else None,
         force_torque=force_torque,
         joint_error=joints("q{}") - joints("q{}_desired") if in_space else None,
-        machines=len(traces),
+        machines=machines,
     )
 
 

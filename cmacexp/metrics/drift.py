@@ -25,14 +25,11 @@ COLUMNS = [signal.name for signal in MEMORY_SIGNALS if signal.owner != CLOCK]
 """Columns of ``memory.parquet`` that the metrics are computed from."""
 
 
-def join_memory(parts: Sequence[Trace], cycles: int, legs: int, axis: int = 0) -> dict[str, Array]:
-    """The signals of the memory in all parts of a run, (cycles, legs) by name; NaN throughout without memory.
-
-    With ``axis`` 1 the parts are the memories of runs side by side.
-    """
+def join_memory(parts: Sequence[Trace], cycles: int, legs: int) -> dict[str, Array]:
+    """The signals of the memory in all parts of a run, (cycles, legs) by name; NaN throughout without memory."""
     if not parts:
         return {name: np.full((cycles, legs), np.nan) for name in COLUMNS}
-    return {name: np.concatenate([part[name] for part in parts], axis) for name in COLUMNS}
+    return {name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}
 
 
 _NO_WEIGHTS = "no weights that a built-in feedforward keeps"

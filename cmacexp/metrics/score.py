@@ -1,6 +1,5 @@
 """The metrics of a run, one row per cycle and leg, from its tables, which may come in parts."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 
 from cmacexp.data.run import Run
 from cmacexp.data.tables import Scores
-from cmacexp.data.trace import SampledTrace, Trace, read_memory, stream_trace
+from cmacexp.data.trace import Trace, read_memory, stream_trace
 from cmacexp.errors import BadRun
 from cmacexp.metrics.block import Block, split_cycles
 from cmacexp.metrics.body import compute_body
@@ -24,7 +23,7 @@ class RunScorer:
     """The metrics of a run whose tables come in parts: of some cycles each, the last of the run may be short."""
 
     def __init__(self, steps_per_cycle: int, machines: int = 1):
-        """Several ``machines`` are runs side by side, each of which comes whole, see :func:`score_together`."""
+        """Several ``machines`` are whole runs whose legs are side by side; their bodies are not scored."""
         self.steps_per_cycle, self.machines = steps_per_cycle, machines
         self._block: Block | None = None
         self._parts: list[dict[str, Array]] = []
@@ -38,19 +37,20 @@ class RunScorer:
         """The first drift so far, as known when it was detected."""
         return self._detector.first if self._detector else None
 
-    def add(self, *traces: Trace) -> None:
-        """Score the next cycles, with their memory, and with the body if this is the trace of one machine."""
-        self._block = block = split_cycles(traces, self.steps_per_cycle, self._block)
+    def add(self, trace: Trace) -> None:
+        """Score the next cycles, with their memory and the body."""
+        self._block = block = split_cycles(trace, self.steps_per_cycle, self._block, self.machines)
         known = OF_A_CYCLE if block.joint_error is None else {**OF_A_CYCLE, **SPATIAL}
         part = {name: metric.compute(block) for name, metric in known.items()}
         feedback = part["feedback_rms"]
         self._detector = self._detector or DriftDetector(feedback.shape[1])
         part["feedback_growth"], part["drift_cycle"] = self._detector.add(feedback)
         self._parts.append(part)
-        if self.machines == 1 and traces[0].body is not None:
+        if trace.body is not None:
             done = sum(table.num_rows for table in self._body)
-            self._body.append(compute_body(traces[0].body, self.steps_per_cycle, done + 1))
-        self.memory += [trace.memory for trace in traces if trace.memory is not None]
+            self._body.append(compute_body(trace.body, self.steps_per_cycle, done + 1))
+        if trace.memory is not None:
+            self.memory.append(trace.memory)
 
     @property
     def scores(self) -> Scores:
@@ -58,7 +58,7 @@ class RunScorer:
         values = {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
         cycles, legs = next(iter(values.values())).shape
         values |= {name: metric.compute(values) for name, metric in LEARNING.items()}
-        memory = join_memory(self.memory, cycles, legs, axis=int(self.machines > 1))
+        memory = join_memory(self.memory, cycles, legs)
         values |= {name: metric.compute(memory) for name, metric in MEMORY_METRICS.items()}
         shape = (cycles, self.machines, legs // self.machines)
 
@@ -73,19 +73,6 @@ class RunScorer:
         body = pa.concat_tables(self._body).combine_chunks() if self._body else None
         columns = {**LEG_METRICS, **SPATIAL} if SPATIAL.keys() <= values.keys() else LEG_METRICS
         return Scores(to_table(index, {name: by_machine(of) for name, of in values.items()}, columns), body)
-
-
-def score_together(traces: Sequence[SampledTrace], steps_per_cycle: int) -> list[Scores]:
-    """The metrics of several whole runs, computed at once, which takes little longer than those of one.
-
-    They must have taken equally many steps of the same gait, and have the same columns.
-    """
-    scorer = RunScorer(steps_per_cycle, len(traces))
-    scorer.add(*traces)
-    table = scorer.scores.legs
-    rows = table.num_rows // len(traces)
-    bodies = [None if trace.body is None else compute_body(trace.body, steps_per_cycle) for trace in traces]
-    return [Scores(table.slice(number * rows, rows), body) for number, body in enumerate(bodies)]
 
 
 def score_traces(run: Run) -> Scores:

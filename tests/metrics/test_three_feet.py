@@ -9,7 +9,7 @@ from cmacexp.metrics.block import split_cycles, three_feet
 
 def counted(text, legs=3, cycles=1, rows=None):
     """Samples of the first leg that count."""
-    found = three_feet(split_cycles([make_trace(text, rows or cycles * len(text), legs)], len(text)))
+    found = three_feet(split_cycles(make_trace(text, rows or cycles * len(text), legs), len(text)))
     assert (found == found[:, :1]).all()  # of all legs alike
     return "".join("M" if here else "." for here in found[:, 0].ravel())
 
@@ -40,5 +40,5 @@ def test_every_transfer_of_a_wave_is_an_interval_of_its_own(stands):
     phase, progress = (
         np.stack([np.roll(values, (4 + stands) * leg) for leg in range(4)], axis=1) for values in phases(cycle)
     )
-    block = split_cycles([make_trace(cycle, legs=4, phase=phase, progress=progress)], len(cycle))
+    block = split_cycles(make_trace(cycle, legs=4, phase=phase, progress=progress), len(cycle))
     assert three_feet(block)[0, 2].tolist() == 4 * [False, True, True, False, *[False] * stands]
