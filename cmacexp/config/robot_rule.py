@@ -7,7 +7,6 @@ actuator, and so that whoever types a number instead asks for nothing of the rul
 import math
 from collections.abc import Callable
 from dataclasses import fields
-from typing import Any
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
 
@@ -159,9 +158,9 @@ def read_machine(root: DictConfig) -> RobotModel:
         kind,
         "must be robot where settings follow from its model: use scenario=robot",
     )
-    names = [field.name for field in fields(RobotModel)]
-    given: Any = OmegaConf.to_container(OmegaConf.masked_copy(root.machine, names), resolve=True)
-    model = read_fields(RobotModel, given, "machine")
+    given = {field.name: root.machine[field.name] for field in fields(RobotModel) if field.name in root.machine}
+    lists = {name: OmegaConf.to_container(value) for name, value in given.items() if OmegaConf.is_list(value)}
+    model = read_fields(RobotModel, {**given, **lists}, "machine")
     if find_option("plant", str(OmegaConf.select(root, "plant._target_"))) == "analytic":
         raise ask_for_robot(model)  # before the model is looked up, which may not be installed
     return model

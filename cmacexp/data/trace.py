@@ -242,28 +242,29 @@ class TraceWriter:
             self._held.append(trace)
             end = self._end
             while len(self._held) > 1 and end - self._held[1].shared("step")[0] >= LAST_STEPS:
-                self._put(self._select(self._held.popleft()))
+                self._put_selected(self._held.popleft())
 
     def finish(self, completed: bool) -> None:
         """Write what was held back: of a run that did not complete, every one of its last steps."""
         last = None if completed or not self._held else self._end - LAST_STEPS
         while self._held:
-            self._put(self._select(self._held.popleft(), last))
+            self._put_selected(self._held.popleft(), last)
 
     @property
     def _end(self) -> int:
         """The step after the last one held."""
         return int(self._held[-1].shared("step")[-1]) + 1
 
-    def _select(self, trace: Trace, last: int | None = None) -> Trace:
-        """The steps that go into a thinned trace; all from step ``last`` on, if there is one."""
+    def _put_selected(self, trace: Trace, last: int | None = None) -> None:
+        """Write the steps that go into a thinned trace; all from step ``last`` on, if there is one."""
         step = trace.shared("step")
         selected = step % self._record.every_nth_step == 0
         if self._record.cycles is not None:
             selected &= np.isin(trace.shared("cycle"), self._record.cycles)
         if last is not None:
             selected |= step >= last
-        return trace.select(selected)
+        if selected.any():
+            self._put(trace.select(selected))
 
     def _put(self, trace: Trace) -> None:
         for writer, own in zip(self._writers, (trace, trace.body), strict=False):

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.jit.compiler import kernel
+from cmacexp.jit.compiler import kernel, program
 from cmacexp.models.sine import sine_cosine
 from cmacexp.typing import Array
 
@@ -128,21 +128,40 @@ def joint_velocity(kinematics: Kinematics, velocity: Vector) -> Vector:
     )
 
 
-def _solve(columns: Array, vectors: Array) -> Array:
-    """x with A x = v (N, 3) for each matrix A (N, 3, 3), by Cramer's rule; not finite where A is singular."""
-    a, b, c = np.moveaxis(columns, -1, 0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        parts = [(vectors * np.cross(b, c)), (vectors * np.cross(c, a)), (vectors * np.cross(a, b))]
-        scaled: Array = np.stack([part.sum(axis=1) for part in parts], axis=1)
-        return scaled / (a * np.cross(b, c)).sum(axis=1, keepdims=True)
+def _fill_each(chain: Array, sines: Array, cosines: Array, filled: Array) -> None:
+    """:func:`kinematics_at` for sines and cosines (3, N): fills (4, 3, N) with feet, m, and Jacobians, m/rad."""
+    for k in range(sines.shape[1]):
+        turns = (sines[0, k], cosines[0, k]), (sines[1, k], cosines[1, k]), (sines[2, k], cosines[2, k])
+        kinematics = kinematics_at(chain, turns[0], turns[1], turns[2])
+        for n in range(4):
+            for axis in range(3):
+                filled[n, axis, k] = kinematics[n][axis]
+
+
+def _fill_together(chain: Array, sines: Array, cosines: Array, filled: Array) -> None:
+    filled[...] = kinematics_at(chain, *zip(sines, cosines, strict=True))
+
+
+_fill = program(_fill_each, plain=_fill_together)
+
+
+def _kinematics_of(chain: Array, q: Array) -> Array:
+    """Feet, m, then the columns of Jacobians, m/rad, of one chain at ``q`` (3, N), rad: (4, 3, N)."""
+    filled = np.empty((4, *q.shape))
+    _fill(chain, np.sin(q), np.cos(q), filled)
+    return filled
 
 
 def batch_kinematics(chain: Array, q: Array) -> tuple[Array, Array]:
     """Feet (N, 3), m, and Jacobians (N, 3, 3), m/rad, of one chain at ``q`` (N, 3), rad."""
-    first, second, third = ((np.sin(angle), np.cos(angle)) for angle in q.T)
-    vectors = kinematics_at(chain, first, second, third)
-    foot, *columns = (np.stack(np.broadcast_arrays(*vector), axis=-1) for vector in vectors)
-    return foot, np.stack(columns, axis=-1)
+    kinematics = _kinematics_of(chain, q.T)
+    return kinematics[0].T.copy(), kinematics[1:].T.copy()
+
+
+def _solve(kinematics: Array, velocity: Array) -> Array:
+    """:func:`joint_velocity` for velocities (3, N), m/s: rad/s; not finite where a Jacobian is singular."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.array(joint_velocity(Kinematics(*kinematics), tuple(velocity)))
 
 
 def chain_angles(chain: Array, feet: Array, start: Array) -> Array:
@@ -150,16 +169,16 @@ def chain_angles(chain: Array, feet: Array, start: Array) -> Array:
 
     Where the search starts, (3,) or (N, 3), decides to which side the knee bends.
     """
-    q = np.broadcast_to(start, feet.shape).copy()
+    q = np.broadcast_to(start, feet.shape).T.copy()
     for _ in range(MOST_ITERATIONS):
-        foot, jacobian = batch_kinematics(chain, q)
-        missing = feet - foot
+        kinematics = _kinematics_of(chain, q)
+        missing = feet.T - kinematics[0]
         if not np.fmax.reduce(np.abs(missing), axis=None) > CLOSE_ENOUGH:  # NaN does not count
             break
-        step = _solve(jacobian, missing)
-        q += step * np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
-    q[~(np.abs(missing).max(axis=1) <= 1e3 * CLOSE_ENOUGH)] = np.nan
-    return q
+        step = _solve(kinematics, missing)
+        q += step * np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=0), 1e-12))
+    q[:, ~(np.abs(missing).max(axis=0) <= 1e3 * CLOSE_ENOUGH)] = np.nan
+    return q.T
 
 
 def chain_motion(chain: Array, q: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array]:
@@ -169,12 +188,12 @@ def chain_motion(chain: Array, q: Array, velocity: Array, acceleration: Array) -
 
     dJ/dt follows from central differences of J along the joint velocity.
     """
-    _, jacobian = batch_kinematics(chain, q)
-    dq = _solve(jacobian, velocity)
-    size = 1e-4 / np.maximum(np.abs(dq).max(axis=1, keepdims=True), 1.0)
-    (_, after), (_, before) = (batch_kinematics(chain, q + sign * size * dq) for sign in (1.0, -1.0))
-    turning = ((after - before) @ dq[..., None])[..., 0] / (2.0 * size)
-    return dq, _solve(jacobian, acceleration - turning)
+    kinematics = _kinematics_of(chain, q.T)
+    dq = _solve(kinematics, velocity.T)
+    size = 1e-4 / np.maximum(np.abs(dq).max(axis=0), 1.0)
+    after, before = (_kinematics_of(chain, q.T + sign * size * dq)[1:] for sign in (1.0, -1.0))
+    turning = ((after - before).T.copy() @ dq.T.copy()[..., None])[..., 0].T / (2.0 * size)
+    return dq.T, _solve(kinematics, acceleration.T - turning).T
 
 
 def chain_points(chain: Array, q: Array) -> Array:

@@ -5,7 +5,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from cmacexp.jit.compiler import kernel
+from cmacexp.jit.compiler import kernel, program
 from cmacexp.models.mix import MASK, mix
 from cmacexp.typing import Array, Mask
 
@@ -107,6 +107,16 @@ def depression_for(stiffness: float, force: Array) -> Array:
     return force / stiffness
 
 
+@program
+def _follow_force(decay: float, goes_on: Mask, follows: Array, depression: Array) -> None:
+    """Where a foot ``goes_on`` (N, L), its ``depression`` (N, L), m, decays, and ``follows``, m, is added."""
+    for _ in range(2):  # once more, from where the ring ends
+        for k in range(depression.shape[0]):
+            for i in range(depression.shape[1]):
+                if goes_on[k, i]:
+                    depression[k, i] = decay * depression[k - 1, i] + follows[k, i]
+
+
 def damped_depression(stiffness: float, damping: float, force: Array, support: Mask, time: float) -> Array:
     """Depressions D with K_n D + c dD/dt = F, m, at which ground with damping carries changing forces F (N, L), N.
 
@@ -120,7 +130,5 @@ def damped_depression(stiffness: float, damping: float, force: Array, support: M
     decay, late = math.exp(-1.0 / lag), -lag * math.expm1(-1.0 / lag)
     follows = (1.0 - late) * depression + (late - decay) * np.roll(depression, 1, axis=0)
     goes_on = support & np.roll(support, 1, axis=0)
-    for _ in range(2):  # once more, from where the ring ends
-        for k in range(len(follows)):
-            depression[k] = np.where(goes_on[k], decay * depression[k - 1] + follows[k], depression[k])
+    _follow_force(decay, goes_on, follows, depression)
     return depression

@@ -1,6 +1,7 @@
 """Where the model of a robot comes from: a file, an installed package, a checkout. Nothing is ever downloaded."""
 
 import os
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
@@ -23,6 +24,7 @@ CHECKOUT_FOLDERS = {
 """Folders of mujoco_menagerie by names of models; the file has the name of the model."""
 
 
+@cache  # a run looks its model up a hundred times
 def package_models() -> dict[str, Path]:
     """The models of the package by their names; empty if it is not installed."""
     spec = find_spec(PACKAGE)

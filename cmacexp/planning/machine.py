@@ -28,13 +28,15 @@ from cmacexp.config.machine import (
     read_model,
 )
 from cmacexp.errors import BadInput
+from cmacexp.jit.compiler import copy_array, program
 from cmacexp.models.chain import batch_kinematics, chain_angles, chain_motion
 from cmacexp.models.leg import GRAVITY, Leg
 from cmacexp.models.mechanism import Mechanism, chains_under_body, legs_on_stand, legs_under_body, point_mass
+from cmacexp.models.mujoco_library import load_library, mj_comPos, mj_kinematics
 from cmacexp.models.robot import Robot, load_mujoco, place
 from cmacexp.planning.body import BodyLoad
 from cmacexp.planning.reference import Motion
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Counts
 
 PASSES = 5
 """The centre of mass depends on the legs, which depend on where it is: each pass reduces the error tenfold."""
@@ -131,22 +133,36 @@ def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desi
     return Motion(angles, rates, changes)
 
 
+@program
+def _compute_centres(
+    model: int, data: int, position: Array, joints: Counts, q: Array, centre: Array, centres: Array
+) -> None:
+    """Fill ``centres`` (N, 3) with the ``centre`` (3,), m, that MuJoCo computes at joint angles ``q`` (N, 12), rad.
+
+    Model and data are addresses; ``joints`` (12,) are the places of the angles in the ``position`` of the data.
+    """
+    for k in range(q.shape[0]):
+        for j in range(q.shape[1]):
+            position[joints[j]] = q[k, j]
+        mj_kinematics(model, data)
+        mj_comPos(model, data)
+        copy_array(centre, centres[k])
+
+
 def find_centres(machine: RobotMachine, q: Array) -> Array:
     """Centres of mass (3, N) of a robot in the body's frame, m, at joint angles ``q`` (N, 4, 3), rad."""
-    mujoco, robot = load_mujoco(), read_model(machine)
-    origin = find_stance(robot, machine.hip_height).origin
-    centres = np.empty((3, len(q)))
-    data = robot.at(robot.home)
-    for k, angles in enumerate(q):
-        data.qpos[robot.legs.qpos] = angles
-        mujoco.mj_kinematics(robot.model, data)
-        mujoco.mj_comPos(robot.model, data)
-        centres[:, k] = data.subtree_com[robot.legs.base] - origin
-    return centres
+    robot, centres = read_model(machine), np.empty((len(q), 3))
+    origin, legs, data = find_stance(robot, machine.hip_height).origin, robot.legs, robot.at(robot.home)
+    load_library()
+    addresses = robot.model._address, data._address  # the bindings have no public name for them
+    joints, angles = legs.qpos.ravel(), q.reshape(len(q), -1)
+    _compute_centres(*addresses, data.qpos, joints, angles, data.subtree_com[legs.base], centres)
+    return (centres - origin).T
 
 
+@lru_cache(maxsize=16)
 def make_model(robot_model: Any, mass_factor: float = 1.0) -> Any:
-    """A copy of a model without contacts, its masses and inertias times ``mass_factor``."""
+    """A copy of a model without contacts, its masses and inertias times ``mass_factor``; nothing may change it."""
     mujoco = load_mujoco()
     model = copy.copy(robot_model)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT

@@ -17,14 +17,14 @@ from cmacexp.models.mechanism import (
     compute_foot_velocity,
     update_kinematics,
 )
-from cmacexp.plants.drives import Drives, drive_joints
-from cmacexp.plants.kernels import Payload, PlantState
-from cmacexp.plants.mujoco_library import (
+from cmacexp.models.mujoco_library import (
     mj_fwdAcceleration,
     mj_integratePos,
     mj_step1,
     mj_step2,
 )
+from cmacexp.plants.drives import Drives, drive_joints
+from cmacexp.plants.kernels import Payload, PlantState
 from cmacexp.plants.protocol import Instruments, read_drives, read_instruments
 from cmacexp.plants.touch import Joints, Touch, Vector, ground_force, hold_torque, slide_anchor
 from cmacexp.typing import Array, Counts

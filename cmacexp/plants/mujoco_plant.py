@@ -8,6 +8,7 @@ import numpy as np
 
 from cmacexp.config import number
 from cmacexp.errors import Diverged, require
+from cmacexp.models.mujoco_library import load_library
 from cmacexp.models.robot import load_mujoco
 from cmacexp.planning.plan import Setup
 from cmacexp.plants.as_built import AsBuiltConfig
@@ -24,7 +25,6 @@ from cmacexp.plants.mujoco_kernels import (
     apply_forces,
     observe,
 )
-from cmacexp.plants.mujoco_library import load_library
 from cmacexp.plants.protocol import Measurement, copy_state, new_instruments
 from cmacexp.plants.touch import Joints, Touch
 from cmacexp.typing import Array, Counts, KernelParts

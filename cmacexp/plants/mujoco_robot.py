@@ -167,7 +167,8 @@ class MujocoRobot(MujocoPlant):
             model = copy.copy(self.robot.model)
             feet = legs.foot_geom
             floor = None
-            model.opt.disableflags |= self.mujoco.mjtDisableBit.mjDSBL_CONTACT
+            unread = self.mujoco.mjtDisableBit.mjDSBL_SENSOR  # nobody reads them
+            model.opt.disableflags |= self.mujoco.mjtDisableBit.mjDSBL_CONTACT | unread
         else:
             model, feet, floor = self._make_floor()
         model.body_mass *= self.config.mass_factor

@@ -28,7 +28,9 @@ def _make_function(name: str) -> Callable[[int, int], None]:
     return c_function(call)
 
 
-mj_step1, mj_step2, mj_fwdAcceleration = map(_make_function, ("mj_step1", "mj_step2", "mj_fwdAcceleration"))
+mj_step1, mj_step2, mj_fwdAcceleration, mj_kinematics, mj_comPos = map(
+    _make_function, ("mj_step1", "mj_step2", "mj_fwdAcceleration", "mj_kinematics", "mj_comPos")
+)
 """Functions of the addresses of a model and its data."""
 
 
