@@ -10,7 +10,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
 from cmacexp.data.run import Run
 from cmacexp.engine.sweep_tables import find_runs
-from cmacexp.errors import BadRun
+from cmacexp.errors import require_run
 from cmacexp.metrics.swept import find_swept
 from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
@@ -41,11 +41,11 @@ def _report_of_several(runs: Sequence[Run], given: Sequence[Path], out: Path) ->
         for number, run in enumerate(runs, 1):
             _ = run.outcome  # read once, with its metrics, then kept
             set_done(number)
-    if not any(run.outcome.is_result for run in runs):
-        raise BadRun(
-            f"{runs[0].folder.parent}: none of {len(runs)} runs can be read "
-            f"({runs[0].folder.name}: {runs[0].outcome.cause})"
-        )
+    require_run(
+        any(run.outcome.is_result for run in runs),
+        f"{runs[0].folder.parent}: none of {len(runs)} runs can be read "
+        f"({runs[0].folder.name}: {runs[0].outcome.cause})",
+    )
     is_sweep = len(given) == 1 and (given[0] / "multirun.yaml").exists()  # Hydra writes it when a sweep begins
     stopped = {Status.UNFINISHED, Status.INTERRUPTED} & {run.outcome.status for run in runs}
     goes_on = is_sweep and (stopped or not (given[0] / manifests.MANIFEST).exists())

@@ -12,7 +12,7 @@ from cmacexp.config import Config, config_folder, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.config.describe import describe_fields, flatten_config
 from cmacexp.config.machine import LEG_NAMES, read_model
-from cmacexp.errors import BadInput, suggest
+from cmacexp.errors import BadInput, require, suggest
 from cmacexp.metrics.registry import format_number
 from cmacexp.models.robot import Robot, read_robot
 from cmacexp.models.robot_gains import DriveGains, derive_basis, find_joint_margin
@@ -54,10 +54,12 @@ def _choose(robot: str) -> list[str]:
     names = [path.stem for path in (config_folder() / "machine").glob("*.yaml")]
     if robot in names:
         return [f"machine={robot}"]
-    if not Path(robot).is_file():
-        raise BadInput(
-            "machine", robot, f"must be an option of conf/machine, or an MJCF or URDF file{suggest(robot, names)}"
-        )
+    require(
+        Path(robot).is_file(),
+        "machine",
+        robot,
+        f"must be an option of conf/machine, or an MJCF or URDF file{suggest(robot, names)}",
+    )
     return ["machine=mjcf", f"machine.path={quote_value(str(Path(robot).resolve()))}"]
 
 

@@ -7,7 +7,7 @@ from cmacexp.data.folder import update_run
 from cmacexp.data.manifest import require_intact, runs_below
 from cmacexp.data.run import Run
 from cmacexp.data.tables import TRACE_FILE, Scores, write_scores
-from cmacexp.errors import BadRun
+from cmacexp.errors import require_run
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.score import score_traces
 from cmacexp.terminal.messages import KEY, print_scores
@@ -20,8 +20,10 @@ def score(folder: Path) -> Scores:
     require_intact(folder / TRACE_FILE)  # a run without one has a config of any kind
     record = run.config["record"]
     for key in ("every_nth_step", "cycles"):
-        if record.get(key) not in (None, 1):
-            raise BadRun(f"{folder}: its trace lacks steps (record.{key}={record[key]}): metrics need all steps")
+        require_run(
+            record.get(key) in (None, 1),
+            f"{folder}: its trace lacks steps (record.{key}={record.get(key)}): metrics need all steps",
+        )
     scores = score_traces(run)
     update_run(folder, lambda part: write_scores(part, scores), drift=make_drift_entry(scores.legs))
     return scores

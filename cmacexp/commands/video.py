@@ -50,12 +50,6 @@ def _video(arguments: Arguments) -> None:
     titles = arguments.titles.split(",") if arguments.titles else []
     views = _choose(arguments)
     require(
-        len({view.walks for view in views}) == 1,
-        "DIR",
-        ", ".join(map(str, arguments.folders)),
-        "must be all of machines that walk, or none",
-    )
-    require(
         len(titles) in (0, len(views)),
         "--titles",
         arguments.titles,

@@ -16,7 +16,7 @@ from cmacexp.config.machine import RobotMachine
 from cmacexp.config.schema import NONE, Config
 from cmacexp.data.run import Run, read_config
 from cmacexp.data.weights import WEIGHTS, load_weights
-from cmacexp.errors import BadInput, BadRun
+from cmacexp.errors import BadInput, BadRun, require, require_run
 from cmacexp.feedforward import CmacFeedforward, CmacOnModel, RadialBasis
 from cmacexp.feedforward.kernels import FeedforwardParams, learn, read_sample
 from cmacexp.feedforward.network import planned_inputs
@@ -78,22 +78,21 @@ def read_network(run: Run, one_path: bool) -> Network:
     learnt = read_learnt(run)
     feedforward, setup = _reset(run, kind, config, learnt)
     one_path = one_path or isinstance(feedforward, RadialBasis)
-    if setup.lead < -1 and not one_path:
-        reason = "trains cells of steps to come, which are known for one path alone; add --path"
-        raise BadInput("learning.lead", setup.lead, reason)
-    torque = feedforward.model_torque
-    if torque is not None and not one_path and torque.size > MOST_TORQUES:
-        reason = f"has {torque.size} torques a cycle, more than {MOST_TORQUES}; add --path, or export cmac"
-        raise BadInput("feedforward", kind, reason)
+    ahead = "trains cells of steps to come, which are known for one path alone; add --path"
+    require(setup.lead >= -1 or one_path, "learning.lead", setup.lead, ahead)
+    torques = 0 if feedforward.model_torque is None else feedforward.model_torque.size
+    many = f"has {torques} torques a cycle, more than {MOST_TORQUES}; add --path, or export cmac"
+    require(torques <= MOST_TORQUES or one_path, "feedforward", kind, many)
     return _make_network(run, kind, feedforward, setup, one_path, learnt is not None)
 
 
 def require_exportable(run: Run) -> str:
     """The kind of its network, before anything that a run names is imported; raises BadInput."""
     plain = run.config
+    reason = "must be of cmacexp: a custom component is not imported here"
     for group in ("plant", "sensors", "controller"):
-        if not (target := plain[group]["_target_"]).startswith("cmacexp."):
-            raise BadInput(f"{group}._target_", target, "must be of cmacexp: a custom component is not imported here")
+        target = plain[group]["_target_"]
+        require(target.startswith("cmacexp."), f"{group}._target_", target, reason)
     target = plain["feedforward"]["_target_"]
     for kind, each in EXPORTED.items():
         if target in (f"cmacexp.feedforward.{each.__name__}", f"{each.__module__}.{each.__name__}"):
@@ -115,8 +114,10 @@ def read_final_config(run: Run) -> Config:
 def read_learnt(run: Run) -> Weights | None:
     """What the run stored of its network; None if it kept nothing. Raises BadRun."""
     if WEIGHTS not in run.manifest["files"]:
-        if run.config["learning"].get("start_from") is not None:
-            raise BadRun(f"{run.folder}: started from weights, but stored none; run it with record.weights=true")
+        require_run(
+            run.config["learning"].get("start_from") is None,
+            f"{run.folder}: started from weights, but stored none; run it with record.weights=true",
+        )
         return None
     return load_weights(run.folder)
 
@@ -136,9 +137,8 @@ def _reset(run: Run, kind: str, config: Config, learnt: Weights | None) -> tuple
         if learnt is None or (isinstance(error, BadInput) and error.key != "learning.start_from"):
             raise
         raise BadRun(f"{run.folder / WEIGHTS}: does not fit the config of its run ({error}); run it again") from None
-    if feedforward.params.learning.rule.teaches == NEIGHBOURS:
-        reason = "cannot be exported: it trains the cells of many steps at once; any other rule can"
-        raise BadInput("learning.rule", config.learning.rule, reason)
+    reason = "cannot be exported: it trains the cells of many steps at once; any other rule can"
+    require(feedforward.params.learning.rule.teaches != NEIGHBOURS, "learning.rule", config.learning.rule, reason)
     return feedforward, setup
 
 
@@ -146,10 +146,9 @@ def _require_fitting(feedforward: NetworkFeedforward) -> None:
     """Require finite weights and a row for every cell, since the file may hold anything; raises ValueError."""
     params, rows = feedforward.params, feedforward.params.weights.shape[1]
     ranges = feedforward.learnt()["ranges"]
-    if not all(np.isfinite(each).all() for each in (params.weights, params.activation, ranges)):
-        raise ValueError("not all of it is finite")
-    if params.cells.max() >= rows:
-        raise ValueError("cells without a row")
+    is_finite = all(np.isfinite(each).all() for each in (params.weights, params.activation, ranges))
+    if not is_finite or params.cells.max() >= rows:
+        raise ValueError("not all of it is finite, or cells have no row")
 
 
 def _make_network(

@@ -8,7 +8,7 @@ import rerun as rr
 from cmacexp.config.fields import read_fields
 from cmacexp.config.machine import RobotMachine
 from cmacexp.data.run import Run
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.models.robot import Robot, load_mujoco, place
 from cmacexp.recording.entities import FINENESS, Entities, round_angles, round_points
 from cmacexp.recording.run_view import RunView, read_robot_of_run
@@ -24,8 +24,12 @@ UNSET = (0.5, 0.5, 0.5, 1.0)
 def read_shown_model(run: Run) -> Robot:
     """The model with which a robot ran, see :func:`read_robot_of_run`; raises BadInput, too, if it was no robot."""
     plain = run.config["machine"]
-    if plain["kind"] != "robot" or "robot" not in run.manifest:
-        raise BadInput("--meshes", run.folder, "is no run of a robot, which alone has meshes; leave out --meshes")
+    require(
+        plain["kind"] == "robot" and "robot" in run.manifest,
+        "--meshes",
+        run.folder,
+        "is no run of a robot, which alone has meshes; leave out --meshes",
+    )
     return read_robot_of_run(run, read_fields(RobotMachine, plain, "machine"))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from cmacexp.config.machine import LEG_KEYS, LEG_NAMES, RobotMachine, read_model
 from cmacexp.data.run import Run
 from cmacexp.data.trace import Trace, count_steps_by_cycle
-from cmacexp.errors import BadInput, BadRun
+from cmacexp.errors import BadRun, require, require_run
 from cmacexp.models.chain import chain_points
 from cmacexp.models.ground import height_at
 from cmacexp.models.robot import Robot
@@ -44,11 +44,17 @@ def read_robot_of_run(run: Run, machine: RobotMachine) -> Robot:
     Raises BadInput if MuJoCo or the model is missing, BadRun if the model is not that of the run.
     """
     path = find_model(machine.model, machine.path)
-    if path.is_relative_to(run.folder.resolve()):
-        raise BadInput("machine.path", path, "lies in the folder of the run, whose files are not trusted")
+    require(
+        not path.is_relative_to(run.folder.resolve()),
+        "machine.path",
+        path,
+        "lies in the folder of the run, whose files are not trusted",
+    )
     robot = read_model(machine)
-    if run.manifest.get("model_hash") != robot.model_hash:
-        raise BadRun(f"{run.folder}: ran with another model than {path} is to this MuJoCo; run it again")
+    require_run(
+        run.manifest.get("model_hash") == robot.model_hash,
+        f"{run.folder}: ran with another model than {path} is to this MuJoCo; run it again",
+    )
     return robot
 
 

@@ -23,7 +23,7 @@ HIGHEST_NUMBER, LOWEST_NUMBER = -0.06, -0.16
 """Where the numbers of the feet are, above the ground, m."""
 MESHES = "travel/body/robot"
 """Where in the world the bodies of a robot's model are; views of the sides show the figure below instead."""
-FIGURE = ("travel/body/plate", "travel/body/nose", "travel/body/links")
+FIGURE = ("travel/body/plate", "travel/body/links")
 """The figure of box and links, which would stick out of them."""
 MM = 1e3
 """Pixels of these eyes per metre, so that what they see is measured in mm."""
@@ -66,9 +66,6 @@ def _log_body(entities: Entities, view: RunView) -> None:
         middle, half = view.trunk
         plate = rr.Boxes3D(centers=[middle], half_sizes=[half], colors=[palette.BODY_COLOR], fill_mode="solid")
         entities.log("world/travel/body/plate", plate)
-        front = middle[0] + half[0]
-        nose = [[front, -0.03, 0.0], [front + 0.06, 0.0, 0.0], [front, 0.03, 0.0]]
-        entities.log("world/travel/body/nose", rr.LineStrips3D([nose], radii=0.006, colors=palette.THIGH))
 
 
 def _turn_from_up(along: Array) -> Array:

@@ -19,7 +19,7 @@ from cmacexp.data.run import Run
 from cmacexp.data.tables import RECORDING_FILE
 from cmacexp.data.version import __version__
 from cmacexp.data.window import Window, make_window, read_cycles
-from cmacexp.errors import BadInput, BadRun
+from cmacexp.errors import require, require_run
 from cmacexp.metrics.swept import find_swept, name_runs
 from cmacexp.recording.entities import Entities
 from cmacexp.recording.layout import KEY, describe_key, make_layout
@@ -142,8 +142,12 @@ def _make_views(runs: Sequence[Run], windows: Sequence[Window], options: Options
         RunView(run, run.read_trace(window.cycles, window.every), name, root, options.meshes)
         for run, window, name, root in zip(runs, windows, names, roots, strict=True)
     ]
-    if max(view.time[0] for view in views) > min(view.time[-1] for view in views):
-        raise BadInput("--cycles", windows[0].first, "no time is in these cycles of all runs; choose earlier ones")
+    require(
+        max(view.time[0] for view in views) <= min(view.time[-1] for view in views),
+        "--cycles",
+        windows[0].first,
+        "no time is in these cycles of all runs; choose earlier ones",
+    )
     return views
 
 
@@ -160,8 +164,10 @@ def make_recording(runs: Sequence[Run], options: Options) -> tuple[rr.RecordingS
         BadInput: an option does not fit the runs.
         BadRun: a run has nothing to show, or they are too many.
     """
-    if len(runs) > MOST_RUNS:
-        raise BadRun(f"{len(runs)} runs: at most {MOST_RUNS} go side by side; name the folders of those to compare")
+    require_run(
+        len(runs) <= MOST_RUNS,
+        f"{len(runs)} runs: at most {MOST_RUNS} go side by side; name the folders of those to compare",
+    )
     models = [read_shown_model(run) for run in runs] if options.meshes else []
     kept = [count_kept(run) for run in runs]
     cycles = None if options.cycles is None else read_cycles(options.cycles, min(map(max, kept)))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.errors import BadInput
+from cmacexp.errors import require
 from cmacexp.metrics.metric import MetricDisplay
 from cmacexp.metrics.registry import ALL_METRICS, SHOWN, format_setting
 from cmacexp.report.style import (
@@ -93,8 +93,7 @@ class Panel:
 
     def __post_init__(self) -> None:
         for name, value, allowed in (("kind", self.kind, KINDS), ("log", self.log, LOG)):
-            if value not in allowed:
-                raise BadInput(name, value, f"choose from {', '.join(map(repr, allowed))}")
+            require(value in allowed, name, value, f"choose from {', '.join(map(repr, allowed))}")
 
 
 def draw(

@@ -47,11 +47,8 @@ class Table:
     caption: str = ""
     cards: bool = False
     """Whether each row is a card of its own on a narrow screen; else the table scrolls sideways there."""
-
-    @property
-    def numeric(self) -> frozenset[int]:
-        """The columns that hold only numbers, which are aligned to the right."""
-        return find_numeric(self.rows)
+    folded: str = ""
+    """The title under which a reader opens it; empty: it is open."""
 
 
 @dataclass(frozen=True)
@@ -65,15 +62,7 @@ class Drawing:
     """E.g. ``Fig. 10``, if it is one of the paper's."""
 
 
-@dataclass(frozen=True)
-class Details:
-    """Elements that are hidden until a reader opens them."""
-
-    title: str
-    parts: "Sequence[PageElement]"
-
-
-PageElement = str | Table | Drawing | Details
+PageElement = str | Table | Drawing
 """A string is a paragraph, or HTML if it is a ``markupsafe.Markup``."""
 
 
@@ -98,7 +87,7 @@ class Renderer:
         self.environment = Environment(
             loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True
         )
-        self.environment.globals.update(save=self._save)
+        self.environment.globals.update(save=self._save, find_numeric=find_numeric)
 
     def render_part(self, part: PageElement) -> str:
         """An element as HTML."""

@@ -12,7 +12,7 @@ from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
 from cmacexp.metrics.registry import ALL_METRICS, count_legs, format_cell, format_setting, pool_legs, select_main
 from cmacexp.recording.run_view import RunView, count_kept
-from cmacexp.report.page import REPORT, Details, PageElement, Report, Section, Table, write_report
+from cmacexp.report.page import REPORT, PageElement, Report, Section, Table, write_report
 from cmacexp.report.run_figures import draw_body, draw_end, draw_metrics, draw_torques, draw_tracking
 from cmacexp.typing import Status
 
@@ -59,8 +59,8 @@ def list_settings(run: Run) -> list[PageElement]:
         rows.append([key, format_setting(value), field.unit, field.meaning])
     overrides = " ".join(run.manifest.get("overrides", ()))
     set_for_run = f"Set for this run: {overrides}" if overrides else "Its manifest lists no overrides."
-    table = Table(["setting", "value", "unit", "meaning"], rows, cards=True)
-    return [set_for_run, Details(f"All {len(rows)} settings", [table])]
+    titles = ["setting", "value", "unit", "meaning"]
+    return [set_for_run, Table(titles, rows, cards=True, folded=f"All {len(rows)} settings")]
 
 
 def choose_cycles(run: Run) -> list[int]:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from cmacexp.data.files import write_atomically
 from cmacexp.data.run import Run
-from cmacexp.errors import BadInput, BadRun, CmacexpError
+from cmacexp.errors import CmacexpError, require, require_run
 from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.recording import palette
 from cmacexp.recording.meshes import read_shown_model
@@ -45,6 +45,8 @@ WIDTH, HEIGHT, DPI = 8.0, 4.5, 100
 """Of a frame, inches and pixels per inch."""
 PLACE = {"left": 0.075, "right": 0.985, "top": 0.94, "bottom": 0.1, "hspace": 0.3, "wspace": 0.1}
 """Where the axes are in a frame."""
+HEIGHTS = (2.2, 1.0, 1.0)
+"""Of the machine, the forces and the error of the feet above each other."""
 FRAMES_PER_SECOND = 12.5
 """Frames of GIF last whole hundredths of a second."""
 PATHS = (colour(palette.FIRST_CYCLE), colour(palette.LAST_CYCLE))
@@ -183,7 +185,7 @@ def _draw_forces(axes: Axes, cycle: Cycle, k: int) -> None:
 
 
 def _draw_error(axes: Axes, cycle: Cycle, k: int) -> None:
-    """How far the farthest foot of a walk is from where it should be, pale in the cycle, and in colour up to now."""
+    """How far the farthest foot is from where it should be, pale in the cycle, and in colour up to now."""
     time = cycle.view.time - cycle.view.time[0]
     error = np.linalg.norm(cycle.places[:, :, -1] - cycle.desired, axis=2).max(axis=1)
     axes.plot(time, error, color=cycle.ink, lw=1.0, alpha=0.3)
@@ -201,22 +203,17 @@ def draw_frame(figure: Figure, cycles: Sequence[Cycle], window: tuple[Array, Arr
         part: of the cycle that has passed, from 0 to 1.
     """
     figure.clear()
-    heights = [2.2, 1.0, 1.0] if cycles[0].view.walks else [2.7, 1.0]
-    axes = figure.subplots(
-        len(heights), len(cycles), sharey="row", height_ratios=heights, squeeze=False, gridspec_kw=PLACE
-    )
+    axes = figure.subplots(3, len(cycles), sharey="row", height_ratios=HEIGHTS, squeeze=False, gridspec_kw=PLACE)
     for column, cycle in zip(axes.T, cycles, strict=True):
         since = cycle.view.time - cycle.view.time[0]
         k = int(np.abs(since - part * since[-1]).argmin())  # rows of a thinned trace need not be evenly spaced
         _draw_side(column[0], cycle, k, window)
         _draw_forces(column[1], cycle, k)
-        if cycle.view.walks:
-            _draw_error(column[2], cycle, k)
+        _draw_error(column[2], cycle, k)
     most = max(float(c.view.trace[name].max()) for c in cycles for name in ("force", "force_desired"))
     axes[1, 0].set(ylabel="force, N", ylim=(0.0, 1.5 * most))
     axes[1, -1].legend(loc="upper right", ncols=2, borderaxespad=0.0)
-    if cycles[0].view.walks:
-        axes[2, 0].set(ylabel="foot error, mm", ylim=(0.0, None))
+    axes[2, 0].set(ylabel="foot error, mm", ylim=(0.0, None))
 
 
 def view_cycles(run: Run, asked: Sequence[int]) -> list[RunView]:
@@ -227,11 +224,14 @@ def view_cycles(run: Run, asked: Sequence[int]) -> list[RunView]:
         BadRun: the trace has no whole cycle.
     """
     whole = run.select_whole(sorted(count_kept(run)))
-    if not whole:
-        raise BadRun(f"{run.folder}: its trace has no whole cycle, there is nothing to show")
+    require_run(whole, f"{run.folder}: its trace has no whole cycle, there is nothing to show")
     cycles = sorted(set(asked) or {whole[0], whole[-1]})
-    if len(cycles) > MOST_CYCLES or not set(cycles) <= set(whole):
-        raise BadInput("--cycles", ",".join(map(str, asked)), f"write up to {MOST_CYCLES} whole cycles")
+    require(
+        len(cycles) <= MOST_CYCLES and set(cycles) <= set(whole),
+        "--cycles",
+        ",".join(map(str, asked)),
+        f"write up to {MOST_CYCLES} whole cycles",
+    )
     return [RunView(run, run.read_trace([cycle])) for cycle in cycles]
 
 

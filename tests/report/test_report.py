@@ -9,7 +9,7 @@ from support.command import call
 from support.made_studies import made_run
 
 import cmacexp
-from cmacexp.report.page import Details, Drawing, Table
+from cmacexp.report.page import Drawing, Table
 from cmacexp.report.run_figures import draw_metrics
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.sweep_report import make_sweep_report
@@ -31,9 +31,8 @@ def mass(stored):
 
 
 def parts_of(content):
-    """All parts of a report, folded ones too."""
-    inside = [part for section in content.sections for part in section.parts]
-    return inside + [inner for part in inside if isinstance(part, Details) for inner in part.parts]
+    """All parts of a report."""
+    return [part for section in content.sections for part in section.parts]
 
 
 def figures_of(content):
