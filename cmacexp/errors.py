@@ -103,6 +103,12 @@ def format_user_traceback(error: BaseException) -> str:
 class CmacexpError(Exception):
     """Base class: its message is meant for the user and is shown in one line, without a stack trace."""
 
+    @classmethod
+    def unless(cls, holds: object, *args: object) -> None:
+        """Raise this mistake unless something ``holds``."""
+        if not holds:
+            raise cls(*args)
+
     def __str__(self) -> str:
         return in_one_line(super().__str__())
 

@@ -92,8 +92,9 @@ def read(folder: Path) -> Manifest:
     what it must be.
     """
     manifest = read_file(folder / MANIFEST)
-    if "kind" in manifest:
-        raise BadRun(f"{folder}: holds a {manifest['kind']}, not a run; give the folder of a run")
+    BadRun.unless(
+        "kind" not in manifest, f"{folder}: holds a {manifest.get('kind')}, not a run; give the folder of a run"
+    )
     return manifest
 
 
@@ -115,14 +116,16 @@ def read_file(path: Path) -> Manifest:
 def _read_checked(path: Path, signature: tuple[int, ...]) -> str:
     """The text of a manifest, whose file has this signature."""
     with open_file(path) as file:
-        if os.fstat(file.fileno()).st_size > MAX_BYTES:
-            raise BadRun(f"{path}: larger than {MAX_BYTES >> 20} MB, not the manifest of a run")
+        BadRun.unless(
+            os.fstat(file.fileno()).st_size <= MAX_BYTES,
+            f"{path}: larger than {MAX_BYTES >> 20} MB, not the manifest of a run",
+        )
         text = file.read().decode()
     manifest = json.loads(text)
     if "\\ud" in text.lower():  # half of a character, which no file and no terminal takes
         json.dumps(manifest, ensure_ascii=False).encode()
-    if wrong := find_wrong(manifest):
-        raise BadRun(f"{path}: not the manifest of a run: {wrong}; run it again")
+    wrong = find_wrong(manifest)
+    BadRun.unless(wrong is None, f"{path}: not the manifest of a run: {wrong}; run it again")
     return text
 
 
@@ -168,11 +171,13 @@ def require_intact(path: Path) -> Path:
     if manifest is None or manifest.get("kind") == REPORT:
         return path
     if path.name not in manifest["files"]:
-        if manifest["config"].get("record", {}).get("trace") is False:
-            raise BadRun(f"{path}: the run keeps metrics alone (record.trace=false); run it again with record=trace")
+        BadRun.unless(
+            manifest["config"].get("record", {}).get("trace") is not False,
+            f"{path}: the run keeps metrics alone (record.trace=false); run it again with record=trace",
+        )
         raise BadRun(f"{path}: the run did not write this file, its {MANIFEST} does not list it")
-    if fault := check_file(path.parent, path.name, manifest["files"][path.name]):
-        raise BadRun(f"{path}: {fault}; run it again")
+    fault = check_file(path.parent, path.name, manifest["files"][path.name])
+    BadRun.unless(fault is None, f"{path}: {fault}; run it again")
     return path
 
 
@@ -214,12 +219,13 @@ def name_of(folder: Path) -> str:
 
 
 def _require_some(folder: Path, paths: Iterable[Path]) -> list[Path]:
-    if not folder.is_dir():
-        raise BadRun(f"{folder}: no such folder")
+    BadRun.unless(folder.is_dir(), f"{folder}: no such folder")
     if ordered := sorted(paths):
         return ordered
-    if (folder / RUNS_FILE).exists() or (folder / JOBS_FOLDER).exists():
-        raise BadRun(f"{folder}: its runs keep metrics alone (record=metrics), without folders; use record=trace")
+    BadRun.unless(
+        not (folder / RUNS_FILE).exists() and not (folder / JOBS_FOLDER).exists(),
+        f"{folder}: its runs keep metrics alone (record=metrics), without folders; use record=trace",
+    )
     raise BadRun(f"{folder}: contains no run; use the folder that a run printed at its end")
 
 

@@ -190,8 +190,10 @@ class Run:
         cycles = np.arange(1, self.last_cycle + 1)
         legs = Trace(read_table(path))
         body = Trace(read_table(self.folder / BODY_METRICS_FILE)) if self.walks else None
-        if not all(np.array_equal(table.shared("cycle"), cycles) for table in (legs, body) if table is not None):
-            raise BadRun(f"{path}: not the metrics of the run: it must have a row for each cycle, in order")
+        BadRun.unless(
+            all(np.array_equal(table.shared("cycle"), cycles) for table in (legs, body) if table is not None),
+            f"{path}: not the metrics of the run: it must have a row for each cycle, in order",
+        )
         return Scores(legs.table, None if body is None else body.table)
 
     @cached_property

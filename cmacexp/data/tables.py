@@ -157,8 +157,7 @@ def _contiguous(table: pa.Table, name: str) -> pa.Array:
 def as_array(table: pa.Table, name: str) -> Array:
     """One column as a read-only NumPy array; raises BadRun if the table lacks it, or some of its values."""
     column = _contiguous(table, name)
-    if column.null_count:
-        raise BadRun(f"{name}: the table lacks some of its values: not a table of a run")
+    BadRun.unless(not column.null_count, f"{name}: the table lacks some of its values: not a table of a run")
     return np.asarray(np.from_dlpack(column))
 
 

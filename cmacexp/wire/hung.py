@@ -10,7 +10,7 @@ from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.plants.protocol import RobotSignals
 from cmacexp.typing import Array
 from cmacexp.wire.link import Gains, Link
-from cmacexp.wire.states import name_joint, require_safe
+from cmacexp.wire.states import Unsafe, name_joint
 
 SOFT: Gains = (40.0, 2.0)
 """Of a robot that hangs."""
@@ -61,12 +61,12 @@ def check_joints(link: Link, stand: Array, expected: Array) -> None:
             link.move(stand, HOLD, SOFT)  # until it rests
             held += 0.5 * float(link.signals.torque[leg, joint])
             others = np.delete(np.abs(moved), leg * stand.shape[1] + joint)
-            require_safe(
+            Unsafe.unless(
                 moved[leg, joint] >= ANSWERED and others.max() <= CROSSTALK,
                 f"{name_joint(leg, joint)}, asked for {WIGGLE:g} rad, moved by {moved[leg, joint]:.2g} rad, "
                 f"the others by up to {others.max():.2g}",
             )
-        require_safe(
+        Unsafe.unless(
             joint == CALF or abs(held - expected[leg, joint]) <= OFF,
             f"{name_joint(leg, joint)} holds {held:.2g} N m, by the model {expected[leg, joint]:.2g}: "
             "does the robot hang, and are order and signs of the joints right?",
@@ -87,7 +87,7 @@ def wait_for_ground(
     """
     end, needed, carried = time.monotonic() + longest, round(1.0 / link.period), 0
     while carried < needed:
-        require_safe(time.monotonic() <= end, f"not on the ground after plant.let_down={longest:g} s")
+        Unsafe.unless(time.monotonic() <= end, f"not on the ground after plant.let_down={longest:g} s")
         link.move(stand, link.period, gains)
         carried = carried + 1 if estimate_force(link.signals) > CARRIED * weight else 0
 

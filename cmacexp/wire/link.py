@@ -16,7 +16,7 @@ from cmacexp.typing import Array
 from cmacexp.wire.guardian import Guardian, make_damping
 from cmacexp.wire.messages import new_command, set_motors
 from cmacexp.wire.network import COMMANDS, STATES, Wire, ask_for_priority, give_up_priority
-from cmacexp.wire.states import LimitsConfig, Reading, StateWatch, Unsafe, read_state, require_safe
+from cmacexp.wire.states import LimitsConfig, Reading, StateWatch, Unsafe, read_state
 
 ANSWERS = 5.0
 """Longest time until a robot is heard at all, s."""
@@ -115,8 +115,8 @@ class Link:
         """
         signals, most = self.signals, self.limits.torque
         off = np.abs(angle - signals.q)
-        require_safe(all(np.isfinite(each).all() for each in (angle, velocity, torque)), "a command is not finite")
-        require_safe(
+        Unsafe.unless(all(np.isfinite(each).all() for each in (angle, velocity, torque)), "a command is not finite")
+        Unsafe.unless(
             off.max() <= JUMP * self.limits.deviation,
             f"a command is {off.max():.2g} rad from where its joint is, beyond {JUMP:g} times "
             f"plant.limits.deviation={self.limits.deviation:g}",

@@ -33,12 +33,6 @@ class Unsafe(Diverged):
     """The robot, or the wire to it, is beyond a limit: it is damped, and the run ends."""
 
 
-def require_safe(holds: object, trouble: str) -> None:
-    """Require that something ``holds`` of the robot, or of the wire to it; raises Unsafe with what is wrong."""
-    if not holds:
-        raise Unsafe(trouble)
-
-
 class Reading(NamedTuple):
     """One LowState, for L legs with J joints."""
 
@@ -115,21 +109,21 @@ class StateWatch:
         """Compare a state with the limits; ``asked`` are the commanded angles (L, J), rad. Raises Unsafe."""
         limits, last, signals = self.limits, self._last, reading.signals
         is_finite = all(np.isfinite(values).all() for values in (*signals, reading.voltage))
-        require_safe(is_finite, "a state has a number that is not finite, or no attitude")
+        Unsafe.unless(is_finite, "a state has a number that is not finite, or no attitude")
         tilt, speed = np.abs(signals.attitude[:2]).max(), np.abs(signals.dq).max()
         for name, value, limit, unit in (
             ("tilt", tilt, limits.tilt, "rad"),
             ("speed", speed, limits.speed, "rad/s"),
             ("temperature", reading.temperature, limits.temperature, "degrees Celsius"),
         ):
-            require_safe(value <= limit, f"{name} of {value:.3g} {unit} is above plant.limits.{name}={limit:g}")
-        require_safe(
+            Unsafe.unless(value <= limit, f"{name} of {value:.3g} {unit} is above plant.limits.{name}={limit:g}")
+        Unsafe.unless(
             reading.voltage >= limits.voltage,
             f"voltage of {reading.voltage:.3g} V is below plant.limits.voltage={limits.voltage:g}",
         )
         off = np.abs(asked - signals.q)
         self._far = np.where(off > limits.deviation, self._far + 1, 0)
-        require_safe(
+        Unsafe.unless(
             (self._far <= FAR).all(),
             f"{_largest(self._far)} is {off.max():.2g} rad from its command, beyond "
             f"plant.limits.deviation={limits.deviation:g}",
@@ -144,7 +138,7 @@ class StateWatch:
         """Find lost and frozen states, and stuck encoders; raises Unsafe."""
         tick, before = (int(each.signals.tick[0]) for each in (reading, last))
         passed = (tick - before) / self.tick
-        require_safe(
+        Unsafe.unless(
             passed > 0 or self.limits.lost >= 1.0,
             f"states are frozen, or from another sender: tick {tick} follows {before}; with a simulator that does "
             "not count its states set plant.limits.lost=1",
@@ -153,7 +147,7 @@ class StateWatch:
         self.missed += gap
         self._lost.append(max(gap, reading.lost - last.lost))
         share = sum(self._lost) / WINDOW
-        require_safe(
+        Unsafe.unless(
             share <= self.limits.lost,
             f"{100 * share:.2g} % of packets lost within {WINDOW} states: plant.limits.lost={self.limits.lost:g}",
         )
@@ -163,7 +157,9 @@ class StateWatch:
         asleep = (self._still >= LONG) & (np.median(self._still) < STILL)
         stuck = asleep | ((self._still >= STILL) & (np.abs(asked - self._asked) > LEAST_MOVE))
         states = (self._still * stuck).max()
-        require_safe(not stuck.any(), f"the encoder of {_largest(stuck)} is stuck: the same angle in {states} states")
+        Unsafe.unless(
+            not stuck.any(), f"the encoder of {_largest(stuck)} is stuck: the same angle in {states} states"
+        )
 
 
 def name_joint(leg: int, joint: int) -> str:
