@@ -278,8 +278,10 @@ def check_memory(config: Config) -> None:
     needed, memory = rows * SAMPLE_BYTES + network, machine_memory()
     if needed > memory:
         period, gib = f"{config.sampling_period:g}", 2**30
-        size = f"needs {needed / gib:.1f} GiB, more than the {memory / gib:.1f} GiB of this machine or process: "
-        size += f"{steps} samples a cycle of each leg"
+        size = (
+            f"needs {needed / gib:.1f} GiB, more than the {memory / gib:.1f} GiB of this machine or process: "
+            f"{steps} samples a cycle of each leg"
+        )
         if network < needed / 2:
             raise BadInput("sampling_period", period, f"{size}; use a longer one")
         raise BadInput(key, value, f"with sampling_period={period} {size}; use fewer, or a longer sampling_period")

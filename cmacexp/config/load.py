@@ -84,8 +84,12 @@ def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
         key = str(error.full_key or "config")
         raise find_mistake(error) or BadInput(key, "?", reason[:1].lower() + reason[1:]) from error
     for group in list_groups():
-        reason = f"must be a group of fields; choose an option of conf/{group}"
-        require(isinstance(plain.get(group), dict), group, plain.get(group), reason)
+        require(
+            isinstance(plain.get(group), dict),
+            group,
+            plain.get(group),
+            f"must be a group of fields; choose an option of conf/{group}",
+        )
     with current_folder_importable():
         components = {group: _make_component(group, plain[group]) for group in COMPONENTS}
     machine = _make_machine(plain["machine"], plain["plant"].get("_target_"))

@@ -119,11 +119,19 @@ class DriveController:
         def check(self, config: Config) -> None:
             """Check that drives are stable behind their lag (Routh, a joint without friction); raises BadInput."""
             least = config.actuator.lag * self.stiffness
-            reason = f"must be above actuator.lag times controller.stiffness, {least:.4g}, or joints shake"
-            require(self.damping > least, "controller.damping", self.damping, reason)
+            require(
+                self.damping > least,
+                "controller.damping",
+                self.damping,
+                f"must be above actuator.lag times controller.stiffness, {least:.4g}, or joints shake",
+            )
             force = config.force_control
-            reason = "must be stiffness or combined with controller=drives: other plans have no depth to follow"
-            require(force.method in ("stiffness", "combined"), "force_control.method", force.method, reason)
+            require(
+                force.method in ("stiffness", "combined"),
+                "force_control.method",
+                force.method,
+                "must be stiffness or combined with controller=drives: other plans have no depth to follow",
+            )
             reason = "must be 0 with controller=drives: the reference would give way to a force that none reads"
             for name, value in (("elasticity", force.elasticity), ("admittance", force.admittance)):
                 require(value == 0.0, f"force_control.{name}", value, reason)

@@ -197,8 +197,12 @@ def match_names(names: Sequence[str], joints: Sequence[str], pairs: Mapping[str,
         return "".join(c for c in name.lower() if c.isalnum())
 
     for name, joint in pairs.items():
-        reason = f"the log has no joint {name}{suggest(name, names)}; it has {', '.join(names)}"
-        require(name in names, "--joints", f"{name}={joint}", reason)
+        require(
+            name in names,
+            "--joints",
+            f"{name}={joint}",
+            f"the log has no joint {name}{suggest(name, names)}; it has {', '.join(names)}",
+        )
     found = []
     for name in names:
         wanted = pairs.get(name, name)
@@ -207,13 +211,21 @@ def match_names(names: Sequence[str], joints: Sequence[str], pairs: Mapping[str,
         if not close and wanted.isdigit() and int(wanted) < len(joints) == len(names):
             close = [joints[int(wanted)]]
         what = f"fits {' and '.join(close[:4])}" if close else f"has no joint in the model{suggest(wanted, joints)}"
-        reason = f"{what}; say --joints {name}=JOINT, with a joint of {', '.join(joints) or 'which it has none'}"
-        require(len(close) == 1, "joint of the log", name, reason)
+        require(
+            len(close) == 1,
+            "joint of the log",
+            name,
+            f"{what}; say --joints {name}=JOINT, with a joint of {', '.join(joints) or 'which it has none'}",
+        )
         found += close
     for joint in found:
         both = [name for name, each in zip(names, found, strict=True) if each == joint]
-        reason = f"fits {' and '.join(both)} of the log; say which one it is by --joints"
-        require(len(both) == 1, "joint of the model", joint, reason)
+        require(
+            len(both) == 1,
+            "joint of the model",
+            joint,
+            f"fits {' and '.join(both)} of the log; say which one it is by --joints",
+        )
     return tuple(found)
 
 

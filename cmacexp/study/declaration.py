@@ -35,7 +35,8 @@ UNITS = {
     "%": ("", 100.0), "mm": ("m", 1e3), "mrad": ("rad", 1e3), "ms": ("s", 1e3),
 }  # fmt: skip
 """Units of a limit: the SI unit of each, and the factor from that to it."""
-LIMIT = re.compile(r"(?:(at most|at least) )?(\S+?)(?: to (\S+?))? ?(%|[a-zA-Zµ]+(?:[ /][a-zA-Z]+(?:\^2)?)?)?")
+NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+LIMIT = re.compile(rf"(?:(at most|at least) )?{NUMBER}(?: to {NUMBER})? ?(%|[a-zA-Zµ]+(?:[ /][a-zA-Z]+(?:\^2)?)?)?")
 ANYTHING: tuple[Any, str] = (object, "")
 MAPPING, LISTS = ((Mapping, NoneType), "a mapping"), ((Mapping, NoneType), "a mapping to lists of values")
 LIST, FUNCTION = ((list, tuple), "a list"), (Callable, "a function of Python")
@@ -122,15 +123,11 @@ def read_limit(text: str, quantity: str | None = None) -> tuple[Limit, str, floa
     if (found := re.fullmatch(r"any ?(.*)", str(text))) is not None:
         return ANY, found[1], _find_scale(text, found[1], quantity)
     found = LIMIT.fullmatch(str(text))
-    try:
-        side, low, high, unit = found.groups("") if found else ("", "", "", "")
-        ends = [float(low), float(high or low)]
-        if ends[0] > ends[1]:
-            raise ValueError(text)
-    except ValueError:
-        raise BadInput("limit", text, "must be as “at most 10 %”, “at least 2” or “1 to 3 mm”, low to high") from None
+    side, low, high, unit = found.groups("") if found else ("", "nan", "", "")
+    ends = float(low), float(high or low)
+    require(ends[0] <= ends[1], "limit", text, "must be as “at most 10 %”, “at least 2” or “1 to 3 mm”, low to high")
     scale = _find_scale(text, unit, quantity)
-    bounds = {"at most": (float("-inf"), ends[0]), "at least": (ends[0], float("inf"))}.get(side, tuple(ends))
+    bounds = {"at most": (float("-inf"), ends[0]), "at least": (ends[0], float("inf"))}.get(side, ends)
     return Limit(*(bound / scale for bound in bounds)), unit, scale
 
 

@@ -185,12 +185,10 @@ def _measure(criterion: Criterion, results: Results) -> CriterionResult:
         chosen = Results([*chosen.rows, *others], results.computed)
         if chosen.has_one_seed:
             interval = replace(interval, method=ONE_SEED)
-    except BadSample as error:
-        if Status.FAILED not in {row.run.outcome.status for row in chosen.rows}:
+    except (NoSuchRuns, BadSample) as error:
+        if isinstance(error, NoSuchRuns) or all(row.run.outcome.status != Status.FAILED for row in chosen.rows):
             raise BadInput("quantity", criterion.quantity, str(error)) from error
         interval = replace(UNKNOWN, count=len(chosen))
-    except NoSuchRuns as error:
-        raise BadInput("quantity", criterion.quantity, str(error)) from error
     return CriterionResult(criterion, interval, [str(row.run.folder) for row in chosen.rows])
 
 

@@ -78,8 +78,9 @@ def join(interface: str, domain: int) -> Any:
 
     require(0 <= domain <= MOST, "plant.domain", domain, f"must be at least 0 and at most {MOST}")
     known = [name for _, name in socket.if_nameindex()]
-    choices = f"no such network interface; choose from {', '.join(known)}"
-    require(interface in known, "plant.interface", interface, choices)
+    require(
+        interface in known, "plant.interface", interface, f"no such network interface; choose from {', '.join(known)}"
+    )
     try:
         return Domain(domain, SETTINGS.format(interface=interface))
     except DDSException as error:
