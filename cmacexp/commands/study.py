@@ -176,7 +176,7 @@ def write_studies(files: Sequence[StudyFile], options: Options, whole: bool = Fa
             )
             for file in files
         ]
-        return parallel_map("evaluating", _write, items)
+        return list(parallel_map("evaluating", _write, items))
 
 
 def write_study(file: StudyFile, options: Options) -> Path:

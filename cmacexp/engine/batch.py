@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -12,11 +13,11 @@ import pyarrow.parquet as pq
 
 from cmacexp.config.compose import list_texts, refuse_options
 from cmacexp.data.files import write_atomically
-from cmacexp.data.tables import table_writer, write_table
+from cmacexp.data.tables import arrow, table_writer, write_table
 from cmacexp.engine.chunk import RunEnd, run_chunk
 from cmacexp.engine.equal_results import find_idle_keys
 from cmacexp.engine.pool import choose_size, count_processes, group_runs, start_workers
-from cmacexp.engine.sweep_tables import concat_metrics, join_runs, make_column, make_table, parse_overrides
+from cmacexp.engine.sweep_tables import concat_metrics, join_runs, make_column, read_settings, tabulate_settings
 from cmacexp.errors import BadInput, OtherModel, WithoutEffect, require_name
 from cmacexp.terminal.output import print_line
 
@@ -94,26 +95,33 @@ def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | Non
     """The table of :func:`run_many`, of so many runs at a time; warnings are in the name of the caller's caller."""
     require_name("keep", keep, KEPT)
     count = count_processes(processes)
-    size, settings = choose_size(len(runs), count), parse_overrides(runs)
-    known = make_table([{"run": number, **own} for number, own in enumerate(settings)])
+    size, settings = choose_size(len(runs), count), [read_settings(overrides) for overrides in runs]
+    known = pa.table({"run": make_column(range(len(runs))), **tabulate_settings(settings)})
+    chunks = [
+        (first, chunk)
+        for first in range(0, len(runs), most)
+        for chunk in group_runs(runs[first : first + most], size)
+    ]
+    items = [([runs[first + number] for number in chunk], keep == TRACE, len(runs)) for first, chunk in chunks]
     all_ends = list[RunEnd]()
     with start_workers(count) as parallel_map:
-        for first in range(0, len(runs), most):
-            part = [list(overrides) for overrides in runs[first : first + most]]
-            chunks = group_runs(part, size)
-            items = [([part[number] for number in chunk], keep == TRACE, len(runs)) for chunk in chunks]
-            done = parallel_map("running", run_chunk, items, runs=len(part))
-            order = np.concatenate(chunks)
-            ends: list[RunEnd] = [end for chunk, _ in done for end in chunk]
+        # While one part is written, the next one runs: none waits for the other.
+        done = parallel_map("running", run_chunk, items, len(runs), 2 * max(most // size, count))
+        for first, part in groupby(zip(chunks, done, strict=True), lambda each: each[0][0]):
+            own_chunks, ended = zip(*part, strict=True)
+            order = np.concatenate([chunk for _, chunk in own_chunks])
+            ends: list[RunEnd] = [end for chunk, _ in ended for end in chunk]
             all_ends += [ends[place] for place in order.argsort()]
-            own = known.take(first + order).append_column("status", make_column([end.status for end in ends]))
-            index: Any = np.repeat(np.arange(len(part)), [end.rows for end in ends])
-            table = join_runs(own, concat_metrics([table for _, table in done])[0], index)
-            yield table if (np.diff(order) == 1).all() else table.take(order[index].argsort(kind="stable"))
+            own = known.take(arrow(first + order, pa.int64()))
+            own = own.append_column("status", make_column([end.status for end in ends]))
+            index: Any = np.repeat(np.arange(len(order)), [end.rows for end in ends])
+            table = join_runs(own, concat_metrics([table for _, table in ended])[0], index)
+            in_order = arrow(order[index].argsort(kind="stable"), pa.int64())
+            yield table if (np.diff(order) == 1).all() else table.take(in_order)
     for other in dict.fromkeys(filter(None, (end.other_model for end in all_ends))):
         warnings.warn(other, OtherModel, stacklevel=3)
     results = [end.result for end in all_ends]
-    for kind, text in find_idle_keys(runs, results, list(map(str, range(len(runs)))), "runs"):
+    for kind, text in find_idle_keys(settings, results, list(map(str, range(len(runs)))), "runs"):
         if kind == "warning":
             warnings.warn(text, WithoutEffect, stacklevel=3)
         else:

@@ -1,8 +1,7 @@
 """Work in tasks of a launcher of Hydra, as on a cluster: a task is a job of it, and does many items."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -38,9 +37,8 @@ def make_map(config: DictConfig, context: HydraContext, count: Callable[[int], i
         what: str,
         work: Callable[..., Any],
         items: Sequence[Sequence[Any]],
-        see: Callable[[Any], object] = id,
         runs: int | None = None,
-    ) -> list[Any]:
+    ) -> Iterator[Any]:
         tasks = min(count(runs or len(items)), len(items))
         shares = [items[first::tasks] for first in range(tasks)]
         launcher = Plugins.instance().instantiate_launcher(
@@ -48,9 +46,7 @@ def make_map(config: DictConfig, context: HydraContext, count: Callable[[int], i
         )
         with show_activity(f"{what}: {runs or len(items)} in {tasks} tasks of the launcher"):
             ended = [each.return_value for each in launcher.launch([[] for _ in shares], 0)]
-        for result in chain.from_iterable(ended):
-            see(result)
-        return [ended[i % tasks][i // tasks] for i in range(len(items))]
+        yield from (ended[i % tasks][i // tasks] for i in range(len(items)))
 
     return map_in_tasks
 

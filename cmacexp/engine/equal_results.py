@@ -5,12 +5,12 @@ Nothing is declared for this, so it holds for custom components too. A single ru
 """
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from cmacexp.config.load import WITHOUT_EFFECT
 from cmacexp.data.run import Run
 from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE
-from cmacexp.engine.sweep_tables import read_settings
 from cmacexp.typing import RESULTS
 
 MOST_NAMES = 5
@@ -29,16 +29,17 @@ def describe_result(run: Run) -> str:
 
 
 def find_idle_keys(
-    typed: Sequence[Sequence[str]], results: Sequence[str], names: Sequence[str], what: str
+    settings: Sequence[Mapping[str, Any]], results: Sequence[str], names: Sequence[str], what: str
 ) -> Iterator[tuple[str, str]]:
     """Each key that had no effect in some runs, ``what`` such as ``jobs``: ``warning`` or ``note``, and a line.
 
     A key had none if all runs that set it, and differ in its value alone, gave equal ``results``, and there are such
-    runs; those whose result is empty do not count. ``typed`` are the overrides of each run, whose values are compared
-    as they are typed, but numbers by value. A seed only draws numbers that a run may not need: that is a note.
+    runs; those whose result is empty do not count. ``settings`` are values of each run by key, as
+    :func:`cmacexp.engine.sweep_tables.read_settings` gives them. A seed only draws numbers that a run may not need:
+    that is a note.
     """
-    settings = [read_settings(overrides) for overrides in typed]
-    for key in dict.fromkeys(key for values in settings for key in values):
+    keys = dict.fromkeys(key for values in settings for key in values)
+    for key in [key for key in keys if len({values.get(key) for values in settings}) > 1]:
         groups = defaultdict[str, list[int]](list)
         for number, values in enumerate(settings):
             if key in values and results[number]:

@@ -70,6 +70,6 @@ def describe_best(name: str, direction: str, jobs: Sequence[Run], swept: Sequenc
     if math.isinf(values[best]):
         return f"none: no job completed with a value of {name}"
     job, shown = jobs[best], ALL_METRICS[name].shown or MetricDisplay(name, ALL_METRICS[name].unit)
-    named = " ".join([f"#{job.folder.name}", *(f"{key}={job.settings[key]}" for key in swept)])
+    named = " ".join([f"#{job.folder.name}", *(f"{key}={job.settings.get(key)}" for key in swept)])
     value = format_number(job.final(name) * shown.factor, shown.unit)
     return f"{named}: {name} = {value}, in {format_folder(job.folder)}"

@@ -6,11 +6,12 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from itertools import count
 from multiprocessing import forkserver
 from numbers import Integral
 from threading import Thread, current_thread, main_thread
@@ -28,11 +29,11 @@ MOST_RUNS, CHUNKS_EACH = 16, 4
 """Short runs that a process takes at a time, at most, and how often it comes back at least, if there are enough."""
 RATE, SEED = "learning.rate=", "seed="
 """How the overrides begin in which runs may differ that share a scenario."""
-ParallelMap = Callable[..., list[Any]]
-"""``parallel_map(what, work, items, see=id, runs=None)``: what ``work(*item)`` returns for each item, in their order.
+ParallelMap = Callable[..., Iterator[Any]]
+"""``parallel_map(what, work, items, runs=None)``: gives what ``work(*item)`` returns for each item, in their order.
 
-``what`` is shown beside the progress, of so many ``runs`` if an item is several; ``see`` is called with each result
-as soon as it is known."""
+``what`` is shown beside the progress, of so many ``runs`` if an item is several. Work begins when the first result is
+asked for, and goes on while the caller uses a result."""
 
 
 @exits_caught()  # a worker would hand a SystemExit to the program, which would end with its code
@@ -121,37 +122,37 @@ def _begin(environment: Mapping[str, str], speaks: Any) -> None:
         announce_compiling()
 
 
-def map_here(
-    what: str,
-    work: Callable[..., Any],
-    items: Sequence[Sequence[Any]],
-    see: Callable[[Any], object] = id,
-    runs: int | None = None,
-) -> list[Any]:
+def map_here(*call: Any) -> list[Any]:
+    """All results of :func:`iterate_here`."""
+    return list(iterate_here(*call))
+
+
+def iterate_here(
+    what: str, work: Callable[..., Any], items: Sequence[Sequence[Any]], runs: int | None = None
+) -> Iterator[Any]:
     """A :data:`ParallelMap` in this process."""
     from cmacexp.terminal.messages import announce_compiling  # here, because it takes long to import
     from cmacexp.terminal.output import show_progress
 
     announce_compiling()
-    results, total = [], runs or len(items)
+    total = runs or len(items)
     with show_progress(what, total) as set_done:
-        for item in items:
-            results.append(run_item(work, item))
-            see(results[-1])
-            set_done(total * len(results) / len(items))
-    return results
+        for done, item in enumerate(items, 1):
+            yield run_item(work, item)
+            set_done(total * done / len(items))
 
 
 @contextmanager
 def start_workers(processes: int | None = None) -> Iterator[ParallelMap]:
     """Start processes, one for each core unless another number is asked for; gives what does work in them.
 
-    That raises what ``work`` raises, and ChildProcessError if a process was killed. Work that goes on when the
-    context is left is ended at once: the files of runs are whole or absent.
+    It takes one more argument, how many items are at most begun and not yet asked for; None: all. It raises what
+    ``work`` raises, and ChildProcessError if a process was killed. Work that goes on when the context is left is
+    ended at once: the files of runs are whole or absent.
     """
-    count = count_processes(processes)
+    size = count_processes(processes)
     others, context = set(multiprocessing.active_children()), make_context()
-    executor = ProcessPoolExecutor(count, context, _begin, (dict(os.environ), context.Semaphore(1)))
+    executor = ProcessPoolExecutor(size, context, _begin, (dict(os.environ), context.Semaphore(1)))
 
     def submit(*call: Any) -> Future[Any]:
         # A process that starts here must not import the program of the caller, which then needs no guard.
@@ -165,27 +166,29 @@ def start_workers(processes: int | None = None) -> Iterator[ParallelMap]:
         what: str,
         work: Callable[..., Any],
         items: Sequence[Sequence[Any]],
-        see: Callable[[Any], object] = id,
         runs: int | None = None,
-    ) -> list[Any]:
+        ahead: int | None = None,
+    ) -> Iterator[Any]:
         from cmacexp.terminal.output import show_progress  # here, because it takes long to import
 
-        total = runs or len(items)
+        total, ended, begun = runs or len(items), count(1), deque[Future[Any]]()
         try:
             with show_progress(what, total) as set_done:
-                futures = [submit(run_item, work, item) for item in items]
-                for done, future in enumerate(as_completed(futures), 1):
-                    see(future.result())
-                    set_done(total * done / len(items))
+                for item in items:
+                    if len(begun) == ahead:
+                        yield begun.popleft().result()
+                    begun.append(submit(run_item, work, item))
+                    begun[-1].add_done_callback(lambda _: set_done(total * next(ended) / len(items)))
+                while begun:
+                    yield begun.popleft().result()
         except BrokenProcessPool as error:
             raise ChildProcessError(
                 "a worker process was killed, perhaps for want of memory; completed runs are kept"
             ) from error
-        return [future.result() for future in futures]
 
     try:
         with interrupt_held_back():  # a process that this one does not know of cannot be ended
-            for _ in range(count):
+            for _ in range(size):
                 submit(os.getpid)  # let it start before there is work for it
         yield parallel_map
     finally:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from enum import Enum
 from functools import cache
-from itertools import accumulate
+from itertools import accumulate, chain
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +38,7 @@ from cmacexp.engine.pool import (
     choose_size,
     count_processes,
     group_runs,
-    map_here,
+    iterate_here,
     start_workers,
 )
 from cmacexp.engine.sweep_tables import (
@@ -47,9 +47,9 @@ from cmacexp.engine.sweep_tables import (
     JobItem,
     JobRun,
     list_jobs,
-    make_table,
-    parse_overrides,
+    read_settings,
     select_run_overrides,
+    tabulate_settings,
     write_runs,
 )
 from cmacexp.errors import BadInput, CmacexpError, require
@@ -94,7 +94,7 @@ class Sweep:
         process takes several of these jobs at a time: those that keep metrics alone, and are no robot's."""
         self.list_options = cache(context.config_loader.get_group_options)
         """Of a key; a field has none. Hydra takes longer to list them than to run a job."""
-        self.parallel_map: ParallelMap = map_here
+        self.parallel_map: ParallelMap = iterate_here
         self.optimize, self.direction = _read_objective(config)
         _check_options(config)
         self.batches: list[list[list[str]]] = self._expand()
@@ -200,14 +200,15 @@ class Sweep:
         is_wrong = all(run.read("bad_input") for run in runs)
         status = Status.BAD_INPUT if is_wrong else Status.FAILED if missing or failed else Status.COMPLETED
         write_tables(self.folder, runs, status)
-        swept = [key for key in runs[0].settings if len({str(run.settings[key]) for run in runs}) > 1]
+        keys = dict.fromkeys(key for run in runs for key in run.settings)
+        swept = [key for key in keys if len({str(run.settings.get(key)) for run in runs}) > 1]
         print_runs(runs, swept, self.folder / TABLE_CSV)
         counts = Counter(run.outcome.status for run in runs) + Counter({Status.UNFINISHED: missing})
         ends = ", ".join(f"{count} {end}" for end, count in counts.items())
         print_line(f"{counts.total()} job{'s' * (counts.total() > 1)}: {ends}")
         results = [run for run in runs if run.outcome.is_result]
-        typed, names = [self.planned[run.read("run")] for run in results], [run.folder.name for run in results]
-        for kind, text in find_idle_keys(typed, [run.read("result") for run in results], names, "jobs"):
+        settings, names = [run.settings for run in results], [run.folder.name for run in results]
+        for kind, text in find_idle_keys(settings, [run.read("result") for run in results], names, "jobs"):
             print_line(f"{kind}: {text}", error=True)
         for run in failed[:MAX_LISTED_FAILURES]:
             print_line(f"  {run.folder.name} {run.outcome.status}: {run.outcome.cause}", error=True)
@@ -229,7 +230,7 @@ class Sweep:
             self.size = choose_size(max(map(len, self.batches), default=1), count_processes(launcher.processes))
             return start_workers(launcher.processes)
         if launcher._target_ == BASIC:
-            return nullcontext(map_here)
+            return nullcontext(iterate_here)
         from cmacexp.engine.cluster import make_map
 
         self.size = min(size, MOST_RUNS)
@@ -267,17 +268,14 @@ class Sweep:
             for chunk in group_runs([item.values for item in own], self.size if together else 1)
         ]
         items.sort(key=lambda item: item[2][0].number)
-        self.parallel_map("sweep", _run_jobs, items, self._see, len(batch))
+        for text, is_error in chain.from_iterable(self.parallel_map("sweep", _run_jobs, items, len(batch))):
+            print_line(text, error=is_error)
         ended = [JobReturn(status=JobStatus.COMPLETED) for _ in batch]
         if self.optimize and not self.batches:  # else no sweeper waits for it
             by_number = {run.read("run"): run for run in list_jobs(self.folder)}
             for number, returned in enumerate(ended, first):
                 returned.return_value = read_objective(self.optimize, by_number[number], self.direction)
         return ended
-
-    def _see(self, ends: Any) -> None:
-        for text, is_error in ends:
-            print_line(text, error=is_error)
 
 
 def _run_jobs(packed: bytes, root: Path, items: Sequence[JobItem], jobs: int) -> Any:
@@ -343,8 +341,8 @@ def collect_jobs(folder: Path, planned: Sequence[tuple[str, ...]]) -> list[JobRu
     """
     texts = dict(enumerate(map(" ".join, planned)))
     runs = [run for run in list_jobs(folder) if texts.get(run.read("run")) == run.read("overrides")]
-    for run, settings in zip(runs, parse_overrides([planned[run.read("run")] for run in runs]), strict=True):
-        run.settings = settings
+    for run in runs:
+        run.settings = read_settings(planned[run.read("run")])
     return runs
 
 
@@ -352,9 +350,8 @@ def write_tables(folder: Path, runs: Sequence[JobRun], status: str) -> None:
     """Write the tables of a sweep, and the manifest with its ``status``; raises OSError."""
     jobs, metrics = runs[0].tables
     jobs = select_rows(jobs, np.array([run.index for run in runs]))
-    keys, typed = list(runs[0].settings), make_table([run.settings for run in runs])
-    for place, name in enumerate(keys, 3):
-        jobs = jobs.add_column(place, name, typed[name])
+    for place, (name, column) in enumerate(tabulate_settings([run.settings for run in runs]).items(), 3):
+        jobs = jobs.add_column(place, name, column)
     metrics = select_rows(metrics, np.isin(as_array(metrics, "run"), as_array(jobs, "run")))
     swept = jobs.drop_columns([*HASHES, "result", "bad_input", FINGERPRINT, "manifest"])
     is_lean = "" in jobs[FINGERPRINT].to_pylist()

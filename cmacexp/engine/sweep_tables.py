@@ -49,15 +49,15 @@ FINGERPRINT = "fingerprint"
 Row = dict[str, Any]
 
 
-def make_labels(folders: Sequence[str]) -> list[Row]:
-    """The number of each run as ``run``, an integer in every table of runs, and its ``folder``.
+def make_labels(folders: Sequence[str]) -> dict[str, pa.Array]:
+    """Columns: the number of each run as ``run``, an integer in every table of runs, and its ``folder``.
 
     A folder whose name is a number, as those of jobs are, gives it; if any has another name, or a number comes
     again, runs are counted from 0 in the order of their folders.
     """
     numbers = [int(folder) for folder in folders if folder.isdecimal()]
     numbers = numbers if len(set(numbers)) == len(folders) else list(range(len(folders)))
-    return [{"run": number, "folder": folder} for number, folder in zip(numbers, folders, strict=True)]
+    return {"run": make_column(numbers), "folder": make_column(folders)}
 
 
 def select_run_overrides(overrides: Sequence[str]) -> list[str]:
@@ -65,11 +65,10 @@ def select_run_overrides(overrides: Sequence[str]) -> list[str]:
     return [text for text in overrides if re.split(r"[=./]", text)[0] not in ("sweep", "optimize", "hydra")]
 
 
-def parse_overrides(typed: Sequence[Sequence[str]]) -> list[Row]:
-    """The value of each key that some job overrides, for each job; None where it overrides others."""
-    settings = [read_settings(overrides) for overrides in typed]
-    keys = list(dict.fromkeys(key for values in settings for key in values))
-    return [{key: values.get(key) for key in keys} for values in settings]
+def tabulate_settings(settings: Sequence[Row]) -> dict[str, pa.Array]:
+    """A column for each key that some run overrides; None, as text, where it overrides others."""
+    keys = dict.fromkeys(key for values in settings for key in values)
+    return {key: make_column([values.get(key) for values in settings]) for key in keys}
 
 
 def read_settings(overrides: Sequence[str]) -> Row:
@@ -177,7 +176,7 @@ def read_runs(root: Path) -> tuple[pa.Table, pa.Table] | None:
 
 def join_runs(runs: pa.Table, metrics: pa.Table, index: Array) -> pa.Table:
     """Metrics of runs, each row with the values of its run, whose ``index`` in ``runs`` is given, before it."""
-    joined = runs.take(index)
+    joined = runs.take(arrow(index, pa.int64()))
     for name in metrics.column_names:
         joined = joined.append_column(name, metrics[name])
     return joined
@@ -339,7 +338,7 @@ def load_sweep(folder: str | Path) -> "pd.DataFrame":
         return join_runs(runs, metrics.drop_columns("run"), index).to_pandas()
     stored = find_runs(root)
     metrics, index = concat_metrics([read_metrics(run) for run in stored])
-    settings = parse_overrides([run.manifest.get("overrides", []) for run in stored])
     labels = make_labels([run.folder.relative_to(root).as_posix() for run in stored])
-    rows = [a | b | {"status": run.status} for a, b, run in zip(labels, settings, stored, strict=True)]
-    return join_runs(make_table(rows), metrics, index).to_pandas()
+    settings = tabulate_settings([read_settings(run.manifest.get("overrides", [])) for run in stored])
+    runs = pa.table({**labels, **settings, "status": make_column([run.status for run in stored])})
+    return join_runs(runs, metrics, index).to_pandas()

@@ -195,14 +195,12 @@ def measure_runs(file: StudyFile, folders: Sequence[Path], table: Path, parallel
         with write_atomically(table) as new:
             write_table(pa.Table.from_pylist(rows), new)
 
-    def add(measured: tuple[Path, dict[str, float]]) -> None:
-        found.update([measured])
-        if len(found) % TOGETHER == 0:
-            write()
-
     missing = [(file.path, folder) for folder in folders if folder not in found]
     if missing:
-        parallel_map("measuring", measure_run, missing, add)
+        for folder, values in parallel_map("measuring", measure_run, missing):
+            found[folder] = values
+            if len(found) % TOGETHER == 0:
+                write()
         write()
     return found
 
