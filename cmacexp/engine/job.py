@@ -10,6 +10,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+import pyarrow as pa
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.utils import setup_globals
 from omegaconf import DictConfig, OmegaConf, open_dict
@@ -21,6 +23,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import RUN_KEY, check_place, new_result
 from cmacexp.data.integrity import compute_hashes, is_finished
 from cmacexp.data.run import Run
+from cmacexp.data.tables import arrow
 from cmacexp.engine.chunk import Chunk
 from cmacexp.engine.equal_results import describe_result
 from cmacexp.engine.objective import check_metric
@@ -222,8 +225,8 @@ def _tabulate(root: Path, runs: Mapping[int, Run], overrides: Mapping[int, list[
             }
         )
     metrics, index = concat_metrics([read_metrics(run) for run in runs.values()])
-    jobs = make_table(rows)
-    return JobTables(jobs, metrics.add_column(0, "run", jobs["run"].take(index)))
+    numbers = arrow(np.array(list(runs))[index], pa.int64())
+    return JobTables(make_table(rows), metrics.add_column(0, "run", numbers))
 
 
 def _describe_end(item: JobItem, run: Run | None, is_new: bool) -> tuple[str, bool]:

@@ -119,16 +119,16 @@ class Sweep:
 
     def _plan(self, batch: Sequence[Sequence[str]]) -> None:
         """Note jobs, and compose one of each kind; raises BadInput if two have the same folder."""
+        typed: Any = OmegaConf.to_container(self.config.hydra.sweep, resolve=False)
         for overrides in batch:
-            self.places.append(self._find_place(overrides, len(self.planned)))
+            number = len(self.planned)
+            is_own = typed["subdir"] == SUBDIR
+            self.places.append(str(number) if is_own else self._find_place(overrides, number, typed["subdir"]))
             self.planned.append(tuple(select_run_overrides(overrides)))
             self._pack(overrides)
 
-    def _find_place(self, overrides: Sequence[str], number: int) -> str:
-        """The folder of a job, which is composed if the user names it; raises BadInput if an earlier one has it."""
-        typed: Any = OmegaConf.to_container(self.config.hydra.sweep, resolve=False)
-        if typed["subdir"] == SUBDIR:
-            return str(number)
+    def _find_place(self, overrides: Sequence[str], number: int, typed: str) -> str:
+        """The folder of a job, as the user names it; raises BadInput if an earlier one has it."""
         composed = self.context.config_loader.load_sweep_config(self.config, list(overrides))
         with read_write(composed.hydra), open_dict(composed.hydra):
             composed.hydra.job.num, composed.hydra.job.id = number, str(number)
@@ -136,7 +136,7 @@ class Sweep:
         require(
             place not in self.places,
             "hydra.sweep.subdir",
-            typed["subdir"],
+            typed,
             f"must differ for each job, e.g. {SUBDIR}",
         )
         return place
@@ -353,7 +353,7 @@ def write_tables(folder: Path, runs: Sequence[JobRun], status: str) -> None:
     for place, (name, column) in enumerate(tabulate_settings([run.settings for run in runs]).items(), 3):
         jobs = jobs.add_column(place, name, column)
     metrics = select_rows(metrics, np.isin(as_array(metrics, "run"), as_array(jobs, "run")))
-    swept = jobs.drop_columns([*HASHES, "result", "bad_input", FINGERPRINT, "manifest"])
+    swept = jobs.drop_columns([*HASHES, "result", "bad_input", FINGERPRINT, "manifest"]).combine_chunks()
     is_lean = "" in jobs[FINGERPRINT].to_pylist()
     entries = {
         "kind": manifests.SWEEP,

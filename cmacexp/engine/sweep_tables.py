@@ -92,7 +92,10 @@ def make_column(values: Sequence[Any]) -> pa.Array:
     """Values as an Arrow column: of integers, floats or booleans if all are, else of text."""
     kinds = {type(value) for value in values}
     if kinds == {bool}:
-        return arrow(np.array(values), pa.int8()).cast(pa.bool_())
+        packed = np.packbits(
+            np.array(values), bitorder="little"
+        )  # a cast would import what takes longer than ten runs
+        return pa.Array.from_buffers(pa.bool_(), len(values), [None, pa.py_buffer(packed)])
     if kinds == {int} and max(map(abs, values)) < 2**63:
         return arrow(np.array(values), pa.int64())
     if kinds <= {int, float}:
@@ -278,8 +281,11 @@ def list_jobs(root: Path) -> list[JobRun]:
         return []
     found.sort(key=lambda part: part[0][0])  # so that columns have always the same order
     batches = [found[at : at + MOST_PARTS] for at in range(0, len(found), MOST_PARTS)]
-    tables = _join(_join(_select(_read(path), numbers) for numbers, path in batch) for batch in batches)
-    return [JobRun(root, tables, index) for index in range(tables.jobs.num_rows)]
+    parts = (_join(_select(_read(path), numbers) for numbers, path in batch) for batch in batches)
+    # Manifests, which are the most of it, are not copied again.
+    jobs, metrics = _join(JobTables(*(table.combine_chunks() for table in tables)) for tables in parts)
+    tables = JobTables(jobs, metrics.combine_chunks())
+    return [JobRun(root, tables, index) for index in range(jobs.num_rows)]
 
 
 def _select(part: JobTables, numbers: Array) -> JobTables:
@@ -287,14 +293,14 @@ def _select(part: JobTables, numbers: Array) -> JobTables:
 
 
 def _join(parts: Iterable[JobTables]) -> JobTables:
-    """Parts as one, in the order of their numbers."""
+    """Parts as one, in the order of their numbers; not copied unless that takes sorting."""
     joined = list[pa.Table]()
     for tables in zip(*parts, strict=True):
         table = pa.concat_tables(tables, promote_options="permissive")
         numbers = as_array(table, "run")
-        if (np.diff(numbers) < 0).any():  # else a copy less of what ten thousand jobs have left
+        if (np.diff(numbers) < 0).any():
             table = table.take(arrow(numbers.argsort(kind="stable"), pa.int64()))
-        joined.append(table.combine_chunks())
+        joined.append(table)
     return JobTables(*joined)
 
 

@@ -22,6 +22,7 @@ from numba import types
 from numba.core import codegen, event, serialize
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
+from numba.core.registry import cpu_target
 from numba.core.typed_passes import NativeLowering, NopythonRewrites
 from numba.core.untyped_passes import InlineClosureLikes, InlineInlinables
 from numba.extending import typeof_impl
@@ -56,6 +57,9 @@ def _import_without_blas() -> None:
 _import_without_blas()
 import_module("numba.experimental.function_type")  # which knows the type of a hook; numba itself imports it late
 types.WrapperAddressProtocol.register(Hook)
+# What the first program that is compiled or read would do: here a process does it that others are copies of.
+cpu_target.typing_context.refresh()
+cpu_target.target_context.refresh()
 
 
 class _LinkedCode(codegen.JITCodeLibrary):
