@@ -159,10 +159,10 @@ def _flatten(columns: Columns) -> dict[str, NDArray[Any]]:
     listed: list[str] = next((columns[key].tolist() for key in ("joints", "names") if key in columns), [])
     for name, values in columns.items():
         if values.ndim == 2:
-            is_orientation = name in ("quat", "orientation") and values.shape[1] == len(AXES)
+            is_orientation = name in ("quat", "orientation")
             each = AXES if is_orientation else listed if len(listed) == values.shape[1] else range(values.shape[1])
             prefix = "quat" if is_orientation else name
-            found |= {f"{prefix}_{own}": values[:, j] for j, own in enumerate(each)}
+            found |= {f"{prefix}_{own}": column for own, column in zip(each, values.T, strict=False)}
         elif name not in ("joints", "names"):
             found[name] = values
     return found

@@ -7,7 +7,7 @@ Limits were chosen on 200 random settings of one leg; ``pipelines/when_learning_
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, is_dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -114,6 +114,9 @@ def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
         raise NotPredictable(f"the run ends in cycle {done + 1}, before learning shows")
     require_learning(loop)
     if done < first + cycles:
+        feedback_only = replace(config, learning=replace(config.learning, start_cycle=done + 2))
+        if len(watch(RestorableLoop(make_scenario(feedback_only)), done + 1).levels) <= done:
+            raise NotPredictable(f"the run ends in cycle {done + 1}, with feedback only as well")
         growth, cycle = _growth_before(config, history)
         return Verdict(GROWS, growth, lead, (f"The run ends in cycle {done + 1}.",), cycle, done + 1)
     risen, lowest = compute_rise(np.array(history.levels[first - 1 :]))

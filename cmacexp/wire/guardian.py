@@ -67,7 +67,7 @@ class Guardian:
 
     def end(self) -> None:
         """End the guardian, whose robot is safe."""
-        with suppress(subprocess.TimeoutExpired):  # it ends by itself
+        with suppress(subprocess.TimeoutExpired, ValueError):  # it ends by itself, or has been ended before
             self._process.communicate(DONE, LASTS + 5.0)
 
 

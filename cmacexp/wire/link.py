@@ -118,8 +118,10 @@ class Link:
         Unsafe.unless(all(np.isfinite(each).all() for each in (angle, velocity, torque)), "a command is not finite")
         Unsafe.unless(
             off.max() <= JUMP * self.limits.deviation,
-            f"a command is {off.max():.2g} rad from where its joint is, beyond {JUMP:g} times "
-            f"plant.limits.deviation={self.limits.deviation:g}",
+            "a command is {:.2g} rad from where its joint is, beyond {:g} times plant.limits.deviation={:g}",
+            off.max(),
+            JUMP,
+            self.limits.deviation,
         )
         law = stiffness * (angle - signals.q) + damping * (velocity - signals.dq)
         torque = np.clip(torque + law, -most, most) - law

@@ -81,6 +81,10 @@ WRONG = {
         "no column q_wrist for angle of joint wrist.*--leave-out wrist",
     ),
     "orientation": ({"add": {"qw": 1.0, "qx": 0.0, "qy": 0.0}}, "no column qz for orientation"),
+    "three of four": (
+        {"reader": "def read(_): return {'time': [0.1], 'q_a': [1.0], 'quat': [[1.0, 0.0, 0.0]]}"},
+        "no column quat_z for orientation",
+    ),
     "unit of nothing": (
         {"units": {"feedforward": "Nm"}},
         "--units=feedforward=Nm: the log has no feedforward; it has time",

@@ -130,6 +130,7 @@ def test_what_does_not_learn_or_ends_before_is_not_predicted(make_config, settin
         (("learning.lead=1",), HOLDS, False),
         (("learning.rate=1.9", "learning.lead=-2"), GROWS, None),  # fails at once
         (("feedforward=none",), UNDECIDED, None),
+        (("terrain.step_time=9", "terrain.step_factor=1000"), UNDECIDED, None),  # fails with feedback only too
         (("sensors=encoders", "learning.lead=2"), UNDECIDED, None),  # cannot be linearised
         pytest.param(("scenario=quadruped", "learning.lead=1"), GROWS, True, marks=pytest.mark.nightly),
     ],
