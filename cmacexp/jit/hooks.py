@@ -51,8 +51,12 @@ class Hook:
             raise self._errors.pop()
 
     def __wrapper_address__(self) -> int | None:
-        """Address of the function for compiled code."""
-        return ctypes.cast(self._pointer, ctypes.c_void_p).value
+        """Address of the function for compiled code.
+
+        Without ``ctypes.cast``, by which the pointer would refer to itself: with a run that has ended, all that its
+        hooks call would be kept until Python looks for garbage.
+        """
+        return ctypes.c_void_p.from_buffer(self._pointer).value
 
     def signature(self) -> Any:
         """numba's signature: from one integer to another."""

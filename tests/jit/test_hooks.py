@@ -3,6 +3,8 @@
 import os
 import signal
 import traceback
+import weakref
+from functools import partial
 
 import pytest
 from support.command import python
@@ -21,6 +23,13 @@ def test_a_hook_gives_a_status_and_keeps_what_its_function_raised():
         hook.raise_error()
     assert "work" in [frame.name for frame in traceback.extract_tb(raised.value.__traceback__)]
     hook.raise_error()  # it is raised once
+
+
+def test_what_a_hook_calls_is_kept_no_longer_than_the_hook():
+    hook = Hook(function := partial(int))
+    kept = weakref.ref(function), hook.__wrapper_address__()
+    del hook, function
+    assert kept[0]() is None
 
 
 def test_what_a_signal_handler_of_the_caller_raises_passes_too():
