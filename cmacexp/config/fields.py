@@ -175,14 +175,13 @@ def _check_range(key: str, value: Any, metadata: Mapping[str, Any]) -> None:
             _check_range(key, item, metadata)
         return
     unit, words = metadata["unit"], metadata["words"]
-    if isinstance(value, str):
-        is_allowed = not words or value in words
-    elif isinstance(value, bool) or not isinstance(value, int | float):
-        is_allowed = True
-    else:
+    if isinstance(value, int | float) and not isinstance(value, bool):
         whole = unit != "samples" or isinstance(value, int)
-        within = all(holds(value, bound) for holds, bound in metadata["tests"])
-        is_allowed = abs(value) < math.inf and whole and within
+        is_allowed = (
+            abs(value) < math.inf and whole and all(holds(value, bound) for holds, bound in metadata["tests"])
+        )
+    else:
+        is_allowed = not isinstance(value, str) or not words or value in words
     if not is_allowed:
         hint = f" ({unit}, whole)" if words and unit == "samples" else f" ({unit})" if unit else ""
         raise BadInput(key, value, describe_range(metadata) + hint)

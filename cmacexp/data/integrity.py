@@ -81,10 +81,9 @@ def faults(folder: Path) -> list[str]:
 
 def list_faults(folder: Path, manifest: manifests.Manifest) -> list[str]:
     """:func:`faults` of a run whose manifest has been read."""
-    reasons = _list_missing(manifest)
-    reasons += [
+    changed = (
         f"{name}: {fault}"
         for name, expected in manifest["files"].items()
         if name not in VIEWS and (fault := manifests.check_file(folder, name, expected)) is not None
-    ]
-    return reasons
+    )
+    return [*_list_missing(manifest), *changed]

@@ -188,17 +188,18 @@ RUNS_FILE, JOBS_FOLDER = "runs.parquet", ".jobs"
 
 def is_run(folder: Path) -> bool:
     """Whether ``folder`` is the folder of a run, complete or not."""
-    if not os.path.lexists(folder / MANIFEST):
-        return os.path.lexists(folder / "trace.parquet")
     try:
-        return read_file(folder / MANIFEST).get("kind") not in (REPORT, SWEEP)
+        manifest = _read_manifest(folder)
     except BadRun:
         return True
+    if manifest is None:
+        return os.path.lexists(folder / "trace.parquet")
+    return manifest.get("kind") not in (REPORT, SWEEP)
 
 
 def _holds_jobs(folder: Path) -> bool:
     """Whether the manifest of a sweep lists tables of its jobs, which have no folders."""
-    manifest = read_file(path) if os.path.lexists(path := folder / MANIFEST) else {}
+    manifest = _read_manifest(folder) or {}
     return manifest.get("kind") == SWEEP and bool(manifest["files"])
 
 
