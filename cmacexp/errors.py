@@ -139,12 +139,6 @@ def require(holds: object, key: str, value: object, allowed: str) -> None:
         raise BadInput(key, value, allowed)
 
 
-def require_run(holds: object, fault: str) -> None:
-    """Require of a stored run that something ``holds``; raises BadRun, which says by ``fault`` what is wrong."""
-    if not holds:
-        raise BadRun(fault)
-
-
 def require_name(key: str, name: str, names: Collection[str]) -> None:
     """Require of an input that it is one of ``names``; raises BadInput, which lists them and suggests a near one."""
     if name not in names:

@@ -25,7 +25,7 @@ from cmacexp.cmac.rules import PAPER, train_batch
 from cmacexp.cmac.single import NOT_FINITE, Single
 from cmacexp.config.cmac import MOST_POSITIONS, PHASE, WORD_BYTES, CmacConfig, check_size
 from cmacexp.config.fields import read_fields
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
 from cmacexp.models.mix import MASK
 from cmacexp.typing import Array, Cells, Counts
 
@@ -75,8 +75,7 @@ class Cmac:
         ranges = InputRange(np.array(low, dtype=float), np.array(high, dtype=float))
         inputs, dense_rows = ranges.low.size, layers * cells**ranges.low.size
         _require_ranges(ranges)
-        if outputs < 1:
-            raise BadInput("outputs", outputs, "must be at least 1")
+        require(outputs >= 1, "outputs", outputs, "must be at least 1")
         if addressing is None:
             addressing = "dense" if dense_rows * outputs * WORD_BYTES <= memory_bytes else "hashed"
         given = CmacConfig(

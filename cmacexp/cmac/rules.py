@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cmacexp.config.cmac import NEEDS_LEARNING
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
 from cmacexp.jit.compiler import kernel, program
 from cmacexp.typing import Array, Cells
 
@@ -41,8 +41,12 @@ def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, 
     or gives too many weights.
     """
     samples, legs, active = cells.shape
-    if 2 * window + 1 > samples:
-        raise BadInput("learning.window", window, f"must be below {(samples + 1) // 2}, half the samples of a cycle")
+    require(
+        2 * window + 1 <= samples,
+        "learning.window",
+        window,
+        f"must be below {(samples + 1) // 2}, half the samples of a cycle",
+    )
     if cells.size * (2 * window + 1) > MOST_ENTRIES:
         allowed = f"must be below {MOST_ENTRIES // (2 * cells.size)} with this network"
         raise BadInput("learning.window", window, allowed)
@@ -144,8 +148,7 @@ def strength_needs(key: str) -> tuple[str, ...]:
 
 def find_rule(name: str) -> Rule:
     """The rule of that name; raises BadInput."""
-    if name not in RULES:
-        raise BadInput("learning.rule", name, "choose from " + ", ".join(RULES))
+    require(name in RULES, "learning.rule", name, "choose from " + ", ".join(RULES))
     return RULES[name]
 
 

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
-from cmacexp.data.folder import OUT_KEY, check_place
-from cmacexp.data.manifest import REPORT
+from cmacexp.data.folder import choose_page_folder
 from cmacexp.errors import BadInput, require
 from cmacexp.gap.log import Log, load_reader, read_log
 from cmacexp.gap.machine import Machine, read_machine
@@ -61,8 +60,7 @@ def _show(arguments: Arguments) -> None:
     from cmacexp.gap.page import summarise, write_page
     from cmacexp.gap.validation import identify
 
-    out = arguments.out or FOLDER / arguments.log.stem
-    check_place(out, OUT_KEY, REPORT)
+    out = choose_page_folder(arguments.out, FOLDER / arguments.log.stem)
     log, machine = read_given(arguments)
     with show_progress(f"replaying {arguments.log.name} through {arguments.robot}", 1) as set_done:
         gap = begin(log, machine, set_done)

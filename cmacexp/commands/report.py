@@ -7,10 +7,10 @@ from typing import Any
 
 from cmacexp.commands.command import FOLDERS, Arguments, Parser
 from cmacexp.data import manifest as manifests
-from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
+from cmacexp.data.folder import choose_page_folder
 from cmacexp.data.run import Run
 from cmacexp.engine.sweep_tables import find_runs
-from cmacexp.errors import require_run
+from cmacexp.errors import BadRun
 from cmacexp.metrics.swept import find_swept
 from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
@@ -25,14 +25,8 @@ REPORTS = Path("outputs/reports")
 
 def _find_destination(given: Sequence[Path], out: Path | None) -> Path:
     """The folder of the page; raises BadInput if a report cannot take its place."""
-    if out is not None:
-        folder = out
-    elif len(given) == 1:
-        folder = require_no_link(given[0] / REPORT)
-    else:
-        folder = REPORTS / "-".join(path.resolve().name for path in given[:4])
-    check_place(folder, OUT_KEY, manifests.REPORT)
-    return folder
+    several = REPORTS / "-".join(path.resolve().name for path in given[:4])
+    return choose_page_folder(out, given[0] / REPORT if len(given) == 1 else several)
 
 
 def _report_of_several(runs: Sequence[Run], given: Sequence[Path], out: Path) -> Path:
@@ -41,7 +35,7 @@ def _report_of_several(runs: Sequence[Run], given: Sequence[Path], out: Path) ->
         for number, run in enumerate(runs, 1):
             _ = run.outcome  # read once, with its metrics, then kept
             set_done(number)
-    require_run(
+    BadRun.unless(
         any(run.outcome.is_result for run in runs),
         f"{runs[0].folder.parent}: none of {len(runs)} runs can be read "
         f"({runs[0].folder.name}: {runs[0].outcome.cause})",

@@ -7,7 +7,7 @@ from cmacexp.data.folder import update_run
 from cmacexp.data.manifest import require_intact, runs_below
 from cmacexp.data.run import Run
 from cmacexp.data.tables import TRACE_FILE, Scores, write_scores
-from cmacexp.errors import require_run
+from cmacexp.errors import BadRun
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.score import score_traces
 from cmacexp.terminal.messages import KEY, print_scores
@@ -20,7 +20,7 @@ def score(folder: Path) -> Scores:
     require_intact(folder / TRACE_FILE)  # a run without one has a config of any kind
     record = run.config["record"]
     for key in ("every_nth_step", "cycles"):
-        require_run(
+        BadRun.unless(
             record.get(key) in (None, 1),
             f"{folder}: its trace lacks steps (record.{key}={record.get(key)}): metrics need all steps",
         )

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from cmacexp.commands.command import FOLDERS, Arguments, Parser
-from cmacexp.data.folder import OUT_KEY, check_place, require_no_link
-from cmacexp.data.manifest import REPORT, runs_below
+from cmacexp.data.folder import OUT_KEY, choose_page_folder
+from cmacexp.data.manifest import runs_below
 from cmacexp.data.run import Run
 from cmacexp.errors import require
 from cmacexp.terminal.messages import announce_compiling, print_table
@@ -24,9 +24,7 @@ def _analyse(arguments: Arguments) -> None:
         f"is for one run, but {len(folders)} were given",
     )
     for folder in folders:
-        out = arguments.out or require_no_link(folder / FOLDER)
-        check_place(out, OUT_KEY, REPORT)
-        _analyse_run(Run(folder), out)
+        _analyse_run(Run(folder), choose_page_folder(arguments.out, folder / FOLDER))
 
 
 def _analyse_run(run: Run, out: Path) -> None:

@@ -258,3 +258,13 @@ def require_no_link(folder: Path) -> Path:
     """``folder``, by default inside that of a run; raises BadInput if it is a link, which could lead out."""
     require(not folder.is_symlink(), OUT_KEY, folder, "is a link, which is not followed; name a folder")
     return folder
+
+
+def choose_page_folder(out: Path | None, default: Path) -> Path:
+    """The folder of a page: ``out`` if it is given, else the default one, which is no link.
+
+    Raises BadInput if a page cannot take its place.
+    """
+    folder = require_no_link(default) if out is None else out
+    check_place(folder, OUT_KEY, manifests.REPORT)
+    return folder

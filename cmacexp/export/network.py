@@ -16,7 +16,7 @@ from cmacexp.config.machine import RobotMachine
 from cmacexp.config.schema import NONE, Config
 from cmacexp.data.run import Run, read_config
 from cmacexp.data.weights import WEIGHTS, load_weights
-from cmacexp.errors import BadInput, BadRun, require, require_run
+from cmacexp.errors import BadInput, BadRun, require
 from cmacexp.feedforward import CmacFeedforward, CmacOnModel, RadialBasis
 from cmacexp.feedforward.kernels import FeedforwardParams, learn, read_sample
 from cmacexp.feedforward.network import planned_inputs
@@ -114,7 +114,7 @@ def read_final_config(run: Run) -> Config:
 def read_learnt(run: Run) -> Weights | None:
     """What the run stored of its network; None if it kept nothing. Raises BadRun."""
     if WEIGHTS not in run.manifest["files"]:
-        require_run(
+        BadRun.unless(
             run.config["learning"].get("start_from") is None,
             f"{run.folder}: started from weights, but stored none; run it with record.weights=true",
         )

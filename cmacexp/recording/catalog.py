@@ -12,7 +12,7 @@ from rerun.server import Server
 
 from cmacexp.data.run import Run
 from cmacexp.data.tables import RECORDING_FILE
-from cmacexp.errors import BadRun, require_run
+from cmacexp.errors import BadRun
 from cmacexp.metrics.registry import ALL_METRICS, MAIN
 from cmacexp.recording.viewer import HOST
 from cmacexp.recording.write import ensure_recording
@@ -34,7 +34,7 @@ def build_recordings(runs: Sequence[Run], anew: bool) -> tuple[list[Run], list[s
             ready.append(run)
         except BadRun as error:
             faults.append(str(error))
-    require_run(ready, "; ".join(faults))
+    BadRun.unless(ready, "; ".join(faults))
     return ready, faults
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from cmacexp.config.machine import LEG_KEYS, LEG_NAMES, RobotMachine, read_model
 from cmacexp.data.run import Run
 from cmacexp.data.trace import Trace, count_steps_by_cycle
-from cmacexp.errors import BadRun, require, require_run
+from cmacexp.errors import BadRun, require
 from cmacexp.models.chain import chain_points
 from cmacexp.models.ground import height_at
 from cmacexp.models.robot import Robot
@@ -51,7 +51,7 @@ def read_robot_of_run(run: Run, machine: RobotMachine) -> Robot:
         "lies in the folder of the run, whose files are not trusted",
     )
     robot = read_model(machine)
-    require_run(
+    BadRun.unless(
         run.manifest.get("model_hash") == robot.model_hash,
         f"{run.folder}: ran with another model than {path} is to this MuJoCo; run it again",
     )

@@ -19,7 +19,7 @@ from cmacexp.data.run import Run
 from cmacexp.data.tables import RECORDING_FILE
 from cmacexp.data.version import __version__
 from cmacexp.data.window import Window, make_window, read_cycles
-from cmacexp.errors import require, require_run
+from cmacexp.errors import BadRun, require
 from cmacexp.metrics.swept import find_swept, name_runs
 from cmacexp.recording.entities import Entities
 from cmacexp.recording.layout import KEY, describe_key, make_layout
@@ -164,11 +164,10 @@ def make_recording(runs: Sequence[Run], options: Options) -> tuple[rr.RecordingS
         BadInput: an option does not fit the runs.
         BadRun: a run has nothing to show, or they are too many.
     """
-    require_run(
+    BadRun.unless(
         len(runs) <= MOST_RUNS,
         f"{len(runs)} runs: at most {MOST_RUNS} go side by side; name the folders of those to compare",
     )
-    models = [read_shown_model(run) for run in runs] if options.meshes else []
     kept = [count_kept(run) for run in runs]
     cycles = None if options.cycles is None else read_cycles(options.cycles, min(map(max, kept)))
     windows = [make_window(steps, cycles, options.every, sharing=len(runs)) for steps in kept]
@@ -180,7 +179,7 @@ def make_recording(runs: Sequence[Run], options: Options) -> tuple[rr.RecordingS
     recording.send_blueprint(make_layout(views))
     recording.send_recording_name(name)
     recording.log(KEY, rr.TextDocument(describe_key(views), media_type="text/markdown"), static=True)
-    for number, (run, view) in enumerate(zip(runs, views, strict=True)):
+    for run, view in zip(runs, views, strict=True):
         _send_facts(recording, run, view.root)
         entities = Entities(recording, view)
         log_machine(entities, view)
@@ -188,7 +187,7 @@ def make_recording(runs: Sequence[Run], options: Options) -> tuple[rr.RecordingS
         _log_series(entities, view)
         _log_events(entities, view)
         if options.meshes:
-            log_meshes(entities, view, models[number])
+            log_meshes(entities, view, read_shown_model(run))
     return recording, name + ("; --every 1 shows all" if max(window.every for window in windows) > 1 else "")
 
 

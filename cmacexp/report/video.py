@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from cmacexp.data.files import write_atomically
 from cmacexp.data.run import Run
-from cmacexp.errors import CmacexpError, require, require_run
+from cmacexp.errors import BadRun, CmacexpError, require
 from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.recording import palette
 from cmacexp.recording.meshes import read_shown_model
@@ -224,7 +224,7 @@ def view_cycles(run: Run, asked: Sequence[int]) -> list[RunView]:
         BadRun: the trace has no whole cycle.
     """
     whole = run.select_whole(sorted(count_kept(run)))
-    require_run(whole, f"{run.folder}: its trace has no whole cycle, there is nothing to show")
+    BadRun.unless(whole, f"{run.folder}: its trace has no whole cycle, there is nothing to show")
     cycles = sorted(set(asked) or {whole[0], whole[-1]})
     require(
         len(cycles) <= MOST_CYCLES and set(cycles) <= set(whole),
