@@ -23,12 +23,6 @@ REPORTS = Path("outputs/reports")
 """Reports over several folders are written to a folder in here."""
 
 
-def _find_destination(given: Sequence[Path], out: Path | None) -> Path:
-    """The folder of the page; raises BadInput if a report cannot take its place."""
-    several = REPORTS / "-".join(path.resolve().name for path in given[:4])
-    return choose_page_folder(out, given[0] / REPORT if len(given) == 1 else several)
-
-
 def _report_of_several(runs: Sequence[Run], given: Sequence[Path], out: Path) -> Path:
     """Write the page of several runs and print their table; raises BadRun if none can be read."""
     with show_progress("reading", len(runs), "runs") as set_done:
@@ -57,7 +51,8 @@ def _report(arguments: Arguments) -> None:
     """Write the page of one run or of several."""
     given: list[Path] = arguments.folders
     runs = list({run.folder.resolve(): run for folder in given for run in find_runs(folder)}.values())
-    out = _find_destination(given, arguments.out)
+    several = REPORTS / "-".join(path.resolve().name for path in given[:4])
+    out = choose_page_folder(arguments.out, given[0] / REPORT if len(given) == 1 else several)
     if len(runs) == 1:
         with show_activity(f"reporting {runs[0].folder}"):
             page = write_report(make_run_report(runs[0]), out)

@@ -26,11 +26,11 @@ HOSTS_VIEWER = {"RUST_LOG": "error,re_sdk::web_viewer=info", "NO_COLOR": "1"}
 
 def require_display() -> None:
     """Check that a window can be opened; raises CmacexpError on Linux without a display."""
-    if sys.platform == "linux" and not any(os.environ.get(name) for name in DISPLAYS):
-        raise CmacexpError(
-            "no display (DISPLAY and WAYLAND_DISPLAY are not set): --web serves the viewer for a browser, "
-            "--no-viewer only builds the recording"
-        )
+    CmacexpError.unless(
+        sys.platform != "linux" or any(os.environ.get(name) for name in DISPLAYS),
+        "no display (DISPLAY and WAYLAND_DISPLAY are not set): --web serves the viewer for a browser, "
+        "--no-viewer only builds the recording",
+    )
 
 
 def open_window(shown: Path | str) -> int:

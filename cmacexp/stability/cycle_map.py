@@ -47,8 +47,10 @@ class RestorableLoop:
     def __init__(self, scenario: Scenario):
         external = find_external(scenario)
         self.plant = scenario.plant if isinstance(scenario.plant, MujocoPlant) else None
-        if any(external) or scenario.fault is not None:
-            raise NotPredictable("only a loop of built-in components with a plant of the project can be linearised")
+        NotPredictable.unless(
+            not any(external) and scenario.fault is None,
+            "only a loop of built-in components with a plant of the project can be linearised",
+        )
         setup = scenario.setup
         config, (legs, self.joints) = setup.config, setup.mechanism.shape
         limits = new_limits(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
@@ -127,8 +129,7 @@ class RestorableLoop:
         ends = []
         for sign in (1.0, -1.0):
             self.put(about + sign * size * along)
-            if not self.advance(steps):
-                raise NotPredictable("a run from a nearby state ends within a cycle")
+            NotPredictable.unless(self.advance(steps), "a run from a nearby state ends within a cycle")
             ends.append((self.state(), observe()))
         (state, observed), (other, observed_other) = ends
         return (state - other) / (2.0 * size), (observed - observed_other) / (2.0 * size)

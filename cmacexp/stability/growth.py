@@ -173,10 +173,9 @@ def grow(loop: RestorableLoop, dimension: int = DIMENSION, seed: int | None = No
         if seed is not None:  # its change: most weights in use change no torque, so the map keeps them as they are
             along = np.random.default_rng(seed).standard_normal(len(now))
             start = apply(along)[0] - along
-        elif loop.advance(loop.period):
-            start = loop.state() - now
         else:
-            raise NotPredictable(f"the run ends in cycle {done + 1}")
+            NotPredictable.unless(loop.advance(loop.period), f"the run ends in cycle {done + 1}")
+            start = loop.state() - now
         space = krylov(apply, start, dimension)
     finally:
         loop.put(now)
@@ -186,8 +185,10 @@ def grow(loop: RestorableLoop, dimension: int = DIMENSION, seed: int | None = No
 def require_learning(loop: RestorableLoop) -> None:
     """Check that something learns from cycle to cycle where a loop stands; raises NotPredictable."""
     params = loop.run.loop.feedforward
-    if loop.run.taken < loop.plan.start_step or params is None or params.kind == TABLE:
-        raise NotPredictable("nothing learns from cycle to cycle")
+    NotPredictable.unless(
+        loop.run.taken >= loop.plan.start_step and params is not None and params.kind != TABLE,
+        "nothing learns from cycle to cycle",
+    )
 
 
 def predicted_growth(config: Config, cycle: int | None = None) -> Growth:
@@ -199,11 +200,12 @@ def predicted_growth(config: Config, cycle: int | None = None) -> Growth:
     first = config.learning.start_cycle
     if cycle is None:
         sizes = change_sizes(config, first + MAX_CYCLES_BEFORE)
-        if len(sizes) <= first:
-            raise NotPredictable(f"the run ends in cycle {len(sizes) + 2}, before learning shows")
+        NotPredictable.unless(len(sizes) > first, f"the run ends in cycle {len(sizes) + 2}, before learning shows")
         cycle = calmest(sizes, first)
     loop = make_restorable_loop(config)
-    if len(watch(loop, cycle).levels) < cycle:
-        raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}, before cycle {cycle} is done")
+    NotPredictable.unless(
+        len(watch(loop, cycle).levels) >= cycle,
+        f"the run ends in cycle {loop.cycles + 1}, before cycle {cycle} is done",
+    )
     require_learning(loop)
     return grow(loop)

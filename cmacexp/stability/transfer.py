@@ -42,8 +42,7 @@ def _from_torque(loop: RestorableLoop, now: Array, torque: Array) -> Array:
         """The state after the step, with another torque of one joint."""
         loop.put(now)
         torque[np.unravel_index(joint, nominal.shape)] += change
-        if not loop.advance(1):
-            raise NotPredictable(f"a run from nearby ends at sample {loop.run.taken % loop.period}")
+        NotPredictable.unless(loop.advance(1), f"a run from nearby ends at sample {loop.run.taken % loop.period}")
         torque[...] = nominal
         return loop.state()
 
@@ -82,8 +81,7 @@ def _replay(config: Config, cycle: int) -> tuple[RestorableLoop, Array]:
     loop = make_restorable_loop(config)
     torque = np.empty(0)
     for done in range(cycle + 2):
-        if not loop.advance(loop.period):
-            raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}")
+        NotPredictable.unless(loop.advance(loop.period), f"the run ends in cycle {loop.cycles + 1}")
         if done == cycle:
             torque = _find_commanded(config, loop.column("tau_feedforward"))
             loop.play(torque)
@@ -98,8 +96,7 @@ def locals_along(config: Config, cycle: int, samples: Sequence[int]) -> Iterator
     loop, table = _replay(config, cycle)
     for sample in sorted(samples):
         steps = sample - loop.run.taken % loop.period
-        if steps and not loop.advance(steps):
-            raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}")
+        NotPredictable.unless(not steps or loop.advance(steps), f"the run ends in cycle {loop.cycles + 1}")
         yield _local(loop, table)
 
 

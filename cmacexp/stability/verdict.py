@@ -110,8 +110,7 @@ def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
     cycles = max(MAX_CYCLES_BEFORE, min(MAX_CYCLES, AFFORDABLE // steps) if simulate and compiled else 0)
     history = watch(loop, first + cycles)
     done = len(history.levels)
-    if done < first - 1:
-        raise NotPredictable(f"the run ends in cycle {done + 1}, before learning shows")
+    NotPredictable.unless(done >= first - 1, f"the run ends in cycle {done + 1}, before learning shows")
     require_learning(loop)
     if done < first + cycles:
         feedback_only = replace(config, learning=replace(config.learning, start_cycle=done + 2))
