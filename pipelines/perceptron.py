@@ -14,7 +14,7 @@ from cmacexp.errors import require
 from cmacexp.feedforward.network import planned_inputs
 from cmacexp.planning.plan import Setup
 from cmacexp.typing import Array, Weights
-from pipelines.benchmark.methods.once_a_cycle import Playing
+from pipelines.benchmark.methods.playing import Playing
 
 INPUTS = ("angle", "velocity")
 """Planned joint values that are the inputs of the network."""

@@ -21,7 +21,7 @@ from cmacexp.models.robot_file import package_models
 from cmacexp.study import Results
 from cmacexp.study.provenance import digest_files, make_provenance
 from cmacexp.study.study_file import StudyFile
-from cmacexp.terminal.messages import print_table, warn_of_models
+from cmacexp.terminal.messages import warn_of_models
 from cmacexp.terminal.output import print_line
 from pipelines.benchmark import log_track, summary
 from pipelines.benchmark.benchmark import BENCHMARK, QUESTION, make_study
@@ -30,7 +30,6 @@ from pipelines.benchmark.entrants import (
     CMAC,
     LEG,
     MACHINES,
-    TASKS,
     VERSION,
     Machine,
     Method,
@@ -81,12 +80,6 @@ def _write(machines: dict[str, Machine], methods: dict[str, Method], options: Op
         provenance,
         {f"{BENCHMARK}.json": json.dumps(about, indent=1) + "\n"},
     )
-    for machine in machines:
-        print_line(f"{machine}: mean score of completed runs over {len(TASKS)} tasks, and failures")
-        scores = summary.table_scores(frame, machine)
-        print_table(list(scores), scores.astype(str).to_numpy().tolist())
-        if not options.quick:
-            print_line(summary.describe_order(frame, machine))
     return options.place(BENCHMARK) / HTML
 
 

@@ -35,8 +35,6 @@ SHARE = partial(Criterion, unit="%", scale=100.0)
 SCORE = "mean score of the runs that both complete"
 TABLES = {
     "scores": summary.table_scores,
-    "statistics": summary.table_statistics,
-    "guarded": summary.table_guarded,
     "tasks": summary.table_tasks,
     "costs": summary.table_costs,
 }
@@ -223,10 +221,7 @@ def _values(results: Results) -> dict[str, Any]:
         "tasks": TASKS,
         "settings": MACHINES,
         "orders": {name: summary.describe_order(frame, name) for name in machines},
-        "excluded": {name: summary.make_comparison(frame, name, BY_DEFAULT).excluded for name in machines},
-        "guarded": summary.has_guarded(frame),
         "failed": len(summary.table_failures(frame)),
-        "has_cmac": CMAC in set(frame["method"]),
         "stress": STRESS,
     }
 

@@ -191,7 +191,7 @@ def list_methods() -> list[Method]:
     of_rbf, of_ilc = (_list_tuned(FEEDFORWARD, each.Config) for each in (RadialBasis, IterativeLearning))
     model = ("feedforward=inverse_dynamics",)
     # With parameters that no data can change, the nominal model along a plan whose velocity does not jump.
-    smooth = replace(enter(f"{OWN}.identified.Identified", "model, smooth plan"), learns=False)
+    smooth = replace(enter(f"{OWN}.regressor.Identified", "model, smooth plan"), learns=False)
     return [
         Method(ALONE, ("feedforward=none",)),
         Method("model", model),
@@ -206,8 +206,8 @@ def list_methods() -> list[Method]:
         enter("pipelines.perceptron.Perceptron", "MLP", has_rate=True),
         enter(f"{OWN}.norm_optimal.NormOptimal", "norm-optimal ILC"),
         enter(f"{OWN}.fourier.RandomFourier", "Fourier features"),
-        enter(f"{OWN}.adaptive.AdaptiveRegressor", "adaptive regressor", has_rate=False),
-        enter(f"{OWN}.repetitive.Repetitive", "repetitive control"),
+        enter(f"{OWN}.regressor.AdaptiveRegressor", "adaptive regressor", has_rate=False),
+        enter(f"{OWN}.playing.Repetitive", "repetitive control"),
     ]
 
 

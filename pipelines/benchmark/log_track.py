@@ -27,8 +27,6 @@ from cmacexp.gap.validation import ABOVE, IDENTIFIED, choose_level, list_identif
 from cmacexp.study import Array, Criterion, Finding, Results, Study, at_most
 from cmacexp.study.provenance import digest_files, make_provenance
 from cmacexp.study.study_file import StudyFile
-from cmacexp.terminal.messages import print_table
-from cmacexp.terminal.output import print_line
 from pipelines.benchmark.entrants import choose, slug
 from pipelines.benchmark.simulated_log import MODEL, NAMES, simulate_log
 
@@ -236,8 +234,4 @@ def run(arguments: Arguments, options: Options) -> Path:
         "log": "" if simulated else hashlib.sha256(log.path.read_bytes()).hexdigest(),
     }
     write_results(file, results, folder, options.quick, provenance, {})
-    table = tabulate(scores)
-    print_table(list(table), table.astype(str).to_numpy().tolist())
-    for cause in causes:
-        print_line(f"failed: {cause}")
     return folder / HTML

@@ -1,7 +1,7 @@
 """What the rows of the benchmark say: comparisons, tables and figures; and what differs between two results."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from cmacexp.data.tables import read_table
 from cmacexp.errors import BadInput, require
 from cmacexp.study import Array, Comparison, Figure, Interval, Mask, compare, draw, find_order, profile_panel
 from pipelines.benchmark.entrants import ALONE, CMAC, MACHINES, TASKS
-from pipelines.benchmark.results import BY_DEFAULT, COMPLETED, FOR_ALL, GUARDED, SETTINGS, take_reference
+from pipelines.benchmark.results import BY_DEFAULT, COMPLETED, FOR_ALL, FOR_EACH, take_reference
 from pipelines.common_results import cycles_to
 
 END, WORST, FORCE = "end_error", "worst_error", "force"
@@ -37,14 +37,16 @@ def take(frame: pd.DataFrame, machine: str, setting: str) -> pd.DataFrame:
     return frame[(frame["machine"] == machine) & (frame["setting"] == setting)]
 
 
-def make_comparison(frame: pd.DataFrame, machine: str, setting: str, column: str = END) -> Comparison:
-    """Methods on a machine over the tasks that count: a column over that of feedback only in the same world."""
+def make_comparison(
+    frame: pd.DataFrame, machine: str, setting: str, column: str = END, tasks: Sequence[str] = TASKS
+) -> Comparison:
+    """Methods on a machine over tasks: a column over that of feedback only in the same world."""
     rows = take(frame, machine, setting)
     values = {
-        method: own.pivot(index="task", columns="world", values=column).loc[[*TASKS]].to_numpy()
+        method: own.pivot(index="task", columns="world", values=column).loc[[*tasks]].to_numpy()
         for method, own in rows.groupby("method", sort=False)
     }
-    return compare(values, ALONE, TASKS, sorted(rows["world"].unique()))
+    return compare(values, ALONE, tasks, sorted(rows["world"].unique()))
 
 
 def pair_settings(before: Comparison, after: Comparison, method: str) -> Comparison:
@@ -54,9 +56,11 @@ def pair_settings(before: Comparison, after: Comparison, method: str) -> Compari
 
 
 def describe_order(frame: pd.DataFrame, machine: str) -> str:
-    """The order of the methods, as far as end error and worst cycle agree on it."""
+    """The order of the methods, as far as end error and worst cycle agree on it; and which tasks do not count."""
     views = {name: make_comparison(frame, machine, find_setting(machine), key) for name, key in METRICS.items()}
-    return find_order(views).sentence
+    excluded = make_comparison(frame, machine, BY_DEFAULT).excluded.items()
+    notes = [f"The task {task} does not count: {why}." for task, why in excluded]
+    return " ".join([find_order(views).sentence, *notes])
 
 
 def count_cycles(rows: pd.DataFrame) -> pd.DataFrame:
@@ -80,9 +84,12 @@ def _count(cycles: float) -> str:
     return UNDEFINED if np.isnan(cycles) else f"{cycles:g}" if np.isfinite(cycles) else "never"
 
 
-def _failed(comparison: Comparison, method: str) -> str:
+def _describe(comparison: Comparison, method: str) -> str:
+    """The mean score of the runs that completed, and how many failed; of a method that takes part."""
+    if method not in comparison.scores:
+        return UNDEFINED
     done = comparison.completed(method)
-    return f"{(~done).sum()} of {done.size}"
+    return _format(comparison.mean(method)) + (f"; {(~done).sum()} of {done.size} failed" if not done.all() else "")
 
 
 def find_setting(machine: str) -> str:
@@ -91,91 +98,55 @@ def find_setting(machine: str) -> str:
 
 
 def table_scores(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
-    """The headline: mean score of completed runs and failures with each kind of setting, worst cycle, cycles."""
+    """The headline, the best first: score with each kind of setting; worst cycle, cycles to a tenth, and the CMAC.
+
+    With the CMAC a method is compared in the same tasks and worlds: the ratio of the scores in the runs that both
+    complete, and the share of runs in which it is better.
+    """
     last = find_setting(machine)
-    kinds = [kind for kind in SETTINGS if kind != GUARDED] if last == FOR_ALL else [last]
-    ends = {kind: make_comparison(frame, machine, kind) for kind in kinds}
-    worst = make_comparison(frame, machine, last, WORST)
+    kinds = frame["setting"][frame["machine"] == machine].unique()
+    same = () if last == FOR_ALL else (FOR_ALL, FOR_EACH)  # as the default one, since nothing was tuned
+    ends = {kind: make_comparison(frame, machine, kind) for kind in kinds if kind not in same}
+    main, worst = ends[last], make_comparison(frame, machine, last, WORST)
     cycles = count_cycles(take(frame, machine, last)).groupby("method")[CYCLES].median()
-    order = sorted(ends[last].scores, key=lambda method: np.nan_to_num(ends[last].mean(method).value, nan=np.inf))
+    order = sorted(main.scores, key=lambda method: np.nan_to_num(main.mean(method).value, nan=np.inf))
+    against = {"over the CMAC": main.ratio, "better than the CMAC": main.probability_of_improvement}
     return pd.DataFrame(
         {
             "method": method,
-            **{
-                title: text
-                for kind, found in ends.items()
-                for title, text in ((kind, _format(found.mean(method))), (f"failed, {kind}", _failed(found, method)))
-            },
+            **{kind: _describe(found, method) for kind, found in ends.items()},
             "worst cycle": _format(worst.mean(method)),
             CYCLES: _count(cycles[method]),
+            **{title: _format(compute(method, CMAC)) for title, compute in against.items() if CMAC in main.scores},
         }
         for method in order
     )
 
 
-def table_guarded(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
-    """Default settings without and with the guard; and their ratio in the runs that both complete."""
-    free, guarded = (make_comparison(frame, machine, kind) for kind in (BY_DEFAULT, GUARDED))
-    return pd.DataFrame(
-        {
-            "method": method,
-            "default": _format(free.mean(method)),
-            "failed": _failed(free, method),
-            "guarded": _format(guarded.mean(method)),
-            "failed, guarded": _failed(guarded, method),
-            "guarded over default": _format(pair_settings(free, guarded, method).ratio(AFTER, BEFORE)),
-        }
-        for method in guarded.scores
-        if method != ALONE
-    )
-
-
 def table_absolute(frame: pd.DataFrame) -> pd.DataFrame:
     """What ratios are relative to: medians of the errors of feedback only, and of the CMAC if it takes part."""
-    rows = dict[tuple[str, str], dict[str, str]]()
     shown = frame[frame["setting"] == frame["machine"].map(find_setting)]
     shown = shown[shown["task"].isin(TASKS) & shown["method"].isin((ALONE, CMAC))]
-    for (machine, task, method), tried in shown.groupby(["machine", "task", "method"], sort=False):
-        done = tried[tried["status"] == COMPLETED]
-        rows.setdefault((machine, task), {"machine": machine, "task": task}).update({
-            f"{method}, mm": f"{1e3 * done[END].median():.3g}" if len(done) else UNDEFINED,
-            f"{method}, N": f"{done[FORCE].median():.3g}" if len(done) else UNDEFINED,
-            f"{method}, completed": f"{len(done)} of {len(tried)}",
-        })  # fmt: skip
-    return pd.DataFrame(rows.values())
-
-
-def table_statistics(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
-    """Mean score of completed runs, failures, and the comparison with the CMAC in the same tasks and worlds."""
-    comparison = make_comparison(frame, machine, find_setting(machine))
-    return pd.DataFrame(
-        {
-            "method": method,
-            "completed runs": _format(comparison.mean(method)),
-            "failures": _format(comparison.failures(method)),
-            "over the CMAC": _format(comparison.ratio(method, CMAC)),
-            "better than the CMAC": _format(comparison.probability_of_improvement(method, CMAC)),
-        }
-        for method in comparison.scores
-    )
+    errors = {"error, mm": 1e3 * shown[END], "force, N": shown[FORCE]}
+    done = shown.assign(**{name: own.where(shown["status"] == COMPLETED) for name, own in errors.items()})
+    by = done.groupby(["machine", "task", "method"], sort=False)
+    found = by[[*errors]].median().map("{:.3g}".format).replace("nan", UNDEFINED)
+    counts = by["status"].agg(lambda own: f"{(own == COMPLETED).sum()} of {len(own)}")
+    wide = found.assign(completed=counts).unstack("method", sort=False)
+    return wide.set_axis([f"{method}: {what}" for what, method in wide], axis=1).reset_index()
 
 
 def table_tasks(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
     """Mean score of the completed runs of each method in each task, and how many failed."""
-    comparison = make_comparison(frame, machine, find_setting(machine))
-
-    def describe(scores: Array) -> str:
-        done = scores[np.isfinite(scores)]
-        failed = f"; {scores.size - done.size} failed" if done.size < scores.size else ""
-        return (f"{done.mean():.3f}" if done.size else UNDEFINED) + failed
-
+    whole = make_comparison(frame, machine, find_setting(machine))
+    parts = {task: make_comparison(frame, machine, find_setting(machine), tasks=[task]) for task in whole.tasks}
     return pd.DataFrame(
         {
             "method": method,
-            **{task: describe(row) for task, row in zip(comparison.tasks, scores, strict=True)},
-            **dict.fromkeys(comparison.excluded, f"{UNDEFINED}: the reference fell"),
+            **{task: _describe(own, method) for task, own in parts.items()},
+            **dict.fromkeys(whole.excluded, f"{UNDEFINED}: the reference fell"),
         }
-        for method, scores in comparison.scores.items()
+        for method in whole.scores
     )
 
 
@@ -222,20 +193,9 @@ def draw_profiles(frame: pd.DataFrame) -> Figure:
 
 def write_scores(frame: pd.DataFrame) -> str:
     """Absolute errors, and the headline of each machine, in Markdown, for the documentation."""
-    parts = [f"**Absolute errors at the end, medians over the worlds**\n\n{write_table(table_absolute(frame))}\n"]
-    for machine in frame["machine"].unique():
-        excluded = make_comparison(frame, machine, BY_DEFAULT).excluded.items()
-        notes = "".join(f" The task {task} does not count there: {why}." for task, why in excluded)
-        scores, order = write_table(table_scores(frame, machine)), describe_order(frame, machine)
-        parts.append(f"**{machine}**\n\n{scores}\n\n{order}{notes}\n")
-        if has_guarded(frame):
-            parts[-1] += f"\nWith the guard:\n\n{write_table(table_guarded(frame, machine))}\n"
-    return "\n".join(parts)
-
-
-def has_guarded(frame: pd.DataFrame) -> bool:
-    """Whether a method that learns takes part, which ran guarded too."""
-    return set(frame["method"][frame["setting"] == GUARDED]) > {ALONE}
+    parts = [("Absolute errors at the end, medians over the worlds", table_absolute(frame), "")]
+    parts += [(name, table_scores(frame, name), describe_order(frame, name)) for name in frame["machine"].unique()]
+    return "\n".join(f"**{title}**\n\n{write_table(table)}\n\n{text}\n" for title, table, text in parts)
 
 
 def write_table(table: pd.DataFrame) -> str:

@@ -12,15 +12,15 @@ from support.rollout import roll_out
 
 from cmacexp.control import Reference
 from cmacexp.feedforward import InverseDynamics
-from pipelines.benchmark.methods.adaptive import MODEL, AdaptiveRegressor, make_gains, make_regressor
 from pipelines.benchmark.methods.norm_optimal import NormOptimal
-from pipelines.benchmark.methods.repetitive import Repetitive
+from pipelines.benchmark.methods.playing import Repetitive
+from pipelines.benchmark.methods.regressor import MODEL, AdaptiveRegressor, make_gains, make_regressor
 
 FOLDER = "pipelines.benchmark.methods"
 METHODS = {
     "norm_optimal": f"feedforward._target_={FOLDER}.norm_optimal.NormOptimal",
-    "repetitive": f"feedforward._target_={FOLDER}.repetitive.Repetitive",
-    "identified": f"feedforward._target_={FOLDER}.identified.Identified",
+    "repetitive": f"feedforward._target_={FOLDER}.playing.Repetitive",
+    "identified": f"feedforward._target_={FOLDER}.regressor.Identified",
     "perceptron": "feedforward._target_=pipelines.perceptron.Perceptron",
 }
 LEG = ("scenario=one_leg", "reference=aware", "learning=lasting", "learning.guard=none")

@@ -19,7 +19,7 @@ from cmacexp.models.mechanism import POINT_MASS, get_leg, has_body
 from cmacexp.models.robot_gains import list_jacobians
 from cmacexp.planning.plan import Setup
 from cmacexp.typing import Array
-from pipelines.benchmark.methods.once_a_cycle import Playing
+from pipelines.benchmark.methods.playing import Playing
 
 NEAR_CIRCLE = 1e-8
 """Logarithm of the radius at which responses are computed."""
