@@ -10,12 +10,10 @@ import numpy as np
 
 from cmacexp.study import Array, Declared, Results, declare, quotients
 from pipelines.common_results import (
+    MEMORY_MEASURES,
     SIDES,
-    colliding,
     cost_of_collisions,
-    rows_per_cell,
     worsening,
-    worst_in_worlds,
 )
 from pipelines.worlds import TESTED, draw_worlds
 
@@ -29,8 +27,6 @@ PAPER: dict[str, Declared] = {
 """The sizes of the paper, or taken where it is silent."""
 MEMORIES = [2**n for n in range(9, 17)]
 """Bytes of one leg; the first is the least that 32 layers of two outputs allow."""
-CROWDED = {8: 2**12, 128: 2**16}
-"""Memories with which a visited cell has as many rows with few layers as with many."""
 
 
 def _published(machine: str, memories: list[int], *scenario: str) -> list[Declared]:
@@ -75,16 +71,6 @@ def _use_sixteenth(results: Results) -> Array:
     return np.max([quotients(own.end(side), base.end(side).mean()) for side in SIDES], axis=0)
 
 
-def weigh_collisions(results: Results) -> Array:
-    """(worlds,): what collisions in crowded memory cost few layers, over what they cost many."""
-    groups = [(results.select({LAYERS: layers}), memory) for layers, memory in CROWDED.items()]
-    costs = [
-        worsening(own.select({ADDRESSING: "hashed", MEMORY: memory}), own.select({ADDRESSING: "visited"}))
-        for own, memory in groups
-    ]
-    return quotients(*costs)
-
-
 def _tabulate_sizes(machine: str, *keys: str) -> Declared:
     """Every size: errors early and at the end, use of memory."""
     return {
@@ -122,12 +108,9 @@ STUDY = declare(
         _in_worlds("one leg", ELEMENTS, {ELEMENTS: [9, 17, 65, 33]}, *LEG),
         _in_worlds("one leg", INPUTS, {INPUTS: ["[angle]", "[angle, velocity]", ALL]}, *LEG),
         _in_worlds("one leg", MEMORY, {MEMORY: [*MEMORIES, 2**18, 2**20]}, *LEG),
-        _in_worlds("one leg", "layers and memory", {LAYERS: [8], MEMORY: [2**12, 2**10, 2**14, 2**16]}, *LEG),
-        _in_worlds("one leg", "layers and memory", {LAYERS: [128], MEMORY: [2**16, 2**12, 2**14, 2**18]}, *LEG),
-        _in_worlds("one leg", FREE, {LAYERS: [32, 8, 128]}, *LEG, *VISITED),
         _in_worlds("quadruped", ELEMENTS, {ELEMENTS: [9, 33]}, "scenario=quadruped_lasting"),
     ],
-    measures={"colliding": colliding, "rows_per_cell": rows_per_cell},
+    measures=MEMORY_MEASURES,
     claims={
         "rate": {
             "words": "by choosing proper generalisation size and memory the rate of collision stays below a "
@@ -178,7 +161,7 @@ STUDY = declare(
             "says": "In randomised runs, 8 and 128 layers are about as accurate on one leg as the paper's 32, or "
             "more accurate",
             "criteria": [
-                _compare("one leg", LAYERS, layers, at, "at most 1.25") for layers in CROWDED for at in ("[5]", "")
+                _compare("one leg", LAYERS, layers, at, "at most 1.25") for layers in (8, 128) for at in ("[5]", "")
             ],
         },
         "inputs": {
@@ -190,24 +173,6 @@ STUDY = declare(
             "says": "In randomised runs, a CMAC of the angles alone ends about as accurate on this path as one of "
             "all inputs, or more accurate",
             **_compare("one leg", INPUTS, "[angle]", "", "at most 1.25"),
-        },
-        "room": {
-            "says": "In randomised runs, with 2 rows of memory for each visited cell or more, collisions cost one "
-            "leg little accuracy",
-            "quantity": "largest error at the end with at least 2 rows for each visited cell, over that without "
-            "collisions",
-            "value": lambda results: np.max(
-                [worst_in_worlds(own, "rows_per_cell", 2.0) for own in results.by(LAYERS).values()], axis=0
-            ), "of": {"machine": "one leg in worlds",
-            "varied": [MEMORY, "layers and memory", FREE]},
-            "case": "one leg, any number of layers", "limit": "at most 1.25",
-        },
-        "weight": {
-            "says": "In randomised runs, in equally crowded memory, collisions cost 8 layers more than 128",
-            "quantity": "what collisions cost 8 layers in crowded memory, over what they cost 128 (error at the end "
-            "over that without collisions)",
-            "value": weigh_collisions, "of": {"machine": "one leg in worlds", "varied": ["layers and memory", FREE]},
-            "limit": "at least 1.25",
         },
     },
     figures={

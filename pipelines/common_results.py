@@ -10,6 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from cmacexp.planning.reference import Gains, compute_support_reference
 from cmacexp.study import (
     Array,
+    Measures,
     Results,
     Run,
     Status,
@@ -44,16 +45,16 @@ def cycles_to(errors: Array, level: float | Array) -> Array:
     return np.where(first > len(cycles), np.inf, first)
 
 
-def find_depression(config: Mapping[str, Any], stiffness: float, static_load: bool = True) -> float:
+def find_depression(config: Mapping[str, Any], stiffness: float | None = None, static_load: bool = True) -> float:
     """Depth of the reference below ground of a ``stiffness``, N/m, per newton of desired force, m/N.
 
-    NaN for a method without a position.
+    That of the true ground if it is None. NaN for a method without a position.
     """
     controller, force = config["controller"], config["force_control"]
     gains = Gains(
         **{name: controller[name] for name in ("position_gain", "velocity_gain")},
         **{name: force[name] for name in ("force_gain", "elasticity", "admittance")},
-        stiffness=stiffness,
+        stiffness=config["terrain"]["stiffness"] if stiffness is None else stiffness,
     )
     return compute_support_reference(force["method"], gains, static_load).depression
 
@@ -66,18 +67,17 @@ def describe_end(results: Results, quantity: str) -> str:
     return f"ends in {np.median(ends[np.isfinite(ends)]):.0f}" + (f" ({completed} complete)" if completed else "")
 
 
-def rows_per_cell(run: Run) -> float:
-    """Rows of memory for each visited cell of all legs."""
-    return _sum(run, "rows") / _sum(run, "cells_visited")
+def divide_memory(run: Run, part: str, whole: str = "cells_visited") -> float:
+    """A count of the memory of all legs over another one, both as the manifest names them."""
+    legs = run.manifest["memory"]
+    return float(sum(leg[part] for leg in legs) / sum(leg[whole] for leg in legs))
 
 
-def colliding(run: Run) -> float:
-    """Share of the visited cells of all legs that share a row with another one."""
-    return _sum(run, "cells_colliding") / _sum(run, "cells_visited")
-
-
-def _sum(run: Run, key: str) -> int:
-    return sum(int(leg[key]) for leg in run.manifest["memory"])
+MEMORY_MEASURES: Measures = {
+    "colliding": partial(divide_memory, part="cells_colliding"),
+    "rows_per_cell": partial(divide_memory, part="rows"),
+}
+"""Share of the visited cells that share a row with another one; rows of memory for each visited cell."""
 
 
 def worsening(own: Results, base: Results, at: str = "") -> Array:
@@ -89,14 +89,10 @@ def worsening(own: Results, base: Results, at: str = "") -> Array:
     return np.max([relative(own, base, sample) for sample in samples], axis=0)
 
 
-def hashed(results: Results) -> Results:
-    """The runs with hashed memory."""
-    return results.select({"cmac.addressing": "hashed"})
-
-
 def hashed_where(results: Results, measure: str, least: float) -> Results:
-    """Those in which a measure of the study is at least so large."""
-    return Results([row for row in hashed(results).rows if row.measures[measure] >= least])
+    """The runs with hashed memory in which a measure of the study is at least so large."""
+    hashed = results.select({"cmac.addressing": "hashed"})
+    return Results([row for row in hashed.rows if row.measures[measure] >= least])
 
 
 def cost_of_collisions(results: Results, measure: str, least: float) -> Array:
@@ -107,12 +103,6 @@ def cost_of_collisions(results: Results, measure: str, least: float) -> Array:
 def worst_in_worlds(results: Results, measure: str, least: float) -> Array:
     """(worlds,): the largest :func:`cost_of_collisions`."""
     return per_seed(hashed_where(results, measure, least), cost_of_collisions(results, measure, least), max)
-
-
-def cost_against(results: Results) -> Callable[[Results], Array]:
-    """A sample of hashed runs with one rule: errors over those of the run of the same world without collisions."""
-    free = results.select({"cmac.addressing": "visited"}).by("rule")
-    return lambda own: worsening(own, free[own.value("rule")])
 
 
 def _last_body(run: Run) -> Any:

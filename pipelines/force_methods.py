@@ -59,7 +59,7 @@ def predicted_force(config: Declared) -> float:
     """
     ground = config["terrain"]
     assumed = find_depression(config, ground["assumed_stiffness"] or ground["stiffness"])
-    ratio = assumed / find_depression(config, ground["stiffness"])
+    ratio = assumed / find_depression(config)
     return 1.0 if math.isnan(ratio) else ratio
 
 
@@ -94,10 +94,12 @@ def draw_forces(results: Results) -> Figure:
     """Contact force in the first seconds after the release, a panel for each method."""
     panels, axes = [], ("time since the release, s", "force, N")
     for method, own in results.select({CLEARANCE: 0.05, "part": "known ground", **PRINTED}).by("method").items():
-        traces = {f"ground {ground}": group.run.trace for ground, group in own.by("ground").items()}
-        series = [Series(name, trace["time"], trace["force"]) for name, trace in traces.items()]
-        limit = own.value("force_control.desired_force")
-        panels.append(Panel(method, *axes, series, x_range=(0.0, 2.0), y_range=(0.0, 4.0), y_limits=[limit]))
+        series = [
+            Series(f"ground {ground}", group.run.trace["time"], group.run.trace["force"])
+            for ground, group in own.by("ground").items()
+        ]
+        limits = [own.value("force_control.desired_force")]
+        panels.append(Panel(method, *axes, series, x_range=(0.0, 2.0), y_range=(0.0, 4.0), y_limits=limits))
     return draw(panels, height=2.0)
 
 

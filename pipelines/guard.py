@@ -17,15 +17,11 @@ from cmacexp.study import (
     Array,
     DataFrame,
     Declared,
-    Figure,
-    Panel,
     Results,
     Run,
     Sample,
-    Series,
     compute_final,
     declare,
-    draw,
     relative,
 )
 from pipelines.common_results import if_completed, slide_median
@@ -118,23 +114,6 @@ def table_worlds(results: Results) -> DataFrame:
     )
 
 
-def _sort_errors(kind: str, worlds: Results) -> Series:
-    """Error over that with feedback only, of the worlds that completed, in the order of their ratio."""
-    ratio = compare(worlds, kind)
-    found = np.sort(ratio[np.isfinite(ratio)])
-    return Series(kind, np.arange(1.0, len(found) + 1), found)
-
-
-def draw_errors(results: Results) -> Figure:
-    """A panel for each machine."""
-    axes, groups = ("worlds, in order", "error over feedback only"), results.select(part="worlds").by("machine")
-    panels = [
-        Panel(machine, *axes, [_sort_errors(kind, worlds) for kind in ("guarded", "unguarded")], log="y")
-        for machine, worlds in groups.items()
-    ]
-    return draw(panels, columns=2)
-
-
 def values(results: Results) -> Declared:
     """Counts that the page names."""
     alone, lasting = results.select(part="worlds", kind="feedback only").by("machine"), find_long(results)
@@ -182,7 +161,6 @@ STUDY = declare(
             ],
         },
     },
-    figures={"errors": draw_errors},
     tables={"worlds": table_worlds},
     values=values,
 )  # fmt: skip

@@ -6,13 +6,11 @@ of the paper's rule under its own conditions, and for long, randomised ones of l
 
 from functools import partial
 
-from cmacexp.study import DataFrame, Declared, Figure, Results, completed, declare, draw, over_setting, tabulate
+from cmacexp.study import Declared, Figure, Results, declare, draw, over_setting
 from pipelines.common_results import (
-    colliding,
-    cost_against,
-    hashed,
+    MEMORY_MEASURES,
     hashed_where,
-    rows_per_cell,
+    worsening,
     worst_in_worlds,
 )
 from pipelines.worlds import FEWER, draw_worlds
@@ -47,38 +45,33 @@ def _runs(machine: str) -> list[Declared]:
 
 def draw_memory(results: Results) -> Figure:
     """Collisions, and errors at the end over those without them, over rows per visited cell."""
+    hashed, free = (results.select({"cmac.addressing": name}) for name in ("hashed", "visited"))
+    without = free.by("rule")
     axes: Declared = {
         "by": "rule", "axis": "rows per visited cell",
         "place": lambda own: float(own.measure("rows_per_cell").mean()),
     }  # fmt: skip
     return draw(
         [
-            over_setting(hashed(results), MEMORY, y, sample, title=title, log=log, **axes)
+            over_setting(hashed, MEMORY, y, sample, title=title, log=log, **axes)
             for title, y, sample, log in (
                 ("visited cells that collide", "share, %", lambda own: 100.0 * own.measure("colliding"), "x"),
-                ("error at the end, over that without collisions", "ratio", cost_against(results), "xy"),
+                (
+                    "error at the end, over that without collisions",
+                    "ratio",
+                    lambda own: worsening(own, without[own.value("rule")]),
+                    "xy",
+                ),
             )
         ]
-    )
-
-
-def tabulate_memory(results: Results) -> DataFrame:
-    """Every memory under every rule."""
-    cost = cost_against(results)
-    columns = {
-        "rows per cell": lambda own: own.measure("rows_per_cell").mean(),
-        "colliding, %": lambda own: 100.0 * own.measure("colliding").mean(),
-        "error over that without collisions": lambda own: cost(own).mean(),
-        "completed": completed,
-    }
-    return tabulate(hashed(results), {"rule": "rule", MEMORY: "bytes of a leg"}, columns)
+    )  # fmt: skip
 
 
 STUDY = declare(
     title="Hashing: from 64 words to a row for every cell",
     question="What do collisions of hashed memory cost in accuracy and stability, and how much memory avoids them?",
     runs=[part for machine in MACHINES for part in _runs(machine)],
-    measures={"colliding": colliding, "rows_per_cell": rows_per_cell},
+    measures=MEMORY_MEASURES,
     findings={
         f"{name}_{machine}": finding
         for machine, who in (("one leg", "one leg"), ("quadruped", "the quadruped"))
@@ -110,9 +103,5 @@ STUDY = declare(
     figures={
         "leg": lambda results: draw_memory(results.select(machine="one leg")),
         "walk": lambda results: draw_memory(results.select(machine="quadruped")),
-    },
-    tables={
-        "leg": lambda results: tabulate_memory(results.select(machine="one leg")),
-        "walk": lambda results: tabulate_memory(results.select(machine="quadruped")),
     },
 )  # fmt: skip

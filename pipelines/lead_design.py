@@ -92,8 +92,12 @@ def draw_bandwidths(results: Results) -> Figure:
             Series(f"alpha {alpha:.3g}", own["omega"], own["bandwidth"] / own["open_bandwidth"])
             for alpha, own in list(met)[::4]
         ]
-        used = _loops(results, name, True)["omega"].to_list()
-        panels.append(Panel(f"gains of {name}", *axes, series, log="xy", x_limits=used, y_limits=[1.0]))
+        panels.append(
+            Panel(
+                f"gains of {name}", *axes, series, log="xy", y_limits=[1.0],
+                x_limits=_loops(results, name, True)["omega"].to_list(),
+            )
+        )  # fmt: skip
     return draw(panels, height=3.3)
 
 

@@ -21,8 +21,6 @@ LANDED, FORCE_WINDOW = 0.2, 0.2
 """Time after touch-down from which a force is searched for oscillations, and width of the mean they leave, s."""
 EVENT, TORQUE_WINDOW = 0.3, 0.1
 """Time from touch-down in which the torque changes abruptly, and width of the mean that oscillations leave, s."""
-SWING_START = 0.1
-"""Time after lift-off in which feedback is looked for, s."""
 BEFORE = 40
 """Data points of support before the first that Fig. 8 and 9 show, to make the jumps at lift-off visible."""
 
@@ -79,25 +77,17 @@ def torque_step(rows: pd.DataFrame, config: Config) -> float:
     """Largest change of joint 1's torque from one sample to the next around touch-down, N m."""
     landing = touch_down(rows)
     torque = (rows["tau_feedback_1"] + rows["tau_feedforward_1"]).to_numpy()
-    around = slice(landing - 1, landing + round(EVENT / config["sampling_period"]))
-    return float(np.abs(np.diff(torque[around])).max())
-
-
-def feedback_at_lift_off(rows: pd.DataFrame, config: Config) -> float:
-    """Part of a cycle's squared feedback torque, both joints, in the first ``SWING_START`` seconds after lift-off."""
-    squared = (rows["tau_feedback_1"] ** 2 + rows["tau_feedback_2"] ** 2).to_numpy()
-    return float(squared[: round(SWING_START / config["sampling_period"])].sum() / squared.sum())
+    return float(np.abs(np.diff(torque[landing - 1 : landing + round(EVENT / config["sampling_period"])])).max())
 
 
 def reference_depth(config: Config) -> float:
     """D_r of eq. 13, m."""
-    return find_depression(config, config["terrain"]["stiffness"]) * float(config["force_control"]["desired_force"])
+    return find_depression(config) * float(config["force_control"]["desired_force"])
 
 
 def learned_error(config: Config) -> float:
     """Relative force error where the feedback is zero: D_r / (1/K_n + P_fn + K_av/K_ap V_fn) / F_d - 1."""
-    stiffness = config["terrain"]["stiffness"]
-    return find_depression(config, stiffness) / find_depression(config, stiffness, False) - 1.0
+    return find_depression(config) / find_depression(config, static_load=False) - 1.0
 
 
 def weight_at_foot(rows: pd.DataFrame, config: Config) -> float:
@@ -120,9 +110,7 @@ def feedback_force(config: Config, weight: float) -> float:
     K_ap (D_r - P_fn F - F/K_n) - K_av V_fn F + weight = F.
     """
     gain = float(config["controller"]["position_gain"])
-    return (gain * reference_depth(config) + weight) / (
-        1.0 + gain * find_depression(config, config["terrain"]["stiffness"], False)
-    )
+    return (gain * reference_depth(config) + weight) / (1.0 + gain * find_depression(config, static_load=False))
 
 
 def trajectory(run: Run) -> Figure:
@@ -144,9 +132,8 @@ def motion(run: Run, order: int, name: str, unit: str) -> Figure:
     """Fig. 8, 9: a derivative of the desired path, from shortly before lift-off on."""
     plan = make_scenario(read_config(run)).setup.plan
     point, ends = np.arange(-BEFORE, len(plan.support)), [0.0, int(plan.support.argmax())]
-    lines = zip(("forward", "down"), plan.desired[order][:, 0].T, strict=True)
     panels = [
         Panel(f"{name} {direction}", "data point", unit, [Series("desired", point, values[point])], x_limits=ends)
-        for direction, values in lines
+        for direction, values in zip(("forward", "down"), plan.desired[order][:, 0].T, strict=True)
     ]
     return draw(panels)

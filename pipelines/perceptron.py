@@ -113,8 +113,10 @@ class Perceptron(Playing):
 
         These are the weights of the hidden layer, then of the output layer, (L, size), each row by row, biases last.
         """
-        scaled = {"middle": self.middle, "spread": self.spread, "scale": self.scale.copy()}
-        return {**scaled, "parameters": self.parameters.copy()}
+        return {
+            "middle": self.middle, "spread": self.spread, "scale": self.scale.copy(),
+            "parameters": self.parameters.copy(),
+        }  # fmt: skip
 
     def learn(self, feedback: Array) -> None:
         """Train the network of each leg with the ``feedback`` (N, L, J), N m, of the cycle."""

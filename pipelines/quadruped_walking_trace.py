@@ -96,7 +96,7 @@ def lift_off_of_3(walk: Walk, cycle: int) -> dict[str, float]:
     k = walk.start(cycle, 3, support=False)
     aloft = k + np.flatnonzero(walk.trace["force"][k : walk.end(k, 3), 2] == 0.0)
     rear, force = walk.carried[aloft, REAR], walk.trace["force"][aloft, 1]
-    varies = np.isfinite(rear).all() and min(np.ptp(rear), np.ptp(force)) > 0.0 if len(aloft) > 1 else False
+    varies = len(aloft) > 1 and np.isfinite(rear).all() and min(np.ptp(rear), np.ptp(force)) > 0.0
     return {
         "rear": float(rear[0]) / walk.length if len(aloft) else -np.inf,
         "correlation": float(np.corrcoef(rear, force)[0, 1]) if varies else 0.0,
@@ -150,13 +150,11 @@ def four_feet(walk: Walk, cycle: int) -> dict[str, float]:
 
 @cache
 def events_in(folder: Path) -> DataFrame:
-    """One row per whole cycle of a run; some events are only measured in the last :data:`LATE` ones, else NaN."""
-    walk, rows = walk_in(folder), []
-    for cycle in range(1, walk.run.whole_cycles + 1):
-        rows.append(contacts(walk, cycle) | touch_down_of_3(walk, cycle))
-        if cycle > walk.run.whole_cycles - LATE:
-            rows[-1] |= lift_off_of_3(walk, cycle) | touch_down_of_2(walk, cycle) | four_feet(walk, cycle)
-    return pd.DataFrame(rows)
+    """One row per whole cycle of a run."""
+    walk = walk_in(folder)
+    events = (contacts, touch_down_of_3, lift_off_of_3, touch_down_of_2, four_feet)
+    cycles = range(1, walk.run.whole_cycles + 1)
+    return pd.DataFrame({key: own for find in events for key, own in find(walk, n).items()} for n in cycles)
 
 
 def instants(walk: Walk, cycle: int) -> dict[int, int]:
@@ -281,16 +279,6 @@ def _outline(walk: Walk, k: int) -> list[tuple[str, Array, dict[str, Any]]]:
     ]  # fmt: skip
 
 
-def _draw_forces(walk: Walk, k: int) -> Panel:
-    """The paper's foot force display: actual beside desired, leg by leg."""
-    desired = {"fc": "white", "ec": DESIRED, "hatch": "////"}
-    forces = [
-        Series("actual force", range(4), walk.trace["force"][k], style={"color": SERIES[0]}),
-        Series("desired force", range(4), walk.trace["force_desired"][k], style=desired),
-    ]
-    return Panel("foot forces", "leg", "contact force, N", forces, "bars", ticks="1234", y_range=(0.0, 29.0))
-
-
 def views(walk: Walk, cycle: int, number: int) -> Figure:
     """Fig. 16 to 20: the machine from above, from the right side and the front, and its foot forces."""
     k = ({16: 0} | instants(walk, cycle))[number]
@@ -302,4 +290,10 @@ def views(walk: Walk, cycle: int, number: int) -> Figure:
         )
         for title, x, y in (("from above", X, Y), ("side, from the right", X, Z), ("front", Y, Z))
     ]  # fmt: skip
-    return draw([panels[0], _draw_forces(walk, k), *panels[1:]], height=2.9)
+    forces = [
+        Series("actual force", range(4), walk.trace["force"][k], style={"color": SERIES[0]}),
+        Series("desired force", range(4), walk.trace["force_desired"][k],
+               style={"fc": "white", "ec": DESIRED, "hatch": "////"}),
+    ]  # fmt: skip
+    bars = Panel("foot forces", "leg", "contact force, N", forces, "bars", ticks="1234", y_range=(0.0, 29.0))
+    return draw([panels[0], bars, *panels[1:]], height=2.9)

@@ -6,7 +6,7 @@ pages that were written for one verdict.
 
 ``{{ quote("one_leg_learning.bias") }}`` on a page stands for the first value of a statement, ``quote("...", 1)`` for
 the second, ``interval`` for its interval, ``measured`` for both, ``size`` for its n, ``verdict`` for the verdict,
-``sentence`` for the sentence of a finding. Sections of the README stand in ``readme_blocks``, likewise.
+``sentence`` for the sentence of a finding. The README's section of results stands in ``readme_blocks``, likewise.
 """
 
 import hashlib
@@ -39,8 +39,8 @@ SCORES = {
 """Every table of the last full benchmark, and of its log track."""
 PAGES = (README, *sorted(DOCS.glob("*.md")))
 """What may quote the studies."""
-BLOCKS = PIPELINES / "readme_blocks"
-"""A file of Markdown with quotes for each section of its name."""
+BLOCK = PIPELINES / "readme_blocks" / "Results.md"
+"""The section of the README on results, with quotes."""
 FIRST_RUN = re.compile(r"python -m cmacexp (.*)\n```\n\n.*\n\n```text\n((?:.*\n)*?.*)\n```")
 """In the README: the overrides of a run, and the table that it prints."""
 QUOTE = re.compile(r'\{\{ (quote|interval|measured|size|verdict|sentence)\("(\w+)\.([^"]+)"(?:, (\d+))?\) \}\}')
@@ -84,9 +84,9 @@ class PublishedResults:
     def add_studies(self, folder: Path) -> None:
         """Take every full study below ``folder``, each from its own folder, which no page over several renews."""
         for path in sorted(folder.glob(f"*/{CLAIMS}")):
-            name, statements = path.parent.name, _read(path)
+            name, statements = path.parent.name, json.loads(path.read_text(encoding="utf-8"))
             if name in statements:
-                provenance = _read(path.with_name(PROVENANCE))[name]
+                provenance = json.loads(path.with_name(PROVENANCE).read_text(encoding="utf-8"))[name]
                 own = {each["name"]: _quotable(each) for each in statements[name]}
                 self.studies[name] = {**provenance, "code": self._add_code(provenance["code"]), "statements": own}
 
@@ -167,14 +167,10 @@ def find_model_hash(model: str) -> str:
     return read_model(machine).model_hash if isinstance(machine, RobotMachine) else ""
 
 
-def _read(path: Path) -> Any:
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
 def read_results() -> PublishedResults:
     """The results of the checkout; raises BadInput if this is none."""
     require(RESULTS_FILE.is_file(), "results", RESULTS_FILE, "does not exist; run it from a checkout")
-    return PublishedResults(_read(RESULTS_FILE))
+    return PublishedResults(json.loads(RESULTS_FILE.read_text(encoding="utf-8")))
 
 
 def _quotable(statement: Mapping[str, Any]) -> dict[str, Any]:
@@ -265,16 +261,11 @@ def count_claims(results: Quotable) -> str:
     return count_verdicts([entry["verdict"] for entry in entries if entry])
 
 
-def make_section(path: Path, statements: Quotable) -> str:
-    """A section with its quotes filled in."""
-    return fill_quotes(path.read_text(encoding="utf-8"), statements).replace("{{ count }}", count_claims(statements))
-
-
 def renew_readme(text: str, statements: Quotable) -> str:
-    """The README with its sections, and the table of its first run, made anew."""
-    for path in sorted(BLOCKS.glob("*.md")):
-        section = text.partition(f"\n## {path.stem}\n")[2].partition("\n## ")[0]
-        text = text.replace(section, make_section(path, statements))
+    """The README with its section of results, and the table of its first run, made anew."""
+    section = text.partition("\n## Results\n")[2].partition("\n## ")[0]
+    block = fill_quotes(BLOCK.read_text(encoding="utf-8"), statements)
+    text = text.replace(section, block.replace("{{ count }}", count_claims(statements)))
     ((overrides, table),) = FIRST_RUN.findall(text)
     with TemporaryDirectory() as folder:
         run = cmacexp.run(overrides.split(), Path(folder, "run"))

@@ -24,13 +24,6 @@ FEWEST = 20
 """Cycles over which growth is measured at least."""
 
 
-NAMES = (
-    "learns", "held", "condition_1", "condition_2", "frequency", "cycle_map", "simulation", "verdict", "predicted",
-    "measured",
-)  # fmt: skip
-"""Measures of a run, see :func:`_measure`; a criterion gives a number of SAID, or NaN if it cannot be computed."""
-
-
 def _over_legs(run: Run, name: str) -> Array:
     """(cycles,): root mean square of a metric over the legs."""
     return np.asarray(np.sqrt((run.metrics[name] ** 2).groupby(run.metrics["cycle"]).mean()))
@@ -55,7 +48,7 @@ def _say(margin: float) -> float:
 
 @lru_cache(maxsize=2)
 def _measure(folder: Path) -> Mapping[str, float]:
-    """Of a run: NAMES; without what cannot be computed."""
+    """The measures of a run, without what cannot be computed."""
     run = Run(folder)
     config = read_config(run)
     first = config.learning.start_cycle
@@ -85,4 +78,11 @@ def _read(run: Run, name: str) -> float:
     return _measure(run.folder).get(name, math.nan)
 
 
-MEASURES: Measures = {name: partial(_read, name=name) for name in NAMES}
+MEASURES: Measures = {
+    name: partial(_read, name=name)
+    for name in (
+        "learns", "held", "condition_1", "condition_2", "frequency", "cycle_map", "simulation", "verdict",
+        "predicted", "measured",
+    )
+}  # fmt: skip
+"""A criterion gives a number of SAID, or NaN if it cannot be computed."""

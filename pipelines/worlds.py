@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
-STIFFNESS = {"one_leg": 10.0, "one leg": 10.0, "quadruped": 1e4, "quadruped_lasting": 1e4}
-"""That the plan assumes, N/m, by scenario or machine; robots' follows from their model."""
-PATCH = {"one_leg": 0.1, "quadruped": 0.15, "quadruped_lasting": 0.15, "robot": 0.1}
-"""Side of a patch of ground, m."""
-START = {"one_leg": 0.05, "quadruped": 0.01, "quadruped_lasting": 0.01, "robot": 0.02}
-"""Largest difference of the joint angles at the start from the planned ones, rad."""
+WALK = (1e4, 0.15, 0.01)
+WORLDS: dict[str, tuple[float | None, float, float]] = {
+    "one_leg": (10.0, 0.1, 0.05), "quadruped": WALK, "quadruped_lasting": WALK, "robot": (None, 0.1, 0.02),
+}  # fmt: skip
+"""By scenario: stiffness that the plan assumes, N/m, which of robots follows from their model; side of a patch of
+ground, m; largest difference of the joint angles at the start from the planned ones, rad."""
 FIRST_TUNING = 1_000_000
 """Number of the first world that settings are tuned in: none of those that they are tested in."""
 TESTED = range(24)
@@ -59,15 +59,16 @@ def draw_world(scenario: str, number: int, stiffer: float = 1.0) -> tuple[str, .
         number: of the world; seed of the hash of a network too.
         stiffer: how many times as stiff the ground has become, unknown to the plan; not of ``robot``.
     """
-    draw, known = Draw(2026, sorted(PATCH).index(scenario), number), STIFFNESS.get(scenario)
+    draw = Draw(2026, sorted(WORLDS).index(scenario), number)
+    known, patch, start = WORLDS[scenario]
     true = known and stiffer * known * float(np.exp(draw.uniform(-0.3, 0.3)))
     # Gains of a robot by rule count the delay of its sensors: with none they leave no room for a later torque.
     return (
         f"seed={number}",
         *((f"terrain.stiffness={true:.5g}", f"terrain.assumed_stiffness={known:g}") if known else ()),
-        *("terrain.patch_spread=0.2", f"terrain.patch_size={PATCH[scenario]}", f"terrain.patch_seed={number}"),
+        *("terrain.patch_spread=0.2", f"terrain.patch_size={patch}", f"terrain.patch_seed={number}"),
         f"plant.mass_factor={draw.uniform(0.8, 1.2):.4f}",
-        *(f"plant.start_spread={START[scenario]}", f"plant.start_seed={number}"),
+        *(f"plant.start_spread={start}", f"plant.start_seed={number}"),
         "sensors=encoders",
         f"sensors.velocity.delay={max(draw.choose(0, 1), scenario == 'robot'):d}",
         f"sensors.velocity.noise={draw.even_log(0.005, 0.05):.4f}",
@@ -133,15 +134,12 @@ def draw_hard_world(machine: str, number: int) -> tuple[str, ...]:
     return (
         *_draw_sensors(draw, machine in (GO1, ALIENGO)),
         f"actuator.delay={draw.choose(0, 0, 1)}",
-        *_draw_ground(draw, STIFFNESS.get(machine)),
+        *_draw_ground(draw, WORLDS.get(machine.replace(" ", "_"), (None,))[0]),
         *_draw_payload(draw, machine),
         f"learning.rate={draw.even_log(0.03, 1.2):.3g}",
         f"learning.lead={draw.choose('auto', 0, 1, 2, 3)}",
         f"seed={number}",
     )
-
-
-RULES_OF_GUARD = ("paper", "paper", "paper", "normalised", "leakage", "weight_smoothing", "decaying_rate")
 
 
 def draw_long(number: int) -> Sequence[str]:
@@ -156,7 +154,7 @@ def draw_long(number: int) -> Sequence[str]:
         f"controller.velocity_gain={0.5 * gain**0.5 * float(f'{draw.even_log(0.6, 1.6):.3g}'):.4g}",
         f"learning.rate={draw.even_log(0.03, 1.2):.3g}",
         f"learning.lead={draw.choose('auto', 0, 1, 2, 3)}",
-        f"learning.rule={draw.choose(*RULES_OF_GUARD)}",
+        f"learning.rule={draw.choose(*3 * ['paper'], 'normalised', 'leakage', 'weight_smoothing', 'decaying_rate')}",
         f"actuator.delay={draw.choose(0, 0, 1)}",
         f"cmac.layers={draw.choose(8, 16, 32, 64)}",
         f"cmac.resolution_elements={draw.choose(9, 17, 33, 65)}",
@@ -170,12 +168,13 @@ def draw_long(number: int) -> Sequence[str]:
 
 
 ROBOT = "robots"
-SCENARIOS = {ONE_LEG: "one_leg", QUADRUPED: "quadruped", ROBOT: "robot"}
-ROBOTS = ("go1", "go2", "aliengo", "mini_cheetah")
-GAINS = {ONE_LEG: (100.0, 5.0), QUADRUPED: (50.0, 5.0)}
-"""Position gain, N/m, and velocity gain, N s/m, that are scaled."""
-SOFT_TO_HARD = {ONE_LEG: (8.0, 100.0), QUADRUPED: (4e3, 3e4)}
-"""Least and largest stiffness of the ground, N/m."""
+MACHINES: dict[str, tuple[str, tuple[float, ...], tuple[float, ...]]] = {
+    ONE_LEG: ("one_leg", (100.0, 5.0), (8.0, 100.0)),
+    QUADRUPED: ("quadruped", (50.0, 5.0), (4e3, 3e4)),
+    ROBOT: ("robot", (), ()),
+}
+"""Scenario of a machine; position gain, N/m, and velocity gain, N s/m, that are scaled, and least and largest
+stiffness of the ground, N/m, which of a robot follow from its model."""
 RULES = (
     *(["paper"] * 13), "normalised", "leakage", "weight_smoothing", "zero_phase", "dead_zone", "e_modification",
     "decaying_rate",
@@ -188,14 +187,15 @@ def draw_settings(machine: str, seed: int, number: int) -> tuple[str, ...]:
     """Overrides of one config; of robots gains, gait and memory follow from their model.
 
     Args:
-        machine: one of SCENARIOS.
+        machine: one of MACHINES.
         seed: other seeds give other settings.
         number: of the config.
     """
     draw = Draw(seed, number)
     return (
-        f"scenario={SCENARIOS[machine]}", "warn=false",
-        *([f"machine={draw.choose(*ROBOTS)}"] if machine == ROBOT else _draw_machine(draw, machine)), "sensors=real",
+        f"scenario={MACHINES[machine][0]}", "warn=false",
+        *(_draw_machine(draw, machine) if machine != ROBOT else
+          [f"machine={draw.choose('go1', 'go2', 'aliengo', 'mini_cheetah')}"]), "sensors=real",
         f"sensors.velocity.delay={draw.choose(0, 0, 0, 1, 2)}", f"actuator.delay={draw.choose(0, 0, 0, 0, 1, 2)}",
         f"actuator.lag={draw.choose(0, 0, 0, 0.005, 0.01)}", f"learning.rate={draw.even_log(0.02, 0.6):.3g}",
         f"learning.lead={draw.choose('auto', 'auto', *range(5))}", f"learning.rule={draw.choose(*RULES)}",
@@ -205,11 +205,10 @@ def draw_settings(machine: str, seed: int, number: int) -> tuple[str, ...]:
 
 def _draw_machine(draw: Draw, machine: str) -> list[str]:
     """Control, memory and gait of a planar machine."""
-    position, velocity = GAINS[machine]
+    _, (position, velocity), soft_to_hard = MACHINES[machine]
     factor = draw.even_log(0.4, 4.0)
     velocity *= float(np.sqrt(factor)) * draw.even_log(0.5, 2.5)
     lead = "lead_alpha=1.0" if draw.random() < 0.12 else f"lead_omega={draw.even_log(5.0, 30.0):.3g}"
-    fields = ("rectangular", "rectangular", "rectangular", "linear", "cubic")
     parts = [
         f"controller.position_gain={position * factor:.4g}", f"controller.velocity_gain={velocity:.4g}",
         f"controller.{lead}",
@@ -217,12 +216,12 @@ def _draw_machine(draw: Draw, machine: str) -> list[str]:
         f"cmac.resolution_elements={draw.choose(5, 9, 17, 33, 65)}",
         f"cmac.displacement={draw.choose('diagonal', 'diagonal', 'odd_lattice')}",
         f"cmac.addressing={draw.choose('hashed', 'visited')}", "cmac.memory_bytes=4000000",
-        f"cmac.receptive_field={draw.choose(*fields)}",
+        f"cmac.receptive_field={draw.choose('rectangular', 'rectangular', 'rectangular', 'linear', 'cubic')}",
         f"cmac.inputs={draw.choose('[angle]', '[angle,velocity]', '[angle,velocity,acceleration]')}",
     ]  # fmt: skip
     period = draw.choose(0.002, 0.004, 0.005, 0.005, 0.008, 0.01)
     samples = 20 * int(draw.uniform(1.5, 4.0) / period / 20)
-    stiffness = draw.even_log(*SOFT_TO_HARD[machine])
+    stiffness = draw.even_log(*soft_to_hard)
     elasticity = draw.even_log(0.1, 5.0) / stiffness
     return [
         *parts, f"sampling_period={period}", f"gait.cycle_time={samples * period:.6g}",

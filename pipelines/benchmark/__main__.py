@@ -22,8 +22,7 @@ from cmacexp.study import Results
 from cmacexp.study.provenance import digest_files, make_provenance
 from cmacexp.study.study_file import StudyFile
 from cmacexp.terminal.messages import warn_of_models
-from cmacexp.terminal.output import print_line
-from pipelines.benchmark import log_track, summary
+from pipelines.benchmark import log_track
 from pipelines.benchmark.benchmark import BENCHMARK, QUESTION, make_study
 from pipelines.benchmark.entrants import (
     ALONE,
@@ -49,9 +48,9 @@ def _write(machines: dict[str, Machine], methods: dict[str, Method], options: Op
     """Tune and test; write table, JSON and page; returns the page."""
     with options.start_workers() as each:
         run_rows = partial(run_plan, machines, methods, each, options.folder / TRIALS)
-        chosen, tuned = tune(machines, methods, run_rows)
+        chosen = tune(machines, methods, run_rows)
         frame = test(machines, methods, run_rows, chosen)
-    results = Results([], {BENCHMARK: frame, "settings": summary.table_settings(tuned)})
+    results = Results([], {BENCHMARK: frame})
     first, known = next(iter(machines.values())), () if options.quick else (ALONE, CMAC)
     witnesses = [
         run_witness(list_overrides(first, methods[name], DEFAULT, first.draw(0))) for name in known if name in methods
@@ -91,16 +90,11 @@ def _refuse_in_vain(arguments: Arguments, used: Collection[str], form: str) -> N
 
 
 def run(arguments: Arguments, options: Options) -> Path:
-    """Run the benchmark or its log track, or compare results; returns the page, or the second table of results."""
+    """Run the benchmark or its log track; returns the page."""
     if arguments.log is not None:
         own = ["--log"] if str(arguments.log) == log_track.SIMULATED else LOG
         _refuse_in_vain(arguments, ("--method", "--methods", *own), f"with --log {arguments.log}")
         return log_track.run(arguments, options)
-    if arguments.compare is not None:
-        _refuse_in_vain(arguments, ["--compare"], "with --compare")
-        for line in summary.compare_results(*arguments.compare):
-            print_line(line)
-        return Path(arguments.compare[1])
     _refuse_in_vain(arguments, OPTIONS, "without --log")
     chosen = choose_names("--machine", arguments.machine, [*MACHINES, ALL])
     names = MACHINES if ALL in chosen else chosen
@@ -122,12 +116,6 @@ OPTIONS: OptionTable = {
         "default": LEG,
         "metavar": "NAME,...",
         "help": f"{', '.join(MACHINES)}, or {ALL} (default: {LEG})",
-    },
-    "--compare": {
-        "nargs": 2,
-        "type": Path,
-        "metavar": "FILE.parquet",
-        "help": "compare two tables of results instead of running",
     },
 }
 LOG: OptionTable = {

@@ -8,6 +8,7 @@ import numpy as np
 
 from cmacexp.study import (
     Array,
+    Comparison,
     Criterion,
     DataFrame,
     Finding,
@@ -19,7 +20,7 @@ from cmacexp.study import (
     quotients,
 )
 from pipelines.benchmark import summary
-from pipelines.benchmark.entrants import ALONE, CMAC, MACHINES, SPEED, STRESS, STROKE, TASKS, VERSION
+from pipelines.benchmark.entrants import ALONE, CMAC, MACHINES, STRESS, TASKS, VERSION
 from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, FOR_EACH, GUARDED
 
 BENCHMARK = "benchmark"
@@ -64,25 +65,8 @@ def _changed(results: Results, machine: str, kind: str, method: str = CMAC) -> A
     """(worlds,): score of a method with a kind of setting over that with its default one."""
     frame = results.computed[BENCHMARK]
     before, after = (summary.make_comparison(frame, machine, each) for each in (BY_DEFAULT, kind))
-    return _divide(summary.pair_settings(before, after, method).sums(summary.AFTER, summary.BEFORE))
-
-
-def _fastest(results: Results, machine: str) -> Array:
-    """(worlds,): cycles to a tenth of CMAC over those of the learner that was the fastest other one in tuning."""
-    rows = summary.count_cycles(summary.take(results.computed[BENCHMARK], machine, FOR_ALL))
-    counted = rows.groupby(["method", "world"])[summary.CYCLES].median()
-    tuned = results.computed["settings"]
-    in_tuning = tuned[tuned["machine"] == machine].set_index("method")[summary.CYCLES]
-    rival = min((name for name in LEARNERS if name not in (CMAC, ON_MODEL)), key=lambda name: in_tuning[name])
-    return (counted[CMAC] / counted[rival]).fillna(1.0).to_numpy()
-
-
-def _first(results: Results, machine: str, task: str) -> Array:
-    """(worlds,): first error of CMAC after a change over that of feedback only, where both complete."""
-    rows = summary.take(results.computed[BENCHMARK], machine, FOR_ALL).query("task == @task")
-    values = rows.pivot(index="world", columns="method", values="first_error")
-    alone = values[ALONE].where(np.isfinite(values[CMAC]), np.inf)
-    return quotients(values[CMAC].to_numpy(), alone.to_numpy())
+    scores = {"before": before.scores[method], "after": after.scores[method]}
+    return _divide(Comparison(scores, before.tasks, before.worlds).sums("after", "before"))
 
 
 def _beaten(results: Results, method: str) -> Array:
@@ -152,12 +136,6 @@ def _findings(machine: str) -> dict[str, Finding]:
             [SHARE("runs that fail", _failures(machine, [name]), at_most(FEW), case=name) for name in (ILC, CMAC)],
             says=f"{machine}: neither ILC nor the CMAC fails often",
         ),
-        f"carries_{machine}": Finding(
-            [Criterion(f"first error after another {task} over that of feedback only, CMAC",
-                        partial(_first, machine=machine, task=task), at_most(0.5), at_least(1.0))
-             for task in (STROKE, SPEED)],
-            says=f"{machine}: what the CMAC has learnt carries over to another stroke and speed",
-        ),
         f"on_model_{machine}": Finding(
             [Criterion(f"{SCORE}, CMAC on the model over CMAC alone, default settings",
                         _ratio(machine, ON_MODEL, CMAC, setting=BY_DEFAULT), at_most(CLEARLY), at_least(1.0))],
@@ -184,12 +162,6 @@ def _findings(machine: str) -> dict[str, Finding]:
 
 def _findings_of_tuning(machine: str) -> dict[str, Finding]:
     return {
-        f"rapid_{machine}": Finding(
-            [Criterion("cycles to a tenth, CMAC over the fastest other learner without a model in tuning",
-                        partial(_fastest, machine=machine), at_most(AS_GOOD))],
-            says=f"{machine}: after a change the CMAC is about as fast as the learner that was the fastest "
-            "other one in tuning, or faster",
-        ),
         f"tuning_{machine}": Finding(
             [Criterion(f"{SCORE}, CMAC with {kind} over its default setting",
                         partial(_changed, machine=machine, kind=kind), at_most(CLEARLY))
@@ -262,9 +234,6 @@ def make_study(machines: Collection[str], methods: Collection[str]) -> Study:
         runs=lambda quick: [],
         findings=findings,
         figures={"profiles": lambda results: summary.draw_profiles(results.computed[BENCHMARK])},
-        tables={
-            **{title: partial(_show, table) for title, table in shown.items()},
-            "settings": lambda results: results.computed["settings"],
-        },
+        tables={title: partial(_show, table) for title, table in shown.items()},
         values=lambda results: {**_values(results), "findings": list(findings)},
     )

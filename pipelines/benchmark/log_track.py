@@ -216,7 +216,6 @@ def run(arguments: Arguments, options: Options) -> Path:
     items = [(gap, name, make, setting) for name, make in makers.items() for setting in SETTINGS]
     rows = map_here("predicting strokes", try_method, items)
     scores, strokes = pd.DataFrame(rows), list_scored(gap.signals)
-    causes = [f"{row['method']}, {row['setting']}: {row['cause']}" for row in rows if row["cause"]]
     about = {
         "log": log.path.name,
         "robot": Path(machine.name).name,
@@ -224,7 +223,7 @@ def run(arguments: Arguments, options: Options) -> Path:
         "scored": strokes,
         "fastest": gap.signals.fastest,
         "version": VERSION,
-        "causes": causes,
+        "causes": [f"{row['method']}, {row['setting']}: {row['cause']}" for row in rows if row["cause"]],
     }
     file, results, root = make_study([*makers], about), Results([], {SCORES: scores}), Path(__file__).parents[2]
     sources = [*(root / "cmacexp" / "gap").glob("*.py"), *Path(__file__).parent.glob("*log*.py")]

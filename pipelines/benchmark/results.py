@@ -202,11 +202,8 @@ def take_reference(rows: pd.DataFrame, columns: Any) -> Any:
     return rows[SAME].join(alone, on=SAME)[columns]
 
 
-def tune(machines: Mapping[str, Machine], methods: Mapping[str, Method], run: RunPlan) -> tuple[Chosen, pd.DataFrame]:
-    """The best settings of each method on each machine, by the mean score in the worlds of tuning.
-
-    And the rows there with the setting for all tasks.
-    """
+def tune(machines: Mapping[str, Machine], methods: Mapping[str, Method], run: RunPlan) -> Chosen:
+    """The best settings of each method on each machine, by the mean score in the worlds of tuning."""
     drawn = {
         (name, method.name): settings
         for name, machine in machines.items()
@@ -214,7 +211,7 @@ def tune(machines: Mapping[str, Machine], methods: Mapping[str, Method], run: Ru
         if len(settings := draw_settings(method, machine.draws)) > 1
     }
     if not drawn:
-        return {}, pd.DataFrame(columns=[*TRIAL, "setting", "task", "end_error", "errors"])
+        return {}
     plan = pd.DataFrame(
         {"machine": name, "method": method, "setting": FOR_ALL, "task": task, "world": n, "overrides": setting}
         for (name, method), settings in (drawn | {(machine, ALONE): [DEFAULT] for machine, _ in drawn}).items()
@@ -225,12 +222,10 @@ def tune(machines: Mapping[str, Machine], methods: Mapping[str, Method], run: Ru
     frame = run(TUNING, plan)
     reference = take_reference(frame, "end_error").to_numpy()
     frame = frame.assign(score=relative_to(frame["end_error"].to_numpy(), reference))
-    chosen = {
+    return {
         place: {FOR_ALL: choose_setting(own)} | {task: choose_setting(rows) for task, rows in own.groupby("task")}
         for place, own in frame[frame["method"] != ALONE].groupby(["machine", "method"])
     }
-    best = [chosen.get((row.machine, row.method), {}).get(FOR_ALL, DEFAULT) for row in frame.itertuples()]
-    return chosen, frame[frame["overrides"] == best]
 
 
 def _find(own: Mapping[str, str], method: Method, kind: str, task: str) -> str:
@@ -240,7 +235,10 @@ def _find(own: Mapping[str, str], method: Method, kind: str, task: str) -> str:
 
 
 def test(
-    machines: Mapping[str, Machine], methods: Mapping[str, Method], run: RunPlan, chosen: Chosen
+    machines: Mapping[str, Machine],
+    methods: Mapping[str, Method],
+    run: RunPlan,
+    chosen: Chosen,
 ) -> pd.DataFrame:
     """A row for each machine, method, kind of setting, task and world."""
     plan = pd.DataFrame(

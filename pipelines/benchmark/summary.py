@@ -1,15 +1,11 @@
-"""What the rows of the benchmark say: comparisons, tables and figures; and what differs between two results."""
+"""What the rows of the benchmark say: comparisons, tables and figures."""
 
-import json
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from cmacexp.data.tables import read_table
-from cmacexp.errors import BadInput, require
 from cmacexp.study import Array, Comparison, Figure, Interval, Mask, compare, draw, find_order, profile_panel
 from pipelines.benchmark.entrants import ALONE, CMAC, MACHINES, TASKS
 from pipelines.benchmark.results import BY_DEFAULT, COMPLETED, FOR_ALL, FOR_EACH, take_reference
@@ -17,17 +13,11 @@ from pipelines.common_results import cycles_to
 
 END, WORST, FORCE = "end_error", "worst_error", "force"
 CYCLES = "cycles to a tenth"
-"""Column of tables and of the chosen settings, there the median in the worlds of tuning."""
+"""Column of tables."""
 TENTH = 0.1
 """Of the error of feedback only at the end: what a method is to reach."""
 COSTS = {FORCE: "force error", "feedback": "feedback", "torque_peak": "largest torque", "energy": "energy"}
 """Columns that are compared with those of feedback only, and their titles."""
-METRICS = {"end error": END, "worst cycle": WORST}
-"""What decides an order, by its name."""
-SAME = ("version", "tasks_hash")
-"""Entries in which results must agree to be compared."""
-BEFORE, AFTER = "before", "after"
-"""Of two comparisons of one method."""
 UNDEFINED = "n/a"
 """Of what no completed run defines, or is relative to a reference that failed."""
 
@@ -49,15 +39,12 @@ def make_comparison(
     return compare(values, ALONE, tasks, sorted(rows["world"].unique()))
 
 
-def pair_settings(before: Comparison, after: Comparison, method: str) -> Comparison:
-    """The scores of one method in two comparisons of the same tasks and worlds, BEFORE and AFTER."""
-    scores = {BEFORE: before.scores[method], AFTER: after.scores[method]}
-    return Comparison(scores, before.tasks, before.worlds)
-
-
 def describe_order(frame: pd.DataFrame, machine: str) -> str:
     """The order of the methods, as far as end error and worst cycle agree on it; and which tasks do not count."""
-    views = {name: make_comparison(frame, machine, find_setting(machine), key) for name, key in METRICS.items()}
+    views = {
+        name: make_comparison(frame, machine, find_setting(machine), key)
+        for name, key in {"end error": END, "worst cycle": WORST}.items()
+    }
     excluded = make_comparison(frame, machine, BY_DEFAULT).excluded.items()
     notes = [f"The task {task} does not count: {why}." for task, why in excluded]
     return " ".join([find_order(views).sentence, *notes])
@@ -70,9 +57,8 @@ def count_cycles(rows: pd.DataFrame) -> pd.DataFrame:
     """
     own = rows[rows["task"].isin(TASKS)]
     levels = TENTH * take_reference(own, END).to_numpy(dtype=float)
-    pairs = zip(own["errors"], levels, strict=True)
-    counted = [cycles_to(np.array([errors]), level)[0] if np.isfinite(level) else np.nan for errors, level in pairs]
-    return own.assign(**{CYCLES: counted})
+    counted = cycles_to(np.stack(own["errors"].to_list()), levels[:, None])
+    return own.assign(**{CYCLES: np.where(np.isfinite(levels), counted, np.nan)})
 
 
 def _format(interval: Interval) -> str:
@@ -155,14 +141,15 @@ def table_costs(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
 
     Of the runs that both complete.
     """
-    rows = take(frame, machine, find_setting(machine))
-    counted = rows[rows["task"].isin(TASKS)]
-    own, alone = counted[[*COSTS]], take_reference(counted, [*COSTS])
-    ratios = own.where(np.isfinite(own)) / alone.where(np.isfinite(alone))
-    found = ratios.rename(columns=COSTS).groupby(counted["method"], sort=False).median()
-    held = rows.groupby("method", sort=False)[["seconds", "bytes"]].median()
-    more = {"time of a step, us": 1e6 * held["seconds"], "memory, KB": held["bytes"] / 1024}
-    return found.assign(**more).reset_index()
+    rows = take(frame, machine, find_setting(machine)).query("task in @TASKS")
+    pair = rows[[*COSTS]], take_reference(rows, [*COSTS])
+    own, alone = (values.where(np.isfinite(values)) for values in pair)
+    shown = (
+        (own / alone)
+        .rename(columns=COSTS)
+        .assign(**{"time of a step, us": 1e6 * rows["seconds"], "memory, KB": rows["bytes"] / 1024})
+    )
+    return shown.groupby(rows["method"], sort=False).median().reset_index()
 
 
 def table_failures(frame: pd.DataFrame) -> pd.DataFrame:
@@ -177,18 +164,10 @@ def table_failures(frame: pd.DataFrame) -> pd.DataFrame:
     ).reset_index()
 
 
-def table_settings(tuned: pd.DataFrame) -> pd.DataFrame:
-    """What was chosen for all tasks, and the median of the cycles to a tenth in the worlds of tuning."""
-    counted = count_cycles(tuned)
-    by = counted[counted["method"] != ALONE].groupby(["machine", "method"], sort=False)
-    found = by.agg(setting=("overrides", "first"), **{CYCLES: (CYCLES, "median")}).reset_index()
-    return found.replace({"setting": {"": "default"}})
-
-
 def draw_profiles(frame: pd.DataFrame) -> Figure:
     """Share of runs that score at most so much, on each machine."""
-    machines = frame["machine"].unique()
-    return draw([profile_panel(make_comparison(frame, m, find_setting(m)), m) for m in machines], height=3.2)
+    panels = [profile_panel(make_comparison(frame, m, find_setting(m)), m) for m in frame["machine"].unique()]
+    return draw(panels, height=3.2)
 
 
 def write_scores(frame: pd.DataFrame) -> str:
@@ -207,41 +186,3 @@ def write_table(table: pd.DataFrame) -> str:
 def over_worlds(machine: str, compute: Callable[[Comparison], Array | Mask], setting: str = FOR_ALL) -> Any:
     """A sample that is computed from the comparison of a machine."""
     return lambda results: compute(make_comparison(results.computed["benchmark"], machine, setting))
-
-
-def _read(path: Path) -> tuple[pd.DataFrame, list[Any]]:
-    """A table of results, and what the JSON beside it says of SAME.
-
-    Raises:
-        BadInput: one of them is missing, or is none.
-    """
-    try:
-        entry = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
-        frame = read_table(path, texts=True).to_pandas().astype({"end_error": float})
-        return frame, [entry[name] for name in SAME]
-    except (OSError, ValueError, LookupError, TypeError) as error:
-        allowed = f"must be benchmark.parquet of a report of the benchmark, with its .json beside it: {error}"
-        raise BadInput("--compare", path, allowed) from error
-
-
-def compare_results(first: Path, second: Path) -> Iterator[str]:
-    """A line for each machine, method and kind of setting that both have and that changed: its score and failures.
-
-    The score is the mean over the runs that complete in both, as a ratio of the second to the first.
-
-    Raises:
-        BadInput: a file is no result, or they are of different tasks.
-    """
-    (before, of_before), (after, of_after) = _read(first), _read(second)
-    other = f"has another {' or '.join(SAME)} than {first}: their scores mean other things"
-    require(of_before == of_after, "--compare", second, other)
-    places = [frame[["machine", "setting"]].drop_duplicates() for frame in (before, after)]
-    for machine, setting in pd.merge(*places).itertuples(index=False):
-        old, new = (make_comparison(frame, machine, setting) for frame in (before, after))
-        for method in (name for name in old.scores if name in new.scores):
-            pair = pair_settings(old, new, method)
-            if not np.array_equal(pair.scores[BEFORE], pair.scores[AFTER]):
-                failed = ", then ".join(str((~pair.completed(name)).sum()) for name in pair.scores)
-                ratio = _format(pair.ratio(AFTER, BEFORE))
-                yield f"{machine}, {method}, {setting}: score times {ratio}, failed {failed}"
-    yield "no other score has changed"

@@ -151,7 +151,7 @@ def test_an_entrant_that_fails_is_rows_and_an_edit_of_one_runs_its_trials_alone_
 
 @pytest.mark.ci
 @pytest.mark.parametrize("words", [("--robot", "go2"), ("--log", "simulated", "--kd", "1"), ("--log", "simulated",
-                                   "--machine", "go1"), ("--compare", "a", "b", "--methods", "cmac")])  # fmt: skip
+                                   "--machine", "go1")])  # fmt: skip
 def test_an_option_that_has_no_effect_is_refused(folder, words):
     done = python("-m", "pipelines.benchmark", *words, folder=folder)
     assert (done.returncode, done.stderr.split("=")[0]) == (2, f"error: {words[-2]}")
@@ -246,8 +246,7 @@ def test_the_findings_follow_from_the_rows():
             if setting != GUARDED:
                 errors["ILC"][:4] = np.inf
             rows += make_rows(machine, setting, errors)
-    settings = [{"machine": m, "method": n, summary.CYCLES: 3.0} for m in (LEG, "quadruped") for n in LEARNERS]
-    results = Results([], {"benchmark": pd.DataFrame(rows), "settings": pd.DataFrame(settings)})
+    results = Results([], {"benchmark": pd.DataFrame(rows)})
     expected = {
         "learners_leg": "yes", "learners_identified_leg": "yes", "learners_go1": "no", "rbf_leg": "no",
         "rbf_go1": "yes", "model_leg": "yes", "identified_leg": "no", "plain_fails_leg": "no", "guarded_leg": "yes",
@@ -256,23 +255,6 @@ def test_the_findings_follow_from_the_rows():
     findings = make_study(MACHINES, [*levels]).findings
     judged = {name: findings[name].judge(results) for name in (*expected, "plain_leg")}
     assert {name: judged[name].verdict for name in expected} == expected
-    assert {name for name in findings if name.startswith("rapid_")} == {"rapid_leg", "rapid_quadruped"}  # the tuned
+    assert {name for name in findings if name.startswith("tuning_")} == {"tuning_leg", "tuning_quadruped"}
     plain, failing = (judged[name].measured[0].interval.value for name in ("plain_leg", "plain_fails_leg"))
     assert (plain, failing) == (pytest.approx(4.0 / 3.0, rel=0.1), pytest.approx(1.0 / 3.0))  # of what both complete
-
-
-def test_results_are_compared_by_scores_and_by_failures_apart_and_of_one_version_alone(tmp_path):
-    rows = pd.DataFrame(make_rows(LEG, BY_DEFAULT, {ALONE: [10.0, 12.0], "model": [4.0, 5.0], CMAC: [1.0, 1.0]}))
-    paths = [tmp_path / f"{name}.parquet" for name in ("one", "other")]
-    for path in paths:
-        rows.to_parquet(path)
-        path.with_suffix(".json").write_text(json.dumps({"version": VERSION, "tasks_hash": "a"}))
-        rows.loc[rows["method"] == "model", "end_error"] *= 0.5
-        rows.loc[(rows["method"] == "model") & (rows["task"] == "slope"), "end_error"] = np.inf
-    line, _ = summary.compare_results(*paths)
-    assert line.startswith(f"{LEG}, model, ")
-    assert "0.500 [0.500, 0.500]" in line
-    assert line.endswith("failed 0, then 2")
-    paths[1].with_suffix(".json").write_text(json.dumps({"version": VERSION + 1, "tasks_hash": "a"}))
-    with pytest.raises(BadInput, match=r"^--compare="):
-        list(summary.compare_results(*paths))
