@@ -1,4 +1,4 @@
-"""Measures, samples and cells of tables that several studies share, or one that is declared without Python."""
+"""Measures, samples and cells of tables that several studies share."""
 
 from collections.abc import Callable, Mapping
 from functools import partial, wraps
@@ -103,23 +103,3 @@ def cost_of_collisions(results: Results, measure: str, least: float) -> Array:
 def worst_in_worlds(results: Results, measure: str, least: float) -> Array:
     """(worlds,): the largest :func:`cost_of_collisions`."""
     return per_seed(hashed_where(results, measure, least), cost_of_collisions(results, measure, least), max)
-
-
-def _last_body(run: Run) -> Any:
-    """The trace of the body in the last cycle."""
-    return run.read_trace([run.config["cycles"]]).body
-
-
-@if_completed
-def off_course(run: Run) -> float:
-    """Relative error of the body's way in the last cycle."""
-    gait, body = run.config["gait"], _last_body(run)
-    speed = gait["stroke"] / (gait["duty_factor"] * gait["cycle_time"])
-    planned = speed * run.config["sampling_period"] * (body.steps - 1)
-    return float(abs((body["cog_x"][-1] - body["cog_x"][0]) / planned - 1.0))
-
-
-@if_completed
-def drift(run: Run) -> float:
-    """Largest distance of the body from its course in the last cycle, m."""
-    return float(np.abs(_last_body(run)["cog_y"]).max())

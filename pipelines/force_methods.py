@@ -98,8 +98,12 @@ def draw_forces(results: Results) -> Figure:
             Series(f"ground {ground}", group.run.trace["time"], group.run.trace["force"])
             for ground, group in own.by("ground").items()
         ]
-        limits = [own.value("force_control.desired_force")]
-        panels.append(Panel(method, *axes, series, x_range=(0.0, 2.0), y_range=(0.0, 4.0), y_limits=limits))
+        panels.append(
+            Panel(
+                method, *axes, series, x_range=(0.0, 2.0), y_range=(0.0, 4.0),
+                y_limits=[own.value("force_control.desired_force")],
+            )
+        )  # fmt: skip
     return draw(panels, height=2.0)
 
 

@@ -45,8 +45,8 @@ def _runs(machine: str) -> list[Declared]:
 
 def draw_memory(results: Results) -> Figure:
     """Collisions, and errors at the end over those without them, over rows per visited cell."""
-    hashed, free = (results.select({"cmac.addressing": name}) for name in ("hashed", "visited"))
-    without = free.by("rule")
+    hashed = results.select({"cmac.addressing": "hashed"})
+    free = results.select({"cmac.addressing": "visited"}).by("rule")
     axes: Declared = {
         "by": "rule", "axis": "rows per visited cell",
         "place": lambda own: float(own.measure("rows_per_cell").mean()),
@@ -59,7 +59,7 @@ def draw_memory(results: Results) -> Figure:
                 (
                     "error at the end, over that without collisions",
                     "ratio",
-                    lambda own: worsening(own, without[own.value("rule")]),
+                    lambda own: worsening(own, free[own.value("rule")]),
                     "xy",
                 ),
             )

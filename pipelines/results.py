@@ -264,8 +264,8 @@ def count_claims(results: Quotable) -> str:
 def renew_readme(text: str, statements: Quotable) -> str:
     """The README with its section of results, and the table of its first run, made anew."""
     section = text.partition("\n## Results\n")[2].partition("\n## ")[0]
-    block = fill_quotes(BLOCK.read_text(encoding="utf-8"), statements)
-    text = text.replace(section, block.replace("{{ count }}", count_claims(statements)))
+    block = BLOCK.read_text(encoding="utf-8").replace("{{ count }}", count_claims(statements))
+    text = text.replace(section, fill_quotes(block, statements))
     ((overrides, table),) = FIRST_RUN.findall(text)
     with TemporaryDirectory() as folder:
         run = cmacexp.run(overrides.split(), Path(folder, "run"))

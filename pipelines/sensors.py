@@ -120,8 +120,8 @@ def where_sound_walks(results: Results, check: str, gains: list[str]) -> Results
 
 def worsening(results: Results) -> Array:
     """(noisy runs,): feedback torque at the end over that of the run without noise and with the same seed."""
-    noisy, sound = (results.select(signal=signal) for signal in ("force", "none"))
-    return relative(noisy, sound, partial(compute_quantity, "feedback_rms[-3:]"))
+    torque = partial(compute_quantity, "feedback_rms[-3:]")
+    return relative(results.select(signal="force"), results.select(signal="none"), torque)
 
 
 def _count_kinds(results: Results) -> str:

@@ -142,8 +142,7 @@ def table_costs(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
     Of the runs that both complete.
     """
     rows = take(frame, machine, find_setting(machine)).query("task in @TASKS")
-    pair = rows[[*COSTS]], take_reference(rows, [*COSTS])
-    own, alone = (values.where(np.isfinite(values)) for values in pair)
+    own, alone = (each.where(np.isfinite(each)) for each in (rows[[*COSTS]], take_reference(rows, [*COSTS])))
     shown = (
         (own / alone)
         .rename(columns=COSTS)

@@ -1,0 +1,44 @@
+"""What studies of robots share: robots, grounds, starts, feedforwards, and what they measure of a walk.
+
+Walks are repeated from one start for each seed, unless a study says otherwise; the last cycle of each is recorded.
+"""
+
+from cmacexp.study import Declared
+
+ROBOTS = {
+    "Go1": {"machine": "go1"}, "Go2": {"machine": "go2"}, "Aliengo": {"machine": "aliengo"},
+    "Mini Cheetah": {"machine": "mini_cheetah"}, "HyQReal1": {"machine": "hyqreal1"},
+}  # fmt: skip
+"""Those that gains and plans by rule were tried on."""
+OTHERS = {
+    "Spot": {"machine": "spot"}, "A2": {"machine": "a2"}, "B2": {"machine": "b2"},
+    "HyQReal2": {"machine": "hyqreal2"}, "Pegasus": {"machine": "pegasus"},
+}  # fmt: skip
+GROUNDS: dict[str, Declared] = {"elastic ground": {}, "rigid ground": {"plant": "mujoco_robot_rigid"}}
+SPREAD: Declared = {"plant.start_spread": 0.05, "plant.start_seed": "${seed}"}
+"""A start off the plan, another one for each seed."""
+LAST: Declared = {"record.cycles": ["${cycles}"]}
+WALK: Declared = {"scenario": "robot", **SPREAD, **LAST}
+ALONE: Declared = {"feedforward": "none", "cycles": 12}
+MODEL: Declared = {"feedforward": "inverse_dynamics", "cycles": 12}
+ON_BOTH = {"ground": [*GROUNDS]}
+WALKS: Declared = {"quantity": "walks completed", "value": "completed"}
+POSITION: Declared = {"quantity": "transfer error", "value": "transfer_rmse[-1:]"}
+FORCE: Declared = {"quantity": "force error", "value": "force_rmse[-1:]"}
+POSITION_LEFT: Declared = {
+    **POSITION, "quantity": "transfer error over that with feedback only", "over": {"kind": "feedback only"},
+    "beside": "transfer error, mm",
+}  # fmt: skip
+FORCE_LEFT: Declared = {
+    **FORCE, "quantity": "force error over that with feedback only", "over": {"kind": "feedback only"},
+    "beside": "force error, N",
+}  # fmt: skip
+ENDS = {
+    "completed": "completed", "foot error, mm": "1e3 * transfer_rmse[-1:]", "force error, N": "force_rmse[-1:]",
+}  # fmt: skip
+"""Columns of a table: the last cycle."""
+
+
+def learn(cycles: int) -> Declared:
+    """A CMAC that learns for so many cycles."""
+    return {"feedforward": "cmac", "cycles": cycles}
