@@ -224,6 +224,12 @@ class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[mi
 _Dumper.add_representer(str, _Dumper.represent_text)
 
 
+@lru_cache(1 << 10)
+def _dump(packed: bytes) -> str:
+    """A pickled value as YAML, which takes as long as the run if all groups are written anew for each job."""
+    return yaml.dump(pickle.loads(packed), Dumper=_Dumper, sort_keys=False)  # type: ignore[no-any-return]
+
+
 def make_record(composed: Node, hydra: Node) -> dict[str, str]:
     """The files, by name, that Hydra writes unless ``hydra.output_subdir`` is null."""
     plain: Iterator[Any] = (
@@ -231,5 +237,9 @@ def make_record(composed: Node, hydra: Node) -> dict[str, str]:
         for node in (composed, hydra)
     )
     config, own = plain
-    nodes: dict[str, Any] = {"config": config, "hydra": {"hydra": own}, "overrides": own["overrides"]["task"]}
-    return {f"{name}.yaml": yaml.dump(node, Dumper=_Dumper, sort_keys=False) for name, node in nodes.items()}
+    parts = [_dump(pickle.dumps({"hydra": {key: value}})) for key, value in own.items()]
+    return {
+        "config.yaml": "".join(_dump(pickle.dumps({key: value})) for key, value in config.items()),
+        "hydra.yaml": "hydra:\n" + "".join(text.removeprefix("hydra:\n") for text in parts),
+        "overrides.yaml": _dump(pickle.dumps(own["overrides"]["task"])),
+    }

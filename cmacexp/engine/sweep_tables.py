@@ -270,13 +270,13 @@ def list_jobs(root: Path) -> list[JobRun]:
 
     Of several with one number the last one counts. A part that a power failure has cut short is left out.
     """
-    found, known = list[tuple[Array, Path]](), np.empty(0)
+    found, known = list[tuple[list[int], Path]](), set[int]()
     newest_first = sorted((root / JOBS_FOLDER).glob("[!.]*"), key=lambda path: path.lstat().st_mtime_ns, reverse=True)
     for path in [*newest_first, root / RUNS_FILE]:
         with suppress(OSError, KeyError, TypeError, ValueError, pa.ArrowException):
-            numbers = np.setdiff1d(as_array(_read(path).jobs, "run"), known)
-            known = np.append(known, numbers)
-            found += [(numbers, path)] if numbers.size else []
+            numbers = sorted(set(as_array(_read(path).jobs, "run").tolist()) - known)
+            known.update(numbers)
+            found += [(numbers, path)] if numbers else []
     if not found:
         return []
     found.sort(key=lambda part: part[0][0])  # so that columns have always the same order
@@ -288,7 +288,7 @@ def list_jobs(root: Path) -> list[JobRun]:
     return [JobRun(root, tables, index) for index in range(jobs.num_rows)]
 
 
-def _select(part: JobTables, numbers: Array) -> JobTables:
+def _select(part: JobTables, numbers: list[int]) -> JobTables:
     return JobTables(*(select_rows(table, np.isin(as_array(table, "run"), numbers)) for table in part))
 
 
