@@ -1,6 +1,6 @@
 """The layout of the viewer: views of machines, plots with room for numbers and legends, what colours mean."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from fnmatch import fnmatch
 
 import numpy as np
@@ -51,20 +51,11 @@ def widen_range(low: float, high: float) -> Range:
     return float(narrowest[0]), float(narrowest[1])
 
 
-def _share_range(ranges: Iterable[Range]) -> Range | None:
-    """The range that covers all, unless one dwarfs another."""
-    ranges = list(ranges)
-    spans = [high - low for low, high in ranges if high > low]
-    if spans and max(spans) > 10.0 * min(spans):
-        return None
-    return min(low for low, _ in ranges), max(high for _, high in ranges)
-
-
-def find_ranges(views: Sequence[RunView]) -> list[dict[str, Range]]:
-    """The vertical axis of each plot of each run, by its name; where several runs have it, one that they share."""
+def find_ranges(views: Sequence[RunView]) -> dict[str, Range]:
+    """The vertical axis of each plot, by its path: runs side by side share it."""
     own = [{path: span for path, plot in list_plots(view).items() if (span := plot.find_range())} for view in views]
-    shared = {path: _share_range([ranges[path] for ranges in own if path in ranges]) for path in set().union(*own)}
-    return [{path: widen_range(*(shared[path] or span)) for path, span in ranges.items()} for ranges in own]
+    spans = {path: np.array([ranges[path] for ranges in own if path in ranges]) for path in set().union(*own)}
+    return {path: widen_range(float(span[:, 0].min()), float(span[:, 1].max())) for path, span in spans.items()}
 
 
 class Panels:
@@ -240,7 +231,8 @@ def make_layout(views: Sequence[RunView]) -> rrb.Blueprint:
     Of one run it shows everything; several have a column each, under the name of the scene, and share axes.
     """
     times = min(float(view.time[0]) for view in views), max(float(view.time[-1]) for view in views)
-    panels = [Panels(view, ranges, times) for view, ranges in zip(views, find_ranges(views), strict=True)]
+    ranges = find_ranges(views)
+    panels = [Panels(view, ranges, times) for view in views]
     if len(panels) == 1:
         content = _lay_out_run(panels[0])
     else:

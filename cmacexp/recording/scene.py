@@ -55,11 +55,8 @@ def _log_eyes(entities: Entities) -> None:
 
 def _log_body(entities: Entities, view: RunView) -> None:
     """The frames ``world/travel``, which moves on with the machine, and ``world/travel/body``, which tilts too."""
-    travel, up = view.way(), np.zeros((len(view.time), 3))
-    travel[:, 2] -= view.body["height"]
-    travel[:, 2] -= view.foot_radius
-    up[:, 2] = view.body["height"] + view.foot_radius
-    entities.send_columns("world/travel", rr.Transform3D.columns(translation=travel))
+    up = (view.body["height"] + view.foot_radius)[:, None] * [0.0, 0.0, 1.0]
+    entities.send_columns("world/travel", rr.Transform3D.columns(translation=view.way() - up))
     turn = view.turn().astype(np.float32)
     entities.send_columns("world/travel/body", rr.Transform3D.columns(translation=up, quaternion=turn))
     if view.walks:

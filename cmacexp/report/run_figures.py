@@ -180,11 +180,10 @@ def _draw_plot(plot: Plot, axis: str, x: Array, kept: Mask | slice) -> Panel:
 
 def draw_torques(view: RunView) -> Drawing:
     """Feedback and feedforward of all joints in the last chosen cycle; of a robot J^T F_d apart, as in metrics."""
-    cycle, panels = view.cycles[-1], []
-    for path, plot in list_plots(view).items():
-        if "torque" in path:
-            panel = _draw_plot(plot, CLOCK, view.clock, view.cycle == cycle)
-            panels.append(_over_clock(view, panel, plot.leg))
+    cycle = view.cycles[-1]
+    plots = [plot for path, plot in list_plots(view).items() if "torque" in path]
+    drawn = [_draw_plot(plot, CLOCK, view.clock, view.cycle == cycle) for plot in plots]
+    panels = [_over_clock(view, panel, plot.leg) for panel, plot in zip(drawn, plots, strict=True)]
     also = " and the torque of the desired force, which the plan knows," if view.robot else ""
     caption = f"Feedback and feedforward{also} in cycle {cycle}; the plant receives their sum."
     figure = draw(panels, len(view.trace.axes), 2.6 if view.trace.legs == 1 else 2.0, share="x")
@@ -193,13 +192,14 @@ def draw_torques(view: RunView) -> Drawing:
 
 def _draw_speeds(view: RunView) -> Panel:
     """The speeds of all joints in the last steps, or those of a point mass."""
-    unit, columns = ("rad/s", "dq{}") if view.has_joints else ("m/s", "v{}")
-    time, series = view.time[LAST], []
-    for leg in range(1, view.trace.legs + 1):
-        for number, axis in enumerate(view.trace.axes, 1):
-            name = columns.format(number if view.has_joints else axis)
-            series.append(Series(f"leg {leg} {name}", time, view.trace[name][LAST, leg - 1]))
-    return Panel("speed", "time, s", unit, series)
+    axes = view.trace.axes
+    names = [f"dq{joint}" for joint in range(1, len(axes) + 1)] if view.has_joints else [f"v{axis}" for axis in axes]
+    series = [
+        Series(f"leg {leg + 1} {name}", view.time[LAST], view.trace[name][LAST, leg])
+        for leg in range(view.trace.legs)
+        for name in names
+    ]
+    return Panel("speed", "time, s", "rad/s" if view.has_joints else "m/s", series)
 
 
 def draw_end(view: RunView) -> Drawing:
