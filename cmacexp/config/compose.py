@@ -97,13 +97,10 @@ def _compose_cached(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str
 
     options = tuple(filter(_is_option, overrides))
     config, choices = pickle.loads(_pickle_options(options))
-    for text in overrides:
-        if text in options:
-            continue
+    for text in (text for text in overrides if text not in options):
         override = parse_override(text)
-        key = override.key_or_group
-        exists = OmegaConf.select(config, key, default=_MISSING, throw_on_resolution_failure=False) is not _MISSING
-        kinds = (OverrideType.CHANGE if exists else OverrideType.ADD, OverrideType.FORCE_ADD)
+        known = OmegaConf.select(config, override.key_or_group, default=_MISSING, throw_on_resolution_failure=False)
+        kinds = (OverrideType.ADD if known is _MISSING else OverrideType.CHANGE, OverrideType.FORCE_ADD)
         if override.type not in kinds or override.package or override.is_sweep_override():
             return _compose(overrides)  # it removes a key, or is a mistake
         set_values(config, [text])

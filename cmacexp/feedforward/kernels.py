@@ -8,7 +8,7 @@ import numpy as np
 from cmacexp.cmac.memory import find_distinct, read, read_weighted, train
 from cmacexp.cmac.rules import NEIGHBOURS, PAPER, RuleParams, rate_after, train_by_rule, train_spread
 from cmacexp.data.signals import FEEDFORWARD, MEMORY_SIGNALS
-from cmacexp.jit.compiler import kernel, program
+from cmacexp.jit.compiler import copy_array, kernel, program
 from cmacexp.typing import CLOCK, Array, Cells, Clock, Counts, Scratch, State
 
 LOGGED = tuple(signal.name for signal in MEMORY_SIGNALS if signal.owner == FEEDFORWARD)
@@ -156,8 +156,7 @@ def smooth(weights: Array, smoothing: Smoothing) -> None:
     taps, room = smoothing
     rows = weights.shape[0]
     for o in range(weights.shape[1]):
-        for k in range(rows):
-            room[k] = weights[k, o]
+        copy_array(weights[:, o], room)
         for k in range(rows):
             total = taps[0] * room[k]
             for j in range(1, taps.shape[0]):
@@ -203,8 +202,7 @@ def adapt(params: FeedforwardParams, i: int, sample: int, learning_error: Array,
     parameters, columns = params.weights[i], params.activation[sample, i]
     steps = params.learning.share[(sample - 1 - params.learning.lead) % params.activation.shape[0], i]
     joints = output.shape[0]
-    for j in range(joints):
-        output[j] = 0.0
+    output[...] = 0.0
     for p in range(parameters.shape[0]):
         change = 0.0
         for j in range(joints):

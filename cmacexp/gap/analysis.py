@@ -189,9 +189,10 @@ def _explain(problem: Problem) -> dict[str, Any]:
     first: Mask = np.arange(len(signals.log.time)) < half
     models = {"model": problem.machine.losses, "identified on the first half": regress(problem, LEVELS[-1], first)}
     torque = signals.torque[half:]
-    left = {"rigid bodies": torque - problem.rigid[half:]}
-    for name, values in models.items():
-        left[name] = torque - (problem.rigid + problem.compute_joint_torque(values))[half:]
+    left = {"rigid bodies": torque - problem.rigid[half:]} | {
+        name: torque - (problem.rigid + problem.compute_joint_torque(values))[half:]
+        for name, values in models.items()
+    }
     joints = {
         joint: {name: round(compare_rms(own[:, j], torque[:, j]), 2) for name, own in left.items()}
         for j, joint in enumerate(signals.log.joints)

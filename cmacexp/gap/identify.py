@@ -192,11 +192,8 @@ class Problem:
         for block in self.machine.blocks:
             doubled = [replace(self, machine=self.machine.scale_masses({joint: 2.0})) for joint in block.tolist()]
             own = [other.rigid - self.rigid for other in doubled]
-            for joint, torque, error in zip(
-                block.tolist(), own, self._find_errors(block, own, MASS_PRIOR), strict=True
-            ):
-                if error < KNOWN * MASS_PRIOR:
-                    known[joint] = torque
+            found = zip(block.tolist(), own, self._find_errors(block, own, MASS_PRIOR), strict=True)
+            known |= {joint: torque for joint, torque, error in found if error < KNOWN * MASS_PRIOR}
         return known
 
     @cached_property
@@ -260,8 +257,7 @@ def fit(problem: Problem, level: Level, rows: Mask, start: Array | None = None) 
         deviation[np.ix_(own.block, level.free)] = error[: own.own].reshape(len(own.block), -1)
         inertia = np.arange(len(own.block)) * int(level.free.sum())
         correlation[own.block] = own.covariance[inertia, own.own] / (error[inertia] * error[own.own])
-        for k, joint in enumerate(own.masses, own.own + 1):
-            masses[joint] = (1.0 + float(own.x[k]), float(error[k]))
+        masses |= {joint: (1.0 + float(own.x[k]), float(error[k])) for k, joint in enumerate(own.masses, own.own + 1)}
     return Fit(
         level=level,
         values=values,

@@ -28,7 +28,7 @@ BUMPS, FEATURES = 40, 300
 """Radial basis functions over a stroke; random Fourier features."""
 RIDGE = 0.3
 """Information of the prior of linear features, (N m)^-2."""
-GRID = 400
+GRID = np.arange(400) / 400
 """Phases of a stroke at which iterative learning has a torque."""
 HIDDEN, EPOCHS = 64, 60
 """Of the perceptron: hidden units, passes through all samples after each stroke."""
@@ -83,21 +83,20 @@ class Iterative:
 
     def __init__(self, signals: Signals, gain: float = 1.0, harmonics: float = np.inf, rough: float = 0.0):
         self.phase, self.gain = signals.phase, gain
-        self.torque = np.zeros((GRID, signals.torque.shape[1]))
-        number = np.arange(GRID // 2 + 1)[:, None]
+        self.torque = np.zeros((GRID.size, signals.torque.shape[1]))
+        number = np.arange(GRID.size // 2 + 1)[:, None]
         self.passes = (number <= harmonics) / (1.0 + rough * number**2)
 
     def predict(self, rows: slice) -> Array:
         """The torque at the phases of the stroke."""
-        grid = np.arange(GRID) / GRID
-        return np.stack([np.interp(self.phase[rows], grid, own, period=1.0) for own in self.torque.T], axis=1)
+        return np.stack([np.interp(self.phase[rows], GRID, own, period=1.0) for own in self.torque.T], axis=1)
 
     def learn(self, rows: slice, torque: Array) -> None:
         """Correct the torque by the error of the stroke."""
-        error, grid = torque - self.predict(rows), np.arange(GRID) / GRID
-        at_grid = np.stack([np.interp(grid, self.phase[rows], own) for own in error.T], axis=1)
+        error = torque - self.predict(rows)
+        at_grid = np.stack([np.interp(GRID, self.phase[rows], own) for own in error.T], axis=1)
         passed = np.fft.rfft(self.torque + self.gain * at_grid, axis=0) * self.passes
-        self.torque = np.fft.irfft(passed, GRID, axis=0)
+        self.torque = np.fft.irfft(passed, GRID.size, axis=0)
 
 
 class CmacLearner:

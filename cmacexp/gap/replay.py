@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cmacexp.gap.machine import Expansion
-from cmacexp.jit.compiler import program
+from cmacexp.jit.compiler import copy_array, program
 from cmacexp.typing import Array
 
 SUBSTEP = 1e-3
@@ -104,10 +104,9 @@ def take_rows(equations, drive, params, delay, further, own, h, substeps, state,
     width, count, extra = values.shape[1], angle_by.shape[2], further.shape[2]
     knots = width - 4
     for k in range(rows):
-        for i in range(size):
-            angle[k, i], velocity[k, i] = q[i], v[i]
-            for p in range(count):
-                angle_by[k, i, p] = dq[i, p]
+        copy_array(q, angle[k])
+        copy_array(v, velocity[k])
+        copy_array(dq, angle_by[k])
         for s in range(substeps):
             begin = k + (s * h - delay) / (substeps * h)
             end = begin + 1.0 / substeps
