@@ -262,7 +262,11 @@ class Cmac:
 def _require_ranges(ranges: InputRange) -> None:
     """Require a range for each input; raises ValueError."""
     low, high = ranges
-    if low.ndim != 1 or low.shape != high.shape or not (np.isfinite([low, high]).all() and (low < high).all()):
+    if (
+        low.ndim != 1
+        or low.shape != high.shape
+        or not (low.size and np.isfinite([low, high]).all() and (low < high).all())
+    ):
         raise ValueError(f"ranges from {low} to {high}: must be two arrays (n,), the first below the second")
 
 

@@ -77,6 +77,7 @@ def require_refused(folder, file, named):
         ("at most 1.5", "1.5 to 1", "limit"), ("rmse_x[1]", "rmse_x[0]", "quantity"), ("[-3:]", "[-1]", "quantity"),
         ("over: {gait.stroke: [0.1, 0.15, 0.2]}", "over: {gait.stroke: 0.1}", "runs.over.gait.stroke"),
         ("over: {gait.stroke: [0.1, 0.15, 0.2]}", "over: {gait.stroke: '12'}", "runs.over.gait.stroke"),
+        ("over: {gait.stroke: [0.1, 0.15, 0.2]}", "over: {gait.stroke: []}", "runs.over.gait.stroke"),
         ("each: {gait.stroke: [0.1, 0.15, 0.2]}", "each: 3", "findings.each"),
         ("says: A", "criteria: 3, says: A", "findings.criteria"), ("of: {gait.stroke: 0.2}", "of: 3", "findings.of"),
         ("says: A", "for: {a: b}, says: A", "findings.for.a"),
