@@ -171,10 +171,13 @@ def draw_body(view: RunView) -> Drawing:
 
 def _draw_plot(plot: Plot, axis: str, x: Array, kept: Mask | slice) -> Panel:
     """A plot of the recordings in some steps over ``x``, which ``axis`` names."""
-    series = []
-    for (name, values, rgb), dash in zip(plot.lines, DASHES, strict=False):
-        style = DESIRED_LINE if rgb == palette.DESIRED else {"color": colour(rgb), "linestyle": dash}
-        series.append(Series(name, x[kept], values[kept], style=style))
+    styles = [
+        {"color": colour(line.colour), "linestyle": dash} for line, dash in zip(plot.lines, DASHES, strict=False)
+    ]
+    series = [
+        Series(name, x[kept], values[kept], style=DESIRED_LINE if rgb == palette.DESIRED else style)
+        for (name, values, rgb), style in zip(plot.lines, styles, strict=True)
+    ]
     return Panel(plot.title, axis, plot.unit, series, from_zero=plot.leg > 0)
 
 

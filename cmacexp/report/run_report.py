@@ -53,10 +53,8 @@ def list_key_metrics(run: Run, cycles: Sequence[int]) -> Table:
 
 def list_settings(run: Run) -> list[PageElement]:
     """What was set for the run, as it was typed, and its whole config."""
-    described, rows = describe_fields(run.config), []
-    for key, value in run.settings.items():
-        field = described.get(key, Described("", ""))
-        rows.append([key, format_setting(value), field.unit, field.meaning])
+    fields = dict.fromkeys(run.settings, Described("", "")) | describe_fields(run.config)
+    rows = [[k, format_setting(value), fields[k].unit, fields[k].meaning] for k, value in run.settings.items()]
     overrides = " ".join(run.manifest.get("overrides", ()))
     set_for_run = f"Set for this run: {overrides}" if overrides else "Its manifest lists no overrides."
     titles = ["setting", "value", "unit", "meaning"]

@@ -30,10 +30,10 @@ def _list_differences(runs: Sequence[Run], swept: Swept) -> list[PageElement]:
         more = f", ... ({len(values)} values)" if len(values) > MOST_VALUES else ""
         return ", ".join(values[:MOST_VALUES]) + more
 
-    rows = []
-    for key in swept.all_keys:
-        linked = "; ".join(f"{other}: {list_values(other)}" for other in swept.linked.get(key, []))
-        rows.append([key, list_values(key), linked])
+    linked = {
+        key: "; ".join(f"{other}: {list_values(other)}" for other in others) for key, others in swept.linked.items()
+    }
+    rows = [[key, list_values(key), linked.get(key, "")] for key in swept.all_keys]
     if rows:
         count = 3 if swept.linked else 2
         titles = ["key", "values", "keys that vary with it"][:count]
