@@ -18,7 +18,7 @@ from cmacexp.engine.chunk import RunEnd, run_chunk
 from cmacexp.engine.equal_results import find_idle_keys
 from cmacexp.engine.pool import choose_size, count_processes, group_runs, start_workers
 from cmacexp.engine.sweep_tables import concat_metrics, join_runs, make_column, read_settings, tabulate_settings
-from cmacexp.errors import BadInput, OtherModel, WithoutEffect, require_name
+from cmacexp.errors import OtherModel, WithoutEffect, require, require_name
 from cmacexp.terminal.output import print_line
 
 if TYPE_CHECKING:
@@ -61,8 +61,7 @@ def write_many(
     Args, errors and warnings are the same; a column that a run lacks is null. The file is whole or absent.
     """
     place, listed = Path(file), _list_runs(runs)
-    if place.is_dir():
-        raise BadInput("file", place, "is a folder: name a file")
+    require(not place.is_dir(), "file", place, "is a folder: name a file")
     with write_atomically(place) as whole, TemporaryDirectory(dir=place.parent, prefix=".") as folder:
         parts = list[Path]()
         for part in _run_in_parts(listed, keep, processes, AT_ONCE.get(keep, 1)):
@@ -78,16 +77,15 @@ def write_many(
 
 def _list_runs(runs: Iterable[Sequence[str]]) -> list[list[str]]:
     """The overrides of each run; raises BadInput if there are none, or what is given is something else."""
-    if isinstance(runs, str) or not isinstance(runs, Iterable):
-        raise BadInput("runs", runs, 'must be a list of lists of overrides, such as [["cycles=3"]]')
+    fits = isinstance(runs, Iterable) and not isinstance(runs, str)
+    require(fits, "runs", runs, 'must be a list of lists of overrides, such as [["cycles=3"]]')
     listed = []
     for overrides in runs:
-        if isinstance(overrides, str):
-            raise BadInput("runs", overrides, f"must be a list of lists of overrides: [[{overrides!r}]]")
+        allowed = f"must be a list of lists of overrides: [[{overrides!r}]]"
+        require(not isinstance(overrides, str), "runs", overrides, allowed)
         listed.append(list_texts(overrides))
         refuse_options(listed[-1])
-    if not listed:
-        raise BadInput("runs", listed, "must have at least one run")
+    require(listed, "runs", listed, "must have at least one run")
     return listed
 
 
@@ -112,8 +110,9 @@ def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | Non
             order = np.concatenate([chunk for _, chunk in own_chunks])
             ends: list[RunEnd] = [end for chunk, _ in ended for end in chunk]
             all_ends += [ends[place] for place in order.argsort()]
-            own = known.take(arrow(first + order, pa.int64()))
-            own = own.append_column("status", make_column([end.status for end in ends]))
+            own = known.take(arrow(first + order, pa.int64())).append_column(
+                "status", make_column([end.status for end in ends])
+            )
             index: Any = np.repeat(np.arange(len(order)), [end.rows for end in ends])
             table = join_runs(own, concat_metrics([table for _, table in ended])[0], index)
             in_order = arrow(order[index].argsort(kind="stable"), pa.int64())

@@ -10,8 +10,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-import pyarrow as pa
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.utils import setup_globals
 from omegaconf import DictConfig, OmegaConf, open_dict
@@ -23,7 +21,6 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import RUN_KEY, check_place, new_result
 from cmacexp.data.integrity import compute_hashes, is_finished
 from cmacexp.data.run import Run
-from cmacexp.data.tables import arrow
 from cmacexp.engine.chunk import Chunk
 from cmacexp.engine.equal_results import describe_result
 from cmacexp.engine.objective import check_metric
@@ -35,6 +32,7 @@ from cmacexp.engine.sweep_tables import (
     JobTables,
     concat_metrics,
     find_fingerprint,
+    make_column,
     make_table,
     read_metrics,
     select_run_overrides,
@@ -225,7 +223,7 @@ def _tabulate(root: Path, runs: Mapping[int, Run], overrides: Mapping[int, list[
             }
         )
     metrics, index = concat_metrics([read_metrics(run) for run in runs.values()])
-    numbers = arrow(np.array(list(runs))[index], pa.int64())
+    numbers = make_column([rows[place]["run"] for place in index])
     return JobTables(make_table(rows), metrics.add_column(0, "run", numbers))
 
 

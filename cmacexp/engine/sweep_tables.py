@@ -260,7 +260,8 @@ def _read(path: Path) -> JobTables:
         jobs, metrics = read_tables(path.parent)
         names = jobs.column_names
         own = ["run", "folder", "overrides"]  # without settings, whose columns stand before the status
-        return JobTables(jobs.select(list(dict.fromkeys([*own, *names[names.index("status") :]]))), metrics)
+        jobs = jobs.select(list(dict.fromkeys([*own, *names[names.index("status") :]])))
+        return JobTables(jobs.replace_schema_metadata(), metrics)
     with open_file(path) as file:
         return JobTables(*(pa.ipc.open_stream(file).read_all() for _ in JobTables._fields))
 
