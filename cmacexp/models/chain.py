@@ -148,7 +148,7 @@ _fill = program(_fill_each, plain=_fill_together)
 def _kinematics_of(chain: Array, q: Array) -> Array:
     """Feet, m, then the columns of Jacobians, m/rad, of one chain at ``q`` (3, N), rad: (4, 3, N)."""
     filled = np.empty((4, *q.shape))
-    _fill(chain, np.sin(q), np.cos(q), filled)
+    _fill(chain, np.sin(q, order="C"), np.cos(q, order="C"), filled)
     return filled
 
 
@@ -169,16 +169,15 @@ def chain_angles(chain: Array, feet: Array, start: Array) -> Array:
 
     Where the search starts, (3,) or (N, 3), decides to which side the knee bends.
     """
-    q = np.broadcast_to(start, feet.shape).T.copy()
+    q = np.atleast_2d(start).T  # one posture for all feet, if that is given
     for _ in range(MOST_ITERATIONS):
         kinematics = _kinematics_of(chain, q)
         missing = feet.T - kinematics[0]
         if not np.fmax.reduce(np.abs(missing), axis=None) > CLOSE_ENOUGH:  # NaN does not count
             break
         step = _solve(kinematics, missing)
-        q += step * np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=0), 1e-12))
-    q[:, ~(np.abs(missing).max(axis=0) <= 1e3 * CLOSE_ENOUGH)] = np.nan
-    return q.T
+        q = q + step * np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=0), 1e-12))
+    return np.where(np.abs(missing).max(axis=0) <= 1e3 * CLOSE_ENOUGH, q, np.nan).T
 
 
 def chain_motion(chain: Array, q: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array]:
