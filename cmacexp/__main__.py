@@ -3,6 +3,7 @@
 Without a name of a command the words are overrides of a run, or with ``-m`` of a sweep.
 """
 
+import signal
 import sys
 from contextlib import suppress
 from importlib import import_module
@@ -48,7 +49,12 @@ def main() -> int:
 
 
 def run_words() -> int:
-    """Run the command that the words of the command line name; its exit code."""
+    """Run the command that the words of the command line name; its exit code.
+
+    Ctrl-C while its modules are imported ends the process without a traceback; from then on the command handles it.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     name = sys.argv[1] if len(sys.argv) > 1 else ""
     if name in RUNS:
         sys.argv[1:2] = RUNS[name]

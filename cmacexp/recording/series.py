@@ -24,8 +24,6 @@ AXES = {
 """Names and colours of the axes in which a foot moves."""
 JOINTS = {2: ("hip", "knee"), 3: ("hip", "thigh", "knee")}
 """Names of the joints of a leg, by their number."""
-FORCES = {"desired": ("force_desired", palette.DESIRED), "actual": ("force", palette.ACTUAL)}
-"""The signal and the colour of a contact force."""
 BODY_PLOTS = {
     "tilt": {
         "pitch": ("pitch, nose down", palette.ACTUAL),

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from support.command import call, cmacexp, interrupted
+from support.command import call, cmacexp, interrupted, started
 
 import cmacexp as package
 from cmacexp.__main__ import COMMANDS, main
@@ -92,6 +92,13 @@ def test_a_run_that_is_ended_keeps_what_there_is(tmp_path):
     assert (done.returncode, done.stderr.splitlines()[-1]) == (143, "interrupted")
     assert package.load(tmp_path / "r").status == "interrupted"
     assert call("verify", tmp_path / "r").returncode == 0
+
+
+@pytest.mark.ci
+def test_ctrl_c_while_a_command_is_imported_ends_it_without_a_word(tmp_path):
+    (tmp_path / "hydra.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+    process = started("cycles=1", folder=tmp_path)
+    assert (process.communicate()[1], process.returncode) == ("", -signal.SIGINT)
 
 
 @pytest.mark.ci
