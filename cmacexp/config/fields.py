@@ -103,8 +103,7 @@ def read_field(schema: Any, name: str, given: Any, key: str) -> Any:
         value = _convert(given, declared, key)
     except _OtherType:
         if isinstance(given, list) and all(get_origin(kind) is not list for kind in _choices_of_type(declared)):
-            sweep = f"-m {key}={','.join(map(str, given))}"
-            allowed = f"must be one value, not a list; for a sweep write {sweep}"
+            allowed = f"must be one value, not a list; for a sweep write -m {key}={','.join(map(str, given))}"
         else:
             allowed = _describe_type(declared)
         raise BadInput(key, given, allowed) from None

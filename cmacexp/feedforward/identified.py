@@ -71,8 +71,7 @@ class IdentifiedModel:
         self.torque = self._compute_torque()
 
     def _compute_torque(self) -> Array:
-        torque: Array = self.model_torque + np.einsum("kljf,ljf->klj", self.features, self.weights)
-        return torque
+        return np.asarray(self.model_torque + np.einsum("kljf,ljf->klj", self.features, self.weights))
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
         """Learn from the last step's feedback (L, J), N m, then give this step's torque (L, J), N m."""

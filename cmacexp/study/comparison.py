@@ -141,8 +141,7 @@ class Comparison:
 
     def completed(self, method: str) -> Mask:
         """(tasks, worlds): the runs that did not fail."""
-        found: Mask = np.isfinite(self._of(method))
-        return found
+        return np.asarray(np.isfinite(self._of(method)))
 
     def mean(self, method: str) -> Interval:
         """Mean score of the runs that completed; undefined if none did."""

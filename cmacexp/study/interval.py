@@ -131,8 +131,7 @@ def _compute_centre(values: Array) -> Array:
     """The mean along the last axis; from four values on without their outer quarters."""
     count = values.shape[-1]
     cut = count // 4 if count >= TRIMMED_FROM else 0
-    centre: Array = np.sort(values, axis=-1)[..., cut : count - cut].mean(axis=-1)
-    return centre
+    return np.asarray(np.sort(values, axis=-1)[..., cut : count - cut].mean(axis=-1))
 
 
 def _bootstrap(values: Array) -> Interval:

@@ -110,8 +110,7 @@ def find_unit(quantity: ast.expr) -> str | None:
 
 def compute_quantity(text: str, results: Results) -> Array:
     """(runs,): the value of a quantity in each run; raises as :func:`parse_quantity` and ``Results.at``."""
-    found = np.broadcast_to(_compute(parse_quantity(text), results), len(results))
-    return np.array(found)
+    return np.array(np.broadcast_to(_compute(parse_quantity(text), results), len(results)))
 
 
 def _compute(node: ast.expr, results: Results) -> Any:
