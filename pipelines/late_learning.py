@@ -10,10 +10,14 @@ from cmacexp.cmac.rules import PAPER_RATE, RULES
 from cmacexp.study import (
     FINAL_CYCLES,
     TRANSFER,
+    Array,
     Declared,
+    Results,
     Run,
     declare,
     find_history,
+    per_seed,
+    relative,
 )
 from pipelines.common_results import describe_end, if_completed, slide_median
 
@@ -42,6 +46,12 @@ LEADS = {f"zero_phase, lead {lead}": ["learning.rule=zero_phase", f"learning.lea
 def least(run: Run) -> float:
     """The least median of a transfer error over as many cycles in a row as the final one, m."""
     return float(slide_median(find_history(run.pooled, TRANSFER), FINAL_CYCLES).min())
+
+
+def find_least_rule(results: Results) -> Array:
+    """(seeds,): least final error of the other rules over that of the paper's."""
+    others, error = results.select(choice=list(OTHER_RULES)), partial(Results.end, name=TRANSFER)
+    return per_seed(others, relative(others, results.select(choice="default"), error), min)
 
 
 def _part(name: str, machines: Declared, common: list[str], **over: object) -> Declared:
@@ -110,6 +120,12 @@ STUDY = declare(
             "says": "One leg completes with every rule in every world",
             "quantity": f"{DONE}every rule", "value": "done", "each": EVERYWHERE,
             "of": {"part": "choice", "choice": ["default", *OTHER_RULES]}, "limit": "at least 90 %",
+        },
+        "rule": {
+            "says": "One leg: in every world the error with another rule is at least a tenth smaller than with the "
+            "paper's",
+            "quantity": "least error of another rule over that of the paper's", "value": find_least_rule,
+            "of": {"part": "choice"}, "each": EVERYWHERE, "limit": "at most 0.9",
         },
         "{choice}": {
             "for": {"choice": list(LEADS)},

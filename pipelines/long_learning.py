@@ -15,7 +15,6 @@ from cmacexp.study import (
     Array,
     Declared,
     Results,
-    RunRow,
     compute_quantity,
     declare,
     ended_in,
@@ -46,19 +45,23 @@ def find_variation(errors: Array) -> float:
 
 def one_too_short(results: Results) -> Array:
     """(runs,): share done by runs whose lead is one less than the ``auto`` of their world and delay."""
-
-    def place(row: RunRow) -> tuple[int, int]:
-        return int(row.settings["seed"]), int(row.settings["actuator.delay"])
-
-    right = {place(row): row.measures["lead"] for row in results.select({"learning.lead": "auto"}).rows}
-    fixed = [row for row in results.rows if row.settings["learning.lead"] != "auto"]
-    return compute_quantity("done", Results([row for row in fixed if row.measures["lead"] == right[place(row)] - 1]))
+    right, same = results.select({"learning.lead": "auto"}), ("seed", "actuator.delay")
+    short = [
+        row
+        for row in results.rows
+        if row.settings["learning.lead"] != "auto"
+        and row.measures["lead"] + 1 == right.select({key: row.settings[key] for key in same}).measure("lead")[0]
+    ]
+    return compute_quantity("done", Results(short))
 
 
 def error_when_detected(results: Results) -> list[float]:
     """Of each run with drift that ended before its time: the error when it was detected over the least until then."""
-    drifted = [row for row in results.rows if not row.run.completed and np.isfinite(row.measures["detected"])]
-    errors = [row.history(TRANSFER)[: int(row.measures["detected"])] for row in drifted]
+    errors = [
+        row.history(TRANSFER)[: int(row.measures["detected"])]
+        for row in results.rows
+        if not row.run.completed and np.isfinite(row.measures["detected"])
+    ]
     return [float(each[-1] / each.min()) for each in errors]
 
 

@@ -240,9 +240,10 @@ def gait_diagram(walk: Walk, cycles: int = 2) -> Figure:
         for leg in range(1, 5)
         for name, (down, shift, ink) in shown.items()
     ]
-    starts = np.flatnonzero(np.diff(walk.cycle[rows])) + 1
     axes = ("support and transfer", "time, s", "leg")
-    return draw([Panel(*axes, series, x_limits=time[starts], y_range=(0.5, 4.5), y_down=True)])
+    return draw(
+        [Panel(*axes, series, x_limits=time[1:][np.diff(walk.cycle[rows]) > 0], y_range=(0.5, 4.5), y_down=True)]
+    )
 
 
 def _connect(points: Array, chosen: Mask) -> Array:

@@ -44,7 +44,7 @@ SIGNALS: dict[str, tuple[str, tuple[float, ...], tuple[float, ...]]] = {
     "height": ("noise", (), (1e-6, 1e-5, 1e-4, 1e-3)),
     "tilt": ("noise", (), (1e-6, 1e-5, 1e-4, 1e-3)),
 }
-"""Field of the noise on each signal; its levels for one leg and for the quadruped."""
+"""Field of the noise on each signal; its levels for one leg, which has no body, and for the quadruped."""
 
 
 def _break(kind: str, value: float, leg: int, start: float) -> list[str]:
@@ -84,6 +84,7 @@ def _add_noise(machine: str, words: list[str], own: int) -> list[Declared]:
             "quick": {} if signal == "force" else None,
         }
         for signal, (field, *levels) in SIGNALS.items()
+        if levels[own]
     ]
     return [sound, *noisy]
 

@@ -24,11 +24,6 @@ FEWEST = 20
 """Cycles over which growth is measured at least."""
 
 
-def _over_legs(run: Run, name: str) -> Array:
-    """(cycles,): root mean square of a metric over the legs."""
-    return np.asarray(np.sqrt((run.metrics[name] ** 2).groupby(run.metrics["cycle"]).mean()))
-
-
 def _held(levels: Array, cycles: int) -> bool:
     """Whether so many cycles of learning completed, of the ``levels`` of learning, and did not rise."""
     return len(levels) >= cycles and compute_rise(levels[:cycles])[0] < DRIFT_RATIO
@@ -52,7 +47,7 @@ def _measure(folder: Path) -> Mapping[str, float]:
     run = Run(folder)
     config = read_config(run)
     first = config.learning.start_cycle
-    levels = _over_legs(run, "feedback_rms") if run.whole_cycles else np.empty(0)
+    levels = run.pooled["feedback_rms"] if run.whole_cycles else np.empty(0)
     if len(levels) < first - 1:
         return {"learns": 0.0}
     scenario, verdict, short = make_scenario(config), assess(config), assess(config, simulate=False)
@@ -60,7 +55,7 @@ def _measure(folder: Path) -> Mapping[str, float]:
     learning, asked = levels[first - 1 :], config.cycles - first + 1
     # Re(z^l T) > s T^H T, Re the Hermitian part: s = beta / 2 in condition 1, beta (l + 1/2) in condition 2.
     margins = find_least_real(config, lead, rate / 2.0, rate * (lead + 0.5), 0.0)
-    changes, lowest = _over_legs(run, "feedback_change")[1:], float(learning.min(initial=np.inf))
+    changes, lowest = run.pooled["feedback_change"][1:], float(learning.min(initial=np.inf))
     return {
         "learns": 1.0,  # feedback only lasts until learning begins
         # It completed, and its feedback ended below DRIFT_RATIO times its least.

@@ -131,8 +131,7 @@ LOG: OptionTable = {
 
 def main() -> NoReturn:
     """The command."""
-    parser = study_parser("pipelines.benchmark", QUESTION, {})
-    add_options(parser, OPTIONS)
+    parser = study_parser("pipelines.benchmark", QUESTION, OPTIONS)
     track = parser.add_argument_group("log track", "methods that take a log, instead of machines that walk")
     add_options(track, LOG)
     command(parser, run)

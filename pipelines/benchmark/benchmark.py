@@ -20,7 +20,7 @@ from cmacexp.study import (
     quotients,
 )
 from pipelines.benchmark import summary
-from pipelines.benchmark.entrants import ALONE, CMAC, MACHINES, STRESS, TASKS, VERSION
+from pipelines.benchmark.entrants import ALONE, CMAC, MACHINES, SPEED, STRESS, STROKE, TASKS, VERSION
 from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, FOR_EACH, GUARDED
 
 BENCHMARK = "benchmark"
@@ -67,6 +67,14 @@ def _changed(results: Results, machine: str, kind: str, method: str = CMAC) -> A
     before, after = (summary.make_comparison(frame, machine, each) for each in (BY_DEFAULT, kind))
     scores = {"before": before.scores[method], "after": after.scores[method]}
     return _divide(Comparison(scores, before.tasks, before.worlds).sums("after", "before"))
+
+
+def _first(results: Results, machine: str, task: str) -> Array:
+    """(worlds,): first error of CMAC after a change over that of feedback only, where both complete."""
+    rows = summary.take(results.computed[BENCHMARK], machine, FOR_ALL).query("task == @task")
+    values = rows.pivot(index="world", columns="method", values="first_error")
+    both = values[[CMAC, ALONE]].to_numpy().T
+    return quotients(both[0], np.where(np.isfinite(both[0]), both[1], np.inf))
 
 
 def _beaten(results: Results, method: str) -> Array:
@@ -135,6 +143,12 @@ def _findings(machine: str) -> dict[str, Finding]:
         f"plain_fails_{machine}": Finding(
             [SHARE("runs that fail", _failures(machine, [name]), at_most(FEW), case=name) for name in (ILC, CMAC)],
             says=f"{machine}: neither ILC nor the CMAC fails often",
+        ),
+        f"carries_{machine}": Finding(
+            [Criterion(f"first error after another {task} over that of feedback only, CMAC",
+                        partial(_first, machine=machine, task=task), at_most(0.5), at_least(1.0))
+             for task in (STROKE, SPEED)],
+            says=f"{machine}: what the CMAC has learnt carries over to another stroke and speed",
         ),
         f"on_model_{machine}": Finding(
             [Criterion(f"{SCORE}, CMAC on the model over CMAC alone, default settings",

@@ -128,8 +128,6 @@ FEEDFORWARD, CONTROLLER = "feedforward", "controller"
 ALONE, CMAC = "feedback only", "CMAC"
 OWN = "pipelines.benchmark.methods"
 T = TypeVar("T")
-RENAMED = {"feedback_alone": "feedback_only"}
-"""Names as the command line took them before."""
 
 
 @dataclass(frozen=True)
@@ -218,7 +216,7 @@ def slug(name: str) -> str:
 
 def choose_names(option: str, names: str | None, known: Collection[str]) -> list[str]:
     """Names of an option of the command line as they are ``known``, all of them for None; raises BadInput."""
-    wanted = [*known] if names is None else [RENAMED.get(slug(name), slug(name)) for name in names.split(",")]
+    wanted = [*known] if names is None else [slug(name) for name in names.split(",")]
     for name in wanted:
         require_name(option, name, known)
     return wanted
