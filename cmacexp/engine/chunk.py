@@ -7,6 +7,7 @@ import hashlib
 from collections import defaultdict, deque
 from collections.abc import Hashable, Sequence
 from dataclasses import replace
+from itertools import groupby
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -24,7 +25,8 @@ from cmacexp.engine.stop_cause import explain_stop
 from cmacexp.engine.sweep_tables import concat_metrics, join_scores
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.loop import End
-from cmacexp.loop.run import MOST_CYCLES, Repeated
+from cmacexp.loop.repeated import Repeated
+from cmacexp.loop.run import MOST_CYCLES
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.trace import Sampled, assemble, join_runs
 from cmacexp.metrics.body import compute_body
@@ -54,7 +56,7 @@ class Chunk:
     """Runs of one process, and their metrics."""
 
     _repeated: ClassVar[tuple[Any, Repeated] | None] = None
-    """The scenario of the last run that could share it, also of an earlier chunk of this process."""
+    """What the last runs that could share a scenario have in common, and that, also of an earlier chunk."""
 
     def __init__(self, runs: Sequence[Sequence[str]], keeps_trace: bool = False):
         """Runs of these overrides; the traces of all of them are kept, else of short runs until they are scored."""
@@ -70,23 +72,35 @@ class Chunk:
         self.hashes = dict[int, dict[str, str]]()
         """SHA-256 of the values of each table of metrics of the runs that are scored, by the name of its file."""
 
-    def make(self, config: Config) -> Scenario:
-        """A scenario of a config, for the next run.
-
-        One is made for all in a row that differ in the rate alone, or in the seed if only a feedforward draws.
-        """
-        draws = getattr(config.sensors, "draws", True)
-        alike = {
-            **vars(config),
-            "learning": {**vars(config.learning), "rate": None},
-            "seed": config.seed if draws else None,
-        }
+    def _share(self, configs: Sequence[Config]) -> Repeated | Scenario:
+        """What starts runs of these configs, which can share a scenario, at once; else a scenario of the first."""
+        alike = len(configs), find_shared(configs[0])
         if Chunk._repeated is None or Chunk._repeated[0] != alike:
-            scenario = make_scenario(config)
-            if not (self._repeats[OF_RATE if draws else OF_BOTH] and Repeated.serves(scenario)):
+            scenario = make_scenario(configs[0])
+            repeats = self._repeats[OF_BOTH if alike[1]["seed"] is None else OF_RATE]
+            if not (repeats and Repeated.serves(scenario, len(configs))):
                 return scenario
-            Chunk._repeated = alike, Repeated(scenario)
-        return Chunk._repeated[1].start(config)
+            Chunk._repeated = alike, Repeated(scenario, len(configs))
+        return Chunk._repeated[1]
+
+    def make(self, config: Config) -> Scenario:
+        """A scenario of a config, for the next run: the same for all in a row that can share it."""
+        shared = self._share([config])
+        return shared.start([config]) if isinstance(shared, Repeated) else shared
+
+    def run_at_once(self, numbers: Sequence[int], configs: Sequence[Config]) -> End | None:
+        """Run those of these numbers, whose configs can share a scenario, at once; None if each is to run alone."""
+        first, count = configs[0], len(configs)
+        if self._keeps_trace or count == 1 or first.legs > 1 or not _is_short(first):
+            return None
+        if not isinstance(shared := self._share(configs), Repeated):
+            return None
+        end, scorer = score_scenario(shared.start(configs), machines=count)
+        if end.status != Status.COMPLETED:  # as one leg at least, but not all of them
+            return None
+        self._configs |= zip(numbers, configs, strict=True)
+        self._add_scores(numbers, scorer.scores.legs, [None] * count)
+        return end
 
     def run(self, number: int, scenario: Scenario) -> End:
         """Run the one of this number; raises as its loop."""
@@ -134,6 +148,12 @@ class Chunk:
                 (self.hashes[number][BODY_METRICS_FILE],) = _hash_rows(body, 1)
 
 
+def find_shared(config: Config) -> dict[str, Any]:
+    """What runs have in common that share a scenario: all but the rate, and the seed if only a feedforward draws."""
+    seed = config.seed if getattr(config.sensors, "draws", True) else None
+    return {**vars(config), "learning": {**vars(config.learning), "rate": None}, "seed": seed}
+
+
 def _is_short(config: Config) -> bool:
     """Whether a run is handed over as a whole, and its samples are few enough to be kept."""
     fits = config.cycles * config.steps_per_cycle * config.legs <= SHORT and config.cycles <= MOST_CYCLES
@@ -155,8 +175,11 @@ def run_chunk(chunk: Sequence[list[str]], keeps_trace: bool, runs: int) -> tuple
     together, ended = Chunk(chunk, keeps_trace), list[tuple[Config, End]]()
     # Twice as fast in a row as between runs.
     configs = [compose_config(overrides, is_shared=True) for overrides in chunk]
-    for number, config in enumerate(configs):
-        ended.append((config, together.run(number, together.make(config))))
+    for _, group in groupby(enumerate(configs), lambda each: find_shared(each[1])):
+        numbers, alike = zip(*group, strict=True)
+        end = together.run_at_once(numbers, alike)
+        for number, config in zip(numbers, alike, strict=True):
+            ended.append((config, end or together.run(number, together.make(config))))
     scores = list(together.score().values())
     tables = [*together.traces.values()] if keeps_trace else [*map(join_scores, scores)]
     hashes = [together.hashes[number] for number in range(len(ended))]

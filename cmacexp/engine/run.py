@@ -115,9 +115,13 @@ def score_scenario(
     keep: Callable[[SampledTrace], None] = lambda trace: None,
     watch: Callable[[float], None] = lambda cycles: None,
     warn: Callable[[Drift], None] = lambda drift: None,
+    machines: int = 1,
 ) -> tuple[End, RunScorer]:
-    """:func:`sample_scenario`, with what has the metrics; ``watch`` and ``warn`` as by :func:`run_scenario`."""
-    scorer = RunScorer(scenario.setup.config.steps_per_cycle)
+    """:func:`sample_scenario`, with what has the metrics; ``watch`` and ``warn`` as by :func:`run_scenario`.
+
+    The legs of the scenario are those of so many ``machines``.
+    """
+    scorer = RunScorer(scenario.setup.config.steps_per_cycle, machines)
 
     def take(sampled: Sampled) -> None:
         known, trace = scorer.drift, assemble(*sampled)

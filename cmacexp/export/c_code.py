@@ -139,7 +139,7 @@ def describe(network: Network, single: bool) -> dict[str, Any]:
         "rows": rows,
         "samples": samples,
         "lead": how.lead,
-        "rate": how.rate,
+        "rate": float(how.rate[0]),
         "ring": ring,
         "back": (-1 - how.lead) % samples if one_path else 1,
         "one_path": one_path,

@@ -255,7 +255,7 @@ def run_steps(network: Network, inputs: Array, errors: Array, real: Any) -> tupl
     weights[:, :rows] = network.params.weights
     cells, activation = _find_cells(network, inputs.astype(real), real)
     how, given = network.params.learning, errors.astype(real)
-    how = how._replace(rate=real(how.rate), rule=how.rule._replace(strength=real(how.rule.strength)))
+    how = how._replace(rate=how.rate.astype(real), rule=how.rule._replace(strength=real(how.rule.strength)))
     params = network.params._replace(cells=cells, activation=activation, weights=weights, learning=how)
     samples, steps = len(network.params.cells), len(cells)
     model_torque = None if network.model_torque is None else network.model_torque.astype(real)

@@ -96,8 +96,8 @@ EMPTY: Array = np.zeros((1, 1, 1))
 class LearningParams(NamedTuple):
     """How the weights of a network learn from the feedback."""
 
-    rate: float
-    """beta."""
+    rate: Array
+    """(L,): beta."""
     lead: int
     """U(k-1) trains the cells of step k-1-lead."""
     rule: RuleParams = PAPER
@@ -174,12 +174,12 @@ def learn(params: FeedforwardParams, i: int, step: int, sample: int, learning_er
     cells = params.cells[sample, i]
     how = params.learning
     if how.is_paper_rule:
-        train(weights, cells, learning_error, how.rate)
+        train(weights, cells, learning_error, how.rate[i])
     elif how.rule.teaches == NEIGHBOURS:
         share = how.share[sample, i]
-        train_spread(weights, how.cells[sample, i], share, learning_error, how.rate, how.rule.strength)
+        train_spread(weights, how.cells[sample, i], share, learning_error, how.rate[i], how.rule.strength)
     else:
-        rate = rate_after(how.rule, how.rate, (step - how.start_step) // params.cells.shape[0])
+        rate = rate_after(how.rule, how.rate[i], (step - how.start_step) // params.cells.shape[0])
         train_by_rule(how.rule, weights, cells, params.activation[sample, i], learning_error, rate)
 
 

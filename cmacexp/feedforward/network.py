@@ -68,11 +68,11 @@ class BuiltInFeedforward(ABC):
         if self.params.kind not in (CMAC, WEIGHTED):
             return None
         log = collect_log(self.params.log, self.params.weights, cycles)
-        counted = [use.cells_colliding for use in self.memory] or [None]
-        colliding = np.array([math.nan if count is None else count for count in counted])
+        uses = self.memory or [MemoryUse(self.params.weights.shape[1], 0, None, None, 0)]
+        colliding = np.array([math.nan if use.cells_colliding is None else use.cells_colliding for use in uses])
         return {
             **{name: log[:, :, column] for column, name in enumerate(LOGGED)},
-            "rows": np.full(log.shape[:2], float(self.params.weights.shape[1])),
+            "rows": np.broadcast_to(np.array([float(use.rows) for use in uses]), log.shape[:2]),
             "cells_colliding": np.broadcast_to(colliding, log.shape[:2]),
         }
 
@@ -134,7 +134,7 @@ def known_torque(setup: Setup, torque: Array) -> FeedforwardParams:
         cells=cells,
         activation=np.zeros((1, legs, 1)),
         weights=np.zeros((legs, 1, joints)),
-        learning=LearningParams(0.0, 0),
+        learning=LearningParams(np.zeros(legs), 0),
         smoothing=NO_SMOOTHING,
         log=new_log(cells),
     )
@@ -154,7 +154,9 @@ def regressor(setup: Setup, columns: Array, steps: Array, parameters: Array) -> 
         kind=REGRESSOR,
         activation=np.ascontiguousarray(columns.swapaxes(2, 3)).reshape(flat),
         weights=parameters[..., None].copy(),
-        learning=LearningParams(setup.rate, setup.lead, share=np.ascontiguousarray(steps).reshape(flat)),
+        learning=LearningParams(
+            np.full(len(parameters), setup.rate), setup.lead, share=np.ascontiguousarray(steps).reshape(flat)
+        ),
         log=new_log(rows),
     )
 
@@ -214,7 +216,7 @@ def network(
     config = setup.config.learning
     rule = make_rule(config, counts)
     learning = LearningParams(
-        setup.rate,
+        np.full(legs, setup.rate),
         setup.lead,
         rule,
         rule == PAPER and binary,

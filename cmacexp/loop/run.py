@@ -3,17 +3,15 @@
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.config import Config
-from cmacexp.config.schema import ADAPTIVE, ESTIMATE, NONE
+from cmacexp.config.schema import ESTIMATE
 from cmacexp.data.signals import ARRAYS, FEEDBACK_ALONE, LEARNS, LIVE_SIGNALS, REPEATED
 from cmacexp.errors import CmacexpError
-from cmacexp.feedforward.kernels import TABLE, FeedforwardParams
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.compiler import repays_compiling, workload
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back, raise_if_interrupted
@@ -24,13 +22,11 @@ from cmacexp.loop.guard import Event
 from cmacexp.loop.probe import LeadEstimate, estimate_lead
 from cmacexp.loop.samples import ALL_SAMPLES, TRAVEL, WIDE_BODY_SAMPLES, make_samples, name_samples
 from cmacexp.loop.scenario import Scenario, resolve_rate
-from cmacexp.loop.state import Snapshot, list_arrays
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits
 from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import LoadEstimate
 from cmacexp.planning.stability import STABILITY
-from cmacexp.plants import AnalyticPlant
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.plants.protocol import come_to_rest, is_live
 from cmacexp.sensors.protocol import find_altered
@@ -130,7 +126,7 @@ class _Stream:
         self.driver = Driver(scenario, loop, external, self.guard)
         self.steps_per_call = FIRST_STEPS if repays_compiling() and not any(external) else 1
         """Of the next call of the driver."""
-        fit = MOST_ROWS // (config.steps_per_cycle * legs)
+        fit = MOST_ROWS // (config.steps_per_cycle * config.legs)
         cycles = min(config.cycles, max(1, fit), MOST_CYCLES)
         if is_live(scenario.plant):  # handing samples over takes longer than a step, so that it waits for the end
             cycles = config.cycles
@@ -235,8 +231,8 @@ class _Stream:
         guard.learns_again = True
         learning = learning._replace(
             lead=lead,
-            rate=self.rate,
-            cycle_rate=learning.cycle_rate * self.rate / learning.rate,
+            rate=np.full_like(learning.rate, self.rate),
+            cycle_rate=float(learning.cycle_rate * self.rate / learning.rate[0]),
             start_step=self.driver.taken,
         )
         self.driver.loop = self.driver.loop._replace(feedforward=params._replace(learning=learning))
@@ -337,58 +333,3 @@ def stream(
         estimates=run.estimates,
         load_history=load_history,
     )
-
-
-class Repeated:
-    """A scenario that runs again and again at other rates of learning, or with other seeds.
-
-    Its arrays return; nothing but what a feedforward computes from the seed is made anew.
-    """
-
-    def __init__(self, scenario: Scenario):
-        setup = scenario.setup
-        limits = new_limits(setup.mechanism, setup.plan.margins[:, STABILITY], setup.config.sampling_period)
-        loop = make_loop(scenario, find_external(scenario), limits)
-        self._scenario, self._loop = scenario, loop._replace(feedforward=None)
-        self._start = Snapshot(each.array for each in list_arrays(self._loop) if each.role is not None)
-        self._take_params(loop.feedforward)
-
-    def _take_params(self, params: FeedforwardParams | None) -> None:
-        """Learn with other params, whose arrays are as at the start of a run."""
-        assert params is not None
-        weights, self._params = params.weights, params
-        changed = [each.array for each in list_arrays(params) if each.role is not None]
-        self._learner = Snapshot(array for array in changed if array is not weights)
-        # Of weights those in use: to copy all of them takes a third as long as a short run.
-        self._weights = [(own, rows, own[rows]) for own, rows in zip(weights, params.log.rows, strict=True)]
-
-    @staticmethod
-    def serves(scenario: Scenario) -> bool:
-        """Whether arrays of the loop hold all that a run changes, and nothing but a feedforward follows the rate."""
-        config, feedforward = scenario.setup.config, scenario.feedforward
-        if not isinstance(feedforward, BuiltInFeedforward) or not isinstance(scenario.plant, AnalyticPlant):
-            return False
-        learning, components = config.learning, (scenario.plant, scenario.sensors, scenario.controller, feedforward)
-        own = all(type(each).__module__.startswith("cmacexp.") for each in components)
-        fixed = learning.guard == NONE and learning.lead != ESTIMATE and config.force_control.load_sharing != ADAPTIVE
-        learns = own and scenario.fault is None and feedforward.params.kind != TABLE
-        return fixed and learns and not any(find_external(scenario))
-
-    def start(self, config: Config) -> Scenario:
-        """The scenario of a config that differs in seed and rate of learning alone; the one before has ended."""
-        self._start.restore()
-        self._learner.restore()
-        for own, rows, held in self._weights:
-            own[rows] = held
-        setup, feedforward = self._scenario.setup, self._scenario.feedforward
-        assert isinstance(feedforward, BuiltInFeedforward)
-        if config.seed != setup.config.seed:
-            setup = replace(setup, config=config)
-            with workload(config.cycles * config.steps_per_cycle * config.legs):
-                feedforward.reset(replace(setup, config=config.nominal))
-            self._scenario = replace(self._scenario, setup=setup)
-            self._take_params(feedforward.params)
-        rate = resolve_rate(config, LoopDelay(), setup.lead)
-        params = self._params._replace(learning=self._params.learning._replace(rate=rate))
-        loop = self._loop._replace(feedforward=params)
-        return replace(self._scenario, setup=replace(setup, config=config, rate=rate), loop=loop)

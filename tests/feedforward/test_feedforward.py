@@ -49,6 +49,8 @@ def make_network(setup, activation=None, **learning):
     cells = np.stack([rng.permutation(ROWS)[:3] for _ in range(SAMPLES * LEGS)]).reshape(SAMPLES, LEGS, 3)
     params = network(setup, cells, ROWS, activation)
     params.weights[:] = rng.normal(size=params.weights.shape)
+    if "rate" in learning:
+        learning["rate"] = np.full(LEGS, learning["rate"])
     return params._replace(learning=params.learning._replace(**learning))
 
 
