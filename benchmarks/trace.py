@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 from benchmarks.timing import Row, Table, compared, in_turn, make_config, stopwatch
 from cmacexp.data.tables import write_table
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.loop.trace import assemble
+from cmacexp.loop.trace import Sampled, assemble
 from tests.support.rollout import roll_out
 
 
@@ -22,11 +22,11 @@ def of_run(cycles: int, folder: Path, rounds: int) -> list[Row]:
     """From the samples of a run of one leg to a whole file."""
     config = make_config("scenario=one_leg", f"cycles={cycles}")
     rollout = roll_out(make_scenario(config))
-    table = assemble(rollout.plan, rollout.columns(), config.sampling_period).table
+    table = assemble(Sampled(rollout.plan, rollout.columns(), config.sampling_period)).table
     ours, plain, csv, npy = (folder / f"{cycles}.{kind}" for kind in ("parquet", "plain", "csv", "npy"))
 
     def write() -> None:
-        write_table(assemble(rollout.plan, rollout.columns(), config.sampling_period).table, ours)
+        write_table(assemble(Sampled(rollout.plan, rollout.columns(), config.sampling_period)).table, ours)
 
     workers = {
         "ours": stopwatch(write),

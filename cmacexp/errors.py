@@ -180,3 +180,9 @@ class Diverged(CmacexpError):
 
 class BadRun(CmacexpError):
     """A folder that does not contain a readable run."""
+
+
+def describe_failure(raised: Exception) -> str:
+    """Why a run failed, in one line; errors of this project and of the system need no class name."""
+    message = str(raised) if isinstance(raised, CmacexpError | OSError) else f"{type(raised).__name__}: {raised}"
+    return " ".join(message.split())

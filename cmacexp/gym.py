@@ -257,7 +257,7 @@ def draw_loop(loop: OpenLoop) -> NDArray[np.uint8]:
     axes.set(xlim=(MM * (at - wide / 2.0), MM * (at + wide / 2.0)), ylim=(MM * low, MM * (low + high)))
     canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()
-    return np.array(canvas.buffer_rgba())[..., :3]
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
 
 def make(

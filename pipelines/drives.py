@@ -7,14 +7,14 @@ from cmacexp.study import Declared, declare
 from pipelines.robot_walks import (
     ALONE,
     ENDS,
-    FORCE,
     FORCE_LEFT,
     GROUNDS,
     LAST,
-    POSITION,
     POSITION_LEFT,
     SPREAD,
     WALKS,
+    each_within,
+    end_within,
 )
 
 ROBOTS = {
@@ -40,15 +40,6 @@ ON_DRIVES: Declared = {
 LEARNS: Declared = {"feedforward": "cmac", "learning.lead": "estimate", "learning.rate": 0.025}
 EVERY: Declared = {"robot": ROBOTS, "ground": GROUNDS}
 EACH = {"robot": [*ROBOTS], "ground": [*GROUNDS]}
-
-
-def _within(gait: str, kind: str, worlds: list[str], **more: str) -> Declared:
-    """Walks that end within both limits, each by itself."""
-    _, _, position, force = GAITS[gait]
-    return {
-        "quantity": f"{gait}s within both", "of": {"gait": gait, "kind": kind}, "each": {"world": worlds}, **more,
-        "value": f"(1e3 * transfer_rmse[-1:] <= {position}) * (force_rmse[-1:] <= {force})", "limit": "at least 75 %",
-    }  # fmt: skip
 
 
 STUDY = declare(
@@ -100,10 +91,7 @@ STUDY = declare(
         **{
             f"{gait}_ends": {
                 "says": f"A {gait} ends at {position} mm and {force} N or less",
-                "criteria": [
-                    {**error, "of": {"gait": gait, "kind": "CMAC"}, "each": EACH, "limit": f"at most {limit}"}
-                    for error, limit in ((POSITION, f"{position} mm"), (FORCE, f"{force} N"))
-                ],
+                "criteria": end_within(position, force, {"gait": gait, "kind": "CMAC"}, EACH),
             }
             for gait, (_, _, position, force) in GAITS.items()
         },
@@ -111,14 +99,20 @@ STUDY = declare(
             f"each_{gait}": {
                 "says": f"In every world at least three quarters of the {gait}s end at {position} mm and {force} N "
                 "or less, each by itself",
-                **_within(gait, "CMAC", [*WORLDS]),
+                **each_within(gait, position, force, {"gait": gait, "kind": "CMAC"}, {"world": [*WORLDS]}),
             }
             for gait, (_, _, position, force) in GAITS.items()
         },
         "each_counted": {
             "says": "With the lead that is counted, and its rate, three quarters end there in the two worlds with "
             "the longest delay that nobody counted",
-            "criteria": [_within(gait, "CMAC, counted lead", LATE, case=f"{{world}}, {gait}s") for gait in GAITS],
+            "criteria": [
+                each_within(
+                    gait, position, force, {"gait": gait, "kind": "CMAC, counted lead"}, {"world": LATE},
+                    case=f"{{world}}, {gait}s",
+                )
+                for gait, (_, _, position, force) in GAITS.items()
+            ],
         },
     },
     tables={

@@ -5,7 +5,19 @@
 
 from cmacexp.study import Declared, declare
 from pipelines.drives import LEARNS, ROBOTS
-from pipelines.robot_walks import ALONE, ENDS, FORCE, GROUNDS, LAST, ON_BOTH, POSITION, SPREAD, WALKS
+from pipelines.robot_walks import (
+    ALONE,
+    ENDS,
+    FORCE,
+    GROUNDS,
+    LAST,
+    ON_BOTH,
+    POSITION,
+    SPREAD,
+    WALKS,
+    each_within,
+    end_within,
+)
 
 TROT = {"gait": "trot", "gait.speed": 0.4}
 LAGGING = {"world": "lag of 15.1 ms and 4 ms more"}
@@ -31,14 +43,6 @@ WORLDS: dict[str, Declared] = {
     "lag of 20 ms and 6 ms more": {"actuator.lag": 0.02, "plant.delay": 3},
 }
 GO2 = {"Go2": ROBOTS["Go2"]}
-
-
-def _end(position: str, force: str, of: Declared, each: Declared) -> list[Declared]:
-    """Whether walks end with these errors, mm and N, or less."""
-    return [
-        {**error, "of": of, "each": each, "limit": f"at most {limit}"}
-        for error, limit in ((POSITION, f"{position} mm"), (FORCE, f"{force} N"))
-    ]
 
 
 STUDY = declare(
@@ -68,7 +72,7 @@ STUDY = declare(
         "trots": {
             "says": "A trot of a Go2 ends at 1 mm and 9 N or less",
             "criteria": [
-                *_end("1", "9", {"kind": "CMAC"}, {"case": [*CASES]}),
+                *end_within("1", "9", {"kind": "CMAC"}, {"case": [*CASES]}),
                 *({**error, "of": {"kind": "feedback only"}, "each": {"case": [*CASES]}, "limit": f"any {unit}"}
                   for error, unit in ((POSITION, "mm"), (FORCE, "N"))),
             ],
@@ -84,16 +88,14 @@ STUDY = declare(
         **{
             f"own_{gait}": {
                 "says": f"By what a robot measures itself a {gait} ends at {position} mm and {force} N or less",
-                "criteria": _end(position, force, {"case": case, "kind": "CMAC"}, {"robot": [*ROBOTS]}),
+                "criteria": end_within(position, force, {"case": case, "kind": "CMAC"}, {"robot": [*ROBOTS]}),
             }
             for gait, (case, (_, _, position, force)) in zip(("trot", "crawl"), OWN.items(), strict=True)
         },
         **{
             f"each_own_{gait}": {
                 "says": f"On either ground at least three quarters of the {gait}s end there, each by itself",
-                "quantity": f"{gait}s within both",
-                "value": f"(1e3 * transfer_rmse[-1:] <= {position}) * (force_rmse[-1:] <= {force})",
-                "of": {"case": case, "kind": "CMAC"}, "each": ON_BOTH, "limit": "at least 75 %",
+                **each_within(gait, position, force, {"case": case, "kind": "CMAC"}, ON_BOTH),
             }
             for gait, (case, (_, _, position, force)) in zip(("trot", "crawl"), OWN.items(), strict=True)
         },

@@ -39,6 +39,22 @@ ENDS = {
 """Columns of a table: the last cycle."""
 
 
+def end_within(position: str, force: str, of: Declared, each: Declared) -> list[Declared]:
+    """Criteria: walks end with these errors, mm and N, or less."""
+    return [
+        {**error, "of": of, "each": each, "limit": f"at most {limit}"}
+        for error, limit in ((POSITION, f"{position} mm"), (FORCE, f"{force} N"))
+    ]
+
+
+def each_within(gait: str, position: str, force: str, of: Declared, each: Declared, **more: str) -> Declared:
+    """A criterion: at least three quarters of the walks end within both limits, mm and N, each by itself."""
+    return {
+        "quantity": f"{gait}s within both", "of": of, "each": each, "limit": "at least 75 %", **more,
+        "value": f"(1e3 * transfer_rmse[-1:] <= {position}) * (force_rmse[-1:] <= {force})",
+    }  # fmt: skip
+
+
 def learn(cycles: int) -> Declared:
     """A CMAC that learns for so many cycles."""
     return {"feedforward": "cmac", "cycles": cycles}

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cmacexp.config.cmac import NEEDS_LEARNING
-from cmacexp.errors import BadInput, require
+from cmacexp.errors import BadInput, require, require_name
 from cmacexp.jit.compiler import kernel, program
 from cmacexp.typing import Array, Cells
 
@@ -148,7 +148,7 @@ def strength_needs(key: str) -> tuple[str, ...]:
 
 def find_rule(name: str) -> Rule:
     """The rule of that name; raises BadInput."""
-    require(name in RULES, "learning.rule", name, "choose from " + ", ".join(RULES))
+    require_name("learning.rule", name, RULES)
     return RULES[name]
 
 

@@ -6,7 +6,6 @@ import gc
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from subprocess import CalledProcessError
 from typing import Any, NoReturn
 
 from cmacexp.data.version import __version__
@@ -75,9 +74,7 @@ def run_command(work: Callable[[], int | None], hint: str = "") -> int:
             if is_interrupt(error):
                 print_line(f"interrupted{hint}", error=True)
                 return interrupted_exit_code()
-            if not isinstance(
-                error, CmacexpError | OSError | MemoryError | CalledProcessError
-            ):  # the last: an encoder
+            if not isinstance(error, CmacexpError | OSError | MemoryError):
                 raise
             if isinstance(error, BadComponent):  # what its own code raised
                 print(format_user_traceback(error.raised), file=sys.stderr, end="")

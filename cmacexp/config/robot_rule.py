@@ -159,7 +159,9 @@ def read_machine(root: DictConfig) -> RobotModel:
         "must be robot where settings follow from its model: use scenario=robot",
     )
     given = {field.name: root.machine[field.name] for field in fields(RobotModel) if field.name in root.machine}
-    lists = {name: OmegaConf.to_container(value) for name, value in given.items() if OmegaConf.is_list(value)}
+    lists = {
+        name: OmegaConf.to_container(value, resolve=True) for name, value in given.items() if OmegaConf.is_list(value)
+    }
     model = read_fields(RobotModel, {**given, **lists}, "machine")
     if find_option("plant", str(OmegaConf.select(root, "plant._target_"))) == "analytic":
         raise ask_for_robot(model)  # before the model is looked up, which may not be installed

@@ -170,12 +170,11 @@ def require_intact(path: Path) -> Path:
     manifest = _read_manifest(path.parent)
     if manifest is None or manifest.get("kind") == REPORT:
         return path
-    if path.name not in manifest["files"]:
-        BadRun.unless(
-            manifest["config"].get("record", {}).get("trace") is not False,
-            f"{path}: the run keeps metrics alone (record.trace=false); run it again with record=trace",
-        )
-        raise BadRun(f"{path}: the run did not write this file, its {MANIFEST} does not list it")
+    listed = path.name in manifest["files"]
+    keeps_trace = manifest["config"].get("record", {}).get("trace") is not False
+    lean = f"{path}: the run keeps metrics alone (record.trace=false); run it again with record=trace"
+    BadRun.unless(listed or keeps_trace, lean)
+    BadRun.unless(listed, f"{path}: the run did not write this file, its {MANIFEST} does not list it")
     fault = check_file(path.parent, path.name, manifest["files"][path.name])
     BadRun.unless(fault is None, f"{path}: {fault}; run it again")
     return path

@@ -81,8 +81,8 @@ def _list_runs(runs: Iterable[Sequence[str]]) -> list[list[str]]:
     require(fits, "runs", runs, 'must be a list of lists of overrides, such as [["cycles=3"]]')
     listed = []
     for overrides in runs:
-        allowed = f"must be a list of lists of overrides: [[{overrides!r}]]"
-        require(not isinstance(overrides, str), "runs", overrides, allowed)
+        is_list = not isinstance(overrides, str)
+        require(is_list, "runs", overrides, f"must be a list of lists of overrides: [[{overrides!r}]]")
         listed.append(list_texts(overrides))
         refuse_options(listed[-1])
     require(listed, "runs", listed, "must have at least one run")
@@ -115,8 +115,9 @@ def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | Non
             )
             index: Any = np.repeat(np.arange(len(order)), [end.rows for end in ends])
             table = join_runs(own, concat_metrics([table for _, table in ended])[0], index)
-            in_order = arrow(order[index].argsort(kind="stable"), pa.int64())
-            yield table if (np.diff(order) == 1).all() else table.take(in_order)
+            if (np.diff(order) != 1).any():
+                table = table.take(arrow(order[index].argsort(kind="stable"), pa.int64()))
+            yield table
     for other in dict.fromkeys(filter(None, (end.other_model for end in all_ends))):
         warnings.warn(other, OtherModel, stacklevel=3)
     results = [end.result for end in all_ends]

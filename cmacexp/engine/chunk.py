@@ -116,7 +116,7 @@ class Chunk:
         if self._keeps_trace:
             self.traces[number] = concat_traces(traces).table
         elif end.status in (Status.FELL, Status.DIVERGED):
-            traces.extend(assemble(*part) for part in parts)
+            traces.extend(map(assemble, parts))
             drift = read_drift_entry(make_drift_entry(self.score()[number].legs))
             end = replace(end, cause=end.cause + explain_stop(scenario, end, traces, drift))
         return end
@@ -132,7 +132,7 @@ class Chunk:
             steps_per_cycle = self._configs[numbers[0]].steps_per_cycle
             runs = [self._sampled[number] for number in numbers]
             scorer = RunScorer(steps_per_cycle, len(runs))
-            scorer.add(assemble(*join_runs(runs)))
+            scorer.add(assemble(join_runs(runs)))
             bodies = [None if run.body is None else compute_body(run.body, steps_per_cycle) for run in runs]
             self._add_scores(numbers, scorer.scores.legs, bodies)
         self._sampled.clear()

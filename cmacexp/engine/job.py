@@ -24,7 +24,7 @@ from cmacexp.data.run import Run
 from cmacexp.engine.chunk import Chunk
 from cmacexp.engine.equal_results import describe_result
 from cmacexp.engine.objective import check_metric
-from cmacexp.engine.run import describe_failure, describe_run, run_scenario
+from cmacexp.engine.run import describe_run, run_scenario
 from cmacexp.engine.sweep_tables import (
     FINGERPRINT,
     HASHES,
@@ -38,7 +38,7 @@ from cmacexp.engine.sweep_tables import (
     select_run_overrides,
     write_part,
 )
-from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
+from cmacexp.errors import BadComponent, BadInput, CmacexpError, describe_failure, format_user_traceback
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import is_interrupt
 from cmacexp.metrics.drift import make_drift_entry

@@ -122,11 +122,6 @@ def _begin(environment: Mapping[str, str], speaks: Any) -> None:
         announce_compiling()
 
 
-def map_here(*call: Any) -> list[Any]:
-    """All results of :func:`iterate_here`."""
-    return list(iterate_here(*call))
-
-
 def iterate_here(
     what: str, work: Callable[..., Any], items: Sequence[Sequence[Any]], runs: int | None = None
 ) -> Iterator[Any]:

@@ -42,12 +42,11 @@ from cmacexp.data.tables import (
 from cmacexp.data.trace import SampledTrace, Trace, concat_traces, count_steps_by_cycle, trace_writer
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.engine.stop_cause import explain_stop
-from cmacexp.errors import BadInput, BadOutput, format_user_traceback, in_one_line
+from cmacexp.errors import BadInput, BadOutput, describe_failure, format_user_traceback, in_one_line
 from cmacexp.feedforward import Learns
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
 from cmacexp.loop import End, Samples, stream
-from cmacexp.loop.run import describe_failure as describe_failure
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.trace import Sampled, assemble, assemble_body
 from cmacexp.metrics.drift import Drift, make_drift_entry
@@ -124,7 +123,7 @@ def score_scenario(
     scorer = RunScorer(scenario.setup.config.steps_per_cycle, machines)
 
     def take(sampled: Sampled) -> None:
-        known, trace = scorer.drift, assemble(*sampled)
+        known, trace = scorer.drift, assemble(sampled)
         keep(trace)
         scorer.add(trace)
         if known is None and scorer.drift is not None:

@@ -59,7 +59,7 @@ def check_log(log: Log, machine: Machine) -> None:
     require(
         rows >= LEAST_ROWS, KEY, log.path, f"has {rows} rows, fewer than {LEAST_ROWS}: too short to identify anything"
     )
-    for quantity in ("time", "orientation", "angle", "command", "torque"):
+    for quantity in ("time", "orientation", "angle", "command", "command_velocity", "torque", "feedforward"):
         values = getattr(log, quantity)
         for place in () if values is None else map(tuple, np.argwhere(~np.isfinite(values)).tolist()):
             name = quantity if quantity in ("time", "orientation") else log.column(quantity, place[1])
@@ -294,15 +294,15 @@ def _fit_model(problem: Problem) -> tuple[float, Array, Array, float]:
     columns = np.concatenate([problem.rigid[..., None], problem.make_regressors(1)[..., [0, 1, 2, 4]]], axis=-1)
     filtered = low_pass(columns, period)[rows]
     known = None if log.torque is None else low_pass(log.torque, period)[rows]
-    best, least = (0.0, np.zeros(0), np.zeros(0), 0.0), np.inf
     most = 0 if log.command is None else round(0.06 / period)
-    for delay in range(-most, most + 1):
+
+    def fit(delay: int) -> tuple[float, float, Array, Array, float]:
         torque = low_pass(Signals(log, delay).torque, period)[rows]
-        found = _solve(filtered, torque)
-        distance = found[0] if known is None else float(np.abs(known - torque).mean())
-        if distance < least:
-            best, least = (*found, delay * period), distance
-    return best
+        left, weights, errors = _solve(filtered, torque)
+        distance = left if known is None else float(np.abs(known - torque).mean())
+        return distance, left, weights, errors, delay * period
+
+    return min(map(fit, range(-most, most + 1)), key=lambda each: each[0])[1:]
 
 
 def _solve(columns: Array, torque: Array) -> tuple[float, Array, Array]:

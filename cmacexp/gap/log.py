@@ -145,12 +145,10 @@ def read_log(
         allowed = f"is no unit of {quantity}, which are" if known else "must name one of"
         require(unit in known, "--units", f"{quantity}={unit}", f"{allowed} {', '.join(known or UNITS)}")
     for quantity in names or {}:
-        require(
-            quantity in PATTERNS, "--names", quantity, f"is no quantity of a log, which are {', '.join(PATTERNS)}"
-        )
-    return _Table(
-        path, columns, PATTERNS | {key: (own,) for key, own in (names or {}).items()}, units or {}, left_out
-    ).make_log(gains or {})
+        allowed = f"is no quantity of a log, which are {', '.join(PATTERNS)}"
+        require(quantity in PATTERNS, "--names", quantity, allowed)
+    patterns = PATTERNS | {key: (own,) for key, own in (names or {}).items()}
+    return _Table(path, columns, patterns, units or {}, left_out).make_log(gains or {})
 
 
 def _flatten(columns: Columns) -> dict[str, NDArray[Any]]:
@@ -160,6 +158,8 @@ def _flatten(columns: Columns) -> dict[str, NDArray[Any]]:
     for name, values in columns.items():
         if values.ndim == 2:
             is_orientation = name in ("quat", "orientation")
+            if is_orientation and values.shape[1] > len(AXES):
+                raise ValueError(f"{name} has {values.shape[1]} columns, a quaternion {len(AXES)}: {', '.join(AXES)}")
             each = AXES if is_orientation else listed if len(listed) == values.shape[1] else range(values.shape[1])
             prefix = "quat" if is_orientation else name
             found |= {f"{prefix}_{own}": column for own, column in zip(each, values.T, strict=False)}

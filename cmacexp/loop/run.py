@@ -11,7 +11,7 @@ import numpy as np
 
 from cmacexp.config.schema import ESTIMATE
 from cmacexp.data.signals import ARRAYS, FEEDBACK_ALONE, LEARNS, LIVE_SIGNALS, REPEATED
-from cmacexp.errors import CmacexpError
+from cmacexp.errors import describe_failure
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.compiler import repays_compiling, workload
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back, raise_if_interrupted
@@ -58,7 +58,7 @@ class Samples(NamedTuple):
     memory: dict[str, Array] | None
     """Columns of ``memory.parquet``, (cycles, L) by name; None without weights."""
     live: dict[str, Array]
-    """LIVE_SIGNALS, (steps,) by name; NaN where the plant does not list them."""
+    """LIVE_SIGNALS, (steps,) by name; empty of a plant that does not list them."""
 
     def columns(self) -> dict[str, Array]:
         """Of the legs, (steps, L) by column name, in the units of :func:`cmacexp.data.signals.list_units`."""
@@ -93,12 +93,6 @@ class End:
     load_history: Sequence[tuple[int, LoadEstimate, float]] = ()
     """What the plan uses of the load from a cycle on, and what the feet carried in the one before, N, by
     ``force_control.load_sharing=adaptive``."""
-
-
-def describe_failure(raised: Exception) -> str:
-    """Why a run failed, in one line; errors of this project and of the system need no class name."""
-    message = str(raised) if isinstance(raised, CmacexpError | OSError) else f"{type(raised).__name__}: {raised}"
-    return " ".join(message.split())
 
 
 def _samples_measured(scenario: Scenario) -> bool:
@@ -254,17 +248,18 @@ class _Stream:
         return Samples(start, legs, body, memory, self._list_live(start))
 
     def _list_live(self, start: int) -> dict[str, Array]:
-        """LIVE_SIGNALS of the steps since ``start`` as a plant lists them, (steps,) each; NaN if that fails."""
+        """LIVE_SIGNALS of the steps since ``start`` if the plant lists them, (steps,) each; NaN if that fails."""
         plant, steps = self.scenario.plant, self.driver.taken - start
+        if not hasattr(plant, "list_steps"):
+            return {}
         columns = {signal.name: np.full(steps, np.nan) for signal in LIVE_SIGNALS}
-        if hasattr(plant, "list_steps"):
-            try:
-                with exits_caught():
-                    listed = plant.list_steps(start, self.driver.taken)
-                for name, values in columns.items():
-                    values[:] = listed[name]
-            except Exception as raised:
-                self.fail("list_steps, ", raised)
+        try:
+            with exits_caught():
+                listed = plant.list_steps(start, self.driver.taken)
+            for name, values in columns.items():
+                values[:] = listed[name]
+        except Exception as raised:
+            self.fail("list_steps, ", raised)
         return columns
 
     def _guard_states(self, start: int, shape: tuple[int, int]) -> Array:

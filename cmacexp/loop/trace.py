@@ -30,36 +30,29 @@ from cmacexp.typing import Array
 
 
 class Sampled(NamedTuple):
-    """What was sampled of a run, or of a part of it, and what its trace needs: the arguments of :func:`assemble`."""
+    """What was sampled of a run, or of a part of it, and what its trace needs besides."""
 
     plan: Plan
+    """Of a cycle."""
     samples: dict[str, Array]
+    """Of what is not planned, (steps, L) by column name."""
     sampling_period: float
-    start: int
-    columns: Sequence[Signal]
-    model: Array | None
-    steered: bool
-    body: Trace | None
-    memory: dict[str, Array] | None
+    """s."""
+    start: int = 0
+    """Its first step."""
+    columns: Sequence[Signal] = select_signals(LEG_SIGNALS)
+    model: Array | None = None
+    """(N, L, J): torque of a model that the feedforward learns on top of, if any, N m."""
+    steered: bool = False
+    """Whether the controller keeps a course: feet should then be where its reference is."""
+    body: Trace | None = None
+    memory: dict[str, Array] | None = None
+    """Of networks, (cycles, L) by column name."""
 
 
-def assemble(
-    plan: Plan,
-    samples: dict[str, Array],
-    sampling_period: float,
-    start: int = 0,
-    columns: Sequence[Signal] = select_signals(LEG_SIGNALS),
-    model: Array | None = None,
-    steered: bool = False,
-    body: Trace | None = None,
-    memory: dict[str, Array] | None = None,
-) -> SampledTrace:
-    """The trace of a run, or of a part of it, from the ``plan`` of a cycle and the samples of what is not planned.
-
-    Samples are (steps, L) by column name. Where the controller keeps a course (``steered``), feet should be where its
-    reference is; ``model`` (N, L, J), N m, is the torque of a model that the feedforward learns on top of, if any.
-    The ``memory`` of networks is (cycles, L) by column name.
-    """
+def assemble(sampled: Sampled) -> SampledTrace:
+    """The trace of a run, or of a part of it."""
+    plan, samples, sampling_period, start, columns, model, steered, body, memory = sampled
     steps, legs = samples["x"].shape
     period = plan.support.shape[0]
     step = np.arange(start, start + steps, dtype=np.int32)[:, None]

@@ -150,7 +150,7 @@ def draw_panel(axes: Axes, panel: Panel, names: Sequence[str]) -> None:
         axes.axvline(limit, **LIMIT)
     for begin, end in panel.shaded:
         axes.axvspan(begin, end, **SHADE)
-    for axis in "xy" if panel.series else "":
+    for axis in "xy" if panel.series and panel.log != "" else "":
         shown = np.concatenate([np.asarray(getattr(each, axis), dtype=float) for each in panel.series])
         if spans_decades(shown) if panel.log is None else axis in panel.log:
             logarithmic(axes, axis, shown)

@@ -53,7 +53,6 @@ def colour(rgb: tuple[int, ...]) -> str:
 
 
 DESIRED, GROUND = colour(palette.DESIRED), colour(palette.GROUND)
-FEEDBACK, FEEDFORWARD = colour(palette.FEEDBACK), colour(palette.FEEDFORWARD)
 MM = 1e3
 DENT = 26.0
 """Half the length of the dent that a foot presses, mm."""

@@ -9,6 +9,7 @@ import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from subprocess import CalledProcessError
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
@@ -266,10 +267,13 @@ def write_video(
     figure, writer = Figure(figsize=(WIDTH, HEIGHT)), _make_writer(path.suffix)
     with TemporaryDirectory() as folder, write_atomically(path) as temporary:
         made = Path(folder, f"video{path.suffix}")  # writers choose the format by the ending
-        with writer.saving(figure, str(made), DPI):
-            for part in np.linspace(0.0, 1.0, count):
-                draw_frame(figure, cycles, window, part)
-                writer.grab_frame()
+        try:
+            with writer.saving(figure, str(made), DPI):
+                for part in np.linspace(0.0, 1.0, count):
+                    draw_frame(figure, cycles, window, part)
+                    writer.grab_frame()
+        except CalledProcessError as error:
+            raise ChildProcessError(f"the encoder failed: {error}") from error
         shutil.copyfile(made, temporary)
     return count
 

@@ -19,7 +19,7 @@ from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.metrics.drift import DRIFT_RATIO, LEAST
 from cmacexp.models.trend import WINDOW
 from cmacexp.plants import AnalyticPlant
-from cmacexp.stability.cycle_map import NotPredictable, RestorableLoop
+from cmacexp.stability.cycle_map import NotPredictable, RestorableLoop, make_restorable_loop
 from cmacexp.stability.growth import (
     GROWTH_CYCLES,
     MAX_CYCLES_BEFORE,
@@ -113,9 +113,11 @@ def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
     NotPredictable.unless(done >= first - 1, f"the run ends in cycle {done + 1}, before learning shows")
     require_learning(loop)
     if done < first + cycles:
-        feedback_only = replace(config, learning=replace(config.learning, start_cycle=done + 2))
-        if len(watch(RestorableLoop(make_scenario(feedback_only)), done + 1).levels) <= done:
-            raise NotPredictable(f"the run ends in cycle {done + 1}, with feedback only as well")
+        off = replace(config.learning, start_cycle=done + 2, start_from=None)  # weights act from the first cycle on
+        NotPredictable.unless(
+            len(watch(make_restorable_loop(replace(config, learning=off)), done + 1).levels) > done,
+            f"the run ends in cycle {done + 1}, with feedback only as well",
+        )
         growth, cycle = _growth_before(config, history)
         return Verdict(GROWS, growth, lead, (f"The run ends in cycle {done + 1}.",), cycle, done + 1)
     risen, lowest = compute_rise(np.array(history.levels[first - 1 :]))

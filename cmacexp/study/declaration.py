@@ -78,7 +78,7 @@ def _check(part: str, given: Any, needs: Collection[str] = ()) -> dict[str, Any]
         require(isinstance(value, kind), f"{part}.{key}", value, f"must be {words}")
         _require_texts(f"{part}.{key}", value if isinstance(value, Mapping) else ())
         for name, each in value.items() if FORMS[part][key] is LISTS and value else ():
-            is_list = isinstance(each, Collection) and not isinstance(each, str) and each
+            is_list = isinstance(each, Collection) and not isinstance(each, str) and len(each)
             require(is_list, f"{part}.{key}.{name}", each, "must be a list of values, such as [0.1, 0.2]")
     for key in needs:
         require(given.get(key) not in (None, {}), part, dict(given), f"needs {key}")
@@ -279,7 +279,7 @@ def read_table(given: Any, measures: Collection[str] = ()) -> Callable[[Results]
     own = _check(
         "tables", given, ["rows", *(["across", "value"] if "across" in _check("tables", given) else ["columns"])]
     )
-    _require_texts("tables.rows", own["rows"].values() if isinstance(own["rows"], Mapping) else own["rows"])
+    _require_texts("tables.rows", [*own["rows"].values()] if isinstance(own["rows"], Mapping) else own["rows"])
     rows = own["rows"] if isinstance(own["rows"], Mapping) else {key: key for key in _list(own["rows"])}
     if "across" in own:
         across = own["across"] if isinstance(own["across"], Mapping) else {own["across"]: ""}

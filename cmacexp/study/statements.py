@@ -236,9 +236,13 @@ def fill(part: str, text: str, words: Mapping[str, Any]) -> str:
     """A text of a ``part`` of a study with its names in braces replaced; raises BadInput for one that is no word."""
     try:
         return text.format(**words)
-    except (LookupError, ValueError, AttributeError) as error:
-        names = ", ".join(filter(str.isidentifier, words)) or "no name"
-        raise BadInput(part, text, f"may have {names} in braces, or {{{{ and }}}}") from error
+    except (LookupError, ValueError, AttributeError, TypeError) as error:
+        names = ", ".join(
+            f"{name}[0] to {name}[{len(each) - 1}]" if isinstance(each, list) else name
+            for name, each in words.items()
+            if name.isidentifier()
+        )
+        raise BadInput(part, text, f"may have {names or 'no name'} in braces, or {{{{ and }}}}") from error
 
 
 @dataclass(frozen=True)

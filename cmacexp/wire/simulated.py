@@ -278,6 +278,6 @@ def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fau
             time.sleep(left - SPIN if left > 2 * SPIN else 0.0)
     tilt, height = np.abs(robot.plant.state.body[1:]).max(), robot.plant.state.body[0]
     return (
-        f"{robot.steps} states, {taken} commands, {late} late by up to {1e3 * worst:.2g} ms; at the end its body is "
-        f"at {height:.3f} m, tilted by {tilt:.2g} rad"
+        f"{robot.steps - 1} states, {taken} commands, {late} late by up to {1e3 * worst:.2g} ms; at the end its body "
+        f"is at {height:.3f} m, tilted by {tilt:.2g} rad"
     )

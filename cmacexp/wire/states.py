@@ -32,8 +32,8 @@ WINDOW = 500
 class Unsafe(Diverged):
     """The robot, or the wire to it, is beyond a limit: it is damped, and the run ends.
 
-    The ``trouble`` has places for ``values``, which are written only when it is raised: to write all of those of a
-    state took a fifth of the time of its check.
+    The ``trouble`` has places for ``values``, which are written only when it is raised: a state is checked in every
+    step.
     """
 
     def __init__(self, trouble: str, *values: object):

@@ -17,9 +17,8 @@ from cmacexp.commands.gap import read_given
 from cmacexp.commands.study import Options, write_results
 from cmacexp.config.component import find_class
 from cmacexp.data.folder import HTML
-from cmacexp.engine.pool import map_here
-from cmacexp.engine.run import describe_failure
-from cmacexp.errors import require
+from cmacexp.engine.pool import iterate_here
+from cmacexp.errors import describe_failure, require
 from cmacexp.gap.analysis import Gap, add_makers, list_scored, measure, measure_left, score
 from cmacexp.gap.learners import Entered, Maker, predict_all
 from cmacexp.gap.machine import read_machine
@@ -214,7 +213,7 @@ def run(arguments: Arguments, options: Options) -> Path:
     gap, folder = measure(log, machine), options.place(f"{NAME}-{SIMULATED}" if simulated else NAME)
     makers = choose_makers(gap, arguments.methods, arguments.method, not options.quick)
     items = [(gap, name, make, setting) for name, make in makers.items() for setting in SETTINGS]
-    rows = map_here("predicting strokes", try_method, items)
+    rows = list(iterate_here("predicting strokes", try_method, items))
     scores, strokes = pd.DataFrame(rows), list_scored(gap.signals)
     about = {
         "log": log.path.name,

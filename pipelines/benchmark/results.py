@@ -18,8 +18,8 @@ from cmacexp.config.component import custom_code_hash
 from cmacexp.config.compose import compose_config
 from cmacexp.data.files import write_atomically
 from cmacexp.engine.pool import ParallelMap
-from cmacexp.engine.run import describe_failure, score_scenario
-from cmacexp.errors import BadInput
+from cmacexp.engine.run import score_scenario
+from cmacexp.errors import BadInput, describe_failure
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import exits_caught
 from cmacexp.jit.sources import code_hash

@@ -50,10 +50,6 @@ def folder(tmp_path_factory):
     return folder
 
 
-printed = {}
-"""What each command wrote to the terminal."""
-
-
 @pytest.mark.parametrize(("code", "added", "exit_code"), steps())
 def test_it_runs_as_printed(code, added, exit_code, folder):
     if code.startswith("python -m "):

@@ -56,6 +56,10 @@ def exchange(*keys):
 FAULTS = {
     "short": (choose(lambda rows: rows[:150]), "has 150 rows"),
     "nan": (put([700], lambda own: np.nan), "q_hip is nan in row 700"),
+    "nan that is fed forward": (
+        lambda log: replace(log, feedforward=np.where(log.time[:, None] == log.time[700], np.nan, log.feedforward)),
+        "feedforward is nan in row 700",
+    ),
     "no rotation": (
         lambda log: replace(log, orientation=np.zeros((len(log.time), 4))),
         "the norm 0 in row 0: must be 1",

@@ -85,6 +85,10 @@ WRONG = {
         {"reader": "def read(_): return {'time': [0.1], 'q_a': [1.0], 'quat': [[1.0, 0.0, 0.0]]}"},
         "no column quat_z for orientation",
     ),
+    "a matrix": (
+        {"reader": "def read(_): return {'time': [0.1], 'q_a': [1.0], 'quat': [[1.0, 0, 0, 0, 1, 0, 0, 0, 1]]}"},
+        "quat has 9 columns, a quaternion 4",
+    ),
     "unit of nothing": (
         {"units": {"feedforward": "Nm"}},
         "--units=feedforward=Nm: the log has no feedforward; it has time",

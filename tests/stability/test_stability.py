@@ -7,6 +7,7 @@ import pytest
 from support.robot_walks import ROBOT, SHORT
 from support.robots import OWN
 
+import cmacexp
 from cmacexp.stability.cycle_map import NotPredictable, list_arrays, make_restorable_loop
 from cmacexp.stability.growth import change_sizes, fitted_growth, krylov, predicted_growth
 from cmacexp.stability.verdict import GROWS, HOLDS, UNDECIDED, WINDOW, assess, compute_rise
@@ -150,6 +151,14 @@ def test_the_guard_hides_no_growth(make_config):
     settings = ("learning.lead=0", "learning.rate=0.1", "gait.cycle_time=0.6", "gait.lift=0.02")
     plain, guarded = (make_config(*settings, f"learning.guard={guard}") for guard in ("none", "freeze"))
     assert assess(guarded, simulate=False) == assess(plain, simulate=False)
+
+
+@pytest.mark.ci
+@pytest.mark.usefixtures("compiled")
+def test_a_run_that_starts_from_weights_ends_by_its_learning_not_with_feedback_only(make_config, tmp_path):
+    cmacexp.run(["scenario=one_leg", "cycles=3", "record.weights=true"], folder=tmp_path / "r")
+    config = make_config("learning.rate=0.2", "learning.lead=-6", f"learning.start_from={tmp_path / 'r'}")
+    assert assess(config).verdict == GROWS
 
 
 def test_a_rise_is_that_over_the_lowest_level_of_the_cycles_given():

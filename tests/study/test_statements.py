@@ -107,7 +107,7 @@ def test_a_finding_says_what_came_out_and_of_how_much_or_its_own_sentence(sample
         assert Finding([measured], "Yes.", "No.").judge(ONE).sentence == UNDECIDED.format("Yes.")
 
 
-@pytest.mark.parametrize("wrong", ["{valeu}", "{values[1]}", "{values.first}", "{value", "{}"])
+@pytest.mark.parametrize("wrong", ["{valeu}", "{values[1]}", "{values[a]}", "{values.first}", "{value", "{}"])
 @pytest.mark.parametrize("outcome", ["yes", "no", "unclear"])
 def test_a_wrong_name_in_braces_is_an_error_before_the_outcome_that_shows_it(wrong, outcome):
     sentences = {"yes": "{value}", "no": "{values[0]}", "unclear": "{{}}"}

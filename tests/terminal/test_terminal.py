@@ -2,6 +2,7 @@
 
 from support.command import call
 
+import cmacexp
 from cmacexp.terminal.messages import print_table
 
 
@@ -15,6 +16,7 @@ def test_a_run_prints_a_table_of_80_columns_that_says_where_all_of_its_cycles_ar
     assert max(len(line) for line in printed.splitlines() if str(tmp_path) not in line) <= 80
     assert [row[0] for row in numbers_in(printed)][::19] == ["1", "25"]
     assert "20 of 25 cycles; all are in " in printed
+    assert str(cmacexp.load(tmp_path / "r")).partition("\n")[2] in printed  # the README shows it
 
 
 WIDE = ["run", "first\nmm", "second\nmm", "third\nmm"], [["1", "2", "3", "[4]"], ["5", "6", "7", "8"]]
