@@ -5,8 +5,10 @@ Most of what the metrics of a short run take is the overhead of calls, which doe
 
 import hashlib
 from collections import defaultdict, deque
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import groupby
 from typing import Any, ClassVar, NamedTuple
 
@@ -25,7 +27,7 @@ from cmacexp.engine.stop_cause import explain_stop
 from cmacexp.engine.sweep_tables import concat_metrics, join_scores
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.loop import End
-from cmacexp.loop.repeated import Repeated
+from cmacexp.loop.repeated import Repeated, split_runs
 from cmacexp.loop.run import MOST_CYCLES
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.trace import Sampled, assemble, join_runs
@@ -88,19 +90,43 @@ class Chunk:
         shared = self._share([config])
         return shared.start([config]) if isinstance(shared, Repeated) else shared
 
-    def run_at_once(self, numbers: Sequence[int], configs: Sequence[Config]) -> End | None:
+    def _run_at_once(
+        self, numbers: Sequence[int], configs: Sequence[Config]
+    ) -> Iterator[tuple[Scenario, End]] | None:
         """Run those of these numbers, whose configs can share a scenario, at once; None if each is to run alone."""
         first, count = configs[0], len(configs)
         if self._keeps_trace or count == 1 or first.legs > 1 or not _is_short(first):
             return None
-        if not isinstance(shared := self._share(configs), Repeated):
+        shared = None
+        with suppress(Exception):  # what is wrong concerns each of them
+            shared = self._share(configs)
+        if not isinstance(shared, Repeated):
             return None
-        end, scorer = score_scenario(shared.start(configs), machines=count)
+        scenario = shared.start(configs)
+        end, scorer = score_scenario(scenario, machines=count)
+        if end.status == Status.INTERRUPTED:
+            raise KeyboardInterrupt
         if end.status != Status.COMPLETED:  # as one leg at least, but not all of them
             return None
         self._configs |= zip(numbers, configs, strict=True)
         self._add_scores(numbers, scorer.scores.legs, [None] * count)
-        return end
+        return split_runs(scenario, configs, end)
+
+    def list_runs(self, configs: Mapping[int, Config]) -> Iterator[tuple[int, Callable[[], tuple[Scenario, End]]]]:
+        """What runs each of these configs, whose numbers are given; it is to be called before the next one.
+
+        Those in a row that can share a scenario have run at once, if possible. It returns a scenario, which is that
+        of the run until the next one, and how it ended; it raises what :func:`make_scenario` raises.
+        """
+        for _, group in groupby(configs.items(), lambda each: find_shared(each[1])):
+            numbers, alike = zip(*group, strict=True)
+            at_once = self._run_at_once(numbers, alike)
+            for number, config in zip(numbers, alike, strict=True):
+                yield number, partial(self._run_alone, number, config) if at_once is None else partial(next, at_once)
+
+    def _run_alone(self, number: int, config: Config) -> tuple[Scenario, End]:
+        scenario = self.make(config)
+        return scenario, self.run(number, scenario)
 
     def run(self, number: int, scenario: Scenario) -> End:
         """Run the one of this number; raises as its loop."""
@@ -175,11 +201,8 @@ def run_chunk(chunk: Sequence[list[str]], keeps_trace: bool, runs: int) -> tuple
     together, ended = Chunk(chunk, keeps_trace), list[tuple[Config, End]]()
     # Twice as fast in a row as between runs.
     configs = [compose_config(overrides, is_shared=True) for overrides in chunk]
-    for _, group in groupby(enumerate(configs), lambda each: find_shared(each[1])):
-        numbers, alike = zip(*group, strict=True)
-        end = together.run_at_once(numbers, alike)
-        for number, config in zip(numbers, alike, strict=True):
-            ended.append((config, end or together.run(number, together.make(config))))
+    for number, run in together.list_runs(dict(enumerate(configs))):
+        ended.append((configs[number], run()[1]))
     scores = list(together.score().values())
     tables = [*together.traces.values()] if keeps_trace else [*map(join_scores, scores)]
     hashes = [together.hashes[number] for number in range(len(ended))]

@@ -4,9 +4,9 @@ import json
 import pickle
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -41,6 +41,8 @@ from cmacexp.engine.sweep_tables import (
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, describe_failure, format_user_traceback
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import is_interrupt
+from cmacexp.loop import End
+from cmacexp.loop.scenario import Scenario
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.registry import make_rows
 from cmacexp.terminal.messages import describe_drift, describe_idle, format_outcome
@@ -137,72 +139,94 @@ def run_jobs(packed: bytes, root: Path, items: Sequence[JobItem], jobs: int) -> 
     ``packed`` is what Hydra composed for a job of the same keys and options, ``root`` the folder of the sweep.
     Returns how each ended, in a line, and whether that is an error. Raises OSError.
     """
-    template = _unpack(packed)
-    chunk, ran = Chunk([item.values for item in items]), dict[int, tuple[Run | None, bool]]()
+    template, by_number = _unpack(packed), {item.number: item for item in items}
+    chunk, waiting, began = Chunk([item.values for item in items]), dict[int, Config](), time.perf_counter()
+    ended = dict[int, tuple[Run | None, bool]]()
+    """Runs by the numbers of their jobs, None where the tables have the result, and whether they were made now."""
     expect_runs(jobs)
     # In a row, as run_chunk does.
     typed, referred = template.typed, template.referred or frozenset()
     configs = [set_numbers(typed, item.values, referred) if typed else None for item in items]
+
+    def settle(item: JobItem, do: Callable[[], tuple[Run | None, bool] | Config]) -> None:
+        """Note how a job ends, or that it waits for others; a failure is left on disk and does not end the sweep."""
+        try:
+            found = do()
+        except Exception as error:
+            if is_interrupt(error):
+                raise KeyboardInterrupt from error
+            composed, overrides = _compose(template, root, item), select_run_overrides(item.overrides)
+            record = make_record(composed, template.hydra)
+            found = write_failure(root / item.folder, composed, error, record, overrides=overrides), True
+        if isinstance(found, Config):
+            waiting[item.number] = found
+            return
+        ended[item.number] = run, _ = found
+        if run is not None and run.status == Status.INTERRUPTED:
+            raise KeyboardInterrupt
+
+    def run_with_others(item: JobItem, do: Callable[[], tuple[Scenario, End]]) -> tuple[Run, bool]:
+        manifest = describe_run(*do()) | {"overrides": select_run_overrides(item.overrides)}
+        return Run(root / item.folder, manifest), True
+
     try:
         for item, config in zip(items, configs, strict=True):
-            ran[item.number] = run, _ = _run_item(template, root, item, jobs, chunk, config)
-            if run is not None and run.status == Status.INTERRUPTED:
-                raise KeyboardInterrupt
+            settle(item, partial(_run_item, template, root, item, jobs, config))
+        for number, do in chunk.list_runs(waiting):
+            settle(by_number[number], partial(run_with_others, by_number[number], do))
     finally:
+        made = {number: run for number in by_number if (run := ended.get(number, (None,))[0]) is not None}
+        seconds = (time.perf_counter() - began) / len(items)
         for number, scores in chunk.score().items():
-            run = ran.get(number, (None, False))[0]
-            if run is not None:  # it has no folder
+            if run := made.get(number):  # it has no folder
                 run.is_checked, run.scores = False, scores
                 run.manifest |= {"drift": make_drift_entry(scores.legs), "files": chunk.hashes[number]}
-        if runs := {number: run for number, (run, _) in ran.items() if run is not None}:
-            write_part(root, _tabulate(root, runs, {item.number: item.overrides for item in items}))
-            for run in runs.values():  # an earlier one in the place of a run that has no folder
+                run.manifest["wall_seconds"] = seconds
+        if made:
+            write_part(root, _tabulate(root, made, {item.number: item.overrides for item in items}))
+            for run in made.values():  # an earlier one in the place of a run that has no folder
                 if not run.is_checked and manifests.is_run(run.folder):
                     shutil.rmtree(run.folder, ignore_errors=True)
-    return [_describe_end(item, *ran[item.number]) for item in items]
+    return [_describe_end(item, *ended[item.number]) for item in items]
+
+
+def _compose(template: JobTemplate, root: Path, item: JobItem) -> DictConfig:
+    """What Hydra composes for a job; the template has it, and what Hydra says of the job, until the next one."""
+    _describe_job(template.hydra, item, root / item.folder)
+    composed = template.composed
+    set_values(composed, item.values)
+    if template.referred is None:  # perhaps it is ${hydra:...} that values follow from
+        own: Any = OmegaConf.to_container(composed)
+        vars(HydraConfig.instance())["cfg"] = OmegaConf.create({**own, "hydra": template.hydra})
+    return composed
 
 
 def _run_item(
-    template: JobTemplate, root: Path, item: JobItem, jobs: int, chunk: Chunk, config: Config | None
-) -> tuple[Run | None, bool]:
+    template: JobTemplate, root: Path, item: JobItem, jobs: int, config: Config | None
+) -> tuple[Run | None, bool] | Config:
     """The run of one of so many jobs, of this config if it is known already, and whether it was run now.
 
-    None if the tables have its result. A failure is left on disk and does not end the sweep. A run that keeps metrics
-    alone is one of the ``chunk``.
+    None if the tables have its result. Of a run that keeps metrics alone, and is yet to be made, the config.
     """
-    folder, overrides = root / item.folder, select_run_overrides(item.overrides)
-    _describe_job(template.hydra, item, folder)
-    composed = None if config is None else set_numbers(template.plain, item.values)
-    if composed is None:
-        composed = template.composed
-        set_values(composed, item.values)
-        if template.referred is None:  # perhaps it is ${hydra:...} that values follow from
-            own: Any = OmegaConf.to_container(composed)
-            vars(HydraConfig.instance())["cfg"] = OmegaConf.create({**own, "hydra": template.hydra})
-    try:
-        config = config or to_config(composed)
-        check_metric(config.optimize, config.machine.kind)
-        if config.record.trace or config.record.weights:
-            record = make_record(composed, template.hydra) if config.record.trace else None
-            return ensure_run(config, folder, jobs, config.sweep.resume, record, overrides)
-        if item.known and item.known == (
-            config_hash(to_plain(config)),
-            *map(str, compute_hashes(config).values()),
-        ):
-            return None, False
-        if config.sweep.resume and is_finished(folder, config):
-            return Run(folder), False
-        if folder.exists():  # this job will take its place
-            check_place(folder, RUN_KEY)
-        began = time.perf_counter()
-        scenario = chunk.make(config)
-        manifest = describe_run(scenario, chunk.run(item.number, scenario))
-        return Run(folder, manifest | {"overrides": overrides, "wall_seconds": time.perf_counter() - began}), True
-    except Exception as error:
-        if is_interrupt(error):
-            raise KeyboardInterrupt from error
-        record = make_record(composed, template.hydra)
-        return write_failure(folder, composed, error, record, overrides=overrides), True
+    folder, composed = root / item.folder, None
+    if config is None:
+        config = to_config(composed := _compose(template, root, item))
+    check_metric(config.optimize, config.machine.kind)
+    if config.record.trace or config.record.weights:
+        _describe_job(template.hydra, item, folder)
+        composed = composed or set_numbers(template.plain, item.values) or _compose(template, root, item)
+        record = make_record(composed, template.hydra) if config.record.trace else None
+        return ensure_run(config, folder, jobs, config.sweep.resume, record, select_run_overrides(item.overrides))
+    if item.known and item.known == (
+        config_hash(to_plain(config)),
+        *map(str, compute_hashes(config).values()),
+    ):
+        return None, False
+    if config.sweep.resume and is_finished(folder, config):
+        return Run(folder), False
+    if folder.exists():  # this job will take its place
+        check_place(folder, RUN_KEY)
+    return config
 
 
 def _tabulate(root: Path, runs: Mapping[int, Run], overrides: Mapping[int, list[str]]) -> JobTables:

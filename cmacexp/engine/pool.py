@@ -23,9 +23,9 @@ from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 """Of ``mallopt`` (glibc)."""
-PRELOADED = ["cmacexp.engine.job", "cmacexp.engine.sweep_tables", "cmacexp.jit.numba_private"]
-"""Modules that workers need."""
-MOST_RUNS, CHUNKS_EACH = 16, 4
+PRELOADED = "cmacexp.engine.preload"
+"""Imports what workers need."""
+MOST_RUNS, CHUNKS_EACH = 32, 4
 """Short runs that a process takes at a time, at most, and how often it comes back at least, if there are enough."""
 RATE, SEED = "learning.rate=", "seed="
 """How the overrides begin in which runs may differ that share a scenario."""
@@ -86,7 +86,7 @@ def group_runs(runs: Sequence[Sequence[str]], most: int) -> list[list[int]]:
 def make_context() -> Any:
     """What starts processes, as copies of a first one, which is started now; raises CmacexpError."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(PRELOADED)
+    context.set_forkserver_preload([PRELOADED])
     says = current_thread() is main_thread()  # which alone may say what a signal does
     before = signal.signal(signal.SIGINT, signal.SIG_IGN) if says else None  # all inherit it: Ctrl-C reaches them too
     try:
@@ -110,7 +110,7 @@ def _begin(environment: Mapping[str, str], speaks: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()
     os.environ.update(environment)
-    gc.freeze()  # what has been imported is no garbage
+    gc.enable()
     if set_option := getattr(ctypes.CDLL(None), "mallopt", None):
         # What a run frees is for the next one, the weights of a CMAC included: to get them from the system again,
         # page by page, took a fifth of many short runs.

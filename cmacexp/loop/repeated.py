@@ -4,7 +4,8 @@ Legs on a stand know nothing of each other: runs of one leg are made as the legs
 does alone, to the bit. All that is done once a run, and once a step, is then done once for all of them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -18,6 +19,7 @@ from cmacexp.feedforward.kernels import TABLE, FeedforwardParams, WeightLog
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.compiler import workload
 from cmacexp.loop.builtin import find_external, make_loop
+from cmacexp.loop.run import End
 from cmacexp.loop.scenario import Scenario, resolve_rate
 from cmacexp.loop.state import Snapshot, list_arrays
 from cmacexp.loop.stop import new_limits
@@ -67,9 +69,10 @@ class Repeated:
         learning, own = config.learning, all(type(each).__module__.startswith("cmacexp.") for each in components)
         fixed = learning.guard == NONE and learning.lead != ESTIMATE and config.force_control.load_sharing != ADAPTIVE
         learns = own and scenario.fault is None and feedforward.params.kind != TABLE
+        serves = fixed and learns and not any(find_external(scenario))
         is_leg = setup.mechanism.shape[0] == 1 and not has_body(setup.mechanism)
         apart = plant.config.start_spread, config.terrain.step_legs, find_altered(scenario.sensors)
-        return fixed and learns and not any(find_external(scenario)) and (count == 1 or (is_leg and not any(apart)))
+        return serves and (count == 1 or (is_leg and not any(apart) and not config.plausibility.enabled))
 
     def start(self, configs: Sequence[Config]) -> Scenario:
         """A scenario for configs that differ in seed and rate of learning alone; the one before has ended."""
@@ -89,6 +92,20 @@ class Repeated:
             feedforward.model_torque = self._model.repeat(len(configs), axis=1)
         setup = replace(self._scenario.setup, config=configs[0], rate=rates[0])
         return replace(self._scenario, setup=setup, loop=self._loop._replace(feedforward=feedforward.params))
+
+
+def split_runs(scenario: Scenario, configs: Sequence[Config], end: End) -> Iterator[tuple[Scenario, End]]:
+    """The scenario and the end of runs at once, which completed, as those of each: all that a manifest says of it."""
+    feedforward, loop, count = scenario.feedforward, scenario.loop, len(configs)
+    assert isinstance(feedforward, BuiltInFeedforward)
+    assert loop is not None
+    assert loop.feedforward is not None
+    end = replace(end, seconds=end.seconds / count, processor_seconds=end.processor_seconds / count)
+    for config, rate, memory in zip(configs, loop.feedforward.learning.rate, feedforward.memory, strict=True):
+        own = copy(feedforward)
+        own.memory = (memory,)
+        setup = replace(scenario.setup, config=config, rate=float(rate))
+        yield replace(scenario, setup=setup, feedforward=own), replace(end, rate=float(rate))
 
 
 def _repeat(values: tuple[NDArray[Any], ...], count: int, axis: int = 1) -> Any:

@@ -11,6 +11,7 @@ from support.sweeps import sweep, table_of
 
 from cmacexp import load_sweep, run, run_many, write_many
 from cmacexp.engine import batch
+from cmacexp.engine.sweep_tables import list_jobs
 from cmacexp.errors import WithoutEffect
 
 SHORT = ("scenario=one_leg", "gait.cycle_time=0.5", "gait.stroke=0.02", "gait.lift=${gait.stroke}", "cycles=2")
@@ -43,6 +44,16 @@ def test_jobs_with_metrics_alone_are_rows_of_two_tables_and_resume(tmp_path):
     pd.testing.assert_frame_equal(load_sweep(lean), stored)
     (lean / "metrics.parquet").write_bytes((tmp_path / "6" / "metrics.parquet").read_bytes())
     assert call("verify", lean, folder=tmp_path).returncode == 4
+
+
+@pytest.mark.ci
+def test_jobs_that_run_at_once_have_the_manifests_of_runs_alone(tmp_path):
+    jobs = [*SHORT, "record=metrics", "seed=range(8)", "learning.rate=0.1,0.3", "hydra.launcher.processes=1"]
+    assert sweep(*jobs, folder=tmp_path).returncode == 0
+    for job in list_jobs(tmp_path / "s"):
+        alone = run(job.manifest["overrides"], tmp_path / "alone").manifest
+        differs = {key for key in alone if alone[key] != job.manifest[key]}
+        assert differs <= {"files", "wall_seconds", "rollout_seconds", "processor_seconds"}
 
 
 @pytest.mark.ci
