@@ -17,7 +17,7 @@ from cmacexp.data.tables import arrow, table_writer, write_table
 from cmacexp.engine.chunk import RunEnd, run_chunk
 from cmacexp.engine.equal_results import find_idle_keys
 from cmacexp.engine.pool import choose_size, count_processes, group_runs, start_workers
-from cmacexp.engine.sweep_tables import concat_metrics, join_runs, make_column, read_settings, tabulate_settings
+from cmacexp.engine.sweep_tables import collect_settings, concat_metrics, join_runs, make_column, read_settings
 from cmacexp.errors import OtherModel, WithoutEffect, require, require_name
 from cmacexp.terminal.output import print_line
 
@@ -93,15 +93,16 @@ def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | Non
     """The table of :func:`run_many`, of so many runs at a time; warnings are in the name of the caller's caller."""
     require_name("keep", keep, KEPT)
     count = count_processes(processes)
-    size, settings = choose_size(len(runs), count), [read_settings(overrides) for overrides in runs]
-    known = pa.table({"run": make_column(range(len(runs))), **tabulate_settings(settings)})
+    size, settings = choose_size(len(runs), count), collect_settings(map(read_settings, runs))
+    columns = {key: make_column(values) for key, values in settings.items()}
+    known = pa.table({"run": make_column(range(len(runs))), **columns})
     chunks = [
         (first, chunk)
         for first in range(0, len(runs), most)
         for chunk in group_runs(runs[first : first + most], size)
     ]
     items = [([runs[first + number] for number in chunk], keep == TRACE, len(runs)) for first, chunk in chunks]
-    all_ends = list[RunEnd]()
+    results, others = list[str](), dict[str, None]()
     with start_workers(count) as parallel_map:
         # While one part is written, the next one runs: none waits for the other.
         done = parallel_map("running", run_chunk, items, len(runs), 2 * max(most // size, count))
@@ -109,7 +110,9 @@ def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | Non
             own_chunks, ended = zip(*part, strict=True)
             order = np.concatenate([chunk for _, chunk in own_chunks])
             ends: list[RunEnd] = [end for chunk, _ in ended for end in chunk]
-            all_ends += [ends[place] for place in order.argsort()]
+            in_order = [ends[place] for place in order.argsort()]
+            results += [end.result for end in in_order]
+            others |= dict.fromkeys(end.other_model for end in in_order if end.other_model)
             own = known.take(arrow(first + order, pa.int64())).append_column(
                 "status", make_column([end.status for end in ends])
             )
@@ -118,9 +121,8 @@ def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | Non
             if (np.diff(order) != 1).any():
                 table = table.take(arrow(order[index].argsort(kind="stable"), pa.int64()))
             yield table
-    for other in dict.fromkeys(filter(None, (end.other_model for end in all_ends))):
+    for other in others:
         warnings.warn(other, OtherModel, stacklevel=3)
-    results = [end.result for end in all_ends]
     for kind, text in find_idle_keys(settings, results, list(map(str, range(len(runs)))), "runs"):
         if kind == "warning":
             warnings.warn(text, WithoutEffect, stacklevel=3)

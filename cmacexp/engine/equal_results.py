@@ -29,23 +29,24 @@ def describe_result(run: Run) -> str:
 
 
 def find_idle_keys(
-    settings: Sequence[Mapping[str, Any]], results: Sequence[str], names: Sequence[str], what: str
+    settings: Mapping[str, Sequence[Any]], results: Sequence[str], names: Sequence[str], what: str
 ) -> Iterator[tuple[str, str]]:
     """Each key that had no effect in some runs, ``what`` such as ``jobs``: ``warning`` or ``note``, and a line.
 
     A key had none if all runs that set it, and differ in its value alone, gave equal ``results``, and there are such
-    runs; those whose result is empty do not count. ``settings`` are values of each run by key, as
-    :func:`cmacexp.engine.sweep_tables.read_settings` gives them. A seed only draws numbers that a run may not need:
+    runs; those whose result is empty do not count. ``settings`` are what
+    :func:`cmacexp.engine.sweep_tables.collect_settings` gives. A seed only draws numbers that a run may not need:
     that is a note.
     """
-    keys = dict.fromkeys(key for values in settings for key in values)
-    for key in [key for key in keys if len({values.get(key) for values in settings}) > 1]:
-        groups = defaultdict[str, list[int]](list)
-        for number, values in enumerate(settings):
-            if key in values and results[number]:
-                others = sorted(item for item in values.items() if item[0] != key)
-                groups[repr(others)].append(number)
-        alike = [group for group in groups.values() if len({settings[number][key] for number in group}) > 1]
+    for key, values in settings.items():
+        if len(set(values)) < 2:
+            continue
+        others = [column for other, column in settings.items() if other != key]
+        groups = defaultdict[tuple[Any, ...], list[int]](list)
+        for number, value in enumerate(values):
+            if value is not None and results[number]:
+                groups[tuple(column[number] for column in others)].append(number)
+        alike = [group for group in groups.values() if len({values[number] for number in group}) > 1]
         is_seen = any(len({results[number] for number in group}) > 1 for group in alike)
         if is_seen or not alike or key.partition(".")[0] in WITHOUT_EFFECT:
             continue

@@ -46,6 +46,7 @@ from cmacexp.engine.sweep_tables import (
     HASHES,
     JobItem,
     JobRun,
+    collect_settings,
     list_jobs,
     read_settings,
     select_run_overrides,
@@ -207,7 +208,7 @@ class Sweep:
         ends = ", ".join(f"{count} {end}" for end, count in counts.items())
         print_line(f"{counts.total()} job{'s' * (counts.total() > 1)}: {ends}")
         results = [run for run in runs if run.outcome.is_result]
-        settings, names = [run.settings for run in results], [run.folder.name for run in results]
+        settings, names = collect_settings(run.settings for run in results), [run.folder.name for run in results]
         for kind, text in find_idle_keys(settings, [run.read("result") for run in results], names, "jobs"):
             print_line(f"{kind}: {text}", error=True)
         for run in failed[:MAX_LISTED_FAILURES]:
@@ -350,7 +351,7 @@ def write_tables(folder: Path, runs: Sequence[JobRun], status: str) -> None:
     """Write the tables of a sweep, and the manifest with its ``status``; raises OSError."""
     jobs, metrics = runs[0].tables
     jobs = select_rows(jobs, np.array([run.index for run in runs]))
-    for place, (name, column) in enumerate(tabulate_settings([run.settings for run in runs]).items(), 3):
+    for place, (name, column) in enumerate(tabulate_settings(run.settings for run in runs).items(), 3):
         jobs = jobs.add_column(place, name, column)
     metrics = select_rows(metrics, np.isin(as_array(metrics, "run"), as_array(jobs, "run")))
     swept = jobs.drop_columns([*HASHES, "result", "bad_input", FINGERPRINT, "manifest"]).combine_chunks()

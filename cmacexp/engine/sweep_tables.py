@@ -12,6 +12,7 @@ import hashlib
 import json
 import math
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from functools import cached_property, lru_cache
@@ -65,10 +66,19 @@ def select_run_overrides(overrides: Sequence[str]) -> list[str]:
     return [text for text in overrides if re.split(r"[=./]", text)[0] not in ("sweep", "optimize", "hydra")]
 
 
-def tabulate_settings(settings: Sequence[Row]) -> dict[str, pa.Array]:
-    """A column for each key that some run overrides; None, as text, where it overrides others."""
-    keys = dict.fromkeys(key for values in settings for key in values)
-    return {key: make_column([values.get(key) for values in settings]) for key in keys}
+def collect_settings(settings: Iterable[Row]) -> dict[str, list[Any]]:
+    """What runs set, by key: a value of each run, "null" for null, None where it does not set the key."""
+    columns, count = defaultdict[str, list[Any]](list), 0
+    for count, values in enumerate(settings, 1):
+        for key, value in values.items():
+            columns[key] += [None] * (count - 1 - len(columns[key]))
+            columns[key].append("null" if value is None else value)
+    return {key: values + [None] * (count - len(values)) for key, values in columns.items()}
+
+
+def tabulate_settings(settings: Iterable[Row]) -> dict[str, pa.Array]:
+    """A column for each key that some run overrides; null, as text, where it overrides others."""
+    return {key: make_column(values) for key, values in collect_settings(settings).items()}
 
 
 def read_settings(overrides: Sequence[str]) -> Row:

@@ -1,14 +1,18 @@
 """Keys without effect are found by results: all runs that differ in a key alone, and only those, must be equal."""
 
 from cmacexp.engine.equal_results import find_idle_keys
-from cmacexp.engine.sweep_tables import read_settings
+from cmacexp.engine.sweep_tables import collect_settings, read_settings
 
 RUNS = [[f"a={a}", f"b={b}"] for a in (1, 2) for b in (1, 2)]
 SEEDS = [[f"seed={seed}"] for seed in range(8)]
 
 
 def find(results, runs=RUNS):
-    return list(find_idle_keys([*map(read_settings, runs)], results, [str(i) for i in range(len(runs))], "jobs"))
+    return list(
+        find_idle_keys(
+            collect_settings(map(read_settings, runs)), results, [str(i) for i in range(len(runs))], "jobs"
+        )
+    )
 
 
 def test_a_key_had_no_effect_if_all_groups_that_differ_in_it_alone_are_equal():
