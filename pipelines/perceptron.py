@@ -29,6 +29,7 @@ class Perceptron(Playing):
     times the feedback, at every sample of the cycle. Inputs are standardised over the planned path, torques divided
     by the root mean square of the feedback in the first cycle of learning. The seed of the run determines initial
     weights and the order of samples. Within rounding it is ``partial_fit`` of scikit-learn, in a seventh of its time.
+    A compiled kernel would take longer: of 24 us a step of 100 samples, 3 are tanh, for which the C library takes 27.
     """
 
     @dataclass
