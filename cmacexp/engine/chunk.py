@@ -6,7 +6,6 @@ Most of what the metrics of a short run take is the overhead of calls, which doe
 import hashlib
 from collections import defaultdict, deque
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import groupby
@@ -26,6 +25,7 @@ from cmacexp.engine.run import sample_scenario, score_scenario
 from cmacexp.engine.stop_cause import explain_stop
 from cmacexp.engine.sweep_tables import concat_metrics, join_scores
 from cmacexp.jit.compiler import expect_runs
+from cmacexp.jit.interrupt import is_interrupt
 from cmacexp.loop import End
 from cmacexp.loop.repeated import Repeated, split_runs
 from cmacexp.loop.run import MOST_CYCLES
@@ -97,19 +97,21 @@ class Chunk:
         first, count = configs[0], len(configs)
         if self._keeps_trace or count == 1 or first.legs > 1 or not _is_short(first):
             return None
-        shared = None
-        with suppress(Exception):  # what is wrong concerns each of them
-            shared = self._share(configs)
-        if not isinstance(shared, Repeated):
-            return None
-        scenario = shared.start(configs)
+        try:
+            if not isinstance(shared := self._share(configs), Repeated):
+                return None
+            scenario = shared.start(configs)
+        except Exception as error:
+            if is_interrupt(error):
+                raise KeyboardInterrupt from error
+            return None  # what is wrong concerns each of them, and what is too large may fit alone
         end, scorer = score_scenario(scenario, machines=count)
         if end.status == Status.INTERRUPTED:
             raise KeyboardInterrupt
         if end.status != Status.COMPLETED:  # as one leg at least, but not all of them
             return None
-        self._configs |= zip(numbers, configs, strict=True)
         self._add_scores(numbers, scorer.scores.legs, [None] * count)
+        self._configs |= zip(numbers, configs, strict=True)
         return split_runs(scenario, configs, end)
 
     def list_runs(self, configs: Mapping[int, Config]) -> Iterator[tuple[int, Callable[[], tuple[Scenario, End]]]]:
@@ -130,7 +132,7 @@ class Chunk:
 
     def run(self, number: int, scenario: Scenario) -> End:
         """Run the one of this number; raises as its loop."""
-        config = self._configs[number] = scenario.setup.config
+        config = scenario.setup.config
         traces = deque[Trace](maxlen=None if self._keeps_trace else 2)  # the last part may be short
         parts = list[Sampled]()
         if not self._keeps_trace and _is_short(config):
@@ -139,6 +141,7 @@ class Chunk:
         else:
             end, scorer = score_scenario(scenario, traces.append)
             self._add_scores([number], scorer.scores.legs, [scorer.scores.body])
+        self._configs[number] = config  # not before: one that raised has no metrics
         if self._keeps_trace:
             self.traces[number] = concat_traces(traces).table
         elif end.status in (Status.FELL, Status.DIVERGED):

@@ -176,12 +176,14 @@ def run_jobs(packed: bytes, root: Path, items: Sequence[JobItem], jobs: int) -> 
             settle(by_number[number], partial(run_with_others, by_number[number], do))
     finally:
         made = {number: run for number in by_number if (run := ended.get(number, (None,))[0]) is not None}
-        seconds = (time.perf_counter() - began) / len(items)
-        for number, scores in chunk.score().items():
+        seconds, scored = time.perf_counter() - began, chunk.score()
+        loops = {number: made[number].manifest["rollout_seconds"] for number in scored if number in made}
+        rest = max(0.0, seconds - sum(loops.values())) / max(1, len(loops))
+        for number, scores in scored.items():
             if run := made.get(number):  # it has no folder
                 run.is_checked, run.scores = False, scores
                 run.manifest |= {"drift": make_drift_entry(scores.legs), "files": chunk.hashes[number]}
-                run.manifest["wall_seconds"] = seconds
+                run.manifest["wall_seconds"] = loops[number] + rest
         if made:
             write_part(root, _tabulate(root, made, {item.number: item.overrides for item in items}))
             for run in made.values():  # an earlier one in the place of a run that has no folder

@@ -1,7 +1,6 @@
 """Worker processes: copies of one that has imported what they need, which end with the one that they work for."""
 
 import ctypes
-import gc
 import multiprocessing
 import os
 import signal
@@ -110,7 +109,6 @@ def _begin(environment: Mapping[str, str], speaks: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()
     os.environ.update(environment)
-    gc.enable()
     if set_option := getattr(ctypes.CDLL(None), "mallopt", None):
         # What a run frees is for the next one, the weights of a CMAC included: to get them from the system again,
         # page by page, took a fifth of many short runs.

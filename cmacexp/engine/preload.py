@@ -13,3 +13,4 @@ import cmacexp.engine.sweep_tables  # noqa: E402
 import cmacexp.jit.numba_private  # noqa: E402, F401
 
 gc.freeze()
+gc.enable()

@@ -31,6 +31,9 @@ from cmacexp.plants import AnalyticPlant
 from cmacexp.sensors.protocol import find_altered
 from cmacexp.typing import Cells
 
+MOST_CELLS = 1 << 23
+"""Active cells of all samples of runs at once: more of them, 12 bytes each, are slower at once than one by one."""
+
 
 class Repeated:
     """A scenario, or some of one leg at once, that runs again and again: the arrays of its loop return.
@@ -72,7 +75,10 @@ class Repeated:
         serves = fixed and learns and not any(find_external(scenario))
         is_leg = setup.mechanism.shape[0] == 1 and not has_body(setup.mechanism)
         apart = plant.config.start_spread, config.terrain.step_legs, find_altered(scenario.sensors)
-        return serves and (count == 1 or (is_leg and not any(apart) and not config.plausibility.enabled))
+        if count == 1 or not serves:
+            return serves
+        fits = feedforward.params.cells.size * count <= MOST_CELLS
+        return fits and is_leg and not any(apart) and not config.plausibility.enabled
 
     def start(self, configs: Sequence[Config]) -> Scenario:
         """A scenario for configs that differ in seed and rate of learning alone; the one before has ended."""

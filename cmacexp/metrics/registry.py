@@ -122,7 +122,7 @@ def pool_legs(scores: Scores) -> dict[str, Array]:
         pooled |= dict.fromkeys(names, np.empty(0))  # so that they keep their order
         for pooling in {ALL_METRICS[name].pooling for name in names}:  # at once: else most of it is numpy's calls
             alike = [name for name in names if ALL_METRICS[name].pooling is pooling]
-            legs = np.stack([values[name] for name in alike]).reshape(len(alike), values.steps, -1)
+            legs = np.stack([values[name] for name in alike]).reshape(len(alike), values.steps, max(values.legs, 1))
             pooled |= zip(alike, pooling.pool(legs), strict=True)
     return pooled
 

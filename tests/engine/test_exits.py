@@ -68,7 +68,7 @@ def overrides(here, part, group="feedforward"):
 def test_the_run_fails_and_says_where(here, part):
     group, reason, steps = PLACES[part]
     run = cmacexp.run(overrides(here, part, group), "out")
-    assert (run.status, run.manifest["steps"]) == ("failed", steps)
+    assert (run.outcome.status, run.manifest["steps"]) == ("failed", steps)
     assert f"{reason} ({here}.py, line " in run.manifest["cause"]
     first, shown, *_ = run.manifest["traceback"].splitlines()
     assert first.startswith("Traceback")

@@ -57,6 +57,12 @@ def test_jobs_that_run_at_once_have_the_manifests_of_runs_alone(tmp_path):
 
 
 @pytest.mark.ci
+def test_a_job_that_the_loop_refuses_does_not_end_the_sweep(tmp_path):
+    assert sweep(*SHORT, "record=metrics", "learning.lead=estimate,auto", folder=tmp_path).returncode == 1
+    assert table_of(tmp_path).status.tolist() == ["failed", "completed"]
+
+
+@pytest.mark.ci
 def test_jobs_without_folders_do_not_remove_what_is_not_theirs(tmp_path):
     (run([*SHORT, "record=trace"], tmp_path / "s" / "0").folder / "mine.txt").touch()
     assert (
