@@ -281,6 +281,7 @@ def read_table(given: Any, measures: Collection[str] = ()) -> Callable[[Results]
     )
     _require_texts("tables.rows", [*own["rows"].values()] if isinstance(own["rows"], Mapping) else own["rows"])
     rows = own["rows"] if isinstance(own["rows"], Mapping) else {key: key for key in _list(own["rows"])}
+    require(rows, "tables.rows", own["rows"], "must name at least one setting")
     if "across" in own:
         across = own["across"] if isinstance(own["across"], Mapping) else {own["across"]: ""}
         (row, column), sample = (next(iter(each.items())) for each in (rows, across)), _cell(own["value"], measures)
