@@ -20,7 +20,6 @@ from cmacexp.config.machine import describe_other_model
 from cmacexp.config.schema import ADAPTIVE
 from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE, Scores, as_array
 from cmacexp.data.trace import Trace, concat_traces
-from cmacexp.engine.pool import RATE, SEED, drop_keys
 from cmacexp.engine.run import sample_scenario, score_scenario
 from cmacexp.engine.stop_cause import explain_stop
 from cmacexp.engine.sweep_tables import concat_metrics, join_scores
@@ -36,8 +35,6 @@ from cmacexp.metrics.drift import make_drift_entry, read_drift_entry
 from cmacexp.metrics.score import RunScorer
 from cmacexp.typing import RESULTS, Status
 
-OF_RATE, OF_BOTH = (RATE,), (RATE, SEED)
-"""Keys in which runs may differ that share a scenario: the seed only if nothing but a feedforward draws."""
 SHORT = 1 << 13
 """Rows of the trace of a run, up to which it is kept until it can be scored together with others."""
 
@@ -60,13 +57,9 @@ class Chunk:
     _repeated: ClassVar[tuple[Any, Repeated] | None] = None
     """What the last runs that could share a scenario have in common, and that, also of an earlier chunk."""
 
-    def __init__(self, runs: Sequence[Sequence[str]], keeps_trace: bool = False):
-        """Runs of these overrides; the traces of all of them are kept, else of short runs until they are scored."""
+    def __init__(self, keeps_trace: bool = False):
+        """Without runs; the traces of all of them are kept, else of short runs until they are scored."""
         self._keeps_trace = keeps_trace
-        self._repeats = {
-            keys: len({drop_keys(overrides, keys) for overrides in runs}) < len(runs) for keys in (OF_RATE, OF_BOTH)
-        }
-        """Whether some of the runs differ in these keys alone."""
         self.traces = dict[int, pa.Table]()
         self._sampled = dict[int, Sampled]()
         """Of the runs that are not scored yet."""
@@ -79,16 +72,10 @@ class Chunk:
         alike = len(configs), find_shared(configs[0])
         if Chunk._repeated is None or Chunk._repeated[0] != alike:
             scenario = make_scenario(configs[0])
-            repeats = self._repeats[OF_BOTH if alike[1]["seed"] is None else OF_RATE]
-            if not (repeats and Repeated.serves(scenario, len(configs))):
+            if not Repeated.serves(scenario, len(configs)):
                 return scenario
             Chunk._repeated = alike, Repeated(scenario, len(configs))
         return Chunk._repeated[1]
-
-    def make(self, config: Config) -> Scenario:
-        """A scenario of a config, for the next run: the same for all in a row that can share it."""
-        shared = self._share([config])
-        return shared.start([config]) if isinstance(shared, Repeated) else shared
 
     def _run_at_once(
         self, numbers: Sequence[int], configs: Sequence[Config]
@@ -124,10 +111,13 @@ class Chunk:
             numbers, alike = zip(*group, strict=True)
             at_once = self._run_at_once(numbers, alike)
             for number, config in zip(numbers, alike, strict=True):
-                yield number, partial(self._run_alone, number, config) if at_once is None else partial(next, at_once)
+                run_alone = partial(self._run_alone, number, config, len(alike) > 1)
+                yield number, run_alone if at_once is None else partial(next, at_once)
 
-    def _run_alone(self, number: int, config: Config) -> tuple[Scenario, End]:
-        scenario = self.make(config)
+    def _run_alone(self, number: int, config: Config, is_repeated: bool) -> tuple[Scenario, End]:
+        """Run the one of this number, which can share the scenario of another run if it ``is_repeated``."""
+        shared = self._share([config]) if is_repeated else make_scenario(config)
+        scenario = shared.start([config]) if isinstance(shared, Repeated) else shared
         return scenario, self.run(number, scenario)
 
     def run(self, number: int, scenario: Scenario) -> End:
@@ -201,7 +191,7 @@ def run_chunk(chunk: Sequence[list[str]], keeps_trace: bool, runs: int) -> tuple
     Raises CmacexpError if one of them cannot be run.
     """
     expect_runs(runs)
-    together, ended = Chunk(chunk, keeps_trace), list[tuple[Config, End]]()
+    together, ended = Chunk(keeps_trace), list[tuple[Config, End]]()
     # Twice as fast in a row as between runs.
     configs = [compose_config(overrides, is_shared=True) for overrides in chunk]
     for number, run in together.list_runs(dict(enumerate(configs))):

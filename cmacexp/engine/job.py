@@ -140,7 +140,7 @@ def run_jobs(packed: bytes, root: Path, items: Sequence[JobItem], jobs: int) -> 
     Returns how each ended, in a line, and whether that is an error. Raises OSError.
     """
     template, by_number = _unpack(packed), {item.number: item for item in items}
-    chunk, waiting, began = Chunk([item.values for item in items]), dict[int, Config](), time.perf_counter()
+    chunk, waiting, began = Chunk(), dict[int, Config](), time.perf_counter()
     ended = dict[int, tuple[Run | None, bool]]()
     """Runs by the numbers of their jobs, None where the tables have the result, and whether they were made now."""
     expect_runs(jobs)
