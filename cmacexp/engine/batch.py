@@ -17,7 +17,14 @@ from cmacexp.data.tables import arrow, table_writer, write_table
 from cmacexp.engine.chunk import RunEnd, run_chunk
 from cmacexp.engine.equal_results import find_idle_keys
 from cmacexp.engine.pool import choose_size, count_processes, group_runs, start_workers
-from cmacexp.engine.sweep_tables import collect_settings, concat_metrics, join_runs, make_column, read_settings
+from cmacexp.engine.sweep_tables import (
+    collect_settings,
+    concat_metrics,
+    join_runs,
+    make_column,
+    read_settings,
+    tabulate_settings,
+)
 from cmacexp.errors import OtherModel, WithoutEffect, require, require_name
 from cmacexp.terminal.output import print_line
 
@@ -94,8 +101,7 @@ def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | Non
     require_name("keep", keep, KEPT)
     count = count_processes(processes)
     size, settings = choose_size(len(runs), count), collect_settings(map(read_settings, runs))
-    columns = {key: make_column(values) for key, values in settings.items()}
-    known = pa.table({"run": make_column(range(len(runs))), **columns})
+    known = pa.table({"run": make_column(range(len(runs))), **tabulate_settings(settings)})
     chunks = [
         (first, chunk)
         for first in range(0, len(runs), most)

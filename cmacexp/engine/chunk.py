@@ -118,11 +118,6 @@ class Chunk:
         """Run the one of this number, which can share the scenario of another run if it ``is_repeated``."""
         shared = self._share([config]) if is_repeated else make_scenario(config)
         scenario = shared.start([config]) if isinstance(shared, Repeated) else shared
-        return scenario, self.run(number, scenario)
-
-    def run(self, number: int, scenario: Scenario) -> End:
-        """Run the one of this number; raises as its loop."""
-        config = scenario.setup.config
         traces = deque[Trace](maxlen=None if self._keeps_trace else 2)  # the last part may be short
         parts = list[Sampled]()
         if not self._keeps_trace and _is_short(config):
@@ -138,7 +133,7 @@ class Chunk:
             traces.extend(map(assemble, parts))
             drift = read_drift_entry(make_drift_entry(self.score()[number].legs))
             end = replace(end, cause=end.cause + explain_stop(scenario, end, traces, drift))
-        return end
+        return scenario, end
 
     def score(self) -> dict[int, Scores]:
         """The metrics of all runs by their numbers, in their order."""

@@ -9,7 +9,6 @@ import gc
 gc.disable()
 
 import cmacexp.engine.job  # noqa: E402
-import cmacexp.engine.sweep_tables  # noqa: E402
 import cmacexp.jit.numba_private  # noqa: E402, F401
 
 gc.freeze()

@@ -351,7 +351,8 @@ def write_tables(folder: Path, runs: Sequence[JobRun], status: str) -> None:
     """Write the tables of a sweep, and the manifest with its ``status``; raises OSError."""
     jobs, metrics = runs[0].tables
     jobs = select_rows(jobs, np.array([run.index for run in runs]))
-    for place, (name, column) in enumerate(tabulate_settings(run.settings for run in runs).items(), 3):
+    settings = collect_settings(run.settings for run in runs)
+    for place, (name, column) in enumerate(tabulate_settings(settings).items(), 3):
         jobs = jobs.add_column(place, name, column)
     metrics = select_rows(metrics, np.isin(as_array(metrics, "run"), as_array(jobs, "run")))
     swept = jobs.drop_columns([*HASHES, "result", "bad_input", FINGERPRINT, "manifest"]).combine_chunks()

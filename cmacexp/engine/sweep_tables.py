@@ -13,7 +13,7 @@ import json
 import math
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -76,9 +76,9 @@ def collect_settings(settings: Iterable[Row]) -> dict[str, list[Any]]:
     return {key: values + [None] * (count - len(values)) for key, values in columns.items()}
 
 
-def tabulate_settings(settings: Iterable[Row]) -> dict[str, pa.Array]:
-    """A column for each key that some run overrides; null, as text, where it overrides others."""
-    return {key: make_column(values) for key, values in collect_settings(settings).items()}
+def tabulate_settings(settings: Mapping[str, Sequence[Any]]) -> dict[str, pa.Array]:
+    """What :func:`collect_settings` gives as columns of a table; null, as text, where a run does not set a key."""
+    return {key: make_column(values) for key, values in settings.items()}
 
 
 def read_settings(overrides: Sequence[str]) -> Row:
@@ -356,6 +356,6 @@ def load_sweep(folder: str | Path) -> "pd.DataFrame":
     stored = find_runs(root)
     metrics, index = concat_metrics([read_metrics(run) for run in stored])
     labels = make_labels([run.folder.relative_to(root).as_posix() for run in stored])
-    settings = tabulate_settings([read_settings(run.manifest.get("overrides", [])) for run in stored])
+    settings = tabulate_settings(collect_settings(read_settings(run.manifest.get("overrides", [])) for run in stored))
     runs = pa.table({**labels, **settings, "status": make_column([run.status for run in stored])})
     return join_runs(runs, metrics, index).to_pandas()

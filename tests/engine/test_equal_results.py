@@ -8,11 +8,8 @@ SEEDS = [[f"seed={seed}"] for seed in range(8)]
 
 
 def find(results, runs=RUNS):
-    return list(
-        find_idle_keys(
-            collect_settings(map(read_settings, runs)), results, [str(i) for i in range(len(runs))], "jobs"
-        )
-    )
+    settings = collect_settings(map(read_settings, runs))
+    return list(find_idle_keys(settings, results, [str(i) for i in range(len(runs))], "jobs"))
 
 
 def test_a_key_had_no_effect_if_all_groups_that_differ_in_it_alone_are_equal():
