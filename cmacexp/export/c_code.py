@@ -119,7 +119,7 @@ def describe(network: Network, single: bool) -> dict[str, Any]:
     how, inputs = params.learning, network.inputs.shape[2]
     rule = how.rule
     name = next(name for name, each in RULES.items() if each.params == rule._replace(strength=0.0))
-    on_axes = network.machine == "point_mass"
+    on_axes = network.setup.config.machine.kind == "point_mass"
     columns = ["x", "y"] if on_axes else [f"q{n + 1}" for n in range(joints)]
     ring = how.lead + 2
     small = rows <= 2**16 - bool(network.places)
@@ -159,7 +159,7 @@ def describe(network: Network, single: bool) -> dict[str, Any]:
         "regularised": rule.divisor == REGULARISED,
         "decays": rule.rate == DECAYING,
         "factor": rule.strength,
-        "learnt": network.is_learnt,
+        "learnt": network.setup.learnt is not None,
         "known": network.model_torque is not None,
         "small": small,
         "unit": "N" if on_axes else "N m",

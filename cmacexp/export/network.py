@@ -28,8 +28,6 @@ from cmacexp.typing import Array, Weights
 EXPORTED = {"cmac": CmacFeedforward, "cmac_on_model": CmacOnModel, "rbf": RadialBasis}
 """Feedforwards that can be exported, by their options."""
 MOST_LEAD = 1000
-MOST_TORQUES = 2**15
-"""Torques of a model that are a small table."""
 MIN_STEPS, LEARNING_STEPS = 40, 24
 """Steps of the vectors, and those of them at least that learn."""
 MOST_PRODUCTS = 2_000_000
@@ -45,22 +43,21 @@ class Network:
 
     kind: str
     """Of EXPORTED."""
+    setup: Setup
+    """What it was made of; ``setup.learnt`` is None if the run stored no weights."""
     params: FeedforwardParams
     """Rows are numbered as exported, along the plan and in the weights (L, rows, J)."""
-    inputs: Array
-    """(N, L, n): planned."""
-    input_names: Sequence[str]
-    addresses: Sequence[Address]
-    """Of each leg; empty: cells are known for one path alone."""
     field: int
     """Receptive field; of other activations than those of a CMAC -1."""
-    places: Sequence[Any]
-    """(rows,) of each leg with visited addressing: position of the cell of every row, in order; else empty."""
     model_torque: Array | None
     """(N, L, J): torque of a model that is added, N m."""
-    is_learnt: bool
-    """Whether the run stored its weights."""
-    machine: str
+    inputs: Array
+    """(N, L, n): planned; n is 0 if cells are known for one path alone."""
+    input_names: Sequence[str] = ()
+    addresses: Sequence[Address] = ()
+    """Of each leg; empty: cells are known for one path alone."""
+    places: Sequence[Any] = ()
+    """(rows,) of each leg with visited addressing: position of the cell of every row, in order; else empty."""
 
     @property
     def is_weighted(self) -> bool:
@@ -73,17 +70,24 @@ def read_network(run: Run, one_path: bool) -> Network:
 
     ``one_path`` keeps the cells of the planned path alone, by sample, instead of the addressing.
     """
-    kind = require_exportable(run)
-    config = read_final_config(run)
-    learnt = read_learnt(run)
-    feedforward, setup = _reset(run, kind, config, learnt)
-    one_path = one_path or isinstance(feedforward, RadialBasis)
+    kind, feedforward, setup = _reset(run)
+    params, model_torque = feedforward.params, feedforward.model_torque
+    cmacs = [] if isinstance(feedforward, RadialBasis) else feedforward.cmacs
+    field = cmacs[0].receptive_field if cmacs else -1
+    if one_path or not cmacs:
+        own = keep_rows(params, list_path_rows(params))
+        return Network(kind, setup, own, field, model_torque, np.zeros((*params.cells.shape[:2], 0)))
     ahead = "trains cells of steps to come, which are known for one path alone; add --path"
-    require(setup.lead >= -1 or one_path, "learning.lead", setup.lead, ahead)
-    torques = 0 if feedforward.model_torque is None else feedforward.model_torque.size
-    many = f"has {torques} torques a cycle, more than {MOST_TORQUES}; add --path, or export cmac"
-    require(torques <= MOST_TORQUES or one_path, "feedforward", kind, many)
-    return _make_network(run, kind, feedforward, setup, one_path, learnt is not None)
+    require(setup.lead >= -1, "learning.lead", setup.lead, ahead)
+    names = setup.config.cmac.inputs
+    inputs = np.stack([planned_inputs(setup, i, names) for i in range(len(cmacs))], axis=1)
+    kept: Rows = [np.arange(params.weights.shape[1])] * len(cmacs)
+    places: Rows = []
+    if cmacs[0].visited is not None:
+        found = [np.unique(cmac.visited.positions, return_index=True) for cmac in cmacs if cmac.visited is not None]
+        places, kept = zip(*found, strict=True)
+    addresses = [cmac.address for cmac in cmacs]
+    return Network(kind, setup, keep_rows(params, kept), field, model_torque, inputs, names, addresses, places)
 
 
 def require_exportable(run: Run) -> str:
@@ -122,8 +126,11 @@ def read_learnt(run: Run) -> Weights | None:
     return load_weights(run.folder)
 
 
-def _reset(run: Run, kind: str, config: Config, learnt: Weights | None) -> tuple[NetworkFeedforward, Setup]:
-    """The feedforward along the plan of the run, and what it was made of."""
+def _reset(run: Run) -> tuple[str, NetworkFeedforward, Setup]:
+    """The kind of the network of a run, the feedforward along its plan, and what it was made of."""
+    kind = require_exportable(run)
+    config = read_final_config(run)
+    learnt = read_learnt(run)
     mechanism = make_mechanism(config.machine)
     plan = make_plan(config.nominal, mechanism, True)
     lead, rate = config.learning.lead, config.learning.rate
@@ -139,7 +146,7 @@ def _reset(run: Run, kind: str, config: Config, learnt: Weights | None) -> tuple
         raise BadRun(f"{run.folder / WEIGHTS}: does not fit the config of its run ({error}); run it again") from None
     reason = "cannot be exported: it trains the cells of many steps at once; any other rule can"
     require(feedforward.params.learning.rule.teaches != NEIGHBOURS, "learning.rule", config.learning.rule, reason)
-    return feedforward, setup
+    return kind, feedforward, setup
 
 
 def _require_fitting(feedforward: NetworkFeedforward) -> None:
@@ -149,35 +156,6 @@ def _require_fitting(feedforward: NetworkFeedforward) -> None:
     is_finite = all(np.isfinite(each).all() for each in (params.weights, params.activation, ranges))
     if not is_finite or params.cells.max() >= rows:
         raise ValueError("not all of it is finite, or cells have no row")
-
-
-def _make_network(
-    run: Run, kind: str, feedforward: NetworkFeedforward, setup: Setup, one_path: bool, is_learnt: bool
-) -> Network:
-    params, config = feedforward.params, setup.config
-    legs, rows = params.weights.shape[:2]
-    places: Rows = []
-    kept: Rows = [np.arange(rows)] * legs
-    names: list[str] = [] if isinstance(feedforward, RadialBasis) else config.cmac.inputs
-    cmacs = [] if isinstance(feedforward, RadialBasis) else feedforward.cmacs
-    if one_path:
-        kept = list_path_rows(params)
-    elif cmacs[0].visited is not None:
-        found = [np.unique(cmac.visited.positions, return_index=True) for cmac in cmacs if cmac.visited is not None]
-        places, kept = zip(*found, strict=True)
-    inputs = [np.zeros((len(params.cells), 0)) if one_path else planned_inputs(setup, i, names) for i in range(legs)]
-    return Network(
-        kind,
-        keep_rows(params, kept),
-        np.stack(inputs, axis=1),
-        [] if one_path else names,
-        [] if one_path else [cmac.address for cmac in cmacs],
-        cmacs[0].receptive_field if cmacs else -1,
-        places,
-        feedforward.model_torque,
-        is_learnt,
-        config.machine.kind,
-    )
 
 
 def list_path_rows(params: FeedforwardParams) -> Rows:

@@ -42,13 +42,11 @@ def widen_range(low: float, high: float) -> Range:
     span = high - low or abs(high) or 1.0
     low, high = low - 0.05 * span, high + 0.05 * span
     mark = 10.0 ** np.ceil(np.log10((high - low) / 5.0))  # even a low plot has numbers at five marks
-    first = np.arange(np.floor(low / mark), np.ceil(high / mark)) * mark
-    last = first + mark
-    if np.any((first >= low) & (last <= high)):
-        return low, high
-    ends = np.array([np.minimum(low, first - MARK_ROOM * mark), np.maximum(high, last + MARK_ROOM * mark)])
-    narrowest = ends[:, np.ptp(ends, axis=0).argmin()]
-    return float(narrowest[0]), float(narrowest[1])
+    first = np.arange(np.floor(low / mark), np.ceil(high / mark)) * mark  # of two marks that can be seen
+    lows = np.minimum(low, first - MARK_ROOM * mark)
+    highs = np.maximum(high, first + mark + MARK_ROOM * mark)
+    narrowest = np.argmin(highs - lows)
+    return float(lows[narrowest]), float(highs[narrowest])
 
 
 def find_ranges(views: Sequence[RunView]) -> dict[str, Range]:

@@ -184,14 +184,9 @@ def _find_corners(feet: Array, support: Mask) -> Array:
     Legs go round the body as 1, 2, 4, 3; a leg in transfer gives way to the one before it.
     """
     order = np.array([0, 1, 3, 2])
-    feet, support = feet[:, order], support[:, order]
-    corners = np.empty((len(feet), 5, 3))
-    current = feet[np.arange(len(feet)), np.argmax(support, axis=1)]
-    for n in (3, 2, 1, 0, 3):  # from the last supporting foot backwards, so that a leg in transfer repeats it
-        current = np.where(support[:, n, None], feet[:, n], current)
-        corners[:, n] = current
-    corners[:, 4] = corners[:, 0]
-    return corners
+    twice_around = np.where(np.tile(support[:, order], 2), np.arange(8), 0)
+    corners = order[np.maximum.accumulate(twice_around, axis=1)[:, 3:] % 4]
+    return np.take_along_axis(feet, corners[..., None], axis=1)
 
 
 def _log_stability(entities: Entities, view: RunView, feet: Array) -> None:
