@@ -16,7 +16,7 @@ from cmacexp.jit.compiler import expect_runs
 
 ON_REQUEST = ("wire", "law")
 """What needs half an hour or more, and a robot's model, and is run by its name alone."""
-ALL = ("loop", "robot", "cmac", "trace", "command", "sweep", "many")
+ALL = ("loop", "robot", "cmac", "trace", "command", "sweep")
 
 
 def machine() -> str:

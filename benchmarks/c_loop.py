@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import tempfile
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -72,15 +73,19 @@ def compiler() -> str | None:
     return shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 
 
-def build(layers: int, inputs: int) -> ctypes.CDLL:
-    """Compile ``one_leg.c`` for CMACs of this shape and load it."""
+def compile_library(sources: Iterable[Path], *options: str) -> ctypes.CDLL:
+    """Compile C code by the machine's compiler, and load it."""
     found = compiler()
     assert found is not None
     with tempfile.TemporaryDirectory() as folder:
-        library = Path(folder) / "one_leg.so"
-        sizes = [f"-DLAYERS={layers}", f"-DINPUTS={inputs}"]
-        subprocess.run([found, *FLAGS, *sizes, str(SOURCE), "-o", str(library), "-lm"], check=True)
-        loaded = ctypes.CDLL(str(library))
+        library = Path(folder) / "library.so"
+        subprocess.run([found, *FLAGS, *options, *map(str, sources), "-o", str(library), "-lm"], check=True)
+        return ctypes.CDLL(str(library))
+
+
+def build(layers: int, inputs: int) -> ctypes.CDLL:
+    """``one_leg.c`` for CMACs of this shape."""
+    loaded = compile_library([SOURCE], f"-DLAYERS={layers}", f"-DINPUTS={inputs}")
     loaded.one_leg.restype = ctypes.c_int64
     return loaded
 

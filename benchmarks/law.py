@@ -4,7 +4,6 @@ Sensors outside the loop keep what they show in every step, and the command that
 """
 
 import ctypes
-import subprocess
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import cmacexp
-from benchmarks.c_loop import compiler
+from benchmarks.c_loop import compile_library
 from benchmarks.timing import Row, Table, format_time, stopwatch
 from cmacexp.engine.c_law import compute_feet, describe_law
 from cmacexp.export.c_code import write_c
@@ -40,7 +39,6 @@ RUNS = {
 }
 SHORT = ("cycles=4", "record=metrics", "record.weights=true", "warn=false")
 SOURCE = Path(__file__).with_name("walk.c")
-FLAGS = ["-O2", "-ffp-contract=off", "-shared", "-fPIC"]
 STEPS, QUICK_STEPS, ROUNDS = 1_000_000, 3_000, 50
 
 
@@ -86,12 +84,8 @@ class Recorder:
 
 
 def build(folder: Path) -> ctypes.CDLL:
-    """Compile the law that was written to a folder, and load it."""
-    found, library = compiler(), folder / "law.so"
-    assert found is not None
-    sources = [SOURCE, folder / "cmac_leg.c", folder / "cmac_walk.c"]
-    subprocess.run([found, *FLAGS, f"-I{folder}", *map(str, sources), "-o", str(library), "-lm"], check=True)
-    loaded = ctypes.CDLL(str(library))
+    """The law that was written to a folder."""
+    loaded = compile_library([SOURCE, folder / "cmac_leg.c", folder / "cmac_walk.c"], f"-I{folder}")
     for name in ("play", "compare_weights", "count_signals", "count_commands", "count_bytes"):
         getattr(loaded, name).restype = ctypes.c_int64
     return loaded

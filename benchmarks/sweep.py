@@ -1,11 +1,11 @@
-"""A sweep of 64 runs of one leg, by each launcher, against the same sweep of an empty Hydra app."""
+"""Many runs against an empty Hydra app: a sweep by each launcher, processor time a job, and what a million take."""
 
 import importlib.util
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from benchmarks.timing import Table, compared, in_turn, python, stopwatch
+from benchmarks.timing import Row, Table, compared, format_time, in_turn, processor_time, python, stopwatch
 
 EMPTY = """
 import hydra
@@ -13,34 +13,99 @@ import hydra
 def main(config): pass
 main()
 """
-CORES = 2
+CORES, CHUNK = 2, 50
+LOAD = "import sys; from cmacexp import load_sweep; load_sweep(sys.argv[1])"
+BATCH = "import sys; from cmacexp import run_many; run_many([[f'seed={i}'] for i in range(int(sys.argv[1]))])"
+MILLION = 10**6
+
+
+Start = Callable[..., Callable[[], None]]
+"""Gives a worker that runs Python with these arguments."""
 
 
 def tables(quick: bool) -> list[Table]:
     """All of this file."""
-    runs = 8 if quick else 64
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "empty.py").write_text(EMPTY)
 
-        def sweep(kind: str, *command: str) -> Callable[[], float]:
-            arguments = [*command, f"hydra.sweep.dir={folder}/{kind}"]
-            return stopwatch(lambda: python(*arguments, folder=folder))
+        def start(*arguments: str) -> Callable[[], None]:
+            return lambda: python(*arguments, folder=folder)
 
-        ours = ["-m", "cmacexp", "-m", f"seed=range({runs})", "record=trace"]
-        workers = {
-            "empty": sweep("empty", "empty.py", "-m", f"+seed=range({runs})"),
-            "cores": sweep("cores", *ours),
-            "basic": sweep("basic", *ours, "hydra/launcher=basic"),
-        }
-        if importlib.util.find_spec("hydra_plugins.hydra_joblib_launcher"):
-            workers["joblib"] = sweep("joblib", *ours, "hydra/launcher=joblib", f"hydra.launcher.n_jobs={CORES}")
-        times = in_turn(workers, 1 if quick else 2)
-    what = f"{runs} runs, `basic`"
+        return [_compare_launchers(start, 8 if quick else 64, 1 if quick else 2), *_count(start, folder, quick)]
+
+
+def _sweep(start: Start, kind: str, count: int, *overrides: str) -> Callable[[], None]:
+    return start("-m", "cmacexp", "-m", f"seed=range({count})", f"hydra.sweep.dir={kind}", *overrides)
+
+
+def _start_empty(start: Start, count: int) -> Callable[[], None]:
+    """The same sweep of an app that does nothing."""
+    return start("empty.py", "-m", f"+seed=range({count})", "hydra.sweep.dir=empty")
+
+
+def _compare_launchers(start: Start, runs: int, rounds: int) -> Table:
+    """A sweep by each launcher, elapsed."""
+    launchers = {"cores": [], "basic": ["hydra/launcher=basic"]}
+    if importlib.util.find_spec("hydra_plugins.hydra_joblib_launcher"):
+        launchers["joblib"] = ["hydra/launcher=joblib", f"hydra.launcher.n_jobs={CORES}"]
+    commands = {kind: _sweep(start, kind, runs, "record=trace", *chosen) for kind, chosen in launchers.items()}
+    commands["empty"] = _start_empty(start, runs)
+    times = in_turn({kind: stopwatch(command) for kind, command in commands.items()}, rounds)
     rows = [
         compared(times, f"{runs} runs as typed, `cores`", "cores", "empty", "empty Hydra app", "0.35"),
-        compared(times, what, "basic", "empty", "empty Hydra app", "1.6"),
+        compared(times, f"{runs} runs, `basic`", "basic", "empty", "empty Hydra app", "1.6"),
     ]
     if "joblib" in times:
         rows.append(compared(times, f"{runs} runs, `joblib` on {CORES} cores", "joblib", "cores", "`cores`"))
-    return [Table("Sweep, `record=trace`", rows)]
+    return Table("Sweep, `record=trace`", rows)
+
+
+def _count(start: Start, folder: Path, quick: bool) -> list[Table]:
+    """Processor time of a job, and what a million take."""
+    runs, many = (8, 16) if quick else (1_000, 10_000)
+    base = processor_time(_start_empty(start, runs))() / runs
+    chunked = ["record=metrics", f"sweep.chunk={CHUNK}", "hydra/launcher=submitit_local"]
+    commands: list[tuple[str, Callable[[], None], str]] = [
+        (f"{runs} runs, `record=trace`", _sweep(start, "trace", runs), "0.2"),
+        (f"{runs} runs, `record=metrics`", _sweep(start, "metrics", runs, "record=metrics"), "0.1"),
+        (f"{runs} runs, `run_many`", start("-c", BATCH, str(runs)), ""),
+        (
+            f"{runs} runs, `submitit_local`, `sweep.chunk={CHUNK}`",
+            _sweep(start, "chunks", runs, *chunked),
+            "0.1 s a job",
+        ),
+    ]
+    against = f"empty Hydra app: {format_time(base)}"
+    rows, used = [], []
+    for what, command, target in commands:
+        used.append(processor_time(command)() / runs)
+        rows.append(Row(what, format_time(used[-1]), against, used[-1] / base, target))
+    all_of_it = stopwatch(_sweep(start, "many", many, "record=metrics"))()
+    loading = stopwatch(start("-c", LOAD, "metrics"))()
+    importing = stopwatch(start("-c", "import cmacexp, pandas"))()
+    rows.append(_elapsed(f"{many} runs, `record=metrics`, elapsed", all_of_it, "2 min for 10,000"))
+    rows.append(_elapsed(f"`load_sweep` of {runs} runs, elapsed", loading - importing, "2 s for 1,000"))
+    size, files = zip(*(_measure(folder / kind, runs) for kind in ("trace", "metrics")), strict=True)
+    return [Table("Many runs of one leg, processor time a job", rows), _extrapolate(used, size, files, runs)]
+
+
+def _elapsed(what: str, seconds: float, target: str) -> Row:
+    return Row(what, format_time(seconds), "", None, target)
+
+
+def _measure(folder: Path, runs: int) -> tuple[float, float]:
+    """Bytes of a run on disk, and its files and folders; those of all runs are shared out."""
+    paths = list(folder.rglob("*"))
+    return sum(path.stat().st_size for path in paths if path.is_file()) / runs, len(paths) / runs
+
+
+def _extrapolate(used: Sequence[float], size: Sequence[float], files: Sequence[float], runs: int) -> Table:
+    """What a million runs take if each takes what one of so many took."""
+    rows = []
+    for what, seconds, bytes_a_run, count in zip(("trace", "metrics"), used, size, files, strict=False):
+        hours, amount = MILLION * seconds / 3600, f"{MILLION * bytes_a_run / 1e9:.3g} GB"
+        rows.append(
+            Row(f"`record={what}`", f"{hours:.3g} h", f"{amount}, {MILLION * count:.2g} files and folders", None, "")
+        )
+    return Table(f"A million runs of one leg: processor time and disk, from {runs}", rows)

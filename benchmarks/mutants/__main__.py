@@ -19,12 +19,10 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from benchmarks.mutants.mutations import Mutant, find_mutants, sample
 from benchmarks.mutants.page import write_page
-from benchmarks.mutants.session import OPTIONS, ROOT, TIERS, Collected, call_apart, record_calls
-from benchmarks.mutants.trial import SURVIVED, choose_tests, is_early, judge, run_imported, run_replaced
+from benchmarks.mutants.session import ROOT, TIERS, call_apart, record_calls
+from benchmarks.mutants.trial import SURVIVED, choose_tests, judge, run_imported
 
 ROOMS = ("models", "cmac", "planning", "feedforward", "control", "metrics")
 FILES = ("plants/kernels.py", "sensors/kernels.py", "loop/step.py", "loop/stop.py")
@@ -101,32 +99,16 @@ def share_out(work: Callable[[Mutant], dict[str, Any]], mutants: list[Mutant], l
 
 
 def try_mutants(todo: list[Mutant], tier: str, folder: Path, log: Path, workers: int) -> None:
-    """Try mutants against the tests of a tier.
-
-    Those whose code runs while the project is imported come first, as this process must not import it.
-    """
+    """Try mutants against the tests of a tier, each in a process of its own, which imports the project with it."""
     warm_up()
     record = read_calls(folder / f"calls-{tier}.json", tier, workers)
-    tests = {mutant: choose_tests(mutant, record) for mutant in todo}
-    # What calls super() cannot be replaced: it needs the class around it.
-    early = [mutant for mutant in todo if is_early(mutant, record) or "super()" in mutant.old]
 
-    def import_it(mutant: Mutant) -> dict[str, Any]:
-        failed = call_apart(run_imported, mutant, tests[mutant], most=MOST_TIME)
-        return judge(mutant, tests[mutant], failed) | {"tier": tier}
+    def try_one(mutant: Mutant) -> dict[str, Any]:
+        tests = choose_tests(mutant, record)
+        failed = call_apart(run_imported, mutant, tests, tier, most=MOST_TIME)
+        return judge(mutant, tests, failed) | {"tier": tier}
 
-    share_out(import_it, early, log, workers)
-    replaced = [mutant for mutant in todo if mutant not in early]
-
-    def use(items: dict[str, pytest.Item]) -> None:
-        def replace_it(mutant: Mutant) -> dict[str, Any]:
-            own = [items[test] for test in tests[mutant]]
-            failed = call_apart(run_replaced, mutant, own, most=MOST_TIME)
-            return judge(mutant, tests[mutant], failed) | {"tier": tier}
-
-        share_out(replace_it, replaced, log, workers)
-
-    pytest.main([*OPTIONS, "-m", TIERS[tier]], plugins=[Collected(use)])
+    share_out(try_one, todo, log, workers)
 
 
 def main() -> None:

@@ -3,16 +3,14 @@
 import os
 import resource
 import signal
-import sys
 from collections.abc import Callable
-from itertools import pairwise
-from multiprocessing import forkserver, get_context
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from benchmarks.mutants.calls import LONGEST, Calls, limit, refuse, refuse_workers, take_few_examples
+from benchmarks.mutants.calls import LONGEST, Calls, limit, take_few_examples
 
 ROOT = Path(__file__).parents[2]
 TIERS = {"first": "not ci and not nightly", "ci": "not nightly"}
@@ -60,25 +58,18 @@ def call_apart(function: Callable[..., Any], *arguments: Any, most: int = resour
     return result
 
 
-class Collected:
-    """A plugin of pytest that calls ``use`` with the collected tests, by their names, instead of running them."""
+class Chosen:
+    """A plugin of pytest that runs the tests with these names, in this order, until one fails or is too slow."""
 
-    def __init__(self, use: Callable[[dict[str, pytest.Item]], None]):
-        self.use = use
+    def __init__(self, tests: list[str]):
+        self.tests, self.failed = tests, ""
 
     def pytest_configure(self):
         take_few_examples()
 
-    def pytest_runtestloop(self, session):
-        self.use({item.nodeid: item for item in session.items})
-        return True
-
-
-class FirstFailure:
-    """A plugin of pytest: the first test that fails, or is too slow."""
-
-    def __init__(self):
-        self.failed = ""
+    def pytest_collection_modifyitems(self, items):
+        named = {item.nodeid: item for item in items}
+        items[:] = [named[test] for test in self.tests if test in named]
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item):
@@ -90,30 +81,16 @@ class FirstFailure:
             self.failed = report.nodeid
 
 
-def run_until_failure(items: list[pytest.Item]) -> str:
-    """Run collected tests; the name of the first that fails, or nothing."""
-    first = FirstFailure()
-    for item in items[:1]:
-        item.config.pluginmanager.register(first)
-    for item, following in pairwise([*items, None]):
-        item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
-        if first.failed:
-            break
-    return first.failed
+def run_until_failure(tests: list[str], tier: str) -> str:
+    """Run tests of a tier by their names; the first that fails, nothing, or how pytest ends without running them."""
+    chosen, files = Chosen(tests), dict.fromkeys(test.partition("::")[0] for test in tests)
+    code = pytest.main([*OPTIONS, "-x", "-m", TIERS[tier], *files], plugins=[chosen])
+    ran = code in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED, pytest.ExitCode.NO_TESTS_COLLECTED)
+    return chosen.failed if ran else f"pytest ends with {code}"
 
 
 def record_calls(tier: str, part: int, parts: int) -> dict[str, Any]:
     """Run a share of a tier's test files once without a fault; what :mod:`benchmarks.mutants.calls` records."""
-    calls = Calls(ROOT / "cmacexp")
-
-    def run(items: dict[str, pytest.Item]) -> None:
-        files = list(dict.fromkeys(name.partition("::")[0] for name in items))
-        own = [item for name, item in items.items() if name.partition("::")[0] in files[part::parts]]
-        own[0].config.pluginmanager.register(calls)
-        sys.addaudithook(refuse)
-        forkserver.ensure_running = refuse_workers  # which no audit hook sees
-        for item, following in pairwise([*own, None]):
-            item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
-
-    pytest.main([*OPTIONS, "-m", TIERS[tier]], plugins=[Collected(run)])
+    calls = Calls(ROOT / "cmacexp", part, parts)
+    pytest.main([*OPTIONS, "-m", TIERS[tier]], plugins=[calls])
     return calls.record

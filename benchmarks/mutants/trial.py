@@ -1,19 +1,14 @@
 """One mutant: the tests that it has to pass, and how they run with it."""
 
-import gc
 import importlib.util
 import sys
-from collections.abc import Iterator
 from functools import cache
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from types import CodeType, FunctionType
 from typing import Any
 
-import pytest
-
 from benchmarks.mutants.mutations import Mutant
-from benchmarks.mutants.session import OPTIONS, ROOT, Collected, run_until_failure
+from benchmarks.mutants.session import ROOT, run_until_failure
 
 FIGURES = ("tests/laws/test_golden.py", "tests/laws/test_bits.py")
 """Figures of an earlier version: they find almost every fault and explain none, so they run last."""
@@ -22,26 +17,6 @@ BUDGET = 30.0
 KILLED, SURVIVED, FIGURES_ONLY, INVALID = "killed", "survived", "killed by figures only", "invalid"
 CANNOT_START = "cannot be imported"
 NO_END = "no end"
-
-
-def codes(code: CodeType) -> Iterator[CodeType]:
-    """A piece of code and all within it."""
-    yield code
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from codes(constant)
-
-
-def run_replaced(mutant: Mutant, items: list[pytest.Item]) -> str:
-    """Replace the code of the functions that hold the fault, and run the tests."""
-    path, source = str(ROOT / mutant.path), (ROOT / mutant.path).read_bytes()
-    before, after = (codes(compile(text, path, "exec")) for text in (source, mutant.apply(source)))
-    changed = {old: new for old, new in zip(before, after, strict=True) if old != new}
-    functions = [found for found in gc.get_objects() if isinstance(found, FunctionType)]
-    for function in functions:
-        if function.__code__.co_filename == path and function.__code__ in changed:
-            function.__code__ = changed[function.__code__]
-    return run_until_failure(items)
 
 
 class Mutated(SourceFileLoader):
@@ -65,20 +40,13 @@ class Mutated(SourceFileLoader):
         return compile(self.mutant.apply(Path(self.path).read_bytes()), self.path, "exec")
 
 
-def run_imported(mutant: Mutant, tests: list[str]) -> str:
+def run_imported(mutant: Mutant, tests: list[str], tier: str) -> str:
     """Import the project with the fault, and run the tests."""
     try:
         importlib.import_module(Mutated.install(mutant))
     except BaseException:
         return CANNOT_START
-    failed = []
-
-    def run(items: dict[str, pytest.Item]) -> None:
-        failed.append(run_until_failure([items[test] for test in tests if test in items]))
-
-    files = dict.fromkeys(test.partition("::")[0] for test in tests)
-    code = pytest.main([*OPTIONS, *files], plugins=[Collected(run)])
-    return failed[0] if failed else f"pytest ends with {code}"
+    return run_until_failure(tests, tier)
 
 
 @cache
@@ -86,11 +54,6 @@ def read_source(file: str) -> str:
     """The text of a file of tests; nothing if there is none."""
     path = ROOT / file
     return path.read_text() if path.exists() else ""
-
-
-def is_early(mutant: Mutant, record: dict[str, Any]) -> bool:
-    """Whether code that holds the fault runs while the project is imported."""
-    return not mutant.function or [mutant.path.removeprefix("cmacexp/"), mutant.function] in record["early"]
 
 
 def choose_tests(mutant: Mutant, record: dict[str, Any]) -> list[str]:
@@ -110,7 +73,7 @@ def choose_tests(mutant: Mutant, record: dict[str, Any]) -> list[str]:
 
     seconds: dict[str, float] = record["seconds"]
     files = dict.fromkeys(test.partition("::")[0] for test in seconds)
-    early = is_early(mutant, record)
+    early = not mutant.function or [name, mutant.function] in record["early"]
     importing = {file for file in files if early and f"from {module} import" in read_source(file)}
     calling = [
         test for test in seconds if (file := test.partition("::")[0]) in importing or calls(test) or calls(file)
