@@ -15,6 +15,8 @@ from cmacexp.terminal.output import keep_outputs, print_line
 
 Arguments = argparse.Namespace
 """Those of a command, by the names of its options."""
+Work = Callable[[Arguments], int | None]
+"""What a command does; its exit code, 0 if it returns none."""
 OptionTable = Mapping[str, Mapping[str, Any]]
 """What a command takes: arguments and options by their names, each with what ``add_argument`` takes of it."""
 FOLDERS: OptionTable = {
@@ -53,9 +55,22 @@ class Parser(argparse.ArgumentParser):
         self.add_argument("--version", action="version", version=f"cmacexp {__version__}")
         add_options(self, options)
 
-    def run(self, work: Callable[[Arguments], int | None], hint: str = "") -> int:
+    def run(self, work: Work, hint: str = "") -> int:
         """Read the arguments of this process, and do the ``work`` of the command; see :func:`run_command`."""
-        return run_command(lambda: work(self.parse_args()), hint)
+        return run_command(lambda: work(self.parse_intermixed_args()), hint)
+
+
+def command(description: str, options: OptionTable) -> Callable[[Work], Callable[[], int]]:
+    """Make the ``main`` of a command, which reads the arguments of this process and returns the exit code.
+
+    It decorates a function of a module of this room, which does the work of the command of that name.
+    """
+
+    def make_main(work: Work) -> Callable[[], int]:
+        name = work.__module__.replace(".commands.", " ")
+        return lambda: Parser(name, description, options).run(work)
+
+    return make_main
 
 
 def run_command(work: Callable[[], int | None], hint: str = "") -> int:

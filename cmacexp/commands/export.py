@@ -1,18 +1,15 @@
 """``python -m cmacexp.export DIR --c``: a stored run for other programs, as C code or tables."""
 
-import argparse
 from pathlib import Path
 
-from cmacexp.commands.command import Arguments, Parser, make_flag, run_command
+from cmacexp.commands.command import Arguments, command, make_flag
 from cmacexp.data.folder import OUT_KEY, require_no_link
 from cmacexp.data.manifest import is_run, name_of, require_place
 from cmacexp.data.run import Run
 from cmacexp.data.weights import WEIGHTS
-from cmacexp.errors import require
+from cmacexp.errors import CmacexpError, require
 from cmacexp.export.tables import write_mcap, write_wide
 from cmacexp.terminal.output import print_line, show_activity
-
-FORMATS = ("c", "wide", "mcap")
 
 
 def _find_place(arguments: Arguments) -> Path:
@@ -24,10 +21,32 @@ def _find_place(arguments: Arguments) -> Path:
     return folder
 
 
-def _export(arguments: Arguments) -> None:
+def _check_formats(arguments: Arguments) -> None:
+    """Refuse a command that writes nothing, or that has options of C code without it; raises CmacexpError."""
+    c, of_c = arguments.c, arguments.single or arguments.path or arguments.law
+    CmacexpError.unless(c or arguments.wide or arguments.mcap, "what to write is missing: add --c, --wide or --mcap")
+    CmacexpError.unless(c or not of_c, "--single, --path and --law are options of --c: add --c")
+    CmacexpError.unless(not (arguments.single and arguments.law), "--law is in double precision: leave out --single")
+
+
+@command(
+    "Write a stored run for other programs: C code of its network, or its tables.",
+    {
+        "folder": {"type": Path, "metavar": "DIR", "help": "a run"},
+        "--c": make_flag("cmac_leg.h, cmac_leg.c and main.c, which checks itself"),
+        "--single": make_flag("the C code in single precision"),
+        "--path": make_flag("the C code for the planned path alone: little memory"),
+        "--law": make_flag("the C code of the whole control law, with --path"),
+        "--wide": make_flag("the trace as a table with one row a step"),
+        "--mcap": make_flag("the trace as MCAP"),
+        "--out": {"type": Path, "metavar": "FOLDER", "help": "where to write (default: export-NAME OF DIR)"},
+    },
+)
+def main(arguments: Arguments) -> None:
+    """Write the files, and print their names."""
+    _check_formats(arguments)
     run, out = Run(arguments.folder), _find_place(arguments)
     _ = run.manifest
-    earlier = set(out.glob("*"))
     with show_activity(f"exporting {run.folder}"):
         written = []
         if arguments.c:
@@ -45,34 +64,4 @@ def _export(arguments: Arguments) -> None:
             "warning: the run stored no weights (record.weights=true): the network starts from zero", error=True
         )
     for path in written:
-        print_line(f"{path}: it replaces the one that was there" if path in earlier else str(path))
-
-
-def _parse(parser: argparse.ArgumentParser) -> Arguments:
-    arguments = parser.parse_args()
-    if not any(getattr(arguments, name) for name in FORMATS):
-        parser.error("what to write is missing: " + ", ".join(f"--{name}" for name in FORMATS))
-    if (arguments.single or arguments.path or arguments.law) and not arguments.c:
-        parser.error("--single, --path and --law are options of --c")
-    if arguments.single and arguments.law:
-        parser.error("--law is in double precision: leave out --single")
-    return arguments
-
-
-def main() -> int:
-    """Run the command."""
-    parser = Parser(
-        "cmacexp.export",
-        "Write a stored run for other programs: C code of its network, or its tables.",
-        {
-            "folder": {"type": Path, "metavar": "DIR", "help": "a run"},
-            "--c": make_flag("cmac_leg.h, cmac_leg.c and main.c, which checks itself"),
-            "--single": make_flag("the C code in single precision"),
-            "--path": make_flag("the C code for the planned path alone: little memory"),
-            "--law": make_flag("the C code of the whole control law, with --path"),
-            "--wide": make_flag("the trace as a table with one row a step"),
-            "--mcap": make_flag("the trace as MCAP"),
-            "--out": {"type": Path, "metavar": "FOLDER", "help": "where to write (default: export-NAME OF DIR)"},
-        },
-    )
-    return run_command(lambda: _export(_parse(parser)))
+        print_line(str(path))

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
+from cmacexp.commands.command import Arguments, OptionTable, command, make_flag
 from cmacexp.data.folder import choose_page_folder
 from cmacexp.errors import BadInput, require
 from cmacexp.gap.log import Log, load_reader, read_log
@@ -55,7 +55,19 @@ def read_given(arguments: Arguments) -> tuple[Log, Machine]:
     return log, read_machine(arguments.robot, log.joints, _read_pairs(arguments.joints, "--joints"))
 
 
-def _show(arguments: Arguments) -> None:
+@command(
+    "Read a log of a robot, identify its joints, validate them on strokes that identification did not see, and "
+    "say what learners would remove of its feedback torque.",
+    {
+        "log": {"type": Path, "metavar": "LOG", "help": "Parquet, CSV, NPZ or MCAP, or what --reader reads"},
+        "--robot": {"required": True, "help": "go2 or another option of conf/machine, or an MJCF or URDF file"},
+        **LOG_OPTIONS,
+        "--quick": make_flag("without identification"),
+        "--out": {"type": Path, "metavar": "FOLDER", "help": f"where the page goes; unless given, in {FOLDER}"},
+    },
+)
+def main(arguments: Arguments) -> None:
+    """Compare a log with a model, and write and print what was found."""
     from cmacexp.gap.analysis import begin
     from cmacexp.gap.page import summarise, write_page
     from cmacexp.gap.validation import identify
@@ -79,19 +91,3 @@ def _show(arguments: Arguments) -> None:
     for note in gap.values["notes"]:
         print_line(f"note: {note}")
     print_line(str(page))
-
-
-def main() -> int:
-    """Run the command."""
-    return Parser(
-        "cmacexp.gap",
-        "Read a log of a robot, identify its joints, validate them on strokes that identification did not see, and "
-        "say what learners would remove of its feedback torque.",
-        {
-            "log": {"type": Path, "metavar": "LOG", "help": "Parquet, CSV, NPZ or MCAP, or what --reader reads"},
-            "--robot": {"required": True, "help": "go2 or another option of conf/machine, or an MJCF or URDF file"},
-            **LOG_OPTIONS,
-            "--quick": make_flag("without identification"),
-            "--out": {"type": Path, "metavar": "FOLDER", "help": f"where the page goes; unless given, in {FOLDER}"},
-        },
-    ).run(_show)

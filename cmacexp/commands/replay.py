@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from cmacexp.commands.command import FOLDERS, Arguments, Parser, add_options, make_flag
+from cmacexp.commands.command import FOLDERS, Arguments, command, make_flag
 from cmacexp.data.manifest import is_run, name_of, require_place, runs_below
 from cmacexp.data.run import Run
 from cmacexp.data.tables import RECORDING_FILE
@@ -40,7 +40,39 @@ def _show_table(runs: Sequence[Run], arguments: Arguments) -> int:
         return _show(address, arguments)
 
 
-def _replay(arguments: Arguments) -> int:
+@command(
+    "Show a run in the Rerun viewer, or several side by side. A recording that is missing, or of another run or "
+    "version, is built from the trace; --cycles, --every and --meshes build it anew.",
+    {
+        **FOLDERS,
+        "--no-viewer": make_flag("only build the recording"),
+        "--web": make_flag(
+            "serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window"
+        ),
+        "--table": make_flag("show a table of the runs, to filter by config and metrics; a row opens its recording"),
+        "--rebuild": make_flag("build the recording of a run even if it exists, with all cycles"),
+        "--meshes": make_flag("draw robots as their models show them, if these are still those of the runs"),
+        "--cycles": {
+            "metavar": "CYCLES",
+            "help": "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all "
+            "runs took)",
+        },
+        "--every": {
+            "metavar": "N",
+            "type": int,
+            "help": "show one step in N; unless given, all of a short run, fewer of a long one",
+        },
+        "--out": {
+            "metavar": "FILE.rrd",
+            "type": Path,
+            "help": f"where the recording goes; unless given, {RECORDING_FILE} in the folder of a run, or in "
+            f"{COMPARISONS}",
+        },
+    },
+)
+def main(arguments: Arguments) -> int:
+    """Build what is to be shown, and show it; the exit code of the viewer."""
+    require(not (arguments.web and arguments.no_viewer), "--web", True, "leave out --no-viewer to show the recording")
     folders = {run.resolve(): run for given in arguments.folders for run in runs_below(given)}
     runs = [Run(folder) for folder in folders.values()]
     if not (arguments.web or arguments.no_viewer):
@@ -65,49 +97,3 @@ def _replay(arguments: Arguments) -> int:
         shown = ensure_recording(runs[0], arguments.rebuild) if is_own else write_recording(runs, path, options)
     print_line(f"{path}: {shown}")
     return _show(path, arguments)
-
-
-def main() -> int:
-    """Run the command."""
-    parser = Parser(
-        "cmacexp.replay",
-        "Show a run in the Rerun viewer, or several side by side. A recording that is missing, or of another run or "
-        "version, is built from the trace; --cycles, --every and --meshes build it anew.",
-        FOLDERS,
-    )
-    add_options(
-        parser.add_mutually_exclusive_group(),
-        {
-            "--no-viewer": make_flag("only build the recording"),
-            "--web": make_flag(
-                "serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window"
-            ),
-        },
-    )
-    add_options(
-        parser,
-        {
-            "--table": make_flag(
-                "show a table of the runs, to filter by config and metrics; a row opens its recording"
-            ),
-            "--rebuild": make_flag("build the recording of a run even if it exists, with all cycles"),
-            "--meshes": make_flag("draw robots as their models show them, if these are still those of the runs"),
-            "--cycles": {
-                "metavar": "CYCLES",
-                "help": "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all "
-                "runs took)",
-            },
-            "--every": {
-                "metavar": "N",
-                "type": int,
-                "help": "show one step in N; unless given, all of a short run, fewer of a long one",
-            },
-            "--out": {
-                "metavar": "FILE.rrd",
-                "type": Path,
-                "help": f"where the recording goes; unless given, {RECORDING_FILE} in the folder of a run, or in "
-                f"{COMPARISONS}",
-            },
-        },
-    )
-    return parser.run(_replay)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cmacexp.commands.command import FOLDERS, Arguments, Parser
+from cmacexp.commands.command import FOLDERS, Arguments, command
 from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import choose_page_folder
 from cmacexp.data.run import Run
@@ -47,7 +47,31 @@ def _report_of_several(runs: Sequence[Run], given: Sequence[Path], out: Path) ->
     return path
 
 
-def _report(arguments: Arguments) -> None:
+class _Key(argparse.Action):
+    """Prints what the columns of metrics mean."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        print_key()
+        parser.exit()
+
+
+@command(
+    "Figures and tables of a run, or a comparison of several runs or a sweep, as one HTML page.",
+    {
+        **FOLDERS,
+        "--out": {
+            "type": Path,
+            "metavar": "FOLDER",
+            "help": f"folder of the page (default: DIR/report, or {REPORTS}/NAMES for several)",
+        },
+        "--key": {
+            "nargs": 0,
+            "action": _Key,
+            "help": "print what each column of the tables means: name, symbol, definition; needs no DIR",
+        },
+    },
+)
+def main(arguments: Arguments) -> None:
     """Write the page of one run or of several."""
     given: list[Path] = arguments.folders
     runs = list({run.folder.resolve(): run for folder in given for run in find_runs(folder)}.values())
@@ -59,32 +83,3 @@ def _report(arguments: Arguments) -> None:
     else:
         page = _report_of_several(runs, given, out)
     print_line(str(page))
-
-
-class _Key(argparse.Action):
-    """Prints what the columns of metrics mean."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        print_key()
-        parser.exit()
-
-
-def main() -> int:
-    """Run the command."""
-    return Parser(
-        "cmacexp.report",
-        "Figures and tables of a run, or a comparison of several runs or a sweep, as one HTML page.",
-        {
-            **FOLDERS,
-            "--out": {
-                "type": Path,
-                "metavar": "FOLDER",
-                "help": f"folder of the page (default: DIR/report, or {REPORTS}/NAMES for several)",
-            },
-            "--key": {
-                "nargs": 0,
-                "action": _Key,
-                "help": "print what each column of the tables means: name, symbol, definition; needs no DIR",
-            },
-        },
-    ).run(_report)

@@ -5,18 +5,12 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from cmacexp.commands.command import (
-    OVERRIDES,
-    Arguments,
-    Parser,
-    add_options,
-    make_flag,
-    run_command,
-)
+from cmacexp.commands.command import OVERRIDES, Arguments, command, make_flag
 from cmacexp.commands.robots import quote_value
 from cmacexp.config import config_folder
 from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import LEG_NAMES
+from cmacexp.errors import CmacexpError
 from cmacexp.metrics.registry import format_number
 from cmacexp.terminal.messages import print_table
 from cmacexp.terminal.output import print_line, show_activity
@@ -37,9 +31,7 @@ HUNG = ["scenario=robot", "machine=go2", "plant=unitree", "controller=drives"]
 LONGEST = 3600.0
 """For which a robot is played if commands do not cease, s."""
 
-
-def _run(arguments: Arguments) -> None:
-    return _play(arguments) if arguments.simulate else _move_hung(arguments)
+FAULTS = "; ".join(f"{name}: {meaning}" for name, meaning in KINDS.items())
 
 
 def _move_hung(arguments: Arguments) -> None:
@@ -78,41 +70,34 @@ def _play(arguments: Arguments) -> None:
     print_line(play(robot, LOOPBACK, arguments.domain, LONGEST, fault, arguments.patient))
 
 
-def main() -> int:
-    """Run the command."""
-    kinds = "; ".join(f"{name}: {meaning}" for name, meaning in KINDS.items())
-    parser = Parser(
-        "cmacexp robot", f"Play a robot on this computer's loopback for plant=unitree. Faults: {kinds}.", {}
-    )
-    add_options(
-        parser.add_mutually_exclusive_group(required=True),
-        {
-            "--simulate": make_flag("play a robot; it ends once commands cease"),
-            "--chirp": {"metavar": "LOG", "help": "move the joints of a robot that hangs, for cmacexp gap LOG"},
-            "--learn": {"metavar": "LEG", "choices": LEG_NAMES, "help": "let a leg of a robot that hangs learn"},
+@command(
+    f"Play a robot on this computer's loopback for plant=unitree. Faults: {FAULTS}.",
+    {
+        "--simulate": make_flag("play a robot; it ends once commands cease"),
+        "--chirp": {"metavar": "LOG", "help": "move the joints of a robot that hangs, for cmacexp gap LOG"},
+        "--learn": {"metavar": "LEG", "choices": LEG_NAMES, "help": "let a leg of a robot that hangs learn"},
+        "--domain": {"type": int, "default": 0, "metavar": "N", "help": "of DDS, as plant.domain (0)"},
+        "--lying": make_flag("it lies on the ground and does not hang at first"),
+        "--patient": make_flag("wait for each command: not in real time"),
+        "--fault": {"default": NO_FAULT, "metavar": "KIND", "help": "a fault that it has"},
+        "--after": {
+            "type": float,
+            "default": 0.0,
+            "metavar": "S",
+            "help": "second after the first command from which on it has it",
         },
-    )
-    add_options(
-        parser,
-        {
-            "--domain": {"type": int, "default": 0, "metavar": "N", "help": "of DDS, as plant.domain (0)"},
-            "--lying": make_flag("it lies on the ground and does not hang at first"),
-            "--patient": make_flag("wait for each command: not in real time"),
-            "--fault": {"default": NO_FAULT, "metavar": "KIND", "help": "a fault that it has"},
-            "--after": {
-                "type": float,
-                "default": 0.0,
-                "metavar": "S",
-                "help": "second after the first command from which on it has it",
-            },
-            "--motor": {
-                "type": int,
-                "default": 0,
-                "choices": range(12),
-                "metavar": "N",
-                "help": "0 to 11, whose fault it is",
-            },
-            **OVERRIDES,
+        "--motor": {
+            "type": int,
+            "default": 0,
+            "choices": range(12),
+            "metavar": "N",
+            "help": "0 to 11, whose fault it is",
         },
-    )
-    return run_command(lambda: _run(parser.parse_intermixed_args()))
+        **OVERRIDES,
+    },
+)
+def main(arguments: Arguments) -> None:
+    """Play a robot, or move one that hangs; raises CmacexpError unless one of the three ways is asked for."""
+    ways = (arguments.simulate, arguments.chirp, arguments.learn)
+    CmacexpError.unless(sum(map(bool, ways)) == 1, "give one of --simulate, --chirp LOG and --learn LEG")
+    (_play if arguments.simulate else _move_hung)(arguments)

@@ -1,13 +1,13 @@
 """``python -m cmacexp.robots go1``: what the model of a robot holds, and what follows from it by rule."""
 
+import json
 import math
-import re
 import shlex
 from pathlib import Path
 
 from omegaconf import OmegaConf
 
-from cmacexp.commands.command import OVERRIDES, Arguments, Parser
+from cmacexp.commands.command import OVERRIDES, Arguments, command
 from cmacexp.config import Config, config_folder, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.config.describe import describe_fields, flatten_config
@@ -64,13 +64,8 @@ def _choose(robot: str) -> list[str]:
 
 
 def quote_value(value: object) -> str:
-    """A value as an override has it; names may have spaces."""
-    if isinstance(value, list):
-        return f"[{','.join(map(quote_value, value))}]"
-    text = str(value)
-    plain = r"(?!(?i:null|true|false|nan|inf)$)[A-Za-z/][\w/.-]*"
-    is_plain = not isinstance(value, str) or re.fullmatch(plain, text, re.ASCII)  # as Hydra reads it
-    return text if is_plain else '"' + text.replace('"', '\\"') + '"'
+    """A value as an override has it: JSON, as which Hydra reads texts and lists."""
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
 
 
 def _find_legs(path: Path) -> list[str]:
@@ -144,7 +139,15 @@ def _list_margins(config: Config, overrides: list[str]) -> list[list[str]]:
     return [*rows.values()]
 
 
-def _show(arguments: Arguments) -> None:
+@command(
+    "Show what the model of a robot holds, and the settings that follow from it by rule.",
+    {
+        "robot": {"metavar": "ROBOT", "help": "go1 or another option of conf/machine, or an MJCF or URDF file"},
+        **OVERRIDES,
+    },
+)
+def main(arguments: Arguments) -> None:
+    """Print the robot."""
     chosen = _choose(arguments.robot)
     if len(chosen) > 1 and not any(word.startswith("machine.") for word in arguments.overrides):
         chosen += (found := _find_legs(Path(arguments.robot).resolve()))
@@ -163,15 +166,3 @@ def _show(arguments: Arguments) -> None:
     print_table(["controller", "period, s", "crossover, Hz", "more delay, ms", ""], margins)
     print_table(["", "unit", "hip", "thigh", "calf"], list_joints(robot))
     print_table(["", "unit", "value"], list_settings(config))
-
-
-def main() -> int:
-    """Run the command."""
-    return Parser(
-        "cmacexp.robots",
-        "Show what the model of a robot holds, and the settings that follow from it by rule.",
-        {
-            "robot": {"metavar": "ROBOT", "help": "go1 or another option of conf/machine, or an MJCF or URDF file"},
-            **OVERRIDES,
-        },
-    ).run(_show)

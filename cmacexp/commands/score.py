@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cmacexp.commands.command import FOLDERS, Arguments, Parser
+from cmacexp.commands.command import FOLDERS, Arguments, command
 from cmacexp.data.folder import update_run
 from cmacexp.data.manifest import require_intact, runs_below
 from cmacexp.data.run import Run
@@ -29,15 +29,12 @@ def score(folder: Path) -> Scores:
     return scores
 
 
-def _score(arguments: Arguments) -> None:
+@command("Compute the metrics of runs again from their traces.", FOLDERS)
+def main(arguments: Arguments) -> None:
+    """Score the runs, and print their metrics."""
     for folder in [run for given in arguments.folders for run in runs_below(given)]:
         with show_activity(f"scoring {folder}"):
             scores = score(folder)
         print_line(str(folder))
         print_scores(scores, folder)
     print_line(KEY)
-
-
-def main() -> int:
-    """Run the command."""
-    return Parser("cmacexp.score", "Compute the metrics of runs again from their traces.", FOLDERS).run(_score)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cmacexp.commands.command import FOLDERS, Arguments, Parser
+from cmacexp.commands.command import FOLDERS, Arguments, command
 from cmacexp.data.folder import OUT_KEY, choose_page_folder
 from cmacexp.data.manifest import runs_below
 from cmacexp.data.run import Run
@@ -11,20 +11,6 @@ from cmacexp.terminal.messages import announce_compiling, print_table
 from cmacexp.terminal.output import print_line, show_activity
 
 FOLDER = "stability"
-
-
-def _analyse(arguments: Arguments) -> None:
-    """Analyse each run."""
-    announce_compiling()
-    folders = list(dict.fromkeys(run for given in arguments.folders for run in runs_below(given)))
-    require(
-        arguments.out is None or len(folders) == 1,
-        OUT_KEY,
-        arguments.out,
-        f"is for one run, but {len(folders)} were given",
-    )
-    for folder in folders:
-        _analyse_run(Run(folder), choose_page_folder(arguments.out, folder / FOLDER))
 
 
 def _analyse_run(run: Run, out: Path) -> None:
@@ -52,18 +38,27 @@ def _analyse_run(run: Run, out: Path) -> None:
     print_line(str(path))
 
 
-def main() -> int:
-    """Run the command."""
-    return Parser(
-        "cmacexp.stability",
-        "Linearise the loop of runs, predict how their learning grows from cycle to cycle with each lead, compare "
-        "the prediction with the measurement, and explain it; as one HTML page with figures.",
-        {
-            **FOLDERS,
-            "--out": {
-                "type": Path,
-                "metavar": "FOLDER",
-                "help": f"where the page goes; unless given, {FOLDER} in DIR",
-            },
+@command(
+    "Linearise the loop of runs, predict how their learning grows from cycle to cycle with each lead, compare "
+    "the prediction with the measurement, and explain it; as one HTML page with figures.",
+    {
+        **FOLDERS,
+        "--out": {
+            "type": Path,
+            "metavar": "FOLDER",
+            "help": f"where the page goes; unless given, {FOLDER} in DIR",
         },
-    ).run(_analyse)
+    },
+)
+def main(arguments: Arguments) -> None:
+    """Analyse each run."""
+    announce_compiling()
+    folders = list(dict.fromkeys(run for given in arguments.folders for run in runs_below(given)))
+    require(
+        arguments.out is None or len(folders) == 1,
+        OUT_KEY,
+        arguments.out,
+        f"is for one run, but {len(folders)} were given",
+    )
+    for folder in folders:
+        _analyse_run(Run(folder), choose_page_folder(arguments.out, folder / FOLDER))

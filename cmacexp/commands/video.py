@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from cmacexp.commands.command import Arguments, Parser, make_flag
+from cmacexp.commands.command import Arguments, command, make_flag
 from cmacexp.data import manifest as manifests
 from cmacexp.data.run import Run
 from cmacexp.errors import CmacexpError, require, require_extra
@@ -43,7 +43,18 @@ def _choose(arguments: Arguments) -> list[RunView]:
     return [view_cycles(run, [])[-1] for run in runs]
 
 
-def _video(arguments: Arguments) -> None:
+@command(
+    "Cycles of a run, or the last cycles of runs, side by side as a moving picture.",
+    {
+        "folders": {"type": Path, "metavar": "DIR", "nargs": "+", "help": f"a run, or up to {MOST_CYCLES}"},
+        "--cycles": {"metavar": "1,10", "help": "of one run (default: the first and the last)"},
+        "--titles": {"metavar": "A,B", "help": "above the cycles (default: their numbers)"},
+        "--lines": make_flag("draw a robot as lines, without its model"),
+        "--out": {"type": Path, "default": Path("walk.gif"), "metavar": "FILE", "help": ", ".join(FORMATS)},
+    },
+)
+def main(arguments: Arguments) -> None:
+    """Write the moving picture."""
     out = arguments.out
     require(out.suffix in FORMATS, "--out", out, f"must end in {', '.join(FORMATS)}")
     require(out.parent.is_dir(), "--out", out, "must lie in a folder that exists")
@@ -60,18 +71,3 @@ def _video(arguments: Arguments) -> None:
     with show_activity("drawing"):
         write_video(views, out, titles, [] if arguments.lines else _make_pictures(views))
     print_line(str(out))
-
-
-def main() -> int:
-    """Run the command."""
-    return Parser(
-        "cmacexp.video",
-        "Cycles of a run, or the last cycles of runs, side by side as a moving picture.",
-        {
-            "folders": {"type": Path, "metavar": "DIR", "nargs": "+", "help": f"a run, or up to {MOST_CYCLES}"},
-            "--cycles": {"metavar": "1,10", "help": "of one run (default: the first and the last)"},
-            "--titles": {"metavar": "A,B", "help": "above the cycles (default: their numbers)"},
-            "--lines": make_flag("draw a robot as lines, without its model"),
-            "--out": {"type": Path, "default": Path("walk.gif"), "metavar": "FILE", "help": ", ".join(FORMATS)},
-        },
-    ).run(_video)

@@ -2,7 +2,7 @@
 
 import time
 
-from cmacexp.commands.command import Arguments, Parser
+from cmacexp.commands.command import Arguments, command
 from cmacexp.errors import CmacexpError, require_name
 from cmacexp.terminal.output import print_line, show_activity
 
@@ -19,7 +19,12 @@ MANY = 10**6
 """Runs that repay compiling everything that many runs use."""
 
 
-def _warm(arguments: Arguments) -> None:
+@command(
+    "Compile what usual runs need, once for a version, before they need it.",
+    {"forms": {"nargs": "*", "metavar": "FORM", "help": f"{', '.join(FORMS)}; without one: all"}},
+)
+def main(arguments: Arguments) -> None:
+    """Compile the forms; raises BadInput if there is no such form."""
     for name in arguments.forms:
         require_name("FORM", name, FORMS)
     from cmacexp.engine.chunk import run_chunk
@@ -33,12 +38,3 @@ def _warm(arguments: Arguments) -> None:
             print_line(f"{name}: left out: {error}")
         else:
             print_line(f"{name}: ready after {time.monotonic() - began:.1f} s")
-
-
-def main() -> int:
-    """Run the command; its exit code: 0, or 2 if there is no such form."""
-    return Parser(
-        "cmacexp.warm",
-        "Compile what usual runs need, once for a version, before they need it.",
-        {"forms": {"nargs": "*", "metavar": "FORM", "help": f"{', '.join(FORMS)}; without one: all"}},
-    ).run(_warm)

@@ -9,22 +9,23 @@ from cmacexp.config.describe import Described, describe_fields
 from cmacexp.data.folder import require_no_link
 from cmacexp.data.run import Run
 from cmacexp.metrics.body import describe_load
-from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
+from cmacexp.metrics.drift import describe_guard
 from cmacexp.metrics.registry import ALL_METRICS, count_legs, format_cell, format_setting, pool_legs, select_main
 from cmacexp.recording.run_view import RunView, count_kept
 from cmacexp.report.page import REPORT, PageElement, Report, Section, Table, write_report
 from cmacexp.report.run_figures import draw_body, draw_end, draw_metrics, draw_torques, draw_tracking
+from cmacexp.terminal.messages import describe_drift
 from cmacexp.typing import Status
 
 
 def list_facts(run: Run) -> Table:
     """How the run ended, its size, components, cost and versions."""
-    manifest, config, drift = run.manifest, run.config, read_drift_entry(run.manifest["drift"])
+    manifest, config = run.manifest, run.config
     per_step = 1e6 * manifest["rollout_seconds"] / manifest["steps"]
     facts = {
         "folder": str(run.folder),
         "ended": run.ending,
-        "drift": format_drift(drift, at_end=True) if drift else "not detected",
+        "drift": describe_drift(run) or "not detected",
         "guard of learning": describe_guard(manifest) or f"{config['learning'].get('guard', 'none')}, did not act",
         "load of the feet": describe_load(manifest) or "as planned",
         "cycles": f"{run.whole_cycles} of {config['cycles']} requested, {config['gait']['cycle_time']:g} s each",
