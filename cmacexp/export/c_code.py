@@ -25,7 +25,7 @@ from cmacexp.data.folder import OUT_KEY
 from cmacexp.data.run import Run
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput
-from cmacexp.export.network import Network, make_vectors, measure_single, read_network
+from cmacexp.export.network import Network, make_vectors, read_network
 from cmacexp.models.mix import MULTIPLIER
 
 HEADER, SOURCE, CHECK = FILES = ("cmac_leg.h", "cmac_leg.c", "main.c")
@@ -52,20 +52,8 @@ def write_c(
     precision: what :func:`cmacexp.engine.c_law.describe_law` says of the control law, which is written beside it.
     """
     network = read_network(run, one_path or law is not None)
-    context = describe(network, single) | {"period": repr(float(run.config["sampling_period"]))}
-    vectors = make_vectors(network, np.float32 if single else np.float64)
-    if single:
-        off, largest, measured = measure_single(network, vectors)
-        context |= {"error": f"{1.1 * off:.1e}", "largest": f"{largest:.2g}", "error_steps": measured}
-    steps = len(vectors.errors)
-    context |= {
-        **_list_tables(network),
-        "loaded": vectors.loaded,
-        "learnt_sum": vectors.learnt,
-        "steps": steps,
-        **{f"vector_{name}": getattr(vectors, name).reshape(steps, -1) for name in ("inputs", "errors", "torque")},
-        **(law or {}),
-    }
+    period = {"period": repr(float(run.config["sampling_period"]))}
+    context = describe(network, single) | period | _list_tables(network) | make_vectors(network, single) | (law or {})
     files = FILES + LAW_FILES * (law is not None)
     texts = [_render(name, context, single) for name in files]
     folder.mkdir(parents=True, exist_ok=True)

@@ -175,22 +175,6 @@ def keep_rows(params: FeedforwardParams, kept: Rows) -> FeedforwardParams:
     return params._replace(weights=weights, cells=cells)
 
 
-@dataclass(frozen=True)
-class Vectors:
-    """Inputs and results of K steps."""
-
-    inputs: Array
-    """(K, L, n)."""
-    errors: Array
-    """(K, L, J): learning error given in each step, N m."""
-    torque: Array
-    """(K, L, J): N m."""
-    loaded: int
-    """Checksum of the weights before the first step."""
-    learnt: int
-    """After the last."""
-
-
 def checksum(weights: Array) -> int:
     """Sum over the weights of their bits times 2 k + 1, k their number from 0, modulo 2^64."""
     bits = np.ascontiguousarray(weights).view(np.uint64 if weights.itemsize == 8 else np.uint32).ravel()
@@ -250,12 +234,9 @@ def run_steps(network: Network, inputs: Array, errors: Array, real: Any) -> tupl
     return torque, weights[:, :rows]
 
 
-def make_vectors(network: Network, real: Any) -> Vectors:
-    """Vectors of a network: torques in double precision, checksums in precision ``real``.
-
-    Inputs are planned ones, then some in their ranges and beyond.
-    """
-    rng, joints = np.random.default_rng(1997), network.params.weights.shape[2]
+def _draw_steps(network: Network) -> tuple[Array, Array]:
+    """Inputs (K, L, n), planned, then some in their ranges and beyond, and learning errors (K, L, J), N m."""
+    rng, (legs, _, joints) = np.random.default_rng(1997), network.params.weights.shape
     steps = max(MIN_STEPS, network.params.learning.lead + LEARNING_STEPS)
     inputs = network.inputs[np.arange(steps) % len(network.inputs)].copy()
     if network.addresses and not network.places:  # else cells without a row would learn in Python alone
@@ -263,26 +244,39 @@ def make_vectors(network: Network, real: Any) -> Vectors:
         for i, params in enumerate(network.addresses):
             low, high = params.ranges
             inputs[-elsewhere:, i] = low + (high - low) * rng.uniform(-0.1, 1.1, (elsewhere, len(low)))
-    errors = rng.uniform(-1.0, 1.0, (steps, inputs.shape[1], joints))
-    torque, weights = run_steps(network, inputs, errors, np.float64)
-    if real != np.float64:
-        inputs, errors = inputs.astype(real), errors.astype(real)
-        _, weights = run_steps(network, inputs, errors, real)
-    return Vectors(inputs, errors, torque, checksum(network.params.weights.astype(real)), checksum(weights))
+    return inputs, rng.uniform(-1.0, 1.0, (steps, legs, joints))
 
 
-def measure_single(network: Network, vectors: Vectors) -> tuple[float, float, int]:
-    """Largest difference of torques in single from double precision, largest torque, N m, and the steps of both.
-
-    The steps are a cycle of the plan, as far as that is quick, and those of the vectors.
-    """
-    samples, legs, layers = network.params.cells.shape
-    joints = vectors.errors.shape[2]
+def _run_cycle(network: Network) -> tuple[Array, Array]:
+    """Torques of a cycle of the plan, as far as that is quick, in double and in single precision, N m."""
+    (samples, legs, layers), joints = network.params.cells.shape, network.params.weights.shape[2]
     steps = max(1, min(samples, MOST_PRODUCTS // (legs * layers * joints)))
     errors = np.random.default_rng(1997).uniform(-1.0, 1.0, (steps, legs, joints))
-    double, single = (
-        run_steps(network, network.inputs[:steps], errors, real)[0] for real in (np.float64, np.float32)
-    )
-    of_vectors = run_steps(network, vectors.inputs, vectors.errors, np.float32)[0]
-    off = max(float(np.abs(double - single).max()), float(np.abs(vectors.torque - of_vectors).max()))
-    return off, float(np.abs(double).max()), steps + len(vectors.errors)
+    double, single = (run_steps(network, network.inputs[:steps], errors, real) for real in (np.float64, np.float32))
+    return double[0], single[0]
+
+
+def make_vectors(network: Network, is_single: bool) -> dict[str, Any]:
+    """What the templates say of some steps: inputs, learning errors, torques in double precision, a row each.
+
+    With checksums of the weights before and after the steps, in the precision of the code. In single precision there
+    is also its error, of these steps and of a cycle, and the largest torque of that cycle, N m.
+    """
+    inputs, errors = _draw_steps(network)
+    torque, weights = run_steps(network, inputs, errors, np.float64)
+    found, steps = dict[str, Any](), len(errors)
+    real: Any = np.float32 if is_single else np.float64
+    if is_single:
+        rounded, weights = run_steps(network, inputs, errors, real)
+        double, single = _run_cycle(network)
+        off = max(np.abs(torque - rounded).max(), np.abs(double - single).max())
+        largest = np.abs(double).max()
+        found = {"error": f"{1.1 * off:.1e}", "largest": f"{largest:.2g}", "error_steps": steps + len(double)}
+    return found | {
+        "steps": steps,
+        "vector_inputs": inputs.astype(real).reshape(steps, -1),
+        "vector_errors": errors.astype(real).reshape(steps, -1),
+        "vector_torque": torque.reshape(steps, -1),
+        "loaded": checksum(network.params.weights.astype(real)),
+        "learnt_sum": checksum(weights),
+    }
