@@ -17,14 +17,13 @@ from benchmarks.timing import Row, Table, format_time, stopwatch
 from cmacexp.engine.c_law import compute_feet, describe_law
 from cmacexp.export.c_code import write_c
 from cmacexp.export.network import keep_rows, list_path_rows, read_final_config, read_learnt
-from cmacexp.loop.builtin import find_external, make_guard, make_loop
+from cmacexp.loop.builtin import make_guard
 from cmacexp.loop.driver import Driver
 from cmacexp.loop.samples import make_samples
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.step import Loop
-from cmacexp.loop.stop import RUNNING, new_limits
+from cmacexp.loop.stop import RUNNING
 from cmacexp.planning import Setup
-from cmacexp.planning.stability import STABILITY
 from cmacexp.plants import Measurement
 from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY
 from cmacexp.typing import Array
@@ -105,12 +104,10 @@ def compare(name: str, overrides: tuple[str, ...], steps: int, folder: Path) -> 
     period = config.steps_per_cycle
     recorder = Recorder(period, library.count_signals(), library.count_commands())
     scenario = make_scenario(config, read_learnt(run), sensors=recorder)
-    setup, external = scenario.setup, find_external(scenario)
-    guard = make_guard(scenario, external)
-    limits = new_limits(setup.mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
-    recorder.loop = make_loop(scenario, external, limits, None if guard is None else guard.state)
-    driver = Driver(scenario, recorder.loop, external, guard)
-    samples = make_samples(period, setup.mechanism.shape[0], True, setup.mechanism.shape[1])
+    driver = Driver(scenario, make_guard(scenario))
+    recorder.loop = driver.loop
+    legs, joints = scenario.setup.mechanism.shape
+    samples = make_samples(period, legs, True, joints)
     library.load()
     count = ctypes.c_int64(period)
     wrong = 0

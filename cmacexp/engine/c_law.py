@@ -28,7 +28,7 @@ from cmacexp.export.network import (
     require_exportable,
 )
 from cmacexp.loop import guard as of_guard
-from cmacexp.loop.builtin import find_external, make_guard
+from cmacexp.loop.builtin import make_guard
 from cmacexp.loop.guard_kernels import HIGHEST
 from cmacexp.loop.run import stream
 from cmacexp.loop.scenario import Scenario, make_scenario
@@ -252,7 +252,7 @@ def _describe(scenario: Scenario) -> dict[str, Any]:
 
 def _describe_guard(scenario: Scenario) -> dict[str, Any] | None:
     """State and constants of the guard of learning at the start; None: nothing guards it."""
-    guard = make_guard(scenario, find_external(scenario))
+    guard = make_guard(scenario)
     if guard is None:
         return None
     return {

@@ -16,12 +16,12 @@ from cmacexp.feedforward import Learns, Plays
 from cmacexp.feedforward.kernels import TABLE
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.loop.guard import Guard
-from cmacexp.loop.guard_kernels import GuardState
 from cmacexp.loop.probe import FIRST_LEARNING
 from cmacexp.loop.saved_weights import CustomWeights, NetworkWeights, SavedWeights
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import Loop, Torques
-from cmacexp.loop.stop import StopLimits
+from cmacexp.loop.stop import new_limits
+from cmacexp.planning.stability import STABILITY
 from cmacexp.plants.as_built import AsBuiltConfig
 from cmacexp.plants.drives import BusConfig, Drives, new_drives
 from cmacexp.plants.kernels import new_state
@@ -63,16 +63,16 @@ def _get_parts(component: Any) -> KernelParts:
     return component.kernel_parts()  # type: ignore[no-any-return]
 
 
-def make_guard(scenario: Scenario, external: External) -> Guard | None:
+def make_guard(scenario: Scenario) -> Guard | None:
     """The guard of learning of a scenario, None if nothing learns or nothing is to be guarded.
 
     Raises BadInput if it is to improve the torque of a feedforward whose weights it does not know, or to estimate the
     lead of one whose lead it cannot set, or in a run that ends before.
     """
-    setup, feedforward = scenario.setup, scenario.feedforward
+    setup, feedforward, external = scenario.setup, scenario.feedforward, find_external(scenario)
     config = setup.config
-    mode = setup.config.learning.guard
-    estimates = setup.config.learning.lead == ESTIMATE
+    mode = config.learning.guard
+    estimates = config.learning.lead == ESTIMATE
     known = isinstance(feedforward, BuiltInFeedforward) and not (external.controller or external.feedforward)
     if not feedforward.acts or (isinstance(feedforward, BuiltInFeedforward) and feedforward.params.kind == TABLE):
         return None
@@ -113,7 +113,7 @@ def _make_drives(scenario: Scenario, external: External, actuator: ActuatorConfi
     return new_drives(actuator, built.bus, period, built.substeps, limits, legs)
 
 
-def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard: GuardState | None = None) -> Loop:
+def make_loop(scenario: Scenario, external: External, guard: Guard | None = None) -> Loop:
     """The loop of a scenario: states of built-in components; of external ones only new states for their output.
 
     Raises BadInput if controller or sensors need drives or signals that the plant does not have.
@@ -163,9 +163,9 @@ def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard:
         mechanism=mechanism,
         actuator=new_actuator(actuator, setup.config.sampling_period, mechanism.shape[0], mechanism.torque_limits),
         torques=Torques(feedforward=np.zeros(mechanism.shape), total=np.zeros(mechanism.shape)),
-        limits=limits,
+        limits=new_limits(mechanism, setup.plan.margins[:, STABILITY], setup.config.sampling_period),
         shows=np.ones(1, dtype=np.int64),
-        guard=guard,
+        guard=None if guard is None else guard.state,
         meter=new_load_meter(setup.config, mechanism),
         drives=drives,
         **parts,

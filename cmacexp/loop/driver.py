@@ -16,7 +16,7 @@ from cmacexp.feedforward import Observes
 from cmacexp.feedforward.kernels import FeedforwardParams
 from cmacexp.jit.hooks import Hook
 from cmacexp.jit.interrupt import interruptible
-from cmacexp.loop.builtin import External
+from cmacexp.loop.builtin import External, find_external, make_loop
 from cmacexp.loop.guard import Guard
 from cmacexp.loop.guard_kernels import lets_act
 from cmacexp.loop.samples import make_samples
@@ -25,7 +25,6 @@ from cmacexp.loop.step import FAILED_COMPONENT, Hooks, Loop, step_loop
 from cmacexp.loop.validation import (
     DRIVE_NAMES,
     SIGNAL_NAMES,
-    Target,
     copy_action,
     copy_drive,
     copy_measurement,
@@ -89,22 +88,16 @@ class ExternalComponents:
 
     def make_hooks(self) -> Hooks:
         """A hook for each external component, and one that shows steps to a feedforward that asks for it."""
-        external, hooks = self.external, Hooks()
-        if external.sensors:
-            hooks = hooks._replace(sensors=Hook(interruptible(self._measure)))
-        if (external.controller or external.feedforward) and isinstance(self.feedforward, Observes):
-            hooks = hooks._replace(observer=Hook(interruptible(partial(self._show, self.feedforward))))
-        if external.controller:
-            hooks = hooks._replace(controller=Hook(interruptible(self._act)))
-        if external.feedforward:
-            params = self.loop.feedforward
-            called = self._predict
-            if params is not None:
-                called = partial(self._play, params, make_targets(("torque",), (params.torque,)))
-            hooks = hooks._replace(feedforward=Hook(interruptible(called)))
-        if external.plant:
-            hooks = hooks._replace(plant=Hook(interruptible(self._step)))
-        return hooks
+        external, params = self.external, self.loop.feedforward
+        observes = isinstance(self.feedforward, Observes) and (external.controller or external.feedforward)
+        parts = {
+            "sensors": (external.sensors, self._measure),
+            "observer": (observes, self._show),
+            "controller": (external.controller, self._act),
+            "feedforward": (external.feedforward, self._predict if params is None else partial(self._play, params)),
+            "plant": (external.plant, self._step),
+        }
+        return Hooks(**{name: Hook(interruptible(call)) for name, (is_called, call) in parts.items() if is_called})
 
     def _refer(self, step: int) -> Reference:
         """The reference of a step."""
@@ -117,10 +110,10 @@ class ExternalComponents:
             seen[...] = self.loop.travel
         copy_measurement(self.sensors, "measure", self.sensors.measure(true), self.observed)
 
-    def _show(self, feedforward: Observes, step: int) -> None:
+    def _show(self, step: int) -> None:
         """Show what the sensors show, and what the plant took."""
         seen = copy_state(self.observation), self.loop.torques.total.copy()
-        goes_on = feedforward.observe(self._refer(step), *seen)
+        goes_on = self.feedforward.observe(self._refer(step), *seen)  # type: ignore[attr-defined]  # it Observes
         self.loop.shows[0] = goes_on is None or bool(goes_on)
 
     def _act(self, step: int) -> None:
@@ -144,12 +137,12 @@ class ExternalComponents:
         torque = self.feedforward.predict(self._refer(step), self.loop.control_state.learning_error.copy())
         copy_outputs(self.feedforward, "predict", (torque,), self.torque)
 
-    def _play(self, params: FeedforwardParams, targets: list[Target], step: int) -> None:
+    def _play(self, params: FeedforwardParams, step: int) -> None:
         """Complete the feedback of the last steps, and get the torque of the next ones."""
         sample = step % self.period
         params.feedback[sample - 1] = self.loop.control_state.learning_error
         torque = self.feedforward.play(sample, read_only(params.feedback))  # type: ignore[attr-defined]  # it Plays
-        copy_outputs(self.feedforward, "play", (torque,), targets)
+        copy_outputs(self.feedforward, "play", (torque,), make_targets(("torque",), (params.torque,)))
         require_finite(self.feedforward, "play", "torque", params.torque)
 
     def _step(self, step: int) -> None:
@@ -200,8 +193,9 @@ class ExternalComponents:
 class Driver:
     """Runs the loop of a scenario; taking no step compiles its program."""
 
-    def __init__(self, scenario: Scenario, loop: Loop, external: External, guard: Guard | None = None):
-        self.loop = loop
+    def __init__(self, scenario: Scenario, guard: Guard | None = None):
+        external = find_external(scenario)
+        self.loop = loop = scenario.loop or make_loop(scenario, external, guard)
         self.components = ExternalComponents(scenario, loop, external) if any(external) else None
         self.hooks = Hooks() if self.components is None else self.components.make_hooks()
         if guard is not None:

@@ -22,11 +22,9 @@ from cmacexp.loop.builtin import find_external, make_loop
 from cmacexp.loop.run import End
 from cmacexp.loop.scenario import Scenario, resolve_rate
 from cmacexp.loop.state import Snapshot, list_arrays
-from cmacexp.loop.stop import new_limits
 from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.mechanism import has_body
 from cmacexp.planning.plan import Setup
-from cmacexp.planning.stability import STABILITY
 from cmacexp.plants import AnalyticPlant
 from cmacexp.sensors.protocol import find_altered
 from cmacexp.typing import Cells
@@ -53,10 +51,8 @@ class Repeated:
             scenario = replace(scenario, setup=setup, first=scenario.plant.reset(setup))
             scenario.sensors.reset(nominal)
             scenario.controller.reset(nominal, self._feedforward)
-        setup = scenario.setup
-        limits = new_limits(setup.mechanism, setup.plan.margins[:, STABILITY], setup.config.sampling_period)
         self._scenario = scenario
-        self._loop = make_loop(scenario, find_external(scenario), limits)._replace(feedforward=None)
+        self._loop = make_loop(scenario, find_external(scenario))._replace(feedforward=None)
         self._start = Snapshot(each.array for each in list_arrays(self._loop) if each.role is not None)
 
     @staticmethod

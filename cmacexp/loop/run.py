@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -16,17 +16,16 @@ from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.compiler import repays_compiling, workload
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back, raise_if_interrupted
 from cmacexp.loop.adaptation import Adaptation
-from cmacexp.loop.builtin import find_external, make_guard, make_loop
+from cmacexp.loop.builtin import make_guard
 from cmacexp.loop.driver import Driver
 from cmacexp.loop.guard import Event
 from cmacexp.loop.probe import LeadEstimate, estimate_lead
 from cmacexp.loop.samples import ALL_SAMPLES, TRAVEL, WIDE_BODY_SAMPLES, make_samples, name_samples
 from cmacexp.loop.scenario import Scenario, resolve_rate
-from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits
+from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop
 from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import LoadEstimate
-from cmacexp.planning.stability import STABILITY
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.plants.protocol import come_to_rest, is_live
 from cmacexp.sensors.protocol import find_altered
@@ -69,9 +68,9 @@ class Samples(NamedTuple):
         return name_samples(self.body, WIDE_BODY_SAMPLES)
 
 
-@dataclass(frozen=True)
+@dataclass
 class End:
-    """How a closed loop ended."""
+    """How a closed loop ended; while it runs, as if it ended now."""
 
     steps: int
     status: str
@@ -88,7 +87,7 @@ class End:
     """Processor time of the same."""
     events: Sequence[Event] = ()
     """What the guard of learning did."""
-    estimates: Sequence[LeadEstimate] = ()
+    estimates: list[LeadEstimate] = field(default_factory=list)
     """Of the lead, by ``learning.lead=estimate``."""
     load_history: Sequence[tuple[int, LoadEstimate, float]] = ()
     """What the plan uses of the load from a cycle on, and what the feet carried in the one before, N, by
@@ -110,56 +109,46 @@ class _Stream:
         self.config = config
         self.point_mass = mechanism.kind == POINT_MASS
         self.on_progress = on_progress
-        external = find_external(scenario)
-        self.guard = make_guard(scenario, external)
-        state, (legs, joints) = None if self.guard is None else self.guard.state, mechanism.shape
-        limits = new_limits(mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
-        loop = scenario.loop or make_loop(scenario, external, limits, state)
-        self.limits = loop.limits
-        self.adaptation = None if loop.meter is None else Adaptation(setup, loop.meter)
-        self.driver = Driver(scenario, loop, external, self.guard)
-        self.steps_per_call = FIRST_STEPS if repays_compiling() and not any(external) else 1
+        self.guard = make_guard(scenario)
+        self.driver = Driver(scenario, self.guard)
+        meter = self.driver.loop.meter
+        self.adaptation = None if meter is None else Adaptation(setup, meter)
+        self.steps_per_call = FIRST_STEPS if repays_compiling() and self.driver.components is None else 1
         """Of the next call of the driver."""
         fit = MOST_ROWS // (config.steps_per_cycle * config.legs)
         cycles = min(config.cycles, max(1, fit), MOST_CYCLES)
         if is_live(scenario.plant):  # handing samples over takes longer than a step, so that it waits for the end
             cycles = config.cycles
         wide = _samples_measured(scenario)
+        legs, joints = mechanism.shape
         self.samples, self.body = make_samples(cycles * config.steps_per_cycle, legs, wide, joints)
         if is_live(scenario.plant):
             self.samples.fill(0.0)  # else the system would find memory for them while the machine moves
         names = ALL_SAMPLES[: len(self.samples)]
         self.joints = [i for i, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
-        self.status = Status.COMPLETED
-        self.cause = ""
-        self.seconds = self.processor_seconds = 0.0
-        self.error: Exception | None = None
-        self.estimates: list[LeadEstimate] = []
-        self.rate = setup.rate
-
-    @property
-    def events(self) -> Sequence[Event]:
-        """What the guard of learning has done so far."""
-        return () if self.guard is None else self.guard.events
+        self.end = End(0, Status.COMPLETED, "", setup.rate)
+        if self.guard is not None:
+            self.end.events = self.guard.events
+        if self.adaptation is not None:
+            self.end.load_history = self.adaptation.load_history
 
     @property
     def runs(self) -> bool:
         """Whether steps are left and nothing has ended the run."""
-        return (
-            self.status == Status.COMPLETED and self.driver.taken < self.config.cycles * self.config.steps_per_cycle
-        )
+        steps = self.config.cycles * self.config.steps_per_cycle
+        return self.end.status == Status.COMPLETED and self.driver.taken < steps
 
     def fail(self, where: str, raised: Exception) -> None:
         """Let the run fail by what a component raised, unless it has failed before; ``where``: in which method."""
-        if self.error is None:
-            self.status, self.error = Status.FAILED, raised
-            self.cause = f"{where}after step {self.driver.taken}: {describe_failure(raised)}"
+        end = self.end
+        if end.error is None:
+            end.status, end.error = Status.FAILED, raised
+            end.cause = f"{where}after step {self.driver.taken}: {describe_failure(raised)}"
 
     def advance(self) -> int:
         """Run until the arrays are full or the run ends, as at an interrupt or an error; returns the first step."""
-        config = self.config
-        driver = self.driver
-        start = self.driver.taken
+        config, driver, end = self.config, self.driver, self.end
+        start = driver.taken
         if self.adaptation is not None:
             self.adaptation.update_plan(start // config.steps_per_cycle + 1)
         steps = min(self.samples.shape[1], config.cycles * config.steps_per_cycle - start)
@@ -169,16 +158,17 @@ class _Stream:
         try:
             stop = self._drive(steps)
             if stop != RUNNING:
-                plant, self.status = self.scenario.plant, STATUSES[stop]
+                plant, end.status = self.scenario.plant, STATUSES[stop]
                 reported = driver.divergence or (plant.divergence if isinstance(plant, MujocoPlant) else "")
                 period, state = config.sampling_period, driver.state
-                self.cause = describe_stop(self.limits, stop, driver.taken, period, state, reported)
+                end.cause = describe_stop(driver.loop.limits, stop, driver.taken, period, state, reported)
         except KeyboardInterrupt:
-            self.status, self.cause = Status.INTERRUPTED, f"after step {driver.taken}"
+            end.status, end.cause = Status.INTERRUPTED, f"after step {driver.taken}"
         except Exception as raised:
             self.fail("", raised)
-        self.seconds += time.perf_counter() - began
-        self.processor_seconds += time.process_time() - worked
+        end.seconds += time.perf_counter() - began
+        end.processor_seconds += time.process_time() - worked
+        end.steps = driver.taken
         return start
 
     @exits_caught()
@@ -211,26 +201,26 @@ class _Stream:
 
         On drives the lead stays as it is estimated, and each retreat halves the rate.
         """
-        params, guard = self.driver.loop.feedforward, self.guard
+        params, guard, end = self.driver.loop.feedforward, self.guard, self.end
         if guard is None or guard.probe.state is None or params is None or not guard.probe.end_cycle():
             return
         learning = params.learning
         on_drives = getattr(self.scenario.controller, "sends_drives", False)
         lead = estimate_lead(guard.probe.state, on_drives) or learning.lead
-        if self.estimates and not on_drives:  # too short a lead does harm more often than one that is too long
+        if end.estimates and not on_drives:  # too short a lead does harm more often than one that is too long
             lead = max(lead, learning.lead + 1)
-        self.rate = resolve_rate(self.config, LoopDelay(lead - 1), lead)
+        end.rate = resolve_rate(self.config, LoopDelay(lead - 1), lead)
         if on_drives:
-            self.rate *= 0.5 ** len(self.estimates)
+            end.rate *= 0.5 ** len(end.estimates)
         guard.learns_again = True
         learning = learning._replace(
             lead=lead,
-            rate=np.full_like(learning.rate, self.rate),
-            cycle_rate=float(learning.cycle_rate * self.rate / learning.rate[0]),
+            rate=np.full_like(learning.rate, end.rate),
+            cycle_rate=float(learning.cycle_rate * end.rate / learning.rate[0]),
             start_step=self.driver.taken,
         )
         self.driver.loop = self.driver.loop._replace(feedforward=params._replace(learning=learning))
-        self.estimates.append(LeadEstimate(self.driver.taken // self.config.steps_per_cycle + 1, lead))
+        end.estimates.append(LeadEstimate(self.driver.taken // self.config.steps_per_cycle + 1, lead))
 
     def collect(self, start: int) -> Samples:
         """The samples since step ``start``, which nothing changes from here on."""
@@ -265,8 +255,8 @@ class _Stream:
     def _guard_states(self, start: int, shape: tuple[int, int]) -> Array:
         """States of the guard of learning at the end of the cycles from step ``start`` on; ``shape`` (cycles, L)."""
         cycles, states = start // self.config.steps_per_cycle + 1 + np.arange(shape[0]), np.zeros(shape)
-        changes = [(estimate.cycle, LEARNS) for estimate in self.estimates]
-        changes += [(event.cycle, REPEATED if event.restored else FEEDBACK_ALONE) for event in self.events]
+        changes = [(estimate.cycle, LEARNS) for estimate in self.end.estimates]
+        changes += [(event.cycle, REPEATED if event.restored else FEEDBACK_ALONE) for event in self.end.events]
         for cycle, state in sorted(changes, key=itemgetter(0)):
             states[cycles >= cycle] = state
         return states
@@ -295,7 +285,8 @@ def stream(
     leg_steps = math.inf if is_live(scenario.plant) else config.cycles * config.steps_per_cycle * config.legs
     later: list[Samples] = []  # of a machine that must not wait for the files
     take = later.append if is_live(scenario.plant) else keep
-    status, fault = Status.FAILED, None
+    status: str = Status.FAILED
+    fault: Exception | None = None
     with workload(leg_steps), interrupt_held_back():  # until the next call of the driver
         try:
             run = _Stream(scenario, on_progress)
@@ -303,7 +294,7 @@ def stream(
             while run.runs:
                 take(run.collect(start))
                 start = run.advance()
-            status = run.status
+            status = run.end.status
         finally:
             try:
                 come_to_rest(scenario.plant, status)
@@ -315,16 +306,4 @@ def stream(
             take(run.collect(start))
         for samples in later:
             keep(samples)
-    load_history = run.adaptation.load_history if run.adaptation is not None else []
-    return End(
-        steps=run.driver.taken,
-        status=run.status,
-        cause=run.cause,
-        rate=run.rate,
-        error=run.error,
-        seconds=run.seconds,
-        processor_seconds=run.processor_seconds,
-        events=run.events,
-        estimates=run.estimates,
-        load_history=load_history,
-    )
+    return run.end

@@ -20,9 +20,8 @@ from cmacexp.loop.samples import make_samples
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.state import Snapshot, list_arrays
 from cmacexp.loop.step import Hooks, Loop, act, check, sense
-from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits, stop_reason
+from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, stop_reason
 from cmacexp.planning.reference import BEFORE, ControlReference, Motion, read_old_columns
-from cmacexp.planning.stability import STABILITY
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.plants.protocol import Measurement, view_state
 from cmacexp.sensors.real import make_keys
@@ -131,8 +130,7 @@ class OpenLoop:
         self.shape = setup.mechanism.shape
         self.sampling_period, self.period = config.sampling_period, config.steps_per_cycle
         self.steps = config.cycles * self.period
-        self._limits = new_limits(setup.mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
-        self._loop = make_loop(scenario, OUTSIDE, self._limits)
+        self._loop = make_loop(scenario, OUTSIDE)
         self.torque_limits = self._loop.actuator.limit
         self._plant = scenario.plant if isinstance(scenario.plant, MujocoPlant) else None
         self._adaptation = None if self._loop.meter is None else Adaptation(setup, self._loop.meter)
@@ -184,7 +182,7 @@ class OpenLoop:
         step = self._cycle * self.period + taken
         if stop != RUNNING:
             reported = "" if self._plant is None else self._plant.divergence
-            cause = describe_stop(self._limits, stop, step, self.sampling_period, self._state, reported)
+            cause = describe_stop(self._loop.limits, stop, step, self.sampling_period, self._state, reported)
             return self._note(step, STATUSES[stop], cause)
         if step == self.steps:
             return self._note(step, Status.COMPLETED)

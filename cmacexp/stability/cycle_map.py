@@ -12,12 +12,12 @@ from cmacexp.config import Config
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.kernels import TABLE
 from cmacexp.jit.interrupt import interrupt_held_back
-from cmacexp.loop.builtin import find_external, make_loop
+from cmacexp.loop.builtin import find_external
 from cmacexp.loop.driver import Driver
 from cmacexp.loop.samples import ALL_SAMPLES, make_samples
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.state import Declared, Snapshot, list_arrays
-from cmacexp.loop.stop import RUNNING, new_limits
+from cmacexp.loop.stop import RUNNING
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.typing import CLOCK, STATE, Array
 
@@ -45,16 +45,14 @@ class RestorableLoop:
     """A fresh scenario of built-in components, else NotPredictable, in the loop whose state can be read and set."""
 
     def __init__(self, scenario: Scenario):
-        external = find_external(scenario)
         self.plant = scenario.plant if isinstance(scenario.plant, MujocoPlant) else None
         NotPredictable.unless(
-            not any(external) and scenario.fault is None,
+            not any(find_external(scenario)) and scenario.fault is None,
             "only a loop of built-in components with a plant of the project can be linearised",
         )
         setup = scenario.setup
         config, (legs, self.joints) = setup.config, setup.mechanism.shape
-        limits = new_limits(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
-        self.run = Driver(scenario, make_loop(scenario, external, limits), external)
+        self.run = Driver(scenario)
         self.plan = setup.plan
         self.period = config.steps_per_cycle
         self.samples, self.body = make_samples(self.period, legs, False, self.joints)

@@ -70,11 +70,11 @@ def test_another_estimate_lengthens_the_lead_and_on_drives_halves_the_rate(make_
     scenario = make_scenario(make_config(*QUICK))
     stream = _Stream(scenario, lambda cycles: None)
     stream.advance()
-    rate, scenario.controller.sends_drives = stream.rate, on_drives
+    rate, scenario.controller.sends_drives = stream.end.rate, on_drives
     stream.guard.probe.cycles_left = 1  # as if it had been repeated, with the same response
     stream._apply_estimate()
-    first, second = stream.estimates
-    assert (second.lead - first.lead, stream.rate / rate) == (longer, pytest.approx(share))
+    first, second = stream.end.estimates
+    assert (second.lead - first.lead, stream.end.rate / rate) == (longer, pytest.approx(share))
 
 
 def test_a_response_that_chance_could_give_is_no_estimate():

@@ -9,7 +9,7 @@ from cmacexp.loop.samples import WIDE_BODY_SAMPLES, name_samples
 from cmacexp.planning import Plan
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class Rollout(End):
     """How it ended, and its samples: of legs (steps, L, columns), of the body (steps, columns)."""
 
