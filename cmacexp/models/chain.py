@@ -195,6 +195,22 @@ def chain_motion(chain: Array, q: Array, velocity: Array, acceleration: Array) -
     return dq.T, _solve(kinematics, acceleration.T - turning).T
 
 
+def to_hip(vectors: Array) -> Array:
+    """Vectors (..., 3), any unit, of the body's frame (forward, left, up) in that of a hip (forward, down, left)."""
+    return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
+
+
+def make_chains(hinges: Array, feet: Array, places: Array) -> Array:
+    """Chains (..., 21) of legs in the frames of their hips, whose origins are at ``places`` (..., 3), m.
+
+    ``hinges`` (..., 3, 6), a point of each axis, m, and its direction, and ``feet`` (..., 3), m, are at joint angles
+    of zero and, as ``places``, in the frame of the body.
+    """
+    points = to_hip(hinges[..., :3] - places[..., None, :])
+    turned = np.concatenate([points, to_hip(hinges[..., 3:])], axis=-1)
+    return np.concatenate([turned.reshape(*feet.shape[:-1], FOOT), to_hip(feet - places)], axis=-1)
+
+
 def chain_points(chain: Array, q: Array) -> Array:
     """Points of the three hinges and the foot at joint angles ``q`` (..., 3), rad; (..., 4, 3), m."""
     points = [hinge_point(chain, n) for n in range(HINGES)] + [tuple(chain[FOOT:])]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cmacexp.errors import require
-from cmacexp.models.chain import chain_angles, chain_points
+from cmacexp.models.chain import chain_angles, chain_points, make_chains
 from cmacexp.models.robot import compile_spec, load_mujoco, load_spec, place
 from cmacexp.models.robot_gains import HEIGHT_OF_LINKS
 from cmacexp.models.robot_legs import JOINTS, LEGS, find_chain, list_names, require_frame
@@ -17,8 +17,6 @@ STARTS = tuple(itertools.product((0.0,), (0.9, -0.9, 0.0), (-1.8, 1.8, -0.9, 0.9
 """Joint angles of a leg from which its home is searched; the first that is found counts."""
 DIGITS = 2
 """Decimals of an angle of a home."""
-TO_HIP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""From forward, left, up to the frame of a hip: forward, down, left."""
 NEAR = 0.8
 """Spheres that are almost as far from the knee as the farthest; one with a name is the foot."""
 
@@ -82,9 +80,8 @@ def _find_foot(mujoco: Any, model: Any, data: Any, leg: list[int]) -> tuple[str,
 
 def _find_home(model: Any, data: Any, leg: list[int], foot: Array) -> list[float]:
     """Joint angles within their ranges at which the foot is below the thigh joint, the knee back if it can be."""
-    points, axes = data.xanchor[leg], data.xaxis[leg]
-    hinges = np.concatenate([(points - points[1]) @ TO_HIP.T, axes @ TO_HIP.T], axis=1)
-    chain = np.concatenate([hinges.ravel(), TO_HIP @ (foot - points[1])])
+    points = data.xanchor[leg]
+    chain = make_chains(np.concatenate([points, data.xaxis[leg]], axis=1), foot, points[1])
     length = np.linalg.norm(points[2] - points[1]) + np.linalg.norm(foot - points[2])
     below = np.array([[0.0, HEIGHT_OF_LINKS * length, 0.0]])
     limited = model.jnt_limited[leg].astype(bool)[:, None]

@@ -11,18 +11,13 @@ from cmacexp.typing import Array
 
 
 def _sample(coefficients: Array, s: Array, duration: float) -> Motion:
-    """Position, velocity and acceleration of a polynomial in ``s`` that lasts ``duration`` seconds."""
-    first = coefficients[1:] * np.arange(1.0, len(coefficients))
-    second = first[1:] * np.arange(1.0, len(first))
-    return Motion(_evaluate(coefficients, s), _evaluate(first, s) / duration, _evaluate(second, s) / duration**2)
+    """Position, velocity and acceleration of a polynomial in ``s`` that lasts ``duration`` seconds.
 
-
-def _evaluate(coefficients: Array, s: Array) -> Array:
-    """A polynomial, whose constant is its first coefficient, by Horner's rule."""
-    value = np.full(s.shape, coefficients[-1])
-    for coefficient in coefficients[-2::-1]:
-        value = coefficient + value * s
-    return value
+    Its ``coefficients`` begin with the constant.
+    """
+    polynomial = coefficients[::-1]
+    place, rate, change = (np.polyval(np.polyder(polynomial, order), s) for order in range(3))
+    return Motion(place, rate / duration, change / duration**2)
 
 
 def line(start: float, end: float, s: Array, duration: float) -> Motion:

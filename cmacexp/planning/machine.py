@@ -29,9 +29,16 @@ from cmacexp.config.machine import (
 )
 from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import copy_array, program
-from cmacexp.models.chain import batch_kinematics, chain_angles, chain_motion
+from cmacexp.models.chain import batch_kinematics, chain_angles, chain_motion, make_chains
 from cmacexp.models.leg import GRAVITY, Leg
-from cmacexp.models.mechanism import Mechanism, chains_under_body, legs_on_stand, legs_under_body, point_mass
+from cmacexp.models.mechanism import (
+    CHAINS_UNDER_BODY,
+    SPACE,
+    Mechanism,
+    legs_on_stand,
+    legs_under_body,
+    point_mass,
+)
 from cmacexp.models.mujoco_library import load_library, mj_comPos, mj_kinematics
 from cmacexp.models.robot import Robot, load_mujoco, place
 from cmacexp.planning.body import BodyLoad
@@ -53,18 +60,6 @@ class Stance(NamedTuple):
     """(4, 21): m, see :mod:`cmacexp.models.chain`."""
 
 
-def to_hip(vectors: Array) -> Array:
-    """Vectors (..., 3), any unit, of the body's frame (forward, left, up) in that of a hip (forward, down, left)."""
-    return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
-
-
-def make_chains(robot: Robot, places: Array) -> Array:
-    """Chains (4, 21) of the legs in hips' frames whose origins are at ``places`` (4, 3) in the trunk's frame, m."""
-    points = to_hip(robot.hinges[..., :3] - places[:, None])
-    hinges = np.concatenate([points, to_hip(robot.hinges[..., 3:])], axis=-1)
-    return np.concatenate([hinges.reshape(len(places), -1), to_hip(robot.feet_at_zero - places)], axis=1)
-
-
 @lru_cache(maxsize=16)
 def find_stance(robot: Robot, hip_height: float) -> Stance:
     """The stance with the hips ``hip_height`` (m) above the feet; raises BadInput if a leg is too short."""
@@ -72,7 +67,7 @@ def find_stance(robot: Robot, hip_height: float) -> Stance:
     thighs[:, 2] = thighs[:, 2].mean()
     below, shift = np.array([[0.0, hip_height, 0.0]]), np.zeros(3)
     for _ in range(PASSES):
-        chains = make_chains(robot, thighs + shift)
+        chains = make_chains(robot.hinges, robot.feet_at_zero, thighs + shift)
         q = np.concatenate([chain_angles(chain, below, home) for chain, home in zip(chains, robot.home, strict=True)])
         _require_stance(robot, hip_height, q)
         data = robot.at(q)
@@ -80,7 +75,7 @@ def find_stance(robot: Robot, hip_height: float) -> Stance:
         shift[:2] = data.subtree_com[robot.legs.base, :2] - thighs[:, :2].mean(axis=0)
     origin = np.array([*data.subtree_com[robot.legs.base, :2], thighs[0, 2]])
     hips = thighs + shift
-    return Stance(origin, hips - origin, make_chains(robot, hips))
+    return Stance(origin, hips - origin, make_chains(robot.hinges, robot.feet_at_zero, hips))
 
 
 def _require_stance(robot: Robot, hip_height: float, q: Array) -> None:
@@ -107,8 +102,16 @@ def make_robot_mechanism(machine: RobotMachine) -> Mechanism:
     robot = read_model(machine)
     stance = find_stance(robot, machine.hip_height)
     weight, limits = robot.mass * GRAVITY, tuple(robot.torque_limits.tolist())
-    hips = np.ascontiguousarray(stance.hips[:, :2])
-    return chains_under_body(stance.chains, machine.hip_height, hips, weight, limits)
+    return Mechanism(
+        kind=CHAINS_UNDER_BODY,
+        legs=stance.chains,
+        hip_height=machine.hip_height,
+        hips=np.ascontiguousarray(stance.hips[:, :2]),
+        weight=weight,
+        axes=SPACE,
+        torque_limits=limits,
+        chains=stance.chains,
+    )
 
 
 def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desired: Motion) -> Motion:

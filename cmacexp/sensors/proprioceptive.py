@@ -9,11 +9,11 @@ import numpy as np
 from cmacexp.config import Config, choice, number
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.errors import CmacexpError, require
-from cmacexp.models.chain import FOOT
+from cmacexp.models.chain import FOOT, to_hip
 from cmacexp.models.loop_delay import first_order_share
 from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.models.robot_gains import list_jacobians
-from cmacexp.planning.machine import Stance, find_stance, to_hip
+from cmacexp.planning.machine import Stance, find_stance
 from cmacexp.planning.plan import Setup
 from cmacexp.plants.protocol import Measurement, RobotSignals, copy_state
 from cmacexp.sensors.config import ChannelsConfig, LegSignalConfig, SignalConfig

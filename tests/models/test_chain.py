@@ -14,13 +14,15 @@ from cmacexp.models.chain import (
     chain_kinematics,
     chain_motion,
     chain_points,
+    make_chains,
 )
 from cmacexp.models.leg import Leg, foot_position, jacobian, trigonometry
 from cmacexp.models.mechanism import (
+    CHAINS_UNDER_BODY,
     KINEMATICS_FIELDS,
     SPACE,
+    Mechanism,
     apply_jacobian_transpose,
-    chains_under_body,
     compute_foot_velocity,
     update_kinematics,
 )
@@ -59,7 +61,7 @@ def test_the_jacobian_is_the_derivative_of_the_foot(chain, q):
 @given(chains(), postures, postures, postures)
 def test_the_foot_gives_the_power_that_the_joints_take(chain, q, dq, push):
     """Velocity of the foot and torques of a force on it: F v = tau dq."""
-    mechanism = chains_under_body(chain[None], 0.3, np.zeros((1, 2)), 1.0, (1.0, 1.0, 1.0))
+    mechanism = Mechanism(CHAINS_UNDER_BODY, chain[None], 0.3, np.zeros((1, 2)), 1.0, SPACE, chains=chain[None])
     force, kinematics = np.array([push]), np.zeros((1, KINEMATICS_FIELDS[SPACE]))
     velocity, torque = np.zeros((1, 3)), np.zeros((1, 3))
     update_kinematics(mechanism, np.array([q]), kinematics)
@@ -67,6 +69,13 @@ def test_the_foot_gives_the_power_that_the_joints_take(chain, q, dq, push):
     apply_jacobian_transpose(mechanism, 0, kinematics, force, push[1], torque)
     assert_allclose((force * velocity).sum(), (torque * np.array([dq])).sum(), atol=1e-9)
     assert_allclose(velocity[0], np.array(chain_kinematics(chain, *q)[1:]).T @ dq, atol=1e-9)
+
+
+def test_chains_are_in_the_frame_of_the_hip_forward_down_and_left():
+    hinges = np.zeros((4, 3, 6))
+    hinges[..., :3], hinges[..., 3:] = [0.3, 0.1, -0.2], [0.0, 1.0, 0.0]
+    made = make_chains(hinges, np.tile([0.3, 0.1, -0.6], (4, 1)), np.tile([0.2, 0.1, 0.0], (4, 1)))
+    assert_allclose(made, np.tile([*[0.1, 0.2, 0.0, 0.0, 0.0, 1.0] * 3, 0.1, 0.6, 0.0], (4, 1)))
 
 
 @given(chains(), postures)
