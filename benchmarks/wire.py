@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.timing import ROOT, Row, Table, format_time
 from cmacexp.wire.guardian import Guardian
 from cmacexp.wire.messages import get_motors, new_command, set_motors
-from cmacexp.wire.network import COMMANDS, LOOPBACK, STATES, Wire, ask_for_priority
+from cmacexp.wire.network import COMMANDS, LOOPBACK, STATES, Wire, run_first
 
 SILENCE = 0.02
 """Time without a command after which the guardian is to damp, s."""
@@ -71,7 +71,7 @@ def walk(folder: Path, domain: int, robot: list[str], overrides: list[str]) -> t
 
 def kill(count: int) -> list[float]:
     """Seconds from SIGKILL of a controller that sends a command every 2 ms to the first command that damps."""
-    ask_for_priority()
+    run_first(True)
     delays, wire = [], Wire(LOOPBACK, 60, STATES, COMMANDS)
     for _ in range(count):
         controller = subprocess.Popen([sys.executable, "-m", "benchmarks.wire"], cwd=ROOT)

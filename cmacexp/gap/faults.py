@@ -115,7 +115,11 @@ def _check_pairs(log: Log, command: Array) -> None:
     products = (centred * log.angle).sum(axis=0)
     slopes = np.divide(products, (centred**2).sum(axis=0), out=np.ones_like(span), where=span > LEAST_RANGE)
     for j in np.flatnonzero((slopes < SLOPES[0]) | (slopes > SLOPES[1])):
-        raise refuse(log, _explain_slope(names[j], others[j], slopes[j], span[j], np.ptp(log.angle[:, j])))
+        raise refuse(
+            log,
+            f"column {names[j]} moves {slopes[j]:.3g} times as far as {others[j]}: one of them is in degrees "
+            "(57.3 or 0.0175: --units), its sign or joint is another (below 0), or its encoder is frozen (near 0)",
+        )
     apart = np.abs(np.median(log.angle - command, axis=0))
     for j in np.flatnonzero(apart > np.maximum(MOST_APART[0], MOST_APART[1] * span)):
         raise refuse(
@@ -133,17 +137,6 @@ def _check_pairs(log: Log, command: Array) -> None:
         require(is_own, KEY, log.path, f"column {names[a]} follows {others[b]} and not {others[a]}")
 
 
-def _explain_slope(name: str, command: str, slope: float, span: float, moved: float) -> str:
-    """Why measured angles, which ``moved`` over so many rad, have that ``slope`` over commands with that ``span``."""
-    if moved < 0.05 * span:
-        return f"column {name} does not move while {command} moves {span:.3g} rad: a frozen encoder or another joint"
-    if slope < 0.0:
-        return f"column {name} moves against {command} (slope {slope:.2f}): its sign or its joint is another"
-    in_degrees = abs(abs(np.log(slope)) - np.log(180.0 / np.pi)) < 0.4
-    hint = "one of them is in degrees, --units" if in_degrees else "units or joints differ"
-    return f"column {name} moves {slope:.3g} times as far as {command}: {hint}"
-
-
 def _check_angle(log: Log, machine: Machine, j: int) -> None:
     """One joint: its unit and zero, stops, jumps, and whether it moves enough."""
     joint, name, values, (low, high) = log.joints[j], log.column("angle", j), log.angle[:, j], machine.ranges[j]
@@ -151,14 +144,13 @@ def _check_angle(log: Log, machine: Machine, j: int) -> None:
     moving = speed[np.abs(speed) > 0.1 * np.sqrt((speed**2).mean())]
     span, turns = np.ptp(values), np.count_nonzero(np.diff(np.sign(moving)))
     least, most = low - BEYOND, high + BEYOND
-    in_degrees = least <= values.min() * np.pi / 180.0 and values.max() * np.pi / 180.0 <= most and span > 3.0
-    hint = "it looks like degrees: --units angle=deg,command=deg" if in_degrees else "check its unit, zero and joint"
     require(
         least <= values.min() and values.max() <= most,
         KEY,
         log.path,
         f"column {name} reaches from {values.min():.3g} to {values.max():.3g} rad, "
-        f"{machine.joints[j]} of the model from {low:.3g} to {high:.3g}: {hint}",
+        f"{machine.joints[j]} of the model from {low:.3g} to {high:.3g}: check its unit (degrees: --units "
+        "angle=deg,command=deg), zero and joint",
     )
     _check_stops(log, j)
     bend = np.abs(np.diff(values, 2))

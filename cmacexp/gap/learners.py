@@ -164,8 +164,7 @@ class Perceptron:
         import warnings
 
         self.torque = np.concatenate([self.torque, torque])
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # it says that it has not converged
+        with warnings.catch_warnings(action="ignore"):  # it says that it has not converged
             self.network.fit(self.features[rows.stop - len(self.torque) : rows.stop], self.torque)
 
 

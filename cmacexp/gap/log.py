@@ -1,7 +1,7 @@
 """A log of a robot: what was measured and commanded, joint by joint, from Parquet, CSV, NPZ, MCAP or a reader.
 
-A reader is a function from a path to columns by name, arrays (n,) or (n, J); any other format needs one. Names that
-begin with ``#`` are declarations: ``#units``, ``#kp``, ``#kd``.
+A reader is a function from a path to columns by name, arrays (n,) or (n, J); any other format needs one. What a file
+declares of all rows, see DECLARED, stands among its columns.
 """
 
 import re
@@ -41,6 +41,8 @@ PATTERNS: dict[str, tuple[str, ...]] = {
     "orientation": ("quat_{joint}", "q{joint}"),
 }  # fmt: skip
 """What a log can hold, and the names that are tried for it, of which the first that occurs counts."""
+DECLARED = ("units", "kp", "kd")
+"""Units in any order, and one gain for all joints or one for each, separated by commas."""
 AXES = ("w", "x", "y", "z")
 """What stands for the joint in the names of an orientation."""
 ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180.0, "rev": 2.0 * np.pi, "m": 1.0, "mm": 1e-3}
@@ -147,8 +149,9 @@ def read_log(
     for quantity in names or {}:
         allowed = f"is no quantity of a log, which are {', '.join(PATTERNS)}"
         require(quantity in PATTERNS, "--names", quantity, allowed)
-    patterns = PATTERNS | {key: (own,) for key, own in (names or {}).items()}
-    return _Table(path, columns, patterns, units or {}, left_out).make_log(gains or {})
+    given = {key: np.array(own) for key, own in (gains or {}).items()}
+    patterns = PATTERNS | {key: (own,) for key, own in (names or {}).items()} | {key: (key,) for key in given}
+    return _Table(path, columns | given, patterns, units or {}, left_out).make_log()
 
 
 def _flatten(columns: Columns) -> dict[str, NDArray[Any]]:
@@ -178,7 +181,7 @@ class _Table:
     units: Mapping[str, str]
     left_out: Sequence[str]
 
-    def make_log(self, gains: Mapping[str, Sequence[float]]) -> Log:
+    def make_log(self) -> Log:
         """The log; raises BadInput."""
         joints, names, without_angle = self._find_joints(), dict[str, str](), set[str]()
 
@@ -210,8 +213,8 @@ class _Table:
             command_velocity=read("command_velocity", missing=zero),
             torque=torque,
             feedforward=read("feedforward", missing=zero),
-            kp=self._read_gain("kp", gains, joints),
-            kd=self._read_gain("kd", gains, joints),
+            kp=self._read_gain("kp", joints),
+            kd=self._read_gain("kd", joints),
             orientation=read("orientation", AXES),
             names=names,
         )
@@ -238,7 +241,7 @@ class _Table:
         return found.leave_out([own for own in self.left_out if own not in without_angle])
 
     def _list(self) -> str:
-        names = [name for name in self.columns if not name.startswith("#")]
+        names = list(self.columns)
         return ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
 
     def _find(self, quantity: str, joints: Sequence[str]) -> str | None:
@@ -281,16 +284,21 @@ class _Table:
         claimed = {name for other in others if len(other) > len(pattern) for name in match(other)}
         return [own for name, own in match(pattern).items() if name not in claimed]
 
-    def _read(self, name: str, quantity: str) -> Array:
-        """A column (n,) in the units of the project; raises BadInput."""
+    def _get_numbers(self, name: str) -> Array:
+        """A column (n,) as it is in the file; raises BadInput."""
         try:
-            values = np.atleast_1d(np.asarray(self.columns[name], dtype=float))
+            return np.atleast_1d(np.asarray(self.columns[name], dtype=float))
         except (TypeError, ValueError) as error:
             raise BadInput(KEY, self.path, f"holds no numbers in column {name} ({error})") from error
+
+    def _read(self, name: str, quantity: str) -> Array:
+        """A column (n,) in the units of the project; raises BadInput."""
+        values = self._get_numbers(name)
         rows = self.columns[self._find("time", [""]) or name].size
         require(values.shape == (rows,), KEY, self.path, f"column {name} has {values.size} values, time has {rows}")
         known = UNITS.get(quantity, {})
-        declared = re.split(r"\s*[,;]\s*", str(self.columns.get("#units", "")).strip())
+        texts = np.atleast_1d(self.columns.get("units", ""))
+        declared = [part.strip() for text in texts for part in re.split("[,;]", text)]
         unit = self.units.get(quantity) or next((each for each in declared if each in known), None)
         unknown = [each for each in declared if each and not any(each in own for own in UNITS.values())]
         allowed = f"must be one of {', '.join(known)} for {quantity}, or say --units {quantity}=UNIT"
@@ -298,36 +306,26 @@ class _Table:
         require(is_known, KEY, self.path, f"declares the unit {', '.join(unknown)}: {allowed}")
         return values * known[unit] if unit else values
 
-    def _read_gain(self, key: str, gains: Mapping[str, Sequence[float]], joints: Sequence[str]) -> Array:
-        """(J,) a gain: given, declared by the file, or in columns; NaN if unknown; raises BadInput."""
-        if len(self.patterns[key]) == 1:
-            self._find(key, joints)  # a column that is named must be there, also if the gain is given
-        if given := gains.get(key):
-            values = np.array(given, dtype=float)
-        elif declared := self.columns.get(f"#{key}"):
-            try:
-                values = np.array(str(declared).split(","), dtype=float)
-            except ValueError:
-                raise BadInput(KEY, self.path, f"declares {key}={declared}: must be numbers, with commas") from None
-        elif pattern := self._find(key, joints):
-            columns = np.array(
-                [np.atleast_1d(self.columns[pattern.replace(JOINT, own)]) for own in joints], dtype=float
-            )
-            if JOINT not in pattern and columns.shape == (len(joints), len(joints)):
-                columns = columns.T  # one array of all joints
-            is_constant = not np.ptp(columns, axis=1).any()
-            require(is_constant, KEY, self.path, f"has gains {key} that change; cut it where they are constant")
-            values = columns[:, 0]
-        else:
+    def _read_gain(self, key: str, joints: Sequence[str]) -> Array:
+        """(J,) a gain; NaN if unknown; raises BadInput."""
+        if (pattern := self._find(key, joints)) is None:
             return np.full(len(joints), np.nan)
-        fits = len(values) in (1, len(joints)) and ((values >= 0.0) & (values < np.inf)).all()
+        columns = np.array([self._get_numbers(pattern.replace(JOINT, own)) for own in joints])
+        is_constant = (columns == columns[:, :1]).all()
+        values: Array = columns[:, 0] if is_constant else columns[0]  # one number of each joint
         require(
-            fits,
+            len(values) == len(joints) and ((values >= 0.0) & (values < np.inf)).all(),
             f"--{key}",
             ",".join(f"{value:g}" for value in values[:20]),
-            f"must be one finite number from 0 on, or one for each of {len(joints)} joints",
+            f"must be one finite number from 0 on, or one for each of {len(joints)} joints, in all rows: cut the log "
+            "where they are constant",
         )
-        return np.broadcast_to(values, len(joints)).copy()
+        return values
+
+
+def split_declarations(texts: Mapping[str, str]) -> Columns:
+    """What a file declares of DECLARED, the parts of its text as an array (n,)."""
+    return {name: np.array(texts[name].split(",")) for name in DECLARED if name in texts}
 
 
 def read_parquet(path: Path) -> Columns:
@@ -339,8 +337,8 @@ def read_parquet(path: Path) -> Columns:
     lists = {
         name: np.stack(own) for name, own in columns.items() if own.dtype == object and not isinstance(own[0], str)
     }
-    declared = {f"#{key.decode()}": np.asarray(text.decode()) for key, text in (table.schema.metadata or {}).items()}
-    return columns | lists | declared
+    texts = {key.decode(): text.decode() for key, text in (table.schema.metadata or {}).items()}
+    return {**columns, **lists, **split_declarations(texts)}
 
 
 def read_csv(path: Path) -> Columns:
@@ -352,14 +350,14 @@ def read_csv(path: Path) -> Columns:
     head = next((line for line in lines if not line.startswith("#")), "")
     frame = pandas.read_csv(path, comment="#", sep=max(",;\t", key=head.count), skipinitialspace=True)
     comments = [line[1:].partition(":") for line in lines if line.startswith("#")]
-    declared = {f"#{key.strip()}": np.asarray(value.strip()) for key, _, value in comments if value}
-    return {str(name).strip(): frame[name].to_numpy() for name in frame} | declared
+    declared = split_declarations({key.strip(): value for key, _, value in comments})
+    return {**{str(name).strip(): frame[name].to_numpy() for name in frame}, **declared}
 
 
 def read_npz(path: Path) -> Columns:
-    """Arrays of an NPZ file, without pickles; ``units`` is a declaration."""
+    """Arrays of an NPZ file, without pickles."""
     with np.load(path, allow_pickle=False) as file:
-        return {"#units" if name == "units" else name: file[name] for name in file.files}
+        return dict(file)
 
 
 def read_mcap(path: Path) -> Columns:

@@ -14,7 +14,7 @@ from contextlib import suppress
 
 from cmacexp.errors import CmacexpError
 from cmacexp.wire.messages import Message, new_command, set_motors
-from cmacexp.wire.network import COMMANDS, Wire, ask_for_priority
+from cmacexp.wire.network import COMMANDS, Wire, run_first
 
 ALIVE, DONE = b"+", b"."
 """What the controller writes: after a command, and when the robot needs no guardian any more."""
@@ -86,7 +86,7 @@ def watch(pipe: int, silence: float) -> bool:
 def main() -> None:
     """Guard: the arguments are the network interface, the DDS domain, the damping, N m s/rad, and the silence, s."""
     interface, domain, damping, silence = sys.argv[1:]
-    ask_for_priority()
+    run_first(True)
     wire, command = Wire(interface, int(domain), COMMANDS, None), make_damping(float(damping))
     print("ready", flush=True)
     if watch(sys.stdin.fileno(), float(silence)):

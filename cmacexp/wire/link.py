@@ -15,7 +15,7 @@ from cmacexp.errors import BadInput, CmacexpError, require
 from cmacexp.typing import Array
 from cmacexp.wire.guardian import Guardian, make_damping
 from cmacexp.wire.messages import new_command, set_motors
-from cmacexp.wire.network import COMMANDS, STATES, Wire, ask_for_priority, give_up_priority
+from cmacexp.wire.network import COMMANDS, STATES, Wire, run_first
 from cmacexp.wire.states import LimitsConfig, Reading, StateWatch, Unsafe, read_state
 
 ANSWERS = 5.0
@@ -46,14 +46,13 @@ class Link:
         arrived: when it came, s on the clock of ``time.perf_counter``.
         asked: commanded angles (4, 3) of the last command, rad.
         watch: what compares states with the limits.
-        has_priority: whether the system lets this process run before others.
     """
 
     def __init__(self, interface: str, domain: int, period: float, limits: LimitsConfig, log: bool):
         """Hear a robot; nothing is sent yet. ``period`` in s. Raises BadInput if there is none, or if it is unfit."""
         self.interface, self.period, self.limits = interface, period, limits
         self.command = new_command()
-        self.has_priority = ask_for_priority()  # for the threads of the wire
+        run_first(True)  # for the threads of the wire
         try:
             require(
                 Wire(interface, domain, None, COMMANDS).receive(OTHERS) is None,
@@ -63,7 +62,7 @@ class Link:
             )
             self.wire = Wire(interface, domain, COMMANDS, STATES)
         finally:
-            give_up_priority()
+            run_first(False)
         reading, tick = self._listen()
         self.signals = reading.signals
         self.asked = self.signals.q
@@ -100,7 +99,7 @@ class Link:
 
     def begin(self) -> None:
         """Take the newest state as the first; from now on this thread runs before others. Raises Unsafe."""
-        ask_for_priority()
+        run_first(True)
         gc.disable()  # it takes longer than a step
         self.watch = StateWatch(self.limits, self.asked.shape, self.watch.tick)
         self.wire.receive(self.limits.silence)  # what came meanwhile is old
@@ -165,7 +164,7 @@ class Link:
     def end(self) -> None:
         """End the guardian; from now on this thread runs as others do."""
         gc.enable()
-        give_up_priority()
+        run_first(False)
         if self.guardian is not None:
             self.guardian.end()
             self.guardian = None

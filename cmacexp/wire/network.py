@@ -27,19 +27,14 @@ PRIORITY = 10
 """Among the processes in real time; below those of the kernel."""
 
 
-def ask_for_priority() -> bool:
-    """Let this thread, and those that it starts, run before others; whether the system allows it (Linux, as root)."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-    except (AttributeError, OSError):
-        return False
-    return True
+def run_first(first: bool) -> None:
+    """Let this thread, and those that it starts, run before others, or as others do.
 
-
-def give_up_priority() -> None:
-    """Let this thread run as others do."""
+    Nothing changes where the system does not allow it: Linux does, as root.
+    """
     with suppress(AttributeError, OSError):
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        policy, priority = (os.SCHED_FIFO, PRIORITY) if first else (os.SCHED_OTHER, 0)
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
 
 
 def make_sample(kind: Any, data: bytes, /, **options: Any) -> Any:

@@ -25,7 +25,7 @@ from cmacexp.plants.mujoco_kernels import advance_engine
 from cmacexp.plants.mujoco_robot import MujocoRobot
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig
 from cmacexp.wire.messages import HEADER, JOINTS, LEVEL_LOW, LOW_STATE, Message, compute_checksum, get_motors
-from cmacexp.wire.network import COMMANDS, STATES, Wire, ask_for_priority
+from cmacexp.wire.network import COMMANDS, STATES, Wire, run_first
 
 NO_FAULT = "none"
 KINDS = {
@@ -245,7 +245,7 @@ def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fau
     state["power_v"] = VOLTAGE
     state["motor_state"]["temperature"] = TEMPERATURE
     if not patient:
-        ask_for_priority()
+        run_first(True)
         gc.disable()  # it takes longer than several steps
     wire = Wire(interface, domain, STATES, COMMANDS)
     print(

@@ -22,7 +22,7 @@ from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.config.schema import read_component
 from cmacexp.control.protocol import Drive
 from cmacexp.data.signals import LIVE_SIGNALS
-from cmacexp.errors import BadInput, CmacexpError, require
+from cmacexp.errors import BadInput, require
 from cmacexp.jit.compiler import program
 from cmacexp.models.leg import GRAVITY
 from cmacexp.planning.plan import Setup
@@ -160,8 +160,7 @@ class UnitreeRobot:
 
         Raises Unsafe when the robot, or the wire, is beyond a limit: the run ends, and :meth:`end_run` damps it.
         """
-        if drive is None:
-            raise CmacexpError("plant=unitree needs commands for the drives: use controller=drives")
+        assert drive is not None  # as Config.check requires of the controller
         link = self.link
         if self.stages[-1][0] != Stage.WALK:
             self._stand_up((float(drive.stiffness.max()), float(drive.damping.max())))
@@ -228,7 +227,6 @@ class UnitreeRobot:
                 {"stage": str(stage), "second": round(at - self.stages[0][1], 3)} for stage, at in self.stages
             ],
             "trouble": self.trouble,
-            "has_priority": self.link.has_priority,
             "states_missed": self.link.watch.missed,
             "steps_overran": int((late > self.link.period).sum()),
             "work_ms": dict(zip(names, quantiles.round(3).tolist(), strict=True)),
