@@ -5,6 +5,7 @@ import importlib
 import math
 import os
 import platform
+import re
 import subprocess
 import sys
 from importlib.metadata import version
@@ -21,20 +22,13 @@ ALL = ("loop", "robot", "cmac", "trace", "command", "sweep")
 
 def machine() -> str:
     """The machine and the versions, in one line."""
-    cpu = platform.processor() or platform.machine()
-    described = Path("/proc/cpuinfo")
-    if described.exists():
-        names = [
-            line.partition(":")[2].strip() for line in described.read_text().splitlines() if "model name" in line
-        ]
-        cpu = names[0] if names else cpu
-    parts = [f"{cpu}, {os.cpu_count()} cores, {platform.system()}", f"Python {platform.python_version()}"]
+    cpu = re.findall(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text()) or [platform.machine()]
+    parts = [f"{cpu[0]}, {os.cpu_count()} cores, {platform.system()}", f"Python {platform.python_version()}"]
     parts += [f"{name} {version(name)}" for name in ("numba", "numpy", "pyarrow", "hydra-core")]
     if found := compiler():
         asked = subprocess.run([found, "--version"], capture_output=True, text=True)
         parts.append(asked.stdout.splitlines()[0])
-    load = f"; load {os.getloadavg()[0]:.1f} at the start" if hasattr(os, "getloadavg") else ""
-    return ", ".join(parts) + load
+    return f"{', '.join(parts)}; load {os.getloadavg()[0]:.1f} at the start"
 
 
 def main() -> None:

@@ -25,25 +25,27 @@ AXES = {
 JOINTS = {2: ("hip", "knee"), 3: ("hip", "thigh", "knee")}
 """Names of the joints of a leg, by their number."""
 BODY_PLOTS = {
-    "tilt": {
-        "pitch": ("pitch, nose down", palette.ACTUAL),
-        "roll": ("roll, right side down", palette.FIRST_CYCLE),
-    },
-    "height": {"height": ("height", palette.LAST_CYCLE)},
-    "margins": {
-        "stability_margin": ("planned, nearest edge", palette.DESIRED),
-        "true_stability_margin": ("true, nearest edge", palette.LAST_CYCLE),
-        "true_margin_front": ("true, front", palette.ACTUAL),
-        "true_margin_rear": ("true, rear", palette.FIRST_CYCLE),
-    },
+    "tilt": (
+        "tilt of the body",
+        "mrad",
+        {
+            "pitch": ("pitch, nose down", palette.ACTUAL),
+            "roll": ("roll, right side down", palette.FIRST_CYCLE),
+        },
+    ),
+    "height": ("height of the body", "mm", {"height": ("height", palette.LAST_CYCLE)}),
+    "margins": (
+        "stability margins, planned and true",
+        "mm",
+        {
+            "stability_margin": ("planned, nearest edge", palette.DESIRED),
+            "true_stability_margin": ("true, nearest edge", palette.LAST_CYCLE),
+            "true_margin_front": ("true, front", palette.ACTUAL),
+            "true_margin_rear": ("true, rear", palette.FIRST_CYCLE),
+        },
+    ),
 }
-"""Plots of the body: the name and the colour of each signal."""
-BODY_TITLES = {
-    "tilt": ("tilt of the body", "mrad"),
-    "height": ("height of the body", "mm"),
-    "margins": ("stability margins, planned and true", "mm"),
-}
-"""What these plots show, and its unit."""
+"""Plots of the body: title, unit, and the name and the colour of each signal."""
 TORQUES = {
     "for the desired force": palette.DESIRED,
     "feedback": palette.FEEDBACK,
@@ -119,10 +121,13 @@ def list_plots(view: RunView) -> dict[str, Plot]:
         for number, (name, down) in enumerate(zip(view.names, view.trace.support.T, strict=True), 1)
     ]
     found[GAIT] = Plot(f"support of {', '.join(line.name for line in support)}", "number of the leg", 0, support)
-    for name, signals in BODY_PLOTS.items():
-        shown = {signal: style for signal, style in signals.items() if signal in view.body}
-        lines = [Line(title, 1e3 * view.body[signal], colour) for signal, (title, colour) in shown.items()]
-        found[f"body/{name}"] = Plot(*BODY_TITLES[name], 0, lines)
+    for name, (title, unit, signals) in BODY_PLOTS.items():
+        lines = [
+            Line(shown, 1e3 * view.body[signal], colour)
+            for signal, (shown, colour) in signals.items()
+            if signal in view.body
+        ]
+        found[f"body/{name}"] = Plot(title, unit, 0, lines)
     return found
 
 
