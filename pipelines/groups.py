@@ -7,7 +7,7 @@ studies have claims, then the sections of each study. The benchmark has a comman
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
-from cmacexp.commands.study import FOLDER_KEY, Options, command, print_statements, study_parser, write_studies
+from cmacexp.commands.study import FOLDER_KEY, Options, print_statements, run_studies, write_studies
 from cmacexp.data.folder import new_result
 from cmacexp.data.manifest import REPORT
 from cmacexp.study.page import write_page
@@ -80,4 +80,4 @@ def write(name: str, options: Options) -> Path:
 
 def run_group(name: str) -> NoReturn:
     """Run the command of a group."""
-    command(study_parser(f"pipelines.{name}", GROUPS[name].question), lambda _, options: write(name, options))
+    run_studies(f"pipelines.{name}", GROUPS[name].question, lambda _, options: write(name, options))

@@ -39,12 +39,6 @@ def make_flag(meaning: str) -> dict[str, Any]:
     return {"action": "store_true", "help": meaning}
 
 
-def add_options(parser: "argparse._ActionsContainer", options: OptionTable) -> None:
-    """Add ``options`` to a parser, or to a group of its options, in their order."""
-    for name, described in options.items():
-        parser.add_argument(name, **described)
-
-
 class Parser(argparse.ArgumentParser):
     """Reads the arguments of a command, of the module ``name``."""
 
@@ -53,7 +47,8 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, name: str, description: str, options: OptionTable):
         super().__init__(prog=f"python -m {name}", description=description)
         self.add_argument("--version", action="version", version=f"cmacexp {__version__}")
-        add_options(self, options)
+        for option, described in options.items():
+            self.add_argument(option, **described)
 
     def run(self, work: Work, hint: str = "") -> int:
         """Read the arguments of this process, and do the ``work`` of the command; see :func:`run_command`."""

@@ -214,8 +214,21 @@ SEEDED: OptionTable = {
 """Of studies whose runs can be repeated for other seeds."""
 
 
-def study_parser(name: str, description: str, own: OptionTable = SEEDED) -> Parser:
-    """The options of every study, and those of its ``own`` after the first."""
+def run_studies(
+    name: str, description: str, work: Callable[[Arguments, Options], Path], own: OptionTable = SEEDED
+) -> NoReturn:
+    """Run the command ``name`` of studies, and exit; it has the options of every study, its ``own`` after the first.
+
+    ``work`` writes the reports and returns the page to open.
+    """
+
+    def run(arguments: Arguments) -> None:
+        if arguments.setting and arguments.launcher is None:
+            raise BadInput("--setting", arguments.setting[0], "is of a launcher: add --launcher NAME")
+        folder, chosen = require_place(FOLDER_KEY, arguments.folder), (arguments.launcher, arguments.workers)
+        options = Options(folder, arguments.quick, arguments.seeds, *chosen, arguments.setting)
+        print_line(str(work(arguments, options)))
+
     parser = Parser(
         name,
         description,
@@ -238,19 +251,6 @@ def study_parser(name: str, description: str, own: OptionTable = SEEDED) -> Pars
         },
     )
     parser.set_defaults(seeds=SEEDS)
-    return parser
-
-
-def command(parser: Parser, work: Callable[[Arguments, Options], Path]) -> NoReturn:
-    """Run studies from the command line, and exit; ``work`` writes the reports and returns the page to open."""
-
-    def run(arguments: Arguments) -> None:
-        if arguments.setting and arguments.launcher is None:
-            raise BadInput("--setting", arguments.setting[0], "is of a launcher: add --launcher NAME")
-        folder, chosen = require_place(FOLDER_KEY, arguments.folder), (arguments.launcher, arguments.workers)
-        options = Options(folder, arguments.quick, arguments.seeds, *chosen, arguments.setting)
-        print_line(str(work(arguments, options)))
-
     sys.exit(parser.run(run, "; the same command runs what is missing"))
 
 
@@ -258,11 +258,11 @@ def main(path: str | None = None) -> NoReturn:
     """``python -m cmacexp.study FILE.py``; with ``path``, the command of the study in that file."""
     if path is not None:
         file = load_study(Path(path))
-        parser = study_parser(f"pipelines.{file.name}", file.study.question)
-        command(parser, lambda arguments, options: write_study(file, options))
-    parser = study_parser(
+        name, question = f"pipelines.{file.name}", file.study.question
+        run_studies(name, question, lambda _, options: write_study(file, options))
+    run_studies(
         "cmacexp.study",
         "Run a study and write its report.",
+        lambda arguments, options: write_study(load_study(arguments.file), options),
         {**SEEDED, "file": {"type": Path, "metavar": "FILE.py", "help": "defines STUDY; its page stands beside it"}},
     )
-    command(parser, lambda arguments, options: write_study(load_study(arguments.file), options))

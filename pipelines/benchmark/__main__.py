@@ -10,9 +10,9 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
-from cmacexp.commands.command import Arguments, OptionTable, add_options
+from cmacexp.commands.command import Arguments, OptionTable
 from cmacexp.commands.gap import LOG_OPTIONS
-from cmacexp.commands.study import Options, command, study_parser, write_results
+from cmacexp.commands.study import Options, run_studies, write_results
 from cmacexp.config.component import find_sources
 from cmacexp.config.compose import compose_config
 from cmacexp.data.folder import HTML
@@ -122,7 +122,7 @@ LOG: OptionTable = {
     "--log": {
         "type": Path,
         "metavar": "LOG",
-        "help": f"a log for python -m cmacexp.gap, or {log_track.SIMULATED}",
+        "help": f"try methods that take a log on this one for python -m cmacexp.gap, or on {log_track.SIMULATED}",
     },
     "--robot": {"help": "of the log: an option of conf/machine, or an MJCF or URDF file"},
     **LOG_OPTIONS,
@@ -131,10 +131,7 @@ LOG: OptionTable = {
 
 def main() -> NoReturn:
     """The command."""
-    parser = study_parser("pipelines.benchmark", QUESTION, OPTIONS)
-    track = parser.add_argument_group("log track", "methods that take a log, instead of machines that walk")
-    add_options(track, LOG)
-    command(parser, run)
+    run_studies("pipelines.benchmark", QUESTION, run, {**OPTIONS, **LOG})
 
 
 if __name__ == "__main__":
