@@ -25,7 +25,7 @@ from cmacexp.planning.machine import find_centres
 from cmacexp.planning.plan import Plan, Setup
 from cmacexp.planning.reference import X, Y, Z
 from cmacexp.planning.stability import FRONT, REAR, STABILITY, Masses, true_margins
-from cmacexp.plants.environment import make_payload
+from cmacexp.plants.as_built import make_payload
 from cmacexp.typing import Array
 
 

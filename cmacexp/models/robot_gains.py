@@ -3,7 +3,6 @@
 Where an equation has a constant, it was measured for this project: docs/robots.md.
 """
 
-import itertools
 import math
 from functools import lru_cache
 from typing import NamedTuple
@@ -188,7 +187,7 @@ def recommend_period(ratio: float, loop_delay: LoopDelay = NONE, gain: float = 0
     parts = (part * 10**power for power in range(12) for part in (2, 5, 10))
     shorter = ((period / part, least / part) for part in parts)
     margin = MOST_FEEDBACK * (1.0 if loop_delay == NONE else LATE_MARGIN)
-    for period, least in (*reversed(RECOMMENDED), *itertools.islice(shorter, 36)):
+    for period, least in (*reversed(RECOMMENDED), *shorter):
         if choose_feedback(loop_delay, period) < gain * MOST_FEEDBACK * period / PERIODS[0][0]:
             continue
         if ratio * choose_feedback(loop_delay, period) > margin * least:

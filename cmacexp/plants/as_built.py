@@ -1,11 +1,18 @@
-"""The machine as it is: in what it differs from its config, and where its joints start."""
+"""Machine, ground and payload as they are, which the plant alone knows.
+
+A machine differs from its config, and its joints start elsewhere than planned.
+"""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cmacexp.config import ComponentConfig, number
+from cmacexp.config.schema import PayloadConfig, TerrainConfig
+from cmacexp.models.body import Load
+from cmacexp.models.ground import ALL_LEGS, NEVER, Ground, first_sample
 from cmacexp.planning.plan import Setup
+from cmacexp.plants.kernels import Payload
 
 
 @dataclass(kw_only=True)
@@ -32,3 +39,25 @@ class AsBuiltConfig(ComponentConfig):
             for mass in (mechanism.planar_legs.mass_1, mechanism.planar_legs.mass_2):
                 mass *= self.mass_factor
         return replace(setup, mechanism=mechanism, start=setup.start + away)
+
+
+def make_ground(terrain: TerrainConfig, sampling_period: float) -> Ground:
+    """Make the ground that a config describes."""
+    return Ground(
+        stiffness=terrain.stiffness,
+        patch_size=terrain.patch_size,
+        patch_spread=terrain.patch_spread,
+        patch_seed=terrain.patch_seed,
+        damping=terrain.damping,
+        step_at=NEVER if terrain.step_time is None else first_sample(terrain.step_time, sampling_period),
+        step_factor=terrain.step_factor,
+        step_legs=ALL_LEGS if terrain.step_legs is None else sum(1 << (leg - 1) for leg in terrain.step_legs),
+        slope=terrain.slope,
+        slope_start=terrain.slope_start,
+    )
+
+
+def make_payload(payload: PayloadConfig, sampling_period: float) -> Payload:
+    """Make the payload that a config describes."""
+    start = first_sample(payload.time, sampling_period) if payload.weight else NEVER
+    return Payload(Load(payload.weight, payload.x, payload.y), start)

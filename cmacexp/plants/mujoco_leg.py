@@ -1,7 +1,7 @@
 """The leg on its stand in MuJoCo: an independent check of the project's equations of motion."""
 
 from cmacexp.planning.plan import Setup
-from cmacexp.plants.environment import make_ground
+from cmacexp.plants.as_built import make_ground
 from cmacexp.plants.mujoco_model import make_planar
 from cmacexp.plants.mujoco_plant import MujocoConfig, MujocoPlant, require_machine
 from cmacexp.plants.protocol import Measurement

@@ -11,8 +11,7 @@ from cmacexp.errors import Diverged, require
 from cmacexp.models.mujoco_library import load_library
 from cmacexp.models.robot import load_mujoco
 from cmacexp.planning.plan import Setup
-from cmacexp.plants.as_built import AsBuiltConfig
-from cmacexp.plants.environment import make_ground, make_payload
+from cmacexp.plants.as_built import AsBuiltConfig, make_ground, make_payload
 from cmacexp.plants.kernels import new_state
 from cmacexp.plants.mujoco_kernels import (
     NO_PUSH,

@@ -41,7 +41,7 @@ from cmacexp.models.mechanism import get_leg, legs_on_stand, legs_under_body
 from cmacexp.models.robot_file import package_models
 from cmacexp.models.robot_gains import derive_basis, derive_gains, recommend_period
 from cmacexp.planning.machine import find_centres, make_mechanism
-from cmacexp.plants.environment import make_ground
+from cmacexp.plants.as_built import make_ground
 from cmacexp.plants.kernels import new_state
 from cmacexp.plants.protocol import new_measurement
 from cmacexp.report.page import Report, write_report
