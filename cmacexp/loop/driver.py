@@ -3,7 +3,6 @@
 A component owns its inputs: it may keep them, and nothing that it writes into them reaches the loop.
 """
 
-from collections.abc import Iterable
 from functools import partial
 from typing import Any
 
@@ -25,19 +24,19 @@ from cmacexp.loop.step import FAILED_COMPONENT, Hooks, Loop, step_loop
 from cmacexp.loop.validation import (
     DRIVE_NAMES,
     SIGNAL_NAMES,
-    copy_action,
     copy_drive,
     copy_measurement,
     copy_outputs,
-    copy_signals,
+    copy_parts,
     make_measurement_targets,
     make_targets,
     require_finite,
+    require_finite_state,
 )
 from cmacexp.planning.plan import Plan, Reference
 from cmacexp.planning.reference import ACTING, BEFORE, ControlReference
 from cmacexp.plants.drives import ANGLE, DAMPING, DRIVE, FEEDFORWARD, STIFFNESS, TORQUE, VELOCITY
-from cmacexp.plants.protocol import STATE, Measurement, RobotSignals, copy_state, get_state, view_state
+from cmacexp.plants.protocol import Measurement, RobotSignals, copy_state, view_state
 from cmacexp.typing import Array
 
 
@@ -54,10 +53,6 @@ def list_rows(plan: Plan, stage: int) -> list[tuple[Any, ...]]:
         for each in (control, plan.desired, plan.joints)
     )
     return list(zip(read_only(plan.support), *named, read_only(plan.force_desired), strict=True))
-
-
-def _name(measurement: Measurement) -> Iterable[tuple[str, Array]]:
-    return zip(STATE, get_state(measurement), strict=True)
 
 
 class ExternalComponents:
@@ -122,7 +117,8 @@ class ExternalComponents:
         if self.has_fault_status:
             trusted = self.controller.force_trusted  # type: ignore[attr-defined]
             copy_outputs(self.controller, "force_trusted", (trusted,), self.trusted)
-        if not copy_action(self.controller, action, self.action):
+        copy_parts(self.controller, "act", action, Action, self.action)
+        if action.reference is None:
             state.reference[...] = reference.control.position
         if self.loop.guard is not None:  # what teaches is known to the controller alone
             error = state.feedback if action.learning_error is None else action.learning_error
@@ -154,11 +150,10 @@ class ExternalComponents:
             return
         copy_measurement(self.plant, "step", measured, self.measured)
         if self.loop.signals is not None:
-            copy_signals(self.plant, "step", measured.signals, self.signals)
+            copy_parts(self.plant, "step", measured.signals, RobotSignals, self.signals, "signals=")
             self._note_drives(self.loop.signals)
         if step == 0:
-            for name, values in _name(self.state):
-                require_finite(self.plant, "step", name, values)
+            require_finite_state(self.plant, "step", self.state)
 
     def _advance(self) -> Measurement:
         """Let an external plant take its torque, or its torque and what its drives are to do."""
@@ -181,8 +176,7 @@ class ExternalComponents:
         """Refuse what sensors, controller or feedforward gave that is not finite; raises BadOutput."""
         torque, feedback = self.loop.torques.feedforward, self.loop.control_state.feedback
         if self.external.sensors:
-            for name, values in _name(self.observation):
-                require_finite(self.sensors, "measure", name, values)
+            require_finite_state(self.sensors, "measure", self.observation)
         if self.external.controller:
             require_finite(self.controller, "act", "feedback", feedback)
             require_finite(self.controller, "act", "feedforward", torque)

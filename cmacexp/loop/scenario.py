@@ -4,7 +4,7 @@ import contextlib
 import copy
 import inspect
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -27,26 +27,26 @@ from cmacexp.loop.step import Loop
 from cmacexp.loop.validation import (
     SIGNAL_NAMES,
     copy_measurement,
-    copy_signals,
+    copy_parts,
     make_measurement_targets,
     make_targets,
-    require_finite,
+    require_finite_state,
 )
 from cmacexp.models.loop_delay import LoopDelay, add_delays
 from cmacexp.planning import Plan, Setup, make_plan
 from cmacexp.planning.machine import check_load_sharing, make_mechanism
 from cmacexp.plants import AnalyticPlant, Measurement, Plant
-from cmacexp.plants.protocol import STATE, get_state, new_instruments, new_measurement
+from cmacexp.plants.protocol import RobotSignals, new_instruments, new_measurement
 from cmacexp.sensors import Sensors
 from cmacexp.typing import Array, Weights
 
 PROTOCOLS = {"plant": Plant, "sensors": Sensors, "controller": Controller, "feedforward": Feedforward}
 
 
-def require_members(group: str, target: object, component: object) -> None:
-    """Require that a component has all that its protocol names; raises BadInput."""
+def require_members(group: str, target: object, component: object, members: Sequence[str] = ()) -> None:
+    """Require that a component has ``members``, or all that its protocol names; raises BadInput."""
     protocol = PROTOCOLS[group]
-    members = [name for name in (*vars(protocol), *protocol.__annotations__) if not name.startswith("_")]
+    members = members or [name for name in (*vars(protocol), *protocol.__annotations__) if name[0] != "_"]
     missing = [name for name in members if not hasattr(component, name)]
     reason = f"is not a {group}: it has no {' and no '.join(missing)}"
     require(not missing, f"{group}._target_", target, reason)
@@ -57,8 +57,7 @@ def require_class(group: str, target: object, component: type[Any], given: tuple
     """Require, before anything of a class is called, that it has the methods of its protocol; raises BadInput."""
     protocol, key = PROTOCOLS[group], f"{group}._target_"
     methods = [name for name, value in vars(protocol).items() if inspect.isfunction(value) and name[0] != "_"]
-    missing = [name for name in methods if not callable(getattr(component, name, None))]
-    require(not missing, key, target, f"is not a {group}: it has no {' and no '.join(missing)}")
+    require_members(group, target, component, methods)
     for name in methods:
         taken = list(inspect.signature(getattr(protocol, name)).parameters)
         fits = _takes(component, name, taken)
@@ -166,7 +165,7 @@ def count_loop_delay(config: Config, sensors: Sensors) -> LoopDelay:
     )
 
 
-def resolve_lead(config: Config, sensors: Sensors, controller: Controller) -> int:
+def resolve_lead(config: Config, loop_delay: LoopDelay, controller: Controller) -> int:
     """``learning.lead`` in samples; ``auto`` is their number from a torque to the feedback that it causes.
 
     Until the first estimate of ``estimate``, that is the same. A controller may have a ``response``, samples that
@@ -175,7 +174,7 @@ def resolve_lead(config: Config, sensors: Sensors, controller: Controller) -> in
     if isinstance(config.learning.lead, str):
         response = getattr(controller, "response", 0)
         response = response if isinstance(response, int) else 0  # an external one may use the name otherwise
-        return 1 + response + count_loop_delay(config, sensors).count_samples(config.sampling_period)
+        return 1 + response + loop_delay.count_samples(config.sampling_period)
     return int(config.learning.lead)
 
 
@@ -227,12 +226,12 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     measured = plant.reset(_own(setup, plant))
     copy_measurement(plant, "reset", measured, make_measurement_targets(first))
     if not isinstance(plant, AnalyticPlant):  # its body may have no equilibrium: it has fallen, which is a result
-        for name, values in zip(STATE, get_state(first), strict=True):
-            require_finite(plant, "reset", name, values)
+        require_finite_state(plant, "reset", first)
     signals = None
     if measured.signals is not None:
         signals = new_instruments(*setup.mechanism.shape, setup.config.sampling_period).signals
-        copy_signals(plant, "reset", measured.signals, make_targets(SIGNAL_NAMES, signals))
+        targets = make_targets(SIGNAL_NAMES, signals)
+        copy_parts(plant, "reset", measured.signals, RobotSignals, targets, "signals=")
     return first._replace(travel=measured.travel, signals=signals)
 
 
@@ -269,7 +268,8 @@ def make_scenario(config: Config, learnt: Weights | None = None, **given: Any) -
         mechanism, components = make_mechanism(config.machine), _make_components(config, given)
         sensors, controller = components["sensors"], components["controller"]
         plan = make_plan(config.nominal, mechanism, components["feedforward"].acts)
-        lead, loop_delay = resolve_lead(config, sensors, controller), count_loop_delay(config, sensors)
+        loop_delay = count_loop_delay(config, sensors)
+        lead = resolve_lead(config, loop_delay, controller)
         warning = ""
         if isinstance(config.machine, RobotMachine) and isinstance(controller, HybridController):
             warning = check_margin(config, controller.config, loop_delay)

@@ -28,6 +28,8 @@ EXPECTED = {
     Drive: f"cmacexp.control.Drive({', '.join(Drive._fields)}), or None",
 }
 """What components return as a tuple, as a message describes it."""
+OPTIONAL = ("reference", "travel")
+"""What may be None in such a tuple; its target keeps its values."""
 
 FLOAT = np.dtype(np.float64)
 
@@ -59,7 +61,7 @@ def copy_outputs(component: object, method: str, outputs: Iterable[Any], targets
     for output, (name, array, shape) in zip(outputs, targets, strict=False):
         if getattr(output, "dtype", None) is FLOAT and output.shape == shape:
             array[...] = output
-        else:
+        elif output is not None or name not in OPTIONAL:
             array[...] = _convert(component, method, name, output, shape)
 
 
@@ -90,34 +92,34 @@ def require_finite(component: object, method: str, name: str, values: Array) -> 
         )
 
 
-def _require_kind(component: object, method: str, output: Any, kind: type, name: str = "") -> None:
-    """Require that what a component returned, or its part ``name``, is a tuple of EXPECTED; raises BadOutput."""
-    if isinstance(output, kind):
-        return
-    is_array = isinstance(output, np.ndarray)
-    found = f"an array of shape {output.shape}" if is_array else f"a {type(output).__name__}"
-    found = "None" if output is None else found
-    raise BadOutput(f"{_method(component, method)} returned {name}{found}: expected {EXPECTED[kind]}")
+def copy_parts(
+    component: object,
+    method: str,
+    output: Any,
+    kind: type[tuple[Any, ...]],
+    targets: Iterable[Target],
+    name: str = "",
+) -> None:
+    """Copy what a component returned, or its part ``name``, a tuple of EXPECTED, to its targets; raises BadOutput."""
+    if not isinstance(output, kind):
+        is_array = isinstance(output, np.ndarray)
+        found = f"an array of shape {output.shape}" if is_array else f"a {type(output).__name__}"
+        found = "None" if output is None else found
+        raise BadOutput(f"{_method(component, method)} returned {name}{found}: expected {EXPECTED[kind]}")
+    copy_outputs(component, method, output, targets)
+
+
+def require_finite_state(component: object, method: str, measurement: Measurement) -> None:
+    """Check that the state of a measurement is finite; raises BadOutput that names the first value that is not."""
+    for name, values in zip(STATE, get_state(measurement), strict=True):
+        require_finite(component, method, name, values)
 
 
 def copy_measurement(component: object, method: str, output: Any, targets: list[Target]) -> None:
     """Copy a measurement that a plant or sensors returned to the targets of one; raises BadOutput."""
-    _require_kind(component, method, output, Measurement)
-    has_travel = output.travel is not None
-    copy_outputs(component, method, output, targets if has_travel else targets[:-1])
-    if has_travel:
+    copy_parts(component, method, output, Measurement, targets)
+    if output.travel is not None:
         require_finite(component, method, "travel", targets[-1][1])
-
-
-def copy_action(component: object, output: Any, targets: list[Target]) -> bool:
-    """Copy the action of a controller to the targets of feedback, feedforward and reference; raises BadOutput.
-
-    Returns whether it contains the reference that the controller followed.
-    """
-    _require_kind(component, "act", output, Action)
-    has_reference = output.reference is not None
-    copy_outputs(component, "act", output, targets if has_reference else targets[:2])
-    return has_reference
 
 
 def copy_drive(component: object, drive: Any, targets: list[Target]) -> None:
@@ -129,13 +131,6 @@ def copy_drive(component: object, drive: Any, targets: list[Target]) -> None:
         for _, array, _ in targets:
             array[...] = 0.0
         return
-    _require_kind(component, "act", drive, Drive, "drive=")
-    copy_outputs(component, "act", drive, targets)
+    copy_parts(component, "act", drive, Drive, targets, "drive=")
     for name, array, _ in targets:
         require_finite(component, "act", name, array)
-
-
-def copy_signals(component: object, method: str, signals: Any, targets: list[Target]) -> None:
-    """Copy what a plant says that a robot measures by itself to its targets; raises BadOutput."""
-    _require_kind(component, method, signals, RobotSignals, "signals=")
-    copy_outputs(component, method, signals, targets)
