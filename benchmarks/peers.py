@@ -3,6 +3,7 @@
 Every peer has 32 layers over the same ranges, a memory of as many rows, two outputs, and does predict and update.
 """
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -58,67 +59,53 @@ class NumpyCmac:
         return self.batch(x[None], error[None])[0]
 
 
-class _Tiles:
+FindRows = Callable[[Array], Cells | list[int]]
+"""Gives the rows that a tile coder activates at an input (n,)."""
+
+
+class Tiles:
     """Weights, and their use at the rows that a tile coder gives."""
 
-    def __init__(self, params: Address, rate: float):
-        self.layers, self.inputs = params.displacement.shape
-        self.rows, self.weights, self.rate = params.rows, np.zeros((params.rows, 2)), rate
-        self.low, self.high = params.ranges.low, params.ranges.high
-        self.elements = params.resolution_elements
-
-    def rows_of(self, x: Array) -> Cells | list[int]:
-        """Rows that the tile coder activates at ``x``."""
-        raise NotImplementedError
+    def __init__(self, params: Address, rate: float, find_rows: FindRows):
+        self.find_rows, self.rate = find_rows, rate / len(params.displacement)
+        self.weights = np.zeros((params.rows, 2))
 
     def step(self, x: Array, error: Array) -> Array:
         """As :meth:`Peer.step`."""
-        rows = self.rows_of(x)
+        rows = self.find_rows(x)
         output = self.weights[rows].sum(axis=0)
-        self.weights[rows] += self.rate / self.layers * error
+        self.weights[rows] += self.rate * error
         return output
 
 
-class FixedReps(_Tiles):
+def make_fixed_reps(params: Address) -> FindRows:
     """PyFixedReps-andnp: dense cell numbers from Rust, 32 bits (they overflow with 6 inputs), folded into memory."""
+    from PyFixedReps import TileCoder, TileCoderConfig
 
-    name = "PyFixedReps-andnp"
-
-    def __init__(self, params: Address, rate: float):
-        from PyFixedReps import TileCoder, TileCoderConfig
-
-        super().__init__(params, rate)
-        ranges = list(zip(self.low, self.high, strict=True))
-        config = TileCoderConfig(self.elements, self.layers, self.inputs, input_ranges=ranges, scale_output=False)
-        self.coder = TileCoder(config)
-
-    def rows_of(self, x: Array) -> Cells | list[int]:
-        """As in the base class."""
-        return self.coder.get_indices(x) % self.rows
+    ranges = list(zip(*params.ranges, strict=True))
+    size = (params.resolution_elements, *params.displacement.shape)
+    coder = TileCoder(TileCoderConfig(*size, input_ranges=ranges, scale_output=False))
+    return lambda x: coder.get_indices(x) % params.rows
 
 
-class LinearRl(_Tiles):
+def make_linear_rl(params: Address) -> FindRows:
     """linear-rl: R. Sutton's tiles3 in Python, hashed into the same memory."""
+    from linear_rl.tyles3 import tiles
 
-    name = "linear-rl (tiles3)"
+    low, high = params.ranges
+    scale, layers = (params.resolution_elements - 1) / (high - low), len(params.displacement)
+    return lambda x: tiles(params.rows, layers, ((x - low) * scale).tolist())
 
-    def __init__(self, params: Address, rate: float):
-        from linear_rl.tyles3 import tiles
 
-        super().__init__(params, rate)
-        self.tiles, self.scale = tiles, (self.elements - 1) / (self.high - self.low)
-
-    def rows_of(self, x: Array) -> Cells | list[int]:
-        """As in the base class."""
-        return self.tiles(self.rows, self.layers, ((x - self.low) * self.scale).tolist())
+TILE_CODERS = {"PyFixedReps-andnp": make_fixed_reps, "linear-rl (tiles3)": make_linear_rl}
 
 
 def installed(params: Address, rate: float) -> dict[str, Peer]:
     """The peers from PyPI that this machine has, by name."""
     peers: dict[str, Peer] = {}
-    for kind in (FixedReps, LinearRl):
+    for name, make in TILE_CODERS.items():
         try:
-            peers[kind.name] = kind(params, rate)
+            peers[name] = Tiles(params, rate, make(params))
         except ImportError:
-            print(f"{kind.name} is not installed: left out")
+            print(f"{name} is not installed: left out")
     return peers
