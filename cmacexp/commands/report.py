@@ -1,16 +1,14 @@
 """``python -m cmacexp.report DIR...``: figures and tables of a run, or a comparison of several."""
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from cmacexp.commands.command import FOLDERS, Arguments, command
+from cmacexp.commands.command import FOLDERS, Arguments, command, make_flag
 from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import choose_page_folder
 from cmacexp.data.run import Run
 from cmacexp.engine.sweep_tables import find_runs
-from cmacexp.errors import BadRun
+from cmacexp.errors import BadRun, CmacexpError
 from cmacexp.metrics.swept import find_swept
 from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
@@ -47,32 +45,24 @@ def _report_of_several(runs: Sequence[Run], given: Sequence[Path], out: Path) ->
     return path
 
 
-class _Key(argparse.Action):
-    """Prints what the columns of metrics mean."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        print_key()
-        parser.exit()
-
-
 @command(
     "Figures and tables of a run, or a comparison of several runs or a sweep, as one HTML page.",
     {
-        **FOLDERS,
+        "folders": {**FOLDERS["folders"], "nargs": "*"},
         "--out": {
             "type": Path,
             "metavar": "FOLDER",
             "help": f"folder of the page (default: DIR/report, or {REPORTS}/NAMES for several)",
         },
-        "--key": {
-            "nargs": 0,
-            "action": _Key,
-            "help": "print what each column of the tables means: name, symbol, definition; needs no DIR",
-        },
+        "--key": make_flag("print what each column of the tables means: name, symbol, definition; needs no DIR"),
     },
 )
 def main(arguments: Arguments) -> None:
-    """Write the page of one run or of several."""
+    """Write the page of one run or of several, or print the key of its tables."""
+    if arguments.key:
+        print_key()
+        return
+    CmacexpError.unless(arguments.folders, "DIR is missing: name a run, or a folder of runs")
     given: list[Path] = arguments.folders
     runs = list({run.folder.resolve(): run for folder in given for run in find_runs(folder)}.values())
     several = REPORTS / "-".join(path.resolve().name for path in given[:4])
