@@ -30,8 +30,9 @@ SLOPES = (0.5, 1.4)
 """Of measured over commanded angles."""
 MOST_APART = (0.1, 0.3)
 """Median distance of measured and commanded angles, rad, and over the range, that a sagging joint may have."""
-NEARER = 0.5
-"""Distance of a measured angle to the command of another joint, over that to its own, that shows an exchange."""
+NEARER, MUCH_NEARER = 0.5, 0.3
+"""Distance of a measured angle to the command of another joint, over that to its own, that shows an exchange: of both
+joints, and of one alone."""
 ADVANCE = 3.0
 """Motion between two rows, over speed times spacing, from which rows were lost and times written anew."""
 SPIKE = 25.0
@@ -86,8 +87,9 @@ def refuse(log: Log, fault: str) -> BadInput:
 def _check_time(log: Log) -> None:
     steps, period = np.diff(log.time), log.period
     for before in np.flatnonzero(steps <= 0.0):
-        what = "repeats the time of" if steps[before] == 0.0 else "is earlier than"
-        raise refuse(log, f"row {before + 1} {what} the row before it: sort the rows and remove those written twice")
+        raise refuse(
+            log, f"row {before + 1} is not later than the row before it: sort rows, remove those written twice"
+        )
     require(
         RATES[0] <= 1.0 / period <= RATES[1],
         KEY,
@@ -127,14 +129,13 @@ def _check_pairs(log: Log, command: Array) -> None:
         )
     distance = np.sqrt(((log.angle[:, :, None] - command[:, None, :]) ** 2).mean(axis=0))
     for a, b in enumerate(distance.argmin(axis=1)):
+        both_nearer = distance[a, b] < NEARER * distance[a, a] and distance[b, a] < NEARER * distance[b, b]
         require(
-            distance[a, b] >= NEARER * distance[a, a] or distance[b, a] >= NEARER * distance[b, b],
+            not both_nearer and distance[a, b] >= MUCH_NEARER * distance[a, a],
             KEY,
             log.path,
-            f"columns {names[a]} and {names[b]} seem to be exchanged: each follows the command of the other",
+            f"column {names[a]} follows {others[b]} and not {others[a]}: are columns exchanged?",
         )
-        is_own = distance[a, b] >= 0.3 * distance[a, a]
-        require(is_own, KEY, log.path, f"column {names[a]} follows {others[b]} and not {others[a]}")
 
 
 def _check_angle(log: Log, machine: Machine, j: int) -> None:

@@ -25,25 +25,18 @@ SETTLE = 0.2
 CORRELATED = 0.8
 """Correlation with the rotor inertia from which on a delay is not known apart from it."""
 ALONE = "desired velocity alone"
-Fitter = Callable[..., Fit]
-"""Does what :func:`cmacexp.gap.identify.fit` does."""
 
 
 def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
     """Choose a model of joints, fit it, validate it on unseen strokes, and let it predict and act."""
     problem, count = gap.problem, gap.signals.count
     inner, train = split_strokes(count)
-    steps = len(LEVELS) + 3 + len(range(FIRST, count + 1, 2)) + 1
-    done = iter(range(steps))
-
-    def fit_next(*given: Any) -> Fit:
-        set_done(next(done) / steps)
-        return fit(*given)
-
-    chosen, models = choose_level(problem, fit_next)
-    forward = fit_next(problem, chosen, rows_of(gap.signals, 1, train))
-    reverse = fit_next(problem, chosen, rows_of(gap.signals, train + 1, count))
-    whole = gap.fitted = fit_next(problem, chosen, rows_of(gap.signals, 1, count), forward.values)
+    chosen, models = choose_level(problem)
+    set_done(0.3)
+    forward = fit(problem, chosen, rows_of(gap.signals, 1, train))
+    reverse = fit(problem, chosen, rows_of(gap.signals, train + 1, count))
+    whole = gap.fitted = fit(problem, chosen, rows_of(gap.signals, 1, count), forward.values)
+    set_done(0.6)
     for name, own in {"identified": forward, "identified, the reverse": reverse}.items():
         applied = problem.apply(own)
         along = applied.expand(*applied.replay(own.values, own.delay))  # so that the equations hold to all orders
@@ -75,7 +68,7 @@ def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
         "covariances": [own.tolist() for own in whole.covariances],
         "refused": list(refuse_parameters(problem, whole)),
     }
-    for name, make in list_identified(problem, chosen, gap.makers["model"], fit_next).items():
+    for name, make in list_identified(problem, chosen, gap.makers["model"]).items():
         add_learner(gap, name, make)
     gap.values["acting"] = act(gap, whole, forward)
 
@@ -100,12 +93,12 @@ def split_strokes(count: int) -> tuple[int, int]:
     return max(1, train // 2), train
 
 
-def choose_level(problem: Problem, fit_next: Fitter = fit) -> tuple[Level, list[dict[str, Any]]]:
+def choose_level(problem: Problem) -> tuple[Level, list[dict[str, Any]]]:
     """The model of joints that predicts the second third of the strokes best when fitted to those before; and all."""
     (inner, train), models = split_strokes(problem.signals.count), []
     levels = LEVELS if problem.masses else LEVELS[:-1]
     for level in levels:
-        found = fit_next(problem, level, rows_of(problem.signals, 1, inner))
+        found = fit(problem, level, rows_of(problem.signals, 1, inner))
         angle, _ = problem.apply(found).replay(found.values, found.delay)
         distance = measure_distance(problem.signals, angle, inner + 1, train)
         models.append({"model": level.name, "parameters": int(level.free.sum()), "mrad": distance})
@@ -171,13 +164,13 @@ class Identified:
             self.torque = self.problem.signals.compute_torque(angle)
 
 
-def list_identified(problem: Problem, level: Level, before: Maker, fit_next: Fitter = fit) -> Mapping[str, Maker]:
+def list_identified(problem: Problem, level: Level, before: Maker) -> Mapping[str, Maker]:
     """Makers of the identified plant, alone and below tables, by name; ``before`` predicts until the first fit."""
 
     @cache
     def fit_to(stroke: int) -> Fit:
         start = fit_to(stroke - 2).values if stroke > 2 else None
-        return fit_next(problem, level, rows_of(problem.signals, 1, stroke), start)
+        return fit(problem, level, rows_of(problem.signals, 1, stroke), start)
 
     def make() -> Learner:
         return Identified(problem, before(), fit_to)
