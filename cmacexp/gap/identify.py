@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from cmacexp.gap.machine import Expansion, Machine
-from cmacexp.gap.replay import Drive, JointParams, replay
+from cmacexp.gap.replay import Drive, JointParams, make_drive, replay
 from cmacexp.gap.signals import Signals, low_pass
 from cmacexp.models.joint import OWN, SLOW, make_regressors
 from cmacexp.typing import Array, Counts, Mask
@@ -152,7 +152,7 @@ class Problem:
         """The drives of all joints in the log."""
         log = self.signals.log
         assert log.command is not None
-        return Drive(log.command, log.command_velocity, log.feedforward, log.kp, log.kd)
+        return make_drive(log.command, log.command_velocity, log.feedforward, log.kp, log.kd)
 
     @property
     def start(self) -> tuple[Array, Array]:
@@ -172,7 +172,7 @@ class Problem:
         ``expansions`` are by default those along the measured motion.
         """
         drive, first = drive or self.drive, np.array(start or self.start)
-        angle, velocity = np.empty_like(drive.command), np.empty_like(drive.command)
+        angle, velocity = np.empty_like(drive.torque), np.empty_like(drive.torque)
         for block, expansion in zip(self.machine.blocks, expansions or self.expansions, strict=True):
             own = Drive(*(each[..., block] for each in drive))
             params = JointParams(values[block], self.ranges[:, block], delay)
@@ -279,7 +279,7 @@ class _BlockFit:
         self.used = np.flatnonzero(rows[:end])
         self.expansion = Expansion(*(each[:end] for each in problem.expansions[number]))
         drive = Drive(*(each[..., self.block] for each in problem.drive))
-        self.drive = Drive(drive.command[:end], drive.rate[:end], drive.torque[:end], drive.kp, drive.kd)
+        self.drive = drive._replace(torque=drive.torque[:end])
         self.measured = problem.signals.log.angle[self.used][:, self.block]
         self.masses = [joint for joint in self.block.tolist() if level.masses and joint in problem.masses]
         forces = [-problem.masses[joint][:end, self.block] for joint in self.masses]

@@ -2,9 +2,10 @@
 
 One block of joints at a time, its equations expanded along the log:
 
-    (M + a) dv/dt = kp (c - q) + kd (dc - v) + u + o + s z(q) - b v - F(q) sign(v) - bias(q, v),
+    (M + a) dv/dt = w - kp q - kd v + o + s z(q) - b v - F(q) sign(v) - bias(q, v),
 
-with z from -1 to 1 over the range of the joint. Friction is dry: a joint sticks as long as F(q) can hold it.
+with w = kp c + kd dc + u of the drives, and z from -1 to 1 over the range of the joint. Friction is dry: a joint
+sticks as long as F(q) can hold it.
 Leapfrog: forces at the angles of the middle of a step, damping as the mean of both ends, friction by the new
 velocity; of second order, so that it adds no damping of its own.
 """
@@ -28,16 +29,17 @@ rad/s."""
 class Drive(NamedTuple):
     """What the drives of a block of B joints do; rows are held for one sampling period."""
 
-    command: Array
-    """(N, B) c, rad."""
-    rate: Array
-    """(N, B) dc, rad/s."""
     torque: Array
-    """(N, B) u, a feedforward beside the feedback, N m."""
+    """(N, B) w, at rest at the angle zero, N m: of commanded angles, velocities and feedforward."""
     kp: Array
     """(B,) N m/rad."""
     kd: Array
     """(B,) N m s/rad."""
+
+
+def make_drive(command: Array, rate: Array, feedforward: Array, kp: Array, kd: Array) -> Drive:
+    """Drives with commanded angles, rad, and velocities, rad/s, and a torque beside their feedback, N m, (N, B)."""
+    return Drive(kp * command + kd * rate + feedforward, kp, kd)
 
 
 class JointParams(NamedTuple):
@@ -95,7 +97,7 @@ def replay(
 def take_rows(equations, drive, params, delay, further, own, h, substeps, state, found, scratch):  # type: ignore
     """Take all rows of a replay, see :func:`replay`; fills ``found``, changes ``state`` and ``scratch``."""
     at, mass, bias_of, gradient_of = equations
-    commands, rates, torques, kp, kd = drive
+    torques, kp, kd = drive
     values, low, high = params
     q, v = state
     angle, velocity, angle_by = found
@@ -112,23 +114,15 @@ def take_rows(equations, drive, params, delay, further, own, h, substeps, state,
             end = begin + 1.0 / substeps
             first, last = int(np.floor(begin)), int(np.floor(end))
             part = (last - begin) / (end - begin) if last > first else 1.0
-            first, last = min(max(first, 0), commands.shape[0] - 1), min(max(last, 0), commands.shape[0] - 1)
+            first, last = min(max(first, 0), rows - 1), min(max(last, 0), rows - 1)
             for i in range(size):
                 q[i] += 0.5 * h * v[i]
                 for p in range(count):
                     dq[i, p] += 0.5 * h * dv[i, p]
             for i in range(size):
-                command = part * commands[first, i] + (1.0 - part) * commands[last, i]
-                rate = part * rates[first, i] + (1.0 - part) * rates[last, i]
-                own_torque = part * torques[first, i] + (1.0 - part) * torques[last, i]
-                target[i] = (  # h d(torque)/d(delay)
-                    kp[i] * (commands[first, i] - commands[last, i])
-                    + torques[first, i]
-                    - torques[last, i]
-                    + kd[i] * (rates[first, i] - rates[last, i])
-                )
+                target[i] = torques[first, i] - torques[last, i]  # h d(torque)/d(delay)
                 unit = (q[i] - low[i]) / (high[i] - low[i])
-                given = kp[i] * (command - q[i]) + kd[i] * rate + own_torque
+                given = part * torques[first, i] + (1.0 - part) * torques[last, i] - kp[i] * q[i]
                 total = given - bias_of[k, i] + (values[i, 2] + values[i, 3] * (2.0 * unit - 1.0))
                 for j in range(size):
                     total -= gradient_of[k, i, j] * (q[j] - at[k, j])

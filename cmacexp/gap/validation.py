@@ -13,7 +13,7 @@ from cmacexp.gap.analysis import FIRST, Gap, Report, add_learner, compare_rms
 from cmacexp.gap.identify import KNOWN, LEVELS, MASS_PRIOR, NAMES, TILT_PRIOR, Fit, Level, Problem, fit
 from cmacexp.gap.learners import PLACED, Both, Fixed, Iterative, Learner, Maker, make_tables, place_below
 from cmacexp.gap.machine import Expansion
-from cmacexp.gap.replay import Drive
+from cmacexp.gap.replay import make_drive
 from cmacexp.gap.signals import Signals, differentiate, low_pass
 from cmacexp.typing import Array, Mask
 
@@ -222,7 +222,7 @@ def act(gap: Gap, plant: Fit, known: Fit) -> dict[str, Any]:
 def _run(problem: Problem, plant: Fit, learner: Learner, rate: Array, plan: Array) -> dict[str, Any]:
     """One learner that predicts each stroke, acts, and learns what feedforward and feedback supplied."""
     signals, period, begin = problem.signals, problem.signals.log.period, int(problem.signals.bounds[0])
-    command, _, _, kp, kd = problem.drive
+    command, kp, kd = signals.command, signals.log.kp, signals.log.kd
     logged, velocity = problem.replay(plant.values, plant.delay)
     alone = signals.compute_torque(logged)
     expansions = problem.expand(plan, differentiate(plan, period))
@@ -231,7 +231,7 @@ def _run(problem: Problem, plant: Fit, learner: Learner, rate: Array, plan: Arra
         rows = signals.rows(stroke)
         forward = learner.predict(rows)
         held = np.append(np.arange(len(forward)), len(forward) - 1)  # after the last row the state is read
-        drive = Drive(command[rows][held], rate[rows][held], forward[held], kp, kd)
+        drive = make_drive(command[rows][held], rate[rows][held], forward[held], kp, kd)
         along = [Expansion(*(each[rows][held] for each in own)) for own in expansions]
         replayed = problem.replay(plant.values, plant.delay, along, drive, state)
         state, angle = (replayed[0][-1], replayed[1][-1]), replayed[0][:-1]

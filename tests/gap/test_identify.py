@@ -9,7 +9,7 @@ from support.logs import COULOMB, DELAY, ROTORS, VISCOUS, make_problem, simulate
 from cmacexp.gap.identify import LEVELS, fit, regress
 from cmacexp.gap.learners import Both, Fixed, Iterative, predict_all
 from cmacexp.gap.machine import Expansion
-from cmacexp.gap.replay import Drive, JointParams, replay
+from cmacexp.gap.replay import JointParams, make_drive, replay
 from cmacexp.gap.signals import Signals, measure_lag
 
 
@@ -19,7 +19,7 @@ def replay_two(values, delay=0.0062, rows=60, derive=False):
     mass = np.tile([[0.06, 0.02], [0.02, 0.05]], (rows, 1, 1))
     angle = np.sin(6.0 * time[:, None] + [0.0, 1.0])
     expansion = Expansion(angle, mass, 0.5 * np.cos(angle), np.tile([[0.3, 0.1], [0.1, 0.2]], (rows, 1, 1)))
-    drive = Drive(1.2 * angle, 0.0 * angle, 0.1 * angle, np.array([20.0, 15.0]), np.array([0.5, 0.4]))
+    drive = make_drive(1.2 * angle, 0.0 * angle, 0.1 * angle, np.array([20.0, 15.0]), np.array([0.5, 0.4]))
     params = JointParams(values, np.array([[-1.0, -1.0], [1.0, 1.0]]), delay)
     return replay(expansion, drive, params, 0.005, (angle[0], np.zeros(2)), derive=derive)
 
