@@ -13,7 +13,7 @@ import numpy as np
 
 from cmacexp.config.cmac import NEEDS_LEARNING
 from cmacexp.errors import BadInput, require, require_name
-from cmacexp.jit.compiler import kernel, program
+from cmacexp.jit.compiler import called_kernel, kernel, program
 from cmacexp.typing import Array, Cells
 
 MOST_ENTRIES = 2**27
@@ -68,7 +68,7 @@ def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, 
     return spread_cells.reshape(samples, legs, most), shares.reshape(samples, legs, most)
 
 
-@kernel(inline=False)
+@called_kernel
 def train_spread(weights: Array, cells: Cells, share: Array, error: Array, rate: float, leakage: float) -> None:
     """Add beta s_j (U - leakage W_j) to every weight that learns from the error.
 
@@ -221,7 +221,7 @@ def pull(rule: RuleParams, rate: float, error: float) -> float:
     return min(1.0, rate * rule.strength * (abs(error) if rule.goal == ZERO_BY_ERROR else 1.0))
 
 
-@kernel(inline=False)
+@called_kernel
 def train_by_rule(
     rule: RuleParams, weights: Array, cells: Cells, activation: Array, error: Array, rate: float
 ) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from cmacexp.cmac.memory import find_distinct, read, read_weighted, train
 from cmacexp.cmac.rules import NEIGHBOURS, PAPER, RuleParams, rate_after, train_by_rule, train_spread
 from cmacexp.data.signals import FEEDFORWARD, MEMORY_SIGNALS
-from cmacexp.jit.compiler import copy_array, kernel, program
+from cmacexp.jit.compiler import called_kernel, copy_array, kernel, program
 from cmacexp.typing import CLOCK, Array, Cells, Clock, Counts, Scratch, State
 
 LOGGED = tuple(signal.name for signal in MEMORY_SIGNALS if signal.owner == FEEDFORWARD)
@@ -238,7 +238,7 @@ def feedforward_step(params: FeedforwardParams, step: int, sample: int, learning
                     output[i, j] += params.torque[sample, i, j]
 
 
-@kernel(inline=False)
+@called_kernel
 def correct(params: FeedforwardParams, errors: Array, output: Array, torque: Array) -> None:
     """Update a torque once a cycle: u += beta K / |K| e, K = A A^T / sum a_i^2, e the errors shifted by the lead.
 

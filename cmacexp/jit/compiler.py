@@ -18,6 +18,7 @@ import numpy as np
 
 from cmacexp.jit.interrupt import raise_if_interrupted
 from cmacexp.jit.kernels import Function
+from cmacexp.jit.kernels import called_kernel as called_kernel
 from cmacexp.jit.kernels import kernel as kernel
 from cmacexp.jit.sources import cache_folder
 from cmacexp.typing import Array

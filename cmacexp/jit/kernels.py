@@ -1,8 +1,7 @@
 """Kernels: plain Python functions that compiled programs take in, and functions of C libraries that they call."""
 
 from collections.abc import Callable
-from functools import partial
-from typing import TypeVar, overload
+from typing import TypeVar
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -12,19 +11,10 @@ c_functions: set[Callable[..., object]] = set()
 """What calls a C function of its own name, which returns nothing: of floats and integers, which addresses are."""
 
 
-@overload
-def kernel(function: Function) -> Function: ...
-
-
-@overload
-def kernel(*, inline: bool) -> Callable[[Function], Function]: ...
-
-
-def kernel(function: Function | None = None, *, inline: bool = True) -> Function | Callable[[Function], Function]:
+def kernel(function: Function) -> Function:
     """A function that programs inline: passing tuples of arrays costs more than most kernels do.
 
-    It works on arrays that its caller holds, and cannot make any. ``inline=False`` is for a long function that many
-    runs never call, and that would crowd its callers.
+    It works on arrays that its caller holds, and cannot make any.
 
     A kernel that takes something optional tests it for None itself: numba compiles nothing of a branch that an
     argument of the function excludes, but all of one that only a field of a tuple excludes.
@@ -32,9 +22,13 @@ def kernel(function: Function | None = None, *, inline: bool = True) -> Function
     A kernel that takes most arrays of a loop takes what it needs of tuples before its first branch: a variable that
     other blocks read is stored, and each of them would read all of the tuple ("Compiling" in docs/performance.md).
     """
-    if function is None:
-        return partial(kernel, inline=inline)
-    inlined_kernels[function] = inline
+    inlined_kernels[function] = True
+    return function
+
+
+def called_kernel(function: Function) -> Function:
+    """A kernel that programs call: a long function that many runs never need, and that would crowd its callers."""
+    inlined_kernels[function] = False
     return function
 
 

@@ -14,7 +14,7 @@ depth ``ground_offset`` other than 0, depth - ground_offset replaces it.
 import math
 from typing import NamedTuple
 
-from cmacexp.jit.compiler import kernel
+from cmacexp.jit.compiler import called_kernel, kernel
 from cmacexp.models.ground import contact_force
 from cmacexp.models.sine import sine_cosine
 from cmacexp.typing import Array
@@ -198,7 +198,7 @@ def descend(
     return False
 
 
-@kernel(inline=False)
+@called_kernel
 def balance(
     hips: Array, foot: Array, stiffness: Array, ground_offset: Array, load: Load, body: Array, force: Array
 ) -> bool:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.jit.compiler import copy_array, kernel
+from cmacexp.jit.compiler import called_kernel, copy_array, kernel
 from cmacexp.models.body import Load, balance, depth, make_pose
 from cmacexp.models.ground import (
     Ground,
@@ -140,7 +140,7 @@ def compute_load(params: PlantParams, step: float) -> Load:
     return Load(total, payload.weight * payload.x / total, payload.weight * payload.y / total)
 
 
-@kernel(inline=False)
+@called_kernel
 def update_ground_offset(ground: Ground, hips: Array, foot: Array, x: float, ground_offset: Array) -> None:
     """Fill ``ground_offset`` (L,): depth at which each foot meets the ground, below that under a body at ``x``, m.
 

@@ -9,7 +9,7 @@ Mattone 2003); contact from the planned phase and the force; height and place fr
 import math
 from typing import NamedTuple
 
-from cmacexp.jit.compiler import kernel
+from cmacexp.jit.compiler import called_kernel, kernel
 from cmacexp.models.chain import Turn, Vector, cross, dot, hinge_axis, kinematics_at, rotate
 from cmacexp.models.leg import GRAVITY
 from cmacexp.models.mechanism import Mechanism, compute_foot_position, compute_foot_velocity, update_kinematics
@@ -265,7 +265,7 @@ def turn_of_calf(mechanism: Mechanism, i: int, turns: Turns, dq: Array, spin: Ve
     return spin[0] + x, spin[1] + z, spin[2] - y
 
 
-@kernel(inline=False)
+@called_kernel
 def estimate(
     estimator: Estimator,
     sensing: Sensing,
