@@ -90,24 +90,23 @@ def get_trig(kinematics: Array, i: int) -> Trig:
 def update_kinematics(mechanism: Mechanism, q: Array, kinematics: Array) -> None:
     """What feet and Jacobians follow from at joint angles ``q`` (L, J), rad; fills ``kinematics``.
 
-    Of planar legs sines and cosines, (L, 4); of chains foot and Jacobian, (L, 12); of a point mass its position.
+    Of planar legs sines and cosines, (L, 4); of chains foot and Jacobian, (L, 12). A point mass needs none.
     """
-    for i in range(q.shape[0]):
-        if mechanism.kind == POINT_MASS:
-            kinematics[i, 0], kinematics[i, 1] = q[i, 0], q[i, 1]
-        elif mechanism.kind == CHAINS_UNDER_BODY:
-            update_chain(mechanism.chains, i, q, kinematics)
-        else:
-            kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], kinematics[i, 3] = trigonometry(q[i, 0], q[i, 1])
+    if mechanism.kind != POINT_MASS:
+        for i in range(q.shape[0]):
+            if mechanism.kind == CHAINS_UNDER_BODY:
+                update_chain(mechanism.chains, i, q, kinematics)
+            else:
+                kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], kinematics[i, 3] = trigonometry(
+                    q[i, 0], q[i, 1]
+                )
 
 
 @kernel
 def update_kinematics_near(mechanism: Mechanism, q: Array, kinematics: Array, near_q: Array, near: Array) -> None:
-    """:func:`update_kinematics`, not of chains, in less time from ``near`` (L, 4) of ``near_q``, near ``q``, rad."""
-    for i in range(q.shape[0]):
-        if mechanism.kind == POINT_MASS:
-            kinematics[i, 0], kinematics[i, 1] = q[i, 0], q[i, 1]
-        else:
+    """:func:`update_kinematics` of planar legs, in less time from ``near`` (L, 4) of ``near_q``, near ``q``, rad."""
+    if mechanism.kind != POINT_MASS:
+        for i in range(q.shape[0]):
             kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], kinematics[i, 3] = trigonometry_near(
                 q[i, 0], q[i, 1], get_trig(near, i), near_q[i, 0], near_q[i, 1]
             )
@@ -131,7 +130,7 @@ def update_chain(chains: Array | None, i: int, q: Array, kinematics: Array) -> N
 @kernel
 def compute_foot_position(mechanism: Mechanism, i: int, kinematics: Array, foot: Array) -> None:
     """Fill row ``i`` of ``foot`` (L, J), m, in its hip's frame; ``kinematics`` as of :func:`update_kinematics`."""
-    if mechanism.kind == CHAINS_UNDER_BODY or mechanism.kind == POINT_MASS:
+    if mechanism.kind == CHAINS_UNDER_BODY:
         for j in range(len(mechanism.axes)):
             foot[i, j] = kinematics[i, j]
     else:
@@ -146,8 +145,6 @@ def compute_foot_velocity(mechanism: Mechanism, i: int, kinematics: Array, dq: A
             velocity[i, j] = 0.0
             for n in range(len(mechanism.axes)):
                 velocity[i, j] += kinematics[i, 3 + 3 * n + j] * dq[i, n]
-    elif mechanism.kind == POINT_MASS:
-        velocity[i, 0], velocity[i, 1] = dq[i, 0], dq[i, 1]
     else:
         velocity[i, 0], velocity[i, 1] = foot_velocity(
             get_leg(mechanism, i), get_trig(kinematics, i), dq[i, 0], dq[i, 1]

@@ -176,7 +176,10 @@ def contact(
     """
     mechanism = params.mechanism
     for i in range(q.shape[0]):
-        compute_foot_position(mechanism, i, kinematics, state.foot)
+        if mechanism.kind == POINT_MASS:
+            state.foot[i, 0], state.foot[i, 1] = q[i, 0], q[i, 1]
+        else:
+            compute_foot_position(mechanism, i, kinematics, state.foot)
     if params.ground.slope != 0.0:
         update_ground_offset(params.ground, mechanism.hips, state.foot, x, state.ground_offset)
     if mechanism.kind != LEGS_UNDER_BODY:
@@ -229,7 +232,10 @@ def observe(params: PlantParams, state: PlantState, time: float) -> None:
     if params.ground.damping != 0.0 and params.mechanism.kind == LEGS_UNDER_BODY:
         update_depression(params, state)
     for i in range(state.q.shape[0]):
-        compute_foot_velocity(params.mechanism, i, state.kinematics, state.dq, state.velocity)
+        if params.mechanism.kind == POINT_MASS:
+            state.velocity[i, 0], state.velocity[i, 1] = state.dq[i, 0], state.dq[i, 1]
+        else:
+            compute_foot_velocity(params.mechanism, i, state.kinematics, state.dq, state.velocity)
 
 
 @kernel

@@ -10,6 +10,7 @@ from cmacexp.jit.compiler import kernel
 from cmacexp.models.mechanism import (
     KINEMATICS_FIELDS,
     PLANE,
+    POINT_MASS,
     Mechanism,
     compute_foot_position,
     compute_foot_velocity,
@@ -179,10 +180,13 @@ def compute_feet(
     for i in range(observation.force.shape[0]):
         for j in range(len(mechanism.axes)):
             observation.foot[i, j], observation.velocity[i, j] = true.foot[i, j], true.velocity[i, j]
-        if position:
-            compute_foot_position(mechanism, i, observation.kinematics, observation.foot)
-        if position or velocity:
-            compute_foot_velocity(mechanism, i, observation.kinematics, observation.dq, observation.velocity)
+            if mechanism.kind == POINT_MASS:
+                observation.foot[i, j], observation.velocity[i, j] = observation.q[i, j], observation.dq[i, j]
+        if mechanism.kind != POINT_MASS:
+            if position:
+                compute_foot_position(mechanism, i, observation.kinematics, observation.foot)
+            if position or velocity:
+                compute_foot_velocity(mechanism, i, observation.kinematics, observation.dq, observation.velocity)
 
 
 @kernel
