@@ -220,8 +220,6 @@ class UnitreeRobot:
     def describe(self) -> dict[str, Any]:
         """For the manifest: stages, states that were missed, and the time that each step took."""
         late = np.array([answer for answer, _ in self.steps])
-        names = ("median", "p99", "p99.9", "worst") if self.steps else ()
-        quantiles = np.quantile(late, [0.5, 0.99, 0.999, 1.0]) * 1e3 if self.steps else late
         return {
             "stages": [
                 {"stage": str(stage), "second": round(at - self.stages[0][1], 3)} for stage, at in self.stages
@@ -229,7 +227,11 @@ class UnitreeRobot:
             "trouble": self.trouble,
             "states_missed": self.link.watch.missed,
             "steps_overran": int((late > self.link.period).sum()),
-            "work_ms": dict(zip(names, quantiles.round(3).tolist(), strict=True)),
+            "work_ms": {
+                name: round(1e3 * float(np.quantile(late, share)), 3)
+                for name, share in {"median": 0.5, "p99": 0.99, "p99.9": 0.999, "worst": 1.0}.items()
+                if self.steps
+            },
         }
 
     def _enter(self, stage: Stage) -> None:
