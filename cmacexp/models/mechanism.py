@@ -129,7 +129,10 @@ def update_chain(chains: Array | None, i: int, q: Array, kinematics: Array) -> N
 
 @kernel
 def compute_foot_position(mechanism: Mechanism, i: int, kinematics: Array, foot: Array) -> None:
-    """Fill row ``i`` of ``foot`` (L, J), m, in its hip's frame; ``kinematics`` as of :func:`update_kinematics`."""
+    """Fill row ``i`` of ``foot`` (L, J), m, in its hip's frame; ``kinematics`` as of :func:`update_kinematics`.
+
+    Not of a point mass, which callers treat: with a branch for it here its step took 1.4 times as long.
+    """
     if mechanism.kind == CHAINS_UNDER_BODY:
         for j in range(len(mechanism.axes)):
             foot[i, j] = kinematics[i, j]
