@@ -18,6 +18,8 @@ from cmacexp.wire.network import COMMANDS, Wire, run_first
 
 ALIVE, DONE = b"+", b"."
 """What the controller writes: after a command, and when the robot needs no guardian any more."""
+STARTS = 30.0
+"""Longest time until it is ready, s."""
 PERIOD = 0.002
 """From one damping command to the next, s."""
 LASTS = 10.0
@@ -48,7 +50,9 @@ class Guardian:
         assert self._process.stdout is not None
         self._pipe = self._process.stdin.fileno()
         os.set_blocking(self._pipe, False)
-        if not self._process.stdout.readline():
+        answers, _, _ = select.select([self._process.stdout], [], [], STARTS)
+        if not answers or not self._process.stdout.readline():
+            self._process.kill()
             raise CmacexpError("the guardian of the robot did not start: see what it says above")
 
     def report(self) -> None:
