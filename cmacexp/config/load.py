@@ -83,6 +83,12 @@ def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
         reason = str(error.msg or error).splitlines()[0]
         key = str(error.full_key or "config")
         raise find_mistake(error) or BadInput(key, "?", reason[:1].lower() + reason[1:]) from error
+    require(
+        not isinstance(plain.get("scenario"), dict),
+        "scenario",
+        plain.get("scenario"),
+        "is a group of fields: the file of a scenario begins with the line '# @package _global_'",
+    )
     for group in list_groups():
         require(
             isinstance(plain.get(group), dict),

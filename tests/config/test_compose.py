@@ -9,7 +9,7 @@ from support.doors import BadInput, make_mechanism, make_scenario
 from support.fields import leaves
 
 from cmacexp.config import config_folder, to_config
-from cmacexp.config.compose import compose_config
+from cmacexp.config.compose import compose_config, compose_untyped
 
 COMMANDS = [
     [],
@@ -32,6 +32,14 @@ def test_a_config_is_that_of_hydra_whatever_was_composed_before(overrides):
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
         expected = to_config(compose("config", overrides))
     assert compose_config(overrides) == expected
+
+
+def test_the_file_of_a_scenario_that_lacks_its_first_line_is_refused_with_that_line(tmp_path):
+    (tmp_path / "scenario").mkdir()
+    (tmp_path / "scenario" / "mine.yaml").write_text("cycles: 3\n")
+    composed, _ = compose_untyped(["scenario=mine"], tmp_path)
+    with pytest.raises(BadInput, match=r"'# @package _global_'$"):
+        to_config(composed)
 
 
 @pytest.mark.ci
