@@ -20,7 +20,6 @@ from cmacexp.models.leg import (
     inverse_dynamics,
     joint_torque,
     trigonometry,
-    trigonometry_near,
 )
 from cmacexp.models.sine import sines_cosines
 from cmacexp.typing import Array
@@ -100,16 +99,6 @@ def update_kinematics(mechanism: Mechanism, q: Array, kinematics: Array) -> None
                 kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], kinematics[i, 3] = trigonometry(
                     q[i, 0], q[i, 1]
                 )
-
-
-@kernel
-def update_kinematics_near(mechanism: Mechanism, q: Array, kinematics: Array, near_q: Array, near: Array) -> None:
-    """:func:`update_kinematics` of planar legs, in less time from ``near`` (L, 4) of ``near_q``, near ``q``, rad."""
-    if mechanism.kind != POINT_MASS:
-        for i in range(q.shape[0]):
-            kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], kinematics[i, 3] = trigonometry_near(
-                q[i, 0], q[i, 1], get_trig(near, i), near_q[i, 0], near_q[i, 1]
-            )
 
 
 @kernel
