@@ -7,7 +7,6 @@ FORWARD: dict[str, str] = {
     "symbols": "concepts#symbols",
     "quick-reference": "runs",
     "change": "runs",
-    "sweeps": "runs#sweep",
     "compare-settings": "runs#compare-two-settings",
     "add-a-plant": "components#a-plant",
     "add-a-controller": "components#a-controller",
@@ -27,6 +26,9 @@ FORWARD: dict[str, str] = {
     "to-hardware": "real-robot#the-feedforward-in-c",
     "mutants": "performance#mutation-testing",
     "studies": "benchmark#studies",
+    "gap": "real-robot#compare-a-log-with-a-model",
+    "main-path": "design-notes#the-main-path",
+    "use-a-urdf": "components#your-robot",
 }
 """Old address and new one, without ``.html``; the new one may name a part of its page: ``page#part``."""
 PAGE = (
