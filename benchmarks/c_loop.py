@@ -26,8 +26,10 @@ COLUMNS = (
 )  # fmt: skip
 """Signals that ``one_leg.c`` writes in every step."""
 SOURCE = Path(__file__).with_name("one_leg.c")
-FLAGS = ["-O2", "-ffp-contract=off", "-shared", "-fPIC"]
-"""Contraction is off everywhere but on x86-64 anyway; with it a fused multiply-add would change the last bits."""
+SAME_BITS = ["-O2", "-ffp-contract=off"]
+"""Flags with which C gives the bits of the Python source: a fused multiply-add would change the last ones."""
+FASTEST = ["-O3", "-march=native", "-ffast-math"]
+"""Flags of a program that is to be fast and may round differently."""
 NUMBERS = (
     "length_1", "length_2", "mass_1", "mass_2", "hip_height", "stiffness", "step",
     "position_gain", "velocity_gain", "elasticity", "admittance", "b0", "b1", "a1", "torque_limit", "rate",
@@ -74,18 +76,20 @@ def compiler() -> str | None:
 
 
 def compile_library(sources: Iterable[Path], *options: str) -> ctypes.CDLL:
-    """Compile C code by the machine's compiler, and load it."""
+    """Compile C code by the machine's compiler with these options, and load it."""
     found = compiler()
     assert found is not None
     with tempfile.TemporaryDirectory() as folder:
         library = Path(folder) / "library.so"
-        subprocess.run([found, *FLAGS, *options, *map(str, sources), "-o", str(library), "-lm"], check=True)
+        subprocess.run(
+            [found, *options, "-shared", "-fPIC", *map(str, sources), "-o", str(library), "-lm"], check=True
+        )
         return ctypes.CDLL(str(library))
 
 
 def build(layers: int, inputs: int) -> ctypes.CDLL:
-    """``one_leg.c`` for CMACs of this shape."""
-    loaded = compile_library([SOURCE], f"-DLAYERS={layers}", f"-DINPUTS={inputs}")
+    """``one_leg.c`` for CMACs of this shape, as fast as the compiler makes it."""
+    loaded = compile_library([SOURCE], *FASTEST, f"-DLAYERS={layers}", f"-DINPUTS={inputs}")
     loaded.one_leg.restype = ctypes.c_int64
     return loaded
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import cmacexp
-from benchmarks.c_loop import compile_library
+from benchmarks.c_loop import SAME_BITS, compile_library
 from benchmarks.timing import Row, Table, format_time, stopwatch
 from cmacexp.engine.c_law import compute_feet, describe_law
 from cmacexp.export.c_code import write_c
@@ -84,7 +84,8 @@ class Recorder:
 
 def build(folder: Path) -> ctypes.CDLL:
     """The law that was written to a folder."""
-    loaded = compile_library([SOURCE, folder / "cmac_leg.c", folder / "cmac_walk.c"], f"-I{folder}")
+    sources = SOURCE, folder / "cmac_leg.c", folder / "cmac_walk.c"
+    loaded = compile_library(sources, *SAME_BITS, f"-I{folder}")
     for name in ("play", "compare_weights", "count_signals", "count_commands", "count_bytes"):
         getattr(loaded, name).restype = ctypes.c_int64
     return loaded

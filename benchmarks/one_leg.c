@@ -1,7 +1,8 @@
 /* The loop of one leg in plain C: the arithmetic of cmacexp/loop/step.py for scenario=one_leg, function by function,
  * with actuator.delay, learning.lead and learning.guard=freeze, but for one thing: the rows of the CMAC are hashed anew
  * in every step instead of being looked up in a table. Built with contraction of products and sums off, it gives the
- * bits of the Python source. It needs no C library: docs/browser.py compiles it to WebAssembly. */
+ * bits of the Python source; with -ffast-math it rounds otherwise, and a run must not diverge. It needs no C library:
+ * docs/browser.py compiles it to WebAssembly. */
 
 #include <stdint.h>
 
@@ -45,12 +46,11 @@ typedef struct { double s1, c1, s12, c12; } Trig;
 
 /* cmacexp/models/sine.py, as turn(): sine and cosine without the C library, the same terms in the same order. */
 static void sine_cosine(double angle, double *sine, double *cosine) {
-    const double rounding = 6755399441055744.0;
     const double s3 = -1.0 / 6, s5 = 1.0 / 120, s7 = -1.0 / 5040, s9 = 1.0 / 362880, s11 = -1.0 / 39916800,
                  s13 = 1.0 / 6227020800.0, s15 = -1.0 / 1307674368000.0;
     const double c4 = 1.0 / 24, c6 = -1.0 / 720, c8 = 1.0 / 40320, c10 = -1.0 / 3628800, c12 = 1.0 / 479001600,
                  c14 = -1.0 / 87178291200.0, c16 = 1.0 / 20922789888000.0;
-    double quarters = (angle * (2.0 / PI) + rounding) - rounding;
+    double quarters = __builtin_rint(angle * (2.0 / PI));
     double x = (angle - quarters * 1.57079632673412561417) - quarters * 6.07710050650619224932e-11;
     double x2 = x * x, x4 = x2 * x2, x8 = x4 * x4;
     double s = x + x * x2 * (((s3 + x2 * s5) + x4 * (s7 + x2 * s9)) + x8 * ((s11 + x2 * s13) + x4 * s15));
