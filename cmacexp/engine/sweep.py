@@ -26,6 +26,7 @@ from omegaconf.errors import OmegaConfBaseException
 from cmacexp.config.explain import COMPOSITION_ERRORS
 from cmacexp.config.hydra_private import BASIC, GRID, expand_grid
 from cmacexp.config.robot_rule import read_machine
+from cmacexp.config.template import VALUE
 from cmacexp.data import manifest as manifests
 from cmacexp.data.files import full_disk_named, sha256, write_atomically
 from cmacexp.data.folder import TABLE, TABLE_CSV, collection
@@ -149,10 +150,14 @@ class Sweep:
         depends on their keys and on the options that they choose. See ``benchmarks/sweep.py``.
         """
         keys = [text.partition("=")[0] for text in overrides]
+        others = [key.lstrip("+~") for text, key in zip(overrides, keys, strict=True) if not VALUE.fullmatch(text)]
         values = [
             text
             for text, key in zip(overrides, keys, strict=True)
-            if not (key[0] in "+~" or "@" in key or "{" in text or self.list_options(key))
+            if VALUE.fullmatch(text)
+            and not self.list_options(key)
+            # It is set last, so that nothing else may change what it changes.
+            and not any(key.startswith(other) or other.startswith(key) for other in others)
         ]
         kind = tuple(key if text in values else text for text, key in zip(overrides, keys, strict=True))
         if kind not in self.templates:
