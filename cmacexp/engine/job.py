@@ -1,4 +1,4 @@
-"""One of many runs, of a sweep or of a study, in whatever process: found if it is finished, else run."""
+"""Jobs of a sweep, in whatever process: found if they are finished, else run; and how a failure is left on disk."""
 
 import json
 import pickle
@@ -160,7 +160,7 @@ def run_jobs(packed: bytes, root: Path, items: Sequence[JobItem], jobs: int) -> 
         made = {item.number: runs[item.number] for item in items if item.number in runs}
         _add_scores(made, chunk, time.perf_counter() - began)
         if made:
-            write_part(root, _tabulate(root, made, {item.number: item.overrides for item in items}))
+            write_part(root, _tabulate(root, made, by_number))
             for run in made.values():  # an earlier one in the place of a run that has no folder
                 if not run.is_checked and manifests.is_run(run.folder):
                     shutil.rmtree(run.folder, ignore_errors=True)
@@ -184,15 +184,15 @@ def _list_hashes(config: Config) -> tuple[str, ...]:
     return config_hash(to_plain(config)), *map(str, compute_hashes(config).values())
 
 
-def _tabulate(root: Path, runs: Mapping[int, Run], overrides: Mapping[int, list[str]]) -> JobTables:
-    """The tables of jobs by their numbers."""
+def _tabulate(root: Path, runs: Mapping[int, Run], items: Mapping[int, JobItem]) -> JobTables:
+    """The tables of jobs whose runs and items are given by their numbers."""
     rows = []
     for (number, run), shown in zip(runs.items(), make_rows([*runs.values()], ()), strict=True):
         rows.append(
             {
                 "run": number,
                 "folder": run.folder.relative_to(root).as_posix(),
-                "overrides": " ".join(select_run_overrides(overrides[number])),
+                "overrides": " ".join(select_run_overrides(items[number].overrides)),
                 **shown,
                 **{name: str(run.manifest.get(name)) for name in HASHES},
                 "result": describe_result(run),

@@ -149,17 +149,17 @@ class Sweep:
         Jobs that differ in such values alone, which can be thousands, are composed once: whether that is possible
         depends on their keys and on the options that they choose. See ``benchmarks/sweep.py``.
         """
-        keys = [text.partition("=")[0] for text in overrides]
-        others = [key.lstrip("+~") for text, key in zip(overrides, keys, strict=True) if not VALUE.fullmatch(text)]
+        pairs = [(text, text.partition("=")[0]) for text in overrides]
+        others = [key.lstrip("+~") for text, key in pairs if not VALUE.fullmatch(text)]
         values = [
             text
-            for text, key in zip(overrides, keys, strict=True)
+            for text, key in pairs
             if VALUE.fullmatch(text)
             and not self.list_options(key)
-            # It is set last, so that nothing else may change what it changes.
+            # They are set last, so that nothing else may change what they change.
             and not any(key.startswith(other) or other.startswith(key) for other in others)
         ]
-        kind = tuple(key if text in values else text for text, key in zip(overrides, keys, strict=True))
+        kind = tuple(key if text in values else text for text, key in pairs)
         if kind not in self.templates:
             composed = self.context.config_loader.load_sweep_config(self.config, list(overrides))
             if is_robot := composed.machine.get("kind") == "robot":
