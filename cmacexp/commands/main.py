@@ -139,10 +139,7 @@ def _run(composed: DictConfig, hydra: Any) -> str:
     if scenario.warning:
         print_line(f"warning: {scenario.warning}", error=True)
     warn_of_models([config.machine])
-    folder, record = Path(hydra.runtime.output_dir), None
-    if config.record.trace:
-        plain: Any = [OmegaConf.to_container(node, enum_to_str=True) for node in (composed, hydra)]
-        record = make_record(*plain)
+    folder, record = Path(hydra.runtime.output_dir), make_record(composed, hydra) if config.record.trace else None
     with show_progress(config.scenario, config.cycles, "cycles") as watch:
         result = run_scenario(
             config,

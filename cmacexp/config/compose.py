@@ -1,22 +1,41 @@
 """From overrides, as typed on the command line, to a checked config; and Hydra's record of it, as texts."""
 
 import pickle
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from copy import copy
+from dataclasses import is_dataclass
 from functools import cache, lru_cache
 from pathlib import Path
 from threading import RLock
 from typing import Any
 
 import yaml
-from omegaconf import DictConfig, open_dict
+from omegaconf import DictConfig, OmegaConf, open_dict
 
+from cmacexp.config.check import check
 from cmacexp.config.component import config_folder
+from cmacexp.config.fields import read_field
 from cmacexp.config.load import list_groups, to_config
-from cmacexp.config.robot_rule import find_mistake
+from cmacexp.config.robot_rule import READ, find_mistake
 from cmacexp.config.schema import Config
-from cmacexp.config.template import ConfigTemplate, NeedsHydra
-from cmacexp.errors import CmacexpError, require
+from cmacexp.errors import BadInput, CmacexpError, require
+from cmacexp.jit.interrupt import exits_caught
+
+_MISSING = object()
+Node = DictConfig | Mapping[str, Any]
+_NUMBER = re.compile(r"([a-z]\w*(?:\.\w+)*)=(-?(?:0|[1-9]\d*)(\.\d+)?(e-?\d+)?)")
+"""An override that sets a number: its key, the number, its fraction and its exponent, with which it is a float."""
+
+
+@lru_cache(4096)
+def parse_override(override: str) -> Any:
+    """What Hydra reads in an override."""
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    return OverridesParser.create().parse_overrides([override])[0]
+
 
 _one_at_a_time = RLock()
 """Hydra keeps where it looks for configs in a variable of the process."""
@@ -35,8 +54,15 @@ def list_texts(overrides: Iterable[str]) -> list[str]:
 def refuse_options(overrides: Iterable[str]) -> None:
     """Raise BadInput for an option of the command line among overrides from Python."""
     for text in overrides:
-        is_option = text.lstrip("+~").startswith(("-", "hydra.", "hydra/"))
+        is_option = text.startswith(("-", "hydra.", "hydra/"))
         require(not is_option, "overrides", text, "is an option of the command line; give config overrides only")
+
+
+def set_values(config: DictConfig, overrides: Iterable[str]) -> None:
+    """Set values of keys in a composed config, as Hydra does once the options are chosen."""
+    for override in map(parse_override, overrides):
+        adds = override.is_add() or override.is_force_add()
+        OmegaConf.update(config, override.key_or_group, override.value(), merge=True, force_add=adds)
 
 
 def _compose(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
@@ -57,24 +83,118 @@ def _is_option(override: str) -> bool:
 
 
 @cache
-def _compose_options(options: tuple[str, ...]) -> tuple[ConfigTemplate, dict[str, str]]:
-    """What :func:`_compose` gives for options alone: Hydra takes longer to read some 30 files than most runs take."""
-    composed, choices = _compose(options)
-    return ConfigTemplate(composed), choices
+def _pickle_options(options: tuple[str, ...]) -> bytes:
+    """What :func:`_compose` gives for options alone: Hydra takes longer to read some 30 files than most runs take.
+
+    Pickled: nothing copies a config faster.
+    """
+    return pickle.dumps(_compose(options))
 
 
-def compose_config(overrides: Sequence[str], config_dir: str | Path | None = None) -> Config:
+def _compose_cached(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
+    """The same from a cached result: Hydra, too, chooses options before it sets values, whatever their order."""
+    from hydra.core.override_parser.types import OverrideType
+
+    options = tuple(filter(_is_option, overrides))
+    config, choices = pickle.loads(_pickle_options(options))
+    for text in (text for text in overrides if text not in options):
+        override = parse_override(text)
+        known = OmegaConf.select(config, override.key_or_group, default=_MISSING, throw_on_resolution_failure=False)
+        kinds = (OverrideType.ADD if known is _MISSING else OverrideType.CHANGE, OverrideType.FORCE_ADD)
+        if override.type not in kinds or override.package or override.is_sweep_override():
+            return _compose(overrides)  # it removes a key, or is a mistake
+        set_values(config, [text])
+    return config, choices
+
+
+def compose_config(overrides: Sequence[str], config_dir: str | Path | None = None, is_shared: bool = False) -> Config:
     """The checked config of a command line, e.g. ``["scenario=one_leg", "cycles=3"]``.
 
-    ``config_dir`` is a folder of custom configs, as ``--config-dir``; its files are read anew by each call. Raises
-    CmacexpError with the message of the command line.
+    ``config_dir`` is a folder of custom configs, as ``--config-dir``; its files are read anew by each call. Nothing
+    may change one that ``is_shared``: it is in part that of other overrides. Raises CmacexpError with the message of
+    the command line.
     """
-    return to_config(compose_untyped(overrides, config_dir)[0])
+    values = [text for text in overrides if not _is_option(text)]
+    others = max((place for place, text in enumerate(values, 1) if not _NUMBER.fullmatch(text)), default=0)
+    first = *filter(_is_option, overrides), *values[:others]
+    known = _compose_first(first) if config_dir is None else None
+    if known is None or (config := set_numbers(known[0], values[others:], known[1])) is None:
+        return to_config(compose_untyped(overrides, config_dir)[0])
+    if not isinstance(config, Config):
+        return to_config(config)
+    return config if is_shared else pickle.loads(pickle.dumps(config))  # type: ignore[no-any-return]
+
+
+@exits_caught()  # of the check of a component
+def set_numbers(known: Any, overrides: Iterable[str], referred: frozenset[str] = frozenset()) -> Any:
+    """A config, plain or not, with numbers set, such as ``learning.rate=0.5``, as in most runs.
+
+    That takes a twentieth of the time of Hydra's grammar and of OmegaConf. Of a config that is not pickled the groups
+    that remain are shared. ``referred`` are groups, and keys without one, from which other values follow, so that no
+    number in them can be set alone. None if an override does something else, or the config is not plain and wrong
+    with these numbers: the longer way says which is the first mistake.
+    """
+    config = pickle.loads(known) if isinstance(known, bytes) else copy(known)
+    with suppress(BadInput):
+        for text in overrides:
+            if (found := _NUMBER.fullmatch(text)) is None:
+                return None
+            *path, name = found[1].split(".")
+            owner = config
+            for key in path:
+                values = _list_values(owner)
+                values[key] = owner = copy(values.get(key))
+            value = float(found[2]) if found[3] or found[4] else int(found[2])
+            values = _list_values(owner)
+            if (
+                isinstance(values.get(name, {}), dict | list)
+                or is_dataclass(values[name])
+                or (*path, name)[0] in referred
+            ):
+                return None
+            values[name] = value if owner is values else read_field(type(owner), name, value, found[1])
+        if isinstance(config, Config):
+            check(config)
+        return config
+    return None
+
+
+def _list_values(node: Any) -> dict[str, Any]:
+    """What a group of fields has, by name; of a value nothing."""
+    return node if isinstance(node, dict) else vars(node) if is_dataclass(node) else {}
+
+
+@lru_cache(64)
+def _compose_first(overrides: tuple[str, ...]) -> tuple[Config | bytes, frozenset[str]] | None:
+    """The config that overrides give without the numbers after them, as :func:`set_numbers` takes it.
+
+    It is plain if they name a class, which a user may define again. With it :func:`find_referred`. None if they or
+    their options give no config, or that is None.
+    """
+    options = tuple(filter(_is_option, overrides))
+    if options != overrides and _compose_first(options) is None:
+        return None
+    try:
+        config = _compose_cached(overrides)[0]
+        known: Config | bytes = to_config(config)
+        if any("_target_" in text for text in overrides):
+            known = pickle.dumps(OmegaConf.to_container(config, resolve=True, enum_to_str=True))
+    except Exception:  # of whatever kind: the longer way raises it again, and says what is wrong
+        return None
+    return None if (referred := find_referred(config)) is None else (known, referred)
+
+
+def find_referred(config: DictConfig) -> frozenset[str] | None:
+    """From what in a config other values follow, for :func:`set_numbers`; None if that is not known."""
+    references = re.findall(r"\$\{([^}]*)", str(OmegaConf.to_container(config)))
+    if not all(re.fullmatch(r"rule:\w+|[a-z]\w*\.[\w.]+", name) for name in references):
+        return None
+    return frozenset().union(*(READ if name[:5] == "rule:" else {name.partition(".")[0]} for name in references))
 
 
 def compose_untyped(
     overrides: Sequence[str], config_dir: str | Path | None = None
-) -> tuple[DictConfig | dict[str, Any], dict[str, str]]:
+) -> tuple[DictConfig, dict[str, str]]:
     """What :func:`cmacexp.config.to_config` takes, and the option of each group, e.g. ``{"feedforward": "cmac"}``.
 
     Raises CmacexpError if Hydra cannot compose it.
@@ -83,13 +203,9 @@ def compose_untyped(
 
     require(config_dir is None or Path(config_dir).is_dir(), "config_dir", config_dir, "is no folder")
     try:
-        if config_dir is not None:
-            return _compose([*overrides, f"hydra.searchpath=[file://{Path(config_dir).resolve()}]"])
-        with suppress(NeedsHydra):
-            # Hydra, too, chooses options before it sets values, whatever their order.
-            template, choices = _compose_options(tuple(filter(_is_option, overrides)))
-            return template.resolve([text for text in overrides if not _is_option(text)]), dict(choices)
-        return _compose(overrides)
+        if config_dir is None:
+            return _compose_cached(overrides)
+        return _compose([*overrides, f"hydra.searchpath=[file://{Path(config_dir).resolve()}]"])
     except Exception as error:  # Hydra expects no null among options, for example, and says so by a TypeError
         raise find_mistake(error) or CmacexpError(explain_composition(error, overrides)) from None
 
@@ -111,14 +227,16 @@ def _dump(packed: bytes) -> str:
     return yaml.dump(pickle.loads(packed), Dumper=_Dumper, sort_keys=False)  # type: ignore[no-any-return]
 
 
-def make_record(config: Mapping[str, Any], hydra: Mapping[str, Any]) -> dict[str, str]:
-    """The files, by name, that Hydra writes unless ``hydra.output_subdir`` is null, of what it composed as plain.
-
-    ``hydra`` is its own part, which the config is without.
-    """
-    parts = [_dump(pickle.dumps({"hydra": {key: value}})) for key, value in hydra.items()]
+def make_record(composed: Node, hydra: Node) -> dict[str, str]:
+    """The files, by name, that Hydra writes unless ``hydra.output_subdir`` is null."""
+    plain: Iterator[Any] = (
+        OmegaConf.to_container(node, enum_to_str=True) if isinstance(node, DictConfig) else node
+        for node in (composed, hydra)
+    )
+    config, own = plain
+    parts = [_dump(pickle.dumps({"hydra": {key: value}})) for key, value in own.items()]
     return {
         "config.yaml": "".join(_dump(pickle.dumps({key: value})) for key, value in config.items()),
         "hydra.yaml": "hydra:\n" + "".join(text.removeprefix("hydra:\n") for text in parts),
-        "overrides.yaml": _dump(pickle.dumps(hydra["overrides"]["task"])),
+        "overrides.yaml": _dump(pickle.dumps(own["overrides"]["task"])),
     }

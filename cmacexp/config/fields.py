@@ -89,15 +89,16 @@ def read_fields(schema: type[T], node: Mapping[str, Any], key: str = "") -> T:
     # Defaults are checked too: those of a component of a user may be wrong.
     defaults = {name: each.default for name, (each, _) in declared.items() if each.default is not MISSING}
     given = {**defaults, **node}
-    return schema(**{name: _read_field(*declared[name], value, before + name) for name, value in given.items()})
+    return schema(**{name: read_field(schema, name, value, before + name) for name, value in given.items()})
 
 
 class _OtherType(Exception):
     """A value, or one in a list, that cannot be converted to the type of its field."""
 
 
-def _read_field(each: Field[Any], declared: Any, given: Any, key: str) -> Any:
-    """A plain value as a field of a dataclass holds it, whose type is declared; raises BadInput."""
+def read_field(schema: Any, name: str, given: Any, key: str) -> Any:
+    """A plain value as the field ``name`` of a dataclass holds it, checked; raises BadInput, which names the key."""
+    each, declared = _list_declared(schema)[name]
     try:
         value = _convert(given, declared, key)
     except _OtherType:
@@ -128,7 +129,7 @@ def _choices_of_type(declared: Any) -> tuple[Any, ...]:
 def _convert(value: Any, declared: Any, key: str) -> Any:
     """A plain value as a field of type ``declared`` holds it; raises _OtherType if it cannot."""
     kinds = _choices_of_type(declared)
-    if type(value) in kinds or Any in kinds:
+    if Any in kinds or type(value) in kinds:
         return value
     for kind in kinds:
         origin, inner = get_origin(kind), get_args(kind)

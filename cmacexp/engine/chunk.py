@@ -188,7 +188,7 @@ def run_chunk(chunk: Sequence[list[str]], keeps_trace: bool, runs: int) -> tuple
     expect_runs(runs)
     together, ended = Chunk(keeps_trace), list[tuple[Config, End]]()
     # Twice as fast in a row as between runs.
-    configs = [compose_config(overrides) for overrides in chunk]
+    configs = [compose_config(overrides, is_shared=True) for overrides in chunk]
     for number, run in together.list_runs(dict(enumerate(configs))):
         ended.append((configs[number], run()[1]))
     scores = list(together.score().values())

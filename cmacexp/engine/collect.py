@@ -9,12 +9,9 @@ from pathlib import Path
 from cmacexp.config import Config, config_hash, to_config, to_plain
 from cmacexp.config.compose import compose_untyped
 from cmacexp.data.integrity import is_finished
-from cmacexp.data.run import Run
-from cmacexp.engine.job import write_failure
+from cmacexp.engine.job import ensure_run, write_failure
 from cmacexp.engine.pool import ParallelMap
-from cmacexp.engine.run import run_scenario
 from cmacexp.errors import BadInput, CmacexpError
-from cmacexp.jit.compiler import expect_runs
 from cmacexp.study.study import Request
 from cmacexp.terminal.messages import warn_of_models
 from cmacexp.typing import Status
@@ -43,9 +40,8 @@ def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config | str,
 
 def _run(folder: Path, config: Config, runs: int) -> str | None:
     """Run one of so many, unless another study has meanwhile; why it failed, if it did."""
-    expect_runs(runs)
     try:
-        run = Run(folder) if is_finished(folder, config) else run_scenario(config, folder)
+        run, _ = ensure_run(config, folder, runs)
     except BadInput as error:
         run = write_failure(folder, to_plain(config), error)
     return run.manifest["cause"] if run.status == Status.FAILED else None

@@ -1,22 +1,22 @@
-"""Jobs of a sweep, in whatever process: found if they are finished, else run; and how a failure is left on disk."""
+"""One of many runs, of a sweep or of a study, in whatever process: found if it is finished, else run."""
 
 import json
 import pickle
 import shutil
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from functools import lru_cache
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.utils import setup_globals
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from cmacexp.config import Config, config_hash, to_config, to_plain
-from cmacexp.config.compose import make_record
-from cmacexp.config.template import ConfigTemplate
+from cmacexp.config.component import COMPONENTS
+from cmacexp.config.compose import find_referred, make_record, set_numbers, set_values
 from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import RUN_KEY, check_place, new_result
 from cmacexp.data.integrity import compute_hashes, is_finished
@@ -41,10 +41,31 @@ from cmacexp.engine.sweep_tables import (
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, describe_failure, format_user_traceback
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import is_interrupt
+from cmacexp.loop import End
+from cmacexp.loop.scenario import Scenario
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.registry import make_rows
 from cmacexp.terminal.messages import describe_drift, describe_idle, format_outcome
 from cmacexp.typing import Status
+
+
+def ensure_run(
+    config: Config,
+    folder: Path,
+    runs: int,
+    reuse: bool = True,
+    record: Mapping[str, str] | None = None,
+    overrides: list[str] | None = None,
+) -> tuple[Run, bool]:
+    """The run of a config, one of so many, and whether it was run now.
+
+    It was not if ``folder`` holds it already, and it is to ``reuse``. ``record`` and ``overrides`` as in
+    :func:`cmacexp.engine.run.run_scenario`, which says too what is raised.
+    """
+    if reuse and is_finished(folder, config):
+        return Run(folder), False
+    expect_runs(runs)
+    return run_scenario(config, folder, record=record, overrides=overrides, durable=overrides is None), True
 
 
 def write_failure(
@@ -71,38 +92,45 @@ def write_failure(
     return Run(folder, manifest)
 
 
-class JobTemplate:
-    """What Hydra composed for jobs of the same keys and options, of which each sets its own values."""
+class JobTemplate(NamedTuple):
+    """What Hydra composed for jobs of the same keys and options, in the forms in which their values are set."""
 
-    def __init__(self, composed: DictConfig):
-        """Take Hydra's own part out of it."""
-        plain: Any = OmegaConf.to_container(composed, enum_to_str=True)
-        self._hydra = plain["hydra"]
-        with open_dict(composed):
-            del composed["hydra"]
-        self._configs = ConfigTemplate(composed)
-
-    def make_config(self, item: JobItem, folder: Path) -> Config:
-        """The config of a job; raises BadInput."""
-        if self._configs.referred is None:  # perhaps it is ${hydra:...} that values follow from
-            own, hydra = self.describe(item, folder)
-            vars(HydraConfig.instance())["cfg"] = OmegaConf.create({**own, "hydra": hydra})
-        return to_config(self._configs.resolve(item.values))
-
-    def describe(self, item: JobItem, folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-        """The config of a job as typed, and Hydra's own part, which is that of the job until the next one."""
-        job, how = self._hydra["job"], self._hydra["job"]["config"]["override_dirname"]
-        named = sorted(text for text in item.overrides if text.partition("=")[0] not in how["exclude_keys"])
-        job["override_dirname"] = how["item_sep"].join(named).replace("=", how["kv_sep"])
-        self._hydra["overrides"]["task"], job["id"], job["num"] = item.overrides, str(item.number), item.number
-        self._hydra["runtime"]["output_dir"] = str(folder)
-        return self._configs.set(item.values), self._hydra
+    composed: DictConfig
+    """Without Hydra's own part; it holds the values of the last job that needed it."""
+    hydra: dict[str, Any]
+    """That part, likewise."""
+    plain: Any
+    """The config as :func:`set_numbers` takes it; pickled if a component is custom, so that each job has its own."""
+    typed: Any
+    """Likewise; None if it is wrong, or ``referred`` is None."""
+    referred: frozenset[str] | None
+    """From what other values follow, see :func:`find_referred`."""
 
 
 @lru_cache(8)
 def _unpack(packed: bytes) -> JobTemplate:
     setup_globals()
-    return JobTemplate(pickle.loads(packed))
+    composed, typed = pickle.loads(packed), None
+    plain: Any = OmegaConf.to_container(composed, enum_to_str=True)
+    hydra = plain.pop("hydra")
+    with open_dict(composed):
+        del composed["hydra"]
+    referred = find_referred(composed)
+    with suppress(Exception):  # which each job reports
+        typed = None if referred is None else to_config(composed)
+    modules = [type(getattr(typed, group, None)).__module__ for group in COMPONENTS]
+    if typed is None or all(name.startswith("cmacexp.") for name in modules):
+        return JobTemplate(composed, hydra, plain, typed, referred)
+    return JobTemplate(composed, hydra, pickle.dumps(plain), pickle.dumps(typed), referred)
+
+
+def _describe_job(hydra: Any, item: JobItem, folder: Path) -> None:
+    """Set what Hydra says of a job in its part of a config."""
+    job, how = hydra["job"], hydra["job"]["config"]["override_dirname"]
+    named = sorted(text for text in item.overrides if text.partition("=")[0] not in how["exclude_keys"])
+    job["override_dirname"] = how["item_sep"].join(named).replace("=", how["kv_sep"])
+    hydra["overrides"]["task"], job["id"], job["num"] = item.overrides, str(item.number), item.number
+    hydra["runtime"]["output_dir"] = str(folder)
 
 
 def run_jobs(packed: bytes, root: Path, items: Sequence[JobItem], jobs: int) -> list[tuple[str, bool]]:
@@ -113,86 +141,105 @@ def run_jobs(packed: bytes, root: Path, items: Sequence[JobItem], jobs: int) -> 
     """
     template, by_number = _unpack(packed), {item.number: item for item in items}
     chunk, waiting, began = Chunk(), dict[int, Config](), time.perf_counter()
-    runs, finished_before = dict[int, Run](), set[int]()
-    """By the numbers of their jobs; of a job that finished before there is no run if the tables have its result."""
+    ended = dict[int, tuple[Run | None, bool]]()
+    """Runs by the numbers of their jobs, None where the tables have the result, and whether they were made now."""
     expect_runs(jobs)
+    # In a row, as run_chunk does.
+    typed, referred = template.typed, template.referred or frozenset()
+    configs = [set_numbers(typed, item.values, referred) if typed else None for item in items]
 
-    @contextmanager
-    def failure_recorded(item: JobItem) -> Iterator[None]:
-        """Leave a failure on disk, which does not end the sweep; an interrupt does."""
+    def settle(item: JobItem, do: Callable[[], tuple[Run | None, bool] | Config]) -> None:
+        """Note how a job ends, or that it waits for others; a failure is left on disk and does not end the sweep."""
         try:
-            yield
+            found = do()
         except Exception as error:
             if is_interrupt(error):
                 raise KeyboardInterrupt from error
-            plain, hydra = template.describe(item, root / item.folder)
-            record, shown = make_record(plain, hydra), select_run_overrides(item.overrides)
-            runs[item.number] = write_failure(root / item.folder, plain, error, record, overrides=shown)
-        if item.number in runs and runs[item.number].status == Status.INTERRUPTED:
+            composed, overrides = _compose(template, root, item), select_run_overrides(item.overrides)
+            record = make_record(composed, template.hydra)
+            found = write_failure(root / item.folder, composed, error, record, overrides=overrides), True
+        if isinstance(found, Config):
+            waiting[item.number] = found
+            return
+        ended[item.number] = run, _ = found
+        if run is not None and run.status == Status.INTERRUPTED:
             raise KeyboardInterrupt
 
+    def run_with_others(item: JobItem, do: Callable[[], tuple[Scenario, End]]) -> tuple[Run, bool]:
+        manifest = describe_run(*do()) | {"overrides": select_run_overrides(item.overrides)}
+        return Run(root / item.folder, manifest), True
+
     try:
-        for item in items:
-            folder = root / item.folder
-            with failure_recorded(item):
-                config = template.make_config(item, folder)
-                check_metric(config.optimize, config.machine.kind)
-                has_folder = config.record.trace or config.record.weights
-                if not has_folder and item.known and item.known == _list_hashes(config):
-                    finished_before.add(item.number)
-                elif config.sweep.resume and is_finished(folder, config):
-                    finished_before.add(item.number)
-                    runs[item.number] = Run(folder)
-                elif has_folder:
-                    record = make_record(*template.describe(item, folder)) if config.record.trace else None
-                    shown = select_run_overrides(item.overrides)
-                    runs[item.number] = run_scenario(config, folder, record=record, overrides=shown, durable=False)
-                else:
-                    if folder.exists():  # this job will take its place
-                        check_place(folder, RUN_KEY)
-                    waiting[item.number] = config
-        for number, simulate in chunk.list_runs(waiting):
-            item = by_number[number]
-            with failure_recorded(item):
-                manifest = describe_run(*simulate()) | {"overrides": select_run_overrides(item.overrides)}
-                runs[number] = Run(root / item.folder, manifest)
+        for item, config in zip(items, configs, strict=True):
+            settle(item, partial(_run_item, template, root, item, jobs, config))
+        for number, do in chunk.list_runs(waiting):
+            settle(by_number[number], partial(run_with_others, by_number[number], do))
     finally:
-        made = {item.number: runs[item.number] for item in items if item.number in runs}
-        _add_scores(made, chunk, time.perf_counter() - began)
+        made = {number: run for number in by_number if (run := ended.get(number, (None,))[0]) is not None}
+        seconds, scored = time.perf_counter() - began, chunk.score()
+        loops = {number: made[number].manifest["rollout_seconds"] for number in scored if number in made}
+        rest = max(0.0, seconds - sum(loops.values())) / max(1, len(loops))
+        for number, scores in scored.items():
+            if run := made.get(number):  # it has no folder
+                run.is_checked, run.scores = False, scores
+                run.manifest |= {"drift": make_drift_entry(scores.legs), "files": chunk.hashes[number]}
+                run.manifest["wall_seconds"] = loops[number] + rest
         if made:
-            write_part(root, _tabulate(root, made, by_number))
+            write_part(root, _tabulate(root, made, {item.number: item.overrides for item in items}))
             for run in made.values():  # an earlier one in the place of a run that has no folder
                 if not run.is_checked and manifests.is_run(run.folder):
                     shutil.rmtree(run.folder, ignore_errors=True)
-    return [_describe_end(item, None if item.number in finished_before else runs[item.number]) for item in items]
+    return [_describe_end(item, *ended[item.number]) for item in items]
 
 
-def _add_scores(runs: Mapping[int, Run], chunk: Chunk, seconds: float) -> None:
-    """Add to runs that have no folders their metrics, and what their manifests say of these and of the time."""
-    scored = {number: scores for number, scores in chunk.score().items() if number in runs}
-    loops = sum(runs[number].manifest["rollout_seconds"] for number in scored)
-    rest = max(0.0, seconds - loops) / max(1, len(scored))
-    for number, scores in scored.items():
-        run = runs[number]
-        run.is_checked, run.scores = False, scores
-        run.manifest |= {"drift": make_drift_entry(scores.legs), "files": chunk.hashes[number]}
-        run.manifest["wall_seconds"] = run.manifest["rollout_seconds"] + rest
+def _compose(template: JobTemplate, root: Path, item: JobItem) -> DictConfig:
+    """What Hydra composes for a job; the template has it, and what Hydra says of the job, until the next one."""
+    _describe_job(template.hydra, item, root / item.folder)
+    composed = template.composed
+    set_values(composed, item.values)
+    if template.referred is None:  # perhaps it is ${hydra:...} that values follow from
+        own: Any = OmegaConf.to_container(composed)
+        vars(HydraConfig.instance())["cfg"] = OmegaConf.create({**own, "hydra": template.hydra})
+    return composed
 
 
-def _list_hashes(config: Config) -> tuple[str, ...]:
-    """:data:`HASHES` of the run of a config."""
-    return config_hash(to_plain(config)), *map(str, compute_hashes(config).values())
+def _run_item(
+    template: JobTemplate, root: Path, item: JobItem, jobs: int, config: Config | None
+) -> tuple[Run | None, bool] | Config:
+    """The run of one of so many jobs, of this config if it is known already, and whether it was run now.
+
+    None if the tables have its result. Of a run that keeps metrics alone, and is yet to be made, the config.
+    """
+    folder, composed = root / item.folder, None
+    if config is None:
+        config = to_config(composed := _compose(template, root, item))
+    check_metric(config.optimize, config.machine.kind)
+    if config.record.trace or config.record.weights:
+        _describe_job(template.hydra, item, folder)
+        composed = composed or set_numbers(template.plain, item.values) or _compose(template, root, item)
+        record = make_record(composed, template.hydra) if config.record.trace else None
+        return ensure_run(config, folder, jobs, config.sweep.resume, record, select_run_overrides(item.overrides))
+    if item.known and item.known == (
+        config_hash(to_plain(config)),
+        *map(str, compute_hashes(config).values()),
+    ):
+        return None, False
+    if config.sweep.resume and is_finished(folder, config):
+        return Run(folder), False
+    if folder.exists():  # this job will take its place
+        check_place(folder, RUN_KEY)
+    return config
 
 
-def _tabulate(root: Path, runs: Mapping[int, Run], items: Mapping[int, JobItem]) -> JobTables:
-    """The tables of jobs whose runs and items are given by their numbers."""
+def _tabulate(root: Path, runs: Mapping[int, Run], overrides: Mapping[int, list[str]]) -> JobTables:
+    """The tables of jobs by their numbers."""
     rows = []
     for (number, run), shown in zip(runs.items(), make_rows([*runs.values()], ()), strict=True):
         rows.append(
             {
                 "run": number,
                 "folder": run.folder.relative_to(root).as_posix(),
-                "overrides": " ".join(select_run_overrides(items[number].overrides)),
+                "overrides": " ".join(select_run_overrides(overrides[number])),
                 **shown,
                 **{name: str(run.manifest.get(name)) for name in HASHES},
                 "result": describe_result(run),
@@ -206,10 +253,10 @@ def _tabulate(root: Path, runs: Mapping[int, Run], items: Mapping[int, JobItem])
     return JobTables(make_table(rows), metrics.add_column(0, "run", numbers))
 
 
-def _describe_end(item: JobItem, run: Run | None) -> tuple[str, bool]:
-    """How a job ended, None if it had before, in a line, and whether that is an error."""
+def _describe_end(item: JobItem, run: Run | None, is_new: bool) -> tuple[str, bool]:
+    """How a job ended, in a line, and whether that is an error."""
     name = f"#{item.number} {' '.join(select_run_overrides(item.overrides))}"
-    if run is None:
+    if run is None or not is_new:
         return f"{name}: finished before, not run again", False
     if run.status == Status.FAILED:
         name = f"#{item.number}" if "bad_input" in run.manifest else name

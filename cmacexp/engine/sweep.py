@@ -26,7 +26,6 @@ from omegaconf.errors import OmegaConfBaseException
 from cmacexp.config.explain import COMPOSITION_ERRORS
 from cmacexp.config.hydra_private import BASIC, GRID, expand_grid
 from cmacexp.config.robot_rule import read_machine
-from cmacexp.config.template import VALUE
 from cmacexp.data import manifest as manifests
 from cmacexp.data.files import full_disk_named, sha256, write_atomically
 from cmacexp.data.folder import TABLE, TABLE_CSV, collection
@@ -149,17 +148,13 @@ class Sweep:
         Jobs that differ in such values alone, which can be thousands, are composed once: whether that is possible
         depends on their keys and on the options that they choose. See ``benchmarks/sweep.py``.
         """
-        pairs = [(text, text.partition("=")[0]) for text in overrides]
-        others = [key.lstrip("+~") for text, key in pairs if not VALUE.fullmatch(text)]
+        keys = [text.partition("=")[0] for text in overrides]
         values = [
             text
-            for text, key in pairs
-            if VALUE.fullmatch(text)
-            and not self.list_options(key)
-            # They are set last, so that nothing else may change what they change.
-            and not any(key.startswith(other) or other.startswith(key) for other in others)
+            for text, key in zip(overrides, keys, strict=True)
+            if not (key[0] in "+~" or "@" in key or "{" in text or self.list_options(key))
         ]
-        kind = tuple(key if text in values else text for text, key in pairs)
+        kind = tuple(key if text in values else text for text, key in zip(overrides, keys, strict=True))
         if kind not in self.templates:
             composed = self.context.config_loader.load_sweep_config(self.config, list(overrides))
             if is_robot := composed.machine.get("kind") == "robot":

@@ -11,11 +11,13 @@ from dataclasses import fields, is_dataclass
 from types import SimpleNamespace
 from typing import Any
 
+from omegaconf import DictConfig, OmegaConf
+
 from cmacexp.cmac.rules import strength_needs
 from cmacexp.config import Config
 from cmacexp.config.component import COMPONENTS, config_folder, find_option
+from cmacexp.config.compose import parse_override
 from cmacexp.config.load import to_plain
-from cmacexp.config.template import parse_override
 from cmacexp.errors import format_value
 
 
@@ -71,10 +73,10 @@ def _leaves(key: str, value: Any) -> Iterator[str]:
         yield key
 
 
-def list_idle_overrides(config: Config, overrides: Sequence[str], composed: Any) -> list[str]:
+def list_idle_overrides(config: Config, overrides: Sequence[str], composed: DictConfig) -> list[str]:
     """A line for each override of a single run that has no effect; none if the config has ``warn: false``."""
     typed = list(read_keys(overrides)) if config.warn else []
-    found, unresolved = dict[str, str](), str(composed)
+    found, unresolved = dict[str, str](), str(OmegaConf.to_container(composed, resolve=False))
     for i, (key, text) in enumerate(typed):
         later = next((other for again, other in typed[i + 1 :] if again == key), None)
         reason = f"{later} comes after it" if later else explain_idle(config, key, strength_needs(key))

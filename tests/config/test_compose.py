@@ -22,9 +22,6 @@ COMMANDS = [
     ["actuator.torque_limit=3", "terrain.step_time=1.5", "terrain.slope=-0.01"],
     ["learning.rate=auto", "++learning.rate=0.5", "cmac.inputs=[phase]", "cmac.layers=8", "warn=false", "seed=4"],
     ["feedforward._target_=cmacexp.feedforward.NoFeedforward", "learning.guard=none", "gait.stroke=0.2", "cycles=2"],
-    ["learning.rate=0.3", "++learning.rate=0.5", "gait.touch_down=[0]", "gait.touch_down=null", "actuator.lag='0.1'"],
-    ["gait.touch_down=[0.0,0.5,0.8,0.3]", "scenario=quadruped", "gait.touch_down.3=0.35", "machine.leg.mass_1=0.6"],
-    ["terrain.damping=${terrain.slope}", "terrain.slope=0.1", "cycles=2", "reference=aware", "learning.rule=paper"],
     ["seed=3", "learning.guard=none", "seed=4", "sensors=encoders", "sensors.velocity.delay=1", "cycles=2"],
 ]
 
