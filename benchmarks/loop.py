@@ -25,8 +25,8 @@ TARGETS = {
 }
 
 
-MOST_OF_C, MOST_OF_A_LEG = 0.75, 9.0
-"""Limits of two ratios: a step of one leg over C, measured 0.52 to 0.68; of the quadruped over one leg, 5.5
+MOST_OF_C, MOST_OF_A_LEG = 0.90, 9.0
+"""Limits of two ratios: a step of one leg over C, measured 0.51 to 0.81; of the quadruped over one leg, 5.2
 to 8.4."""
 MOST_ROUNDING = 1e-8
 """By which C may differ from the loop, in SI units: it rounds differently."""
