@@ -26,8 +26,8 @@ TARGETS = {
 
 
 MOST_OF_C, MOST_OF_A_LEG = 0.90, 9.0
-"""Limits of two ratios: a step of one leg over C, measured 0.51 to 0.81; of the quadruped over one leg, 5.2
-to 8.4."""
+"""Limits of two ratios: a step of one leg over C, measured 0.51 to 0.81, and of the quadruped over one leg,
+5.2 to 8.4: it is one leg that differs from process to process."""
 MOST_ROUNDING = 1e-8
 """By which C may differ from the loop, in SI units: it rounds differently."""
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 METRICS, TRACE = KEPT = ("metrics", "trace")
-AT_ONCE = {METRICS: 1 << 12, TRACE: 1 << 5}
+AT_ONCE = {METRICS: 1 << 10, TRACE: 1 << 5}
 """Runs whose results are in memory at a time while they are written, by what is kept."""
 
 
@@ -108,7 +108,7 @@ def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | Non
         for chunk in group_runs(runs[first : first + most], size)
     ]
     items = [([runs[first + number] for number in chunk], keep == TRACE, len(runs)) for first, chunk in chunks]
-    results, others = list[str](), dict[str, None]()
+    results, others = list[bytes](), dict[str, None]()
     with start_workers(count) as parallel_map:
         # While one part is written, the next one runs: none waits for the other.
         done = parallel_map("running", run_chunk, items, len(runs), 2 * max(most // size, count))
@@ -129,7 +129,7 @@ def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | Non
             yield table
     for other in others:
         warnings.warn(other, OtherModel, stacklevel=3)
-    for kind, text in find_idle_keys(settings, results, list(map(str, range(len(runs)))), "runs"):
+    for kind, text in find_idle_keys(settings, results, range(len(runs)), "runs"):
         if kind == "warning":
             warnings.warn(text, WithoutEffect, stacklevel=3)
         else:

@@ -43,7 +43,7 @@ class RunEnd(NamedTuple):
     """How one of many runs ended."""
 
     status: str
-    result: str
+    result: bytes
     """The same for runs that gave equal results; empty where there is none to compare."""
     other_model: str
     """That its robot is not the one that results were measured with; empty if it is."""
@@ -195,13 +195,13 @@ def run_chunk(chunk: Sequence[list[str]], keeps_trace: bool, runs: int) -> tuple
     tables = [*together.traces.values()] if keeps_trace else [*map(join_scores, scores)]
     hashes = [together.hashes[number] for number in range(len(ended))]
     return [
-        RunEnd(end.status, _describe_result(config, end, of), describe_other_model(config.machine), table.num_rows)
+        RunEnd(end.status, _hash_result(config, end, of), describe_other_model(config.machine), table.num_rows)
         for (config, end), of, table in zip(ended, hashes, tables, strict=True)
     ], concat_metrics(tables)[0].combine_chunks()  # a slice is pickled with all that it is a slice of
 
 
-def _describe_result(config: Config, end: End, hashes: dict[str, str]) -> str:
-    """How a run ended, after how many steps, and the hashes of its metrics, unless it failed or is not to warn."""
+def _hash_result(config: Config, end: End, hashes: dict[str, str]) -> bytes:
+    """SHA-256 of how a run ended, after how many steps, and its metrics, unless it failed or is not to warn."""
     if not config.warn or end.status not in RESULTS or end.steps < config.steps_per_cycle:
-        return ""
-    return repr((end.status, end.steps, hashes))
+        return b""
+    return hashlib.sha256(repr((end.status, end.steps, hashes)).encode()).digest()

@@ -4,14 +4,15 @@ Nothing is declared for this, so it holds for custom components too. A single ru
 (:mod:`cmacexp.engine.without_effect`), since it has nothing that it could be compared with.
 """
 
-from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from cmacexp.config.load import WITHOUT_EFFECT
 from cmacexp.data.run import Run
 from cmacexp.data.tables import BODY_METRICS_FILE, METRICS_FILE
-from cmacexp.typing import RESULTS
+from cmacexp.typing import RESULTS, Counts
 
 MOST_NAMES = 5
 """Runs that a line names."""
@@ -29,7 +30,7 @@ def describe_result(run: Run) -> str:
 
 
 def find_idle_keys(
-    settings: Mapping[str, Sequence[Any]], results: Sequence[str], names: Sequence[str], what: str
+    settings: Mapping[str, Sequence[Any]], results: Sequence[str | bytes], names: Sequence[object], what: str
 ) -> Iterator[tuple[str, str]]:
     """Each key that had no effect in some runs, ``what`` such as ``jobs``: ``warning`` or ``note``, and a line.
 
@@ -38,25 +39,36 @@ def find_idle_keys(
     :func:`cmacexp.engine.sweep_tables.collect_settings` gives. A seed only draws numbers that a run may not need:
     that is a note.
     """
+    numbers, by_result = {key: _number(values) for key, values in settings.items()}, _number(results)
     for key, values in settings.items():
-        if len(set(values)) < 2:
+        counts = np.array([value is not None and bool(result) for value, result in zip(values, results, strict=True)])
+        runs = np.flatnonzero(counts)
+        group = np.zeros(len(runs), dtype=int)  # of runs that differ in this key alone
+        for own in (own for other, own in numbers.items() if other != key):
+            group = np.unique(group * len(values) + own[runs], return_inverse=True)[1]
+        alike = _count_distinct(group, numbers[key][runs]) > 1
+        is_seen = (_count_distinct(group, by_result[runs])[alike] > 1).any()
+        if is_seen or not alike.any() or key.partition(".")[0] in WITHOUT_EFFECT:
             continue
-        others = [column for other, column in settings.items() if other != key]
-        groups = defaultdict[tuple[Any, ...], list[int]](list)
-        for number, value in enumerate(values):
-            if value is not None and results[number]:
-                groups[tuple(column[number] for column in others)].append(number)
-        alike = [group for group in groups.values() if len({values[number] for number in group}) > 1]
-        is_seen = any(len({results[number] for number in group}) > 1 for group in alike)
-        if is_seen or not alike or key.partition(".")[0] in WITHOUT_EFFECT:
-            continue
-        listed = [names[number] for number in alike[0]]
+        listed = [str(names[run]) for run in runs[group == group[alike[group].argmax()]]]
         if len(listed) > MOST_NAMES:
             listed = [*listed[: MOST_NAMES - 1], "...", listed[-1]]
         equal = f"{what} {', '.join(listed)} gave equal results"
-        if len(alike) > 1:
-            equal += f"; the same in {len(alike) - 1} more group{'s' * (len(alike) > 2)} of {what}"
+        if (more := int(alike.sum()) - 1) > 0:
+            equal += f"; the same in {more} more group{'s' * (more > 1)} of {what}"
         if key.endswith("seed"):
             yield "note", f"{key} changes nothing here, one is enough: {equal}"
         else:
             yield "warning", f"{key} had no effect: {equal}"
+
+
+def _number(values: Sequence[Any]) -> Counts:
+    """The number of each of some values, from 0 on; equal ones have the same."""
+    seen = dict[Any, int]()
+    return np.array([seen.setdefault(value, len(seen)) for value in values], dtype=int)
+
+
+def _count_distinct(group: Counts, number: Counts) -> Counts:
+    """How many different numbers the members of each group have."""
+    pairs = np.unique(np.stack([group, number]), axis=1)
+    return np.bincount(pairs[0])
