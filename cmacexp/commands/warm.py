@@ -8,13 +8,11 @@ from cmacexp.terminal.output import print_line, show_activity
 
 FORMS = {
     "one_leg": ["scenario=one_leg"],
-    "guarded_leg": ["scenario=one_leg", "cycles=2", "learning.guard=freeze"],
-    "leg_with_real_sensors": ["scenario=one_leg", "sensors=real"],
-    "quadruped": ["scenario=quadruped"],
-    "quadruped_lasting": ["scenario=quadruped_lasting"],
+    "guarded": ["scenario=one_leg", "cycles=2", "learning.guard=freeze"],
     "robot": ["scenario=robot"],
 }
-"""Overrides of runs, each of which needs a form of the control loop of its own."""
+"""Overrides of a run of each form of the control loop that usual runs need: the first two serve every machine with
+planar legs and all sensors, without and with a guard of learning."""
 MANY = 10**6
 """Runs that repay compiling everything that many runs use."""
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property, update_wrapper
+from pathlib import Path
 from typing import cast
 
 import numpy as np
@@ -32,6 +33,8 @@ class _Process:
 
     runs = 1.0
     """Number of runs that it makes."""
+    compiling = 0.0
+    """Seconds that it has compiled."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +112,7 @@ class _Program:
             with contextlib.suppress(NotCompiled):
                 from cmacexp.jit.numba_private import before_compiling
 
-                with before_compiling(_announce if is_long else _refuse, raise_if_interrupted):
+                with before_compiling(_announce if is_long else _refuse, raise_if_interrupted, _note_seconds):
                     self.chosen = self.compiled
                     return self.compiled(*arguments)
         self.chosen = self.plain
@@ -144,3 +147,20 @@ def call_before_compiling(call: Callable[[], None]) -> None:
 def _announce() -> None:
     while _announcers:
         _announcers.pop()()
+
+
+def find_longest() -> float | None:
+    """How long a process that had to compile did so at most, s; None if that is not known."""
+    with contextlib.suppress(OSError, ValueError):
+        return float(_seconds_file().read_text())
+    return None
+
+
+def _note_seconds(seconds: float) -> None:
+    _Process.compiling += seconds
+    with contextlib.suppress(OSError):
+        _seconds_file().write_text(str(max(_Process.compiling, find_longest() or 0.0)))
+
+
+def _seconds_file() -> Path:
+    return cache_folder().parent / "seconds"  # beside the folders of all states of the sources

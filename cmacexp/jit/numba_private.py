@@ -203,13 +203,16 @@ class _Listener(event.Listener):
 
 
 @contextmanager
-def before_compiling(call: Callable[[], None], again: Callable[[], None]) -> Iterator[None]:
+def before_compiling(
+    call: Callable[[], None], again: Callable[[], None], note: Callable[[float], None]
+) -> Iterator[None]:
     """Have ``call`` called before anything is compiled that the cache does not hold; what it raises prevents that.
 
-    ``again`` is called many times meanwhile, and may end that likewise.
+    ``again`` is called many times meanwhile, and may end that likewise; ``note`` with the seconds that it took.
     """
     with (
         event.install_listener("numba:compile", _Listener(call)),
         event.install_listener("numba:run_pass", _Listener(again)),
+        event.install_timer("numba:compile", note),
     ):
         yield
