@@ -122,7 +122,7 @@ def _fits(value: Any, shape: Any) -> bool:
     return isinstance(value, shape)
 
 
-def find_misfit(value: Any, shape: Any, name: str) -> str | None:
+def validate_value(value: Any, shape: Any, name: str) -> str | None:
     """Which value, as read from JSON, does not have its shape, by its name; None: all have."""
     inner: Iterable[tuple[Any, Any, str]]
     if isinstance(shape, dict):
@@ -139,7 +139,7 @@ def find_misfit(value: Any, shape: Any, name: str) -> str | None:
         inner = ((each, own, f"{name}[{index}]") for index, (each, own) in items)
     else:
         return None if _fits(value, shape) else f"{name} cannot be {ascii(value)[:40]}"
-    return next(filter(None, (find_misfit(*each) for each in inner)), None)
+    return next(filter(None, (validate_value(*each) for each in inner)), None)
 
 
 def find_wrong(manifest: Any) -> str | None:
@@ -147,7 +147,7 @@ def find_wrong(manifest: Any) -> str | None:
     kind = manifest.get("kind") if isinstance(manifest, dict) else None
     if kind == REPORT:
         return None  # for people: nothing else of it is read
-    if wrong := find_misfit(manifest, SWEEP_FIELDS if kind == SWEEP else RUN_FIELDS, "manifest"):
+    if wrong := validate_value(manifest, SWEEP_FIELDS if kind == SWEEP else RUN_FIELDS, "manifest"):
         return wrong
     for name in manifest["files"]:
         if not name or PurePosixPath(name).name != name or "\0" in name:
@@ -159,8 +159,8 @@ def find_wrong(manifest: Any) -> str | None:
         return "its config is not the one of its config_hash"
     if not (manifest["files"] or manifest["steps"]) and manifest["status"] not in RESULTS:
         return None  # of a job that failed the config can be anything
-    if wrong := find_misfit(config, CONFIG, "config"):
+    if wrong := validate_value(config, CONFIG, "config"):
         return wrong
     if not 0.5 < config["gait"]["cycle_time"] / config["sampling_period"] < MAX_STEPS_PER_CYCLE:
         return f"config.gait.cycle_time must have from 1 to {MAX_STEPS_PER_CYCLE} steps of config.sampling_period"
-    return None if manifest["drift"] is None else find_misfit(manifest["drift"], DRIFT, "manifest.drift")
+    return None if manifest["drift"] is None else validate_value(manifest["drift"], DRIFT, "manifest.drift")

@@ -192,8 +192,8 @@ def _measure(criterion: Criterion, results: Results) -> CriterionResult:
     return CriterionResult(criterion, interval, [str(row.run.folder) for row in chosen.rows])
 
 
-class Judged:
-    """What criteria decide.
+class Statement:
+    """A statement of a study, which its criteria decide.
 
     Raises:
         BadInput: there are none.
@@ -213,7 +213,7 @@ class Judged:
 
 
 @dataclass(frozen=True)
-class Claim(Judged):
+class Claim(Statement):
     """A claim of a paper, in its words, and the criteria that decide it, at least one."""
 
     words: str
@@ -246,7 +246,7 @@ def fill(part: str, text: str, words: Mapping[str, Any]) -> str:
 
 
 @dataclass(frozen=True)
-class Finding(Judged):
+class Finding(Statement):
     """A statement of the study itself, and the criteria that decide it, at least one.
 
     In sentences of its own ``{value}`` stands for the first criterion's estimate, ``{values[1]}`` for the second's.
