@@ -41,8 +41,8 @@ def find_idle_keys(
     """
     numbers, by_result = {key: _number(values) for key, values in settings.items()}, _number(results)
     for key, values in settings.items():
-        counts = np.array([value is not None and bool(result) for value, result in zip(values, results, strict=True)])
-        runs = np.flatnonzero(counts)
+        counted = [value is not None and bool(result) for value, result in zip(values, results, strict=True)]
+        runs = np.flatnonzero(counted)
         group = np.zeros(len(runs), dtype=int)  # of runs that differ in this key alone
         for own in (own for other, own in numbers.items() if other != key):
             group = np.unique(group * len(values) + own[runs], return_inverse=True)[1]

@@ -27,7 +27,6 @@ from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.registry import pool_legs
 from cmacexp.study import Array, compute_final
 from cmacexp.study.comparison import relative_to
-from cmacexp.terminal.messages import announce_compiling
 from cmacexp.typing import Weights
 from pipelines.benchmark.entrants import ALONE, PROTOCOL, TASKS, VERSION, Machine, Method, change_world
 from pipelines.worlds import Draw
@@ -121,7 +120,6 @@ def run_trial(
 
     Each outcome is a file, which a task of a cluster leaves even if the others are ended.
     """
-    announce_compiling()
     expect_runs(1000)
     stages = {task: list_overrides(machine, method, setting, world, task) for task in (BEFORE, *tasks)}
     path = folder / f"{_find_hash(stages, machine.last)[:24]}.json"
