@@ -216,6 +216,8 @@ def over_cycles(name: str, groups: Mapping[Any, Sequence[Array]], log: str | Non
     shown = SHOWN.get(name) or MetricDisplay(name.replace("_", " "), ALL_METRICS[name].unit)
     title, series = title or shown.title, []
     for index, (value, histories) in enumerate(groups.items()):
+        if not histories:  # no run reached the end of a cycle; the others keep their styles
+            continue
         length = max(map(len, histories))
         padded = np.array([np.pad(h, (0, length - len(h)), constant_values=np.nan) for h in histories]) * shown.factor
         with warnings.catch_warnings():

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from support.made_studies import made_errors
+from support.made_studies import made_errors, made_row
 
 from cmacexp.study import Results, at_most
 from cmacexp.study.interval import EXACT, FEW, UNPAIRED, Interval, estimate
 from cmacexp.study.quantity import per_seed, quotients, relative
-from cmacexp.study.views import completed, tabulate
+from cmacexp.study.views import completed, over_cycles, tabulate
 
 
 def last_error(results: Results) -> np.ndarray:
@@ -83,7 +83,7 @@ def test_a_ratio_is_that_of_the_same_seed_and_infinite_where_the_run_ended():
     assert per_seed(other, ratios, min).tolist() == pytest.approx([1.5, 0.5])
 
 
-def test_groups_of_runs_are_tabulated_by_their_settings():
+def test_groups_of_runs_are_tabulated_and_drawn_by_their_settings():
     groups = {("soft", "a"): [0.001], ("soft", "b"): [0.009], ("hard", "a"): [0.002, math.nan]}
     results = Results(
         [row for (walk, law), errors in groups.items() for row in made_errors(*errors, walk=walk, law=law).rows]
@@ -94,4 +94,13 @@ def test_groups_of_runs_are_tabulated_by_their_settings():
         ["soft", "b", "1 of 1", pytest.approx(0.009)],
         ["hard", "a", "1 of 2", pytest.approx(0.002)],  # of the run that completed
     ]
-    assert results.table[["walk", "status", "cycles"]].values.tolist()[-1] == ["hard", "fell", 2]
+    assert [
+        *results.table[["walk", "status", "cycles"]].values.tolist()[-1],
+        *Results([made_row({"transfer_rmse_x": [9.0, 3.0], "transfer_rmse_y": [9.0, 4.0]})]).measure("transfer_rmse"),
+    ] == ["hard", "fell", 2, 5.0]
+    assert [  # but for the run that fell in its first cycle
+        line.name
+        for line in over_cycles(
+            Results([*results.rows, made_row({}, 5, walk="wet")]), "transfer_rmse_x", "walk"
+        ).series
+    ] == ["soft", "hard"]
