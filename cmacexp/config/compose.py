@@ -78,8 +78,9 @@ def _compose(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
 
 
 def _is_option(override: str) -> bool:
-    """Whether an override chooses the option of a group."""
-    return override.partition("=")[0] in ("scenario", *list_groups())
+    """Whether an override chooses the option of a group; a dictionary sets values of the option that is chosen."""
+    key, _, value = override.partition("=")
+    return key in ("scenario", *list_groups()) and not value.lstrip().startswith("{")
 
 
 @cache

@@ -158,6 +158,7 @@ def test_a_job_has_the_bytes_of_a_single_run(by_cores, tmp_path):
 def test_values_and_folders_of_jobs_can_follow_from_what_hydra_says_of_them(tmp_path):
     linked = [
         *["cmac.resolution_elements='${cmac.layers}'", "seed='${hydra:job.num}'"],
+        *["learning.rate=0.2", "++learning.rate=0.5"],
         "hydra.sweep.subdir='${hydra.job.num}-${cmac.layers}'",
     ]
     assert (
@@ -165,7 +166,8 @@ def test_values_and_folders_of_jobs_can_follow_from_what_hydra_says_of_them(tmp_
     )
     for number, layers in enumerate((8, 16, 32)):
         config = manifest_of(tmp_path, f"{number}-{layers}")["config"]
-        assert (config["cmac"]["resolution_elements"], config["seed"]) == (layers, number)
+        set_by = config["cmac"]["resolution_elements"], config["seed"], config["learning"]["rate"]
+        assert set_by == (layers, number, 0.5), "of two that set the same the last one counts"
     for table in (table_of(tmp_path), load_sweep(tmp_path / "s")):
         assert table["run"].tolist() == [0, 1, 2], "an integer whatever the folders are called"
         assert table["folder"].tolist() == ["0-8", "1-16", "2-32"]

@@ -22,6 +22,7 @@ COMMANDS = [
     ["actuator.torque_limit=3", "terrain.step_time=1.5", "terrain.slope=-0.01"],
     ["learning.rate=auto", "++learning.rate=0.5", "cmac.inputs=[phase]", "cmac.layers=8", "warn=false", "seed=4"],
     ["feedforward._target_=cmacexp.feedforward.NoFeedforward", "learning.guard=none", "gait.stroke=0.2", "cycles=2"],
+    ["cmac={layers:8}", "learning.rate=0.2", "learning={rate:0.3}", "cmac.layers=16", "terrain={slope:0.01}"],
     ["seed=3", "learning.guard=none", "seed=4", "sensors=encoders", "sensors.velocity.delay=1", "cycles=2"],
 ]
 
