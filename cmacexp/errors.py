@@ -51,8 +51,8 @@ def suggest(name: str, names: Iterable[str], prefix: str = "") -> str:
 
 
 def format_value(value: object) -> str:
-    """A value as it stands in a message: the middle of a long one, such as a number of 400 digits, is left out."""
-    text = str(value)
+    """A value as it is typed in a config; the middle of a long one, such as a number of 400 digits, is left out."""
+    text = "null" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
     if len(text) <= LONGEST_VALUE:
         return text
     return f"{text[: LONGEST_VALUE // 2]}...{text[-LONGEST_VALUE // 4 :]} ({len(text)} characters)"
