@@ -149,7 +149,7 @@ def _announce() -> None:
         _announcers.pop()()
 
 
-def find_longest() -> float | None:
+def read_longest_compiling() -> float | None:
     """How long a process that had to compile did so at most, s; None if that is not known."""
     with contextlib.suppress(OSError, ValueError):
         return float(_seconds_file().read_text())
@@ -159,7 +159,7 @@ def find_longest() -> float | None:
 def _note_seconds(seconds: float) -> None:
     _Process.compiling += seconds
     with contextlib.suppress(OSError):
-        _seconds_file().write_text(str(max(_Process.compiling, find_longest() or 0.0)))
+        _seconds_file().write_text(str(max(_Process.compiling, read_longest_compiling() or 0.0)))
 
 
 def _seconds_file() -> Path:

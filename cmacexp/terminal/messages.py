@@ -18,7 +18,7 @@ from cmacexp.data.run import Run
 from cmacexp.data.tables import METRICS_CSV, RECORDING_FILE, Scores, as_array
 from cmacexp.data.window import choose_every
 from cmacexp.errors import in_one_line
-from cmacexp.jit.compiler import call_before_compiling, find_longest
+from cmacexp.jit.compiler import call_before_compiling, read_longest_compiling
 from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
 from cmacexp.metrics.metric import MetricDisplay
@@ -124,7 +124,7 @@ def announce_compiling() -> None:
     """Print once, if this process has to compile, that it does, and how long that has taken."""
 
     def announce() -> None:
-        longest = find_longest()
+        longest = read_longest_compiling()
         time = "takes up to half a minute" if longest is None else f"took up to {longest:.0f} s before"
         print_line(f"compiling the control loop, once, since so many steps repay it: {time}", error=True)
 

@@ -14,10 +14,10 @@ from cmacexp.jit.compiler import WORTH_COMPILING, expect_runs, program, workload
 from cmacexp.jit.sources import cache_folder, is_private
 
 SCRIPT = """
-from cmacexp.jit.compiler import call_before_compiling, find_longest, program
+from cmacexp.jit.compiler import call_before_compiling, read_longest_compiling, program
 from cmacexp.models.ground import ALL_LEGS, NEVER, Ground, stiffness_at
 
-call_before_compiling(lambda: print(find_longest() or "unknown"))
+call_before_compiling(lambda: print(read_longest_compiling() or "unknown"))
 print(program(stiffness_at)(Ground(1e4, 0.1, 0.5, 7, 0.0, NEVER, 1.0, ALL_LEGS, 0.0, 0.0), 0.25, -0.35))
 """
 
