@@ -130,7 +130,7 @@ class ForceControlConfig:
     load_sharing: str = choice("static", "dynamic", ADAPTIVE, needs=HAS_BODY)
     """What the feet of a body share; static: its weight, as in the paper; dynamic: gravity, inertia of all masses;
     adaptive: also what they carried in the last cycle beyond that, on ground with the slope that they met."""
-    load_rate: bool = field(kw_only=True, metadata={"needs": RATES})
+    load_rate: bool = field(kw_only=True, metadata={"needs": (*RATES, "own.method != 'explicit'")})
     """Whether the reference in support contains the rate of the depression for F_d, and its lag on damped ground."""
 
 

@@ -40,6 +40,7 @@ IDLE = [
     (["sensors=noisy_force"], ["sensors.force.legs=[1]"]),
     (["scenario=force_step", "feedforward=inverse_dynamics"], ["feedforward.length_factor=2"]),
     ([], ["posture.gain=3"]),
+    (["force_control=explicit"], ["force_control.load_rate=true"]),
     (["cycles=4"], ["learning.leakage=0.1"]),
     (["learning.rule=leakage", "learning.leakage=0.1"], []),
     (["feedforward=none"], ["cmac.layers=8", "cmac=quadruped", "seed=1"]),
