@@ -10,6 +10,7 @@ from cmacexp.data.tables import RECORDING_FILE
 from cmacexp.errors import require, require_extra
 from cmacexp.metrics.swept import find_swept
 from cmacexp.recording.viewer import open_window, require_display, serve_web
+from cmacexp.terminal.messages import select_traced
 from cmacexp.terminal.output import print_line, show_activity
 
 COMPARISONS = Path("outputs", "comparisons")
@@ -74,7 +75,7 @@ def main(arguments: Arguments) -> int:
     """Build what is to be shown, and show it; the exit code of the viewer."""
     require(not (arguments.web and arguments.no_viewer), "--web", True, "leave out --no-viewer to show the recording")
     folders = {run.resolve(): run for given in arguments.folders for run in runs_below(given)}
-    runs = [Run(folder) for folder in folders.values()]
+    runs = [Run(folder) for folder in select_traced(folders.values())]
     if not (arguments.web or arguments.no_viewer):
         require_display()
     if arguments.table:

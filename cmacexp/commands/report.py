@@ -36,7 +36,8 @@ def _report_of_several(runs: Sequence[Run], given: Sequence[Path], out: Path) ->
     stopped = {Status.UNFINISHED, Status.INTERRUPTED} & {run.outcome.status for run in runs}
     goes_on = is_sweep and (stopped or not (given[0] / manifests.MANIFEST).exists())
     resume = describe_resume(given[0]) if goes_on else ""
-    title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
+    what = "Comparison of runs" if len(runs) > 1 else "Metrics of a run"
+    title = f"{what}: {' and '.join(path.resolve().name for path in given)}"
     with show_activity("comparing the runs"):
         path = write_report(make_sweep_report(runs, title, resume), out)
     print_runs(runs, find_swept(runs).all_keys, path)
@@ -67,7 +68,7 @@ def main(arguments: Arguments) -> None:
     runs = list({run.folder.resolve(): run for folder in given for run in find_runs(folder)}.values())
     several = REPORTS / "-".join(path.resolve().name for path in given[:4])
     out = choose_page_folder(arguments.out, given[0] / REPORT if len(given) == 1 else several)
-    if len(runs) == 1:
+    if len(runs) == 1 and manifests.keeps_trace(runs[0].manifest):
         with show_activity(f"reporting {runs[0].folder}"):
             page = write_report(make_run_report(runs[0]), out)
     else:

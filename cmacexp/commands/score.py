@@ -10,7 +10,7 @@ from cmacexp.data.tables import TRACE_FILE, Scores, write_scores
 from cmacexp.errors import BadRun
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.score import score_traces
-from cmacexp.terminal.messages import KEY, print_scores
+from cmacexp.terminal.messages import KEY, print_scores, select_traced
 from cmacexp.terminal.output import print_line, show_activity
 
 
@@ -32,7 +32,7 @@ def score(folder: Path) -> Scores:
 @command("Compute the metrics of runs again from their traces.", FOLDERS)
 def main(arguments: Arguments) -> None:
     """Score the runs, and print their metrics."""
-    for folder in [run for given in arguments.folders for run in runs_below(given)]:
+    for folder in select_traced(run for given in arguments.folders for run in runs_below(given)):
         with show_activity(f"scoring {folder}"):
             scores = score(folder)
         print_line(str(folder))

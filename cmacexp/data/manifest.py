@@ -161,6 +161,11 @@ def was_written(path: Path) -> bool:
     return path.is_file() if manifest is None else path.name in manifest["files"]
 
 
+def keeps_trace(manifest: Manifest) -> bool:
+    """Whether a run stores more than its metrics."""
+    return manifest["config"].get("record", {}).get("trace") is not False
+
+
 def require_intact(path: Path) -> Path:
     """``path``, if this file of a run is as the run wrote it, else raises BadRun.
 
@@ -171,10 +176,11 @@ def require_intact(path: Path) -> Path:
     if manifest is None or manifest.get("kind") == REPORT:
         return path
     listed = path.name in manifest["files"]
-    keeps_trace = manifest["config"].get("record", {}).get("trace") is not False
     lean = f"{path}: the run keeps metrics alone (record.trace=false); run it again with record=trace"
-    BadRun.unless(listed or keeps_trace, lean)
-    BadRun.unless(listed, f"{path}: the run did not write this file, its {MANIFEST} does not list it")
+    BadRun.unless(listed or keeps_trace(manifest), lean)
+    cause = manifest.get("cause")
+    why = f"it {manifest['status']}: {cause}" if cause else f"its {MANIFEST} does not list it"
+    BadRun.unless(listed, f"{path}: the run did not write this file, {why}")
     fault = check_file(path.parent, path.name, manifest["files"][path.name])
     BadRun.unless(fault is None, f"{path}: {fault}; run it again")
     return path

@@ -39,7 +39,7 @@ def _list_differences(runs: Sequence[Run], swept: Swept) -> list[PageElement]:
         titles = ["key", "values", "keys that vary with it"][:count]
         return [Table(titles, [row[:count] for row in rows], "What differs between the runs")]
     same = "These runs have the same config, apart from settings that do not change the results."
-    return [same] if all(run.settings for run in runs) else []
+    return [same] if len(runs) > 1 and all(run.settings for run in runs) else []
 
 
 def _list_stopped(runs: Sequence[Run]) -> list[PageElement]:
@@ -145,22 +145,26 @@ def draw_over_key(runs: Sequence[Run], key: str, keys: Sequence[str]) -> list[Dr
 
 
 def make_sweep_report(runs: Sequence[Run], title: str, resume: str = "") -> Report:
-    """The report of two or more runs; ``resume`` says how an unfinished sweep is continued."""
+    """The report of several runs, or of one that keeps metrics alone.
+
+    ``resume`` says how an unfinished sweep is continued.
+    """
     swept, results = find_swept(runs), [run for run in runs if run.outcome.is_result]
     keys = swept.all_keys
     final = Table(*format_runs(runs, keys), "Metrics of the last whole cycle, pooled over the legs")
     place = os.path.commonpath([run.folder.resolve().parent for run in runs])
-    pages = f"Runs are folders below {place}. {HOW_TO_REPORT}"
+    are_several, have_folders = len(runs) > 1, any(run.folder.is_dir() for run in runs)
+    pages = [f"Runs are folders below {place}. {HOW_TO_REPORT}"] if are_several and have_folders else []
     sections: dict[str, Sequence[PageElement]] = {
-        "The runs": [*_list_differences(runs, swept), final, pages, *_list_stopped(runs)],
+        "The runs": [*_list_differences(runs, swept), final, *pages, *_list_stopped(runs)],
         "Metrics over the swept keys": [
             drawing for key in swept.keys[:4] for drawing in draw_over_key(results, key, swept.keys)
         ],
         "Learning curves": draw_learning_curves(results, keys),
     }
     ends = ", ".join(f"{count} {status}" for status, count in Counter(run.outcome.status for run in runs).items())
-    summary = f"{len(runs)} runs: {ends}."
-    if keys or all(run.settings for run in runs):
+    summary = f"{len(runs)} run{'s' * are_several}: {ends}."
+    if keys or (are_several and all(run.settings for run in runs)):
         summary += f" What differs between them: {', '.join(keys) or 'nothing'}."
     summary += f" To continue: {resume}." if resume else ""
     asked_for = {"runs": [str(run.folder.resolve()) for run in runs]}

@@ -14,8 +14,9 @@ from textwrap import wrap
 from typing import Any
 
 from cmacexp.config.machine import describe_other_model
+from cmacexp.data.manifest import was_written
 from cmacexp.data.run import Run
-from cmacexp.data.tables import METRICS_CSV, RECORDING_FILE, Scores, as_array
+from cmacexp.data.tables import METRICS_CSV, RECORDING_FILE, TRACE_FILE, Scores, as_array
 from cmacexp.data.window import choose_every
 from cmacexp.errors import in_one_line
 from cmacexp.jit.compiler import call_before_compiling, read_longest_compiling
@@ -113,6 +114,15 @@ def print_scores(scores: Scores, folder: Path) -> None:
     """Print the main metrics of a run per cycle, pooled over the legs; of a long run some cycles."""
     main, rows = tabulate_cycles(scores)
     print_table(["cycle\n", *map(format_title, main.values())], rows, "cycles", folder / METRICS_CSV)
+
+
+def select_traced(folders: Iterable[Path]) -> list[Path]:
+    """The runs that stored a trace; a line says how many are left out. All, if none did: each tells why."""
+    runs = list(folders)
+    traced = [run for run in runs if was_written(run / TRACE_FILE)]
+    if others := [run for run in runs if traced and run not in traced]:
+        print_line(f"left out: runs without a trace ({len(others)}, e.g. {others[0]})", error=True)
+    return traced or runs
 
 
 NEXT = {"report": "report", "replay": "replay"}
