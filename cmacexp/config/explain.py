@@ -23,7 +23,7 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
         return str(mistake)
     text, cause = " ".join(str(error).split()), error.__cause__
     if unresolved := re.match(r"Error resolving interpolation '\$\{(\w+)\}'", text):  # of conf/config.yaml
-        return f"{unresolved[1]}=None: must be a group of fields; choose an option of conf/{unresolved[1]}"
+        return f"{unresolved[1]}=null: must be a group of fields; choose an option of conf/{unresolved[1]}"
     if isinstance(error, MissingConfigException) and error.options is not None:
         path = str(error.missing_cfg_file)
         group, _, name = path.rpartition("/")
@@ -39,7 +39,7 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
         return f"{typed}: cannot be read ({reason}); write key=value; a text with special characters: {quoted}"
     if several := re.match(r"Ambiguous value for argument '(.*?)' ", text):
         return f"{several[1]}: several values need -m: python -m cmacexp -m {several[1]}; a list needs brackets"
-    if isinstance(error, OSError):  # such as a current folder that is gone
+    if isinstance(error, OSError) or "--" in text:  # a folder that is gone, two options of which one may be given
         return text
     if not isinstance(error, COMPOSITION_ERRORS):
         return f"a group takes the name of an option (cmac=one_leg), a field takes a value (cmac.layers=8): {text}"
