@@ -88,5 +88,7 @@ def run_command(work: Callable[[], int | None], hint: str = "") -> int:
                 raise
             if isinstance(error, BadComponent):  # what its own code raised
                 print(format_user_traceback(error.raised), file=sys.stderr, end="")
+            if isinstance(error, FileNotFoundError) and error.filename is None:  # that of the current folder
+                error = CmacexpError("the current folder is gone: change to another one")
             print(f"error: {in_one_line(str(error).strip() or type(error).__name__)}", file=sys.stderr)
             return BAD_INPUT if isinstance(error, CmacexpError) else FAILED
