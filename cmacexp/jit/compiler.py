@@ -33,15 +33,15 @@ class _Process:
 
     runs = 1.0
     """Number of runs that it makes."""
-    compiling = 0.0
-    """Seconds that it has compiled."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class _Workload:
     """What is going on: a run of so many steps, times legs."""
 
     leg_steps: float
+    compiling: float = 0.0
+    """Seconds that it has taken to compile for it."""
 
     @property
     def size(self) -> float:
@@ -150,16 +150,17 @@ def _announce() -> None:
 
 
 def read_longest_compiling() -> float | None:
-    """How long a process that had to compile did so at most, s; None if that is not known."""
+    """How long compiling took at most for one run, s; None if that is not known."""
     with contextlib.suppress(OSError, ValueError):
         return float(_seconds_file().read_text())
     return None
 
 
 def _note_seconds(seconds: float) -> None:
-    _Process.compiling += seconds
+    work = _workload.get()
+    work.compiling += seconds
     with contextlib.suppress(OSError):
-        _seconds_file().write_text(str(max(_Process.compiling, read_longest_compiling() or 0.0)))
+        _seconds_file().write_text(str(max(work.compiling, read_longest_compiling() or 0.0)))
 
 
 def _seconds_file() -> Path:
