@@ -162,8 +162,9 @@ def was_written(path: Path) -> bool:
 
 
 def keeps_trace(manifest: Manifest) -> bool:
-    """Whether a run stores more than its metrics."""
-    return manifest["config"].get("record", {}).get("trace") is not False
+    """Whether a run stores more than its metrics, as far as is known: one that failed can have any config."""
+    record = manifest["config"].get("record")
+    return not isinstance(record, dict) or record.get("trace") is not False
 
 
 def require_intact(path: Path) -> Path:
