@@ -16,6 +16,8 @@ from cmacexp.gap.signals import Signals, differentiate, low_pass
 from cmacexp.typing import Array
 
 LEAST_ROWS = 200
+LARGEST = 1e100
+"""No measurement, in whatever unit, is as large; squares of such numbers have no room in a float."""
 RATES = (20.0, 20_000.0)
 """Sampling rates of logs, Hz."""
 NORM_ERROR = 0.01
@@ -62,7 +64,7 @@ def check_log(log: Log, machine: Machine) -> None:
     )
     for quantity in ("time", "orientation", "angle", "command", "command_velocity", "torque", "feedforward"):
         values = getattr(log, quantity)
-        for place in () if values is None else map(tuple, np.argwhere(~np.isfinite(values)).tolist()):
+        for place in () if values is None else map(tuple, np.argwhere(~(np.abs(values) < LARGEST)).tolist()):
             name = quantity if quantity in ("time", "orientation") else log.column(quantity, place[1])
             raise refuse(log, f"column {name} is {values[place]} in row {place[0]}: fill or cut such rows")
     if log.orientation is not None:

@@ -56,6 +56,7 @@ def exchange(*keys):
 FAULTS = {
     "short": (choose(lambda rows: rows[:150]), "has 150 rows"),
     "nan": (put([700], lambda own: np.nan), "q_hip is nan in row 700"),
+    "huge": (put([700], lambda own: 1e300), r"q_hip is 1e\+300 in row 700"),
     "nan that is fed forward": (
         lambda log: replace(log, feedforward=np.where(log.time[:, None] == log.time[700], np.nan, log.feedforward)),
         "feedforward is nan in row 700",
