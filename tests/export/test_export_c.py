@@ -53,7 +53,7 @@ LAWS = {
 }
 LACKING = {
     "force_control.load_sharing=adaptive": STEPPING,
-    "plausibility.enabled=True": (),
+    "plausibility.enabled=true": (),
     "learning.guard=refine": (),
     "learning.lead=estimate": ("learning.guard=freeze", "cycles=11"),
     "sensors.velocity.lag=0.01": ("sensors=real",),
