@@ -17,6 +17,7 @@ def tables(quick: bool) -> list[Table]:
         def start(*arguments: str) -> None:
             python(*arguments, folder=folder)
 
+        start("-m", "cmacexp.warm", "one_leg")
         workers = {"floor": stopwatch(lambda: start(*FLOOR))}
         for scenario in targets:
             command = ["-m", "cmacexp", f"scenario={scenario}", f"hydra.run.dir={folder}/{scenario}"]

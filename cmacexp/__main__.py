@@ -9,8 +9,6 @@ from contextlib import suppress
 from importlib import import_module
 from typing import cast
 
-from cmacexp.errors import CmacexpError
-
 COMMANDS = {
     "run": "simulates a scenario: cmacexp run scenario=one_leg cycles=3",
     "sweep": "simulates variants: cmacexp sweep cmac.layers=8,16,32",
@@ -70,7 +68,7 @@ def run_words() -> int:
     if {"-m", "--multirun"} & set(sys.argv):
         from cmacexp.engine.pool import make_context
 
-        with suppress(CmacexpError):  # which the sweep raises again
+        with suppress(OSError):  # which the sweep raises again
             make_context()  # what workers need is imported while this process imports what it needs
     from cmacexp.commands.main import main as run
 

@@ -103,7 +103,11 @@ class _Task:
         """The error that says what is wrong with the command line, if that is the cause of ``error``."""
         if isinstance(error, COMPOSITION_ERRORS) or not (self.called or isinstance(error, CmacexpError | OSError)):
             return CmacexpError(explain_composition(error, sys.argv[1:]))
-        if isinstance(error, OSError) and not self.called and not str(error.filename or ".yaml").endswith(".yaml"):
+        if (
+            isinstance(error, OSError)
+            and error.filename  # else it is the current folder that is gone
+            and not (self.called or str(error.filename).endswith(".yaml"))
+        ):
             return BadInput(
                 "hydra.run.dir", error.filename, f"cannot be made: {error.strerror}; choose another folder"
             )

@@ -39,7 +39,8 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
         return f"{typed}: cannot be read ({reason}); write key=value; a text with special characters: {quoted}"
     if several := re.match(r"Ambiguous value for argument '(.*?)' ", text):
         return f"{several[1]}: several values need -m: python -m cmacexp -m {several[1]}; a list needs brackets"
-    if isinstance(error, OSError) or "--" in text:  # a folder that is gone, two options of which one may be given
+    # A folder that is gone, or two options of which one may be given.
+    if isinstance(error, OSError) or text.startswith("Only one of --"):
         return text
     if not isinstance(error, COMPOSITION_ERRORS):
         return f"a group takes the name of an option (cmac=one_leg), a field takes a value (cmac.layers=8): {text}"

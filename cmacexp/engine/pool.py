@@ -17,7 +17,7 @@ from threading import Thread, current_thread, main_thread
 from types import ModuleType
 from typing import Any
 
-from cmacexp.errors import CmacexpError, require
+from cmacexp.errors import require
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
@@ -83,15 +83,16 @@ def group_runs(runs: Sequence[Sequence[str]], most: int) -> list[list[int]]:
 
 
 def make_context() -> Any:
-    """What starts processes, as copies of a first one, which is started now; raises CmacexpError."""
+    """What starts processes, as copies of a first one, which is started now.
+
+    Raises FileNotFoundError if the current folder is gone.
+    """
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([PRELOADED])
     says = current_thread() is main_thread()  # which alone may say what a signal does
     before = signal.signal(signal.SIGINT, signal.SIG_IGN) if says else None  # all inherit it: Ctrl-C reaches them too
     try:
         forkserver.ensure_running()
-    except FileNotFoundError as error:
-        raise CmacexpError("the current folder is gone: change to another one") from error
     finally:
         if before is not None:
             signal.signal(signal.SIGINT, before)

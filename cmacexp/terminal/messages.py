@@ -118,11 +118,11 @@ def print_scores(scores: Scores, folder: Path) -> None:
 
 def select_traced(folders: Iterable[Path]) -> list[Path]:
     """The runs that stored a trace; a line says how many are left out. All, if none did: each tells why."""
-    runs = list(folders)
-    traced = [run for run in runs if was_written(run / TRACE_FILE)]
-    if others := [run for run in runs if traced and run not in traced]:
+    has_trace = {run: was_written(run / TRACE_FILE) for run in folders}
+    others = [run for run, has in has_trace.items() if not has]
+    if 0 < len(others) < len(has_trace):
         print_line(f"left out: runs without a trace ({len(others)}, e.g. {others[0]})", error=True)
-    return traced or runs
+    return [run for run, has in has_trace.items() if has] or others
 
 
 NEXT = {"report": "report", "replay": "replay"}
