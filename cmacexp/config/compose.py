@@ -2,11 +2,11 @@
 
 import pickle
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from copy import copy
 from dataclasses import is_dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from threading import RLock
 from typing import Any
@@ -77,13 +77,29 @@ def _compose(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
     return config, choices
 
 
-def _is_option(override: str) -> bool:
-    """Whether an override chooses the option of a group; a dictionary sets values of the option that is chosen."""
-    key, _, value = override.partition("=")
-    return key in ("scenario", *list_groups()) and not value.lstrip().startswith("{")
+def _is_group(key: str) -> bool:
+    return key in ("scenario", *list_groups())
 
 
-@cache
+def split_overrides(
+    overrides: Sequence[str], is_group: Callable[[str], Any] = _is_group
+) -> tuple[tuple[str, ...], list[str]]:
+    """What Hydra has to compose, and what sets values in that afterwards, each in the order in which it is typed.
+
+    Hydra too chooses the options of groups before it sets values, whatever their order. A dictionary sets values of
+    the option that is chosen. Hydra composes all if an override removes a key or names a package.
+    """
+    options, values = list[str](), list[str]()
+    for text in overrides:
+        key, _, value = text.partition("=")
+        if key.startswith("~") or "@" in key:
+            return tuple(overrides), []
+        is_option = is_group(key.lstrip("+")) and not value.lstrip().startswith("{")
+        (options if is_option else values).append(text)
+    return tuple(options), values
+
+
+@lru_cache(1 << 10)
 def _pickle_options(options: tuple[str, ...]) -> bytes:
     """What :func:`_compose` gives for options alone: Hydra takes longer to read some 30 files than most runs take.
 
@@ -96,14 +112,14 @@ def _compose_cached(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str
     """The same from a cached result: Hydra, too, chooses options before it sets values, whatever their order."""
     from hydra.core.override_parser.types import OverrideType
 
-    options = tuple(filter(_is_option, overrides))
+    options, values = split_overrides(overrides)
     config, choices = pickle.loads(_pickle_options(options))
-    for text in (text for text in overrides if text not in options):
+    for text in values:
         override = parse_override(text)
         known = OmegaConf.select(config, override.key_or_group, default=_MISSING, throw_on_resolution_failure=False)
         kinds = (OverrideType.ADD if known is _MISSING else OverrideType.CHANGE, OverrideType.FORCE_ADD)
-        if override.type not in kinds or override.package or override.is_sweep_override():
-            return _compose(overrides)  # it removes a key, or is a mistake
+        if override.type not in kinds or override.is_sweep_override():
+            return _compose(overrides)  # which says what is wrong
         set_values(config, [text])
     return config, choices
 
@@ -115,10 +131,9 @@ def compose_config(overrides: Sequence[str], config_dir: str | Path | None = Non
     may change one that ``is_shared``: it is in part that of other overrides. Raises CmacexpError with the message of
     the command line.
     """
-    values = [text for text in overrides if not _is_option(text)]
+    options, values = split_overrides(overrides)
     others = max((place for place, text in enumerate(values, 1) if not _NUMBER.fullmatch(text)), default=0)
-    first = *filter(_is_option, overrides), *values[:others]
-    known = _compose_first(first) if config_dir is None else None
+    known = _compose_first((*options, *values[:others])) if config_dir is None else None
     if known is None or (config := set_numbers(known[0], values[others:], known[1])) is None:
         return to_config(compose_untyped(overrides, config_dir)[0])
     if not isinstance(config, Config):
@@ -172,7 +187,7 @@ def _compose_first(overrides: tuple[str, ...]) -> tuple[Config | bytes, frozense
     It is plain if they name a class, which a user may define again. With it :func:`find_referred`. None if they or
     their options give no config, or that is None.
     """
-    options = tuple(filter(_is_option, overrides))
+    options, _ = split_overrides(overrides)
     if options != overrides and _compose_first(options) is None:
         return None
     try:

@@ -4,14 +4,13 @@ At its end its table, one row per job, is written and printed.
 """
 
 import pickle
-import re
 import shutil
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from enum import Enum
 from functools import cache
-from itertools import accumulate, chain, compress
+from itertools import accumulate, chain
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from hydra.types import HydraContext
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
+from cmacexp.config.compose import split_overrides
 from cmacexp.config.explain import COMPOSITION_ERRORS
 from cmacexp.config.hydra_private import BASIC, GRID, expand_grid
 from cmacexp.config.robot_rule import read_machine
@@ -144,20 +144,13 @@ class Sweep:
         return place
 
     def _pack(self, overrides: Sequence[str]) -> tuple[tuple[bytes, bool], list[str]]:
-        """What Hydra composes for a job, and the overrides that set values in it.
+        """What Hydra composes for a job, and the overrides that set its values in it.
 
-        Jobs that differ in such values alone, which can be thousands, are composed once: whether that is possible
-        depends on their keys and on the options that they choose. See ``benchmarks/sweep.py``. Values of a group in
-        which anything else is set are composed with it, in the order in which they are typed.
+        Jobs that differ in such values alone, which can be thousands, are composed once, see ``benchmarks/sweep.py``;
+        but for each value that is a dictionary, refers to another or may be new, since Hydra may refuse it.
         """
-        others = {_find_group(text) for text in overrides if text[0] in "+~" or "@" in text or "{" in text}
-        keys = [text.partition("=")[0] for text in overrides]
-        is_value = [
-            not (_find_group(text) in others or self.list_options(key))
-            for text, key in zip(overrides, keys, strict=True)
-        ]
-        values = [*compress(overrides, is_value)]
-        kind = tuple(key if own else text for text, key, own in zip(overrides, keys, is_value, strict=True))
+        options, values = split_overrides(overrides, self.list_options)
+        kind = *options, *(text if text[0] == "+" or "{" in text else text.partition("=")[0] for text in values)
         if kind not in self.templates:
             composed = self.context.config_loader.load_sweep_config(self.config, list(overrides))
             if is_robot := composed.machine.get("kind") == "robot":
@@ -286,11 +279,6 @@ def _run_jobs(packed: bytes, root: Path, items: Sequence[JobItem], jobs: int) ->
     from cmacexp.engine.job import run_jobs  # here, because the process of the sweep needs nothing of that
 
     return run_jobs(packed, root, items, jobs)
-
-
-def _find_group(override: str) -> str:
-    """The group that an override sets something in, or its key, without what stands before it."""
-    return re.split(r"[.@=]", override.lstrip("+~"))[0]
 
 
 def _check_options(config: DictConfig) -> None:
