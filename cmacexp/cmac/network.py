@@ -4,7 +4,7 @@ import copy
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -25,6 +25,7 @@ from cmacexp.cmac.rules import PAPER, train_batch
 from cmacexp.cmac.single import NOT_FINITE, Single
 from cmacexp.config.cmac import MOST_POSITIONS, PHASE, WORD_BYTES, CmacConfig, check_size
 from cmacexp.config.fields import read_fields
+from cmacexp.data.manifest_fields import MemoryUse as MemoryUse
 from cmacexp.errors import BadInput, require
 from cmacexp.models.mix import MASK
 from cmacexp.typing import Array, Cells, Counts
@@ -268,21 +269,6 @@ def _require_ranges(ranges: InputRange) -> None:
         or not (low.size and np.isfinite([low, high]).all() and (low < high).all())
     ):
         raise ValueError(f"ranges from {low} to {high}: must be two arrays (n,), the first below the second")
-
-
-class MemoryUse(NamedTuple):
-    """Use of memory by the inputs of a path."""
-
-    rows: int
-    """Rows of memory."""
-    rows_used: int
-    """Rows that the path reads and trains."""
-    cells_visited: int | None
-    """Cells of the CMAC before hashing, over all layers; None if their positions do not fit into 64 bits."""
-    cells_colliding: int | None
-    """Visited cells that share their row with another one."""
-    clipped: int
-    """Inputs of the path outside their range."""
 
 
 def find_visited(cmac: Cmac, inputs: Array) -> Counts | None:

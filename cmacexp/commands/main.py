@@ -158,6 +158,6 @@ def _run(composed: DictConfig, hydra: Any) -> str:
     if result.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
     if result.status == Status.FAILED:
-        print(result.manifest.get("traceback", ""), file=sys.stderr, end="")
+        print(result.manifest["traceback"], file=sys.stderr, end="")
         print_line(f"error: {result.manifest['cause']}", error=True)
     return result.status

@@ -52,8 +52,8 @@ def is_finished(folder: Path, config: Config) -> bool:
     except BadRun:
         return False
     plain, kept = to_plain(config), manifest["config"].get("record", {})
-    same = manifest.get("config_hash") == config_hash(plain)
-    same = same and all(manifest.get(name) == value for name, value in compute_hashes(config).items())
+    same = manifest["config_hash"] == config_hash(plain)
+    same = same and all(manifest[name] == value for name, value in compute_hashes(config).items())
     as_thin = all(kept.get(key) == plain["record"][key] for key in ("every_nth_step", "cycles"))
     has_trace = (TRACE_FILE in manifest["files"] and as_thin) or not config.record.trace
     has_weights = WEIGHTS in manifest["files"] or not config.record.weights

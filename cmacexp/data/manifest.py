@@ -19,9 +19,9 @@ from cmacexp.config import config_hash
 from cmacexp.data.files import file_signature, open_file, sha256, write_atomically
 from cmacexp.data.manifest_fields import REPORT as REPORT
 from cmacexp.data.manifest_fields import SWEEP as SWEEP
-from cmacexp.data.manifest_fields import find_wrong
+from cmacexp.data.manifest_fields import RunManifest, complete
 from cmacexp.data.version import __version__
-from cmacexp.errors import BadRun, require
+from cmacexp.errors import BadInput, BadRun, require
 from cmacexp.models.robot_file import DISTRIBUTION
 
 MANIFEST = "manifest.json"
@@ -30,6 +30,7 @@ PACKAGES = ("numpy", "numba", "scipy", "pyarrow", "pandas", "hydra-core", "rerun
 """On whose versions results can depend, those of robots included."""
 
 Manifest = dict[str, Any]
+"""Entries by name, those of :class:`cmacexp.data.manifest_fields.RunManifest`, perhaps of a sweep or a report."""
 
 
 @cache
@@ -58,9 +59,9 @@ def git_commit() -> str | None:
 
 
 def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: Any) -> Manifest:
-    """The manifest of a run of a plain ``config``; the defaults are those of a run that took no step."""
+    """The manifest of a run of a plain ``config``; without ``entries`` that of one that took no step."""
     config = json.loads(json.dumps(config))  # keys become text, as they will be read: the hash must be the same
-    return {
+    given: Manifest = {
         "status": str(status),
         "cause": cause,
         "seed": config.get("seed"),
@@ -75,8 +76,8 @@ def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: An
         "dropped": [],
         "memory": [],
         "drift": None,
-        **entries,
     }
+    return vars(RunManifest(**given | entries))
 
 
 def write(folder: Path, manifest: Manifest, durable: bool = True) -> None:
@@ -114,7 +115,7 @@ def read_file(path: Path) -> Manifest:
 
 @lru_cache(2048)  # whoever looks for runs, or reads a table of one, reads its manifest too
 def _read_checked(path: Path, signature: tuple[int, ...]) -> str:
-    """The text of a manifest, whose file has this signature."""
+    """A manifest as text, with all its entries, whose file has this signature."""
     with open_file(path) as file:
         BadRun.unless(
             os.fstat(file.fileno()).st_size <= MAX_BYTES,
@@ -124,9 +125,10 @@ def _read_checked(path: Path, signature: tuple[int, ...]) -> str:
     manifest = json.loads(text)
     if "\\ud" in text.lower():  # half of a character, which no file and no terminal takes
         json.dumps(manifest, ensure_ascii=False).encode()
-    wrong = find_wrong(manifest)
-    BadRun.unless(wrong is None, f"{path}: not the manifest of a run: {wrong}; run it again")
-    return text
+    try:
+        return json.dumps(complete(manifest))
+    except BadInput as error:
+        raise BadRun(f"{path}: not the manifest of a run: {error}; run it again") from None
 
 
 @lru_cache(4096)

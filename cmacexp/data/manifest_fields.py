@@ -1,166 +1,232 @@
-"""What a manifest holds: the shape of every entry, and of the parts of a config that are read without simulating.
+"""What a manifest holds: its entries, declared as the fields of a config are, and what readers use of its config."""
 
-A shape is a type, a range of whole numbers, a :class:`Number`, a pattern of a text, a list of which each item has the
-one shape, a tuple of the shapes of its items, or entries by name: ``name?`` may be missing, ``*`` stands for every
-other name.
-"""
-
-import re
-import sys
-from collections.abc import Iterable
-from dataclasses import dataclass
-from itertools import cycle
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from pathlib import PurePosixPath
 from typing import Any
 
-from cmacexp.config import config_hash
-from cmacexp.config.component import COMPONENTS
-from cmacexp.config.machine import LEG_KEYS
+from cmacexp.config import config_hash, to_plain
+from cmacexp.config.component import COMPONENTS, ComponentConfig
+from cmacexp.config.fields import choice, number, read_field, read_fields
+from cmacexp.config.machine import LEG_KEYS, MACHINES
+from cmacexp.config.schema import Config
+from cmacexp.errors import require, require_name
 from cmacexp.models.chain import CHAIN_FIELDS
 from cmacexp.typing import ENDS, RESULTS
 
 REPORT, SWEEP = "report", "sweep"
 """Kinds of manifests that name a report and its runs, or a sweep and how it ended; a run has no kind."""
 MAX_STEPS_PER_CYCLE = 1 << 32
+MOST = 2**63 - 1
+READ = (
+    "scenario",
+    "sampling_period",
+    "cycles",
+    "gait.cycle_time",
+    "terrain.stiffness",
+    "terrain.slope_start",
+    "learning.start_cycle",
+    "record.every_nth_step",
+    "record.cycles",
+    *(f"{group}._target_" for group in COMPONENTS),
+)
+"""Fields of a config that are read without simulating; those of its machine are, too."""
 
 
-@dataclass(frozen=True)
-class Number:
-    """The shape of a number that is not infinite: NaN too, unless it must be at least ``low``."""
+@dataclass(kw_only=True)
+class Drift:
+    """A drift, as known when it was reported."""
 
-    low: float | None = None
-
-
-NUMBER = Number()
-POSITIVE = Number(sys.float_info.min)
-WHOLE = range(2**63)
-COUNT = range(1, 2**63)
-HASH = re.compile("[0-9a-f]{64}")
-RUN_FIELDS = {
-    "status": re.compile("|".join(ENDS)),
-    "config": dict,
-    "files": {"*": HASH},
-    "versions": {"*": str},
-    "cause": str | None,
-    "seed": object,
-    "config_hash": HASH,
-    "git_commit": str | None,
-    "steps": WHOLE,
-    "rollout_seconds": NUMBER,
-    "processor_seconds?": NUMBER,
-    "wall_seconds": NUMBER,
-    "dropped": [{"leg": WHOLE, "step": WHOLE}],
-    "memory": [
-        {
-            "rows": COUNT,
-            "rows_used": WHOLE,
-            "cells_visited": int | None,
-            "cells_colliding": int | None,
-            "clipped": WHOLE,
-        }
-    ],
-    "drift": dict | None,
-    "overrides?": [str],
-    "code_hash?": str,
-    "custom_code?": str | None,
-    "start_weights?": str | None,
-    "learning_lead?": NUMBER,
-    "guard?": [{"cycle": COUNT, "step": WHOLE, "cause": str, "restored": WHOLE}],
-    "learning_rate?": NUMBER,
-    "lead_estimates?": [{"cycle": COUNT, "lead": WHOLE}],
-    "carried?": [
-        {
-            "cycle": COUNT,
-            "measured_weight?": NUMBER,
-            **dict.fromkeys(("weight", "x", "y", "slope_x", "slope_y"), NUMBER),
-        }
-    ],
-    "robot?": {
-        "chains": len(LEG_KEYS) * (CHAIN_FIELDS * (NUMBER,),),
-        "hips": len(LEG_KEYS) * (2 * (NUMBER,),),
-        "foot_radius": NUMBER,
-    },
-    "model_hash?": str | None,
-    "traceback?": str,
-    "bad_input?": bool,
-}
-"""Of a run. ``robot``: geometry of the legs, chains as in :mod:`cmacexp.models.chain`, hips in the body
-frame (forward and left, m), radius of the feet (m)."""
-SWEEP_FIELDS = {
-    "status": str,
-    "config": {"record?": {"trace?": bool}},
-    "files": {"*": HASH},
-}
-"""Of a sweep."""
-DRIFT = {"cycle": WHOLE, "leg": WHOLE, "named": WHOLE, "growth": float}
-LEG = {"length_1?": NUMBER, "length_2?": NUMBER, "hip_x?": NUMBER, "hip_y?": NUMBER}
-CONFIG = {
-    "scenario": str,
-    "sampling_period": POSITIVE,
-    "cycles": COUNT,
-    "gait": {"cycle_time": POSITIVE},
-    "machine": {"kind": str, "hip_height": NUMBER, "leg?": LEG, "legs?": dict.fromkeys(LEG_KEYS, LEG)},
-    "terrain": {"stiffness": POSITIVE, "slope?": NUMBER, "slope_start": NUMBER},
-    "learning": {"start_cycle": COUNT},
-    "cmac": dict,
-    "record": {"trace?": bool, "every_nth_step": COUNT, "cycles": list | None},
-    **{group: {"_target_": str} for group in COMPONENTS},
-}
-"""Of the config of a run that took steps or has files: what readers use of it."""
+    cycle: int = number("", at_least=0, at_most=MOST)
+    """In which the trend started: the middle of the window in which the feedback was lowest."""
+    leg: int = number("", at_least=0, at_most=MOST)
+    """The first leg that drifts."""
+    named: int = number("", at_least=0, at_most=MOST)
+    """Cycle in which the drift was detected."""
+    growth: float
+    """Factor by which the feedback of that leg grows per cycle, at the time of the report; NaN: not known."""
 
 
-def _fits(value: Any, shape: Any) -> bool:
-    """Whether a value that has neither entries nor items has its shape."""
-    match shape:
-        case range():
-            return type(value) is int and value in shape
-        case Number():
-            is_number = type(value) in (int, float) and not abs(value) > sys.float_info.max
-            return is_number and (shape.low is None or value >= shape.low)
-        case re.Pattern():
-            return isinstance(value, str) and shape.fullmatch(value) is not None
-    return isinstance(value, shape)
+@dataclass(kw_only=True)
+class GuardEvent:
+    """What the guard of learning did, and why."""
+
+    cycle: int = number("", at_least=1, at_most=MOST)
+    """In which it acted, from 1."""
+    step: int = number("", at_least=0, at_most=MOST)
+    cause: str
+    restored: int = number("", at_least=0, at_most=MOST)
+    """Cycle whose torque acts since then; 0: feedback is alone."""
 
 
-def validate_value(value: Any, shape: Any, name: str) -> str | None:
-    """Which value, as read from JSON, does not have its shape, by its name; None: all have."""
-    inner: Iterable[tuple[Any, Any, str]]
-    if isinstance(shape, dict):
-        if not isinstance(value, dict):
-            return f"{name} must be an object"
-        if missing := {key for key in shape if key[-1] not in "?*"} - value.keys():
-            return f"{name} has no {', '.join(sorted(missing))}"
-        shapes = {key: shape.get(key, shape.get(f"{key}?", shape.get("*", object))) for key in value}
-        inner = ((each, shapes[key], f"{name}.{key[:40]}") for key, each in value.items())
-    elif isinstance(shape, list | tuple):
-        if not isinstance(value, list) or (isinstance(shape, tuple) and len(value) != len(shape)):
-            return f"{name} must be a list" + (f" of {len(shape)}" if isinstance(shape, tuple) else "")
-        items = enumerate(zip(value, cycle(shape), strict=False))
-        inner = ((each, own, f"{name}[{index}]") for index, (each, own) in items)
-    else:
-        return None if _fits(value, shape) else f"{name} cannot be {ascii(value)[:40]}"
-    return next(filter(None, (validate_value(*each) for each in inner)), None)
+@dataclass
+class LeadEstimate:
+    """What a probe of the delay of the feedback gave."""
+
+    cycle: int = number("", at_least=1, at_most=MOST)
+    """Before which it ended, from 1."""
+    lead: int = number("samples", at_least=0, at_most=MOST)
+    """Where the response was not clear that of ``auto``, or after a retreat one more than before."""
 
 
-def find_wrong(manifest: Any) -> str | None:
-    """What is wrong with the content of a manifest, as read from its file; None: nothing."""
-    kind = manifest.get("kind") if isinstance(manifest, dict) else None
+@dataclass
+class MemoryUse:
+    """Use of memory by the inputs of a path."""
+
+    rows: int = number("", at_least=1, at_most=MOST)
+    """Rows of memory."""
+    rows_used: int = number("", at_least=0, at_most=MOST)
+    """Rows that the path reads and trains."""
+    cells_visited: int | None = number("", at_least=0, at_most=MOST)
+    """Cells of the CMAC before hashing, over all layers; None if their positions do not fit into 64 bits."""
+    cells_colliding: int | None = number("", at_least=0, at_most=MOST)
+    """Visited cells that share their row with another one."""
+    clipped: int = number("", at_least=0, at_most=MOST)
+    """Inputs of the path outside their range."""
+
+
+@dataclass
+class DroppedSensor:
+    """A force sensor that the controller ignores for good since a step."""
+
+    leg: int = number("", at_least=0, at_most=MOST)
+    step: int = number("", at_least=0, at_most=MOST)
+
+
+@dataclass(kw_only=True)
+class CarriedLoad:
+    """What the plan used from the end of a cycle on, see :class:`cmacexp.planning.plan.LoadEstimate`."""
+
+    cycle: int = number("", at_least=1, at_most=MOST)
+    weight: float
+    x: float
+    y: float
+    slope_x: float
+    slope_y: float
+    measured_weight: float | None = None
+    """Weight that the feet carried in that cycle, of which the plan takes a part, N."""
+
+
+@dataclass
+class RobotGeometry:
+    """Geometry of the legs of a robot, for views of its trace; raises BadInput unless there are four."""
+
+    chains: list[list[float]] = number("m")
+    """As in :mod:`cmacexp.models.chain`."""
+    hips: list[list[float]] = number("m")
+    """In the body frame, forward and left."""
+    foot_radius: float = number("m")
+
+    def __post_init__(self) -> None:
+        for name, rows, size in (("chains", self.chains, CHAIN_FIELDS), ("hips", self.hips, 2)):
+            fits = [len(row) for row in rows] == [size] * len(LEG_KEYS)
+            require(fits, f"robot.{name}", rows, f"must have {size} numbers for each of {len(LEG_KEYS)} legs")
+
+
+@dataclass
+class SweepManifest:
+    """How a sweep ended."""
+
+    status: str
+    config: dict[str, Any]
+    """Only whether its jobs keep traces, ``record.trace``; empty if they do."""
+    files: dict[str, str]
+    """SHA-256 of the tables of jobs that have no folders, by name."""
+
+
+@dataclass(kw_only=True)
+class RunManifest:
+    """What a run says of itself; entries with a default were not in those of all earlier versions."""
+
+    status: str = choice(*ENDS)
+    cause: str | None
+    """Why it did not complete; empty if it did."""
+    seed: Any
+    config: dict[str, Any]
+    """As plain dictionaries; whatever could be composed, if it took no step."""
+    config_hash: str
+    """Of what changes the results, see :func:`cmacexp.config.config_hash`."""
+    versions: dict[str, str]
+    """Of this package, Python, and all that results can depend on."""
+    git_commit: str | None
+    """Of the checkout that ran it; None outside one."""
+    steps: int = number("", at_least=0, at_most=MOST)
+    """That it took."""
+    rollout_seconds: float
+    """Of the closed loop alone, without compiling."""
+    wall_seconds: float
+    files: dict[str, str]
+    """SHA-256 of the files that it wrote, by name."""
+    dropped: list[DroppedSensor]
+    memory: list[MemoryUse]
+    """Of each leg; empty if nothing learns."""
+    drift: Drift | None
+    """The first drift, with the growth in the last cycle."""
+    processor_seconds: float | None = None
+    """Of the closed loop, of all cores."""
+    guard: list[GuardEvent] = field(default_factory=list)
+    lead_estimates: list[LeadEstimate] = field(default_factory=list)
+    learning_lead: float | None = None
+    """Samples, what ``learning.lead`` gave."""
+    learning_rate: float | None = None
+    """What ``learning.rate`` gave."""
+    carried: list[CarriedLoad] = field(default_factory=list)
+    code_hash: str | None = None
+    """Of this package's code on which results depend."""
+    custom_code: str | None = None
+    """The same of components of the user's own; None if there are none."""
+    start_weights: str | None = None
+    """SHA-256 of the weights that it started from."""
+    model_hash: str | None = None
+    """Of the model of a robot."""
+    robot: RobotGeometry | None = None
+    plant: Any = None
+    """What the plant said of the run, see :class:`cmacexp.plants.protocol.Plant`."""
+    overrides: list[str] | None = None
+    """From which its config was composed; None if it came whole."""
+    traceback: str = ""
+    """Of an error that is no mistake of the input."""
+    bad_input: bool | None = None
+    """Whether the input is why the config gave no run; None: it gave one."""
+
+
+def complete(plain: Any) -> dict[str, Any]:
+    """A manifest, as read from its file, with all entries of :class:`RunManifest`, and those of later versions.
+
+    That of a sweep has the entries of :class:`SweepManifest` at least. Raises BadInput if an entry is missing or not
+    what it must be.
+    """
+    require(isinstance(plain, dict), "manifest", plain, "must be an object")
+    kind = plain.get("kind")
     if kind == REPORT:
-        return None  # for people: nothing else of it is read
-    if wrong := validate_value(manifest, SWEEP_FIELDS if kind == SWEEP else RUN_FIELDS, "manifest"):
-        return wrong
-    for name in manifest["files"]:
-        if not name or PurePosixPath(name).name != name or "\0" in name:
-            return f"files must be names of files in its folder, not {name[:40]!r}"
-    config = manifest["config"]
-    if kind == SWEEP:
-        return None
-    if manifest["config_hash"] != config_hash(config):
-        return "its config is not the one of its config_hash"
-    if not (manifest["files"] or manifest["steps"]) and manifest["status"] not in RESULTS:
-        return None  # of a job that failed the config can be anything
-    if wrong := validate_value(config, CONFIG, "config"):
-        return wrong
-    if not 0.5 < config["gait"]["cycle_time"] / config["sampling_period"] < MAX_STEPS_PER_CYCLE:
-        return f"config.gait.cycle_time must have from 1 to {MAX_STEPS_PER_CYCLE} steps of config.sampling_period"
-    return None if manifest["drift"] is None else validate_value(manifest["drift"], DRIFT, "manifest.drift")
+        return dict(plain)  # for people: nothing else of it is read
+    schema = SweepManifest if kind == SWEEP else RunManifest
+    names = [each.name for each in fields(schema)]
+    manifest: Any = read_fields(schema, {name: plain[name] for name in names if name in plain})
+    for name in manifest.files:
+        is_inside = name and PurePosixPath(name).name == name and "\0" not in name
+        require(is_inside, "files", name, "must be names of files in its folder")
+    if isinstance(manifest, RunManifest):
+        is_own = manifest.config_hash == config_hash(manifest.config)
+        require(is_own, "config", "(changed)", "is not the one of its config_hash")
+        if manifest.files or manifest.steps or manifest.status in RESULTS:  # else its config can be anything
+            _check_config(manifest.config)
+    return {**plain, **to_plain(manifest)}
+
+
+def _check_config(config: Mapping[str, Any]) -> None:
+    """Check what readers use of a config by the fields that it has in this version; raises BadInput."""
+    machine: Any = config.get("machine")
+    kind: Any = machine.get("kind") if isinstance(machine, dict) else machine
+    require_name("config.machine.kind", kind, tuple(MACHINES))
+    schemas = {each.name: each.type for each in fields(Config)} | dict.fromkeys(COMPONENTS, ComponentConfig)
+    schemas |= {"": Config, "machine": MACHINES[kind]}
+    geometry = [f"machine.{each.name}" for each in fields(MACHINES[kind]) if each.name in machine]
+    for key in (*READ, "machine.hip_height", *geometry):
+        group, _, name = key.rpartition(".")
+        node: Any = config.get(group) if group else config
+        require(isinstance(node, dict) and name in node, f"config.{key}", "(not set)", "must have a value")
+        read_field(schemas[group], name, node[name], f"config.{key}")
+    steps = config["gait"]["cycle_time"] / config["sampling_period"]
+    allowed = f"must have from 1 to {MAX_STEPS_PER_CYCLE} steps of config.sampling_period"
+    require(0.5 < steps < MAX_STEPS_PER_CYCLE, "config.gait.cycle_time", config["gait"]["cycle_time"], allowed)

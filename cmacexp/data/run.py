@@ -112,7 +112,7 @@ class Run:
     @property
     def ending(self) -> str:
         """Status and cause in one line."""
-        return f"{self.status} {self.manifest.get('cause') or ''}".rstrip()
+        return f"{self.status} {self.manifest['cause'] or ''}".rstrip()
 
     @property
     def steps_per_cycle(self) -> int:
@@ -213,7 +213,7 @@ class Run:
         except (BadRun, OSError, ValueError) as error:
             status = Status.NOT_INTACT if os.path.lexists(self.folder / manifests.MANIFEST) else Status.UNFINISHED
             return Outcome(status, str(error).splitlines()[0].removeprefix(f"{self.folder}: ")), {}, 1
-        return Outcome(self.status, manifest.get("cause") or ""), pooled, legs
+        return Outcome(self.status, manifest["cause"] or ""), pooled, legs
 
     @property
     def outcome(self) -> Outcome:

@@ -241,9 +241,9 @@ def _tabulate(root: Path, runs: Mapping[int, Run], overrides: Mapping[int, list[
                 "folder": run.folder.relative_to(root).as_posix(),
                 "overrides": " ".join(select_run_overrides(overrides[number])),
                 **shown,
-                **{name: str(run.manifest.get(name)) for name in HASHES},
+                **{name: str(run.manifest[name]) for name in HASHES},
                 "result": describe_result(run),
-                "bad_input": run.manifest.get("bad_input", False),
+                "bad_input": bool(run.manifest["bad_input"]),
                 FINGERPRINT: find_fingerprint(run.folder) if run.is_checked else "",
                 "manifest": json.dumps(run.manifest),
             }
@@ -259,7 +259,7 @@ def _describe_end(item: JobItem, run: Run | None, is_new: bool) -> tuple[str, bo
     if run is None or not is_new:
         return f"{name}: finished before, not run again", False
     if run.status == Status.FAILED:
-        name = f"#{item.number}" if "bad_input" in run.manifest else name
+        name = f"#{item.number}" if run.manifest["bad_input"] is not None else name
         return f"error: {name}: {run.manifest['cause']}", True
     notes = format_outcome(run), describe_drift(run), describe_idle(run)
     return f"{name}: {'; '.join(filter(None, notes))}", False

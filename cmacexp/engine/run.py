@@ -20,6 +20,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.files import sha256, write_atomically
 from cmacexp.data.folder import RUN_KEY, ResultWriter, new_result
 from cmacexp.data.integrity import compute_hashes
+from cmacexp.data.manifest_fields import Drift
 from cmacexp.data.run import Run
 from cmacexp.data.signals import (
     BODY_SIGNALS,
@@ -49,7 +50,7 @@ from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
 from cmacexp.loop import End, Samples, stream
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.trace import Sampled, assemble, assemble_body
-from cmacexp.metrics.drift import Drift, make_drift_entry
+from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.score import RunScorer
 from cmacexp.models.mechanism import PLANE, has_body
 from cmacexp.sensors.protocol import find_altered
@@ -223,13 +224,13 @@ def describe_run(scenario: Scenario, end: End) -> manifests.Manifest:
     memory = feedforward.memory if isinstance(feedforward, BuiltInFeedforward) else ()
     entries: dict[str, Any] = {
         "steps": end.steps,
-        "guard": [event._asdict() for event in end.events],
+        "guard": [vars(event) for event in end.events],
         "dropped": [{"leg": leg, "step": step} for leg, step in dropped.items()],
-        "memory": [use._asdict() for use in memory],
+        "memory": [vars(use) for use in memory],
         **compute_hashes(config, *(getattr(scenario, group) for group in COMPONENTS)),
         "learning_lead": end.estimates[-1].lead if end.estimates else scenario.setup.lead,
         "learning_rate": end.rate,
-        "lead_estimates": [estimate._asdict() for estimate in end.estimates],
+        "lead_estimates": [vars(estimate) for estimate in end.estimates],
         "carried": [
             {"cycle": cycle, "measured_weight": weight, **load._asdict()} for cycle, load, weight in end.load_history
         ],

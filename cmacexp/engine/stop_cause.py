@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cmacexp.data.manifest_fields import Drift
 from cmacexp.data.trace import Trace, concat_traces
 from cmacexp.loop.run import End
 from cmacexp.loop.scenario import Scenario
-from cmacexp.metrics.drift import Drift
 from cmacexp.plants.protocol import is_live
 from cmacexp.typing import Status
 

@@ -26,6 +26,7 @@ import pyarrow.parquet as pq
 
 from cmacexp.data.files import open_file, sha256, write_atomically
 from cmacexp.data.manifest import JOBS_FOLDER, MANIFEST, RUNS_FILE, Manifest, is_run, runs_below, walk
+from cmacexp.data.manifest_fields import complete
 from cmacexp.data.run import Outcome, Run, sort_folders
 from cmacexp.data.tables import (
     BODY_METRICS_FILE,
@@ -237,7 +238,7 @@ class JobRun(Run):
     @cached_property
     def manifest(self) -> Manifest:
         """As of a run in a folder; the hashes of its files are those of its metrics if it has none."""
-        return dict(json.loads(self.read("manifest")))
+        return complete(json.loads(self.read("manifest")))
 
     @property
     def outcome(self) -> Outcome:
@@ -356,6 +357,6 @@ def load_sweep(folder: str | Path) -> "pd.DataFrame":
     stored = find_runs(root)
     metrics, index = concat_metrics([read_metrics(run) for run in stored])
     labels = make_labels([run.folder.relative_to(root).as_posix() for run in stored])
-    settings = tabulate_settings(collect_settings(read_settings(run.manifest.get("overrides", [])) for run in stored))
+    settings = tabulate_settings(collect_settings(read_settings(run.manifest["overrides"] or ()) for run in stored))
     runs = pa.table({**labels, **settings, "status": make_column([run.status for run in stored])})
     return join_runs(runs, metrics, index).to_pandas()

@@ -109,7 +109,7 @@ def read_final_config(run: Run) -> Config:
     config = read_config(run)
     if isinstance(config.machine, RobotMachine):
         read_robot_of_run(run, config.machine)
-    lead, rate = (run.manifest.get(f"learning_{name}") for name in ("lead", "rate"))
+    lead, rate = (run.manifest[f"learning_{name}"] for name in ("lead", "rate"))
     if lead is None or rate is None or not -MOST_LEAD <= lead <= MOST_LEAD or not 0 < rate < 2:
         raise BadRun(f"{run.folder}: learning_lead={lead} and learning_rate={rate} are none of a run; run it again")
     return replace(config, learning=replace(config.learning, lead=int(lead), rate=float(rate), start_from=None))

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.config.schema import ESTIMATE, REFINE
+from cmacexp.data.manifest_fields import GuardEvent
 from cmacexp.loop.guard_kernels import HIGHEST, SPEED_LIMIT, TILT_LIMIT, CycleSums, Phase, new_guard_state
 from cmacexp.loop.probe import LeadProbe
 from cmacexp.loop.saved_weights import SavedWeights
@@ -52,17 +53,6 @@ class Cause(StrEnum):
     WORSE = "feedback alone was better"
     DRIFT = "effort and error drifted"
     CHATTER = "feedback alone chatters, which leaves nothing to learn from"
-
-
-class Event(NamedTuple):
-    """What the guard did, and why; its fields are an entry of the manifest."""
-
-    cycle: int
-    """In which it acted, from 1."""
-    step: int
-    cause: str
-    restored: int
-    """Cycle whose torque acts since then; 0: feedback is alone."""
 
 
 class Score(NamedTuple):
@@ -125,7 +115,7 @@ class Guard:
         self.settling = 0
         """Cycles that are not evaluated any more."""
         self.learns_again = False
-        self.events: list[Event] = []
+        self.events: list[GuardEvent] = []
         weights.save(0)
 
     @property
@@ -246,4 +236,5 @@ class Guard:
         self.lowest_score = math.inf
         self.probe.repeat(cause is not Cause.CHATTER)
         if len(self.events) < MOST_EVENTS:
-            self.events.append(Event(step // self.period + 1, step, str(cause), self.best_cycle))
+            cycle = step // self.period + 1
+            self.events.append(GuardEvent(cycle=cycle, step=step, cause=str(cause), restored=self.best_cycle))

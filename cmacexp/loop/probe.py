@@ -41,15 +41,6 @@ class ProbeState(NamedTuple):
     """(1,): of the torque, N m."""
 
 
-class LeadEstimate(NamedTuple):
-    """What a probe gave; its fields are an entry of the manifest."""
-
-    cycle: int
-    """Before which it ended, from 1."""
-    lead: int
-    """Samples; where the response was not clear that of ``auto``, or after a retreat one more than before."""
-
-
 @kernel
 def add_probe(probe: ProbeState | None, sample: int, torque: Array) -> None:
     """Add the torque of a probe to ``torque`` (L, J) of a step, N m."""

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.config.schema import ESTIMATE
+from cmacexp.data.manifest_fields import GuardEvent, LeadEstimate
 from cmacexp.data.signals import ARRAYS, FEEDBACK_ALONE, LEARNS, LIVE_SIGNALS, REPEATED
 from cmacexp.errors import describe_failure
 from cmacexp.feedforward.network import BuiltInFeedforward
@@ -18,8 +19,7 @@ from cmacexp.jit.interrupt import exits_caught, interrupt_held_back, raise_if_in
 from cmacexp.loop.adaptation import Adaptation
 from cmacexp.loop.builtin import make_guard
 from cmacexp.loop.driver import Driver
-from cmacexp.loop.guard import Event
-from cmacexp.loop.probe import LeadEstimate, estimate_lead
+from cmacexp.loop.probe import estimate_lead
 from cmacexp.loop.samples import ALL_SAMPLES, TRAVEL, WIDE_BODY_SAMPLES, make_samples, name_samples
 from cmacexp.loop.scenario import Scenario, resolve_rate
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop
@@ -85,7 +85,7 @@ class End:
     """Wall time of the closed loop alone, without compiling."""
     processor_seconds: float = 0.0
     """Processor time of the same."""
-    events: Sequence[Event] = ()
+    events: Sequence[GuardEvent] = ()
     """What the guard of learning did."""
     estimates: list[LeadEstimate] = field(default_factory=list)
     """Of the lead, by ``learning.lead=estimate``."""

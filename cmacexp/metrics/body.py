@@ -116,10 +116,10 @@ def describe_load(manifest: Mapping[str, Any]) -> str:
 
     The plan takes only a part of the difference from what the feet carried, which is given beside it.
     """
-    if not (found := manifest.get("carried", ())):
+    if not manifest["carried"]:
         return ""
-    last = found[-1]
+    last = manifest["carried"][-1]
     values = (1e3 * last["x"], 1e3 * last["y"], 100.0 * last["slope_x"])
     ahead, aside, slope = (round(value, 1) + 0.0 for value in values)
-    measured = f" ({last['measured_weight']:.4g} N measured)" if "measured_weight" in last else ""
+    measured = "" if last["measured_weight"] is None else f" ({last['measured_weight']:.4g} N measured)"
     return f"{last['weight']:.4g} N{measured}, {ahead} mm ahead and {aside} mm left of plan; slope {slope} %"

@@ -8,12 +8,13 @@ cycles. The metrics of weights are from ``memory.parquet``.
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 from numpy.lib.stride_tricks import sliding_window_view
 
+from cmacexp.data.manifest_fields import Drift
 from cmacexp.data.signals import CLOCK, GUARD_STATES, MEMORY_SIGNALS
 from cmacexp.data.tables import as_array
 from cmacexp.data.trace import Trace
@@ -74,19 +75,6 @@ LEAST = 0.01
 _EARLIER, _LATER = np.triu_indices(WINDOW, 1)
 
 
-class Drift(NamedTuple):
-    """A drift, as known when it was reported; its fields are an entry of the manifest."""
-
-    cycle: int
-    """In which the trend started: the middle of the window in which the feedback was lowest."""
-    leg: int
-    """The first leg that drifts."""
-    named: int
-    """Cycle in which the drift was detected."""
-    growth: float
-    """Factor by which the feedback of that leg grows per cycle, at the time of the report."""
-
-
 def format_drift(drift: Drift, at_end: bool = False) -> str:
     """A drift in one line; its growth is that when it was detected, or of the last cycles, ``at_end``."""
     rate, end = f"{100.0 * abs(drift.growth - 1.0):.1f} % per cycle", " at the end" if at_end else ""
@@ -117,7 +105,12 @@ class DriftDetector:
         started = self._test_level()[tested:]
         if self.first is None and len(detected := np.argwhere(~np.isnan(started))):
             cycle, leg = map(int, detected[0])
-            self.first = Drift(int(started[cycle, leg]), leg + 1, tested + cycle + 1, float(growth[cycle, leg]))
+            self.first = Drift(
+                cycle=int(started[cycle, leg]),
+                leg=leg + 1,
+                named=tested + cycle + 1,
+                growth=float(growth[cycle, leg]),
+            )
         return growth, started
 
     def _test_trend(self, feedback: Array) -> Array:
@@ -150,12 +143,12 @@ def make_drift_entry(metrics: pa.Table) -> dict[str, int | float] | None:
         return None
     first = detected[0]
     last = growth[leg == leg[first]][-1]
-    return Drift(int(started[first]), int(leg[first]), int(cycle[first]), float(last))._asdict()
+    return vars(Drift(cycle=int(started[first]), leg=int(leg[first]), named=int(cycle[first]), growth=float(last)))
 
 
 def read_drift_entry(entry: Mapping[str, Any] | None) -> Drift | None:
     """What :func:`make_drift_entry` wrote."""
-    return None if entry is None else Drift._make(entry[name] for name in Drift._fields)
+    return None if entry is None else Drift(**entry)
 
 
 def format_event(event: Mapping[str, Any]) -> str:
@@ -166,8 +159,8 @@ def format_event(event: Mapping[str, Any]) -> str:
 
 def describe_guard(manifest: Mapping[str, Any]) -> str:
     """All events of a run in one line, and where it learnt again; empty if the guard did nothing."""
-    events = [(event["cycle"], format_event(event)) for event in manifest.get("guard", ())]
-    again = [(each["cycle"], f"learns again with lead {each['lead']}") for each in manifest.get("lead_estimates", ())]
+    events = [(event["cycle"], format_event(event)) for event in manifest["guard"]]
+    again = [(each["cycle"], f"learns again with lead {each['lead']}") for each in manifest["lead_estimates"]]
     return "; ".join(f"cycle {cycle}: {text}" for cycle, text in sorted(events + again[1:]))
 
 

@@ -6,13 +6,14 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from cmacexp.data.manifest_fields import Drift
 from cmacexp.data.run import Run
 from cmacexp.data.tables import Scores
 from cmacexp.data.trace import Trace, read_memory, stream_trace
 from cmacexp.errors import BadRun
 from cmacexp.metrics.block import Block, split_cycles
 from cmacexp.metrics.body import compute_body
-from cmacexp.metrics.drift import LEARNING, MEMORY_METRICS, Drift, DriftDetector, join_memory
+from cmacexp.metrics.drift import LEARNING, MEMORY_METRICS, DriftDetector, join_memory
 from cmacexp.metrics.leg import SPATIAL
 from cmacexp.metrics.metric import to_table
 from cmacexp.metrics.registry import LEG_METRICS, OF_A_CYCLE

@@ -25,7 +25,7 @@ def read_shown_model(run: Run) -> Robot:
     """The model with which a robot ran, see :func:`read_robot_of_run`; raises BadInput, too, if it was no robot."""
     plain = run.config["machine"]
     require(
-        plain["kind"] == "robot" and "robot" in run.manifest,
+        plain["kind"] == "robot" and run.manifest["robot"],
         "--meshes",
         run.folder,
         "is no run of a robot, which alone has meshes; leave out --meshes",

@@ -33,7 +33,7 @@ def count_kept(run: Run) -> dict[int, int]:
     """Steps of each cycle in the trace of a run; raises BadRun if there is none."""
     if kept := count_steps_by_cycle(run.folder):
         return kept
-    taken = run.manifest.get("steps", 0)
+    taken = run.manifest["steps"]
     kept_none = f"its trace kept none of its {taken} steps; run it again without record.cycles"
     raise BadRun(f"{run.folder}: {kept_none if taken else 'the run took no step, there is nothing to show'}")
 
@@ -52,7 +52,7 @@ def read_robot_of_run(run: Run, machine: RobotMachine) -> Robot:
     )
     robot = read_model(machine)
     BadRun.unless(
-        run.manifest.get("model_hash") == robot.model_hash,
+        run.manifest["model_hash"] == robot.model_hash,
         f"{run.folder}: ran with another model than {path} is to this MuJoCo; run it again",
     )
     return robot
@@ -114,7 +114,7 @@ class RunView:
     @property
     def robot(self) -> Mapping[str, Any]:
         """How a robot, whose legs move in space, is built, as its model says; empty of other machines."""
-        return self.run.manifest.get("robot", {})
+        return self.run.manifest["robot"] or {}
 
     @property
     def foot_radius(self) -> float:
@@ -130,7 +130,8 @@ class RunView:
     def _planar_legs(self) -> list[Mapping[str, Any]]:
         """How each leg that moves in a plane is built, as the config says; empty of a point mass."""
         machine = self.run.config["machine"]
-        return [machine["legs"][key] for key in LEG_KEYS] if "legs" in machine else [machine.get("leg") or {}]
+        has_legs = machine["kind"] == "quadruped"
+        return [machine["legs"][key] for key in LEG_KEYS] if has_legs else [machine.get("leg") or {}]
 
     @cached_property
     def hips(self) -> Array:

@@ -152,7 +152,7 @@ def find_events(view: RunView) -> list[Event]:
     cycles = [(int(row), f"cycle {view.cycle[row]} begins") for row in starts]
     guard = [
         (int(np.searchsorted(view.step, event["step"])), f"guard of learning: {format_event(event)}")
-        for event in view.run.manifest.get("guard", ())
+        for event in view.run.manifest["guard"]
         if view.step[0] <= event["step"] <= view.step[-1]
     ]
     return sorted([*cycles, *_find_contacts(view), *guard])

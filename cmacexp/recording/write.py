@@ -72,9 +72,9 @@ def _list_facts(run: Run) -> dict[str, object]:
     """How a run ended, and what wrote it and its recording."""
     manifest = run.manifest
     return {
-        **{name: manifest.get(name) for name in ("status", "cause", "seed", "steps", "config_hash", "git_commit")},
-        "overrides": " ".join(manifest.get("overrides", ())) or None,
-        "version": manifest.get("versions", {}).get("cmacexp"),
+        **{name: manifest[name] for name in ("status", "cause", "seed", "steps", "config_hash", "git_commit")},
+        "overrides": " ".join(manifest["overrides"] or ()) or None,
+        "version": manifest["versions"].get("cmacexp"),
         "recorded_by": __version__,
     }
 

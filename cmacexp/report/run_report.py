@@ -56,7 +56,7 @@ def list_settings(run: Run) -> list[PageElement]:
     """What was set for the run, as it was typed, and its whole config."""
     fields = dict.fromkeys(run.settings, Described("", "")) | describe_fields(run.config)
     rows = [[k, format_setting(value), fields[k].unit, fields[k].meaning] for k, value in run.settings.items()]
-    overrides = " ".join(run.manifest.get("overrides", ()))
+    overrides = " ".join(run.manifest["overrides"] or ())
     set_for_run = f"Set for this run: {overrides}" if overrides else "Its manifest lists no overrides."
     titles = ["setting", "value", "unit", "meaning"]
     return [set_for_run, Table(titles, rows, cards=True, folded=f"All {len(rows)} settings")]

@@ -71,7 +71,7 @@ def write_stability_report(
 ) -> Path:
     """Write verdict and page of a run into ``folder``, with sentences ``notes``; returns the HTML file."""
     title = f"Stability of learning: {run.config['scenario']}, {run.folder.resolve().name}"
-    asked: dict[str, Any] = {"runs": {str(run.folder.resolve()): run.manifest.get("config_hash")}}
+    asked: dict[str, Any] = {"runs": {str(run.folder.resolve()): run.manifest["config_hash"]}}
     values: dict[str, Any] = {"analysis": analysis, "limits": limits}
     drawn: dict[str, Callable[[], Figure]] = {}
     tables: dict[str, Callable[[], DataFrame]] = {}

@@ -125,7 +125,7 @@ def make_provenance(
     ``own`` are digests of its files, ``seeds`` how often it repeated what depends on a seed.
     """
     manifests = [run.manifest for run in results.runs]
-    models = {m["config"]["machine"]["model"]: m["model_hash"] for m in manifests if m.get("model_hash")}
+    models = {m["config"]["machine"]["model"]: m["model_hash"] for m in manifests if m["model_hash"]}
     return {
         "date": datetime.now(UTC).date().isoformat(),
         "version": __version__,

@@ -215,7 +215,7 @@ def _list_notes(result: Run) -> Iterator[str]:
     }
     yield from (f"{name}{text}" for name, text in described.items() if text)
     for name in ("lead", "rate"):
-        given, taken = config["learning"][name], manifest.get(f"learning_{name}")
+        given, taken = config["learning"][name], manifest[f"learning_{name}"]
         if taken not in (None, given):
             yield f"learning.{name}={given} is {taken:.4g} here"
     for each in manifest["dropped"]:

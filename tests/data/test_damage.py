@@ -153,7 +153,9 @@ SHAPES = {
     "a period of nothing": lambda m: changed(m, "config", "sampling_period", value=1e-320),
     "a time of 400 digits": lambda m: changed(m, "config", "gait", "cycle_time", value=10**400),
     "ground of no number": lambda m: changed(m, "config", "terrain", "stiffness", value=math.nan),
-    "legs that are missing": lambda m: changed(m, "config", "machine", "legs", value={"left_front": {}}),
+    "legs that are missing": lambda m: changed(
+        m, "config", "machine", value={**m["config"]["machine"], "kind": "quadruped", "legs": {"left_front": {}}}
+    ),
     "a leg null": lambda m: changed(m, "config", "machine", "leg", value=None),
     "a class is a list": lambda m: changed(m, "config", "plant", "_target_", value=[1]),
     "steps endless": lambda m: {**m, "steps": 10**400},

@@ -28,7 +28,7 @@ LEARNS, REPEATED = 0.0, 1.0
 def test_the_lead_is_the_samples_from_a_torque_to_the_feedback_and_sets_the_rate(make_config, late, lead):
     run = roll_out(make_scenario(make_config(*QUICK, *late)))
     auto = roll_out(make_scenario(make_config(*QUICK, *late, "learning.lead=auto", "cycles=1")))
-    assert run.estimates == [(CYCLES + 3, lead)]
+    assert [vars(each) for each in run.estimates] == [{"cycle": CYCLES + 3, "lead": lead}]
     assert run.rate == auto.rate
 
 

@@ -59,11 +59,11 @@ def test_a_drift_is_named_in_the_first_cycle_that_shows_it_with_its_leg():
     growth, started = detector.add(1.03 ** np.maximum(0.0, n - np.array([30.0, 0.0, 12.0])))
     named = int(np.flatnonzero(~np.isnan(started).all(axis=1))[0])
     assert np.flatnonzero(~np.isnan(started[named])).tolist() == [1]
-    assert detector.first == Drift(int(started[named, 1]), 2, named + 1, growth[named, 1])
+    assert detector.first == Drift(cycle=int(started[named, 1]), leg=2, named=named + 1, growth=growth[named, 1])
     assert detector.first.growth == pytest.approx(1.03)
     cycle, leg = (each.ravel() for each in np.mgrid[1:61, 1:4])
     table = pa.table({"cycle": cycle, "leg": leg, "drift_cycle": started.ravel(), "feedback_growth": growth.ravel()})
-    assert make_drift_entry(table) == {**detector.first._asdict(), "growth": growth[-1, 1]}
+    assert make_drift_entry(table) == {**vars(detector.first), "growth": growth[-1, 1]}
     assert make_drift_entry(table.slice(0, 3 * named)) is None
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from support.doors import RunRow
 
 import cmacexp
+from cmacexp.data.manifest import make_manifest
 from cmacexp.data.run import Outcome
 from cmacexp.study import Results
 from cmacexp.typing import Array
@@ -17,7 +18,7 @@ def made_run(
     folder: str | Path, status: str, metrics: Mapping[str, Array] | None = None, **settings: object
 ) -> cmacexp.Run:
     """A run that ended so, with these metrics by cycle, of a config of these settings; it has no files."""
-    run = cmacexp.Run(folder, {"status": status, "config": settings, "steps": 0, "files": {}})
+    run = cmacexp.Run(folder, make_manifest(settings, status, ""))
     run.__dict__["_summary"] = (Outcome(status, ""), dict(metrics or {}), 1)
     return run
 

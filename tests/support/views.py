@@ -6,6 +6,7 @@ import numpy as np
 import pyarrow as pa
 from support.made_traces import make_trace
 
+from cmacexp.data.manifest import make_manifest
 from cmacexp.data.run import Run
 from cmacexp.data.trace import Trace
 from cmacexp.models.chain import chain_points
@@ -15,6 +16,7 @@ ROBOT_HIPS = ((0.19, 0.12), (0.19, -0.12), (-0.19, 0.12), (-0.19, -0.12))
 FOOT_RADIUS = 0.02
 HIPS = ((0.2, 0.1), (0.2, -0.1), (-0.2, 0.1), (-0.2, -0.1))
 STEPS = 20
+CONFIG = {"terrain": {"stiffness": 1e4}, "sampling_period": 0.1, "gait": {"cycle_time": 0.1 * STEPS}}
 
 
 def make_walk(number=1, error=0.0, **columns) -> RunView:
@@ -28,10 +30,10 @@ def make_walk(number=1, error=0.0, **columns) -> RunView:
     body |= dict.fromkeys(("cog_x", "cog_y", "yaw", "pitch", "roll", "stability_margin", "margin_rear"), zero)
     names = ("left_front", "right_front", "left_rear", "right_rear")
     machine = {
-        "legs": {name: {"hip_x": x, "hip_y": y, "length_1": 0.25} for name, (x, y) in zip(names, HIPS, strict=True)}
+        "kind": "quadruped",
+        "legs": {name: {"hip_x": x, "hip_y": y, "length_1": 0.25} for name, (x, y) in zip(names, HIPS, strict=True)},
     }
-    config = {"machine": machine, "terrain": {"stiffness": 1e4}, "sampling_period": 0.1}
-    manifest = {"config": {**config, "gait": {"cycle_time": 0.1 * STEPS}}, "steps": number * STEPS}
+    manifest = make_manifest({"machine": machine, **CONFIG}, "completed", "", steps=number * STEPS)
     return RunView(Run("made", manifest), replace(legs, body=Trace(pa.table(body))), "made")
 
 
@@ -62,10 +64,10 @@ def make_robot_traces():
     zero = np.zeros(STEPS)
     body = {"step": step, "time": 0.1 * step, "cycle": zero + 1, "height": zero + foot[0, 0, 1]}
     body |= dict.fromkeys(("cog_x", "cog_y", "yaw", "pitch", "roll", "stability_margin", "margin_front"), zero)
-    config = {"machine": {"kind": "robot"}, "terrain": {"stiffness": 1e4}, "sampling_period": 0.1}
-    config |= {"gait": {"cycle_time": 0.1 * STEPS}}
     robot = {"chains": chains, "hips": [list(hip) for hip in ROBOT_HIPS], "foot_radius": FOOT_RADIUS}
-    return replace(legs, body=Trace(pa.table(body))), {"config": config, "robot": robot}
+    return replace(legs, body=Trace(pa.table(body))), make_manifest(
+        {"machine": {"kind": "robot"}, **CONFIG}, "completed", "", robot=robot
+    )
 
 
 def make_robot() -> RunView:
