@@ -73,9 +73,6 @@ def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: An
         "rollout_seconds": 0.0,
         "wall_seconds": 0.0,
         "files": {},
-        "dropped": [],
-        "memory": [],
-        "drift": None,
     }
     return vars(RunManifest(**given | entries))
 

@@ -24,6 +24,7 @@ READ = (
     "cycles",
     "gait.cycle_time",
     "terrain.stiffness",
+    "terrain.slope",
     "terrain.slope_start",
     "learning.start_cycle",
     "record.every_nth_step",
@@ -157,10 +158,10 @@ class RunManifest:
     wall_seconds: float
     files: dict[str, str]
     """SHA-256 of the files that it wrote, by name."""
-    dropped: list[DroppedSensor]
-    memory: list[MemoryUse]
+    dropped: list[DroppedSensor] = field(default_factory=list)
+    memory: list[MemoryUse] = field(default_factory=list)
     """Of each leg; empty if nothing learns."""
-    drift: Drift | None
+    drift: Drift | None = None
     """The first drift, with the growth in the last cycle."""
     processor_seconds: float | None = None
     """Of the closed loop, of all cores."""
@@ -226,7 +227,8 @@ def _check_config(config: Mapping[str, Any]) -> None:
         group, _, name = key.rpartition(".")
         node: Any = config.get(group) if group else config
         require(isinstance(node, dict) and name in node, f"config.{key}", "(not set)", "must have a value")
-        read_field(schemas[group], name, node[name], f"config.{key}")
+        value = to_plain(read_field(schemas[group], name, node[name], f"config.{key}"))
+        require(value == node[name], f"config.{key}", node[name], "is a text where a run writes a number")
     steps = config["gait"]["cycle_time"] / config["sampling_period"]
     allowed = f"must have from 1 to {MAX_STEPS_PER_CYCLE} steps of config.sampling_period"
     require(0.5 < steps < MAX_STEPS_PER_CYCLE, "config.gait.cycle_time", config["gait"]["cycle_time"], allowed)

@@ -107,7 +107,7 @@ def _list_leg_plots(view: RunView, leg: int) -> dict[str, Plot]:
 def list_plots(view: RunView) -> dict[str, Plot]:
     """All that a run shows over time, by ``leg_1/force`` or ``body/tilt``; N, mm, N m, mrad.
 
-    A signal of the body that an earlier version did not write has no line.
+    A signal of the body that an earlier version did not write has no line, and a plot of such signals is left out.
     """
     found = {
         f"leg_{leg}/{name}": plot
@@ -127,7 +127,8 @@ def list_plots(view: RunView) -> dict[str, Plot]:
             for signal, (shown, colour) in signals.items()
             if signal in view.body
         ]
-        found[f"body/{name}"] = Plot(title, unit, 0, lines)
+        if lines:
+            found[f"body/{name}"] = Plot(title, unit, 0, lines)
     return found
 
 

@@ -79,6 +79,10 @@ def _list_facts(run: Run) -> dict[str, object]:
     }
 
 
+def _fits_arrow(value: object) -> bool:
+    return isinstance(value, float | str) or (isinstance(value, int) and -(2**63) <= value < 2**63)
+
+
 def _send_facts(recording: rr.RecordingStream, run: Run, root: str) -> None:
     """How a run ended, its config by dotted keys, and the metrics of its last whole cycle, legs pooled, in SI units.
 
@@ -89,7 +93,7 @@ def _send_facts(recording: rr.RecordingStream, run: Run, root: str) -> None:
     metrics = {name: value for name, value in last.items() if math.isfinite(value)}
     for name, values in {FACTS: _list_facts(run), "config": run.settings, "metrics": metrics}.items():
         known = {
-            key: pa.array([value if isinstance(value, bool | int | float | str) else str(value)])
+            key: pa.array([value if _fits_arrow(value) else str(value)])
             for key, value in values.items()
             if value is not None
         }
