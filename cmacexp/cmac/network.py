@@ -25,7 +25,7 @@ from cmacexp.cmac.rules import PAPER, train_batch
 from cmacexp.cmac.single import NOT_FINITE, Single
 from cmacexp.config.cmac import MOST_POSITIONS, PHASE, WORD_BYTES, CmacConfig, check_size
 from cmacexp.config.fields import read_fields
-from cmacexp.data.manifest_fields import MemoryUse as MemoryUse
+from cmacexp.data.records import MemoryUse as MemoryUse
 from cmacexp.errors import BadInput, require
 from cmacexp.models.mix import MASK
 from cmacexp.typing import Array, Cells, Counts

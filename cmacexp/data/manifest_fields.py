@@ -10,6 +10,7 @@ from cmacexp.config.component import COMPONENTS, ComponentConfig
 from cmacexp.config.fields import choice, number, read_field, read_fields
 from cmacexp.config.machine import LEG_KEYS, MACHINES
 from cmacexp.config.schema import Config
+from cmacexp.data.records import MOST, CarriedLoad, Drift, DroppedSensor, GuardEvent, LeadEstimate, MemoryUse
 from cmacexp.errors import require, require_name
 from cmacexp.models.chain import CHAIN_FIELDS
 from cmacexp.typing import ENDS, RESULTS
@@ -17,7 +18,6 @@ from cmacexp.typing import ENDS, RESULTS
 REPORT, SWEEP = "report", "sweep"
 """Kinds of manifests that name a report and its runs, or a sweep and how it ended; a run has no kind."""
 MAX_STEPS_PER_CYCLE = 1 << 32
-MOST = 2**63 - 1
 READ = (
     "scenario",
     "sampling_period",
@@ -32,80 +32,6 @@ READ = (
     *(f"{group}._target_" for group in COMPONENTS),
 )
 """Fields of a config that are read without simulating; those of its machine are, too."""
-
-
-@dataclass(kw_only=True)
-class Drift:
-    """A drift, as known when it was reported."""
-
-    cycle: int = number("", at_least=0, at_most=MOST)
-    """In which the trend started: the middle of the window in which the feedback was lowest."""
-    leg: int = number("", at_least=0, at_most=MOST)
-    """The first leg that drifts."""
-    named: int = number("", at_least=0, at_most=MOST)
-    """Cycle in which the drift was detected."""
-    growth: float
-    """Factor by which the feedback of that leg grows per cycle, at the time of the report; NaN: not known."""
-
-
-@dataclass(kw_only=True)
-class GuardEvent:
-    """What the guard of learning did, and why."""
-
-    cycle: int = number("", at_least=1, at_most=MOST)
-    """In which it acted, from 1."""
-    step: int = number("", at_least=0, at_most=MOST)
-    cause: str
-    restored: int = number("", at_least=0, at_most=MOST)
-    """Cycle whose torque acts since then; 0: feedback is alone."""
-
-
-@dataclass
-class LeadEstimate:
-    """What a probe of the delay of the feedback gave."""
-
-    cycle: int = number("", at_least=1, at_most=MOST)
-    """Before which it ended, from 1."""
-    lead: int = number("samples", at_least=0, at_most=MOST)
-    """Where the response was not clear that of ``auto``, or after a retreat one more than before."""
-
-
-@dataclass
-class MemoryUse:
-    """Use of memory by the inputs of a path."""
-
-    rows: int = number("", at_least=1, at_most=MOST)
-    """Rows of memory."""
-    rows_used: int = number("", at_least=0, at_most=MOST)
-    """Rows that the path reads and trains."""
-    cells_visited: int | None = number("", at_least=0, at_most=MOST)
-    """Cells of the CMAC before hashing, over all layers; None if their positions do not fit into 64 bits."""
-    cells_colliding: int | None = number("", at_least=0, at_most=MOST)
-    """Visited cells that share their row with another one."""
-    clipped: int = number("", at_least=0, at_most=MOST)
-    """Inputs of the path outside their range."""
-
-
-@dataclass
-class DroppedSensor:
-    """A force sensor that the controller ignores for good since a step."""
-
-    leg: int = number("", at_least=0, at_most=MOST)
-    step: int = number("", at_least=0, at_most=MOST)
-
-
-@dataclass(kw_only=True)
-class CarriedLoad:
-    """What the plan used from the end of a cycle on, see :class:`cmacexp.planning.plan.LoadEstimate`."""
-
-    cycle: int = number("", at_least=1, at_most=MOST)
-    weight: float
-    x: float
-    y: float
-    slope_x: float
-    slope_y: float
-    measured_weight: float | None = None
-    """Weight that the feet carried in that cycle, of which the plan takes a part, N."""
 
 
 @dataclass

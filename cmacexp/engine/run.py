@@ -20,7 +20,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.files import sha256, write_atomically
 from cmacexp.data.folder import RUN_KEY, ResultWriter, new_result
 from cmacexp.data.integrity import compute_hashes
-from cmacexp.data.manifest_fields import Drift
+from cmacexp.data.records import Drift
 from cmacexp.data.run import Run
 from cmacexp.data.signals import (
     BODY_SIGNALS,

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cmacexp.data.manifest_fields import Drift
+from cmacexp.data.records import Drift
 from cmacexp.data.trace import Trace, concat_traces
 from cmacexp.loop.run import End
 from cmacexp.loop.scenario import Scenario

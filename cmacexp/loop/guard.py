@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.config.schema import ESTIMATE, REFINE
-from cmacexp.data.manifest_fields import GuardEvent
+from cmacexp.data.records import GuardEvent
 from cmacexp.loop.guard_kernels import HIGHEST, SPEED_LIMIT, TILT_LIMIT, CycleSums, Phase, new_guard_state
 from cmacexp.loop.probe import LeadProbe
 from cmacexp.loop.saved_weights import SavedWeights

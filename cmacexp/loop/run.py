@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.config.schema import ESTIMATE
-from cmacexp.data.manifest_fields import GuardEvent, LeadEstimate
+from cmacexp.data.records import GuardEvent, LeadEstimate
 from cmacexp.data.signals import ARRAYS, FEEDBACK_ALONE, LEARNS, LIVE_SIGNALS, REPEATED
 from cmacexp.errors import describe_failure
 from cmacexp.feedforward.network import BuiltInFeedforward

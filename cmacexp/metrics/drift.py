@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.lib.stride_tricks import sliding_window_view
 
-from cmacexp.data.manifest_fields import Drift
+from cmacexp.data.records import Drift
 from cmacexp.data.signals import CLOCK, GUARD_STATES, MEMORY_SIGNALS
 from cmacexp.data.tables import as_array
 from cmacexp.data.trace import Trace

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from cmacexp.data.manifest_fields import Drift
+from cmacexp.data.records import Drift
 from cmacexp.data.run import Run
 from cmacexp.data.tables import Scores
 from cmacexp.data.trace import Trace, read_memory, stream_trace
