@@ -1,7 +1,7 @@
 """What a manifest holds: its entries, declared as the fields of a config are, and what readers use of its config."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -115,6 +115,11 @@ class RunManifest:
     """Of an error that is no mistake of the input."""
     bad_input: bool | None = None
     """Whether the input is why the config gave no run; None: it gave one."""
+
+
+def fill(entries: Mapping[str, Any]) -> dict[str, Any]:
+    """Entries of a manifest that was checked when it was written, with the defaults of those that it lacks."""
+    return {**{each.name: [] if each.default is MISSING else each.default for each in fields(RunManifest)}, **entries}
 
 
 def complete(plain: Any) -> dict[str, Any]:

@@ -26,7 +26,7 @@ import pyarrow.parquet as pq
 
 from cmacexp.data.files import open_file, sha256, write_atomically
 from cmacexp.data.manifest import JOBS_FOLDER, MANIFEST, RUNS_FILE, Manifest, is_run, runs_below, walk
-from cmacexp.data.manifest_fields import complete
+from cmacexp.data.manifest_fields import fill
 from cmacexp.data.run import Outcome, Run, sort_folders
 from cmacexp.data.tables import (
     BODY_METRICS_FILE,
@@ -238,7 +238,7 @@ class JobRun(Run):
     @cached_property
     def manifest(self) -> Manifest:
         """As of a run in a folder; the hashes of its files are those of its metrics if it has none."""
-        return complete(json.loads(self.read("manifest")))
+        return fill(json.loads(self.read("manifest")))
 
     @property
     def outcome(self) -> Outcome:
