@@ -250,5 +250,5 @@ def test_cubic_fields_are_smooth_where_linear_ones_have_corners():
 
 def test_where_no_field_counts_all_cells_do():
     cmac = make_cmac(layers=2, cells=3, displacement="diagonal", receptive_field="linear")
-    corner = np.array([[-0.5, 0.0]])  # half a block apart: each layer has an input on its border
-    assert_array_equal(cmac.activation(corner), [[1.0, 1.0]])
+    # Half a block apart: each layer has an input on its border.
+    assert_array_equal(cmac.activation(np.array([[-0.5, 0.0]])), [[1.0, 1.0]])

@@ -1,5 +1,6 @@
 """Configs composed from Python are those of the command line; what they say reaches the machine and its reports."""
 
+import random
 from contextlib import suppress
 
 import pytest
@@ -25,9 +26,42 @@ COMMANDS = [
     ["cmac={layers:8}", "learning.rate=0.2", "learning={rate:0.3}", "cmac.layers=16", "terrain={slope:0.01}"],
     ["seed=3", "learning.guard=none", "seed=4", "sensors=encoders", "sensors.velocity.delay=1", "cycles=2"],
 ]
+TYPED = [
+    "scenario=one_leg",
+    "scenario=quadruped",
+    "terrain=patchy",
+    "feedforward=none",
+    "sensors=encoders",
+    "cmac=phase",
+    "record=metrics",
+    "learning.rate=0.1",
+    "learning.rate=auto",
+    "++learning.rate=0.2",
+    "learning={rate:0.3}",
+    "learning={rate:0.05,guard:none}",
+    "learning.guard=freeze",
+    "cmac.layers=8",
+    "cmac={layers:16}",
+    "cmac.inputs=[phase]",
+    "seed=4",
+    "++seed=5",
+    "seed=${cycles}",
+    "cycles=3",
+    "terrain.slope=0.01",
+    "terrain={slope:0.02}",
+    "posture.gain=0",
+    "warn=false",
+    "actuator.delay=1",
+    "actuator={delay:2,lag:0.01}",
+    "machine.hip_height=0.45",
+    "record.trace=true",
+]
+"""Overrides that go together, in any order."""
+CHANCE = random.Random(1)
+DRAWN = [pytest.param(CHANCE.choices(TYPED, k=6), marks=pytest.mark.nightly, id=f"drawn {n}") for n in range(300)]
 
 
-@pytest.mark.parametrize("overrides", COMMANDS)
+@pytest.mark.parametrize("overrides", [*COMMANDS, *DRAWN])
 def test_a_config_is_that_of_hydra_whatever_was_composed_before(overrides):
     compose_config(["scenario=quadruped", "cycles=77", "cmac.inputs=[angle]"])
     with initialize_config_dir(str(config_folder()), version_base="1.3"):

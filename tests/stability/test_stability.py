@@ -138,8 +138,7 @@ def test_what_does_not_learn_or_ends_before_is_not_predicted(make_config, settin
     ids=str,
 )
 def test_learning_holds_with_lead_one_and_what_is_not_known_is_undecided(make_config, settings, expected, grows):
-    config = make_config(*settings)
-    verdict = assess(config)
+    verdict = assess(make_config(*settings))
     assert verdict.verdict == expected
     assert verdict.reasons
     assert math.isnan(verdict.growth) if grows is None else (verdict.growth > 1.0) == grows

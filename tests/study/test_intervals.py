@@ -64,8 +64,8 @@ def test_runs_that_failed_are_counted_apart_and_meet_no_limit():
     found = estimate(sample)
     assert (found.value, found.size, found.failed, found.reach) == (pytest.approx(0.2), "2 of 3", 1, math.inf)
     assert not at_most(1e9).contains(found)
-    share = made_errors(math.nan).at(5, "feedforward_share")
-    assert share.tolist() == [0.0]  # the worst of a metric that should be large
+    # The worst of a metric that should be large.
+    assert made_errors(math.nan).at(5, "feedforward_share").tolist() == [0.0]
 
 
 def test_a_pair_whose_reference_failed_says_nothing():
