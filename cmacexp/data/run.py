@@ -3,7 +3,7 @@
 import math
 import os
 import re
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from functools import cached_property
 from html import escape
 from importlib import import_module
@@ -31,17 +31,18 @@ from cmacexp.data.tables import (
     to_frame,
 )
 from cmacexp.data.trace import Trace, read_trace
-from cmacexp.errors import BadRun, CmacexpError, in_one_line, require_extra
+from cmacexp.errors import BadRun, CmacexpError, in_one_line, require_extra, require_name
 from cmacexp.typing import RESULTS, Array, DataFrame, Dataset, Status
 
 VIEWS = {
+    "metrics": "cmacexp.metrics.registry:ALL_METRICS",
     "pool": "cmacexp.metrics.registry:pool_legs",
     "tabulate": "cmacexp.metrics.registry:tabulate_cycles",
     "format": "cmacexp.terminal.messages:format_scores",
     "report": "cmacexp.report.run_report:write_run_report",
     "view": "cmacexp.recording.viewer:view_run",
 }
-"""What a run shows of itself, as ``module:function``; these rooms read runs, so they are imported on first use."""
+"""What a run shows of itself, as ``module:name``; these rooms read runs, so they are imported on first use."""
 NO_VALUES = ("step", "time", "cycle", "leg", "phase")
 """Signals that say where a value belongs."""
 
@@ -59,9 +60,9 @@ class Outcome(NamedTuple):
         return self.status in RESULTS
 
 
-def _find_view(name: str) -> Callable[..., Any]:
-    module, _, function = VIEWS[name].partition(":")
-    return getattr(import_module(module), function)
+def _find_view(name: str) -> Any:
+    module, _, own = VIEWS[name].partition(":")
+    return getattr(import_module(module), own)
 
 
 class Run:
@@ -244,7 +245,11 @@ class Run:
         return len(next(iter(self.pooled.values()), ()))
 
     def final(self, name: str) -> float:
-        """A metric of the last whole cycle, pooled over the legs; NaN if there is none."""
+        """A metric of the last whole cycle, pooled over the legs; NaN if the run has none.
+
+        Raises BadInput if there is no such metric.
+        """
+        require_name("metric", name, self.pooled if name in self.pooled else _find_view("metrics"))
         return float(self.pooled[name][-1]) if self.cycles_done and name in self.pooled else math.nan
 
     def report(self) -> Path:

@@ -256,3 +256,5 @@ def test_a_run_goes_below_outputs_and_is_loaded_again(here):
     assert repr(loaded) == repr(run)
     assert str(run).startswith(f"{run!r}\n")
     assert run._repr_html_().count("<tr") == 3
+    with pytest.raises(BadInput, match="did you mean force_rmse"):
+        run.final("force_rsme")

@@ -50,8 +50,7 @@ def test_a_long_table_shows_its_ends_and_some_rows_evenly_between(more):
 
 
 def test_a_column_is_of_numbers_if_all_its_cells_are():
-    rows = [["1", "8", "8", "none"], ["2.5e-3 N", "-", "on", "none"]]
-    assert find_numeric(rows) == {0, 1}
+    assert find_numeric([["1", "8", "8", "none"], ["2.5e-3 N", "-", "on", "none"]]) == {0, 1}
     with pytest.raises(ValueError, match="shorter"):
         find_numeric([["1", "2"], ["1"]])
 

@@ -94,8 +94,7 @@ def test_a_foot_on_an_edge_or_within_changes_no_margin(scale):
 
 
 def test_an_origin_on_an_edge_has_the_margins_of_its_ends():
-    feet = np.array([[0.3, 0.0], [-0.2, 0.0], [0.0, 0.4]])
-    assert_allclose(margins(feet), [0.0, 0.3, 0.2])
+    assert_allclose(margins(np.array([[0.3, 0.0], [-0.2, 0.0], [0.0, 0.4]])), [0.0, 0.3, 0.2])
 
 
 # Refusals
