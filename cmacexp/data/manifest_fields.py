@@ -93,7 +93,7 @@ class RunManifest:
     """Of the closed loop, of all cores."""
     guard: list[GuardEvent] = field(default_factory=list)
     lead_estimates: list[LeadEstimate] = field(default_factory=list)
-    learning_lead: float | None = None
+    learning_lead: int | float | None = None
     """Samples, what ``learning.lead`` gave."""
     learning_rate: float | None = None
     """What ``learning.rate`` gave."""

@@ -253,7 +253,7 @@ def test_a_run_goes_below_outputs_and_is_loaded_again(here):
     assert again.trace.equals(run.trace)
     assert (run.manifest["overrides"], again.manifest["overrides"]) == ([*SHORT], None)
     assert run.trace.attrs["units"]["force"] == run.units["force"] == "N"
-    assert repr(loaded) == repr(run)
+    assert (repr(loaded), loaded.manifest) == (repr(run), run.manifest)
     assert str(run).startswith(f"{run!r}\n")
     assert run._repr_html_().count("<tr") == 3
     with pytest.raises(BadInput, match="did you mean force_rmse"):
