@@ -35,7 +35,7 @@ except ImportError:
 PLACE_SCALE = 0.01
 """Error of the place of a foot that costs 1, m."""
 LARGEST_COST = 10.0
-"""Of a leg in one step, and of each step that is left when the machine falls or diverges."""
+"""Largest cost of a leg in one step, and that of each step that is left when the machine falls or diverges."""
 BOUND = 2.0
 """Largest action over the largest torque of inverse dynamics along the plan, where nothing limits a joint; and bounds
 of what is observed of the plan over its largest values."""

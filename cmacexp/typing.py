@@ -28,7 +28,7 @@ class Role(NamedTuple):
 
     name: str
     ring_axis: int | None = None
-    """Of a ring buffer the axis of its samples: that of step k is at k % length."""
+    """Axis of the samples of a ring buffer: that of step k is at k % length."""
 
 
 STATE, CLOCK, SCRATCH = Role("state"), Role("clock"), Role("scratch")
@@ -55,14 +55,14 @@ class Status(StrEnum):
     FAILED = "failed"
     INTERRUPTED = "interrupted"
     BAD_INPUT = "bad input"
-    """Of a sweep: no job could be run."""
+    """No job of a sweep could be run."""
     NOT_INTACT = "not intact"
-    """In a table of runs: its manifest or its tables are missing or changed."""
+    """Manifest or tables of a run, in a table of runs, are missing or changed."""
     UNFINISHED = "unfinished"
     """Likewise: it was killed before it had any."""
 
 
 RESULTS = (Status.COMPLETED, Status.FELL, Status.DIVERGED)
-"""Of a run that has a result, which can be compared with others."""
+"""Statuses of runs that have a result, which can be compared with others."""
 ENDS = (*RESULTS, Status.FAILED, Status.INTERRUPTED)
 """What the manifest of a run can say."""

@@ -13,7 +13,7 @@ from cmacexp.terminal.output import print_line, show_progress
 
 FOLDER = Path("outputs/gap")
 SEVERAL = {"action": "append", "default": []}
-"""Of an option that can be given more than once."""
+"""Form of an option that can be given more than once."""
 LOG_OPTIONS: OptionTable = {
     "--names": {**SEVERAL, "metavar": "WHAT=COLUMN", "help": "e.g. angle=pos_{joint},command=cmd_{joint}"},
     "--units": {**SEVERAL, "metavar": "WHAT=UNIT", "help": "e.g. angle=deg,time=ms"},

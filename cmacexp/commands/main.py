@@ -31,7 +31,7 @@ EXIT_CODES: dict[str, int] = {
     Status.FELL: STOPPED,
     Status.DIVERGED: STOPPED,
 }
-"""By the status of a run, or how a sweep ended."""
+"""Exit codes by the status of a run, or how a sweep ended."""
 
 MULTIRUN = ("-m", "--multirun")
 

@@ -29,7 +29,7 @@ HUNG = ["scenario=robot", "machine=go2", "plant=unitree", "controller=drives"]
 """The robot that hangs likewise."""
 
 LONGEST = 3600.0
-"""For which a robot is played if commands do not cease, s."""
+"""Time for which a robot is played if commands do not cease, s."""
 
 FAULTS = "; ".join(f"{name}: {meaning}" for name, meaning in KINDS.items())
 

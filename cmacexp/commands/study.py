@@ -55,16 +55,16 @@ class Options:
     """How studies are to be run."""
 
     folder: Path = FOLDER
-    """Of the reports and runs of all studies."""
+    """Folder of the reports and runs of all studies."""
     quick: bool = False
     seeds: int = SEEDS
     """Seeds of each run that depends on its seed; a quick study takes one."""
     launcher: str | None = None
-    """Of Hydra, whose tasks do the runs; None: processes on all cores."""
+    """Launcher of Hydra, whose tasks do the runs; None: processes on all cores."""
     workers: int | None = None
     """Tasks of that launcher, or processes; None: so many as there are cores, or ``WORKERS`` tasks."""
     settings: Sequence[str] = ()
-    """Of its config, ``timeout_min=600``."""
+    """Settings of its config, such as ``timeout_min=600``."""
 
     def place(self, name: str) -> Path:
         """Folder of a report: one that concludes nothing does not replace one that does."""
@@ -211,7 +211,7 @@ SEEDED: OptionTable = {
         "help": f"seeds of each run that depends on its seed (default: {SEEDS})",
     },
 }
-"""Of studies whose runs can be repeated for other seeds."""
+"""Option of studies whose runs can be repeated for other seeds."""
 
 
 def run_studies(

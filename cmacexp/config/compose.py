@@ -201,7 +201,7 @@ def _compose_first(overrides: tuple[str, ...]) -> tuple[Config | bytes, frozense
 
 
 def find_referred(config: DictConfig) -> frozenset[str] | None:
-    """From what in a config other values follow, for :func:`set_numbers`; None if that is not known."""
+    """Keys of a config from which other values follow, for :func:`set_numbers`; None if they are not known."""
     references = re.findall(r"\$\{([^}]*)", str(OmegaConf.to_container(config)))
     if not all(re.fullmatch(r"rule:\w+|[a-z]\w*\.[\w.]+", name) for name in references):
         return None

@@ -148,7 +148,7 @@ def read_model(machine: RobotModel) -> Robot:
 
 
 def describe_other_model(machine: object) -> str:
-    """That the model of a robot is not the one that results were measured with, in one line; empty if it is.
+    """Say in one line that the model of a robot is not the one that results were measured with; empty if it is.
 
     It is also empty where nothing is known of such results: for other machines, and for a model of the user's own.
     """

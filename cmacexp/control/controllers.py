@@ -51,7 +51,7 @@ class HybridController:
 
     params: HybridParams
     state: HybridState = new_hybrid_state(0)
-    """Of no legs until the controller is reset."""
+    """State of no legs until the controller is reset."""
     feedforward: Feedforward
 
     def __init__(self, config: Config):
@@ -114,7 +114,7 @@ class DriveController:
         damping: float = number("N m s/rad", above=0, at_most=1e5)
         """D of every joint; above ``actuator.lag`` times the stiffness."""
         force_weight: float = number("", at_least=0, at_most=10)
-        """Of J^T (F_d - F) in support, in what teaches, beside what the drives' law gives; 0: that alone."""
+        """Weight of J^T (F_d - F) in support, in what teaches, beside what the drives' law gives; 0: that alone."""
 
         def check(self, config: Config) -> None:
             """Check that drives are stable behind their lag (Routh, a joint without friction); raises BadInput."""

@@ -18,7 +18,7 @@ from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array, Clock, Mask
 
 NEWTON_STEPS = 3
-"""From the planned angles, which are those of the reference but for steering and half a sampling period."""
+"""Steps from the planned angles, which are those of the reference but for steering and half a sampling period."""
 
 
 class DriveParams(NamedTuple):
@@ -37,9 +37,9 @@ class DriveParams(NamedTuple):
     damping: float
     """D, N m s/rad."""
     force_weight: float
-    """Of the force that is missing, in what teaches."""
+    """Weight of the force that is missing, in what teaches."""
     force_share: float
-    """Of the desired force in ``force_due`` after a step; 1: it is that force."""
+    """Share of the desired force in ``force_due`` after a step; 1: it is that force."""
     force_due: Clock
     """(L,): the desired force through the filter of the forces that sensors estimate, N."""
     ahead: float

@@ -33,7 +33,7 @@ class FaultDetection(NamedTuple):
     tolerance: float
     """Allowed difference from the expected force, N."""
     relative_tolerance: float
-    """Likewise over the expected force."""
+    """Allowed difference over the expected force."""
     patience: int
     """Statistic above which a sensor is excluded: samples with twice the allowed difference."""
 
@@ -94,7 +94,7 @@ class HybridParams(NamedTuple):
     gains: Gains
     lead: Lead
     posture_gain: float
-    """Of the posture control of a body; 0 switches it off."""
+    """Gain of the posture control of a body; 0 switches it off."""
     posture_rate_gain: float
     """Gain of the posture term in the velocity reference; 0 as in the paper."""
     fault_detection: FaultDetection

@@ -22,7 +22,7 @@ FEET = 4
 y depth of the ground below the body's centre; m, m^2."""
 SUMS = 13
 LEAST_SPREAD = 1e-6
-"""Of the places of the feet, as a variance, below which they span no plane, m^2."""
+"""Variance of the places of the feet below which they span no plane, m^2."""
 
 
 class LoadMeter(NamedTuple):

@@ -31,7 +31,7 @@ class Action(NamedTuple):
     reference: Array | None = None
     """(L, J): position that the controller used, m; None: those of the plan."""
     drive: Drive | None = None
-    """For the drives, of a controller with ``sends_drives``; its torques are sent beside it. None: torques alone."""
+    """What drives get from a controller with ``sends_drives``, beside its torques; None: torques alone."""
     learning_error: Array | None = None
     """(L, J): what teaches, for the guard of learning, N m; None: the feedback."""
 

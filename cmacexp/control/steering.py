@@ -26,7 +26,7 @@ PUSHED = 0.2
 EASE = 0.03
 """Time in which a foot takes to another place, s."""
 LONGITUDINAL, LATERAL, TURN = range(3)
-"""Of the command: dv / v, v_y / v, and the arc of the farthest hip, w r / v."""
+"""Parts of the command: dv / v, v_y / v, and the arc of the farthest hip, w r / v."""
 
 
 class Steering(NamedTuple):
@@ -39,7 +39,7 @@ class Steering(NamedTuple):
     speed: float
     """Planned, v, m/s."""
     period: float
-    """Of sampling, s."""
+    """Sampling period, s."""
     radius: float
     """Distance r of the farthest hip from the body's centre, m."""
     sway: Array

@@ -60,7 +60,7 @@ FOREIGN = "holds {}, which is of no earlier result; move it, or choose another f
 LOGS = "*.log"
 """What Hydra writes into the folder of a run, before and while it runs, if it is asked to."""
 RENAME_EXCHANGE, AT_FDCWD = 2, -100
-"""Of ``renameat2`` (Linux)."""
+"""Arguments of ``renameat2`` (Linux)."""
 CANNOT_EXCHANGE = {errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP}
 """Errors of a system or a file system that cannot exchange two folders."""
 OCCUPIED = {errno.ENOTEMPTY, errno.EEXIST}

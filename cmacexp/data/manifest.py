@@ -27,7 +27,7 @@ from cmacexp.models.robot_file import DISTRIBUTION
 MANIFEST = "manifest.json"
 MAX_BYTES = 16 << 20
 PACKAGES = ("numpy", "numba", "scipy", "pyarrow", "pandas", "hydra-core", "rerun-sdk", "mujoco", DISTRIBUTION)
-"""On whose versions results can depend, those of robots included."""
+"""Packages on whose versions results can depend, those of robots included."""
 
 Manifest = dict[str, Any]
 """Entries by name, those of :class:`cmacexp.data.manifest_fields.RunManifest`, perhaps of a sweep or a report."""
@@ -188,7 +188,7 @@ def require_intact(path: Path) -> Path:
 
 HYDRA_FOLDER = ".hydra"
 RUNS_FILE, JOBS_FOLDER = "runs.parquet", ".jobs"
-"""Of a sweep: its jobs beside their metrics; parts of both while it runs."""
+"""Tables of a sweep: its jobs beside their metrics; and parts of both while it runs."""
 
 
 def is_run(folder: Path) -> bool:

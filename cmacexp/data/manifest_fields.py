@@ -39,9 +39,9 @@ class RobotGeometry:
     """Geometry of the legs of a robot, for views of its trace; raises BadInput unless there are four."""
 
     chains: list[list[float]] = number("m")
-    """As in :mod:`cmacexp.models.chain`."""
+    """Chain of each leg, see :mod:`cmacexp.models.chain`."""
     hips: list[list[float]] = number("m")
-    """In the body frame, forward and left."""
+    """Hips in the body frame, forward and left."""
     foot_radius: float = number("m")
 
     def __post_init__(self) -> None:
@@ -70,27 +70,27 @@ class RunManifest:
     """Why it did not complete; empty if it did."""
     seed: Any
     config: dict[str, Any]
-    """As plain dictionaries; whatever could be composed, if it took no step."""
+    """Its config as plain dictionaries; whatever could be composed, if it took no step."""
     config_hash: str
-    """Of what changes the results, see :func:`cmacexp.config.config_hash`."""
+    """Hash of what changes the results, see :func:`cmacexp.config.config_hash`."""
     versions: dict[str, str]
-    """Of this package, Python, and all that results can depend on."""
+    """Versions of this package, Python, and all that results can depend on."""
     git_commit: str | None
-    """Of the checkout that ran it; None outside one."""
+    """Commit of the checkout that ran it; None outside one."""
     steps: int = number("", at_least=0, at_most=MOST)
-    """That it took."""
+    """Steps that it took."""
     rollout_seconds: float
-    """Of the closed loop alone, without compiling."""
+    """Time of the closed loop alone, without compiling."""
     wall_seconds: float
     files: dict[str, str]
     """SHA-256 of the files that it wrote, by name."""
     dropped: list[DroppedSensor] = field(default_factory=list)
     memory: list[MemoryUse] = field(default_factory=list)
-    """Of each leg; empty if nothing learns."""
+    """Use of memory by each leg; empty if nothing learns."""
     drift: Drift | None = None
     """The first drift, with the growth in the last cycle."""
     processor_seconds: float | None = None
-    """Of the closed loop, of all cores."""
+    """Time that the closed loop took of all cores."""
     guard: list[GuardEvent] = field(default_factory=list)
     lead_estimates: list[LeadEstimate] = field(default_factory=list)
     learning_lead: int | float | None = None
@@ -99,20 +99,20 @@ class RunManifest:
     """What ``learning.rate`` gave."""
     carried: list[CarriedLoad] = field(default_factory=list)
     code_hash: str | None = None
-    """Of this package's code on which results depend."""
+    """Hash of this package's code on which results depend."""
     custom_code: str | None = None
-    """The same of components of the user's own; None if there are none."""
+    """Hash of the code of components of the user's own; None if there are none."""
     start_weights: str | None = None
     """SHA-256 of the weights that it started from."""
     model_hash: str | None = None
-    """Of the model of a robot."""
+    """Hash of the model of a robot."""
     robot: RobotGeometry | None = None
     plant: Any = None
     """What the plant said of the run, see :class:`cmacexp.plants.protocol.Plant`."""
     overrides: list[str] | None = None
-    """From which its config was composed; None if it came whole."""
+    """Overrides from which its config was composed; None if it came whole."""
     traceback: str = ""
-    """Of an error that is no mistake of the input."""
+    """Traceback of an error that is no mistake of the input."""
     bad_input: bool | None = None
     """Whether the input is why the config gave no run; None: it gave one."""
 

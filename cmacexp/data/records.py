@@ -13,7 +13,7 @@ class Drift:
     """A drift, as known when it was reported."""
 
     cycle: int = number("", at_least=0, at_most=MOST)
-    """In which the trend started: the middle of the window in which the feedback was lowest."""
+    """Cycle in which the trend started: the middle of the window in which the feedback was lowest."""
     leg: int = number("", at_least=0, at_most=MOST)
     """The first leg that drifts."""
     named: int = number("", at_least=0, at_most=MOST)
@@ -27,7 +27,7 @@ class GuardEvent:
     """What the guard of learning did, and why."""
 
     cycle: int = number("", at_least=1, at_most=MOST)
-    """In which it acted, from 1."""
+    """Cycle in which it acted, from 1."""
     step: int = number("", at_least=0, at_most=MOST)
     cause: str
     restored: int = number("", at_least=0, at_most=MOST)
@@ -39,9 +39,9 @@ class LeadEstimate:
     """What a probe of the delay of the feedback gave."""
 
     cycle: int = number("", at_least=1, at_most=MOST)
-    """Before which it ended, from 1."""
+    """Cycle before which it ended, from 1."""
     lead: int = number("samples", at_least=0, at_most=MOST)
-    """Where the response was not clear that of ``auto``, or after a retreat one more than before."""
+    """Its result; where the response was not clear that of ``auto``, or after a retreat one more than before."""
 
 
 @dataclass

@@ -51,7 +51,7 @@ class Outcome(NamedTuple):
     """How a run ended, for a table of runs."""
 
     status: str
-    """As the manifest says, :data:`Status.NOT_INTACT` or :data:`Status.UNFINISHED`."""
+    """Status that the manifest says, :data:`Status.NOT_INTACT` or :data:`Status.UNFINISHED`."""
     cause: str
 
     @property
@@ -94,7 +94,7 @@ class Run:
 
     @property
     def config(self) -> dict[str, Any]:
-        """As plain dictionaries; ``cmacexp.run(run.config)`` runs it again."""
+        """Its config as plain dictionaries; ``cmacexp.run(run.config)`` runs it again."""
         return dict(self.manifest["config"])
 
     @cached_property

@@ -82,7 +82,7 @@ LEG_SIGNALS = (
         present=IF_WATCHED,
     ),
 )
-"""Of ``trace.parquet``: one row per step and leg."""
+"""Columns of ``trace.parquet``: one row per step and leg."""
 
 SPATIAL_SIGNALS = (
     Signal("z_desired", "m", "where the foot should really be, hip frame, z to the left", PLAN),
@@ -99,13 +99,13 @@ SPATIAL_SIGNALS = (
         for n in (1, 2, 3)
     ),
 )
-"""Of ``trace.parquet`` of a robot, after :data:`LEG_SIGNALS`: what legs that move in space have besides."""
+"""Columns of ``trace.parquet`` of a robot, after :data:`LEG_SIGNALS`: what legs that move in space have besides."""
 
 MODEL_SIGNALS = tuple(
     Signal(f"tau_model_{n}", "N m", f"part of tau_feedforward_{n} that a model gives, before the actuator", PLAN)
     for n in (1, 2, 3)
 )
-"""Of ``trace.parquet`` of a run whose feedforward learns on top of a model, one for each joint of a leg."""
+"""Columns of ``trace.parquet`` of a run whose feedforward learns on top of a model, one for each joint of a leg."""
 
 TRUE_MARGIN_SIGNALS = (
     Signal(
@@ -151,7 +151,7 @@ BODY_SIGNALS = (
     Signal("pitch_rate", "rad/s", "rate of the pitch", PLANT, altered_by=("tilt_rate",), present=IF_ALTERED),
     Signal("roll_rate", "rad/s", "rate of the roll", PLANT, altered_by=("tilt_rate",), present=IF_ALTERED),
 )
-"""Of ``body.parquet``: one row per step."""
+"""Columns of ``body.parquet``: one row per step."""
 
 LIVE_SIGNALS = (
     Signal(
@@ -162,7 +162,7 @@ LIVE_SIGNALS = (
     ),
     Signal("states_missed", "", "states that were sent and not received, since the run began; NaN likewise", PLANT),
 )
-"""Of ``body.parquet`` of a machine that is not simulated, after :data:`BODY_SIGNALS`.
+"""Columns of ``body.parquet`` of a machine that is not simulated, after :data:`BODY_SIGNALS`.
 
 A step whose answer takes longer than a sampling period has overrun.
 """
@@ -183,7 +183,7 @@ MEMORY_SIGNALS = (
     ),
     Signal("guard", "", f"guard of learning at the end of the cycle: {GUARD_STATES}", CONTROLLER),
 )
-"""Of ``memory.parquet``: one row per cycle and leg."""
+"""Columns of ``memory.parquet``: one row per cycle and leg."""
 
 ARRAYS = {
     "q": ("q1", "q2", "q3"),

@@ -55,7 +55,7 @@ class Trace:
     body: "Trace | None" = None
     """None without a body."""
     memory: "Trace | None" = None
-    """At the end of each cycle; None without weights."""
+    """Signals of the memory at the end of each cycle; None without weights."""
 
     @cached_property
     def legs(self) -> int:
@@ -131,7 +131,7 @@ class SampledTrace(Trace):
         body: Trace | None = None,
         memory: Trace | None = None,
     ):
-        """Of so many steps and legs; ``support`` (steps, legs) is for the phase, if that is one of the signals."""
+        """Make a trace of so many steps and legs; ``support`` (steps, legs) is for the phase, if that is a signal."""
         self.__dict__.update(arrays=arrays, signals=signals, shape=shape, body=body, memory=memory, legs=shape[1])
         if support is not None:
             self.__dict__["support"] = support

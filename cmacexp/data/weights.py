@@ -14,7 +14,7 @@ from cmacexp.errors import BadInput, BadRun
 from cmacexp.typing import Weights
 
 MAX_BYTES = 4 << 30
-"""Of all arrays together: four networks of the largest memory, see :mod:`cmacexp.config.cmac`."""
+"""Largest size of all arrays together: four networks of the largest memory, see :mod:`cmacexp.config.cmac`."""
 
 
 def read_weights(config: Config) -> Weights | None:

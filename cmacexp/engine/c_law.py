@@ -49,18 +49,18 @@ from cmacexp.sensors import PerfectSensors
 from cmacexp.typing import Array, Status
 
 CYCLES = 4
-"""Of the check."""
+"""Cycles of the check."""
 SEED, FACTOR, INCREMENT = 1997, 6364136223846793005, 1442695040888963407
-"""Of a linear congruential generator of 64 bits (Knuth, MMIX)."""
+"""Seed and constants of a linear congruential generator of 64 bits (Knuth, MMIX)."""
 ANGLE, RATE, PRESSED = 0.05, 0.5, 0.3
 """Sizes of the signals by chance: of angles, rad, of velocities over the largest planned ones, and of forces over the
 mean of the planned ones."""
 FASTEST = 10.0
 """Largest planned velocity that counts, rad/s: sixteen times half of it is below the limit of the loop."""
 OF_A_BODY = (0.002, 0.01, 0.01, 0.05, 0.1, 0.1, 0.002, 0.002, 0.002)
-"""Likewise of height, pitch and roll, their rates, place and heading: m, rad, s."""
+"""Sizes of the signals by chance of height, pitch and roll, their rates, place and heading: m, rad, s."""
 BURST = 16.0
-"""By how much signals grow in a part of the third cycle: enough to alarm a guard, and for no body to fall."""
+"""Factor by which signals grow in a part of the third cycle: enough to alarm a guard, and for no body to fall."""
 
 
 def compute_feet(mechanism: Mechanism, q: Array, dq: Array) -> tuple[Array, Array]:

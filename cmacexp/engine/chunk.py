@@ -46,9 +46,9 @@ class RunEnd(NamedTuple):
     result: bytes
     """The same for runs that gave equal results; empty where there is none to compare."""
     other_model: str
-    """That its robot is not the one that results were measured with; empty if it is."""
+    """Says that its robot is not the one that results were measured with; empty if it is."""
     rows: int
-    """Of the run in the table of all."""
+    """Number of rows of the run in the table of all."""
 
 
 class Chunk:
@@ -58,11 +58,11 @@ class Chunk:
     """What the last runs that could share a scenario have in common, and that, also of an earlier chunk."""
 
     def __init__(self, keeps_trace: bool = False):
-        """Without runs; the traces of all of them are kept, else of short runs until they are scored."""
+        """Begin without runs; the traces of all of them are kept, else of short runs until they are scored."""
         self._keeps_trace = keeps_trace
         self.traces = dict[int, pa.Table]()
         self._sampled = dict[int, Sampled]()
-        """Of the runs that are not scored yet."""
+        """Samples of the runs that are not scored yet."""
         self._configs, self._scores = dict[int, Config](), dict[int, Scores]()
         self.hashes = dict[int, dict[str, str]]()
         """SHA-256 of the values of each table of metrics of the runs that are scored, by the name of its file."""

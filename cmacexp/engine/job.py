@@ -96,15 +96,15 @@ class JobTemplate(NamedTuple):
     """What Hydra composed for jobs of the same keys and options, in the forms in which their values are set."""
 
     composed: DictConfig
-    """Without Hydra's own part; it holds the values of the last job that needed it."""
+    """The config without Hydra's own part; it holds the values of the last job that needed it."""
     hydra: dict[str, Any]
-    """That part, likewise."""
+    """Hydra's own part, with the values of that job."""
     plain: Any
     """The config as :func:`set_numbers` takes it; pickled if a component is custom, so that each job has its own."""
     typed: Any
-    """Likewise; None if it is wrong, or ``referred`` is None."""
+    """The typed config, in the same way; None if it is wrong, or ``referred`` is None."""
     referred: frozenset[str] | None
-    """From what other values follow, see :func:`find_referred`."""
+    """Keys from which other values follow, see :func:`find_referred`."""
 
 
 @lru_cache(8)

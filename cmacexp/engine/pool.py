@@ -21,7 +21,7 @@ from cmacexp.errors import require
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
-"""Of ``mallopt`` (glibc)."""
+"""Options of ``mallopt`` (glibc)."""
 PRELOADED = "cmacexp.engine.preload"
 """Imports what workers need."""
 MOST_RUNS, CHUNKS_EACH = 32, 4

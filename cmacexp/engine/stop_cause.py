@@ -16,7 +16,7 @@ WINDOW = 0.02
 AT_LIMIT = 0.999
 """Share of its limit from which a torque is at it: behind a lag it only comes near."""
 MOST = 3
-"""Of what happened to several legs or joints, so many are named."""
+"""Legs or joints that are named, of those to which the same happened."""
 
 
 def explain_stop(scenario: Scenario, end: End, traces: Sequence[Trace], drift: Drift | None) -> str:

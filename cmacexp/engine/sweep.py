@@ -95,7 +95,7 @@ class Sweep:
         """Arguments ``packed`` of :func:`cmacexp.engine.job.run_jobs`, by what jobs have in common, and whether a
         process takes several of these jobs at a time: those that keep metrics alone, and are no robot's."""
         self.list_options = cache(context.config_loader.get_group_options)
-        """Of a key; a field has none. Hydra takes longer to list them than to run a job."""
+        """Lists the options of a key; a field has none. Hydra takes longer to list them than to run a job."""
         self.parallel_map: ParallelMap = iterate_here
         self.optimize, self.direction = _read_objective(config)
         _check_options(config)

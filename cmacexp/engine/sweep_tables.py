@@ -199,7 +199,7 @@ def join_runs(runs: pa.Table, metrics: pa.Table, index: Array) -> pa.Table:
 MOST_PARTS = 64
 """Parts of a sweep that are in memory at a time: a small table takes several times what its values do."""
 HASHES = ("config_hash", "code_hash", "custom_code", "start_weights", "model_hash")
-"""Of the manifest of a job: where all are the same, so is the result."""
+"""Entries of the manifest of a job: where all are the same, so is the result."""
 
 
 class JobItem(NamedTuple):
@@ -210,7 +210,7 @@ class JobItem(NamedTuple):
     """Those of its overrides that are set in what Hydra composed for jobs of the same keys and options."""
     number: int
     folder: str
-    """In that of the sweep."""
+    """Its folder, in that of the sweep."""
     known: tuple[str, ...]
     """:data:`HASHES` of a result that the tables of the sweep have; empty without one."""
 
@@ -237,7 +237,7 @@ class JobRun(Run):
 
     @cached_property
     def manifest(self) -> Manifest:
-        """As of a run in a folder; the hashes of its files are those of its metrics if it has none."""
+        """The manifest as of a run in a folder; the hashes of its files are those of its metrics if it has none."""
         return fill(json.loads(self.read("manifest")))
 
     @property

@@ -38,7 +38,7 @@ TITLES = {
     "rbf": "Feedforward of radial basis functions",
 }
 GOAL_NAMES = {NO_GOAL: "", ZERO_BY_ERROR: "zero_by_error", MEAN: "mean"}
-"""In the template; any other goal is ``zero``."""
+"""Names of goals in the template; any other goal is ``zero``."""
 QUANTITIES = {"angle": ("rad", "m"), "velocity": ("rad/s", "m/s"), "acceleration": ("rad/s^2", "m/s^2")}
 """Units of planned inputs: of joints, and of a point mass, whose joints are its axes."""
 

@@ -42,7 +42,7 @@ class Network:
     """Networks of L legs with J joints over a cycle of N samples."""
 
     kind: str
-    """Of EXPORTED."""
+    """One of EXPORTED."""
     setup: Setup
     """What it was made of; ``setup.learnt`` is None if the run stored no weights."""
     params: FeedforwardParams
@@ -55,7 +55,7 @@ class Network:
     """(N, L, n): planned; n is 0 if cells are known for one path alone."""
     input_names: Sequence[str] = ()
     addresses: Sequence[Address] = ()
-    """Of each leg; empty: cells are known for one path alone."""
+    """How the inputs of each leg are addressed; empty: cells are known for one path alone."""
     places: Sequence[Any] = ()
     """(rows,) of each leg with visited addressing: position of the cell of every row, in order; else empty."""
 

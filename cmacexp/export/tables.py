@@ -25,7 +25,7 @@ WIDE, MCAP = "wide.parquet", "run.mcap"
 SHARED = ["time", "step", "cycle"]
 """Columns that all legs and the body have in common."""
 SUPPORT = pa.field("support", pa.int32(), metadata={"unit": "", "meaning": "planned phase: 1 support, 0 transfer"})
-"""In place of ``phase``, as a number, which every program reads."""
+"""Stands in place of ``phase``, as a number, which every program reads."""
 Groups = dict[str, pa.Table]
 """A table with a row for each step, by ``leg1`` to ``leg4`` and ``body``."""
 

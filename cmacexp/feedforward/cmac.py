@@ -23,7 +23,7 @@ class _Path(NamedTuple):
     activation: Array | None
     """(N, L, C): of the active cells; None if all are 1."""
     visited: list[Any]
-    """Of each leg, see :func:`find_visited`."""
+    """Cells that the path of each leg visits, see :func:`find_visited`."""
 
 
 _paths = deque[Any](maxlen=16)

@@ -35,7 +35,7 @@ class Gap:
     problem: Problem
     values: dict[str, Any]
     makers: dict[str, Maker] = field(default_factory=dict)
-    """Of learners by name."""
+    """Makers of learners by name."""
     replays: dict[str, Array] = field(default_factory=dict)
     """(n, J) angles by model, rad."""
     fitted: Fit | None = None

@@ -21,15 +21,15 @@ LARGEST = 1e100
 RATES = (20.0, 20_000.0)
 """Sampling rates of logs, Hz."""
 NORM_ERROR = 0.01
-"""By which the norm of an orientation, a unit quaternion, may differ from 1."""
+"""Amount by which the norm of an orientation, a unit quaternion, may differ from 1."""
 GAP = 1.6
 """Spacing of two rows, over the median, from which rows are missing."""
 LEAST_RANGE, LEAST_TURNS = 0.02, 4
 """Motion of a joint that shows anything of it: its range, rad, and how often it turns."""
 BEYOND = 0.1
-"""By which angles of a robot may lie beyond the limits of its model, rad."""
+"""Angle by which joints of a robot may lie beyond the limits of its model, rad."""
 SLOPES = (0.5, 1.4)
-"""Of measured over commanded angles."""
+"""Least and largest slope of measured over commanded angles."""
 MOST_APART = (0.1, 0.3)
 """Median distance of measured and commanded angles, rad, and over the range, that a sagging joint may have."""
 NEARER, MUCH_NEARER = 0.5, 0.3

@@ -19,9 +19,9 @@ from cmacexp.models.joint import OWN, SLOW, make_regressors
 from cmacexp.typing import Array, Counts, Mask
 
 KNOTS = 5
-"""Of friction over the angle."""
+"""Knots of friction over the angle."""
 NAMES = ("rotor_inertia", "viscous_friction", "offset", "spring")
-"""Of the parameters of a joint before its Coulomb friction."""
+"""Names of the parameters of a joint before its Coulomb friction."""
 SIGNED = slice(2, OWN)
 """Those that may be negative: torques that help the drives."""
 PRIOR = (1.0, 1.0, 0.3, 0.3, 1.0)
@@ -46,7 +46,7 @@ class Level:
     knots: int
     """1: one Coulomb friction; more: Coulomb friction over the angle."""
     masses: bool = False
-    """Of the links whose mass the log excites."""
+    """Whether masses are identified, of the links whose mass the log excites."""
 
     @property
     def free(self) -> Mask:
@@ -88,7 +88,7 @@ class Fit:
     masses: dict[int, tuple[float, float]]
     """Factors of the masses of links, by their joints, with standard errors."""
     covariances: tuple[Array, ...]
-    """Of each block: its free parameters joint by joint, the delay, its masses."""
+    """Covariance of each block: its free parameters joint by joint, the delay, its masses."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from cmacexp.models.joint import OWN
 from cmacexp.typing import Array, Counts
 
 RATE, LAYERS, CELLS = 0.2, 16, 9
-"""Of the CMACs."""
+"""Learning rate, layers and resolution elements of the CMACs."""
 GAIN, HARMONICS = 0.7, 25
 """Learning gain of iterative learning, and the harmonics of a stroke that its filter passes."""
 CHANGE, ROUGH = 0.4, 1e-3
@@ -31,7 +31,7 @@ RIDGE = 0.3
 GRID = np.arange(400) / 400
 """Phases of a stroke at which iterative learning has a torque."""
 HIDDEN, EPOCHS = 64, 60
-"""Of the perceptron: hidden units, passes through all samples after each stroke."""
+"""Hidden units of the perceptron, and its passes through all samples after each stroke."""
 PLACED = ("stroke before", "CMAC over phase", "CMAC over angles and velocities")
 """Tables that are placed above a model, and that act."""
 
@@ -247,7 +247,7 @@ class Stroke:
     """A stroke of a log, (rows, J) each; what was measured is None until it is over."""
 
     period: float
-    """Of the rows, s."""
+    """Time between two rows, s."""
     phase: Array
     """(rows,) from 0 to 1."""
     command: Array
@@ -257,7 +257,7 @@ class Stroke:
     angle: Array | None = None
     """Measured, rad."""
     torque: Array | None = None
-    """Of the drives, N m: what the method predicts."""
+    """Torque of the drives, which the method predicts, N m."""
 
 
 @dataclass
@@ -274,7 +274,7 @@ class Entered:
 
     @cached_property
     def _rate(self) -> Array:
-        """Of all commands, rad/s."""
+        """Rates of all commands, rad/s."""
         return differentiate(self.signals.command, self.signals.log.period)
 
     def _cut(self, rows: slice) -> Stroke:

@@ -383,7 +383,7 @@ def read_mcap(path: Path) -> Columns:
 
 
 READERS: dict[str, Reader] = {".parquet": read_parquet, ".csv": read_csv, ".npz": read_npz, ".mcap": read_mcap}
-"""By suffix."""
+"""Readers by the suffix of a file."""
 
 
 def load_reader(spec: str) -> Reader:

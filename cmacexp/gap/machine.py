@@ -21,7 +21,7 @@ from cmacexp.typing import Array, Counts
 
 ROBOT_KEY = "--robot"
 STEP = 1e-5
-"""Of finite differences of the bias over joint angles, rad."""
+"""Step of finite differences of the bias over joint angles, rad."""
 COUPLED = 1e-9
 """Least part of the largest inertia, kg m^2, that one joint feels of another that moves it."""
 

@@ -216,7 +216,7 @@ def make_option(gap: Gap) -> str:
 
 
 def _round(value: "float | list[float]") -> "float | list[float]":
-    """To four digits."""
+    """A value, or several, rounded to four digits."""
     return [float(f"{each:.4g}") for each in value] if isinstance(value, list) else float(f"{value:.4g}")
 
 

@@ -50,7 +50,7 @@ class JointParams(NamedTuple):
     ranges: Array
     """(2, B) least and largest angles of the ranges over which friction and spring are given, rad."""
     delay: float
-    """By which commands act later than their rows, s."""
+    """Time by which commands act later than their rows, s."""
 
 
 class Replay(NamedTuple):

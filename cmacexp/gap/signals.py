@@ -9,15 +9,15 @@ from cmacexp.gap.log import Log
 from cmacexp.typing import Array, Counts
 
 WINDOW = 0.075
-"""Of the filter that gives velocities and accelerations from angles (Savitzky & Golay 1964), s."""
+"""Length of the filter that gives velocities and accelerations from angles (Savitzky & Golay 1964), s."""
 CUTOFF = 10.0
-"""Of the low-pass filter of both sides of a regression, Hz."""
+"""Cut-off frequency of the low-pass filter of both sides of a regression, Hz."""
 LEAST_STROKES = 3
-"""Of a log that repeats a motion."""
+"""Least number of strokes of a log that repeats a motion."""
 PROMINENCE = 0.3
-"""Of a turning point between two strokes, over the range of the motion."""
+"""Least prominence of a turning point between two strokes, over the range of the motion."""
 SHORTEST = 0.15
-"""Of strokes, s."""
+"""Time that the shortest stroke takes, s."""
 PARTS = 12
 """Windows of a log whose motion does not repeat."""
 
@@ -63,12 +63,12 @@ class Signals:
 
     @cached_property
     def velocity(self) -> Array:
-        """From measured angles, rad/s."""
+        """Velocity of the joints, from measured angles, rad/s."""
         return differentiate(self.log.angle, self.log.period)
 
     @cached_property
     def acceleration(self) -> Array:
-        """From measured angles, rad/s^2."""
+        """Acceleration of the joints, from measured angles, rad/s^2."""
         return differentiate(self.log.angle, self.log.period, 2)
 
     @cached_property

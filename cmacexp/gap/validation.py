@@ -106,7 +106,7 @@ def choose_level(problem: Problem) -> tuple[Level, list[dict[str, Any]]]:
 
 
 def describe_parameters(problem: Problem, found: Fit) -> dict[str, Any]:
-    """By joint the parameters with their standard errors, and the range over which friction and spring are given."""
+    """Parameters by joint with their standard errors, and the range over which friction and spring are given."""
     described = {}
     for j, joint in enumerate(problem.signals.log.joints):
         free = [k for k in range(len(NAMES)) if found.level.free[k]]

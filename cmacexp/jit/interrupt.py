@@ -12,11 +12,11 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class _State:
-    """Of the main thread, which alone is interrupted."""
+    """What is known of the main thread, which alone is interrupted."""
 
     held_back = waiting = raised = False
     number = int(signal.SIGINT)
-    """Of the last signal."""
+    """Number of the last signal."""
 
 
 _state = _State()

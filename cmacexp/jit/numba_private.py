@@ -102,7 +102,7 @@ def _infer_type(operation: Any, context: Any, args: tuple[Any, ...], kws: tuple[
 
 
 def _look_up_type(operation: Any, context: Any, args: Any, kws: Any) -> Any:
-    """In place of numba's method, which searches all templates for each statement, and again to lower it."""
+    """Stands in place of numba's method, which searches all templates for each statement, and again to lower it."""
     return _infer_type(operation, context, tuple(args), tuple(kws.items()))
 
 

@@ -41,7 +41,7 @@ class External(NamedTuple):
     sensors: bool
     controller: bool
     feedforward: bool
-    """Of a built-in controller; an external controller calls its feedforward itself."""
+    """Whether that of a built-in controller is; an external controller calls its feedforward itself."""
 
 
 def find_external(scenario: Scenario) -> External:

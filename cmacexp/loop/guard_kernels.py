@@ -43,13 +43,13 @@ class CycleSums(NamedTuple):
     """Sums of squares over a cycle."""
 
     effort: float
-    """Of the learning error, (N m)^2."""
+    """The learning error, (N m)^2."""
     error: float
-    """Of the errors of feet and body, m^2."""
+    """The errors of feet and body, m^2."""
     motion: float
-    """Of the joint velocities, (rad/s)^2."""
+    """The joint velocities, (rad/s)^2."""
     demand: float
-    """Of learning error and feedforward together, (N m)^2; only in a first cycle with learnt weights."""
+    """Learning error and feedforward together, (N m)^2; only in a first cycle with learnt weights."""
 
 
 EFFORT, ERROR, MOTION, DEMAND = range(len(CycleSums._fields))
@@ -71,7 +71,7 @@ class GuardState(NamedTuple):
     limits: Clock
     """(3,): limits of one step, (N m)^2, (rad/s)^2 and rad^2; learning ends at once beyond them."""
     lever: float
-    """Of the tilt, squared, in the error: the sum of half the squared distances of the hips, m^2."""
+    """Weight of the tilt, squared, in the error: the sum of half the squared distances of the hips, m^2."""
     torque: Clock
     """(N, L, J): feedforward torque of this cycle, N m: recorded while it learns, then repeated."""
     errors: Clock
@@ -79,7 +79,7 @@ class GuardState(NamedTuple):
     output: Scratch
     """(J,): of one network, N m."""
     probe: ProbeState | None
-    """Of the delay of the feedback; None: nothing estimates the lead."""
+    """Probe of the delay of the feedback; None: nothing estimates the lead."""
 
 
 def new_guard_state(

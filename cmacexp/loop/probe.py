@@ -13,7 +13,7 @@ from cmacexp.jit.compiler import kernel
 from cmacexp.typing import Array, Clock
 
 CYCLES = 8
-"""Over which the response is averaged; a multiple of 4, so that what rises steadily cancels out too."""
+"""Cycles over which the response is averaged; a multiple of 4, so that what rises steadily cancels out too."""
 FIRST_LEARNING = 3 + CYCLES
 """Cycle in which learning begins at the earliest, from 1."""
 SHARE = 0.1
@@ -25,7 +25,7 @@ CLEAR = 4.0
 LONGEST = 100
 """Lead that is looked for at most, samples, and a quarter of the cycle."""
 MOST_PROBES = 4
-"""Of one run."""
+"""Most probes of one run."""
 
 
 class ProbeState(NamedTuple):
@@ -109,7 +109,7 @@ class LeadProbe:
         state.sign[0] = 0.0 if self.cycles_left == 0 else 1.0 if self.cycles_left % 4 < 2 else -1.0
 
     def repeat(self, clear: bool) -> None:
-        """After a retreat: let another one wait if that makes sense, ``clear``, and some have ended but not all."""
+        """Let another one wait after a retreat, if that makes sense, ``clear``, and some have ended but not all."""
         self.waits, self.cycles_left = clear and 0 < self.ended < MOST_PROBES, 0
         if self.state is not None:
             self._choose_sign(self.state)

@@ -40,11 +40,11 @@ class Repeated:
     """
 
     def __init__(self, scenario: Scenario, count: int = 1):
-        """For so many runs at once like that of a new scenario, which cannot run afterwards."""
+        """Prepare so many runs at once like that of a new scenario, which cannot run afterwards."""
         assert isinstance(scenario.feedforward, BuiltInFeedforward)
         self._alone, self._feedforward = scenario.setup, scenario.feedforward
         self._seed: int | None = None
-        """Of what the feedforward has computed for all runs so far with this seed."""
+        """Seed with which the feedforward has computed what it has for all runs so far."""
         if count > 1:
             setup = _repeat_setup(self._alone, count)
             nominal = replace(setup, config=setup.config.nominal)

@@ -60,11 +60,11 @@ class Samples(NamedTuple):
     """LIVE_SIGNALS, (steps,) by name; empty of a plant that does not list them."""
 
     def columns(self) -> dict[str, Array]:
-        """Of the legs, (steps, L) by column name, in the units of :func:`cmacexp.data.signals.list_units`."""
+        """Samples of the legs, (steps, L) by column name, in the units of :func:`cmacexp.data.signals.list_units`."""
         return name_samples(self.legs)
 
     def body_columns(self) -> dict[str, Array]:
-        """Of the body, (steps,) by column name, in the units of :func:`cmacexp.data.signals.list_units`."""
+        """Samples of the body, (steps,) by column name, in the units of :func:`cmacexp.data.signals.list_units`."""
         return name_samples(self.body, WIDE_BODY_SAMPLES)
 
 
@@ -78,7 +78,7 @@ class End:
     cause: str
     """Why it did not complete: step, time and cause; empty if it did."""
     rate: float
-    """Of learning at the end."""
+    """Rate of learning at the end."""
     error: Exception | None = None
     """What a component raised."""
     seconds: float = 0.0
@@ -88,7 +88,7 @@ class End:
     events: Sequence[GuardEvent] = ()
     """What the guard of learning did."""
     estimates: list[LeadEstimate] = field(default_factory=list)
-    """Of the lead, by ``learning.lead=estimate``."""
+    """Estimates of the lead, by ``learning.lead=estimate``."""
     load_history: Sequence[tuple[int, LoadEstimate, float]] = ()
     """What the plan uses of the load from a cycle on, and what the feet carried in the one before, N, by
     ``force_control.load_sharing=adaptive``."""
@@ -114,7 +114,7 @@ class _Stream:
         meter = self.driver.loop.meter
         self.adaptation = None if meter is None else Adaptation(setup, meter)
         self.steps_per_call = FIRST_STEPS if repays_compiling() and self.driver.components is None else 1
-        """Of the next call of the driver."""
+        """Steps of the next call of the driver."""
         fit = MOST_ROWS // (config.steps_per_cycle * config.legs)
         cycles = min(config.cycles, max(1, fit), MOST_CYCLES)
         if is_live(scenario.plant):  # handing samples over takes longer than a step, so that it waits for the end

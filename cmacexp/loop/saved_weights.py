@@ -17,13 +17,13 @@ class SavedWeights:
 
 
 class NetworkWeights(SavedWeights):
-    """Of a built-in network: the rows that the plan uses."""
+    """Saves the weights of a built-in network: the rows that the plan uses."""
 
     def __init__(self, params: FeedforwardParams):
         log = params.log
         legs = zip(params.weights, log.rows.astype(np.intp), log.used, strict=True)
         self._own = [(weights, rows[:used], weights[rows[:used]]) for weights, rows, used in legs]
-        """Of each leg the weights, the rows, and the weights of these that were saved last."""
+        """Weights of each leg, the rows, and the weights of these that were saved last."""
 
     def save(self, cycle: int) -> None:
         """Save the weights in use."""
@@ -37,7 +37,7 @@ class NetworkWeights(SavedWeights):
 
 
 class CustomWeights(SavedWeights):
-    """Of a custom feedforward that learns: the guard cannot return to them, but the result of the run has them."""
+    """Saves those of a custom feedforward: the guard cannot return to them, but the result of the run has them."""
 
     def __init__(self, scenario: Scenario):
         self._scenario = scenario

@@ -111,7 +111,7 @@ def make_component(group: str, node: ComponentConfig | dict[str, Any]) -> Any:
 
 
 GUARDED_SHARE = 0.3
-"""Of its critical gain, learning that is guarded has at most."""
+"""Share of its critical gain that learning has at most which is guarded."""
 
 
 @dataclass
@@ -124,13 +124,13 @@ class Scenario:
     controller: Controller
     feedforward: Feedforward
     first: Measurement
-    """Of the plant at the start."""
+    """What the plant measures at the start."""
     fault: Exception | None = None
     """Raised by a component when it was reset: the run fails before its first step."""
     warning: str = ""
-    """That feedback bears little delay beyond what is counted; empty if it bears more."""
+    """Says that feedback bears little delay beyond what is counted; empty if it bears more."""
     loop: Loop | None = None
-    """Of its components, if it is made already, see :class:`cmacexp.loop.run.Repeated`."""
+    """Loop of its components, if it is made already, see :class:`cmacexp.loop.repeated.Repeated`."""
     kept: dict[int, Weights] = field(default_factory=dict, init=False)
     """Weights of an external feedforward at the end of the best cycle, by its number, and at the start, by 0."""
     used: bool = field(default=False, init=False)

@@ -67,12 +67,12 @@ class Loop(NamedTuple):
     shows: Flag
     """(1,): 0 once the observer has seen all that it asks for."""
     guard: GuardState | None
-    """Of learning; None: nothing guards it."""
+    """Guard of learning; None: nothing guards it."""
     meter: LoadMeter | None
-    """Of the load of a body; None: its plan does not adapt."""
+    """Meter of the load of a body; None: its plan does not adapt."""
     plant: PlantParams | None = None
     engine: Engine | None = None
-    """Of a built-in plant in MuJoCo, which has no other parameters."""
+    """Parameters of a built-in plant in MuJoCo, which has no others."""
     signals: RobotSignals | None = None
     """What a robot measures by itself."""
     travel: Array | None = None
@@ -80,10 +80,10 @@ class Loop(NamedTuple):
     sensing: Sensing | None = None
     """None also of sensors that alter nothing."""
     estimator: Estimator | None = None
-    """Of sensors that know the true state no better than a robot does."""
+    """Estimator of sensors that know the true state no better than a robot does."""
     control: HybridParams | None = None
     drive_control: DriveParams | None = None
-    """Of a built-in controller that commands drives, which has no ``control``."""
+    """Parameters of a built-in controller that commands drives, which has no ``control``."""
     drives: Drives | None = None
     """None where the plant gets torques."""
     feedforward: FeedforwardParams | None = None

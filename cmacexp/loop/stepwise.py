@@ -145,7 +145,7 @@ class OpenLoop:
         self.moment = self.reset()
 
     _pauses: Iterator[tuple[int, int]]
-    """In the steps of the present cycle."""
+    """Its pauses, in the steps of the present cycle."""
 
     def reset(self, seed: int | None = None) -> LoopState:
         """Return to the start of the run; ``seed`` of the noise of the sensors, None: as before; raises BadInput."""

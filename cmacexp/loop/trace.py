@@ -33,9 +33,9 @@ class Sampled(NamedTuple):
     """What was sampled of a run, or of a part of it, and what its trace needs besides."""
 
     plan: Plan
-    """Of a cycle."""
+    """Plan of a cycle."""
     samples: dict[str, Array]
-    """Of what is not planned, (steps, L) by column name."""
+    """Samples of what is not planned, (steps, L) by column name."""
     sampling_period: float
     """s."""
     start: int = 0
@@ -47,7 +47,7 @@ class Sampled(NamedTuple):
     """Whether the controller keeps a course: feet should then be where its reference is."""
     body: Trace | None = None
     memory: dict[str, Array] | None = None
-    """Of networks, (cycles, L) by column name."""
+    """Signals of networks, (cycles, L) by column name."""
 
 
 def assemble(sampled: Sampled) -> SampledTrace:

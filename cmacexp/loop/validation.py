@@ -20,7 +20,7 @@ UNITS = {
     **dict(zip(SIGNAL_NAMES, ("rad", "rad/s", "N m", "rad", "rad/s", "m/s^2", "samples"), strict=True)),
     "force_trusted": "",
 }
-"""Of all outputs, by name."""
+"""Units of all outputs, by name."""
 EXPECTED = {
     Measurement: f"cmacexp.plants.Measurement({', '.join(Measurement._fields)})",
     RobotSignals: f"cmacexp.plants.RobotSignals({', '.join(RobotSignals._fields)})",

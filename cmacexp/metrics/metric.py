@@ -21,7 +21,7 @@ class Pooling(NamedTuple):
 
     name: str
     reduce: Callable[[Array, Mask], Array]
-    """Of values (..., L) and a mask of those that are defined; NaN where none is."""
+    """Reduces values (..., L), with a mask of those that are defined; NaN where none is."""
 
     def pool(self, values: Array) -> Array:
         """One value for the legs in the last axis of ``values``; a leg for which it is undefined does not count."""
@@ -29,15 +29,15 @@ class Pooling(NamedTuple):
 
 
 MEAN = Pooling("mean", measures.mean)
-"""For amounts and shares that each leg has of its own, and for signed errors: opposite ones cancel."""
+"""Pools amounts and shares that each leg has of its own, and signed errors: opposite ones cancel."""
 RMS = Pooling("RMS", measures.rms)
-"""For RMS values, standard deviations and norms: legs have equally many samples, so it is that of all samples."""
+"""Pools RMS values, standard deviations and norms: legs have equally many samples, so it is that of all samples."""
 LARGEST = Pooling("largest", measures.largest)
-"""For peaks, times and growth: the machine is as good as its worst leg."""
+"""Pools peaks, times and growth: the machine is as good as its worst leg."""
 SMALLEST = Pooling("smallest", lambda values, mask: -measures.largest(-values, mask))
-"""For the number of a cycle in which something starts: it starts with the first leg."""
+"""Pools the number of a cycle in which something starts: it starts with the first leg."""
 BODY_POOLING = Pooling("", measures.mean)
-"""For metrics of the body: there is one."""
+"""Pools metrics of the body: there is one."""
 
 SMALL, NEAR_ZERO, LARGE, NEITHER = "small", "near 0", "large", ""
 """Which values are better; NEITHER where it depends."""
@@ -50,7 +50,7 @@ class MetricDisplay(NamedTuple):
     """Its name in words."""
     unit: str
     factor: float = 1.0
-    """From the unit of the file to ``unit``."""
+    """Converts from the unit of the file to ``unit``."""
     main: bool = True
     """Whether it is a column of the tables of main metrics; else it appears in figures alone."""
     over_legs: bool = True

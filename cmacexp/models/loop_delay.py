@@ -1,4 +1,4 @@
-"""By how much feedback is late: delays and first-order lags of actuator and sensors; the gain that this allows."""
+"""The lateness of feedback: delays and first-order lags of actuator and sensors; the gain that this allows."""
 
 import math
 from collections.abc import Callable

@@ -41,8 +41,8 @@ WIDEST = 3.0
 LIGHTEST = 1e-3
 """Part of the mass of the robot from which on the inertia of a body matters."""
 RESOLUTION = 2.0**-24
-"""Of the quantities in a fingerprint, over the largest of their kind. Decimal numbers of a file are never halfway
-between two multiples of it, so that rounding errors of another machine or version change nothing."""
+"""Resolution of the quantities in a fingerprint, over the largest of their kind. Decimal numbers of a file are
+never halfway between two multiples of it, so that rounding errors of another machine or version change nothing."""
 FINGERPRINT_DIGITS = 16
 UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """Place and quaternion of a trunk that is upright at the origin."""

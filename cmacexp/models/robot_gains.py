@@ -27,7 +27,7 @@ DECAY_TIME = 0.1
 BODY_RATE = 27.0
 """Angular frequency of the body on its legs, rad/s."""
 DRIVEN_RATE = 34.0
-"""Likewise on drives with loops of their own. With 27 a Go2 ends farther off: a crawl of 60 cycles at 0.4 to 1.0 mm
+"""The same on drives with loops of their own. With 27 a Go2 ends farther off: a crawl of 60 cycles at 0.4 to 1.0 mm
 instead of 0.2 to 0.3, a trot of 200 at 0.6 to 0.8 instead of 0.5 to 0.6 (both grounds, three seeds each)."""
 DRIVEN_DECAY = 0.075
 """Damping over stiffness of a drive, s: five times the lag of a Go2's torques."""
@@ -83,7 +83,7 @@ class Gains(NamedTuple):
     posture_gain: float
     """Depth that a foot is pushed down, over the height that its hip lacks."""
     posture_rate_gain: float
-    """Likewise of their rates."""
+    """Speed that a foot is pushed down, over the speed at which its hip sinks."""
     elasticity: float
     """P_fn, m/N."""
     admittance: float
@@ -135,7 +135,7 @@ def linearise(robot: Robot, posture: Array | None = None) -> Standing:
 
 
 def list_jacobians(robot: Robot, posture: Array | None = None) -> list[tuple[Array, Array]]:
-    """Of each leg, the inertia of its joints (3, 3), kg m^2, and the Jacobian (3, 3) of its foot, m/rad.
+    """Inertia of the joints of each leg (3, 3), kg m^2, and the Jacobian (3, 3) of its foot, m/rad.
 
     ``posture`` (4, 3) are the angles of all legs, rad; None: at home.
     """
@@ -249,7 +249,7 @@ def derive_gains(basis: Basis, sampling_period: float, lead_gain: float, loop_de
 def find_delay_margin(
     foot_mass: float, gain: float, lead_gain: float, period: float, loop_delay: LoopDelay
 ) -> Margin:
-    """By how much feedback may be later, beyond ``loop_delay``, before the lightest foot, kg, is unstable.
+    """Time by which feedback may be later, beyond ``loop_delay``, before the lightest foot, kg, is unstable.
 
     ``gain`` is K_av, N s/m, ``lead_gain`` b0. Raises BadInput, which names a gain that works, if it is unstable
     already.
@@ -265,7 +265,7 @@ def find_delay_margin(
 def find_standing_margin(
     robot: Robot, ground: tuple[float, float], gains: Gains, lead: Lead, period: float, loop_delay: LoopDelay
 ) -> Margin:
-    """By how much feedback of a robot on four feet may be later, beyond ``loop_delay``, before it is unstable.
+    """Time by which feedback of a robot on four feet may be later, beyond ``loop_delay``, before it is unstable.
 
     The robot is linear about home, its feet stick to ``ground``, K_n in N/m and damping in N s/m in all directions,
     and control is the combined law with posture control, see :mod:`cmacexp.control.hybrid_kernels`; ``period`` is in

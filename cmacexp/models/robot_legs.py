@@ -92,7 +92,7 @@ LEGS, JOINTS = 4, 3
 MOST_NAMES = 16
 """Names that a message lists."""
 LEAST_COSINE = 0.96
-"""Of the angle between axes of the frame of the trunk and of the robot; 15 degrees are about the most."""
+"""Least cosine of the angle between axes of the frame of the trunk and of the robot, about that of 15 degrees."""
 HINT = "python -m cmacexp.robots FILE finds its legs"
 
 

@@ -16,7 +16,7 @@ from cmacexp.errors import BadInput, require
 from cmacexp.models.leg import GRAVITY
 
 KEPT_OPTIONS = ("cone", "impratio")
-"""Of contacts with the rigid floor; the run decides all other options."""
+"""Options of contacts with the rigid floor; the run decides all others."""
 MESHES = (".stl", ".obj", ".msh")
 """Files of meshes that MuJoCo reads."""
 POINT_INERTIA = 1e-6

@@ -51,17 +51,17 @@ class Plan(NamedTuple):
     progress: Array
     """(N, L): 0 to 1 within the phase."""
     desired: Motion
-    """Of the feet, each in the frame of its hip."""
+    """Motion of the feet, each in the frame of its hip."""
     joints: Motion
     """The same motion in joint angles; of a point mass equal to ``desired``."""
     force_desired: Array
     """(N, L): desired contact force, N."""
     reference: ControlReference
-    """Of the controller, per stage."""
+    """What the controller follows, per stage."""
     load: BodyLoad
     """What the feet of a body share."""
     sway: Motion
-    """Of a body beside its constant speed, (N, 2), forward and left."""
+    """Motion of a body beside its constant speed, (N, 2), forward and left."""
     margins: Array
     """(N, 3): stability margin, front and rear margin of a body over its planned support polygon, m; else NaN."""
     start_step: int
@@ -72,15 +72,15 @@ class LoadEstimate(NamedTuple):
     """What a body met in a cycle that its plan did not know."""
 
     weight: float
-    """That its feet carried beyond the planned one, N."""
+    """Weight that its feet carried beyond the planned one, N."""
     x: float
     """How far forward of where the plan has it the centre of the load was, m."""
     y: float
-    """To the left."""
+    """How far to the left of it, m."""
     slope_x: float
     """Rise of the ground forward, m/m."""
     slope_y: float
-    """To the left."""
+    """Rise of the ground to the left, m/m."""
 
 
 NOTHING = LoadEstimate(0.0, 0.0, 0.0, 0.0, 0.0)
@@ -251,7 +251,7 @@ class Setup:
     """Config, machine, plan and start of a run; those of the plant are true, all others get what is nominal."""
 
     config: Config
-    """Of all but the plant :attr:`Config.nominal`."""
+    """The config; all but the plant use :attr:`Config.nominal` of it."""
     mechanism: Mechanism
     plan: Plan
     start: Array

@@ -70,7 +70,7 @@ class Drives(NamedTuple):
     share: float
     """Part of its difference from the law by which a torque changes in an inner step; 1 without a lag."""
     velocity_share: float
-    """Likewise of the measured velocity."""
+    """Part of its difference from the true velocity by which a measured one changes in an inner step; 1: all."""
     substeps: int
     """Inner steps of a sampling period."""
     delay: int
@@ -80,7 +80,7 @@ class Drives(NamedTuple):
     loss: float
     """Probability that a command does not arrive."""
     key: int
-    """Of random numbers."""
+    """Key of random numbers."""
 
 
 def new_drives(

@@ -48,7 +48,7 @@ class PlantParams(NamedTuple):
     ground: Ground
     payload: Payload
     speed: float
-    """Of the body over the ground, m/s."""
+    """Speed of the body over the ground, m/s."""
     step: float
     """Time of one Runge-Kutta step, s."""
     substeps: int
@@ -90,7 +90,7 @@ class PlantState(NamedTuple):
     stages: Scratch
     """(5, L, J): joint velocities, rad/s, of one stage of the integration, accelerations, rad/s^2, of all four."""
     stage_kinematics: Scratch
-    """As ``kinematics``, of one stage."""
+    """Kinematics of one stage, in the form of ``kinematics``."""
 
 
 def new_state(legs: int, axes: tuple[int, ...] = PLANE) -> PlantState:

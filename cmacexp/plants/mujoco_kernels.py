@@ -34,7 +34,7 @@ class Push(NamedTuple):
     """A force on the centre of mass of the trunk for some sampling periods."""
 
     force: float = 0.0
-    """To the left, N."""
+    """Force to the left, N."""
     start: int = 0
     """First sampling period in which it acts."""
     end: int = 0
@@ -94,7 +94,7 @@ class Stages(NamedTuple):
 
 
 WEIGHTS = ((0.5, 0.0, 0.0, 0.0), (0.0, 0.5, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6))
-"""Of the stages in the mean velocity and acceleration that lead to the next stage, and to the end of the step."""
+"""Weights of the stages in the mean velocity and acceleration that lead to the next one, and to the step's end."""
 
 
 class Engine(NamedTuple):
@@ -114,7 +114,7 @@ class Engine(NamedTuple):
     """(nq,): of all that moves, m, rad, and quaternions; the next two (nv,), m/s and rad/s, m/s^2 and rad/s^2."""
     velocity: Array
     acceleration: Array
-    """Without constraints."""
+    """Acceleration without constraints."""
     torque: Array
     """(nv,): N m, of the trunk's translations N."""
     q: Counts
@@ -141,7 +141,7 @@ class Engine(NamedTuple):
     joints: Joints | None
     """What turns joints beside the actuators; None: what the model says."""
     instruments: Instruments | None = None
-    """Of a robot."""
+    """Instruments of a robot."""
 
 
 @kernel

@@ -53,7 +53,7 @@ class BuiltJoint:
 
 @dataclass
 class AsBuilt:
-    """In what the robot differs from its model, which is all that planner, controller and feedforward know of it."""
+    """How the robot differs from its model, which is all that planner, controller and feedforward know of it."""
 
     joint_friction: float | None = number("N m", at_least=0, at_most=1e3)
     """Dry friction of every joint; null: as modelled."""
@@ -64,7 +64,7 @@ class AsBuilt:
     trunk_mass_factor: float = number("", above=0, at_most=10)
     """Mass of the trunk over that of the model."""
     trunk_inertia_factor: float = number("", above=0, at_most=10)
-    """Likewise of its inertia."""
+    """Inertia of the trunk over that of the model."""
     trunk_shift: float = number("m", at_least=-1, at_most=1)
     """How far forward of the model's the centre of mass of the trunk is."""
     leg_mass_factor: float = number("", above=0, at_most=10)
@@ -141,7 +141,7 @@ class MujocoRobot(MujocoPlant):
         push_time: float = number("s", at_least=0, needs=("own.push",))
         """When it begins."""
         as_built: AsBuilt = field(kw_only=True)
-        """In what the robot differs from its model."""
+        """How the robot differs from its model."""
         bus: BusConfig = field(default_factory=BusConfig, kw_only=True)
         """What reaches drives with loops of their own (``controller=drives``)."""
 

@@ -43,7 +43,7 @@ class Instruments(NamedTuple):
 
     signals: RobotSignals
     period: float
-    """Of sampling, s."""
+    """Sampling period, s."""
     velocity: State
     """(3,): of the body in the world at the last measurement, m/s."""
 

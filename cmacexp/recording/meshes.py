@@ -41,7 +41,7 @@ def _find_colours(model: Any) -> Array:
 
 
 def _list_shown(robot: Robot, places: Array, opaque: Mask) -> dict[int, list[int]]:
-    """By bodies, the geoms made to be seen, or all of a body without such; a ball is drawn where a foot is."""
+    """Geoms by bodies: those made to be seen, or all of a body without such; a ball is drawn where a foot is."""
     model, from_foot = robot.model, np.linalg.norm(places[:, None] - robot.feet_at_zero, axis=2).min(axis=1)
     body = model.geom_bodyid
     drawn = opaque & (from_foot > FINENESS) & (model.body_rootid[body] == robot.legs.base)

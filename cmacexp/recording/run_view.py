@@ -64,7 +64,7 @@ class RunView:
 
     run: Run
     trace: Trace
-    """Of the steps that are drawn."""
+    """The trace of the steps that are drawn."""
     label: str = ""
     """The name of the run, or the settings that distinguish it from those beside it."""
     root: str = ""

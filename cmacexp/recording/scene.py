@@ -14,7 +14,7 @@ EYES = {
     "right side": ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
     "top": ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
 }
-"""Of each view of the sides, what is right, down and ahead for its eye, in the frame that moves with the machine."""
+"""What is right, down and ahead for the eye of each view of the sides, in the frame that moves with the machine."""
 FOOT = 0.018
 """Radius of the ball that a planar leg, whose foot is a point, has as a foot, m."""
 AWAY = 10.0

@@ -68,7 +68,7 @@ class Plot(NamedTuple):
 
     title: str
     unit: str
-    """After the name of the quantity, where the title lacks it."""
+    """Unit that follows the name of the quantity, where the title lacks it."""
     leg: int
     """Number of the leg, from 1; 0: the body."""
     lines: list[Line]
@@ -138,7 +138,7 @@ def name_component(path: str) -> str:
 
 
 def _find_contacts(view: RunView) -> Iterator[Event]:
-    """From each planned lift-off on the first step without force; from each planned touch-down on the first with."""
+    """Contacts end on the first step without force from a planned lift-off on, and begin on the first with it."""
     for leg, (support, force) in enumerate(zip(view.trace.support.T, view.trace["force"].T, strict=True), start=1):
         who = f"foot {leg}" if view.walks else "the foot"
         for start in np.flatnonzero(np.diff(support)) + 1:

@@ -21,7 +21,7 @@ RERUN = (sys.executable, "-m", "rerun_cli", "--bind", HOST)
 SERVE = ("--serve-web", "--web-viewer-port", "0", "--port", "0")
 """Ports are free ones, which Rerun chooses."""
 HOSTS_VIEWER = {"RUST_LOG": "error,re_sdk::web_viewer=info", "NO_COLOR": "1"}
-"""Of what Rerun logs only errors, and where it hosts its viewer."""
+"""Makes Rerun log only errors, and where it hosts its viewer."""
 
 
 def require_display() -> None:

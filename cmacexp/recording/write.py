@@ -44,7 +44,7 @@ class Options(NamedTuple):
     meshes: bool = False
     """Whether robots are drawn as their models show them."""
     label: str | None = None
-    """Of a single run; None: the name of its folder."""
+    """Name of a single run; None: that of its folder."""
 
 
 DEFAULT = Options()

@@ -47,7 +47,7 @@ class Series:
     x: Values
     y: Values
     low: Values | None = None
-    """With ``high``: a band or error bars, e.g. an interval over seeds."""
+    """Lower end of a band or of error bars, to ``high``, e.g. of an interval over seeds."""
     high: Values | None = None
     style: Mapping[str, Any] = field(default_factory=dict)
     """Properties of lines of matplotlib that differ from those of the place in the legend."""

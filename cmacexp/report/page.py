@@ -29,7 +29,7 @@ SVG = "svg"
 GROUPS = re.compile(r'^  <g id="(?P<kind>axes|legend)_\d+">\n.*?^  </g>\n', re.DOTALL | re.MULTILINE)
 DEFINITIONS = re.compile(r"^ <defs>.*?^ </defs>\n", re.DOTALL | re.MULTILINE)
 POINTS = 72.0
-"""In an inch; the unit of an SVG."""
+"""Points in an inch; the unit of an SVG."""
 PAD = 3.0
 """Around a piece of a figure, points."""
 REPORT = "report"

@@ -43,15 +43,15 @@ from cmacexp.typing import Array
 MOST_CYCLES = 3
 """More side by side are too narrow."""
 WIDTH, HEIGHT, DPI = 8.0, 4.5, 100
-"""Of a frame, inches and pixels per inch."""
+"""Size of a frame, inches, and its pixels per inch."""
 PLACE = {"left": 0.075, "right": 0.985, "top": 0.94, "bottom": 0.1, "hspace": 0.3, "wspace": 0.1}
 """Where the axes are in a frame."""
 HEIGHTS = (2.2, 1.0, 1.0)
-"""Of the machine, the forces and the error of the feet above each other."""
+"""Heights of the machine, the forces and the error of the feet above each other."""
 FRAMES_PER_SECOND = 12.5
 """Frames of GIF last whole hundredths of a second."""
 PATHS = (colour(palette.FIRST_CYCLE), colour(palette.LAST_CYCLE))
-"""Of the foot's path: in the last of the cycles the second, in the others the first."""
+"""Colours of the foot's path: in the last of the cycles the second, in the others the first."""
 BORDER = 60.0
 """Around the machine, mm."""
 ROBOT_BORDER = np.array([120.0, 0.0, 120.0])
@@ -133,7 +133,7 @@ class Cycle(NamedTuple):
     ink: str
     title: str
     picture: RobotPicture | None
-    """Of a robot as its model shows it; None: drawn as lines."""
+    """The robot as its model shows it; None: it is drawn as lines."""
 
 
 def _find_window(cycles: Sequence[Cycle]) -> tuple[Array, Array]:

@@ -51,7 +51,7 @@ class SignalConfig:
 
     fault: FaultConfig
     start: float = number("s", at_least=0, needs=IMPERFECT)
-    """From when; a fault has a start of its own."""
+    """Time from which this holds; a fault has a start of its own."""
     noise: float = number(UNIT, at_least=0, at_most=1e9)
     """Standard deviation of white noise."""
     noise_relative: float = number("", at_least=0, at_most=1e3)
@@ -135,7 +135,7 @@ class RealSensorsConfig(ChannelsConfig):
     velocity: LegSignalConfig
     """Joint velocities, rad/s; of a point mass m/s."""
     height: SignalConfig
-    """Of a body, m."""
+    """Height of a body, m."""
     tilt: SignalConfig
     """Pitch and roll of a body, rad."""
     height_rate: SignalConfig

@@ -40,9 +40,9 @@ class Errors(NamedTuple):
     """Errors of sensors that stay, or change slowly; those of one run follow from its seed."""
 
     encoder_offset: float
-    """Of a joint angle, at most, rad."""
+    """Largest offset of a joint angle, rad."""
     torque_gain: float
-    """Of a torque over its value, at most."""
+    """Largest error of a torque, over its value."""
     tilt_bias: float
     """Amplitude, of pitch and roll, rad."""
     tilt_rate: float
@@ -50,20 +50,20 @@ class Errors(NamedTuple):
     heading_drift: float
     """Rate of the error of the heading, rad/s."""
     accelerometer_bias: float
-    """At most, m/s^2."""
+    """Largest bias of the accelerometer, m/s^2."""
 
 
 class Estimator(NamedTuple):
     """Parameters and states of the estimator of a robot of L legs with three joints each."""
 
     period: float
-    """Of sampling, s."""
+    """Sampling period, s."""
     weight: float
-    """Of the robot, N."""
+    """Weight of the robot, N."""
     stiffness: float
     """K_n of the ground that the designer assumes, N/m."""
     radius: float
-    """Of feet that roll, m; 0: they stick at their centres."""
+    """Radius of feet that roll, m; 0: they stick at their centres."""
     hips: Array
     """(L, 2): m, as of a Mechanism."""
     links: Array

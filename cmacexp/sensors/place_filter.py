@@ -14,7 +14,7 @@ from cmacexp.typing import Array, Scratch, State
 PLACE, SPEED, FEET = range(3)
 """Rows of the state; those of the feet follow from FEET on."""
 START_VARIANCE = 1e-4
-"""Of every state at the start, in its unit squared."""
+"""Variance of every state at the start, in its unit squared."""
 PLACE_RATE, SPEED_RATE, FOOT_RATE = 0.001, 0.0098, 0.002
 """Rates at which the variances of place (m^2/s), speed (m^2/s^3) and standing feet (m^2/s) grow, those of the
 software of the Mini Cheetah."""

@@ -116,7 +116,7 @@ class Spectrum(NamedTuple):
     frequencies: Array
     """(f,), Hz."""
     period: float
-    """Between two samples, s."""
+    """Time between two samples, s."""
     transfer: NDArray[np.complex128]
     """(f, L J, L J): S T S^-1 with S^H S = Q, without lead."""
 

@@ -68,7 +68,7 @@ class Verdict(NamedTuple):
     growth: float
     """Factor from cycle to cycle by which the change of the feedback grows; NaN if it is not known."""
     lead: int
-    """Of learning, samples."""
+    """Lead of learning, samples."""
     reasons: tuple[str, ...]
     """Sentences, with numbers and limits."""
     cycle: int = 0
@@ -195,9 +195,9 @@ class Analysis:
     """The stability of one run, without the guard of learning."""
 
     lead: int
-    """Of the run, samples."""
+    """Lead of the run, samples."""
     verdicts: Mapping[int, Verdict]
-    """By lead, that of the run among them."""
+    """Verdicts by lead, that of the run among them."""
     growth: Growth
     """Predicted from an early cycle of the run."""
     sizes: Sequence[float]

@@ -15,7 +15,7 @@ FEW = 10
 TRIMMED_FROM = 4
 """Least number of values of which a bootstrapped mean leaves out the outer quarters."""
 UNPAIRED = -math.inf
-"""In a sample of ratios: the reference failed, so that the pair says nothing."""
+"""Value in a sample of ratios whose reference failed, so that the pair says nothing."""
 EXACT, UNDEFINED = "deterministic", "undefined"
 """Methods without an interval: no seed changes the value; a run failed before it had one."""
 NO_REFERENCE, ONE_SEED = "n/a: the reference fell", "undecided: one seed"

@@ -35,7 +35,7 @@ from cmacexp.study.study_file import StudyFile, find_module, load_study
 from cmacexp.typing import RESULTS
 
 PROVENANCE = "provenance.json"
-"""Beside the page of a study."""
+"""File beside the page of a study."""
 STATISTICS = tuple(
     f"study/{name}.py" for name in ("comparison", "declaration", "interval", "quantity", "results", "statements")
 )
@@ -91,7 +91,7 @@ def list_changed(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]
 
 
 def _hardly_costs(row: RunRow) -> tuple[float, str]:
-    """By cost: samples of legs; then by settings, so that the choice is always the same."""
+    """Order runs by cost, samples of legs; then by settings, so that the choice is always the same."""
     config = row.run.settings
     steps = row.run.cycles_done * config["gait.cycle_time"] / config["sampling_period"]
     return steps * row.run.legs, repr(sorted(config.items(), key=str))
@@ -142,7 +142,7 @@ def make_provenance(
 
 STAGES = ("runs", "measures", "claims", "page")
 STAGES_FILE, MEASURES = "stages.json", "measures"
-"""Beside the page; the folder of the measures of every study, beside that of the runs."""
+"""File beside the page; the folder of the measures of every study, beside that of the runs."""
 MADE_FROM = ("runs", "results", "measures", "claims")
 """Entries of the file that claims depend on."""
 TOGETHER = 100

@@ -314,7 +314,7 @@ class StatementResult:
 
     @property
     def verdict(self) -> str:
-        """Of a claim one of ``VERDICTS``; of a finding ``yes``, ``no`` or ``unclear``."""
+        """Verdict of a claim, one of ``VERDICTS``, or of a finding: ``yes``, ``no`` or ``unclear``."""
         return self.statement.decide({each.verdict for each in self.measured if each.criterion.holds != ANY})
 
     @property

@@ -21,9 +21,9 @@ ALIVE, DONE = b"+", b"."
 STARTS = 30.0
 """Longest time until it is ready, s."""
 PERIOD = 0.002
-"""From one damping command to the next, s."""
+"""Time from one damping command to the next, s."""
 LASTS = 10.0
-"""For which the guardian damps the robot, s: long enough to lie down."""
+"""Time for which the guardian damps the robot, s: long enough to lie down."""
 
 
 def make_damping(damping: float) -> Message:

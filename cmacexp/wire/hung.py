@@ -13,9 +13,9 @@ from cmacexp.wire.link import Gains, Link
 from cmacexp.wire.states import Unsafe, name_joint
 
 SOFT: Gains = (40.0, 2.0)
-"""Of a robot that hangs."""
+"""Gains of a robot that hangs."""
 SLACK: Gains = (20.0, 1.5)
-"""Of a robot that draws a chirp: its friction shows in what it lacks."""
+"""Gains of a robot that draws a chirp: its friction shows in what it lacks."""
 WIGGLE, ANSWERED, CROSSTALK = 0.1, 0.04, 0.04
 """Angle by which a hanging joint is moved, how much of it must be seen, and how much of it in another joint, rad."""
 CALF = 2
@@ -26,7 +26,7 @@ MOVE, HOLD = 2.0, 0.25
 CARRIED = 0.5
 """Part of its weight from which on a robot stands."""
 SWING = np.array([0.6, 0.7, -0.9])
-"""Of a chirp, from the pose in which a robot stands, of hip, thigh and calf, rad."""
+"""Swing of a chirp, from the pose in which a robot stands, of hip, thigh and calf, rad."""
 SLOWEST, FASTEST, STROKES = 2.9, 0.7, 12
 """Periods of the first and the last stroke of a chirp, s, and their number."""
 LEARNT_STROKE, LEARNT_STROKES = 1.5, 20

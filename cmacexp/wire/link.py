@@ -23,11 +23,11 @@ ANSWERS = 5.0
 FIRST_STATES = 100
 """States from which the step of their counter follows."""
 OTHERS = 0.3
-"""For which the wire must be free of commands of others, s."""
+"""Time for which the wire must be free of commands of others, s."""
 RATES = (0.6, 1.6)
 """Bounds of the measured time from one state to the next over the sampling period."""
 LASTS = 1.0
-"""For which a robot is damped at the end, s."""
+"""Time for which a robot is damped at the end, s."""
 JUMP = 2.0
 """Largest difference of a commanded angle from the measured one, over that which may last."""
 LOGGED = ("q", "dq", "tau", "q_des", "dq_des", "tau_ff", "kp", "kd")
@@ -73,7 +73,7 @@ class Link:
         except Unsafe as error:
             raise BadInput("plant.interface", interface, f"the robot is not fit to stand up: {error}") from error
         self.guardian: Guardian | None = None
-        """Of a robot that is about to move."""
+        """The guardian of a robot that is about to move."""
 
     def _listen(self) -> tuple[Reading, int]:
         """The newest of the first states, and by how much their counter grows; raises BadInput without any."""

@@ -49,7 +49,7 @@ PART = 0.05
 BURST, EVERY = 10, 250
 """States that are held back, of so many."""
 MEASURED, COMMANDED, GAINS = ("q", "dq", "tau_est"), ("q", "dq", "tau"), ("kp", "kd")
-"""Of a motor, in the messages."""
+"""Fields of a motor in the messages."""
 
 
 @dataclass
@@ -124,7 +124,7 @@ class Fault:
 HANG = 0.5
 """Height of the feet above the ground while the robot hangs, m."""
 RESTS = 3.0
-"""For which commands rest until the robot is let down, s."""
+"""Time for which commands rest until the robot is let down, s."""
 LOWERING = 0.2
 """Speed of that, m/s."""
 ROPES = 1e9
@@ -136,9 +136,9 @@ BELLY = 0.07
 SPIN = 2e-4
 """Time before a state is due for which the process no longer sleeps, s."""
 IDLE = 5.0
-"""For which no command comes until it ends, s, if there were any."""
+"""Time without a command after which it ends, s, if there were any."""
 PATIENCE = 0.5
-"""For which a patient robot waits for a command, s."""
+"""Time for which a patient robot waits for a command, s."""
 VOLTAGE, TEMPERATURE = 28.0, 35
 """V and degrees Celsius of a robot that is well."""
 

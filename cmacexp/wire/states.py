@@ -46,7 +46,7 @@ class Reading(NamedTuple):
     signals: RobotSignals
     """What sensors of a robot take: its yaw is that of the inertial unit, torques are as the motors estimate them."""
     temperature: float
-    """Of the hottest motor, degrees Celsius."""
+    """Temperature of the hottest motor, degrees Celsius."""
     voltage: float
     """V."""
     lost: int
@@ -92,7 +92,7 @@ class LimitsConfig:
     torque: float = number("N m", above=0, at_most=1000)
     """Largest torque that a motor is asked for, drive included; it is held there, and the run goes on."""
     temperature: float = number("degrees Celsius", above=0, at_most=150)
-    """Of the hottest motor."""
+    """Temperature of the hottest motor."""
     voltage: float = number("V", at_least=0, at_most=100)
     """Least voltage of the battery."""
 

@@ -63,7 +63,7 @@ class UnitreeRobot:
         interface: str = field()
         """Network interface to the robot; lo: this computer, on which ``cmacexp robot --simulate`` plays one."""
         domain: int = number("", at_least=0, at_most=MOST)
-        """Of DDS; 0 on a robot."""
+        """Domain of DDS; 0 on a robot."""
         hung: bool = field()
         """The robot hangs: its joints are checked one by one, then it is let down. false: it lies on the ground."""
         let_down: float = number("s", above=0, at_most=3600)
@@ -75,7 +75,7 @@ class UnitreeRobot:
         guardian: float = number("s", above=0, at_most=10)
         """Time without a command after which a process of its own damps the robot."""
         damping: float = number("N m s/rad", above=0, at_most=100)
-        """Of the joints of a robot that is damped."""
+        """Damping of the joints of a robot that is damped."""
         crouch: list[float] = number("rad", at_least=-7, at_most=7)
         """Hip, thigh and calf of a robot that sits."""
         log: str | None = field()
@@ -109,14 +109,14 @@ class UnitreeRobot:
 
     takes_drives = True
     link: Link
-    """From :meth:`reset` on."""
+    """Its link to the robot, from :meth:`reset` on."""
 
     def __init__(self, config: "UnitreeRobot.Config"):
         self.config = config
         self.stages: list[tuple[Stage, float]] = []
         """Each with the time at which it began, s on the clock of ``time.perf_counter``."""
         self.steps: list[tuple[float, int]] = []
-        """Of each step in which a command was sent, what LIVE_SIGNALS name."""
+        """What LIVE_SIGNALS name, of each step in which a command was sent."""
         self.heading = 0.0
         """Yaw of the inertial unit when the walk began, rad."""
         self.trouble: str | None = None
@@ -218,7 +218,7 @@ class UnitreeRobot:
         return {signal.name: values for signal, values in zip(LIVE_SIGNALS, rows[start:].T, strict=True)}
 
     def describe(self) -> dict[str, Any]:
-        """For the manifest: stages, states that were missed, and the time that each step took."""
+        """What the manifest says: stages, states that were missed, and the time that each step took."""
         late = np.array([answer for answer, _ in self.steps])
         return {
             "stages": [
