@@ -30,6 +30,7 @@ from cmacexp.data.manifest_fields import fill
 from cmacexp.data.run import Outcome, Run, sort_folders
 from cmacexp.data.tables import (
     BODY_METRICS_FILE,
+    IN_THIS_THREAD,
     METRICS_FILE,
     Scores,
     arrow,
@@ -165,13 +166,14 @@ def read_tables(root: Path, columns: Sequence[str] = ()) -> tuple[pa.Table, pa.T
     Raises OSError, KeyError, TypeError or ArrowException unless both are of one sweep.
     """
     with open_file(root / RUNS_FILE) as file:
-        schema = pq.read_schema(file)
+        table = pq.ParquetFile(file)
+        schema = table.schema_arrow
         if schema.metadata[METRICS_FILE.encode()].decode() != sha256(root / METRICS_FILE):
             raise KeyError(METRICS_FILE)
         first = schema.names[: schema.names.index("status") + 1]
-        runs = pq.read_table(file, columns=[*first, *columns] if columns else None)
+        runs = table.read(columns=[*first, *columns] if columns else None, **IN_THIS_THREAD)
     with open_file(root / METRICS_FILE) as file:
-        return runs, pq.read_table(file)
+        return runs, pq.ParquetFile(file).read(**IN_THIS_THREAD)
 
 
 def read_runs(root: Path) -> tuple[pa.Table, pa.Table] | None:
