@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from cmacexp.data.files import open_file, sha256, write_atomically
 from cmacexp.data.manifest import JOBS_FOLDER, MANIFEST, RUNS_FILE, Manifest, is_run, runs_below, walk
@@ -36,6 +35,7 @@ from cmacexp.data.tables import (
     arrow,
     arrow_strings,
     as_array,
+    open_parquet,
     select_rows,
     write_table,
 )
@@ -166,14 +166,14 @@ def read_tables(root: Path, columns: Sequence[str] = ()) -> tuple[pa.Table, pa.T
     Raises OSError, KeyError, TypeError or ArrowException unless both are of one sweep.
     """
     with open_file(root / RUNS_FILE) as file:
-        table = pq.ParquetFile(file)
+        table = open_parquet(file)
         schema = table.schema_arrow
         if schema.metadata[METRICS_FILE.encode()].decode() != sha256(root / METRICS_FILE):
             raise KeyError(METRICS_FILE)
         first = schema.names[: schema.names.index("status") + 1]
         runs = table.read(columns=[*first, *columns] if columns else None, **IN_THIS_THREAD)
     with open_file(root / METRICS_FILE) as file:
-        return runs, pq.ParquetFile(file).read(**IN_THIS_THREAD)
+        return runs, open_parquet(file).read(**IN_THIS_THREAD)
 
 
 def read_runs(root: Path) -> tuple[pa.Table, pa.Table] | None:
