@@ -66,10 +66,10 @@ def describe_range(metadata: Mapping[str, Any]) -> str:
     return "must be " + (" and ".join(parts) if parts else "a finite number") + words_too
 
 
-def read_fields(schema: type[T], node: Mapping[str, Any], key: str = "") -> T:
+def read_fields(schema: type[T], node: Mapping[str, Any], key: str = "", texts: bool = True) -> T:
     """A dataclass of plain values, as YAML or JSON holds them: each is converted to its type, and checked.
 
-    Numbers and flags may be texts, as they are typed. A field may be a number, a flag, a text, null, another
+    Numbers and flags may be ``texts``, as they are typed. A field may be a number, a flag, a text, null, another
     dataclass, a list of these, or a dictionary of them by name. An object that already has the type of its field
     stays as it is.
 
@@ -89,18 +89,18 @@ def read_fields(schema: type[T], node: Mapping[str, Any], key: str = "") -> T:
     # Defaults are checked too: those of a component of a user may be wrong.
     defaults = {name: each.default for name, (each, _) in declared.items() if each.default is not MISSING}
     given = {**defaults, **node}
-    return schema(**{name: read_field(schema, name, value, before + name) for name, value in given.items()})
+    return schema(**{name: read_field(schema, name, value, before + name, texts) for name, value in given.items()})
 
 
 class _OtherType(Exception):
     """A value, or one in a list, that cannot be converted to the type of its field."""
 
 
-def read_field(schema: Any, name: str, given: Any, key: str) -> Any:
-    """A plain value as the field ``name`` of a dataclass holds it, checked; raises BadInput, which names the key."""
+def read_field(schema: Any, name: str, given: Any, key: str, texts: bool = True) -> Any:
+    """A plain value as the field ``name`` of a dataclass holds it, see :func:`read_fields`."""
     each, declared = _list_declared(schema)[name]
     try:
-        value = _convert(given, declared, key)
+        value = _convert(given, declared, key, texts)
     except _OtherType:
         if isinstance(given, list) and all(get_origin(kind) is not list for kind in _choices_of_type(declared)):
             allowed = f"must be one value, not a list; for a sweep write -m {key}={','.join(map(str, given))}"
@@ -126,7 +126,7 @@ def _choices_of_type(declared: Any) -> tuple[Any, ...]:
     return get_args(declared) if get_origin(declared) in (Union, UnionType) else (declared,)
 
 
-def _convert(value: Any, declared: Any, key: str) -> Any:
+def _convert(value: Any, declared: Any, key: str, texts: bool) -> Any:
     """A plain value as a field of type ``declared`` holds it; raises _OtherType if it cannot."""
     kinds = _choices_of_type(declared)
     if Any in kinds or type(value) in kinds:
@@ -134,14 +134,14 @@ def _convert(value: Any, declared: Any, key: str) -> Any:
     for kind in kinds:
         origin, inner = get_origin(kind), get_args(kind)
         if is_dataclass(kind) and isinstance(value, Mapping):
-            return read_fields(kind, value, key)  # type: ignore[arg-type]
+            return read_fields(kind, value, key, texts)  # type: ignore[arg-type]
         if origin is list and isinstance(value, list):
-            return [_convert(item, inner[0], key) for item in value]
+            return [_convert(item, inner[0], key, texts) for item in value]
         if origin is dict and isinstance(value, Mapping):
-            return {name: _convert(item, inner[1], f"{key}.{name}") for name, item in value.items()}
-        if kind is bool and str(value).lower() in FLAGS:
+            return {name: _convert(item, inner[1], f"{key}.{name}", texts) for name, item in value.items()}
+        if kind is bool and texts and str(value).lower() in FLAGS:
             return FLAGS[str(value).lower()]
-        if kind in (int, float) and type(value) in (int, str):
+        if kind in (int, float) and type(value) in ((int, str) if texts else (int,)):
             with suppress(ValueError, OverflowError):
                 return kind(value)
     raise _OtherType

@@ -26,12 +26,13 @@ READ = (
     "terrain.stiffness",
     "terrain.slope",
     "terrain.slope_start",
+    "machine.hip_height",
     "learning.start_cycle",
     "record.every_nth_step",
     "record.cycles",
     *(f"{group}._target_" for group in COMPONENTS),
 )
-"""Fields of a config that are read without simulating; those of its machine are, too."""
+"""Fields of a config that are read without simulating; all that its machine has are, too."""
 
 
 @dataclass
@@ -79,9 +80,10 @@ class RunManifest:
     """Commit of the checkout that ran it; None outside one."""
     steps: int = number("", at_least=0, at_most=MOST)
     """Steps that it took."""
-    rollout_seconds: float
+    rollout_seconds: float = number("s", at_least=0)
     """Time of the closed loop alone, without compiling."""
-    wall_seconds: float
+    wall_seconds: float = number("s", at_least=0)
+    """Time of the whole run."""
     files: dict[str, str]
     """SHA-256 of the files that it wrote, by name."""
     dropped: list[DroppedSensor] = field(default_factory=list)
@@ -89,13 +91,13 @@ class RunManifest:
     """Use of memory by each leg; empty if nothing learns."""
     drift: Drift | None = None
     """The first drift, with the growth in the last cycle."""
-    processor_seconds: float | None = None
+    processor_seconds: float | None = number("s", at_least=0, default=None)
     """Time that the closed loop took of all cores."""
     guard: list[GuardEvent] = field(default_factory=list)
     lead_estimates: list[LeadEstimate] = field(default_factory=list)
-    learning_lead: int | float | None = None
-    """Samples, what ``learning.lead`` gave."""
-    learning_rate: float | None = None
+    learning_lead: int | None = number("samples", default=None)
+    """What ``learning.lead`` gave."""
+    learning_rate: float | None = number("", default=None)
     """What ``learning.rate`` gave."""
     carried: list[CarriedLoad] = field(default_factory=list)
     code_hash: str | None = None
@@ -134,7 +136,7 @@ def complete(plain: Any) -> dict[str, Any]:
         return dict(plain)  # for people: nothing else of it is read
     schema = SweepManifest if kind == SWEEP else RunManifest
     names = [each.name for each in fields(schema)]
-    manifest: Any = read_fields(schema, {name: plain[name] for name in names if name in plain})
+    manifest: Any = read_fields(schema, {name: plain[name] for name in names if name in plain}, texts=False)
     for name in manifest.files:
         is_inside = name and PurePosixPath(name).name == name and "\0" not in name
         require(is_inside, "files", name, "must be names of files in its folder")
@@ -154,12 +156,11 @@ def _check_config(config: Mapping[str, Any]) -> None:
     schemas = {each.name: each.type for each in fields(Config)} | dict.fromkeys(COMPONENTS, ComponentConfig)
     schemas |= {"": Config, "machine": MACHINES[kind]}
     geometry = [f"machine.{each.name}" for each in fields(MACHINES[kind]) if each.name in machine]
-    for key in (*READ, "machine.hip_height", *geometry):
+    for key in (*READ, *geometry):
         group, _, name = key.rpartition(".")
         node: Any = config.get(group) if group else config
         require(isinstance(node, dict) and name in node, f"config.{key}", "(not set)", "must have a value")
-        value = to_plain(read_field(schemas[group], name, node[name], f"config.{key}"))
-        require(value == node[name], f"config.{key}", node[name], "is a text where a run writes a number")
+        read_field(schemas[group], name, node[name], f"config.{key}", texts=False)
     steps = config["gait"]["cycle_time"] / config["sampling_period"]
     allowed = f"must have from 1 to {MAX_STEPS_PER_CYCLE} steps of config.sampling_period"
     require(0.5 < steps < MAX_STEPS_PER_CYCLE, "config.gait.cycle_time", config["gait"]["cycle_time"], allowed)

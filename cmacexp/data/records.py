@@ -73,10 +73,10 @@ class CarriedLoad:
     """What the plan used from the end of a cycle on, see :class:`cmacexp.planning.plan.LoadEstimate`."""
 
     cycle: int = number("", at_least=1, at_most=MOST)
-    weight: float
-    x: float
-    y: float
-    slope_x: float
-    slope_y: float
-    measured_weight: float | None = None
+    weight: float = number("N")
+    x: float = number("m")
+    y: float = number("m")
+    slope_x: float = number("m/m")
+    slope_y: float = number("m/m")
+    measured_weight: float | None = number("N", default=None)
     """Weight that the feet carried in that cycle, of which the plan takes a part, N."""

@@ -224,13 +224,13 @@ def describe_run(scenario: Scenario, end: End) -> manifests.Manifest:
     memory = feedforward.memory if isinstance(feedforward, BuiltInFeedforward) else ()
     entries: dict[str, Any] = {
         "steps": end.steps,
-        "guard": [vars(event) for event in end.events],
+        "guard": to_plain([*end.events]),
         "dropped": [{"leg": leg, "step": step} for leg, step in dropped.items()],
-        "memory": [vars(use) for use in memory],
+        "memory": to_plain([*memory]),
         **compute_hashes(config, *(getattr(scenario, group) for group in COMPONENTS)),
         "learning_lead": end.estimates[-1].lead if end.estimates else scenario.setup.lead,
         "learning_rate": end.rate,
-        "lead_estimates": [vars(estimate) for estimate in end.estimates],
+        "lead_estimates": to_plain(end.estimates),
         "carried": [
             {"cycle": cycle, "measured_weight": weight, **load._asdict()} for cycle, load, weight in end.load_history
         ],
