@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cmacexp.commands.study import FOLDER
-from cmacexp.data.folder import FIGURES, HTML
+from cmacexp.data.own_files import FIGURES, HTML
 from cmacexp.study import Claim, Finding
 from cmacexp.study.page import build_evidence, format_html
 from cmacexp.study.statements import NO, UNCLEAR, VERDICTS, YES

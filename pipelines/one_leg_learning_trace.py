@@ -115,7 +115,7 @@ def feedback_force(config: Config, weight: float) -> float:
 
 def trajectory(run: Run) -> Figure:
     """Fig. 7: desired path in transfer and reference positions in support."""
-    plan, hip = make_scenario(read_config(run)).setup.plan, run.config["machine"]["hip_height"]
+    plan, hip = make_scenario(read_config(run, trust=True)).setup.plan, run.config["machine"]["hip_height"]
     x, desired = plan.desired.position[:, 0].T
     lines = {
         "desired, transfer": (desired, ~plan.support),
@@ -130,7 +130,7 @@ def trajectory(run: Run) -> Figure:
 
 def motion(run: Run, order: int, name: str, unit: str) -> Figure:
     """Fig. 8, 9: a derivative of the desired path, from shortly before lift-off on."""
-    plan = make_scenario(read_config(run)).setup.plan
+    plan = make_scenario(read_config(run, trust=True)).setup.plan
     point, ends = np.arange(-BEFORE, len(plan.support)), [0.0, int(plan.support.argmax())]
     panels = [
         Panel(f"{name} {direction}", "data point", unit, [Series("desired", point, values[point])], x_limits=ends)

@@ -45,7 +45,7 @@ def _say(margin: float) -> float:
 def _measure(folder: Path) -> Mapping[str, float]:
     """The measures of a run, without what cannot be computed."""
     run = Run(folder)
-    config = read_config(run)
+    config = read_config(run, trust=True)
     first = config.learning.start_cycle
     levels = run.pooled["feedback_rms"] if run.whole_cycles else np.empty(0)
     if len(levels) < first - 1:

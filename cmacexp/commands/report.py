@@ -34,7 +34,7 @@ def _report_of_several(runs: Sequence[Run], given: Sequence[Path], out: Path) ->
     )
     is_sweep = len(given) == 1 and (given[0] / "multirun.yaml").exists()  # Hydra writes it when a sweep begins
     stopped = {Status.UNFINISHED, Status.INTERRUPTED} & {run.outcome.status for run in runs}
-    goes_on = is_sweep and (stopped or not (given[0] / manifests.MANIFEST).exists())
+    goes_on = is_sweep and (stopped or not manifests.has_tables(given[0]))
     resume = describe_resume(given[0]) if goes_on else ""
     what = "Comparison of runs" if len(runs) > 1 else "Metrics of a run"
     title = f"{what}: {' and '.join(path.resolve().name for path in given)}"

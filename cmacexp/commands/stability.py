@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cmacexp.commands.command import FOLDERS, Arguments, command
+from cmacexp.commands.command import FOLDERS, Arguments, command, make_flag
 from cmacexp.data.folder import OUT_KEY, choose_page_folder
 from cmacexp.data.manifest import runs_below
 from cmacexp.data.run import Run
@@ -13,15 +13,15 @@ from cmacexp.terminal.output import print_line, show_activity
 FOLDER = "stability"
 
 
-def _analyse_run(run: Run, out: Path) -> None:
-    """Write the verdict on a run, and the analysis or why there is none."""
+def _analyse_run(run: Run, out: Path, trust: bool) -> None:
+    """Write the verdict on a run, and the analysis or why there is none; ``trust`` as :func:`read_config`."""
     from cmacexp.stability.cycle_map import NotPredictable
     from cmacexp.stability.page import TITLES, advise, rows, write_stability_report
     from cmacexp.stability.verdict import analyse, assess, read_learning
 
     notes, analysis = list[str](), None
     with show_activity(f"analysing {run.folder}"):
-        config = read_learning(run)
+        config = read_learning(run, trust)
         verdict = assess(config)
         try:
             analysis = analyse(config, verdict)
@@ -48,6 +48,7 @@ def _analyse_run(run: Run, out: Path) -> None:
             "metavar": "FOLDER",
             "help": f"where the page goes; unless given, {FOLDER} in DIR",
         },
+        "--trust": make_flag("import components outside this project that the manifest names, which runs their code"),
     },
 )
 def main(arguments: Arguments) -> None:
@@ -61,4 +62,4 @@ def main(arguments: Arguments) -> None:
         f"is for one run, but {len(folders)} were given",
     )
     for folder in folders:
-        _analyse_run(Run(folder), choose_page_folder(arguments.out, folder / FOLDER))
+        _analyse_run(Run(folder), choose_page_folder(arguments.out, folder / FOLDER), arguments.trust)

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
-from cmacexp.data.folder import HTML, new_result
+from cmacexp.data.folder import new_result
 from cmacexp.data.manifest import REPORT, require_place
+from cmacexp.data.own_files import HTML
 from cmacexp.data.tables import read_table
 from cmacexp.engine.collect import Collected, ensure_runs
 from cmacexp.engine.pool import ParallelMap, start_workers

@@ -178,6 +178,19 @@ def find_class(key: str, target: object) -> type[Any]:
     return found  # type: ignore[no-any-return]
 
 
+def require_shipped(plain: Mapping[str, Any], consent: str) -> None:
+    """Require that a stored config names only components of this package, else importing it would run other code.
+
+    Raises BadInput for the first one, which says how to give ``consent``.
+    """
+    for group in COMPONENTS:
+        node = plain.get(group)
+        target = node.get("_target_") if isinstance(node, Mapping) else None
+        is_shipped = target is None or str(target).partition(".")[0] == PACKAGE
+        reason = f"is code outside this project, which a stored config may name; add {consent} if you trust it"
+        require(is_shipped, f"{group}._target_", target, reason)
+
+
 def _import(key: str, target: str, name: str) -> ModuleType:
     """Import a module by its full name; raises BadInput or, with what the module raised, BadComponent."""
     if name not in sys.modules:

@@ -1,20 +1,21 @@
-"""Reading files that others may have made: regular ones alone, and never through a link."""
+"""Files that others may have made are read with care: only regular ones, never through a link; ours appear whole."""
 
 import errno
+import fcntl
 import hashlib
 import os
-import shutil
+import re
 import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from glob import escape
 from io import BufferedReader
 from pathlib import Path
 from secrets import token_hex
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 """Errors of a disk without room, of a quota, and of a limit on the size of files."""
+PART = re.compile(r"\..+\.[0-9a-f]{8}\.(part|new)")
 TIME_RESOLUTION = 20_000_000
 """Two changes of a file within so many nanoseconds may leave it the same times."""
 
@@ -60,36 +61,42 @@ def full_disk_named(path: Path) -> Iterator[None]:
 
 
 def name_part(path: Path) -> Path:
-    """A new hidden name beside ``path``, for what is going to take its place; it says whose it is."""
-    return path.with_name(f".{path.name[:40]}.{os.uname().nodename}.{os.getpid()}.{token_hex(4)}.part")
+    """Return a new hidden name beside ``path``, for what is going to take its place."""
+    return path.with_name(f".{path.name[:40]}.{token_hex(4)}.part")
 
 
-def remove_dead_parts(folder: Path, name: str | None = None) -> None:
-    """Remove what killed processes of this machine left in a folder, beside the result ``name`` or beside any.
+def is_part(name: str) -> bool:
+    """Check whether a name is one of :func:`name_part`; no other program makes such names."""
+    return PART.fullmatch(name) is not None
 
-    Those of other machines may be alive.
+
+def lock(path: Path) -> int:
+    """Open a file, made if missing, and hold its lock; the lock ends with the process, or when the file is closed.
+
+    Returns its descriptor. Raises BlockingIOError if another process holds the lock, on any machine if the file
+    system passes locks on; OSError if the file cannot be opened. A file system without locks holds nothing.
     """
-    beside = "*" if name is None else escape(name[:40])
-    for part in folder.glob(f".{beside}.{escape(os.uname().nodename)}.*.????????.part"):
-        process = part.name.split(".")[-3]
-        if process.isdecimal() and not _is_alive(int(process)):
-            shutil.rmtree(part, ignore_errors=True)
-
-
-def _is_alive(process: int) -> bool:
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
     try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, OverflowError):
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise
+    except OSError:
         pass
-    return True
+    if not os.fstat(descriptor).st_nlink:  # who held it has just removed the file
+        os.close(descriptor)
+        raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN), str(path))
+    return descriptor
 
 
 def sync(path: Path) -> None:
-    """Wait until a file is on the disk."""
-    with path.open("rb+") as file:
-        os.fsync(file.fileno())
+    """Wait until a file, or the names in a folder, are on the disk; raises OSError."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 @contextmanager
@@ -106,5 +113,7 @@ def write_atomically(path: Path, durable: bool = True) -> Iterator[Path]:
             if durable:
                 sync(temporary)
             temporary.replace(path)
+            if durable:
+                sync(path.parent)
         finally:
             temporary.unlink(missing_ok=True)

@@ -1,69 +1,45 @@
 """Results that appear whole: written to a hidden folder beside their place, and put there by one rename.
 
-Onto an earlier result the two folders are exchanged, so that its place holds a whole result at every moment, whatever
-is killed. Nothing is locked: of two writers the last one wins. What a killed writer leaves is its hidden folder,
-``.NAME.MACHINE.PROCESS.RANDOM.part``. No reader looks into it, and the next result in the same place removes it.
+A file that this project did not write is never moved or removed: a folder that holds one is refused by name before
+anything is simulated, and what is removed is removed by its own names. An earlier result is renamed to
+``NAME.earlier``, the new one takes its place, then the earlier one goes: a kill in between leaves it there, whole.
+What may not take its place stands beside it: a run that failed as ``NAME.failed`` beside one with a result.
 """
 
-import ctypes
 import errno
+import fcntl
 import os
 import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
+from glob import escape
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.files import full_disk_named, name_part, remove_dead_parts, sha256, sync
-from cmacexp.data.tables import (
-    BODY_FILE,
-    BODY_METRICS_FILE,
-    MEMORY_FILE,
-    METRICS_CSV,
-    METRICS_FILE,
-    RECORDING_FILE,
-    TRACE_FILE,
-    WEIGHTS,
-)
-from cmacexp.errors import BadInput, BadRun, require
+from cmacexp.data.files import full_disk_named, lock, name_part, sha256, sync
+from cmacexp.data.own_files import find_others, remove_own
+from cmacexp.data.tables import METRICS_FILE
+from cmacexp.errors import BadInput, BadRun, in_one_line, require
 from cmacexp.jit.interrupt import interrupt_held_back
+from cmacexp.typing import RESULTS, Status
 
-HTML, FIGURES = "report.html", "figures"
-"""The page of a report, and the folder of its figures."""
-TABLE, TABLE_CSV = "sweep.parquet", "sweep.csv"
+TABLE, TABLE_CSV, SETTINGS, SEARCH = "sweep.parquet", "sweep.csv", "multirun.yaml", "optimization_results.yaml"
+"""What a sweep writes: its table, its config, and what Hydra's sweeper of the extra ``optuna`` found."""
 RUN_KEY, GIVEN_KEY, OUT_KEY = "hydra.run.dir", "DIR", "--out"
 """What names a folder on the command line: of a run, of commands over runs, of a report."""
-PARTS = (".*.????????.part", ".cmacexp-*")
-"""What killed writers leave, those of earlier versions too."""
-OWN = {
-    None: (
-        manifests.MANIFEST,
-        TRACE_FILE,
-        BODY_FILE,
-        MEMORY_FILE,
-        METRICS_FILE,
-        METRICS_CSV,
-        BODY_METRICS_FILE,
-        WEIGHTS,
-        manifests.HYDRA_FOLDER,
-        RECORDING_FILE,
-        "report",
-        "stability",
-    ),
-    manifests.REPORT: (manifests.MANIFEST, HTML, FIGURES, "*.json", "*.yaml", "*.parquet"),
-}
-"""What a result consists of, its views included, by its kind; a run has no kind. A new result replaces all of it."""
-FOREIGN = "holds {}, which is of no earlier result; move it, or choose another folder"
-LOGS = "*.log"
-"""What Hydra writes into the folder of a run, before and while it runs, if it is asked to."""
-RENAME_EXCHANGE, AT_FDCWD = 2, -100
-"""Arguments of ``renameat2`` (Linux)."""
-CANNOT_EXCHANGE = {errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP}
-"""Errors of a system or a file system that cannot exchange two folders."""
-OCCUPIED = {errno.ENOTEMPTY, errno.EEXIST}
+SWEEP_FILES = (TABLE, TABLE_CSV, SETTINGS, SEARCH, manifests.RUNS_FILE, METRICS_FILE, manifests.JOBS_FOLDER)
+"""What a sweep writes into its folder besides its manifest."""
+LOCK_FILE = ".cmacexp.lock"
+"""The file in the folder of a sweep whose lock the sweep holds while it runs."""
+LOCK, RESULT, EARLIER = "lock", "result", "earlier"
+"""In the hidden folder of a result that is written: the file whose lock its writer holds, the new result, and the one
+that it has replaced."""
+OTHERS = "holds {}, which is of no earlier result; move it, or choose another folder"
+OCCUPIED = {errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR}
 
 
 @dataclass
@@ -71,9 +47,11 @@ class ResultWriter:
     """A result while it is written."""
 
     folder: Path
-    """Where it appears."""
+    """Where it appears; at the end where it stands, which is beside that if it may not take its place."""
     part: Path
     """The hidden folder that its files are written to."""
+    status: str = Status.COMPLETED
+    """How it ended; one that failed or was interrupted does not replace one that did not."""
     overtook: bool = False
     """Whether it replaced a result that was not there when it began."""
 
@@ -83,29 +61,30 @@ class ResultWriter:
         path.parent.mkdir(exist_ok=True)
         path.write_text(text, encoding="utf-8")
 
+    def list_files(self) -> list[str]:
+        """List all files written so far, relative to the folder."""
+        return sorted(path.relative_to(self.part).as_posix() for path in self.part.rglob("*") if path.is_file())
 
-def _is_own(name: str, kind: str | None) -> bool:
-    return any(fnmatchcase(name, pattern) for pattern in (*OWN[kind], *PARTS))
 
+def _find_kind(folder: Path, key: str) -> str | None:
+    """Return the kind of the result in a folder, ``run`` if it has none, None without a result.
 
-def _check_kind(folder: Path, key: str, kind: str | None) -> bool:
-    """Whether a folder holds a result of a kind; raises BadInput if it holds one of another or a damaged one."""
+    Raises BadInput, in the name of ``key``, if its manifest is damaged or of another program.
+    """
     if not os.path.lexists(folder / manifests.MANIFEST):
-        return False
+        return None
     try:
-        found = manifests.read_file(folder / manifests.MANIFEST).get("kind")
+        return manifests.read_file(folder / manifests.MANIFEST).get("kind") or "run"
     except BadRun as error:
         raise BadInput(
             key, folder, f"holds another {manifests.MANIFEST} ({error}); remove that file, or choose another folder"
         ) from None
-    require(found == kind, key, folder, f"holds a {found or 'run'}; choose another folder")
-    return True
 
 
 def check_place(folder: Path, key: str, kind: str | None = None) -> None:
     """Raise BadInput if a result cannot take the place of ``folder``, which ``key`` names on the command line.
 
-    It may be missing, empty, or an earlier result of the same kind. Hidden files of others and logs stay in it.
+    It may be missing, empty, or hold an earlier result of the same kind and nothing else.
     """
     manifests.require_place(key, folder)
     shell = Path(os.environ.get("PWD", os.sep)).resolve()
@@ -115,14 +94,14 @@ def check_place(folder: Path, key: str, kind: str | None = None) -> None:
         folder,
         "is a mount point or the current folder, which cannot be replaced as a whole; name a folder in it",
     )
-    holds_result = _check_kind(folder, key, kind)
-    for name in sorted(os.listdir(folder)) if folder.exists() else ():
-        is_harmless = name[0] == "." or fnmatchcase(name, LOGS)
-        require(is_harmless or (holds_result and _is_own(name, kind)), key, folder, FOREIGN.format(name))
+    found, wanted = _find_kind(folder, key), kind or "run"
+    require(found in (None, wanted), key, folder, f"holds a {found}; choose another folder")
+    for name in find_others(folder.resolve(), kind):
+        raise BadInput(key, folder, OTHERS.format(name))
 
 
 def _identify(folder: Path) -> tuple[int, int] | None:
-    """What distinguishes a result from any other in its place; None: there is none."""
+    """Return what distinguishes a result from any other in its place; None without one."""
     try:
         status = (folder / manifests.MANIFEST).lstat()
     except OSError:
@@ -130,106 +109,209 @@ def _identify(folder: Path) -> tuple[int, int] | None:
     return status.st_ino, status.st_mtime_ns
 
 
-def _exchange(first: Path, second: Path) -> bool:
-    """Exchange two folders in one step; whether the system can. Raises OSError."""
-    rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
-    if rename is None:
-        return False
-    if not rename(AT_FDCWD, os.fsencode(first), AT_FDCWD, os.fsencode(second), RENAME_EXCHANGE):
-        return True
-    if (number := ctypes.get_errno()) in CANNOT_EXCHANGE:
-        return False
-    raise OSError(number, os.strerror(number), str(second))
-
-
-def _put(part: Path, folder: Path) -> Path:
-    """Put a whole result in its place; where what was there before is now, if there was anything."""
-    old = part
-    while True:
-        try:
-            part.rename(folder)
-            return old
-        except OSError as error:
-            if error.errno not in OCCUPIED:
-                raise
-        with suppress(FileNotFoundError):  # another writer has just moved it
-            if _exchange(part, folder):
-                return part
-            old = folder.rename(name_part(folder))
-
-
-def _finish(result: ResultWriter, place: Path, kind: str | None, before: tuple[int, int] | None) -> None:
-    """Put a result in its place, with the files of others that were there, and remove the earlier one."""
-    is_current = place.exists() and os.path.samefile(place, os.curdir)
-    old = _put(result.part, place)
-    if is_current:
-        os.chdir(place)
-    if old.exists():
-        result.overtook = _identify(old) not in (None, before)
-        for name in os.listdir(old):
-            if not _is_own(name, kind):
-                (old / name).rename(place / name)
-        shutil.rmtree(old, ignore_errors=True)
-
-
-def _make(folder: Path, given: Path, key: str) -> None:
-    """Make a folder, with those that it lies in; raises BadInput for the one ``given`` if that is not allowed."""
+def _may_replace(folder: Path, kind: str | None, status: str) -> bool:
+    """Check whether a folder holds a result of this kind, nothing else, and none better than one of this status."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = str(error.strerror or error).lower()
-        raise BadInput(key, given, f"cannot be written ({reason}); choose another folder") from error
+        earlier = manifests.read_file(folder / manifests.MANIFEST)
+    except BadRun:
+        return False
+    is_worse = status not in RESULTS and earlier.get("status") in RESULTS
+    return not is_worse and not find_others(folder, kind)
+
+
+def _number(folder: Path, word: str) -> Iterator[Path]:
+    """Yield the names beside ``folder`` that add ``word`` to its own: NAME.word, NAME.word.2, ..."""
+    yield folder.with_name(f"{folder.name}.{word}")
+    yield from (folder.with_name(f"{folder.name}.{word}.{number}") for number in count(2))
+
+
+def _list_places(folder: Path, status: str) -> Iterator[Path]:
+    """Yield the places in which a result of this status may stand, the best one first."""
+    yield folder
+    yield from _number(folder, status)
+
+
+def _put(written: Path, folder: Path, kind: str | None, status: str) -> tuple[Path, Path | None]:
+    """Put a whole result in its place, or beside it if something there must stay; raises OSError.
+
+    Returns where it stands, and where the result stands that it replaced, if any.
+    """
+    for place in _list_places(folder, status):
+        earlier = None
+        if os.path.lexists(place) and (place.is_symlink() or not place.is_dir() or any(place.iterdir())):
+            if not _may_replace(place, kind, status):
+                continue
+            earlier = next(path for path in _number(place, EARLIER) if not os.path.lexists(path))
+            place.rename(earlier)
+        try:
+            written.rename(place)
+            return place, earlier
+        except OSError as error:
+            if earlier is not None and not os.path.lexists(place):
+                earlier.rename(place)
+            if error.errno not in OCCUPIED:  # else another writer was there first
+                raise
+    raise AssertionError("there is always another name")
+
+
+def _finish(result: ResultWriter, part: Path, place: Path, kind: str | None, before: tuple[int, int] | None) -> None:
+    """Put a result in its place, and remove the earlier one there."""
+    is_current = place.exists() and os.path.samefile(place, os.curdir)
+    stands, earlier = _put(result.part, place, kind, result.status)
+    if stands != place:
+        text = f"warning: {result.folder} stays as it was; the {result.status} result is in {stands}"
+        print(in_one_line(text), file=sys.stderr)
+        result.folder = stands if result.folder.is_symlink() else result.folder.with_name(stands.name)
+    elif is_current:
+        os.chdir(place)
+    if earlier is not None:
+        result.overtook = _identify(earlier) not in (None, before)
+        if not find_others(earlier, kind):
+            with suppress(OSError):  # then it stays, beside the new one
+                earlier.rename(part / EARLIER)  # where nobody looks: a kill leaves no half of a result
+
+
+def _as_input(error: OSError, given: Path, key: str) -> BadInput:
+    """Return an error of the system as one of the folder ``given``, which cannot be written."""
+    reason = str(error.strerror or error).lower()
+    return BadInput(key, given, f"cannot be written ({reason}); choose another folder")
+
+
+@contextmanager
+def _make_part(place: Path, kind: str | None) -> Iterator[Path]:
+    """Make a hidden folder beside ``place`` for what is going to take its place; remove what is left at the end.
+
+    While this process lives it holds the lock of a file in it, so that no other takes it for abandoned.
+    """
+    part = name_part(place)
+    unlocked = part.with_suffix(".new")  # nobody looks for this name: the folder has no lock yet
+    unlocked.mkdir(parents=True)
+    try:
+        descriptor = lock(unlocked / LOCK)
+        try:
+            unlocked.rename(part)
+            yield part
+        finally:
+            os.close(descriptor)
+    finally:
+        for folder in (unlocked, part):
+            _clear_part(folder, kind)
+
+
+def _clear_part(part: Path, kind: str | None) -> None:
+    """Remove the hidden folder of a result that is not written any more; nothing of others, if anything is there."""
+    shutil.rmtree(part / RESULT, ignore_errors=True)  # a name that only its writer knows
+    with suppress(OSError):
+        remove_own(part / EARLIER, kind)
+        (part / LOCK).unlink(missing_ok=True)
+        part.rmdir()
+
+
+def remove_dead_parts(folder: Path, kind: str | None, name: str | None = None) -> None:
+    """Remove what killed writers of results of a kind left in a folder, beside the result ``name`` or beside any.
+
+    What has no lock, or one that cannot be tried here, may belong to a process that lives, and stays.
+    """
+    beside = "*" if name is None else escape(name[:40])
+    for part in folder.glob(f".{beside}.????????.part"):
+        with suppress(OSError), open(part / LOCK, "rb+") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _clear_part(part, kind)
 
 
 @contextmanager
 def new_result(folder: Path, key: str, kind: str | None = None, durable: bool = True) -> Iterator[ResultWriter]:
     """Write a result, which takes the place of ``folder`` when the block has succeeded; else nothing changes.
 
-    The files are written to ``part``, the manifest too. ``key`` names the folder on the command line. A power
-    failure can cut short what is not ``durable``, whose manifest then is none, or has hashes that do not fit. Such a
-    result is one of a :func:`collection`, which has removed what was left beside it: to look for that beside each of
-    many results takes longer the more there are. Raises BadInput before the block as :func:`check_place`, or if
-    nothing can be written beside the folder; OSError if the disk refuses a file.
+    The files are written to ``part``, the manifest too. ``key`` names the folder on the command line. Where the
+    result may not take its place (it is worse than the one there, or others have written to the folder meanwhile) it
+    stands beside it, by a name that says how it ended. A power failure can cut short what is not ``durable``, whose
+    manifest then is none, or has hashes that do not fit. Such a result is one of a :func:`collection`, which has
+    removed what was left beside it: to look for that beside each of many results takes longer the more there are.
+    Raises BadInput before the block as :func:`check_place`, or if nothing can be written beside the folder; OSError
+    if the disk refuses a file.
     """
     check_place(folder, key, kind)
     place = folder.resolve()
-    before, result = _identify(place), ResultWriter(folder, name_part(place))
-    _make(result.part, folder, key)
-    try:
-        with full_disk_named(folder):
-            yield result
-            for path in result.part.rglob("*") if durable else ():
-                if path.is_file():
-                    sync(path)
-            with interrupt_held_back():
-                _finish(result, place, kind, before)
-                if durable:
-                    remove_dead_parts(place.parent, place.name)
-    finally:
-        shutil.rmtree(result.part, ignore_errors=True)
+    before = _identify(place)
+    with full_disk_named(folder), ExitStack() as stack:
+        try:
+            part = stack.enter_context(_make_part(place, kind))
+            result = ResultWriter(folder, part / RESULT)
+            result.part.mkdir()
+        except OSError as error:
+            raise _as_input(error, folder, key) from error
+        yield result
+        for path in (*result.part.rglob("*"), result.part) if durable else ():
+            sync(path)
+        with interrupt_held_back():
+            _finish(result, part, place, kind, before)
+            if durable:
+                sync(place.parent)
+                remove_dead_parts(place.parent, kind, place.name)
 
 
 @contextmanager
 def collection(folder: Path, key: str) -> Iterator[Path]:
-    """A folder for the results of a sweep, made if missing, and removed if it stays empty.
+    """Yield a folder for the results of a sweep, made if missing, and removed if it stays empty.
 
-    What killed sweeps of this machine left in it is removed, and at the end what its ended workers left.
+    No other sweep can use it meanwhile. What killed sweeps left in it is removed, and at the end what killed workers
+    left. A manifest marks it as the folder of a sweep before anything else is written.
 
-    Raises BadInput if it cannot be written, or if it holds another result, or tables that no sweep wrote.
+    Raises BadInput if it cannot be written, another sweep runs there, or it holds another result, or files with the
+    names of a sweep's that none wrote.
     """
     made = not folder.exists()
-    _make(folder, folder, key)
-    is_sweep = _check_kind(folder, key, manifests.SWEEP)
-    for name in (TABLE, TABLE_CSV):
-        require(is_sweep or not os.path.lexists(folder / name), key, folder, FOREIGN.format(name))
-    remove_dead_parts(folder)
     try:
-        yield folder
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _as_input(error, folder, key) from error
+    found = _find_kind(folder, key)
+    require(found in (None, manifests.SWEEP), key, folder, f"holds a {found}; choose another folder")
+    for name in SWEEP_FILES:
+        require(found or not os.path.lexists(folder / name), key, folder, OTHERS.format(name))
+    with _lock_folder(folder, key):
+        if found is None:
+            manifests.write(folder, make_sweep_manifest(Status.UNFINISHED))
+        remove_dead_parts(folder, None)
+        try:
+            yield folder
+        finally:
+            remove_dead_parts(folder, None)
+            is_empty = made and set(os.listdir(folder)) == {manifests.MANIFEST, LOCK_FILE}
+            if is_empty:
+                (folder / manifests.MANIFEST).unlink()
+    if made and is_empty:
+        folder.rmdir()
+
+
+@contextmanager
+def _lock_folder(folder: Path, key: str) -> Iterator[None]:
+    """Hold the lock of a file in the folder of a sweep; raises BadInput if another process holds it."""
+    path = folder / LOCK_FILE
+    try:
+        descriptor = lock(path)
+    except BlockingIOError:
+        raise BadInput(key, folder, "another sweep runs there; wait for its end, or choose another folder") from None
+    except OSError as error:
+        raise _as_input(error, folder, key) from error
+    try:
+        yield
     finally:
-        remove_dead_parts(folder)
-        if made:
-            with suppress(OSError):  # it is not empty
-                folder.rmdir()
+        if not os.fstat(descriptor).st_size:  # else somebody has written into it
+            path.unlink(missing_ok=True)
+        os.close(descriptor)
+
+
+def make_sweep_manifest(status: str, files: Mapping[str, str] | None = None, is_lean: bool = False) -> dict[str, Any]:
+    """Make the manifest of a sweep, with the hashes of its tables; lean if some of its jobs have no folders."""
+    return {
+        "kind": manifests.SWEEP,
+        "status": status,
+        "versions": manifests.versions(),
+        "files": dict(files or {}),
+        "config": {"record": {"trace": False}} if is_lean else {},
+    }
 
 
 def update_run(folder: Path, write: Callable[[Path], list[str]], **entries: Any) -> None:
@@ -241,7 +323,10 @@ def update_run(folder: Path, write: Callable[[Path], list[str]], **entries: Any)
     """
     manifest = manifests.read(folder)
     part = name_part(folder / "update")
-    _make(part, folder, GIVEN_KEY)
+    try:
+        part.mkdir()
+    except OSError as error:
+        raise _as_input(error, folder, GIVEN_KEY) from error
     try:
         with full_disk_named(folder):
             names = write(part)

@@ -1,5 +1,6 @@
 """Whether a run on disk is complete, unchanged, and the result of a given config."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import get_args
 
@@ -86,4 +87,17 @@ def list_faults(folder: Path, manifest: manifests.Manifest) -> list[str]:
         for name, expected in manifest["files"].items()
         if name not in VIEWS and (fault := manifests.check_file(folder, name, expected)) is not None
     )
-    return [*_list_missing(manifest), *changed]
+    return [*_list_missing(manifest), *changed, *_list_changed_parts(folder, manifest)]
+
+
+def _list_changed_parts(folder: Path, manifest: manifests.Manifest) -> list[str]:
+    """List the parts of the tables of a running sweep that are not as a job left them."""
+    parts = manifests.list_job_parts(folder) if manifest.get("kind") == manifests.SWEEP else []
+    return [f"{part.relative_to(folder)}: changed since it was written" for part in parts if not is_whole_part(part)]
+
+
+def is_whole_part(path: Path) -> bool:
+    """Check whether a part of the tables of a running sweep is as a job left it."""
+    with suppress(OSError):
+        return manifests.current_hash(path) == path.name.partition("-")[2]
+    return False

@@ -4,9 +4,11 @@ Everything that reads a file of a run asks here first whether that is as the run
 that hold a run are found by it.
 """
 
+import hashlib
 import json
 import os
 import platform
+import re
 import subprocess
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
@@ -25,7 +27,8 @@ from cmacexp.errors import BadInput, BadRun, require
 from cmacexp.models.robot_file import DISTRIBUTION
 
 MANIFEST = "manifest.json"
-MAX_BYTES = 16 << 20
+MAX_BYTES, MOST_CACHED = 16 << 20, 64 << 10
+"""Sizes of the largest manifest that is read, and of the largest one that is kept in memory."""
 PACKAGES = ("numpy", "numba", "scipy", "pyarrow", "pandas", "hydra-core", "rerun-sdk", "mujoco", DISTRIBUTION)
 """Packages on whose versions results can depend, those of robots included."""
 
@@ -99,12 +102,14 @@ def read(folder: Path) -> Manifest:
 def read_file(path: Path) -> Manifest:
     """The manifest in a file, of a run, a report or a sweep; raises BadRun as :func:`read`."""
     try:
-        manifest: Manifest = json.loads(_read_checked(path, file_signature(path)))
+        signature = file_signature(path)
+        read = _read_checked if signature[2] <= MOST_CACHED else _read_checked.__wrapped__
+        manifest: Manifest = json.loads(read(path, signature))
     except (FileNotFoundError, NotADirectoryError):
         reason = f"no {path.name}: not the folder of a run, or the run was killed before its end"
         raise BadRun(f"{path.parent}: {reason}") from None
-    except (ValueError, OSError, RecursionError) as error:
-        reason = (isinstance(error, OSError) and error.strerror) or str(error) or type(error).__name__
+    except (OSError, UnicodeDecodeError) as error:
+        reason = (isinstance(error, OSError) and error.strerror) or str(error)
         raise BadRun(f"{path}: cannot be read ({reason.splitlines()[0]})") from None
     manifest.pop("checksum", None)  # of earlier versions
     return manifest
@@ -118,14 +123,21 @@ def _read_checked(path: Path, signature: tuple[int, ...]) -> str:
             os.fstat(file.fileno()).st_size <= MAX_BYTES,
             f"{path}: larger than {MAX_BYTES >> 20} MB, not the manifest of a run",
         )
-        text = file.read().decode()
-    manifest = json.loads(text)
-    if "\\ud" in text.lower():  # half of a character, which no file and no terminal takes
-        json.dumps(manifest, ensure_ascii=False).encode()
+        return json.dumps(parse(file.read().decode(), path))
+
+
+def parse(text: str, path: Path) -> Manifest:
+    """Read the text of a manifest, with all its entries; raises BadRun in the name of the file ``path``."""
     try:
-        return json.dumps(complete(manifest))
+        manifest = json.loads(text)
+        if "\\ud" in text.lower():  # half of a character, which no file and no terminal takes
+            json.dumps(manifest, ensure_ascii=False).encode()
+        return complete(manifest)
     except BadInput as error:
         raise BadRun(f"{path}: not the manifest of a run: {error}; run it again") from None
+    except (ValueError, RecursionError) as error:
+        reason = str(error) or type(error).__name__
+        raise BadRun(f"{path}: cannot be read ({reason.splitlines()[0]})") from None
 
 
 @lru_cache(4096)
@@ -189,6 +201,7 @@ def require_intact(path: Path) -> Path:
 HYDRA_FOLDER = ".hydra"
 RUNS_FILE, JOBS_FOLDER = "runs.parquet", ".jobs"
 """Tables of a sweep: its jobs beside their metrics; and parts of both while it runs."""
+JOB_PART = re.compile("[0-9a-f]{8}-[0-9a-f]{64}")
 
 
 def is_run(folder: Path) -> bool:
@@ -202,10 +215,32 @@ def is_run(folder: Path) -> bool:
     return manifest.get("kind") not in (REPORT, SWEEP)
 
 
+def read_sweep(folder: Path) -> Manifest | None:
+    """Read the manifest of the sweep in a folder; None without one. Raises BadRun if it is damaged."""
+    manifest = _read_manifest(folder)
+    return manifest if manifest is not None and manifest.get("kind") == SWEEP else None
+
+
+def has_tables(folder: Path) -> bool:
+    """Check whether a folder holds the tables of a sweep that has ended, as :func:`read_sweep`."""
+    return RUNS_FILE in (read_sweep(folder) or {"files": ()})["files"]
+
+
+def name_job_part(sweep: str, content: bytes | memoryview) -> str:
+    """Name a part of the tables of a running sweep by what it holds, so that a changed one is found."""
+    return f"{sweep}-{hashlib.sha256(content).hexdigest()}"
+
+
+def list_job_parts(folder: Path, sweep: str = "") -> list[Path]:
+    """List the parts that the jobs of a sweep have left in its folder, or those of all sweeps; the newest first."""
+    named = [path for path in (folder / JOBS_FOLDER).glob(f"{sweep}*") if JOB_PART.fullmatch(path.name)]
+    return sorted(named, key=lambda path: path.lstat().st_mtime_ns, reverse=True)
+
+
 def _holds_jobs(folder: Path) -> bool:
-    """Whether the manifest of a sweep lists tables of its jobs, which have no folders."""
-    manifest = _read_manifest(folder) or {}
-    return manifest.get("kind") == SWEEP and bool(manifest["files"])
+    """Check whether a folder holds what jobs of a sweep left, in tables or parts of them."""
+    manifest = read_sweep(folder)
+    return manifest is not None and bool(manifest["files"] or list_job_parts(folder))
 
 
 def walk(folder: Path, skipped: Callable[[OSError], None] | None = None) -> Iterator[Path]:
@@ -229,7 +264,7 @@ def _require_some(folder: Path, paths: Iterable[Path]) -> list[Path]:
     if ordered := sorted(paths):
         return ordered
     BadRun.unless(
-        not (folder / RUNS_FILE).exists() and not (folder / JOBS_FOLDER).exists(),
+        not has_tables(folder) and not list_job_parts(folder),
         f"{folder}: its runs keep metrics alone (record=metrics), without folders; use record=trace",
     )
     raise BadRun(f"{folder}: contains no run; use the folder that a run printed at its end")

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cmacexp.config import Config, to_config
+from cmacexp.config.component import require_shipped
 from cmacexp.config.describe import flatten_config
 from cmacexp.config.schema import count_steps
 from cmacexp.data import manifest as manifests
@@ -94,7 +95,10 @@ class Run:
 
     @property
     def config(self) -> dict[str, Any]:
-        """Its config as plain dictionaries; ``cmacexp.run(run.config)`` runs it again."""
+        """Its config as plain dictionaries; ``cmacexp.run(run.config)`` runs it again.
+
+        A config that names code outside this package, as with a custom controller, needs ``trust=True`` there.
+        """
         return dict(self.manifest["config"])
 
     @cached_property
@@ -313,9 +317,15 @@ def sort_folders(folders: Iterable[Path]) -> list[Path]:
     return sorted(unique, key=lambda path: [(p.isdigit() and int(p), p) for p in re.split(r"(\d+)", str(path))])
 
 
-def read_config(run: Run) -> Config:
-    """The typed config of a stored run; raises BadRun if another version with other fields wrote it."""
+def read_config(run: Run, trust: bool = False, consent: str = "trust=True") -> Config:
+    """Read the typed config of a stored run, which imports the classes that it names.
+
+    Raises BadInput if one is no class of this package, unless there is ``trust`` in the run, with how to give
+    ``consent``; BadRun if another version with other fields wrote the config.
+    """
     plain = run.config
+    if not trust:
+        require_shipped(plain, consent)
     try:
         return to_config(plain)
     except CmacexpError as error:

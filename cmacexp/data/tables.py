@@ -1,5 +1,6 @@
 """The files of a run, and its tables: on disk, and their columns as arrays."""
 
+import os
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -76,6 +77,9 @@ def write_table(table: pa.Table, path: Path) -> None:
         writer.write_table(table)
 
 
+VALUE_BYTES = 8
+MOST_UNCHECKED, MOST_EXPANSION = 32 << 20, 100
+"""A table may need so many bytes in memory, besides so many times its file."""
 IN_THIS_THREAD: Any = {"use_threads": False}
 """How what :func:`open_parquet` gives is read."""
 
@@ -97,19 +101,37 @@ def _open_parquet(path: Path, texts: bool = False) -> Iterator[pq.ParquetFile]:
     """
     try:
         with open_file(require_intact(path)) as file, open_parquet(file) as table:
-            schema = table.schema_arrow
-            for field in schema:
-                kind = field.type
-                holds_numbers = (
-                    pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_dictionary(kind)
-                )
-                if len(schema.get_all_field_indices(field.name)) > 1:
-                    raise BadRun(f"{path}: two of its columns are called {field.name}: not a table of a run")
-                if not (texts or holds_numbers):
-                    raise BadRun(f"{path}: its column {field.name} holds {kind}, not numbers: not a table of a run")
+            check_schema(path, table.schema_arrow, texts)
+            _check_size(path, table.metadata, os.fstat(file.fileno()).st_size)
             yield table
-    except (OSError, pa.ArrowException) as error:
-        raise BadRun(f"{path}: cannot be read ({str(error).splitlines()[0]})") from None
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise BadRun(f"{path}: cannot be read ({(str(error) or type(error).__name__).splitlines()[0]})") from None
+
+
+def check_schema(path: Path, schema: pa.Schema, texts: bool) -> None:
+    """Check that columns have names of their own, and hold numbers or a few words, else ``texts``; raises BadRun."""
+    for field in schema:
+        kind, types = field.type, pa.types
+        holds_numbers = types.is_integer(kind) or types.is_floating(kind) or types.is_null(kind)
+        BadRun.unless(
+            len(schema.get_all_field_indices(field.name)) == 1,
+            f"{path}: two of its columns are called {field.name}: not a table of a run",
+        )
+        BadRun.unless(
+            texts or holds_numbers or types.is_dictionary(kind),
+            f"{path}: its column {field.name} holds {kind}, not numbers: not a table of a run",
+        )
+
+
+def _check_size(path: Path, metadata: pq.FileMetaData, size: int) -> None:
+    """Check, before anything is read, that a table of this size in bytes is no bomb; raises BadRun."""
+    groups = [metadata.row_group(number) for number in range(metadata.num_row_groups)]
+    cells = metadata.num_rows * metadata.num_columns
+    needed = max(VALUE_BYTES * cells, sum(group.total_byte_size for group in groups))
+    BadRun.unless(
+        needed <= MOST_UNCHECKED + MOST_EXPANSION * size,
+        f"{path}: {size} bytes that would become {needed} in memory: not a table of a run",
+    )
 
 
 def read_parts(
@@ -122,7 +144,7 @@ def read_parts(
     with _open_parquet(path) as table:
         for group in range(table.num_row_groups):
             if cycles is None or _is_in(table.read_row_group(group, ["cycle"], **IN_THIS_THREAD), cycles).any():
-                yield table.read_row_group(group, columns, **IN_THIS_THREAD)
+                yield _validated(table.read_row_group(group, columns, **IN_THIS_THREAD))
 
 
 def _is_in(table: pa.Table, cycles: Collection[int]) -> Mask:
@@ -136,15 +158,21 @@ def select_rows(table: pa.Table, rows: NDArray[Any]) -> pa.Table:
     return table if len(numbers) == table.num_rows else table.take(arrow(numbers, pa.int64()))
 
 
-def read_table(path: Path, texts: bool = False) -> pa.Table:
-    """The table that :func:`write_table` wrote, of numbers, or also of ``texts``."""
+def _validated(table: pa.Table) -> pa.Table:
+    """Return a table whose texts and codes of words are valid; raises ArrowInvalid."""
+    table.validate(full=True)
+    return table
+
+
+def read_table(path: Path, texts: bool = False, columns: list[str] | None = None) -> pa.Table:
+    """Read the table that :func:`write_table` wrote, of numbers, or also of ``texts``; all columns or some."""
     with _open_parquet(path, texts) as table:
-        return table.read(**IN_THIS_THREAD)
+        return _validated(table.read(columns, **IN_THIS_THREAD))
 
 
 def list_units(schema: pa.Schema) -> dict[str, str]:
     """The unit of each column, as its field says; empty where it has none."""
-    return {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in schema}
+    return {field.name: (field.metadata or {}).get(b"unit", b"").decode(errors="replace") for field in schema}
 
 
 def to_frame(table: pa.Table) -> DataFrame:

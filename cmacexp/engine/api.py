@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Never
 
 from cmacexp.config import Config, to_config
+from cmacexp.config.component import require_shipped
 from cmacexp.config.compose import compose_untyped, list_texts, refuse_options
 from cmacexp.config.machine import describe_other_model
 from cmacexp.control.protocol import Controller
@@ -64,6 +65,7 @@ def run(
     sensors: Sensors | None = None,
     controller: Controller | None = None,
     feedforward: Feedforward | None = None,
+    trust: bool = False,
     **other: Never,
 ) -> Run:
     """The same run as ``python -m cmacexp`` with these overrides.
@@ -75,6 +77,8 @@ def run(
         config_dir: a folder of custom configs, as ``--config-dir``.
         plant: an object to use instead of the plant that the config names; likewise ``sensors``, ``controller`` and
             ``feedforward``.
+        trust: whether a whole config may name components outside this package. Their modules are imported, which
+            runs their code: look at each ``_target_`` in a stranger's ``manifest.json`` first.
         other: not taken; what is given by such a name is an override.
 
     Returns:
@@ -106,6 +110,8 @@ def run(
         reason = f'is no whole config, without {missing[0]}; overrides are texts: cmacexp.run(["cycles=3"])'
         raise BadInput("overrides", dict(overrides), reason)
     else:
+        if not trust:
+            require_shipped(overrides, "trust=True")
         config = replace(to_config(overrides), **targets)
     _warn(config, idle)
     by_time = Path("outputs", config.scenario, datetime.now().strftime("%Y-%m-%d_%H-%M-%S-%f"))

@@ -2,7 +2,6 @@
 
 import json
 import pickle
-import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -18,26 +17,15 @@ from cmacexp.config import Config, config_hash, to_config, to_plain
 from cmacexp.config.component import COMPONENTS
 from cmacexp.config.compose import find_referred, make_record, set_numbers, set_values
 from cmacexp.data import manifest as manifests
-from cmacexp.data.folder import RUN_KEY, check_place, new_result
+from cmacexp.data.folder import RUN_KEY, new_result
 from cmacexp.data.integrity import compute_hashes, is_finished
 from cmacexp.data.run import Run
 from cmacexp.engine.chunk import Chunk
 from cmacexp.engine.equal_results import describe_result
+from cmacexp.engine.job_store import FINGERPRINT, HASHES, JobItem, JobTables, find_fingerprint, write_part
 from cmacexp.engine.objective import check_metric
 from cmacexp.engine.run import describe_run, run_scenario
-from cmacexp.engine.sweep_tables import (
-    FINGERPRINT,
-    HASHES,
-    JobItem,
-    JobTables,
-    concat_metrics,
-    find_fingerprint,
-    make_column,
-    make_table,
-    read_metrics,
-    select_run_overrides,
-    write_part,
-)
+from cmacexp.engine.sweep_tables import concat_metrics, make_column, make_table, read_metrics, select_run_overrides
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, describe_failure, format_user_traceback
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import is_interrupt
@@ -75,20 +63,20 @@ def write_failure(
     record: Mapping[str, str] | None = None,
     **entries: Any,
 ) -> Run:
-    """Leave a manifest, with further ``entries``, that says why a config gave no run; an earlier run stays."""
+    """Leave a manifest, with further ``entries``, that says why a config gave no run; an earlier result stays."""
     # Of a config as typed: an interpolation may be what is wrong.
     plain: Any = OmegaConf.to_container(composed) if isinstance(composed, DictConfig) else composed
     entries["bad_input"] = isinstance(error, BadInput)
     if isinstance(error, BadComponent) or not isinstance(error, CmacexpError | OSError | MemoryError):
         entries["traceback"] = format_user_traceback(error.raised if isinstance(error, BadComponent) else error)
     manifest = manifests.make_manifest(plain, Status.FAILED, describe_failure(error), **entries)
-    written = folder / manifests.MANIFEST
     with suppress(OSError, BadInput):  # then only the terminal and the table show it
-        if not (written.exists() and manifests.read_file(written)["files"]):
-            with new_result(folder, RUN_KEY) as writer:
-                for name, text in (record or {}).items():
-                    writer.write_text(f"{manifests.HYDRA_FOLDER}/{name}", text)
-                manifests.write(writer.part, manifest)
+        with new_result(folder, RUN_KEY) as writer:
+            for name, text in (record or {}).items():
+                writer.write_text(f"{manifests.HYDRA_FOLDER}/{name}", text)
+            manifests.write(writer.part, manifest)
+            writer.status = Status.FAILED
+        return Run(writer.folder, manifest)
     return Run(folder, manifest)
 
 
@@ -133,10 +121,11 @@ def _describe_job(hydra: Any, item: JobItem, folder: Path) -> None:
     hydra["runtime"]["output_dir"] = str(folder)
 
 
-def run_jobs(packed: bytes, root: Path, items: Sequence[JobItem], jobs: int) -> list[tuple[str, bool]]:
+def run_jobs(packed: bytes, root: Path, sweep: str, items: Sequence[JobItem], jobs: int) -> list[tuple[str, bool]]:
     """Run some of so many jobs of a sweep in this process, and hand them over as one part of its tables.
 
-    ``packed`` is what Hydra composed for a job of the same keys and options, ``root`` the folder of the sweep.
+    ``packed`` is what Hydra composed for a job of the same keys and options, ``root`` the folder of the sweep, whose
+    parts have the name ``sweep``.
     Returns how each ended, in a line, and whether that is an error. Raises OSError.
     """
     template, by_number = _unpack(packed), {item.number: item for item in items}
@@ -185,10 +174,7 @@ def run_jobs(packed: bytes, root: Path, items: Sequence[JobItem], jobs: int) -> 
                 run.manifest |= {"drift": make_drift_entry(scores.legs), "files": chunk.hashes[number]}
                 run.manifest["wall_seconds"] = loops[number] + rest
         if made:
-            write_part(root, _tabulate(root, made, {item.number: item.overrides for item in items}))
-            for run in made.values():  # an earlier one in the place of a run that has no folder
-                if not run.is_checked and manifests.is_run(run.folder):
-                    shutil.rmtree(run.folder, ignore_errors=True)
+            write_part(root, sweep, _tabulate(root, made, {item.number: item.overrides for item in items}))
     return [_describe_end(item, *ended[item.number]) for item in items]
 
 
@@ -226,8 +212,6 @@ def _run_item(
         return None, False
     if config.sweep.resume and is_finished(folder, config):
         return Run(folder), False
-    if folder.exists():  # this job will take its place
-        check_place(folder, RUN_KEY)
     return config
 
 

@@ -188,10 +188,11 @@ def run_scenario(
     """Run a scenario of a checked config and write its results to ``folder``.
 
     They take the place of an earlier run at the end; a run that diverged, failed or was interrupted keeps its results
-    up to there. ``prepared`` is the scenario if it is already made. ``watch`` is called with the number of cycles
-    done so far, see :func:`cmacexp.loop.stream`, ``warn`` once a drift is detected. ``record`` is Hydra's own, texts
-    by file name. ``overrides`` are those that the config comes from, None if it came whole. A result that is not
-    ``durable`` may be lost in a power failure: a sweep that is resumed runs such a job again.
+    up to there. One that failed or was interrupted stands beside an earlier one with a result, as NAME.failed or
+    NAME.interrupted. ``prepared`` is the scenario if it is already made. ``watch`` is called with the number of
+    cycles done so far, see :func:`cmacexp.loop.stream`, ``warn`` once a drift is detected. ``record`` is Hydra's own,
+    texts by file name. ``overrides`` are those that the config comes from, None if it came whole. A result that is
+    not ``durable`` may be lost in a power failure: a sweep that is resumed runs such a job again.
 
     Raises BadInput, with nothing simulated or written, if the machine cannot follow the plan, or the folder
     holds something else; OSError if the folder cannot be written: an earlier run in it stays as it was.
@@ -208,10 +209,11 @@ def run_scenario(
         manifest |= {} if overrides is None else {"overrides": list(overrides)}
         manifest["wall_seconds"] = time.perf_counter() - began
         manifests.write(writer.part, manifest, durable=False)  # but with the whole result, if that is
+        writer.status = manifest["status"]
     if writer.overtook:
         text = f"warning: {folder}: another run was written there meanwhile, which this one has replaced"
         print(in_one_line(text), file=sys.stderr)
-    run = Run(folder, manifest)
+    run = Run(writer.folder, manifest)
     run.scores = scores
     return run
 

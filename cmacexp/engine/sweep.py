@@ -4,7 +4,6 @@ At its end its table, one row per job, is written and printed.
 """
 
 import pickle
-import shutil
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
@@ -12,6 +11,7 @@ from enum import Enum
 from functools import cache
 from itertools import accumulate, chain
 from pathlib import Path
+from secrets import token_hex
 from typing import Any
 
 import numpy as np
@@ -29,9 +29,19 @@ from cmacexp.config.hydra_private import BASIC, GRID, expand_grid
 from cmacexp.config.robot_rule import read_machine
 from cmacexp.data import manifest as manifests
 from cmacexp.data.files import full_disk_named, sha256, write_atomically
-from cmacexp.data.folder import TABLE, TABLE_CSV, collection
+from cmacexp.data.folder import SETTINGS, TABLE, TABLE_CSV, collection, make_sweep_manifest
 from cmacexp.data.tables import METRICS_FILE, as_array, select_rows, write_table
 from cmacexp.engine.equal_results import find_idle_keys
+from cmacexp.engine.job_store import (
+    FINGERPRINT,
+    HASHES,
+    JobItem,
+    JobRun,
+    JobTables,
+    list_jobs,
+    list_whole,
+    write_part,
+)
 from cmacexp.engine.objective import DIRECTION, check_metric, describe_best, find_direction, read_objective
 from cmacexp.engine.pool import (
     MOST_RUNS,
@@ -42,18 +52,7 @@ from cmacexp.engine.pool import (
     iterate_here,
     start_workers,
 )
-from cmacexp.engine.sweep_tables import (
-    FINGERPRINT,
-    HASHES,
-    JobItem,
-    JobRun,
-    collect_settings,
-    list_jobs,
-    read_settings,
-    select_run_overrides,
-    tabulate_settings,
-    write_runs,
-)
+from cmacexp.engine.sweep_tables import collect_settings, read_settings, select_run_overrides, tabulate_settings
 from cmacexp.errors import BadInput, CmacexpError, require
 from cmacexp.jit.interrupt import is_interrupt
 from cmacexp.terminal.messages import describe_resume, print_next, print_runs, warn_of_models, warn_of_other_mode
@@ -85,6 +84,10 @@ class Sweep:
 
     def __init__(self, config: DictConfig, context: HydraContext):
         self.config, self.context, self.folder = config, context, Path(config.hydra.sweep.dir)
+        self.name = token_hex(4)
+        """What the parts of its tables are called by."""
+        self.earlier: list[Path] = []
+        """What earlier sweeps have left that this one resumes."""
         self.planned: list[tuple[str, ...]] = []
         """Overrides of the run of each job, see :func:`select_run_overrides`."""
         self.places: list[str] = []
@@ -167,8 +170,7 @@ class Sweep:
         go on. Raises BadInput if the folder cannot be used, and KeyboardInterrupt after an interrupt.
         """
         with collection(self.folder, SWEEP_KEY):
-            if not self.config.sweep.resume:
-                shutil.rmtree(self.folder / manifests.JOBS_FOLDER, ignore_errors=True)
+            self.earlier = list_whole(self.folder) if self.config.sweep.resume else []
             try:
                 with self._start() as self.parallel_map:
                     self._run_jobs()
@@ -189,14 +191,19 @@ class Sweep:
         Returns how it ended: ``completed`` if no job failed, ``bad input`` if no job could be run, else ``failed``.
         """
         with show_activity("reading the results of the jobs"):
-            runs = collect_jobs(self.folder, self.planned)
+            runs = collect_jobs(self._list_jobs(), self.planned)
         if not runs:
             print_line(f"continue:  {describe_resume(self.folder)}")
             return Status.FAILED
         failed, missing = [run for run in runs if not run.outcome.is_result], len(self.planned) - len(runs)
         is_wrong = all(run.read("bad_input") for run in runs)
         status = Status.BAD_INPUT if is_wrong else Status.FAILED if missing or failed else Status.COMPLETED
-        write_tables(self.folder, runs, status)
+        earlier = manifests.read_sweep(self.folder)
+        if missing and earlier and earlier["files"] and earlier["status"] != Status.INTERRUPTED:
+            text = "keeps the tables of its earlier sweep; those of this one follow when all its jobs have ended"
+            print_line(f"warning: {self.folder} {text}", error=True)
+        else:
+            write_tables(self.folder, runs, Status.INTERRUPTED if missing else status, self.name)
         keys = dict.fromkeys(key for run in runs for key in run.settings)
         swept = [key for key in keys if len({str(run.settings.get(key)) for run in runs}) > 1]
         print_runs(runs, swept, self.folder / TABLE_CSV)
@@ -220,6 +227,10 @@ class Sweep:
         print_line(str(self.folder / TABLE))
         return status
 
+    def _list_jobs(self) -> list[JobRun]:
+        """List the jobs that this sweep has run, and, if it is resumed, those that earlier ones have left."""
+        return list_jobs(self.folder, [*manifests.list_job_parts(self.folder, self.name), *self.earlier])
+
     def _start(self) -> AbstractContextManager[ParallelMap]:
         """Start what the launcher stands for."""
         launcher, size = self.config.hydra.launcher, self.config.sweep.chunk or 1
@@ -235,7 +246,8 @@ class Sweep:
 
     def _run_jobs(self) -> None:
         if self.batches:
-            OmegaConf.save(self.config, self.folder / "multirun.yaml")
+            with write_atomically(self.folder / SETTINGS) as path:
+                OmegaConf.save(self.config, path)
             for first, batch in zip(accumulate(map(len, self.batches), initial=0), self.batches, strict=False):
                 self.launch(batch, first)
             return
@@ -253,32 +265,32 @@ class Sweep:
             self._plan(batch)
         known, alike = {}, defaultdict[tuple[bytes, bool], list[JobItem]](list)
         if self.config.sweep.resume:
-            known = {(run.read("run"), run.read("overrides")): run for run in list_jobs(self.folder)}
+            known = {(run.read("run"), run.read("overrides")): run for run in self._list_jobs()}
         for number, overrides in enumerate(batch, first):
             template, values = self._pack(overrides)
             run = known.get((number, " ".join(self.planned[number])))
             hashes = tuple(map(run.read, HASHES)) if run is not None and run.outcome.is_result else ()
             alike[template].append(JobItem(list(overrides), values, number, self.places[number], hashes))
         items = [
-            (packed, self.folder.absolute(), [own[index] for index in chunk], len(self.planned))
+            (packed, self.folder.absolute(), self.name, [own[index] for index in chunk], len(self.planned))
             for (packed, together), own in alike.items()
             for chunk in group_runs([item.values for item in own], self.size if together else 1)
         ]
-        items.sort(key=lambda item: item[2][0].number)
+        items.sort(key=lambda item: item[3][0].number)
         for text, is_error in chain.from_iterable(self.parallel_map("sweep", _run_jobs, items, len(batch))):
             print_line(text, error=is_error)
         ended = [JobReturn(status=JobStatus.COMPLETED) for _ in batch]
         if self.optimize and not self.batches:  # else no sweeper waits for it
-            by_number = {run.read("run"): run for run in list_jobs(self.folder)}
+            by_number = {run.read("run"): run for run in self._list_jobs()}
             for number, returned in enumerate(ended, first):
                 returned.return_value = read_objective(self.optimize, by_number[number], self.direction)
         return ended
 
 
-def _run_jobs(packed: bytes, root: Path, items: Sequence[JobItem], jobs: int) -> Any:
+def _run_jobs(*item: Any) -> Any:
     from cmacexp.engine.job import run_jobs  # here, because the process of the sweep needs nothing of that
 
-    return run_jobs(packed, root, items, jobs)
+    return run_jobs(*item)
 
 
 def _check_options(config: DictConfig) -> None:
@@ -330,45 +342,46 @@ def _list_keys(overrides: Sequence[str]) -> set[str]:
     return {text.partition("=")[0].lstrip("+") for text in overrides}
 
 
-def collect_jobs(folder: Path, planned: Sequence[tuple[str, ...]]) -> list[JobRun]:
-    """The jobs of a sweep that ended, with the values of their overrides as settings.
+def collect_jobs(jobs: Sequence[JobRun], planned: Sequence[tuple[str, ...]]) -> list[JobRun]:
+    """Select the jobs of a sweep that ended, with the values of their overrides as settings.
 
     A job that was killed has left nothing. What an earlier sweep left there does not count: it was not ``planned``,
     as overrides of the run of each job.
     """
     texts = dict(enumerate(map(" ".join, planned)))
-    runs = [run for run in list_jobs(folder) if texts.get(run.read("run")) == run.read("overrides")]
+    runs = [run for run in jobs if texts.get(run.read("run")) == run.read("overrides")]
     for run in runs:
         run.settings = read_settings(planned[run.read("run")])
     return runs
 
 
-def write_tables(folder: Path, runs: Sequence[JobRun], status: str) -> None:
-    """Write the tables of a sweep, and the manifest with its ``status``; raises OSError."""
+def write_tables(folder: Path, runs: Sequence[JobRun], status: str, sweep: str) -> None:
+    """Write the tables of the ``sweep`` of this name, and the manifest with its ``status``; raises OSError.
+
+    Until the manifest lists the new tables, the parts of the sweep have all that they will.
+    """
     jobs, metrics = runs[0].tables
     jobs = select_rows(jobs, np.array([run.index for run in runs]))
+    metrics = select_rows(metrics, np.isin(as_array(metrics, "run"), as_array(jobs, "run")))
+    if replaces := manifests.has_tables(folder):
+        write_part(folder, sweep, JobTables(jobs, metrics))  # what a resumed sweep has of the earlier tables
     settings = collect_settings(run.settings for run in runs)
     for place, (name, column) in enumerate(tabulate_settings(settings).items(), 3):
         jobs = jobs.add_column(place, name, column)
-    metrics = select_rows(metrics, np.isin(as_array(metrics, "run"), as_array(jobs, "run")))
     swept = jobs.drop_columns([*HASHES, "result", "bad_input", FINGERPRINT, "manifest"]).combine_chunks()
     is_lean = "" in jobs[FINGERPRINT].to_pylist()
-    entries = {
-        "kind": manifests.SWEEP,
-        "status": status,
-        "versions": manifests.versions(),
-        "files": {},
-        "config": {"record": {"trace": False}} if is_lean else {},
-    }
+    tables = {TABLE: swept, manifests.RUNS_FILE: jobs, METRICS_FILE: metrics}
     with full_disk_named(folder):
-        # First: a folder that holds tables without it is refused, and the sweep could not be resumed after a kill.
-        manifests.write(folder, entries)
-        with write_atomically(folder / TABLE) as path:
-            write_table(swept, path)
+        if replaces:
+            manifests.write(folder, make_sweep_manifest(Status.UNFINISHED))
+        for name, table in tables.items():
+            with write_atomically(folder / name) as path:
+                write_table(table, path)
         with write_atomically(folder / TABLE_CSV) as path:
             pa_csv.write_csv(swept, path)
-        write_runs(folder, jobs, metrics)
-        if is_lean:
-            files = {name: sha256(folder / name) for name in (manifests.RUNS_FILE, METRICS_FILE)}
-            manifests.write(folder, {**entries, "files": files})
-    shutil.rmtree(folder / manifests.JOBS_FOLDER, ignore_errors=True)
+        files = {name: sha256(folder / name) for name in tables}
+        manifests.write(folder, make_sweep_manifest(status, files, is_lean))
+    for part in manifests.list_job_parts(folder):
+        part.unlink(missing_ok=True)
+    with suppress(OSError):  # others have put something into it
+        (folder / manifests.JOBS_FOLDER).rmdir()

@@ -1,54 +1,28 @@
-"""Tables of many runs: their settings as typed columns, their metrics, and both as a sweep leaves them on disk.
+"""Tables of many runs: their settings as typed columns, beside their metrics."""
 
-A sweep writes ``runs.parquet``, a row for each job: number, folder, overrides, how it ended, a hash of what it left;
-and ``metrics.parquet``, the metrics of all of them, each row with the number of its job in ``run``. One file is read
-much faster than a thousand. Where jobs have folders, these stay the truth: the tables count while the hashes fit.
-
-While the sweep runs, ``.jobs`` in its folder has both for the jobs that a worker has handed over, as one part: a kill
-loses no other. Jobs with ``record=metrics`` leave nothing else; a trace is in the folder of its job.
-"""
-
-import hashlib
-import json
 import math
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
-from secrets import token_hex
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 
-from cmacexp.data.files import open_file, sha256, write_atomically
-from cmacexp.data.manifest import JOBS_FOLDER, MANIFEST, RUNS_FILE, Manifest, is_run, runs_below, walk
-from cmacexp.data.manifest_fields import fill
-from cmacexp.data.run import Outcome, Run, sort_folders
-from cmacexp.data.tables import (
-    BODY_METRICS_FILE,
-    IN_THIS_THREAD,
-    METRICS_FILE,
-    Scores,
-    arrow,
-    arrow_strings,
-    as_array,
-    open_parquet,
-    select_rows,
-    write_table,
-)
+from cmacexp.data.manifest import runs_below
+from cmacexp.data.run import Run, sort_folders
+from cmacexp.data.tables import METRICS_FILE, Scores, arrow, arrow_strings, as_array
+from cmacexp.engine.job_store import FINGERPRINT, list_jobs, read_runs
 from cmacexp.errors import BadRun
-from cmacexp.metrics.body import BODY_METRICS, ESTIMATE_METRICS
 from cmacexp.terminal.output import print_line
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
     import pandas as pd
 
-FINGERPRINT = "fingerprint"
-"""The table of jobs, and its column of hashes."""
 Row = dict[str, Any]
 
 
@@ -144,178 +118,12 @@ def concat_metrics(tables: Sequence[pa.Table | None]) -> tuple[pa.Table, Any]:
     return pa.concat_tables(filled, promote_options="default"), index
 
 
-def find_fingerprint(folder: Path) -> str:
-    """SHA-256 over the manifest and the metrics of a run, so far as it has them; raises OSError."""
-    digest = hashlib.sha256()
-    for name in (MANIFEST, METRICS_FILE, BODY_METRICS_FILE):
-        with suppress(FileNotFoundError), open_file(folder / name) as file:
-            digest.update(file.read())
-    return digest.hexdigest()
-
-
-def write_runs(root: Path, runs: pa.Table, metrics: pa.Table) -> None:
-    """Write the tables of a sweep: a row for each of its jobs, and their metrics."""
-    with write_atomically(root / RUNS_FILE) as path, write_atomically(root / METRICS_FILE) as own:
-        write_table(metrics, own)
-        write_table(runs.replace_schema_metadata({METRICS_FILE: sha256(own)}), path)
-
-
-def read_tables(root: Path, columns: Sequence[str] = ()) -> tuple[pa.Table, pa.Table]:
-    """What :func:`write_runs` wrote; of the jobs all columns up to the status, and some of the later ones, if asked.
-
-    Raises OSError, KeyError, TypeError or ArrowException unless both are of one sweep.
-    """
-    with open_file(root / RUNS_FILE) as file:
-        table = open_parquet(file)
-        schema = table.schema_arrow
-        if schema.metadata[METRICS_FILE.encode()].decode() != sha256(root / METRICS_FILE):
-            raise KeyError(METRICS_FILE)
-        first = schema.names[: schema.names.index("status") + 1]
-        runs = table.read(columns=[*first, *columns] if columns else None, **IN_THIS_THREAD)
-    with open_file(root / METRICS_FILE) as file:
-        return runs, open_parquet(file).read(**IN_THIS_THREAD)
-
-
-def read_runs(root: Path) -> tuple[pa.Table, pa.Table] | None:
-    """The tables of a sweep, without hashes; None unless the runs below ``root`` are as it left them."""
-    try:
-        runs, metrics = read_tables(root, [FINGERPRINT])
-        hashes = dict(zip(runs["folder"].to_pylist(), runs[FINGERPRINT].to_pylist(), strict=True))
-        hashes = {root / folder: digest for folder, digest in hashes.items() if digest}  # of jobs with folders
-        added = {place for place in walk(root) if (place / MANIFEST).exists()} - hashes.keys()
-        is_changed = any(find_fingerprint(folder) != digest for folder, digest in hashes.items())
-        runs = runs.drop_columns(["overrides", FINGERPRINT])
-        return None if is_changed or any(map(is_run, added)) else (runs, metrics)
-    except (OSError, KeyError, TypeError, ValueError, pa.ArrowException):
-        return None
-
-
 def join_runs(runs: pa.Table, metrics: pa.Table, index: Array) -> pa.Table:
     """Metrics of runs, each row with the values of its run, whose ``index`` in ``runs`` is given, before it."""
     joined = runs.take(arrow(index, pa.int64()))
     for name in metrics.column_names:
         joined = joined.append_column(name, metrics[name])
     return joined
-
-
-MOST_PARTS = 64
-"""Parts of a sweep that are in memory at a time: a small table takes several times what its values do."""
-HASHES = ("config_hash", "code_hash", "custom_code", "start_weights", "model_hash")
-"""Entries of the manifest of a job: where all are the same, so is the result."""
-
-
-class JobItem(NamedTuple):
-    """A job of a sweep."""
-
-    overrides: list[str]
-    values: list[str]
-    """Those of its overrides that are set in what Hydra composed for jobs of the same keys and options."""
-    number: int
-    folder: str
-    """Its folder, in that of the sweep."""
-    known: tuple[str, ...]
-    """:data:`HASHES` of a result that the tables of the sweep have; empty without one."""
-
-
-class JobTables(NamedTuple):
-    """Jobs, a row each, and their metrics; both have the number of the job in ``run``, and are in its order."""
-
-    jobs: pa.Table
-    metrics: pa.Table
-
-
-class JobRun(Run):
-    """A job that is a row of such tables; its folder exists only if it keeps more than metrics."""
-
-    is_checked = False
-
-    def __init__(self, root: Path, tables: JobTables, index: int):
-        self.tables, self.index = tables, index
-        super().__init__(root / self.read("folder"))
-
-    def read(self, name: str) -> Any:
-        """Its value in a column of the jobs."""
-        return self.tables.jobs[name][self.index].as_py()
-
-    @cached_property
-    def manifest(self) -> Manifest:
-        """The manifest as of a run in a folder; the hashes of its files are those of its metrics if it has none."""
-        return fill(json.loads(self.read("manifest")))
-
-    @property
-    def outcome(self) -> Outcome:
-        """How it ended."""
-        return Outcome(self.read("status"), self.read("cause"))
-
-    @cached_property
-    def scores(self) -> Scores:
-        """Its metrics."""
-        first, end = np.searchsorted(as_array(self.tables.metrics, "run"), self.read("run") + np.arange(2))
-        own = self.tables.metrics.slice(first, end - first).drop_columns("run").combine_chunks()
-        own = own.select([name for name in own.column_names if not own[name].null_count])
-        names = [name for name in own.column_names if name in BODY_METRICS or name in ESTIMATE_METRICS]
-        body = select_rows(own, as_array(own, "leg") == 1).select(["cycle", *names]) if names else None
-        return Scores(own.drop_columns(names), body)
-
-
-def write_part(root: Path, tables: JobTables) -> None:
-    """Write a part of the tables of a sweep; raises OSError."""
-    (root / JOBS_FOLDER).mkdir(exist_ok=True)
-    with write_atomically(root / JOBS_FOLDER / token_hex(8), durable=False) as path, path.open("wb") as file:
-        for table in tables:
-            with pa.ipc.new_stream(file, table.schema) as writer:
-                writer.write_table(table)
-
-
-def _read(path: Path) -> JobTables:
-    """A part of the tables, or those that a sweep has left at its end."""
-    if path.name == RUNS_FILE:
-        jobs, metrics = read_tables(path.parent)
-        names = jobs.column_names
-        own = ["run", "folder", "overrides"]  # without settings, whose columns stand before the status
-        jobs = jobs.select(list(dict.fromkeys([*own, *names[names.index("status") :]])))
-        return JobTables(jobs.replace_schema_metadata(), metrics)
-    with open_file(path) as file:
-        return JobTables(*(pa.ipc.open_stream(file).read_all() for _ in JobTables._fields))
-
-
-def list_jobs(root: Path) -> list[JobRun]:
-    """The jobs in the tables of a sweep, whether it has ended or not, in the order of their numbers.
-
-    Of several with one number the last one counts. A part that a power failure has cut short is left out.
-    """
-    found, known = list[tuple[list[int], Path]](), set[int]()
-    newest_first = sorted((root / JOBS_FOLDER).glob("[!.]*"), key=lambda path: path.lstat().st_mtime_ns, reverse=True)
-    for path in [*newest_first, root / RUNS_FILE]:
-        with suppress(OSError, KeyError, TypeError, ValueError, pa.ArrowException):
-            numbers = sorted(set(as_array(_read(path).jobs, "run").tolist()) - known)
-            known.update(numbers)
-            found += [(numbers, path)] if numbers else []
-    if not found:
-        return []
-    found.sort(key=lambda part: part[0][0])  # so that columns have always the same order
-    batches = [found[at : at + MOST_PARTS] for at in range(0, len(found), MOST_PARTS)]
-    parts = (_join(_select(_read(path), numbers) for numbers, path in batch) for batch in batches)
-    # Manifests, which are the most of it, are not copied again.
-    jobs, metrics = _join(JobTables(*(table.combine_chunks() for table in tables)) for tables in parts)
-    tables = JobTables(jobs, metrics.combine_chunks())
-    return [JobRun(root, tables, index) for index in range(jobs.num_rows)]
-
-
-def _select(part: JobTables, numbers: list[int]) -> JobTables:
-    return JobTables(*(select_rows(table, np.isin(as_array(table, "run"), numbers)) for table in part))
-
-
-def _join(parts: Iterable[JobTables]) -> JobTables:
-    """Parts as one, in the order of their numbers; not copied unless that takes sorting."""
-    joined = list[pa.Table]()
-    for tables in zip(*parts, strict=True):
-        table = pa.concat_tables(tables, promote_options="permissive")
-        numbers = as_array(table, "run")
-        if (np.diff(numbers) < 0).any():
-            table = table.take(arrow(numbers.argsort(kind="stable"), pa.int64()))
-        joined.append(table)
-    return JobTables(*joined)
 
 
 def find_runs(folder: Path) -> list[Run]:

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from secrets import token_hex
 from types import FunctionType, ModuleType
 from typing import Any
 
@@ -36,6 +37,8 @@ config: Any = numba.config
 Operation: Any = types.BaseFunction
 infer_type: Any = Operation.get_call_type
 
+DIGEST_BYTES = hashlib.sha256().digest_size
+"""Size of the checksum before each compiled form."""
 BLAS = ("scipy.linalg", "scipy.linalg.cython_blas")
 # "The loop, a step": counting references to the arrays inside tuples takes longer than the arithmetic; a kernel
 # cannot make an array, so that none has to be counted. "Compiling": nothing calls programs from C.
@@ -173,18 +176,21 @@ class FormFiles:
         return self.folder / f"{self.name}.{digest[:16]}.nbc"
 
     def load(self, key: object) -> object:
-        """The form for a key; None if there is none that can be read."""
+        """Return the form for a key; None if there is none, or one that is not as it was saved."""
         with contextlib.suppress(Exception):  # of a file that a crash of the machine has emptied
-            return pickle.loads(self._path(key).read_bytes())
+            content = self._path(key).read_bytes()
+            digest, form = content[:DIGEST_BYTES], content[DIGEST_BYTES:]
+            if hashlib.sha256(form).digest() == digest:  # else machine code could end the process by a signal
+                return pickle.loads(form)
         return None
 
     def save(self, key: object, form: object) -> None:
         """Write a form; a run does not need it on the disk, which may be full."""
-        path = self._path(key)
-        temporary = path.with_name(f"{path.name}.{os.getpid()}.part")
+        path, content = self._path(key), serialize.dumps(form)
+        temporary = path.with_name(f"{path.name}.{token_hex(8)}.part")  # as no process of another machine names it
         with contextlib.suppress(OSError):
             try:
-                temporary.write_bytes(serialize.dumps(form))
+                temporary.write_bytes(hashlib.sha256(content).digest() + content)
                 os.replace(temporary, path)
             finally:
                 temporary.unlink(missing_ok=True)

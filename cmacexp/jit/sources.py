@@ -51,19 +51,27 @@ def cache_folder() -> Path:
     return place / sources_hash(KERNEL_ROOMS)
 
 
+def _can_be_replaced(folder: Path) -> bool:
+    """Check whether somebody else than the user and root can rename what a folder holds."""
+    status = folder.stat()
+    is_sticky = status.st_mode & stat.S_ISVTX  # as /tmp: only the owner of what is in it renames that
+    return status.st_uid not in (0, os.getuid()) or bool(status.st_mode & OTHERS_WRITE and not is_sticky)
+
+
 def is_private(folder: Path) -> bool:
-    """Make a folder if it is absent; whether its user alone can write to it: what is in it will be run."""
+    """Make a folder if it is absent; check whether its user alone can write to it: what is in it will be run."""
     try:
         folder.mkdir(PRIVATE, parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             status = folder.lstat()
-        if status.st_uid == os.getuid() and stat.S_ISDIR(status.st_mode) and not status.st_mode & OTHERS_WRITE:
+        is_own = status.st_uid == os.getuid() and stat.S_ISDIR(status.st_mode) and not status.st_mode & OTHERS_WRITE
+        if is_own and not any(map(_can_be_replaced, folder.resolve().parents)):
             folder.chmod(PRIVATE)  # numba makes folders in it that anybody may write to if the umask says so
             return True
     except OSError:
         return False
     print(
-        f"{folder} is not used for compiled code: it must be your own, and others must not write to it",
+        f"{folder} is not used for compiled code: it must be your own, and others must not write to it or above it",
         file=sys.stderr,
     )
     return False

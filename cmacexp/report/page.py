@@ -19,7 +19,9 @@ from markupsafe import Markup
 
 from cmacexp.config.fields import listed
 from cmacexp.data import manifest as manifests
-from cmacexp.data.folder import FIGURES, HTML, OUT_KEY, ResultWriter, new_result
+from cmacexp.data.files import sha256
+from cmacexp.data.folder import OUT_KEY, ResultWriter, new_result
+from cmacexp.data.own_files import FIGURES, HTML
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput
 from cmacexp.metrics.registry import find_numeric, format_number
@@ -195,7 +197,7 @@ def write_report(report: Report, where: Path | ResultWriter) -> Path:
             "config": report.config,
             "versions": manifests.versions(),
             "runs": {relative(path, where.folder): of_config for path, of_config in report.runs.items()},
-            "files": {},
+            "files": {name: sha256(where.part / name) for name in where.list_files()},
         },
     )
     return where.folder / HTML

@@ -210,9 +210,9 @@ class Analysis:
         return np.min([spectrum.least_real(lead) for spectrum in self.spectra], axis=0)
 
 
-def read_learning(run: Run) -> Config:
-    """The config of a run; of a lead that it estimated, with the last estimate."""
-    config = read_config(run)
+def read_learning(run: Run, trust: bool = False) -> Config:
+    """Read the config of a run as :func:`read_config`; of a lead that it estimated, with the last estimate."""
+    config = read_config(run, trust, "--trust")
     return with_lead(config, int(run.manifest["learning_lead"])) if config.learning.lead == "estimate" else config
 
 

@@ -15,7 +15,7 @@ from cmacexp.commands.gap import LOG_OPTIONS
 from cmacexp.commands.study import Options, run_studies, write_results
 from cmacexp.config.component import find_sources
 from cmacexp.config.compose import compose_config
-from cmacexp.data.folder import HTML
+from cmacexp.data.own_files import HTML
 from cmacexp.errors import require
 from cmacexp.models.robot_file import package_models
 from cmacexp.study import Results

@@ -16,7 +16,7 @@ from cmacexp.commands.command import Arguments
 from cmacexp.commands.gap import read_given
 from cmacexp.commands.study import Options, write_results
 from cmacexp.config.component import find_class
-from cmacexp.data.folder import HTML
+from cmacexp.data.own_files import HTML
 from cmacexp.engine.pool import iterate_here
 from cmacexp.errors import describe_failure, require
 from cmacexp.gap.analysis import Gap, add_makers, list_scored, measure, measure_left, score

@@ -85,7 +85,7 @@ def test_help_fits_a_screen_and_lists_every_option_of_a_group_that_it_names():
 @pytest.mark.ci
 def test_a_run_that_is_ended_keeps_what_there_is(tmp_path):
     def begun():
-        return list(tmp_path.glob(".r.*.part/*.parquet"))
+        return list(tmp_path.glob(".r.*.part/*/*.parquet"))
 
     words = ("cycles=1000000", "feedforward=none", "record.cycles=[1]", "hydra.run.dir=r")
     done = interrupted(*words, folder=tmp_path, once=begun, number=signal.SIGTERM)

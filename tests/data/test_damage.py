@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 from numpy.lib import format as npy
 from support.command import call
+from support.damage import flip
 from support.doors import BadInput, CmacexpError, Report, compose_config, make_scenario, write_report
 from support.manifests import accept, change_manifest
 
@@ -44,13 +45,6 @@ def walk(walk, tmp_path):
 @pytest.fixture
 def leg(leg, tmp_path):
     return shutil.copytree(leg.folder, tmp_path / "leg")
-
-
-def flip(path: Path, chance: random.Random) -> None:
-    """Change one bit of a file."""
-    data = bytearray(path.read_bytes())
-    data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
-    path.write_bytes(data)
 
 
 def use(*words) -> None:

@@ -9,16 +9,15 @@ from unittest.mock import Mock
 import pytest
 from support.command import KILLING, call, python
 from support.doors import BadInput, CmacexpError, Report, compose_config, run_scenario, write_report
+from support.manifests import change_manifest
 
 import cmacexp
-from cmacexp.data.files import name_part, write_atomically
+from cmacexp.data.files import lock, name_part, write_atomically
 from cmacexp.data.folder import collection
 from cmacexp.data.integrity import faults
 
 JOB = ("scenario=force_step", "gait.cycle_time=1.0", "record=trace")
 OTHER_MASS = 0.6
-NOBODY = 2**22 + 1
-"""No process of Linux has this number."""
 PAGE = Report("T", "S", [])
 
 
@@ -72,19 +71,21 @@ def test_of_two_runs_in_one_folder_the_last_one_stays_and_says_so(tmp_path, caps
 
 
 @pytest.mark.parametrize("of_sweep", [False, True])
-def test_what_killed_writers_left_goes_and_what_others_write_stays(of_sweep, tmp_path):
-    own, here = name_part(tmp_path / "run"), f".{os.uname().nodename}."
-    left = own.with_name(own.name.replace(f".{os.getpid()}.", f".{NOBODY}."))
-    elsewhere = left.with_name(left.name.replace(here, ".another."))
-    for part in (own, left, elsewhere):
-        part.mkdir()
-        (part / "trace.parquet").touch()
+def test_what_killed_writers_left_goes_and_what_lives_or_shows_no_lock_stays(of_sweep, tmp_path):
+    """That a process lives is known by its lock, not by a number that another machine or container has too."""
+    dead, alive, strange = parts = [name_part(tmp_path / "run") for _ in range(3)]
+    for part in parts:
+        (part / "result").mkdir(parents=True)
+    os.close(lock(dead / "lock"))
+    held = lock(alive / "lock")
     if of_sweep:
         with collection(tmp_path, "hydra.sweep.dir"):
             pass
     else:
         run(tmp_path / "run")
-    assert [part.exists() for part in (own, left, elsewhere)] == [True, False, True]
+    assert [part.exists() for part in parts] == [False, True, True]
+    os.close(held)
+    assert strange.exists()
 
 
 FOREIGN = {
@@ -113,32 +114,111 @@ def write_page(folder):
     write_report(PAGE, folder)
 
 
-def test_a_run_and_a_report_replace_only_their_own_kind_and_no_files_of_others(first, tmp_path):
+OTHERS = (
+    "job.log",
+    ".notes",
+    "notes.txt",
+    "report/mine.json",
+    "report/figures/mine.svg",
+    ".hydra/mine",
+    "mine/empty",
+)
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_folder_with_files_of_others_is_refused_by_their_names_and_stays(name, first):
+    write_page(first / "report")
+    path = first / name
+    path.parent.mkdir(exist_ok=True)
+    if name == "mine/empty":
+        path = path.parent
+    else:
+        path.write_text("mine")
+    before = state_of(first)
+    for refused in (run_other, lambda folder: write_page(folder / "report")) if "report" in name else (run_other,):
+        with pytest.raises(BadInput, match="which is of no earlier result"):
+            refused(first)
+    assert state_of(first) == before
+    assert path.exists()
+    path.rmdir() if path.is_dir() else path.unlink()
+    with suppress(OSError):  # it is not empty
+        path.parent.rmdir()
+    run_other(first)
+
+
+def test_a_run_and_a_report_replace_only_their_own_kind(first, tmp_path):
     write_page(tmp_path / "page")
-    for folder, again, others in ((first, run_other, write_page), (tmp_path / "page", write_page, run)):
-        for name in ("job.log", ".notes.part", "notes.txt"):
-            (folder / name).write_text("mine")
+    for folder, others in ((first, write_page), (tmp_path / "page", run)):
         before = state_of(folder)
-        for refused in (again, others):
-            with pytest.raises(BadInput):
-                refused(folder)
+        with pytest.raises(BadInput):
+            others(folder)
         assert state_of(folder) == before
-        (folder / "notes.txt").unlink()
-        again(folder)
-        assert state_of(folder).items() >= {"job.log": b"mine", ".notes.part": b"mine"}.items()
+
+
+def test_a_report_of_an_earlier_version_is_replaced_but_nothing_that_came_after_it(tmp_path):
+    write_page(tmp_path / "page")
+    change_manifest(tmp_path / "page", files={})
+    write_page(tmp_path / "page")
+    change_manifest(tmp_path / "page", files={})
+    (tmp_path / "page" / "mine.json").write_text("mine")
+    os.utime(tmp_path / "page" / "manifest.json", (1, 1))
+    with pytest.raises(BadInput, match=r"mine\.json"):
+        write_page(tmp_path / "page")
 
 
 def test_a_new_run_takes_the_views_of_the_earlier_one_with_it_and_stays_the_current_folder(first, monkeypatch):
     write_page(first / "report")
     (first / ".hydra").mkdir()
     monkeypatch.chdir(first)
+    run_other(first)
+    assert {path.name for path in Path.cwd().iterdir()} == {path.name for path in first.iterdir()}
+    assert not (first / "report").exists()
+
+
+@pytest.mark.parametrize("is_new", [True, False])
+def test_what_others_write_while_a_run_goes_on_stays_and_the_run_stands_beside_it(is_new, first, tmp_path, capsys):
+    folder, mine = (tmp_path / "new" if is_new else first), {"debug.csv": b"of a component"}
+    before = {} if is_new else state_of(first)
 
     def log(cycle):
-        Path("debug.csv").write_text("of a component")
+        folder.mkdir(exist_ok=True)
+        (folder / "debug.csv").write_bytes(mine["debug.csv"])
 
-    run(first, f"machine.mass={OTHER_MASS}", watch=log)
-    assert {path.name for path in Path.cwd().iterdir()} == {path.name for path in first.iterdir()}
-    assert {path.name for path in first.iterdir()} & {"report", ".hydra", "debug.csv"} == {"debug.csv"}
+    done = run(folder, f"machine.mass={OTHER_MASS}", watch=log)
+    assert state_of(folder) == before | mine
+    assert done.folder == folder.with_name(f"{folder.name}.completed")
+    assert (mass_of(done.folder), faults(done.folder)) == (OTHER_MASS, [])
+    assert f"{folder} stays as it was; the completed result is in {done.folder}" in capsys.readouterr().err
+
+
+def interrupt(cycle):
+    raise KeyboardInterrupt
+
+
+def end_early(folder, status, monkeypatch):
+    """Run into a folder; the run is interrupted, or its weights cannot be written."""
+    if status == "failed":
+        monkeypatch.setattr("cmacexp.engine.run._write_extras", Mock(side_effect=OSError(5, "Input/output error")))
+    return run(
+        folder, f"machine.mass={OTHER_MASS}", watch=interrupt if status == "interrupted" else lambda cycle: None
+    )
+
+
+@pytest.mark.parametrize("status", ["interrupted", "failed"])
+def test_a_worse_result_stands_beside_a_better_one_and_a_later_one_takes_its_place(
+    status, first, monkeypatch, capsys
+):
+    before = state_of(first)
+    for _ in range(2):
+        worse = end_early(first, status, monkeypatch)
+        assert (worse.folder, worse.status) == (first.with_name(f"first.{status}"), status)
+        assert str(worse.folder) in capsys.readouterr().err
+    assert state_of(first) == before
+    assert (mass_of(worse.folder), faults(worse.folder)) == (OTHER_MASS, [])
+    assert not list(first.parent.glob("*.2")), "of two of a kind the later one counts"
+    assert end_early(first.with_name("other"), status, monkeypatch).folder == first.with_name("other")
+    monkeypatch.undo()
+    assert run(first.with_name("other")).folder == first.with_name("other"), "a better one takes its place"
 
 
 def test_the_folder_of_the_shell_and_a_mount_point_are_refused(tmp_path, monkeypatch):
@@ -177,22 +257,40 @@ def test_what_fails_leaves_the_earlier_run_as_it_was(fail, first, monkeypatch):
     assert state_of(first) == before
 
 
-@pytest.mark.parametrize("exchanged", [True, False])
-def test_a_result_is_whole_at_every_moment_or_absent_where_folders_cannot_be_exchanged(exchanged, first, monkeypatch):
-    """Looked at before and after every rename, where a kill can leave it."""
+def test_of_an_earlier_and_a_new_result_one_is_whole_at_every_moment(first, monkeypatch):
+    """Looked at before and after every rename, where a kill can leave them."""
     seen, before, rename = [], mass_of(first), Path.rename
 
     def look(*paths):
-        seen.append(first.exists() and (mass_of(first), faults(first)))
+        here = [path for path in (first, first.with_name("first.earlier")) if path.exists()]
+        seen.append([(path.name, mass_of(path), faults(path)) for path in here])
         return rename(*paths)
 
     monkeypatch.setattr(Path, "rename", look)
-    if not exchanged:
-        monkeypatch.setattr("cmacexp.data.folder._exchange", lambda *paths: False)
     run_other(first)
     assert (mass_of(first), faults(first), hidden_in(first.parent)) == (OTHER_MASS, [], [])
-    assert all(found == (before, []) for found in seen if found)
-    assert (False in seen) != exchanged
+    assert [("first.earlier", before, [])] in seen
+    assert all(len(found) for found in seen)
+    assert all((mass, wrong) in ((before, []), (OTHER_MASS, [])) for found in seen for _, mass, wrong in found)
+
+
+def test_a_result_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
+    synced, renamed, fsync, rename = set(), [], os.fsync, Path.rename
+
+    def note(descriptor):
+        synced.add(os.fstat(descriptor).st_ino)
+        fsync(descriptor)
+
+    def look(path, target):
+        if target == tmp_path / "run":
+            renamed.append({own.name for own in (path, *path.rglob("*")) if own.stat().st_ino not in synced})
+        return rename(path, target)
+
+    monkeypatch.setattr(os, "fsync", note)
+    monkeypatch.setattr(Path, "rename", look)
+    run(tmp_path / "run")
+    assert renamed == [set()]
+    assert tmp_path.stat().st_ino in synced, "its name, too"
 
 
 @pytest.mark.ci

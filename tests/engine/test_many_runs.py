@@ -11,7 +11,7 @@ from support.sweeps import sweep, table_of
 
 from cmacexp import load_sweep, run, run_many, write_many
 from cmacexp.engine import batch
-from cmacexp.engine.sweep_tables import list_jobs
+from cmacexp.engine.job_store import list_jobs
 from cmacexp.errors import WithoutEffect
 
 SHORT = ("scenario=one_leg", "gait.cycle_time=0.5", "gait.stroke=0.02", "gait.lift=${gait.stroke}", "cycles=2")

@@ -46,7 +46,7 @@ def start(folder: Path, arguments: list[str]) -> int:
     return forked(work)
 
 
-def check(folder: Path, statuses: tuple[str, ...] = ("completed",)) -> int:
+def check(folder: Path, statuses: tuple[str, ...] = ("completed", "unfinished")) -> int:
     """Hold every file under a final name to being whole; hidden ones are on their way there."""
     for path in folder.rglob("*"):
         hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
