@@ -21,6 +21,9 @@ def _make_pictures(views: Sequence[RunView]) -> list[RobotPicture | None]:
         return []
 
 
+DEFAULT = Path("walk.gif")
+
+
 def _choose(arguments: Arguments) -> list[RunView]:
     """The cycles to be shown; raises BadInput if the run does not have them, BadRun of a folder that is no run."""
     runs = [Run(folder, manifests.read(folder)) for folder in arguments.folders]
@@ -50,12 +53,17 @@ def _choose(arguments: Arguments) -> list[RunView]:
         "--cycles": {"metavar": "1,10", "help": "of one run (default: the first and the last)"},
         "--titles": {"metavar": "A,B", "help": "above the cycles (default: their numbers)"},
         "--lines": make_flag("draw a robot as lines, without its model"),
-        "--out": {"type": Path, "default": Path("walk.gif"), "metavar": "FILE", "help": ", ".join(FORMATS)},
+        "--out": {
+            "type": Path,
+            "metavar": "FILE",
+            "help": f"{', '.join(FORMATS)} (default: {DEFAULT}, if it is missing)",
+        },
     },
 )
 def main(arguments: Arguments) -> None:
     """Write the moving picture."""
-    out = arguments.out
+    out = arguments.out or DEFAULT
+    require(arguments.out or not out.exists(), "--out", out, f"exists; --out {out} replaces it")
     require(out.suffix in FORMATS, "--out", out, f"must end in {', '.join(FORMATS)}")
     require(out.parent.is_dir(), "--out", out, "must lie in a folder that exists")
     titles = arguments.titles.split(",") if arguments.titles else []

@@ -166,9 +166,11 @@ def _finish(result: ResultWriter, part: Path, place: Path, kind: str | None, bef
         os.chdir(place)
     if earlier is not None:
         result.overtook = _identify(earlier) not in (None, before)
-        if not find_others(earlier, kind):
-            with suppress(OSError):  # then it stays, beside the new one
+        with suppress(OSError):
+            if not find_others(earlier, kind):
                 earlier.rename(part / EARLIER)  # where nobody looks: a kill leaves no half of a result
+                return
+        print(in_one_line(f"warning: the earlier result of {result.folder} stays in {earlier}"), file=sys.stderr)
 
 
 def _as_input(error: OSError, given: Path, key: str) -> BadInput:

@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.files import is_part
+from cmacexp.data.files import is_part, open_file
 from cmacexp.data.tables import (
     BODY_FILE,
     BODY_METRICS_FILE,
@@ -18,7 +18,7 @@ from cmacexp.data.tables import (
     TRACE_FILE,
     WEIGHTS,
 )
-from cmacexp.errors import BadRun
+from cmacexp.errors import BadInput, BadRun
 
 HTML, FIGURES = "report.html", "figures"
 """The page of a report, and the folder of its figures."""
@@ -80,6 +80,18 @@ def find_others(folder: Path, kind: str | None) -> list[str]:
         folders[:] = [path.name for path in paths if path.name in folders and name_of(path) not in others]
     others += [str(error.filename) for error in unread if not isinstance(error, FileNotFoundError)]
     return sorted(others)
+
+
+def require_own_file(path: Path, mark: bytes, key: str) -> None:
+    """Require that a file which is going to be replaced is missing, or of this project, since it contains ``mark``.
+
+    Raises BadInput in the name of ``key``. A file that the user names is replaced without this.
+    """
+    if os.path.lexists(path):
+        with suppress(OSError), open_file(path) as file:
+            if mark in file.read():
+                return
+        raise BadInput(key, path.parent, f"has a {path.name} that is not of this export; choose another folder")
 
 
 def remove_own(folder: Path, kind: str | None) -> None:

@@ -22,9 +22,9 @@ from cmacexp.cmac.rules import (
 from cmacexp.config.cmac import PHASE
 from cmacexp.data.files import write_atomically
 from cmacexp.data.folder import OUT_KEY
+from cmacexp.data.own_files import require_own_file
 from cmacexp.data.run import Run
 from cmacexp.data.version import __version__
-from cmacexp.errors import BadInput
 from cmacexp.export.network import Network, make_vectors, read_network
 from cmacexp.models.mix import MULTIPLIER
 
@@ -58,8 +58,7 @@ def write_c(
     texts = [_render(name, context, single) for name in files]
     folder.mkdir(parents=True, exist_ok=True)
     for name in files:
-        if (place := folder / name).exists() and MARK not in place.read_text(encoding="ascii", errors="replace"):
-            raise BadInput(OUT_KEY, folder, f"has a {name} that is not of this export; choose another folder")
+        require_own_file(folder / name, MARK.encode(), OUT_KEY)
     for name, text in zip(files, texts, strict=True):
         with write_atomically(folder / name) as temporary:
             temporary.write_text(text, encoding="ascii")

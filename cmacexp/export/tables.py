@@ -15,6 +15,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cmacexp.data.files import write_atomically
+from cmacexp.data.folder import OUT_KEY
+from cmacexp.data.own_files import require_own_file
 from cmacexp.data.run import Run
 from cmacexp.data.tables import arrow, as_array, select_rows
 from cmacexp.data.trace import Trace, stream_trace
@@ -80,6 +82,7 @@ def write_wide(run: Run, folder: Path) -> Path:
     parts = read_steps(run)
     first = next(parts)
     path = folder / WIDE
+    require_own_file(path, b"leg1.force", OUT_KEY)
     folder.mkdir(parents=True, exist_ok=True)
     with (
         write_atomically(path) as temporary,
@@ -122,6 +125,7 @@ def write_mcap(run: Run, folder: Path) -> Path:
     parts = read_steps(run)
     first = next(parts)
     path = folder / MCAP
+    require_own_file(path, b"cmacexp", OUT_KEY)
     folder.mkdir(parents=True, exist_ok=True)
     with write_atomically(path) as temporary, temporary.open("wb") as file:
         writer = Writer(file)

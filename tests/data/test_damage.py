@@ -11,12 +11,13 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from numpy.lib import format as npy
 from support.command import call
-from support.damage import flip
+from support.damage import BAD_TEXTS, flip
 from support.doors import BadInput, CmacexpError, Report, compose_config, make_scenario, write_report
 from support.manifests import accept, change_manifest
 
@@ -217,6 +218,42 @@ def test_only_regular_files_are_opened(name, make, leg):
     for reader in {manifests.MANIFEST: USES, TRACE_FILE: ["verify", "load"], WEIGHTS: ["verify", "start_from"]}[name]:
         with pytest.raises(CmacexpError):
             USES[reader](leg)
+
+
+def test_a_table_that_would_fill_the_memory_is_refused_before_it_is_read(leg, monkeypatch):
+    """132 kB are enough for 400 MB; rows and pages are known from the end of the file."""
+    zeros = pa.DictionaryArray.from_arrays(pa.array(np.zeros(10_000_000, np.int8)), pa.array([0]))
+    pq.write_table(pa.table({name: zeros for name in ("step", "cycle", "leg")}), leg / TRACE_FILE)
+    accept(leg, TRACE_FILE)
+    assert (leg / TRACE_FILE).stat().st_size < 132_000
+    monkeypatch.setattr(pq.ParquetFile, "read_row_group", None)
+    with pytest.raises(CmacexpError, match="bytes that would become"):
+        read_trace(leg)
+
+
+def test_large_manifests_are_not_kept_in_memory(leg):
+    manifest = manifests.read(leg)
+    for size in (10, 100_000):
+        change_manifest(leg, cause="x" * size)
+        os.utime(leg / manifests.MANIFEST, (1, size))
+        before = manifests._read_checked.cache_info().currsize
+        assert len(manifests.read(leg)["cause"]) == size
+        assert (manifests._read_checked.cache_info().currsize > before) == (size == 10)
+    assert manifest["cause"] == ""
+
+
+def test_texts_that_are_none_are_refused_in_one_line(leg):
+    table = pq.read_table(leg / TRACE_FILE)
+    words = pa.DictionaryArray.from_arrays(table["phase"].combine_chunks().indices, BAD_TEXTS)
+    units = {"unit": b"\xff"}
+    pq.write_table(set_column(table, "phase", words), leg / TRACE_FILE)
+    accept(leg, TRACE_FILE)
+    with pytest.raises(CmacexpError, match=TRACE_FILE):
+        use("score", leg)
+    fields = [field.with_metadata(units) for field in table.schema]
+    pq.write_table(table.cast(pa.schema(fields)), leg / TRACE_FILE)
+    accept(leg, TRACE_FILE)
+    assert set(cmacexp.load(leg).units.values()) >= {"\N{REPLACEMENT CHARACTER}"}
 
 
 @pytest.mark.parametrize(("shape", "kind"), [((10**11,), "<f8"), ((10,), "|O"), ((10,), "<f8")])

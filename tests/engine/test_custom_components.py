@@ -72,9 +72,19 @@ def test_readers_of_a_run_do_not_import_what_its_manifest_names(here, tmp_path):
     change_manifest(run.folder, config=run.config | planted)
     (tmp_path / f"{here}_planted.py").write_text("open('ran', 'w').close()")
     assert len(cmacexp.load(run.folder).trace) == 2 * STEPS
-    for reader in ("verify", "score"):
-        assert call(reader, run.folder).returncode == 0
+    assert [call(reader, run.folder).returncode for reader in ("verify", "score", "stability")] == [0, 0, 2]
+    with pytest.raises(BadInput, match="add trust=True if you trust it"):
+        cmacexp.run(cmacexp.load(run.folder).config, tmp_path / "again")
     assert not (tmp_path / "ran").exists()
+    with pytest.raises(BadInput, match="has no Part"):
+        cmacexp.run(cmacexp.load(run.folder).config, tmp_path / "again", trust=True)
+    assert (tmp_path / "ran").exists()
+
+
+def test_a_run_with_a_component_of_ones_own_is_run_again_from_its_config(here, tmp_path):
+    first = cmacexp.run([*SHORT, f"controller._target_={here}.Still", "+controller.gain=0.5"], tmp_path / "run")
+    again = cmacexp.run(first.config, tmp_path / "again", trust=True)
+    assert again.manifest["files"] == first.manifest["files"]
 
 
 @pytest.mark.parametrize(

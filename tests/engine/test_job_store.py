@@ -4,12 +4,11 @@ import random
 import shutil
 from subprocess import CompletedProcess
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from support.command import call
-from support.damage import flip
+from support.damage import BAD_TEXTS, flip
 from support.doors import BadInput, BadRun, read_table
 from support.manifests import change_manifest
 from support.sweeps import sweep
@@ -101,7 +100,6 @@ def texts(text):
     return lambda column: pa.array([text] * len(column))
 
 
-BAD_TEXTS = pa.StringArray.from_buffers(2, pa.py_buffer(np.arange(3, dtype=np.int32)), pa.py_buffer(b"\xff\xff"))
 HOSTILE = {
     "manifests of no JSON": (RUNS, change("manifest", texts("{"))),
     "manifests of another form": (RUNS, change("manifest", texts("[]"))),

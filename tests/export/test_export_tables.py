@@ -72,6 +72,16 @@ def test_what_is_not_finite_is_null_in_json(copy, tmp_path):
     assert [row["height"] for row in read[:4]] == [None, None, None, values[3]]
 
 
+def test_a_file_of_somebody_else_is_not_replaced(copy, tmp_path):
+    for write, name in ((write_wide, "wide.parquet"), (write_mcap, "run.mcap")):
+        (tmp_path / name).write_text("mine")
+        with pytest.raises(CmacexpError, match="not of this export"):
+            write(cmacexp.load(copy), tmp_path)
+        assert (tmp_path / name).read_text() == "mine"
+        (tmp_path / name).unlink()
+        assert [write(cmacexp.load(copy), tmp_path) for _ in range(2)] == [tmp_path / name] * 2
+
+
 STRANGE = {
     "without steps": lambda trace: trace.slice(0, 0),
     "without a column": lambda trace: trace.drop_columns("time"),

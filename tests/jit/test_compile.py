@@ -3,14 +3,17 @@
 import importlib
 import math
 import os
+import random
 import shutil
 import tempfile
 
 import pytest
 from support.command import ROOT, python
+from support.damage import flip
 from support.tiers import for_all_tests
 
 from cmacexp.jit.compiler import WORTH_COMPILING, expect_runs, program, workload
+from cmacexp.jit.numba_private import FormFiles
 from cmacexp.jit.sources import cache_folder, is_private
 
 SCRIPT = """
@@ -108,6 +111,31 @@ def test_a_folder_that_others_can_write_to_or_that_is_absent_is_not_used(tmp_pat
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     assert cache_folder.__wrapped__().parent == (own if used else tmp_path / f"cmacexp-{os.getuid()}")
     assert (str(own) in capsys.readouterr().err) == (not used and mode is not None)
+
+
+def test_a_compiled_form_that_is_not_as_it_was_saved_is_not_loaded(tmp_path):
+    """One flipped bit of machine code can end the process by a signal, or give another number."""
+    files, form, chance = FormFiles(tmp_path, "name"), {"code": bytes(range(256))}, random.Random(0)
+    files.save("key", form)
+    (path,) = tmp_path.iterdir()
+    content = path.read_bytes()
+    assert files.load("key") == form
+    for _ in range(100):
+        flip(path, chance)
+        assert files.load("key") is None
+        path.write_bytes(content)
+    path.write_bytes(content[:-1])
+    assert files.load("key") is None
+    files.save("key", form)
+    assert files.load("key") == form
+
+
+def test_a_folder_below_one_that_others_can_rename_is_not_used(tmp_path):
+    (tmp_path / "open").mkdir()
+    (tmp_path / "open").chmod(0o777)
+    assert not is_private(tmp_path / "open" / "own")
+    (tmp_path / "open").chmod(0o1777)  # as /tmp
+    assert is_private(tmp_path / "open" / "own")
 
 
 def test_a_folder_of_another_user_is_not_used(tmp_path, monkeypatch):
