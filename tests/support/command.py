@@ -20,6 +20,8 @@ from unittest.mock import patch
 ROOT = Path(__file__).parents[2]
 KILLING = str(Path(__file__).with_name("killing.py"))
 """A program that starts a command line and kills it, often."""
+INJECTING = str(Path(__file__).with_name("injecting.py"))
+"""A program that lets system calls of commands fail."""
 
 
 def environment(**changes: str) -> dict[str, str]:
