@@ -31,9 +31,10 @@ from killing import end_of, forked
 from server import IMPORTED
 
 from cmacexp.commands import study as studies
-from cmacexp.data.folder import HTML, TABLE_CSV
+from cmacexp.data.folder import TABLE_CSV
 from cmacexp.data.integrity import faults
 from cmacexp.data.manifest import MANIFEST, REPORT, RUNS_FILE, SWEEP
+from cmacexp.data.own_files import HTML
 from cmacexp.engine.pool import iterate_here
 
 CALLS = (
@@ -192,8 +193,8 @@ def list_wrong(case: Case, root: Path, code: int, is_again: bool = False) -> Ite
     is_killed, errors = code == -signal.SIGKILL, root.with_suffix(".errors").read_text().splitlines()
     told = sum(line.startswith("error: ") for line in errors)
     is_told = told > 0 if SWEEP_DIR in COMMANDS[case.name][1] else told == 1  # each job has its own
-    expected = (2,) if case.name == REFUSED else (0,) if is_again else (-signal.SIGKILL, 0, 1, 2)
-    if code not in expected or (code > 0 and not is_told) or (code == 0 and told):
+    expected = (2,) if case.name == REFUSED else (0,) if is_again else (0, 1, 2)
+    if not is_killed and (code not in expected or (code > 0 and not is_told) or (code == 0 and told)):
         yield f"exit code {code} with {told} errors"
     if not is_killed and ("Traceback" in str(errors) or len(errors) > MOST_LINES):
         yield f"prints {errors}"
