@@ -1,14 +1,13 @@
 """What the tests share: three tiers, runs that are made once, configs composed as the command line composes them.
 
-A test without a mark belongs to the first tier, which README's command runs: it starts no process, needs no MuJoCo,
-and does not take long (:mod:`support.tiers` enforces all three). ``ci`` marks what CI runs too, ``nightly`` what
-takes long.
+A test without a mark belongs to the first tier, which README's command runs: it starts no process and needs no MuJoCo
+(:mod:`support.tiers` enforces both), and should take less than a second. ``ci`` marks what CI runs too, ``nightly``
+what takes long.
 """
 
 import math
 import os
 from functools import cache
-from importlib import import_module
 from tempfile import TemporaryDirectory
 
 import numpy as np
@@ -17,7 +16,7 @@ from hypothesis import settings
 from support import tiers
 from support.command import started
 from support.controllers import write_module
-from support.doors import compose_config, make_mechanism, make_scenario
+from support.doors import compose_config, make_mechanism
 from support.stored import make_stored, runs_folder
 
 from cmacexp.jit.compiler import expect_runs, workload
@@ -25,7 +24,9 @@ from cmacexp.jit.sources import cache_folder
 from cmacexp.planning import make_plan
 
 settings.register_profile("laws", deadline=None, derandomize=True, max_examples=40)
+settings.register_profile("nightly", deadline=None, derandomize=False, max_examples=400, print_blob=True)
 settings.load_profile("laws")
+"""The same examples each time; ``pytest --hypothesis-profile=nightly`` draws others, and says how to repeat one."""
 
 LONG = 100
 """Cycles of one leg that repay compiling."""
@@ -50,13 +51,6 @@ def pytest_sessionstart(session):
             ]
             for form in forms:
                 form.communicate()
-
-
-@pytest.fixture(scope="session", autouse=True)
-def imported():
-    """What scenarios and intervals import is nobody's time."""
-    make_scenario(compose_config([]))
-    import_module("scipy.stats")
 
 
 @pytest.fixture(scope="session", autouse=True)

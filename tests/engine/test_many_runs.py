@@ -113,7 +113,7 @@ def test_a_study_runs_in_tasks_of_a_launcher(tmp_path):
     (tmp_path / "few.py").write_text(STUDY)
     (tmp_path / "few.md").write_text("Nothing to say.\n")
     command = ["-m", "cmacexp.study", "few.py", "--folder", "st", "--launcher", "submitit_local", "--workers", "2"]
-    done = python(*command, "--setting", "timeout_min=5", folder=tmp_path)
+    done = python(*command, "--setting", "timeout_min=60", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     manifests = [json.loads(path.read_text()) for path in (tmp_path / "st" / "runs").glob("*/manifest.json")]
     assert [manifest["status"] for manifest in manifests] == ["completed"] * 3

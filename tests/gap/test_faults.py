@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from support.doors import BadInput
 from support.logs import PERIOD, make_problem, simulate_log
-from support.tiers import for_all_tests
 
 from cmacexp.gap.faults import check_against_model, check_log
 
@@ -100,10 +99,7 @@ def check(problem):
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_of_a_log_gives_one_line_that_names_it(name):
     damage, words = FAULTS[name]
-    with for_all_tests():  # and what is imported
-        log = fine()
-        check(make_problem(log))
-    problem = make_problem(damage(log))
+    problem = make_problem(damage(fine()))
     with pytest.raises(BadInput, match=words) as caught:
         check(problem)
     assert "\n" not in str(caught.value)

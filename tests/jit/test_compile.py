@@ -1,6 +1,5 @@
 """Compiled code lasts from process to process wherever it can be kept, and is never older than its sources."""
 
-import importlib
 import math
 import os
 import random
@@ -10,7 +9,6 @@ import tempfile
 import pytest
 from support.command import ROOT, python
 from support.damage import flip
-from support.tiers import for_all_tests
 
 from cmacexp.jit.compiler import WORTH_COMPILING, expect_runs, program, workload
 from cmacexp.jit.numba_private import FormFiles
@@ -71,8 +69,6 @@ def test_a_read_only_install_compiles_once_into_the_users_cache_and_never_misses
 
 def is_worth_it():
     """Whether a program that is not cached is compiled now."""
-    with for_all_tests():
-        importlib.import_module("cmacexp.jit.numba_private")
     asked = program(lambda: None)
     asked.compiled = lambda: "compiled"
     asked._is_cached = lambda arguments: False

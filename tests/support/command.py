@@ -92,13 +92,13 @@ def started(*arguments: str, folder: Path, module: str = "cmacexp") -> subproces
 def interrupted(
     *arguments: str, folder: Path, once: Callable[[], object], number: int = signal.SIGINT, module: str = "cmacexp"
 ) -> subprocess.CompletedProcess:
-    """A command that gets a signal ``once`` something is there; it ends soon, without a stack trace."""
+    """A command that gets a signal ``once`` something is there; it ends, without a stack trace."""
     process = started(*arguments, folder=folder, module=module)
     while not once() and process.poll() is None:
         time.sleep(0.01)
     process.send_signal(number)
     try:
-        output, errors = process.communicate(timeout=60)
+        output, errors = process.communicate()
     finally:
         process.kill()
     assert "Traceback" not in errors

@@ -16,7 +16,6 @@ from cmacexp.wire.network import COMMANDS, LOOPBACK, STATES, Wire
 from cmacexp.wire.simulated import SimulatedRobot
 
 pytestmark = pytest.mark.ci
-pytest.importorskip("cyclonedds")
 DOMAIN = 100 + os.getpid() % 100
 """Of DDS, so that workers do not hear each other."""
 ROBOT = ["machine=mjcf", f"machine.path={OWN}", "actuator.lag=0.005"]
@@ -24,7 +23,7 @@ OTHERS = ["feedforward=none", "sensors=proprioceptive"]
 SIMULATED = ["-m", "cmacexp", "robot", "--simulate", "--patient", f"--domain={DOMAIN}", "plant/as_built=as_modelled"]
 WALK = [
     "-m", "cmacexp", "scenario=robot", "plant=unitree", "controller=drives", f"plant.domain={DOMAIN}",
-    "plant.guardian=5", "plant.limits.silence=4", "gait.cycle_time=0.8", "gait.stroke=0.04", "gait.lift=0.02",
+    "plant.guardian=10", "plant.limits.silence=9", "gait.cycle_time=0.8", "gait.stroke=0.04", "gait.lift=0.02",
     "cycles=2", "record=trace",
 ]  # fmt: skip
 CONTROLLER = f"""
@@ -41,7 +40,7 @@ def test_the_guardian_damps_a_robot_whose_controller_dies_or_stops(how):
     domain = DOMAIN + getattr(signal, how)
     wire = Wire(LOOPBACK, domain, STATES, COMMANDS)
     controller = subprocess.Popen([sys.executable, "-c", CONTROLLER.format(domain, how)])
-    command = wire.receive(30.0)
+    command = wire.receive(1000.0)
     assert command is not None
     assert (get_motors(command["motor_cmd"]["kd"]) == 3.0).all()
     assert not get_motors(command["motor_cmd"]["kp"]).any()
@@ -72,7 +71,7 @@ def test_a_robot_walks_over_the_wire_and_a_fault_ends_it_in_damping(tmp_path):
         rows[rows["kp_FL_hip_joint"] == rows["kp_FL_hip_joint"][0]].to_parquet(tmp_path / "hung.parquet")
         log = read_log(tmp_path / "hung.parquet")  # as cmacexp gap does, of one pair of gains
         assert (len(log.joints), log.has_gains, log.torque is None) == (12, True, False)
-        assert b"at the end its body" in robot.communicate(timeout=60)[0]
+        assert b"at the end its body" in robot.communicate()[0]
 
 
 def test_the_played_robot_follows_a_command_in_the_step_that_follows():
