@@ -3,18 +3,19 @@
 All pages share a folder and come in the order of the site. A page can use the runs of those before it, so this file
 is run as a whole. A command that occurs again is not repeated. ``tests/support/blocks.toml`` says what is different
 here: what is added to the commands of a block, where a test need not wait as long as a reader, what they end with,
-which are run at night alone, or the tests that run its last command.
+which are run at night alone, or the tests that run what it does.
 
 ``title="my_file.py"`` makes a block a file.
 """
 
 import json
 import re
+import shlex
 
 import pytest
 from support.command import ROOT, python
-from support.pages import PAGES, blocks
-from support.robots import OWN
+from support.pages import NOTES, PAGES, blocks
+from support.robots import OWN, needs_models
 
 import cmacexp
 
@@ -30,7 +31,7 @@ def steps():
     found = {}
     for block in HERE:
         added, code = block.notes.get("tests", ""), int(block.notes.get("exit_code", 0))
-        marks = [pytest.mark.nightly] if block.notes.get("slow") else []
+        marks = [pytest.mark.nightly] * ("slow" in block.notes) + [needs_models] * ("machine=go" in block.code)
         if block.language == "bash" and "run_by" not in block.notes:
             for line in block.code.splitlines():
                 found.setdefault((line, added, code), (f"{block.page}: {line}", marks))
@@ -53,13 +54,21 @@ def folder(tmp_path_factory):
 @pytest.mark.parametrize(("code", "added", "exit_code"), steps())
 def test_it_runs_as_printed(code, added, exit_code, folder):
     if code.startswith("python -m "):
-        words = [*code.replace('"', "").split()[2:], *added.split()]
+        words = [*shlex.split(code)[2:], *added.split()]
         words += ["--no-viewer"] if words[0] == "cmacexp.replay" else []
     else:
         (folder / "script.py").write_text(code)
         words = ["script"]
     done = python("-m", *words, folder=folder)
     assert done.returncode == exit_code, done.stderr
+
+
+def test_every_note_is_of_a_block_and_names_tests_that_exist():
+    first_lines = {(block.page, block.code.partition("\n")[0]) for block in HERE}
+    for page, notes in NOTES.items():
+        for line, note in notes.items():
+            assert (page, line) in first_lines
+            assert (ROOT / note.get("run_by", "tests")).exists(), note
 
 
 def test_the_notebook_is_its_example_and_is_stored_without_results():

