@@ -1,5 +1,6 @@
 """The C code of a network: it compiles without a warning, agrees bit for bit, and takes only numbers from a run."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -21,6 +22,7 @@ COMPILER = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
 # CI has a C compiler; a computer of a user need not, and the tests that compile nothing run there too.
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="checks C code: needs a C compiler")
 FLAGS = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-pedantic", "-Werror"]
+FLAGS += os.environ.get("CFLAGS", "").split()  # sanitizers at night
 SHORT = ("record=metrics", "record.weights=true", "cycles=1", "learning.start_cycle=1", "warn=false")
 DENSE = ("cmac.addressing=dense", "cmac.inputs=[angle]", "cmac.displacement=odd_lattice")
 SMOOTH = ("cmac.receptive_field=cubic", "learning.rule=weight_smoothing", "cmac.displacement=parks_militzer")
@@ -79,7 +81,7 @@ def check(folder, files=FILES[1:]):
     command = [COMPILER, *FLAGS, "-o", folder / "check", *(folder / name for name in files), "-lm"]
     compiled = subprocess.run(command, capture_output=True, text=True)
     assert compiled.returncode == 0, compiled.stderr
-    return subprocess.run([folder / "check"], capture_output=True, text=True, timeout=60)
+    return subprocess.run([folder / "check"], capture_output=True, text=True)
 
 
 def alter(source, pattern, new):
@@ -93,7 +95,6 @@ def alter(source, pattern, new):
 @pytest.mark.parametrize("case", CASES)
 def test_c_computes_what_python_does(case, run_of, tmp_path):
     overrides, options = CASES[case]
-    pytest.importorskip("mujoco" if "robot" in case else "numpy")
     header = write_c(run_of(*overrides), tmp_path, **options).read_text()
     done = check(tmp_path)
     assert done.returncode == 0, done.stdout
@@ -111,7 +112,6 @@ def test_a_changed_weight_and_a_changed_law_fail(run_of, tmp_path):
 @needs_compiler
 @pytest.mark.parametrize("case", LAWS)
 def test_c_runs_the_law_that_python_runs(case, stored, tmp_path):
-    pytest.importorskip("mujoco" if "robot" in case else "numpy")
     keeps = f"record.weights={'nothing' not in case}"
     run = stored("warn=false", "record=metrics", keeps, "cycles=2", "learning.start_cycle=2", *LAWS[case])
     done = call("export", run.folder, "--c", "--law", "--out", tmp_path)
@@ -125,7 +125,6 @@ def test_c_runs_the_law_that_python_runs(case, stored, tmp_path):
 
 @pytest.mark.parametrize("override", LACKING)
 def test_a_law_of_which_c_would_lack_a_part_is_refused_by_name(override, stored, tmp_path):
-    pytest.importorskip("mujoco" if "adaptive" in override else "numpy")
     keeps = ("record.weights=true", "record=metrics", "cycles=1", "learning.start_cycle=1")
     given = () if "kind" in override else (override,)
     done = call(
