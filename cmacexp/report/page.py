@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateSyntaxError, UndefinedError, nodes
@@ -30,6 +31,9 @@ from cmacexp.typing import Array, DataFrame, Figure, Status
 SVG = "svg"
 GROUPS = re.compile(r'^  <g id="(?P<kind>axes|legend)_\d+">\n.*?^  </g>\n', re.DOTALL | re.MULTILINE)
 DEFINITIONS = re.compile(r"^ <defs>.*?^ </defs>\n", re.DOTALL | re.MULTILINE)
+CODE_SPAN = re.compile(r"((?<!`)(?P<ticks>`+)(?!`).*?(?<!`)(?P=ticks)(?!`))", re.DOTALL)
+ENTITIES = {ord(sign): f"&#{ord(sign)};" for sign in "&<>\"'[]()*_|~#!`\\-+=."}
+"""Instead of signs that form HTML, links, pictures, emphasis, lists and the like in Markdown."""
 POINTS = 72.0
 """Points in an inch; the unit of an SVG."""
 PAD = 3.0
@@ -91,10 +95,10 @@ class Renderer:
         )
         self.environment.globals.update(save=self._save, find_numeric=find_numeric)
 
-    def render_part(self, part: PageElement) -> str:
+    def render_part(self, part: PageElement) -> Markup:
         """An element as HTML."""
         template: Any = self.environment.get_template("parts.html").module
-        return f"{template.show(part).strip()}\n"
+        return Markup(f"{template.show(part).strip()}\n")
 
     def _save(self, drawing: Drawing) -> Markup:
         """Save a figure; returns its pieces for the page."""
@@ -171,9 +175,9 @@ def relative(path: Path, folder: Path) -> str:
 
 
 def find_page(run: Path, folder: Path) -> str:
-    """The page of a run relative to the folder of another report; empty if there is none yet."""
+    """Return the address of the page of a run in another report, relative to its folder; empty if there is none."""
     page = run / REPORT / HTML
-    return relative(page, folder) if page.is_file() else ""
+    return f"./{quote(relative(page, folder))}" if page.is_file() else ""
 
 
 def write_report(report: Report, where: Path | ResultWriter) -> Path:
@@ -203,6 +207,20 @@ def write_report(report: Report, where: Path | ResultWriter) -> Path:
     return where.folder / HTML
 
 
+def escape_markdown(value: object) -> Markup:
+    """Escape a text for a page of Markdown: it stays text, in one line, and can form code spans but no HTML.
+
+    What is ``Markup`` already, as a table or a figure is, stays as it is.
+    """
+    if isinstance(value, Markup):
+        return value
+    line, escaped, end = re.sub(r"\s+", " ", str(value)), "", 0
+    for span in CODE_SPAN.finditer(line):
+        escaped += line[end : span.start()].translate(ENTITIES) + span[0]
+        end = span.end()
+    return Markup(escaped + line[end:].translate(ENTITIES))
+
+
 def render_markdown(
     page: str,
     template: Path,
@@ -222,7 +240,7 @@ def render_markdown(
     """
 
     def insert_figure(name: str, title: str = "", caller: Callable[[], str] | None = None) -> str:
-        caption = Markup(caller().strip() if caller else "")
+        caption = caller().strip() if caller else ""
         return renderer.render_part(Drawing(name, figures[name](), caption, title))
 
     def insert_table(name: str, caption: str = "") -> str:
@@ -231,8 +249,13 @@ def render_markdown(
         return renderer.render_part(Table([str(column) for column in frame], rows, caption))
 
     names = {"figure": insert_figure, "table": insert_table, "number": format_number, **values}
-    finalize = lambda value: format_number(value) if isinstance(value, float) else value  # noqa: E731
-    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=finalize)
+
+    def finalize(value: Any) -> Any:
+        return format_number(value) if isinstance(value, float) else escape_markdown(value)
+
+    environment = Environment(
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=finalize, autoescape=True
+    )
     try:
         text = environment.from_string(page).render(names)
     except UndefinedError as error:
@@ -267,4 +290,5 @@ def _split_sections(markdown: str, title: str) -> Iterator[Section]:
     for index, part in enumerate(re.split(r"^## ", markdown, flags=re.MULTILINE)):
         heading, _, text = (title, "", part) if index == 0 else part.partition("\n")
         if text.strip():
-            yield Section(heading.strip(), [Markup(converter.render(text))])
+            plain = Markup(heading.strip()).unescape() if index else title
+            yield Section(plain, [Markup(converter.render(text))])

@@ -22,6 +22,7 @@ from cmacexp.report.page import (
     Renderer,
     Report,
     Section,
+    escape_markdown,
     find_insertions,
     find_page,
     relative,
@@ -172,7 +173,7 @@ def evaluate(
         own = judged.get(name)
         if own is None or isinstance(own.statement, Claim):
             return own.sentence if own else ""
-        return f"{own.sentence}\n\n{format_html(evidence_of(own))}\n\n"
+        return Markup(f"{escape_markdown(own.sentence)}\n\n{format_html(evidence_of(own))}\n\n")
 
     sections = render_markdown(
         file.text,
