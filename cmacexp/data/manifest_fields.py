@@ -132,8 +132,9 @@ def complete(plain: Any) -> dict[str, Any]:
     """
     require(isinstance(plain, dict), "manifest", plain, "must be an object")
     kind = plain.get("kind")
-    if kind == REPORT:
-        return dict(plain)  # for people: nothing else of it is read
+    if kind == REPORT:  # for people: nothing else of it is read
+        require(isinstance(plain.get("files", {}), dict), "files", plain["files"], "must be an object")
+        return dict(plain)
     schema = SweepManifest if kind == SWEEP else RunManifest
     names = [each.name for each in fields(schema)]
     manifest: Any = read_fields(schema, {name: plain[name] for name in names if name in plain}, texts=False)

@@ -1,7 +1,6 @@
 """Which files of a folder are a result's own: nothing else in it is ever moved or removed."""
 
 import os
-import shutil
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
@@ -95,13 +94,15 @@ def require_own_file(path: Path, mark: bytes, key: str) -> None:
 
 
 def remove_own(folder: Path, kind: str | None) -> None:
-    """Remove a result by the names of its files, the manifest last, and the folders that are empty then."""
+    """Remove a result by the names of its files, the manifest last, and the folders that are empty then.
+
+    A name counts only if the folder holds it: that of a stranger could lead out.
+    """
     own = list_own(folder, kind)
-    for name in sorted(own, key=lambda name: name == manifests.MANIFEST):
-        (folder / name).unlink(missing_ok=True)
-    for path in folder.glob(".*"):
-        if is_part(path.name):  # of a command that was killed
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
-    for parent in sorted({parent for name in own for parent in PurePosixPath(name).parents}, reverse=True):
-        with suppress(OSError):  # it is missing, or not empty
-            (folder / parent).rmdir()
+    held = [Path(place, name).relative_to(folder) for place, _, files in os.walk(folder) for name in files]
+    for path in sorted(held, key=lambda path: path.as_posix() == manifests.MANIFEST):
+        if path.as_posix() in own or any(map(is_part, path.parts)):  # or of a command that was killed
+            (folder / path).unlink(missing_ok=True)
+    for place, _, _ in os.walk(folder, topdown=False):
+        with suppress(OSError):  # it is not empty
+            os.rmdir(place)

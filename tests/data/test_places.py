@@ -7,7 +7,7 @@ from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
-from support.command import KILLING, call, python
+from support.command import call
 from support.doors import BadInput, CmacexpError, Report, compose_config, run_scenario, write_report
 from support.manifests import change_manifest
 
@@ -15,6 +15,7 @@ import cmacexp
 from cmacexp.data.files import lock, name_part, write_atomically
 from cmacexp.data.folder import collection
 from cmacexp.data.integrity import faults
+from cmacexp.data.manifest import read_file
 
 JOB = ("scenario=force_step", "gait.cycle_time=1.0", "record=trace")
 OTHER_MASS = 0.6
@@ -166,6 +167,17 @@ def test_a_report_of_an_earlier_version_is_replaced_but_nothing_that_came_after_
         write_page(tmp_path / "page")
 
 
+def test_a_report_of_a_stranger_names_no_file_outside_that_is_removed(tmp_path):
+    (tmp_path / "mine").write_text("mine")
+    for files in ({"../mine": "", str(tmp_path / "mine"): ""}, 7):
+        write_page(tmp_path / "page")
+        own = read_file(tmp_path / "page" / "manifest.json")["files"]
+        change_manifest(tmp_path / "page", files=own | files if isinstance(files, dict) else files)
+        with suppress(BadInput):
+            write_page(tmp_path / "page")
+        assert (tmp_path / "mine").read_text() == "mine"
+
+
 def test_a_new_run_takes_the_views_of_the_earlier_one_with_it_and_stays_the_current_folder(first, monkeypatch):
     write_page(first / "report")
     (first / ".hydra").mkdir()
@@ -291,15 +303,6 @@ def test_a_result_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
     run(tmp_path / "run")
     assert renamed == [set()]
     assert tmp_path.stat().st_ino in synced, "its name, too"
-
-
-@pytest.mark.ci
-def test_a_run_killed_at_any_moment_leaves_nothing_broken_and_can_be_run_again(tmp_path):
-    words = ("cycles=2", "hydra.run.dir=out")
-    done = python(KILLING, "3", "1", str(tmp_path), *words, folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert call("main", *words, folder=tmp_path).returncode == 0
-    assert (faults(tmp_path / "out"), hidden_in(tmp_path / "out")) == ([], [])
 
 
 @pytest.mark.ci

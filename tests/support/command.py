@@ -18,8 +18,6 @@ from pathlib import Path
 from unittest.mock import patch
 
 ROOT = Path(__file__).parents[2]
-KILLING = str(Path(__file__).with_name("killing.py"))
-"""A program that starts a command line and kills it, often."""
 INJECTING = str(Path(__file__).with_name("injecting.py"))
 """A program that lets system calls of commands fail."""
 

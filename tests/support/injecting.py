@@ -16,7 +16,7 @@ import signal
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from functools import partial
 from importlib import import_module
@@ -27,7 +27,6 @@ from typing import Any, NamedTuple
 import command
 import pyarrow.parquet as pq
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
-from killing import end_of, forked
 from server import IMPORTED
 
 from cmacexp.commands import study as studies
@@ -103,6 +102,25 @@ class Case(NamedTuple):
     after: State
     calls: list[tuple[str, int]]
     """Those to disturb: their names, and how many of the name there were in the thread until then."""
+
+
+def forked(work: Callable[[], int]) -> int:
+    """Fork a process that does ``work``, whose exit code is what that gives."""
+    process = os.fork()
+    if not process:
+        try:
+            code = work()
+        except BaseException as error:
+            print(repr(error), file=sys.stderr)
+            code = 99
+        sys.stdout.flush()
+        os._exit(code)
+    return process
+
+
+def end_of(process: int) -> int:
+    """Wait for the exit code of a process; negative if it was killed."""
+    return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
 
 
 def begin(words: Sequence[str], root: Path, stops: bool = False) -> int:
