@@ -9,13 +9,11 @@ import pyarrow.parquet as pq
 import pytest
 from support.command import call
 from support.damage import BAD_TEXTS, flip
-from support.doors import BadInput, BadRun, read_table
+from support.doors import BadInput, BadRun, collection, read_table, sha256
 from support.manifests import change_manifest
 from support.sweeps import sweep
 
 from cmacexp import load_sweep
-from cmacexp.data.files import sha256
-from cmacexp.data.folder import collection
 from cmacexp.engine.job_store import JobTables, list_jobs, write_part
 
 JOBS = ("scenario=force_step", "gait.cycle_time=0.5", "cycles=1", "seed=0,1", "hydra/launcher=basic")

@@ -10,7 +10,8 @@ from cmacexp.cmac.rules import RULES, train_by_rule
 from cmacexp.commands.study import Options, write_studies
 from cmacexp.config.compose import compose_config, compose_untyped
 from cmacexp.config.machine import RobotMachine
-from cmacexp.data.folder import remove_dead_parts
+from cmacexp.data.files import sha256
+from cmacexp.data.folder import collection, remove_dead_parts
 from cmacexp.data.integrity import faults, is_finished
 from cmacexp.data.tables import read_table
 from cmacexp.data.trace import Trace
