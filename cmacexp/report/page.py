@@ -96,9 +96,9 @@ class Renderer:
         self.environment.globals.update(save=self._save, find_numeric=find_numeric)
 
     def render_part(self, part: PageElement) -> Markup:
-        """An element as HTML."""
+        """Render an element as HTML without an empty line, which would end it in Markdown."""
         template: Any = self.environment.get_template("parts.html").module
-        return Markup(f"{template.show(part).strip()}\n")
+        return Markup(re.sub(r"\n\s*\n", "\n", f"{template.show(part).strip()}\n"))
 
     def _save(self, drawing: Drawing) -> Markup:
         """Save a figure; returns its pieces for the page."""

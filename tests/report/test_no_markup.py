@@ -47,7 +47,7 @@ class Page(HTMLParser):
 
 def test_a_value_in_markdown_stays_a_text(tmp_path):
     """In text, at the begin of a line and of a list item, in headings, captions and tables."""
-    frame = pd.DataFrame({MARK: [MARK, LINK]})
+    frame = pd.DataFrame({MARK: [MARK, f"{LINK}\n\n[l](http://z)"]})
     parts = (
         "{{ x }}",
         "- {{ y }} and {{ x }}",
