@@ -28,6 +28,7 @@ from cmacexp.data.manifest import git_commit, versions
 from cmacexp.data.run import Run
 from cmacexp.data.tables import read_table, write_table
 from cmacexp.data.version import __version__
+from cmacexp.errors import BadRun
 from cmacexp.jit.sources import PACKAGE, RESULT_ROOMS, code_hash
 from cmacexp.study.results import Results, RunRow
 from cmacexp.study.study import Request
@@ -186,7 +187,9 @@ def measure_runs(file: StudyFile, folders: Sequence[Path], table: Path, parallel
     source, known = digest_measures(file), {}
     keys = {folder: _digest([_identify(folder), source]) for folder in folders}
     if table.is_file():
-        known = {row.pop("key"): row for row in read_table(table, texts=True).to_pylist()}
+        before = read_table(table, texts=True)
+        BadRun.unless("key" in before.column_names, f"{table}: not the measures of a study; move it")
+        known = {row.pop("key"): row for row in before.to_pylist()}
     found = {folder: known[key] for folder, key in keys.items() if key in known}
 
     def write() -> None:
