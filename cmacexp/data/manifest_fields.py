@@ -133,7 +133,7 @@ def complete(plain: Any) -> dict[str, Any]:
     require(isinstance(plain, dict), "manifest", plain, "must be an object")
     kind = plain.get("kind")
     if kind == REPORT:  # for people: nothing else of it is read
-        require(isinstance(plain.get("files", {}), dict), "files", plain["files"], "must be an object")
+        require(isinstance(plain.get("files", {}), dict), "files", plain.get("files"), "must be an object")
         return dict(plain)
     schema = SweepManifest if kind == SWEEP else RunManifest
     names = [each.name for each in fields(schema)]

@@ -11,6 +11,7 @@ import numpy as np
 from cmacexp.cmac.rules import derive_rate
 from cmacexp.data.folder import OUT_KEY, new_result
 from cmacexp.data.manifest import REPORT
+from cmacexp.errors import in_one_line
 from cmacexp.gap.analysis import FIRST, GENERIC, Gap
 from cmacexp.gap.identify import NAMES
 from cmacexp.gap.signals import WINDOW
@@ -211,7 +212,8 @@ def make_option(gap: Gap) -> str:
         **{"trunk_mass_factor": 1.0, "trunk_inertia_factor": 1.0, "leg_mass_factor": 1.0, "trunk_shift": 0.0},
         "joints": joints,
     }
-    origin = f"# Joints of {Path(gap.values['robot']).name}, identified from {Path(gap.values['log']).name}.\n"
+    robot, log = (in_one_line(Path(gap.values[key]).name) for key in ("robot", "log"))
+    origin = f"# Joints of {robot}, identified from {log}.\n"
     return origin + yaml.safe_dump(option, sort_keys=False, default_flow_style=None, width=120)
 
 

@@ -20,6 +20,7 @@ from cmacexp.report.style import (
     STYLE,
     WIDTH,
     add_legend,
+    as_plain,
     include_zero,
     logarithmic,
     mark,
@@ -122,7 +123,7 @@ def draw(
     for ax, panel in zip(axes, panels, strict=False):
         draw_panel(ax, panel, names)
         ax.tick_params(labelbottom=True, labelleft=True)  # each panel can stand alone
-        ax.set(title=panel.title, xlabel=panel.x, ylabel=panel.y)
+        ax.set(title=as_plain(panel.title), xlabel=as_plain(panel.x), ylabel=as_plain(panel.y))
     add_legend(figure, axes[: len(panels)], legend_title)
     return figure
 
@@ -161,7 +162,7 @@ def draw_panel(axes: Axes, panel: Panel, names: Sequence[str]) -> None:
     if panel.ticks:
         characters = sum(map(len, panel.ticks))
         turned: dict[str, Any] = {"rotation": 30, "ha": "right"} if characters > 50 else {}
-        axes.set_xticks(range(len(panel.ticks)), panel.ticks, **turned)
+        axes.set_xticks(range(len(panel.ticks)), list(map(as_plain, panel.ticks)), **turned)
 
 
 def _set_ranges(axes: Axes, panel: Panel) -> None:

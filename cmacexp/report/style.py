@@ -114,6 +114,11 @@ def logarithmic(axes: Axes, which: str, values: Sequence[float] | Array) -> None
     axis.set_minor_formatter(NullFormatter())
 
 
+def as_plain(text: str) -> str:
+    """Return a text in which matplotlib finds no formula, as ``$`` would begin; a wrong one would stop the page."""
+    return text.replace("$", r"\$")
+
+
 def add_legend(figure: Figure, axes: Sequence[Axes], title: str = "") -> None:
     """A legend of all names in ``axes``, each once, below the figure; a single name without a title has none."""
     handles = {name: handle for ax in axes for handle, name in zip(*ax.get_legend_handles_labels(), strict=True)}
@@ -122,7 +127,7 @@ def add_legend(figure: Figure, axes: Sequence[Axes], title: str = "") -> None:
     most = max(1, min(7, LINE_CHARACTERS // (8 + max(map(len, handles), default=1))))
     columns = -(-len(handles) // max(-(-len(handles) // most), 1))  # rows of equal length
     place: dict[str, Any] = {"loc": "outside lower center", "ncols": max(columns, 1), "handlelength": 3}
-    figure.legend(list(handles.values()), list(handles), title=title or None, **place)
+    figure.legend(list(handles.values()), list(map(as_plain, handles)), title=as_plain(title) or None, **place)
 
 
 def in_travel(view: RunView, points: Array) -> Array:

@@ -1,6 +1,7 @@
 """The report of several runs: in which settings they differ, how each ended, their metrics as a table and figures."""
 
 import os
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -60,7 +61,7 @@ def _group_by(runs: Sequence[Run], key: str) -> dict[Any, list[Run]]:
 
 def _make_file_name(prefix: str, key: str) -> str:
     """The name of a figure about a config key."""
-    return f"{prefix}-{key.replace('.', '-').replace('_', '-').strip('-')}"
+    return f"{prefix}-{re.sub('[^A-Za-z0-9]+', '-', key).strip('-')}"
 
 
 def _read_names(run: Run, keys: Sequence[str]) -> dict[str, str]:

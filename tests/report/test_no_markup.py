@@ -15,7 +15,8 @@ from support.manifests import accept, change_manifest
 from support.sweeps import sweep
 
 import cmacexp
-from cmacexp.report.page import Renderer, Report, escape_markdown, render_markdown, write_report
+from cmacexp.report.figures import Panel, Series, draw
+from cmacexp.report.page import Drawing, Renderer, Report, Section, escape_markdown, render_markdown, write_report
 
 MARK = "a<img src=x onerror=alert(1)>\"'&amp;"
 LINK = "[l](javascript:alert(2)) ![p](x:y) **b** _e_ <https://z> `<u>` `"
@@ -72,6 +73,14 @@ def test_code_spans_of_a_value_do_not_open_what_another_one_has_closed(text, tmp
     (section,) = render_markdown(page, tmp_path, "T", Renderer(tmp_path), {}, {}, {"x": text, "y": "`<img src=x>`"})
     assert not {"<u>", "<b>", "<img"} & {f"<{tag}" for part in section.parts for tag in str(part).split("<")[1:]}
     assert "<code>&lt;img src=x&gt;</code>" in str(section.parts[0])
+
+
+def test_a_dollar_in_a_name_begins_no_formula(tmp_path):
+    name = "a$\\frac$"
+    series = [Series(f"{name}{number}", np.arange(3), np.arange(3.0)) for number in range(2)]
+    figure = draw([Panel(name, name, name, series, ticks=[name] * 3)], legend_title=name)
+    path = write_report(Report("T", "S", [Section("F", [Drawing("f", figure, name)])], {}), tmp_path / "page")
+    assert Page(path).text.count(name) == 10
 
 
 def test_what_is_html_already_stays_html():
