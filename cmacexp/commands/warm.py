@@ -25,13 +25,13 @@ def main(arguments: Arguments) -> None:
     """Compile the forms; raises BadInput if there is no such form."""
     for name in arguments.forms:
         require_name("FORM", name, FORMS)
-    from cmacexp.engine.chunk import run_chunk
+    from cmacexp.engine.batch import METRICS, run_chunk
 
     for name in arguments.forms or FORMS:
         began = time.monotonic()
         try:
             with show_activity(f"compiling {name}"):
-                run_chunk([["cycles=1", *FORMS[name]]], False, MANY)
+                run_chunk([["cycles=1", *FORMS[name]]], METRICS, MANY)
         except CmacexpError as error:  # what it needs is not installed
             print_line(f"{name}: left out: {error}")
         else:

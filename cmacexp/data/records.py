@@ -1,8 +1,10 @@
-"""What happened in a run besides its samples: entries of its manifest, as those who find them out write them."""
+"""How a run ended, and what happened in it besides its samples: entries of its manifest, as they are found out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 from cmacexp.config.fields import number
+from cmacexp.typing import RESULTS
 
 MOST = 2**63 - 1
 """Largest whole number of a manifest."""
@@ -80,3 +82,41 @@ class CarriedLoad:
     slope_y: float = number("m/m")
     measured_weight: float | None = number("N", default=None)
     """Weight that the feet carried in that cycle, of which the plan takes a part, N."""
+
+
+@dataclass
+class RunEnd:
+    """How a run ended; while it runs, as if it ended now. All but ``error`` are entries of its manifest."""
+
+    status: str
+    """``completed``, ``diverged``, ``fell``, ``interrupted`` or ``failed``; of a damaged run ``not intact``, of one
+    without a manifest ``unfinished``."""
+    cause: str = ""
+    """Why it did not complete: step, time and cause; empty if it did."""
+    steps: int = 0
+    """Steps that it took."""
+    learning_lead: int | None = None
+    """Lead of learning at the end, samples."""
+    learning_rate: float | None = None
+    """Rate of learning at the end."""
+    guard: list[GuardEvent] = field(default_factory=list)
+    """What the guard of learning did."""
+    lead_estimates: list[LeadEstimate] = field(default_factory=list)
+    """Estimates of the lead, with ``learning.lead=estimate``."""
+    carried: list[CarriedLoad] = field(default_factory=list)
+    """What the plan used of the load, with ``force_control.load_sharing=adaptive``."""
+    rollout_seconds: float = 0.0
+    """Wall time of the closed loop alone, without compiling, s."""
+    processor_seconds: float = 0.0
+    """Processor time of the same, s."""
+    error: Exception | None = None
+    """What a component raised."""
+
+    @property
+    def is_result(self) -> bool:
+        """Whether the run can be compared with others."""
+        return self.status in RESULTS
+
+    def list_entries(self) -> dict[str, Any]:
+        """Entries of the manifest, by name."""
+        return {each.name: getattr(self, each.name) for each in fields(self) if each.name != "error"}

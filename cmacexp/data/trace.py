@@ -1,29 +1,25 @@
-"""The signals of a run, step by step: arrays by name, made once from the loop's samples or from Parquet."""
+"""The signals of a run, step by step: arrays by name, on a table from the loop or from Parquet."""
 
 from collections import deque
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.config.schema import RecordConfig
 from cmacexp.data.manifest import was_written
-from cmacexp.data.signals import PHASES, Signal, make_schema
+from cmacexp.data.signals import Signal, make_schema
 from cmacexp.data.tables import (
     BODY_FILE,
     MEMORY_FILE,
     TRACE_FILE,
-    arrow,
-    arrow_strings,
     as_array,
     is_support,
     list_units,
@@ -110,58 +106,6 @@ class Trace:
         """Some of its steps, with those of the body; the memory is left out."""
         rows = np.arange(self.table.num_rows).reshape(self.steps, -1)[steps].ravel()
         return Trace(select_rows(self.table, rows), None if self.body is None else self.body.select(steps))
-
-
-class SampledTrace(Trace):
-    """A trace as the loop sampled it, whose table is made only where one is asked for."""
-
-    arrays: Mapping[str, NDArray[Any]]
-    """Signals by name, (steps, legs) or what broadcasts to that shape; some of them may be no column of the table."""
-    signals: Sequence[Signal]
-    """The columns of the table."""
-    shape: tuple[int, int]
-    """(steps, legs)."""
-
-    def __init__(
-        self,
-        arrays: Mapping[str, NDArray[Any]],
-        signals: Sequence[Signal],
-        shape: tuple[int, int],
-        support: Mask | None = None,
-        body: Trace | None = None,
-        memory: Trace | None = None,
-    ):
-        """Make a trace of so many steps and legs; ``support`` (steps, legs) is for the phase, if that is a signal."""
-        self.__dict__.update(arrays=arrays, signals=signals, shape=shape, body=body, memory=memory, legs=shape[1])
-        if support is not None:
-            self.__dict__["support"] = support
-
-    @property
-    def steps(self) -> int:
-        """Number of steps."""
-        return self.shape[0]
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the signals, in the order of their columns."""
-        return [signal.name for signal in self.signals]
-
-    def __getitem__(self, name: str) -> Array:
-        """A signal, (steps, legs)."""
-        values = self.arrays[name]
-        return values if values.shape == self.shape else np.broadcast_to(values, self.shape)
-
-    @cached_property
-    def table(self) -> pa.Table:  # type: ignore[override]
-        """One row per step and leg."""
-        columns = []
-        for signal in self.signals:
-            if signal.name == "phase":
-                indices = arrow(self.support.ravel(), pa.int8())
-                columns.append(pa.DictionaryArray.from_arrays(indices, arrow_strings(PHASES)))
-            else:
-                columns.append(arrow(self[signal.name].ravel(), signal.type))
-        return pa.Table.from_arrays(columns, schema=make_schema(self.signals))
 
 
 def concat_traces(traces: Sequence[Trace]) -> Trace:

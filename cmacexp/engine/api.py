@@ -97,7 +97,7 @@ def run(
     for key in other:
         raise BadInput("run", key, f'no such argument; overrides are texts: cmacexp.run(["{key}=..."])')
     given = {"plant": plant, "sensors": sensors, "controller": controller, "feedforward": feedforward}
-    components = {key: component for key, component in given.items() if component is not None}
+    components: dict[str, Any] = {key: component for key, component in given.items() if component is not None}
     targets: dict[str, Any] = {
         key: {"_target_": f"{type(component).__module__}.{type(component).__qualname__}"}
         for key, component in components.items()

@@ -2,31 +2,38 @@
 
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import groupby
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from omegaconf import DictConfig
 
-from cmacexp.config.compose import list_texts, refuse_options
+from cmacexp.config.compose import compose_config, compose_untyped, list_texts, refuse_options
+from cmacexp.config.machine import describe_other_model
 from cmacexp.data.files import write_atomically
-from cmacexp.data.tables import arrow, table_writer, write_table
-from cmacexp.engine.chunk import RunEnd, run_chunk
-from cmacexp.engine.equal_results import find_idle_keys
-from cmacexp.engine.pool import choose_size, count_processes, group_runs, start_workers
+from cmacexp.data.tables import table_writer, write_table
+from cmacexp.data.trace import concat_traces
+from cmacexp.engine.pool import choose_size, count_processes, start_workers
+from cmacexp.engine.run import score_run
 from cmacexp.engine.sweep_tables import (
     collect_settings,
     concat_metrics,
     join_runs,
+    join_scores,
     make_column,
     read_settings,
     tabulate_settings,
 )
+from cmacexp.engine.without_effect import IdleKeys, join_idle
 from cmacexp.errors import OtherModel, WithoutEffect, require, require_name
-from cmacexp.terminal.output import print_line
+from cmacexp.jit.compiler import expect_runs
+from cmacexp.loop import run_cycles
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.planning import Recall
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,7 +60,7 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
 
     Warns:
         OtherModel: of each robot whose model is not the one that results were measured with.
-        WithoutEffect: of each key without effect, see ``docs/runs.md``; runs with ``warn=false`` do not count.
+        WithoutEffect: of each key without effect in all runs that set it; none of runs with ``warn=false``.
     """
     listed = _list_runs(runs)
     (table,) = _run_in_parts(listed, keep, processes, len(listed))
@@ -96,41 +103,68 @@ def _list_runs(runs: Iterable[Sequence[str]]) -> list[list[str]]:
     return listed
 
 
+class ManyEnd(NamedTuple):
+    """How one of many runs ended, for the table of all."""
+
+    status: str
+    rows: int
+    """Rows of the run in the table."""
+    idle: dict[str, str]
+    """Keys without effect, as :meth:`IdleKeys.find` gives them."""
+    other_model: str
+    """Says that its robot is not the one that results were measured with; empty if it is."""
+
+
+def run_chunk(chunk: Sequence[list[str]], keep: str, runs: int) -> tuple[list[ManyEnd], pa.Table]:
+    """Run some of so many ``runs``: how they ended, and their metrics, or their traces.
+
+    Raises CmacexpError if one of them cannot be run.
+    """
+    expect_runs(runs)
+    recall, idle_keys = Recall(), IdleKeys()
+    ends, tables = list[ManyEnd](), list[pa.Table]()
+    # Twice as fast in a row as between runs.
+    for overrides, config in zip(chunk, [compose_config(each, is_shared=True) for each in chunk], strict=True):
+        scenario = make_scenario(config, None, recall)
+        if keep == TRACE:
+            tables.append(concat_traces([*run_cycles(scenario)]).table)
+        else:
+            tables.append(join_scores(score_run(scenario)))
+        idle = idle_keys.find(config, overrides, partial(_compose_untyped, overrides))
+        ends.append(ManyEnd(scenario.end.status, tables[-1].num_rows, idle, describe_other_model(config.machine)))
+    return ends, concat_metrics(tables)[0].combine_chunks()  # a slice is pickled with all that it is a slice of
+
+
+def _compose_untyped(overrides: Sequence[str]) -> DictConfig:
+    return compose_untyped(overrides)[0]
+
+
 def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | None, most: int) -> Iterator[pa.Table]:
     """The table of :func:`run_many`, of so many runs at a time; warnings are in the name of the caller's caller."""
     require_name("keep", keep, KEPT)
     count = count_processes(processes)
     size, settings = choose_size(len(runs), count), collect_settings(map(read_settings, runs))
     known = pa.table({"run": make_column(range(len(runs))), **tabulate_settings(settings)})
-    chunks = [
-        (first, chunk)
-        for first in range(0, len(runs), most)
-        for chunk in group_runs(runs[first : first + most], size)
+    starts = [(first, range(first, min(first + most, len(runs)), size)) for first in range(0, len(runs), most)]
+    items = [
+        (list(runs[start : min(start + size, first + most)]), keep, len(runs))
+        for first, chunks in starts
+        for start in chunks
     ]
-    items = [([runs[first + number] for number in chunk], keep == TRACE, len(runs)) for first, chunk in chunks]
-    results, others = list[bytes](), dict[str, None]()
+    ends = list[ManyEnd]()
     with start_workers(count) as parallel_map:
         # While one part is written, the next one runs: none waits for the other.
         done = parallel_map("running", run_chunk, items, len(runs), 2 * max(most // size, count))
-        for first, part in groupby(zip(chunks, done, strict=True), lambda each: each[0][0]):
-            own_chunks, ended = zip(*part, strict=True)
-            order = np.concatenate([chunk for _, chunk in own_chunks])
-            ends: list[RunEnd] = [end for chunk, _ in ended for end in chunk]
-            in_order = [ends[place] for place in order.argsort()]
-            results += [end.result for end in in_order]
-            others |= dict.fromkeys(end.other_model for end in in_order if end.other_model)
-            own = known.take(arrow(first + order, pa.int64())).append_column(
-                "status", make_column([end.status for end in ends])
-            )
-            index: Any = np.repeat(np.arange(len(order)), [end.rows for end in ends])
-            table = join_runs(own, concat_metrics([table for _, table in ended])[0], index)
-            if (np.diff(order) != 1).any():
-                table = table.take(arrow(order[index].argsort(kind="stable"), pa.int64()))
-            yield table
-    for other in others:
+        for first, chunks in starts:
+            part = [next(done) for _ in chunks]
+            own = [end for chunk_ends, _ in part for end in chunk_ends]
+            statuses = make_column([end.status for end in own])
+            labels = known.slice(first, len(own)).append_column("status", statuses)
+            index: Any = np.repeat(np.arange(len(own)), [end.rows for end in own])
+            ends += own
+            yield join_runs(labels, concat_metrics([table for _, table in part])[0], index)
+        assert next(done, None) is None, "more results than parts of the table"
+    for other in dict.fromkeys(end.other_model for end in ends if end.other_model):
         warnings.warn(other, OtherModel, stacklevel=3)
-    for kind, text in find_idle_keys(settings, results, range(len(runs)), "runs"):
-        if kind == "warning":
-            warnings.warn(text, WithoutEffect, stacklevel=3)
-        else:
-            print_line(f"{kind}: {text}", error=True)
+    for text in join_idle(settings, [end.idle for end in ends]):
+        warnings.warn(text, WithoutEffect, stacklevel=3)

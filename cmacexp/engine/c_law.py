@@ -28,9 +28,9 @@ from cmacexp.export.network import (
     require_exportable,
 )
 from cmacexp.loop import guard as of_guard
+from cmacexp.loop import run_cycles
 from cmacexp.loop.builtin import make_guard
 from cmacexp.loop.guard_kernels import HIGHEST
-from cmacexp.loop.run import stream
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.models import sine
 from cmacexp.models.mechanism import (
@@ -150,7 +150,9 @@ def describe_law(run: Run) -> dict[str, Any]:
     player = Player()
     scenario = make_scenario(config, learnt, plant=player, sensors=PerfectSensors(ComponentConfig()))
     law = _describe(scenario) | {"guard": _describe_guard(scenario)}
-    end = stream(scenario, lambda samples: None)
+    for _ in run_cycles(scenario):
+        pass
+    end = scenario.end
     if end.status != Status.COMPLETED:
         raise BadRun(f"{run.folder}: its law ends {end.status} in the check of the C code ({end.cause})")
     params: Any = scenario.feedforward.params  # type: ignore[attr-defined]  # a network
@@ -167,7 +169,7 @@ def describe_law(run: Run) -> dict[str, Any]:
         "increment_64": INCREMENT,
         "sums": [checksum(each) for each in commands],
         "walked_sum": checksum(keep_rows(params, list_path_rows(params)).weights),
-        "events": len(end.events),
+        "events": len(end.guard),
     }
 
 

@@ -3,7 +3,7 @@
 import json
 import pickle
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache, partial
 from pathlib import Path
@@ -20,19 +20,17 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import RUN_KEY, new_result
 from cmacexp.data.integrity import compute_hashes, is_finished
 from cmacexp.data.run import Run
-from cmacexp.engine.chunk import Chunk
-from cmacexp.engine.equal_results import describe_result
 from cmacexp.engine.job_store import FINGERPRINT, HASHES, JobItem, JobTables, find_fingerprint, write_part
 from cmacexp.engine.objective import check_metric
-from cmacexp.engine.run import describe_run, run_scenario
+from cmacexp.engine.run import describe_run, describe_scores, run_scenario, score_run
 from cmacexp.engine.sweep_tables import concat_metrics, make_column, make_table, read_metrics, select_run_overrides
+from cmacexp.engine.without_effect import IdleKeys
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, describe_failure, format_user_traceback
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import is_interrupt
-from cmacexp.loop import End
-from cmacexp.loop.scenario import Scenario
-from cmacexp.metrics.drift import make_drift_entry
+from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.registry import make_rows
+from cmacexp.planning import Recall
 from cmacexp.terminal.messages import describe_drift, describe_idle, format_outcome
 from cmacexp.typing import Status
 
@@ -128,54 +126,86 @@ def run_jobs(packed: bytes, root: Path, sweep: str, items: Sequence[JobItem], jo
     parts have the name ``sweep``.
     Returns how each ended, in a line, and whether that is an error. Raises OSError.
     """
-    template, by_number = _unpack(packed), {item.number: item for item in items}
-    chunk, waiting, began = Chunk(), dict[int, Config](), time.perf_counter()
-    ended = dict[int, tuple[Run | None, bool]]()
-    """Runs by the numbers of their jobs, None where the tables have the result, and whether they were made now."""
+    template, runner = _unpack(packed), JobRunner()
     expect_runs(jobs)
     # In a row, as run_chunk does.
     typed, referred = template.typed, template.referred or frozenset()
     configs = [set_numbers(typed, item.values, referred) if typed else None for item in items]
+    runs = dict[int, Run]()
+    lines = list[tuple[str, bool]]()
+    try:
+        for item, config in zip(items, configs, strict=True):
+            run, is_new = runner.run_item(template, root, item, jobs, config)
+            if run is not None:
+                runs[item.number] = run
+                if run.status == Status.INTERRUPTED:
+                    raise KeyboardInterrupt
+            lines.append(_describe_end(item, run, is_new))
+    finally:
+        if runs:
+            write_part(root, sweep, _tabulate(root, runs, {item.number: item for item in items}, runner.idle))
+    return lines
 
-    def settle(item: JobItem, do: Callable[[], tuple[Run | None, bool] | Config]) -> None:
-        """Note how a job ends, or that it waits for others; a failure is left on disk and does not end the sweep."""
+
+class JobRunner:
+    """Runs jobs of a sweep in this process, one after the other, of which many share a plan."""
+
+    def __init__(self) -> None:
+        self._recall = Recall()
+        self._idle_keys = IdleKeys()
+        self.idle = dict[int, dict[str, str]]()
+        """Keys without effect, by the numbers of jobs."""
+
+    def run_item(
+        self, template: JobTemplate, root: Path, item: JobItem, jobs: int, config: Config | None
+    ) -> tuple[Run | None, bool]:
+        """Run one of so many jobs, of this config if it is known already; a failure is left on disk.
+
+        Returns the run, None if the tables have its result, and whether it was made now.
+        """
         try:
-            found = do()
+            return self._run_item(template, root, item, jobs, config)
         except Exception as error:
             if is_interrupt(error):
                 raise KeyboardInterrupt from error
             composed, overrides = _compose(template, root, item), select_run_overrides(item.overrides)
             record = make_record(composed, template.hydra)
-            found = write_failure(root / item.folder, composed, error, record, overrides=overrides), True
-        if isinstance(found, Config):
-            waiting[item.number] = found
-            return
-        ended[item.number] = run, _ = found
-        if run is not None and run.status == Status.INTERRUPTED:
-            raise KeyboardInterrupt
+            return write_failure(root / item.folder, composed, error, record, overrides=overrides), True
 
-    def run_with_others(item: JobItem, do: Callable[[], tuple[Scenario, End]]) -> tuple[Run, bool]:
-        manifest = describe_run(*do()) | {"overrides": select_run_overrides(item.overrides)}
-        return Run(root / item.folder, manifest), True
+    def _run_item(
+        self, template: JobTemplate, root: Path, item: JobItem, jobs: int, config: Config | None
+    ) -> tuple[Run | None, bool]:
+        folder, composed = root / item.folder, None
+        if config is None:
+            config = to_config(composed := _compose(template, root, item))
+        check_metric(config.optimize, config.machine.kind)
+        overrides = select_run_overrides(item.overrides)
+        keeps_files = config.record.trace or config.record.weights
+        if not keeps_files:
+            hashes = config_hash(to_plain(config)), *map(str, compute_hashes(config).values())
+            if item.known and item.known == hashes:
+                return None, False
+            if config.sweep.resume and is_finished(folder, config):
+                return Run(folder), False
+            run = self._run_in_memory(config, folder, overrides)
+            is_new = True
+        else:
+            _describe_job(template.hydra, item, folder)
+            composed = composed or set_numbers(template.plain, item.values) or _compose(template, root, item)
+            record = make_record(composed, template.hydra) if config.record.trace else None
+            run, is_new = ensure_run(config, folder, jobs, config.sweep.resume, record, overrides)
+        self.idle[item.number] = self._idle_keys.find(config, overrides, partial(_compose, template, root, item))
+        return run, is_new
 
-    try:
-        for item, config in zip(items, configs, strict=True):
-            settle(item, partial(_run_item, template, root, item, jobs, config))
-        for number, do in chunk.list_runs(waiting):
-            settle(by_number[number], partial(run_with_others, by_number[number], do))
-    finally:
-        made = {number: run for number in by_number if (run := ended.get(number, (None,))[0]) is not None}
-        seconds, scored = time.perf_counter() - began, chunk.score()
-        loops = {number: made[number].manifest["rollout_seconds"] for number in scored if number in made}
-        rest = max(0.0, seconds - sum(loops.values())) / max(1, len(loops))
-        for number, scores in scored.items():
-            if run := made.get(number):  # it has no folder
-                run.is_checked, run.scores = False, scores
-                run.manifest |= {"drift": make_drift_entry(scores.legs), "files": chunk.hashes[number]}
-                run.manifest["wall_seconds"] = loops[number] + rest
-        if made:
-            write_part(root, sweep, _tabulate(root, made, {item.number: item.overrides for item in items}))
-    return [_describe_end(item, *ended[item.number]) for item in items]
+    def _run_in_memory(self, config: Config, folder: Path, overrides: list[str]) -> Run:
+        """Run a config; the run has no files, but metrics, and hashes of their values."""
+        began = time.perf_counter()
+        scenario = make_scenario(config, None, self._recall)
+        scores = score_run(scenario)
+        run = Run(folder, describe_run(scenario) | describe_scores(scores) | {"overrides": overrides})
+        run.is_checked, run.scores = False, scores
+        run.manifest["wall_seconds"] = time.perf_counter() - began
+        return run
 
 
 def _compose(template: JobTemplate, root: Path, item: JobItem) -> DictConfig:
@@ -189,44 +219,20 @@ def _compose(template: JobTemplate, root: Path, item: JobItem) -> DictConfig:
     return composed
 
 
-def _run_item(
-    template: JobTemplate, root: Path, item: JobItem, jobs: int, config: Config | None
-) -> tuple[Run | None, bool] | Config:
-    """The run of one of so many jobs, of this config if it is known already, and whether it was run now.
-
-    None if the tables have its result. Of a run that keeps metrics alone, and is yet to be made, the config.
-    """
-    folder, composed = root / item.folder, None
-    if config is None:
-        config = to_config(composed := _compose(template, root, item))
-    check_metric(config.optimize, config.machine.kind)
-    if config.record.trace or config.record.weights:
-        _describe_job(template.hydra, item, folder)
-        composed = composed or set_numbers(template.plain, item.values) or _compose(template, root, item)
-        record = make_record(composed, template.hydra) if config.record.trace else None
-        return ensure_run(config, folder, jobs, config.sweep.resume, record, select_run_overrides(item.overrides))
-    if item.known and item.known == (
-        config_hash(to_plain(config)),
-        *map(str, compute_hashes(config).values()),
-    ):
-        return None, False
-    if config.sweep.resume and is_finished(folder, config):
-        return Run(folder), False
-    return config
-
-
-def _tabulate(root: Path, runs: Mapping[int, Run], overrides: Mapping[int, list[str]]) -> JobTables:
-    """The tables of jobs by their numbers."""
+def _tabulate(
+    root: Path, runs: Mapping[int, Run], items: Mapping[int, JobItem], idle: Mapping[int, Mapping[str, str]]
+) -> JobTables:
+    """Tabulate jobs by their numbers, with the keys that have no effect in them."""
     rows = []
     for (number, run), shown in zip(runs.items(), make_rows([*runs.values()], ()), strict=True):
         rows.append(
             {
                 "run": number,
                 "folder": run.folder.relative_to(root).as_posix(),
-                "overrides": " ".join(select_run_overrides(overrides[number])),
+                "overrides": " ".join(select_run_overrides(items[number].overrides)),
                 **shown,
                 **{name: str(run.manifest[name]) for name in HASHES},
-                "result": describe_result(run),
+                "idle": json.dumps(idle.get(number, {})),
                 "bad_input": bool(run.manifest["bad_input"]),
                 FINGERPRINT: find_fingerprint(run.folder) if run.is_checked else "",
                 "manifest": json.dumps(run.manifest),

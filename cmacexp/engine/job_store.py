@@ -112,6 +112,12 @@ class JobRun(Run):
         """Its value in a column of the jobs."""
         return self.tables.jobs[name][self.index].as_py()
 
+    @property
+    def idle(self) -> dict[str, str]:
+        """Keys without effect in the run of the job, each with the reason; of earlier versions not known."""
+        is_known = "idle" in self.tables.jobs.column_names
+        return json.loads(self.read("idle") or "{}") if is_known else {}  # type: ignore[no-any-return]
+
     @cached_property
     def manifest(self) -> Manifest:
         """The manifest as of a run in a folder; the hashes of its files are those of its metrics if it has none."""

@@ -1,12 +1,11 @@
 """Worker processes: copies of one that has imported what they need, which end with the one that they work for."""
 
-import ctypes
 import multiprocessing
 import os
 import signal
 import sys
-from collections import defaultdict, deque
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -20,14 +19,10 @@ from typing import Any
 from cmacexp.errors import require
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
 
-M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
-"""Options of ``mallopt`` (glibc)."""
 PRELOADED = "cmacexp.engine.preload"
 """Imports what workers need."""
 MOST_RUNS, CHUNKS_EACH = 32, 4
 """Short runs that a process takes at a time, at most, and how often it comes back at least, if there are enough."""
-RATE, SEED = "learning.rate=", "seed="
-"""How the overrides begin in which runs may differ that share a scenario."""
 ParallelMap = Callable[..., Iterator[Any]]
 """``parallel_map(what, work, items, runs=None)``: gives what ``work(*item)`` returns for each item, in their order.
 
@@ -59,29 +54,6 @@ def choose_size(runs: int, processes: int) -> int:
     return max(1, min(MOST_RUNS, runs // (CHUNKS_EACH * processes)))
 
 
-def drop_keys(overrides: Sequence[str], keys: tuple[str, ...]) -> tuple[str, ...]:
-    """Overrides without those of some keys: runs that have the same ones can share a scenario."""
-    return tuple(text for text in overrides if not text.startswith(keys))
-
-
-def group_runs(runs: Sequence[Sequence[str]], most: int) -> list[list[int]]:
-    """Numbers of runs for one process after the other, by their overrides.
-
-    Those alike but for rate and seed are together, of these those with the same seed.
-    """
-    groups = defaultdict[Hashable, dict[Hashable, list[int]]](dict)
-    for number, overrides in enumerate(runs):
-        groups[drop_keys(overrides, (RATE, SEED))].setdefault(drop_keys(overrides, (RATE,)), []).append(number)
-    chunks = list[list[int]]()
-    for group in groups.values():
-        numbers = [number for alike in group.values() for number in alike]
-        for part in (numbers[at : at + most] for at in range(0, len(numbers), most)):
-            if not chunks or len(chunks[-1]) + len(part) > most:
-                chunks.append([])
-            chunks[-1] += part
-    return chunks
-
-
 def make_context() -> Any:
     """What starts processes, as copies of a first one, which is started now.
 
@@ -110,11 +82,6 @@ def _begin(environment: Mapping[str, str], speaks: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()
     os.environ.update(environment)
-    if set_option := getattr(ctypes.CDLL(None), "mallopt", None):
-        # What a run frees is for the next one, the weights of a CMAC included: to get them from the system again,
-        # page by page, took a fifth of many short runs.
-        set_option(M_MMAP_THRESHOLD, 1 << 24)
-        set_option(M_TRIM_THRESHOLD, 1 << 27)
     if speaks.acquire(block=False):
         from cmacexp.terminal.messages import announce_compiling  # here, because only workers have it already
 

@@ -1,12 +1,11 @@
 """One run from its config to its folder: closed loop, traces, metrics, recording, manifest; also one that failed."""
 
+import hashlib
 import json
 import sys
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -15,146 +14,98 @@ import numpy as np
 from cmacexp.config import Config, to_plain
 from cmacexp.config.component import COMPONENTS
 from cmacexp.config.machine import RobotMachine, read_model
-from cmacexp.control import DriveController, HybridController
+from cmacexp.control import HybridController
 from cmacexp.data import manifest as manifests
 from cmacexp.data.files import sha256, write_atomically
 from cmacexp.data.folder import RUN_KEY, ResultWriter, new_result
 from cmacexp.data.integrity import compute_hashes
 from cmacexp.data.records import Drift
 from cmacexp.data.run import Run
-from cmacexp.data.signals import (
-    BODY_SIGNALS,
-    LEG_SIGNALS,
-    LIVE_SIGNALS,
-    MODEL_SIGNALS,
-    SPATIAL_SIGNALS,
-    Signal,
-    select_signals,
-)
 from cmacexp.data.tables import (
     BODY_FILE,
+    BODY_METRICS_FILE,
     MEMORY_FILE,
+    METRICS_FILE,
     RECORDING_FILE,
     TRACE_FILE,
     Scores,
+    as_array,
     write_scores,
     write_table,
 )
-from cmacexp.data.trace import SampledTrace, Trace, concat_traces, count_steps_by_cycle, trace_writer
+from cmacexp.data.trace import Trace, concat_traces, count_steps_by_cycle, trace_writer
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.engine.stop_cause import explain_stop
 from cmacexp.errors import BadInput, BadOutput, describe_failure, format_user_traceback, in_one_line
 from cmacexp.feedforward import Learns
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
-from cmacexp.loop import End, Samples, stream
+from cmacexp.loop import run_cycles
 from cmacexp.loop.scenario import Scenario, make_scenario
-from cmacexp.loop.trace import Sampled, assemble, assemble_body
+from cmacexp.loop.trace import select_columns
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.score import RunScorer
-from cmacexp.models.mechanism import PLANE, has_body
-from cmacexp.sensors.protocol import find_altered
-from cmacexp.typing import Array, Status
-
-Columns = tuple[tuple[Signal, ...], tuple[Signal, ...] | None]
-"""Columns of the traces of the legs, and of the body if there is one."""
+from cmacexp.typing import Status
 
 
-@lru_cache(64)
-def _select(
-    joints: int, models: int, altered: frozenset[str], watched: bool, is_body: bool, is_live: bool
-) -> Columns:
-    """Columns of legs with so many joints, for so many of which there is the torque of a model."""
-    table = LEG_SIGNALS if joints == len(PLANE) else (*LEG_SIGNALS, *SPATIAL_SIGNALS)
-    legs = select_signals((*table, *MODEL_SIGNALS[:models]), altered, watched)
-    body = (*BODY_SIGNALS, *LIVE_SIGNALS) if is_live else BODY_SIGNALS
-    return legs, select_signals(body, altered) if is_body else None
+class Recorder:
+    """Follows a run, cycle by cycle: its metrics, and the traces of its last cycles, which show why it stopped."""
+
+    def __init__(self, scenario: Scenario):
+        self.scenario = scenario
+        self.scorer = RunScorer(scenario.setup.config.steps_per_cycle)
+        self._last = deque[Trace](maxlen=2)  # the last one may be short
+
+    def add(self, trace: Trace) -> Drift | None:
+        """Take the next cycles; returns the first drift if it is in them."""
+        self._last.append(trace)
+        return self.scorer.add(trace)
+
+    def finish(self) -> Scores:
+        """Add to the cause of a fall or a divergence what was seen before it; returns the metrics."""
+        end = self.scenario.end
+        end.cause += explain_stop(self.scenario, self._last, self.scorer.drift)
+        return self.scorer.scores
 
 
-def _columns(scenario: Scenario) -> Columns:
-    """Columns of the traces; sensors that alter a signal, or are supervised, add some."""
-    mechanism, watched = scenario.setup.mechanism, scenario.setup.config.plausibility.enabled
-    joints, altered = mechanism.shape[1], frozenset(find_altered(scenario.sensors))
-    models = 0 if _known_torque(scenario) is None else joints
-    return _select(joints, models, altered, watched, has_body(mechanism), hasattr(scenario.plant, "list_steps"))
+def score_run(scenario: Scenario) -> Scores:
+    """Run a new scenario and write nothing; returns its metrics, ``scenario.end`` says how it ended."""
+    recorder = Recorder(scenario)
+    for trace in run_cycles(scenario):
+        recorder.add(trace)
+    return recorder.finish()
 
 
-def _known_torque(scenario: Scenario) -> Array | None:
-    """Torque (N, L, J) of a model that a built-in feedforward learns on top of, N m."""
-    feedforward = scenario.feedforward
-    return feedforward.model_torque if isinstance(feedforward, BuiltInFeedforward) else None
-
-
-def _list_sampled(scenario: Scenario, columns: Columns, samples: Samples) -> Sampled:
-    """What was sampled, and what its trace needs besides."""
-    plan, config, legs = scenario.setup.plan, scenario.setup.config, samples.columns()
-    period, start = config.sampling_period, samples.start
-    body = None
-    if columns[1] is not None:
-        moves, sampled = scenario.first.travel is not None, samples.body_columns() | samples.live
-        body = Trace(assemble_body(scenario.setup, sampled, legs, moves, start, columns[1]))
-    controller, steered = scenario.controller, False
-    if isinstance(controller, HybridController | DriveController) and scenario.fault is None:
-        steered = controller.params.steering is not None
-    return Sampled(plan, legs, period, start, columns[0], _known_torque(scenario), steered, body, samples.memory)
-
-
-@exits_caught()
-def sample_scenario(
-    scenario: Scenario,
-    keep: Callable[[Sampled], None],
-    watch: Callable[[float], None] = lambda cycles: None,
-) -> End:
-    """Run a new scenario and write nothing; ``keep`` is called with what is sampled of some cycles at a time."""
-    columns = _columns(scenario)
-    return stream(scenario, lambda samples: keep(_list_sampled(scenario, columns, samples)), watch)
-
-
-def score_scenario(
-    scenario: Scenario,
-    keep: Callable[[SampledTrace], None] = lambda trace: None,
-    watch: Callable[[float], None] = lambda cycles: None,
-    warn: Callable[[Drift], None] = lambda drift: None,
-    machines: int = 1,
-) -> tuple[End, RunScorer]:
-    """:func:`sample_scenario`, with what has the metrics; ``watch`` and ``warn`` as by :func:`run_scenario`.
-
-    The legs of the scenario are those of so many ``machines``.
-    """
-    scorer = RunScorer(scenario.setup.config.steps_per_cycle, machines)
-
-    def take(sampled: Sampled) -> None:
-        known, trace = scorer.drift, assemble(sampled)
-        keep(trace)
-        scorer.add(trace)
-        if known is None and scorer.drift is not None:
-            warn(scorer.drift)
-
-    return sample_scenario(scenario, take, watch), scorer
+def describe_scores(scores: Scores) -> manifests.Manifest:
+    """Describe metrics that have no files: the first drift, and in place of files the hashes of their values."""
+    tables = {METRICS_FILE: scores.legs} | ({} if scores.body is None else {BODY_METRICS_FILE: scores.body})
+    files = {}
+    for name, table in tables.items():
+        values = np.column_stack([as_array(table, column) for column in table.column_names])
+        files[name] = hashlib.sha256(values.tobytes()).hexdigest()
+    return {"drift": make_drift_entry(scores.legs), "files": files}
 
 
 def _roll_out(
     scenario: Scenario, folder: Path, watch: Callable[[float], None], warn: Callable[[Drift], None]
-) -> tuple[End, Scores, list[str]]:
-    """Run, and write traces and memory; how the run ended, its metrics, and the names of the files."""
-    columns, record = _columns(scenario), scenario.setup.config.record
-    last = deque[Trace](maxlen=2)  # the last one may be short
+) -> tuple[Scores, list[str]]:
+    """Run, and write traces and memory; returns the metrics, and the names of the files."""
+    columns, record = select_columns(scenario), scenario.setup.config.record
+    recorder = Recorder(scenario)
     with trace_writer(folder, record, *columns) as writer:
-
-        def keep(trace: Trace) -> None:
+        for trace in run_cycles(scenario, watch):
             writer.write(trace)
-            last.append(trace)
-
-        end, scorer = score_scenario(scenario, keep, watch, warn)
-        writer.finish(end.status == Status.COMPLETED)
-    end = replace(end, cause=end.cause + explain_stop(scenario, end, last, scorer.drift))
+            if (drift := recorder.add(trace)) is not None:
+                warn(drift)
+        writer.finish(scenario.end.status == Status.COMPLETED)
+    scores = recorder.finish()
     if not record.trace:
-        return end, scorer.scores, []
-    names = [TRACE_FILE, BODY_FILE] if columns[1] else [TRACE_FILE]
-    if scorer.memory:
-        write_table(concat_traces(scorer.memory).table, folder / MEMORY_FILE)
+        return scores, []
+    names = [TRACE_FILE, BODY_FILE] if columns.body else [TRACE_FILE]
+    if recorder.scorer.memory:
+        write_table(concat_traces(recorder.scorer.memory).table, folder / MEMORY_FILE)
         names.append(MEMORY_FILE)
-    return end, scorer.scores, names
+    return scores, names
 
 
 @exits_caught()
@@ -190,8 +141,8 @@ def run_scenario(
     They take the place of an earlier run at the end; a run that diverged, failed or was interrupted keeps its results
     up to there. One that failed or was interrupted stands beside an earlier one with a result, as NAME.failed or
     NAME.interrupted. ``prepared`` is the scenario if it is already made. ``watch`` is called with the number of
-    cycles done so far, see :func:`cmacexp.loop.stream`, ``warn`` once a drift is detected. ``record`` is Hydra's own,
-    texts by file name. ``overrides`` are those that the config comes from, None if it came whole. A result that is
+    cycles done so far, see :func:`cmacexp.loop.run_cycles`, ``warn`` once a drift is detected. ``record`` is Hydra's
+    own, texts by file name. ``overrides`` are those that the config comes from, None if it came whole. A result that is
     not ``durable`` may be lost in a power failure: a sweep that is resumed runs such a job again.
 
     Raises BadInput, with nothing simulated or written, if the machine cannot follow the plan, or the folder
@@ -218,26 +169,22 @@ def run_scenario(
     return run
 
 
-def describe_run(scenario: Scenario, end: End) -> manifests.Manifest:
-    """The manifest of a run that has ended, without what its metrics and its files add."""
-    config, controller, feedforward = scenario.setup.config, scenario.controller, scenario.feedforward
+def describe_run(scenario: Scenario) -> manifests.Manifest:
+    """Describe a run that has ended: its manifest, without what its metrics and its files add."""
+    end, config, controller, feedforward = (
+        scenario.end,
+        scenario.setup.config,
+        scenario.controller,
+        scenario.feedforward,
+    )
     # External components may use these names for something else.
     dropped = controller.dropped if isinstance(controller, HybridController) else {}
     memory = feedforward.memory if isinstance(feedforward, BuiltInFeedforward) else ()
     entries: dict[str, Any] = {
-        "steps": end.steps,
-        "guard": to_plain([*end.events]),
+        **to_plain(end.list_entries()),
         "dropped": [{"leg": leg, "step": step} for leg, step in dropped.items()],
         "memory": to_plain([*memory]),
-        **compute_hashes(config, *(getattr(scenario, group) for group in COMPONENTS)),
-        "learning_lead": end.estimates[-1].lead if end.estimates else scenario.setup.lead,
-        "learning_rate": end.rate,
-        "lead_estimates": to_plain(end.estimates),
-        "carried": [
-            {"cycle": cycle, "measured_weight": weight, **load._asdict()} for cycle, load, weight in end.load_history
-        ],
-        "rollout_seconds": end.seconds,
-        "processor_seconds": end.processor_seconds,
+        **compute_hashes(config, *(vars(scenario)[group] for group in COMPONENTS)),
     }
     mechanism = scenario.setup.mechanism
     if mechanism.chains is not None and isinstance(config.machine, RobotMachine):  # for views of its trace
@@ -253,11 +200,14 @@ def describe_run(scenario: Scenario, end: End) -> manifests.Manifest:
                 described = plant.describe()
             entries["plant"] = json.loads(json.dumps(described))
         except Exception as raised:
-            cause = f"after step {end.steps}: {type(plant).__name__}.describe: {describe_failure(raised)}"
-            end = end if end.error else replace(end, status=Status.FAILED, cause=cause, error=raised)
+            if end.error is None:
+                entries["cause"] = (
+                    f"after step {end.steps}: {type(plant).__name__}.describe: {describe_failure(raised)}"
+                )
+                entries["status"], end.error = str(Status.FAILED), raised
     if end.error is not None and not isinstance(end.error, BadOutput | MemoryError):
         entries["traceback"] = format_user_traceback(end.error)
-    return manifests.make_manifest(to_plain(config), end.status, end.cause, **entries)
+    return manifests.make_manifest(to_plain(config), **entries)
 
 
 def _write(
@@ -265,13 +215,16 @@ def _write(
 ) -> tuple[manifests.Manifest, Scores]:
     """Run, and write everything but the manifest, which is returned, with the metrics."""
     config, folder = scenario.setup.config, writer.part
-    end, scores, names = _roll_out(scenario, folder, watch, warn)
+    scores, names = _roll_out(scenario, folder, watch, warn)
     names += write_scores(folder, scores, config.record.trace)
-    manifest = describe_run(scenario, end)
+    manifest = describe_run(scenario)
     try:
         _write_extras(scenario, writer, manifest, names)
     except Exception as error:  # of a disk that is full, or of a component: what is listed is whole
-        manifest |= {"status": str(Status.FAILED), "cause": f"after step {end.steps}: {describe_failure(error)}"}
+        manifest |= {
+            "status": str(Status.FAILED),
+            "cause": f"after step {scenario.end.steps}: {describe_failure(error)}",
+        }
         if not isinstance(error, OSError | BadOutput | MemoryError):
             manifest["traceback"] = format_user_traceback(error)
     manifest["drift"] = make_drift_entry(scores.legs)

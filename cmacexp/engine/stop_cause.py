@@ -6,7 +6,6 @@ import numpy as np
 
 from cmacexp.data.records import Drift
 from cmacexp.data.trace import Trace, concat_traces
-from cmacexp.loop.run import End
 from cmacexp.loop.scenario import Scenario
 from cmacexp.plants.protocol import is_live
 from cmacexp.typing import Status
@@ -19,13 +18,14 @@ MOST = 3
 """Legs or joints that are named, of those to which the same happened."""
 
 
-def explain_stop(scenario: Scenario, end: End, traces: Sequence[Trace], drift: Drift | None) -> str:
-    """What the end of a run that fell or diverged shows, to follow its cause; empty if that is nothing.
+def explain_stop(scenario: Scenario, traces: Sequence[Trace], drift: Drift | None) -> str:
+    """Explain the end of a run that fell or diverged, to follow its cause; empty if nothing was seen.
 
     ``traces`` are those of the last steps at least, ``drift`` is that of learning. It reports what was
     seen, which need not be why: torques at their limit, a foot that carries nothing where it should, a drift of
     learning; and whether learning can be the cause at all.
     """
+    end = scenario.end
     if end.status not in (Status.FELL, Status.DIVERGED) or not end.steps:
         return ""
     setup, trace = scenario.setup, concat_traces(traces)

@@ -31,7 +31,6 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.files import full_disk_named, sha256, write_atomically
 from cmacexp.data.folder import SETTINGS, TABLE, TABLE_CSV, collection, make_sweep_manifest
 from cmacexp.data.tables import METRICS_FILE, as_array, select_rows, write_table
-from cmacexp.engine.equal_results import find_idle_keys
 from cmacexp.engine.job_store import (
     FINGERPRINT,
     HASHES,
@@ -48,11 +47,11 @@ from cmacexp.engine.pool import (
     ParallelMap,
     choose_size,
     count_processes,
-    group_runs,
     iterate_here,
     start_workers,
 )
 from cmacexp.engine.sweep_tables import collect_settings, read_settings, select_run_overrides, tabulate_settings
+from cmacexp.engine.without_effect import join_idle
 from cmacexp.errors import BadInput, CmacexpError, require
 from cmacexp.jit.interrupt import is_interrupt
 from cmacexp.terminal.messages import describe_resume, print_next, print_runs, warn_of_models, warn_of_other_mode
@@ -211,9 +210,9 @@ class Sweep:
         ends = ", ".join(f"{count} {end}" for end, count in counts.items())
         print_line(f"{counts.total()} job{'s' * (counts.total() > 1)}: {ends}")
         results = [run for run in runs if run.outcome.is_result]
-        settings, names = collect_settings(run.settings for run in results), [run.folder.name for run in results]
-        for kind, text in find_idle_keys(settings, [run.read("result") for run in results], names, "jobs"):
-            print_line(f"{kind}: {text}", error=True)
+        settings = collect_settings(run.settings for run in results)
+        for text in join_idle(settings, [run.idle for run in results]):
+            print_line(f"warning: {text}", error=True)
         for run in failed[:MAX_LISTED_FAILURES]:
             print_line(f"  {run.folder.name} {run.outcome.status}: {run.outcome.cause}", error=True)
         if len(failed) > MAX_LISTED_FAILURES:
@@ -272,9 +271,10 @@ class Sweep:
             hashes = tuple(map(run.read, HASHES)) if run is not None and run.outcome.is_result else ()
             alike[template].append(JobItem(list(overrides), values, number, self.places[number], hashes))
         items = [
-            (packed, self.folder.absolute(), self.name, [own[index] for index in chunk], len(self.planned))
+            (packed, self.folder.absolute(), self.name, own[start : start + size], len(self.planned))
             for (packed, together), own in alike.items()
-            for chunk in group_runs([item.values for item in own], self.size if together else 1)
+            for size in [self.size if together else 1]
+            for start in range(0, len(own), size)
         ]
         items.sort(key=lambda item: item[3][0].number)
         for text, is_error in chain.from_iterable(self.parallel_map("sweep", _run_jobs, items, len(batch))):
@@ -368,7 +368,7 @@ def write_tables(folder: Path, runs: Sequence[JobRun], status: str, sweep: str) 
     settings = collect_settings(run.settings for run in runs)
     for place, (name, column) in enumerate(tabulate_settings(settings).items(), 3):
         jobs = jobs.add_column(place, name, column)
-    swept = jobs.drop_columns([*HASHES, "result", "bad_input", FINGERPRINT, "manifest"]).combine_chunks()
+    swept = jobs.drop_columns([*HASHES, "idle", "bad_input", FINGERPRINT, "manifest"]).combine_chunks()
     is_lean = "" in jobs[FINGERPRINT].to_pylist()
     tables = {TABLE: swept, manifests.RUNS_FILE: jobs, METRICS_FILE: metrics}
     with full_disk_named(folder):

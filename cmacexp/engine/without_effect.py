@@ -6,7 +6,7 @@ plant, sensors, controller and feedforward.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -75,11 +75,56 @@ def _leaves(key: str, value: Any) -> Iterator[str]:
 
 def list_idle_overrides(config: Config, overrides: Sequence[str], composed: DictConfig) -> list[str]:
     """A line for each override of a single run that has no effect; none if the config has ``warn: false``."""
-    typed = list(read_keys(overrides)) if config.warn else []
-    found, unresolved = dict[str, str](), str(OmegaConf.to_container(composed, resolve=False))
-    for i, (key, text) in enumerate(typed):
-        later = next((other for again, other in typed[i + 1 :] if again == key), None)
-        reason = f"{later} comes after it" if later else explain_idle(config, key, strength_needs(key))
-        if reason and (later or f"${{{key}}}" not in unresolved):  # else it has an effect where it is interpolated
-            found[text] = reason
-    return [f"{format_value(text)} has no effect: {reason}" for text, reason in found.items()]
+    idle = _find_idle(config, overrides, lambda: composed) if config.warn else {}
+    return [f"{format_value(text)} has no effect: {reason}" for text, reason in idle.items()]
+
+
+def _find_idle(config: Config, overrides: Sequence[str], compose: Callable[[], DictConfig]) -> dict[str, str]:
+    """Find the overrides without effect, each with the reason; ``compose`` gives the config with interpolations."""
+    idle = dict[str, str]()
+    keys = list(read_keys(overrides))
+    for i, (key, text) in enumerate(keys):
+        later = next((other for again, other in keys[i + 1 :] if again == key), None)
+        if later:
+            idle[text] = f"{later} comes after it"
+        elif reason := explain_idle(config, key, strength_needs(key)):
+            unresolved = str(OmegaConf.to_container(compose(), resolve=False))
+            if f"${{{key}}}" not in unresolved:  # else it has an effect where it is interpolated
+                idle[text] = reason
+    return idle
+
+
+class IdleKeys:
+    """Keys without effect in some of many runs, which one process makes one after the other.
+
+    A key that had an effect in one run is not looked at again: only one without effect in all runs is reported.
+    """
+
+    def __init__(self) -> None:
+        self._effective = set[str]()
+
+    def find(self, config: Config, overrides: Sequence[str], compose: Callable[[], DictConfig]) -> dict[str, str]:
+        """Find the keys that have no effect in a run, each with the reason; ``compose`` as Hydra does it."""
+        unknown = [text for text in overrides if read_key(text) not in self._effective]
+        if not unknown or not config.warn:
+            return {}
+        idle = {read_key(text): reason for text, reason in _find_idle(config, unknown, compose).items()}
+        self._effective.update({*map(read_key, unknown)} - idle.keys())
+        return idle
+
+
+def read_key(override: str) -> str:
+    """Read the key of an override."""
+    return override.lstrip("+").partition("=")[0]
+
+
+def join_idle(settings: Mapping[str, Sequence[Any]], idle: Sequence[Mapping[str, str]]) -> Iterator[str]:
+    """A line for each key without effect in all of many runs that set it.
+
+    ``settings`` are the values of the runs by key, None where a run does not set it; ``idle`` has a result of
+    :meth:`IdleKeys.find` for each run.
+    """
+    for key, values in settings.items():
+        reasons = [of_run.get(key) for value, of_run in zip(values, idle, strict=True) if value is not None]
+        if reasons and all(reasons):
+            yield f"{key} has no effect: {reasons[0]}"

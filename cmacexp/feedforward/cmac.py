@@ -1,6 +1,5 @@
 """One CMAC per leg as a feedforward; it learns all of the torque, or what a model of the machine lacks."""
 
-from collections import deque
 from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -12,7 +11,7 @@ from cmacexp.cmac.network import Cmac, find_visited, memory_use
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.jit.compiler import workload
-from cmacexp.planning.plan import Setup, recall
+from cmacexp.planning.plan import Setup
 from cmacexp.typing import Array, Weights
 
 
@@ -24,9 +23,6 @@ class _Path(NamedTuple):
     """(N, L, C): of the active cells; None if all are 1."""
     visited: list[Any]
     """Cells that the path of each leg visits, see :func:`find_visited`."""
-
-
-_paths = deque[Any](maxlen=16)
 
 
 def _follow(setup: Setup, inputs: Sequence[Array]) -> _Path:
@@ -52,7 +48,9 @@ class CmacFeedforward(BuiltInFeedforward):
         self.seed = config.seed if learnt is None else int(learnt["seed"])
         known = [own.tobytes() for own in inputs], setup.mechanism.shape, config.cmac
         with workload(len(inputs) * len(inputs[0])):  # one run does not repay compiling, many do
-            path: _Path = _follow(setup, inputs) if learnt else recall(_paths, known, partial(_follow, setup, inputs))
+            path: _Path = (
+                _follow(setup, inputs) if learnt else setup.recall.get(known, partial(_follow, setup, inputs))
+            )
             self.cmacs = [cmac.reseed(self.seed) for cmac in path.cmacs]
             for i, cmac in enumerate(self.cmacs):
                 if learnt is not None and cmac.visited is not None:

@@ -1,5 +1,5 @@
-"""The closed loop: plan x sensors x controller x plant, at the sampling period."""
+"""The closed loop: a scenario, and the run of it, cycle by cycle."""
 
-from cmacexp.loop.run import End, Samples, stream
+from cmacexp.loop.run import run_cycles
 
-__all__ = ["End", "Samples", "stream"]
+__all__ = ["run_cycles"]

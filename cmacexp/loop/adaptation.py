@@ -6,6 +6,7 @@ import math
 import numpy as np
 
 from cmacexp.control.load_meter import LoadMeter, read_meter
+from cmacexp.data.records import CarriedLoad
 from cmacexp.errors import BadInput, require
 from cmacexp.loop.state import list_arrays
 from cmacexp.planning.plan import NOTHING, LoadEstimate, Plan, Setup, adapt_plan
@@ -33,9 +34,8 @@ class Adaptation:
         """``begun``: a cycle has ended. The first one starts from rest, which moves the centre of the load."""
         self.measured = 0.0
         """All that the feet carried in the cycle that has ended, N."""
-        self.load_history: list[tuple[int, LoadEstimate, float]] = []
-        """First cycles, from 1, of what the plan uses, its weight that of the whole load, N; and the load that was
-        measured in the cycle before, N, of whose difference the plan takes only a part."""
+        self.carried: list[CarriedLoad] = []
+        """What the plan used, its weight that of the whole load."""
 
     def reset(self) -> None:
         """Return to the start of the run, of which nothing is known."""
@@ -43,7 +43,7 @@ class Adaptation:
             self._follow(self.nominal)
         self.known = self.new = NOTHING
         self.begun = False
-        self.load_history.clear()
+        self.carried.clear()
 
     def _follow(self, plan: Plan) -> None:
         """Let the arrays of the plan of the run be those of another."""
@@ -81,5 +81,5 @@ class Adaptation:
             self.new = self.known
             return
         self.known = self.new
-        weight = float(self.nominal.load.force.mean()) + self.new.weight
-        self.load_history.append((cycle, self.new._replace(weight=weight), self.measured))
+        whole = self.new._replace(weight=float(self.nominal.load.force.mean()) + self.new.weight)
+        self.carried.append(CarriedLoad(cycle=cycle, measured_weight=self.measured, **whole._asdict()))

@@ -189,7 +189,7 @@ class Driver:
 
     def __init__(self, scenario: Scenario, guard: Guard | None = None):
         external = find_external(scenario)
-        self.loop = loop = scenario.loop or make_loop(scenario, external, guard)
+        self.loop = loop = make_loop(scenario, external, guard)
         self.components = ExternalComponents(scenario, loop, external) if any(external) else None
         self.hooks = Hooks() if self.components is None else self.components.make_hooks()
         if guard is not None:
@@ -197,8 +197,7 @@ class Driver:
         self.taken, (legs, joints) = 0, loop.torques.total.shape
         """Steps whose torque the plant has taken, also when a component raised."""
         self.state = view_state(loop.plant_state)
-        if scenario.loop is None:  # else it runs again, or its first run compiles
-            self.run(*make_samples(1, legs, False, joints), steps=0)
+        self.run(*make_samples(1, legs, False, joints), steps=0)
 
     @property
     def divergence(self) -> str:

@@ -2,16 +2,16 @@
 
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from operator import itemgetter
-from typing import NamedTuple
 
 import numpy as np
 
 from cmacexp.config.schema import ESTIMATE
-from cmacexp.data.records import GuardEvent, LeadEstimate
+from cmacexp.data.records import LeadEstimate
 from cmacexp.data.signals import ARRAYS, FEEDBACK_ALONE, LEARNS, LIVE_SIGNALS, REPEATED
+from cmacexp.data.trace import Trace
 from cmacexp.errors import describe_failure
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.compiler import repays_compiling, workload
@@ -20,14 +20,14 @@ from cmacexp.loop.adaptation import Adaptation
 from cmacexp.loop.builtin import make_guard
 from cmacexp.loop.driver import Driver
 from cmacexp.loop.probe import estimate_lead
-from cmacexp.loop.samples import ALL_SAMPLES, TRAVEL, WIDE_BODY_SAMPLES, make_samples, name_samples
+from cmacexp.loop.samples import ALL_SAMPLES, TRAVEL, make_samples
 from cmacexp.loop.scenario import Scenario, resolve_rate
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop
+from cmacexp.loop.trace import make_trace, select_columns
 from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.mechanism import POINT_MASS
-from cmacexp.planning.plan import LoadEstimate
 from cmacexp.plants.mujoco_plant import MujocoPlant
-from cmacexp.plants.protocol import come_to_rest, is_live
+from cmacexp.plants.protocol import come_to_rest, is_live, lists_steps
 from cmacexp.sensors.protocol import find_altered
 from cmacexp.typing import Array, Status
 
@@ -46,61 +46,13 @@ JOINTS = (*ARRAYS["q"], *ARRAYS["dq"])
 """Signals that are undefined for a point mass, measured or not."""
 
 
-class Samples(NamedTuple):
-    """Samples of some steps of a closed loop, whole cycles unless the run ends in them."""
-
-    start: int
-    legs: Array
-    """(columns, steps, L), in the order of :mod:`cmacexp.loop.samples`."""
-    body: Array
-    """(columns, steps), likewise."""
-    memory: dict[str, Array] | None
-    """Columns of ``memory.parquet``, (cycles, L) by name; None without weights."""
-    live: dict[str, Array]
-    """LIVE_SIGNALS, (steps,) by name; empty of a plant that does not list them."""
-
-    def columns(self) -> dict[str, Array]:
-        """Samples of the legs, (steps, L) by column name, in the units of :func:`cmacexp.data.signals.list_units`."""
-        return name_samples(self.legs)
-
-    def body_columns(self) -> dict[str, Array]:
-        """Samples of the body, (steps,) by column name, in the units of :func:`cmacexp.data.signals.list_units`."""
-        return name_samples(self.body, WIDE_BODY_SAMPLES)
-
-
-@dataclass
-class End:
-    """How a closed loop ended; while it runs, as if it ended now."""
-
-    steps: int
-    status: str
-    """``completed``, ``diverged``, ``fell``, ``interrupted`` or ``failed``."""
-    cause: str
-    """Why it did not complete: step, time and cause; empty if it did."""
-    rate: float
-    """Rate of learning at the end."""
-    error: Exception | None = None
-    """What a component raised."""
-    seconds: float = 0.0
-    """Wall time of the closed loop alone, without compiling."""
-    processor_seconds: float = 0.0
-    """Processor time of the same."""
-    events: Sequence[GuardEvent] = ()
-    """What the guard of learning did."""
-    estimates: list[LeadEstimate] = field(default_factory=list)
-    """Estimates of the lead, by ``learning.lead=estimate``."""
-    load_history: Sequence[tuple[int, LoadEstimate, float]] = ()
-    """What the plan uses of the load from a cycle on, and what the feet carried in the one before, N, by
-    ``force_control.load_sharing=adaptive``."""
-
-
 def _samples_measured(scenario: Scenario) -> bool:
     """Whether sensors, or their supervision, add columns to the samples."""
     return scenario.setup.config.plausibility.enabled or bool(find_altered(scenario.sensors) - {"force"})
 
 
-class _Stream:
-    """A scenario under way, with arrays for the samples of some cycles; arguments as of :func:`stream`."""
+class _Cycles:
+    """A scenario under way, with arrays for the samples of some cycles; arguments as of :func:`run_cycles`."""
 
     def __init__(self, scenario: Scenario, on_progress: Callable[[float], None]):
         setup = scenario.setup
@@ -126,14 +78,15 @@ class _Stream:
             self.samples.fill(0.0)  # else the system would find memory for them while the machine moves
         names = ALL_SAMPLES[: len(self.samples)]
         self.joints = [i for i, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
-        self.end = End(0, Status.COMPLETED, "", setup.rate)
+        self.columns = select_columns(scenario)
+        self.end = scenario.end
         if self.guard is not None:
-            self.end.events = self.guard.events
+            self.end.guard = self.guard.events
         if self.adaptation is not None:
-            self.end.load_history = self.adaptation.load_history
+            self.end.carried = self.adaptation.carried
 
     @property
-    def runs(self) -> bool:
+    def is_running(self) -> bool:
         """Whether steps are left and nothing has ended the run."""
         steps = self.config.cycles * self.config.steps_per_cycle
         return self.end.status == Status.COMPLETED and self.driver.taken < steps
@@ -166,7 +119,7 @@ class _Stream:
             end.status, end.cause = Status.INTERRUPTED, f"after step {driver.taken}"
         except Exception as raised:
             self.fail("", raised)
-        end.seconds += time.perf_counter() - began
+        end.rollout_seconds += time.perf_counter() - began
         end.processor_seconds += time.process_time() - worked
         end.steps = driver.taken
         return start
@@ -207,40 +160,48 @@ class _Stream:
         learning = params.learning
         on_drives = getattr(self.scenario.controller, "sends_drives", False)
         lead = estimate_lead(guard.probe.state, on_drives) or learning.lead
-        if end.estimates and not on_drives:  # too short a lead does harm more often than one that is too long
+        if end.lead_estimates and not on_drives:  # too short a lead does harm more often than one that is too long
             lead = max(lead, learning.lead + 1)
-        end.rate = resolve_rate(self.config, LoopDelay(lead - 1), lead)
+        rate = resolve_rate(self.config, LoopDelay(lead - 1), lead)
         if on_drives:
-            end.rate *= 0.5 ** len(end.estimates)
+            rate *= 0.5 ** len(end.lead_estimates)
+        end.learning_rate, end.learning_lead = rate, lead
         guard.learns_again = True
         learning = learning._replace(
             lead=lead,
-            rate=np.full_like(learning.rate, end.rate),
-            cycle_rate=float(learning.cycle_rate * end.rate / learning.rate[0]),
+            rate=np.full_like(learning.rate, rate),
+            cycle_rate=float(learning.cycle_rate * rate / learning.rate[0]),
             start_step=self.driver.taken,
         )
         self.driver.loop = self.driver.loop._replace(feedforward=params._replace(learning=learning))
-        end.estimates.append(LeadEstimate(self.driver.taken // self.config.steps_per_cycle + 1, lead))
+        end.lead_estimates.append(LeadEstimate(self.driver.taken // self.config.steps_per_cycle + 1, lead))
 
-    def collect(self, start: int) -> Samples:
-        """The samples since step ``start``, which nothing changes from here on."""
-        done = self.driver.taken - start
+    def collect(self, start: int) -> Trace:
+        """Make the trace of the steps since ``start``, which nothing changes from here on."""
+        steps = self.driver.taken - start
         if self.point_mass:
             self.samples[self.joints] = np.nan
-        memory, feedforward = None, self.scenario.feedforward
-        if isinstance(feedforward, BuiltInFeedforward):
-            memory = feedforward.collect_memory(-(-done // self.config.steps_per_cycle))
-            if memory is not None:
-                memory["guard"] = self._guard_states(start, memory["rows"].shape)
-        legs, body = self.samples[:, :done], self.body[:, :done]
-        if self.runs:  # which fills them again
+        legs, body = self.samples[:, :steps], self.body[:, :steps]
+        if self.is_running:  # and fills them again
             legs, body = legs.copy(), body.copy()
-        return Samples(start, legs, body, memory, self._list_live(start))
+        return make_trace(
+            self.scenario, self.columns, start, legs, body, self._collect_memory(start), self._list_live(start)
+        )
+
+    def _collect_memory(self, start: int) -> dict[str, Array] | None:
+        """Collect the signals of networks since step ``start``, (cycles, L) by name; None without weights."""
+        feedforward, steps = self.scenario.feedforward, self.driver.taken - start
+        if not isinstance(feedforward, BuiltInFeedforward):
+            return None
+        memory = feedforward.collect_memory(-(-steps // self.config.steps_per_cycle))
+        if memory is not None:
+            memory["guard"] = self._guard_states(start, memory["rows"].shape)
+        return memory
 
     def _list_live(self, start: int) -> dict[str, Array]:
-        """LIVE_SIGNALS of the steps since ``start`` if the plant lists them, (steps,) each; NaN if that fails."""
+        """List LIVE_SIGNALS of the steps since ``start`` if the plant has them, (steps,) each; NaN if that fails."""
         plant, steps = self.scenario.plant, self.driver.taken - start
-        if not hasattr(plant, "list_steps"):
+        if not lists_steps(plant):
             return {}
         columns = {signal.name: np.full(steps, np.nan) for signal in LIVE_SIGNALS}
         try:
@@ -253,57 +214,79 @@ class _Stream:
         return columns
 
     def _guard_states(self, start: int, shape: tuple[int, int]) -> Array:
-        """States of the guard of learning at the end of the cycles from step ``start`` on; ``shape`` (cycles, L)."""
+        """List states of the guard of learning at the end of the cycles from step ``start`` on, as ``shape``.
+
+        That is (cycles, L).
+        """
         cycles, states = start // self.config.steps_per_cycle + 1 + np.arange(shape[0]), np.zeros(shape)
-        changes = [(estimate.cycle, LEARNS) for estimate in self.end.estimates]
-        changes += [(event.cycle, REPEATED if event.restored else FEEDBACK_ALONE) for event in self.end.events]
+        changes = [(estimate.cycle, LEARNS) for estimate in self.end.lead_estimates]
+        changes += [(event.cycle, REPEATED if event.restored else FEEDBACK_ALONE) for event in self.end.guard]
         for cycle, state in sorted(changes, key=itemgetter(0)):
             states[cycles >= cycle] = state
         return states
 
 
-def stream(
-    scenario: Scenario,
-    keep: Callable[[Samples], None],
-    on_progress: Callable[[float], None] = lambda cycles: None,
-) -> End:
-    """Run a scenario, whose components are reset, some cycles at a time; raises CmacexpError if it has run before.
+def _trace_nothing(scenario: Scenario) -> Trace:
+    """Make the trace of a run that takes no step, since a component raised when it was reset."""
+    legs, joints = scenario.setup.mechanism.shape
+    none = dict.fromkeys((signal.name for signal in LIVE_SIGNALS), np.empty(0))
+    samples, body = make_samples(0, legs, _samples_measured(scenario), joints)
+    return make_trace(scenario, select_columns(scenario), 0, samples, body, None, none)
 
-    ``keep`` is called with the samples of these cycles, which it may keep; ``on_progress`` several times a second
-    with the number of cycles done so far.
 
-    Returns how it ended; samples are kept up to there, whether it diverged, failed or was interrupted.
+def run_cycles(scenario: Scenario, on_progress: Callable[[float], None] = lambda cycles: None) -> Iterator[Trace]:
+    """Run a scenario, whose components are reset, some cycles at a time.
+
+    Args:
+        scenario: it must not have run before.
+        on_progress: called several times a second with the number of cycles done so far.
+
+    Yields:
+        The trace of the next cycles; the last one may be short. ``scenario.end`` says how the run ended, whether it
+        completed, diverged, failed or was interrupted; of a machine that is not simulated nothing is yielded before.
+
+    Raises:
+        CmacexpError: the scenario has run before.
     """
     scenario.begin()
     if scenario.fault is not None:
-        legs, joints = scenario.setup.mechanism.shape
-        none = dict.fromkeys((signal.name for signal in LIVE_SIGNALS), np.empty(0))
-        keep(Samples(0, *make_samples(0, legs, _samples_measured(scenario), joints), None, none))
-        cause = f"before the first step: {describe_failure(scenario.fault)}"
-        return End(0, Status.FAILED, cause, scenario.setup.rate, scenario.fault)
-    config = scenario.setup.config
-    leg_steps = math.inf if is_live(scenario.plant) else config.cycles * config.steps_per_cycle * config.legs
-    later: list[Samples] = []  # of a machine that must not wait for the files
-    take = later.append if is_live(scenario.plant) else keep
+        scenario.end.status, scenario.end.error = Status.FAILED, scenario.fault
+        scenario.end.cause = f"before the first step: {describe_failure(scenario.fault)}"
+        yield _trace_nothing(scenario)
+        return
+    is_simulated = not is_live(scenario.plant)
+    traces: list[Trace] = []  # of a machine that must not wait for the files
     status: str = Status.FAILED
     fault: Exception | None = None
-    with workload(leg_steps), interrupt_held_back():  # until the next call of the driver
+    try:
+        with _at_work(scenario):
+            cycles = _Cycles(scenario, on_progress)
+            start = cycles.advance()
+        while cycles.is_running:
+            trace = cycles.collect(start)
+            if is_simulated:
+                yield trace
+            else:
+                traces.append(trace)
+            with _at_work(scenario):
+                start = cycles.advance()
+        status = scenario.end.status
+    finally:
         try:
-            run = _Stream(scenario, on_progress)
-            start = run.advance()
-            while run.runs:
-                take(run.collect(start))
-                start = run.advance()
-            status = run.end.status
-        finally:
-            try:
-                come_to_rest(scenario.plant, status)
-            except Exception as raised:
-                fault = raised
-        if fault is not None:
-            run.fail("end_run, ", fault)
-        if start == 0 or run.driver.taken > start:
-            take(run.collect(start))
-        for samples in later:
-            keep(samples)
-    return run.end
+            come_to_rest(scenario.plant, status)
+        except Exception as raised:
+            fault = raised
+    if fault is not None:
+        cycles.fail("end_run, ", fault)
+    yield from traces
+    if start == 0 or cycles.driver.taken > start:
+        yield cycles.collect(start)
+
+
+@contextmanager
+def _at_work(scenario: Scenario) -> Iterator[None]:
+    """Run steps of a scenario: what it calls is compiled if that repays it; an interrupt waits for the next call."""
+    config = scenario.setup.config
+    leg_steps = math.inf if is_live(scenario.plant) else config.cycles * config.steps_per_cycle * config.legs
+    with workload(leg_steps), interrupt_held_back(), exits_caught():
+        yield

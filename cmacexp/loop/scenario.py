@@ -17,13 +17,13 @@ from cmacexp.config.machine import PointMassMachine, RobotMachine
 from cmacexp.config.schema import AUTO, NONE
 from cmacexp.control.controllers import HybridController
 from cmacexp.control.protocol import Controller
+from cmacexp.data.records import RunEnd
 from cmacexp.data.weights import read_weights
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_install_command, require
 from cmacexp.feedforward.protocol import Feedforward, Learns
 from cmacexp.jit.compiler import workload
 from cmacexp.jit.interrupt import exits_caught
 from cmacexp.loop.margin import check_margin
-from cmacexp.loop.step import Loop
 from cmacexp.loop.validation import (
     SIGNAL_NAMES,
     copy_measurement,
@@ -33,12 +33,12 @@ from cmacexp.loop.validation import (
     require_finite_state,
 )
 from cmacexp.models.loop_delay import LoopDelay, add_delays
-from cmacexp.planning import Plan, Setup, make_plan
+from cmacexp.planning import Plan, Recall, Setup, make_plan
 from cmacexp.planning.machine import check_load_sharing, make_mechanism
 from cmacexp.plants import AnalyticPlant, Measurement, Plant
 from cmacexp.plants.protocol import RobotSignals, new_instruments, new_measurement
 from cmacexp.sensors import Sensors
-from cmacexp.typing import Array, Weights
+from cmacexp.typing import Array, Status, Weights
 
 PROTOCOLS = {"plant": Plant, "sensors": Sensors, "controller": Controller, "feedforward": Feedforward}
 
@@ -129,11 +129,14 @@ class Scenario:
     """Raised by a component when it was reset: the run fails before its first step."""
     warning: str = ""
     """Says that feedback bears little delay beyond what is counted; empty if it bears more."""
-    loop: Loop | None = None
-    """Loop of its components, if it is made already, see :class:`cmacexp.loop.repeated.Repeated`."""
+    end: RunEnd = field(init=False)
+    """How the run ended; before it has, as if it ended now."""
     kept: dict[int, Weights] = field(default_factory=dict, init=False)
     """Weights of an external feedforward at the end of the best cycle, by its number, and at the start, by 0."""
     used: bool = field(default=False, init=False)
+
+    def __post_init__(self) -> None:
+        self.end = RunEnd(Status.COMPLETED, learning_lead=self.setup.lead, learning_rate=self.setup.rate)
 
     def begin(self) -> None:
         """Note that the run begins; raises CmacexpError if it has run: components hold their last states."""
@@ -255,11 +258,14 @@ def _make_components(config: Config, given: dict[str, Any]) -> dict[str, Any]:
 
 
 @exits_caught()  # of what is asked of components besides
-def make_scenario(config: Config, learnt: Weights | None = None, **given: Any) -> Scenario:
+def make_scenario(
+    config: Config, learnt: Weights | None = None, recall: Recall | None = None, **given: Any
+) -> Scenario:
     """Plan the run, make its components, but for those that are ``given`` by the key of their group, and reset them.
 
-    The feedforward starts from what is ``learnt``; None: from ``learning.start_from``, if that names a run. Raises
-    BadInput if a component cannot be made, there are no weights to start from, or the machine cannot follow the plan.
+    The feedforward starts from what is ``learnt``; None: from ``learning.start_from``, if that names a run.
+    ``recall`` has what earlier runs computed. Raises BadInput if a component cannot be made, there are no weights to
+    start from, or the machine cannot follow the plan.
     """
     with workload(config.cycles * config.steps_per_cycle * config.legs):
         find_rule(config.learning.rule)  # also if no feedforward uses it
@@ -267,7 +273,8 @@ def make_scenario(config: Config, learnt: Weights | None = None, **given: Any) -
         check_memory(config)
         mechanism, components = make_mechanism(config.machine), _make_components(config, given)
         sensors, controller = components["sensors"], components["controller"]
-        plan = make_plan(config.nominal, mechanism, components["feedforward"].acts)
+        recall = recall or Recall()
+        plan = make_plan(config.nominal, mechanism, components["feedforward"].acts, recall)
         loop_delay = count_loop_delay(config, sensors)
         lead = resolve_lead(config, loop_delay, controller)
         warning = ""
@@ -275,7 +282,7 @@ def make_scenario(config: Config, learnt: Weights | None = None, **given: Any) -
             warning = check_margin(config, controller.config, loop_delay)
         known = read_weights(config) if learnt is None else learnt
         rate = resolve_rate(config, loop_delay, lead)
-        setup = Setup(config, mechanism, plan, _start(config, plan), known, lead, rate)
+        setup = Setup(config, mechanism, plan, _start(config, plan), known, lead, rate, recall)
         first, fault = new_measurement(*mechanism.shape), None
         try:
             first = _reset(setup, components)

@@ -1,6 +1,6 @@
-"""From the plan and the samples of the loop to the tables of a run."""
+"""From the plan and the samples of the loop to the trace of a run: columns, legs, body, memory."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,129 +8,172 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from cmacexp.config.machine import QuadrupedMachine, RobotMachine
+from cmacexp.control import DriveController, HybridController
 from cmacexp.data.signals import (
     ARRAYS,
     BODY_SIGNALS,
     LEG_SIGNALS,
+    LIVE_SIGNALS,
     MEMORY_SIGNALS,
     MODEL_SIGNALS,
+    PHASES,
+    SPATIAL_SIGNALS,
     TRUE_MARGINS,
     Signal,
     make_schema,
     select_signals,
 )
-from cmacexp.data.tables import arrow
-from cmacexp.data.trace import SampledTrace, Trace
+from cmacexp.data.tables import arrow, arrow_strings
+from cmacexp.data.trace import Trace
+from cmacexp.feedforward.network import BuiltInFeedforward
+from cmacexp.loop.samples import WIDE_BODY_SAMPLES, name_samples
+from cmacexp.loop.scenario import Scenario
+from cmacexp.models.mechanism import PLANE, has_body
 from cmacexp.planning.machine import find_centres
-from cmacexp.planning.plan import Plan, Setup
+from cmacexp.planning.plan import Setup
 from cmacexp.planning.reference import X, Y, Z
 from cmacexp.planning.stability import FRONT, REAR, STABILITY, Masses, true_margins
 from cmacexp.plants.as_built import make_payload
+from cmacexp.plants.protocol import lists_steps
+from cmacexp.sensors.protocol import find_altered
 from cmacexp.typing import Array
 
 
-class Sampled(NamedTuple):
-    """What was sampled of a run, or of a part of it, and what its trace needs besides."""
+class TraceColumns(NamedTuple):
+    """Columns of the traces of a run."""
 
-    plan: Plan
-    """Plan of a cycle."""
-    samples: dict[str, Array]
-    """Samples of what is not planned, (steps, L) by column name."""
-    sampling_period: float
-    """s."""
-    start: int = 0
-    """Its first step."""
-    columns: Sequence[Signal] = select_signals(LEG_SIGNALS)
-    model: Array | None = None
-    """(N, L, J): torque of a model that the feedforward learns on top of, if any, N m."""
-    steered: bool = False
-    """Whether the controller keeps a course: feet should then be where its reference is."""
-    body: Trace | None = None
-    memory: dict[str, Array] | None = None
-    """Signals of networks, (cycles, L) by column name."""
+    legs: tuple[Signal, ...]
+    body: tuple[Signal, ...] | None
+    """None without a body."""
 
 
-def assemble(sampled: Sampled) -> SampledTrace:
-    """The trace of a run, or of a part of it."""
-    plan, samples, sampling_period, start, columns, model, steered, body, memory = sampled
-    steps, legs = samples["x"].shape
-    period = plan.support.shape[0]
+def select_columns(scenario: Scenario) -> TraceColumns:
+    """Select the columns of the traces of a run; sensors that alter a signal, or are supervised, add some."""
+    mechanism = scenario.setup.mechanism
+    altered = find_altered(scenario.sensors)
+    legs = LEG_SIGNALS if mechanism.shape[1] == len(PLANE) else (*LEG_SIGNALS, *SPATIAL_SIGNALS)
+    if _find_model_torque(scenario) is not None:
+        legs = (*legs, *MODEL_SIGNALS[: mechanism.shape[1]])
+    columns = select_signals(legs, altered, scenario.setup.config.plausibility.enabled)
+    if not has_body(mechanism):
+        return TraceColumns(columns, None)
+    body = (*BODY_SIGNALS, *LIVE_SIGNALS) if lists_steps(scenario.plant) else BODY_SIGNALS
+    return TraceColumns(columns, select_signals(body, altered))
+
+
+def _find_model_torque(scenario: Scenario) -> Array | None:
+    """Find the torque (N, L, J), N m, of a model that a built-in feedforward learns on top of, if any."""
+    feedforward = scenario.feedforward
+    return feedforward.model_torque if isinstance(feedforward, BuiltInFeedforward) else None
+
+
+def _keeps_course(scenario: Scenario) -> bool:
+    """Check whether the controller keeps a course: feet should then be where its reference is."""
+    controller = scenario.controller
+    if scenario.fault is not None or not isinstance(controller, HybridController | DriveController):
+        return False
+    return controller.params.steering is not None
+
+
+def make_trace(
+    scenario: Scenario,
+    columns: TraceColumns,
+    start: int,
+    samples: Array,
+    body_samples: Array,
+    memory: Mapping[str, Array] | None = None,
+    live: Mapping[str, Array] | None = None,
+) -> Trace:
+    """Make the trace of the steps of a run from step ``start`` on.
+
+    Args:
+        scenario: what runs.
+        columns: of :func:`select_columns`.
+        start: first step.
+        samples: of the legs (columns, K, L), as :mod:`cmacexp.loop.samples` orders them.
+        body_samples: of the body (columns, K).
+        memory: signals of networks at the end of each cycle, (cycles, L) by name.
+        live: LIVE_SIGNALS of a machine that is not simulated, (K,) by name.
+    """
+    setup = scenario.setup
+    legs = name_samples(samples)
+    body = None
+    if columns.body is not None:
+        named = name_samples(body_samples, WIDE_BODY_SAMPLES) | dict(live or {})
+        body = Trace(_make_body_table(setup, columns.body, start, named, legs, scenario.first.travel is not None))
+    planned = _list_planned(setup, start, samples.shape[1])
+    if _keeps_course(scenario):
+        planned |= {f"{axis}_desired": legs[f"{axis}_reference"] for axis in "xz"}
+    if (torque := _find_model_torque(scenario)) is not None:
+        acting = planned["step"] >= setup.plan.start_step
+        sample = planned["step"][:, 0] % len(torque)
+        for joint, signal in enumerate(MODEL_SIGNALS[: torque.shape[2]]):
+            planned[signal.name] = np.where(acting, torque[sample, :, joint], 0.0)
+    cycles = None
+    if memory is not None:
+        cycles = _make_memory_trace(memory, start // setup.config.steps_per_cycle + 1)
+    return Trace(_make_table(columns.legs, {**legs, **planned}, samples.shape[1:]), body, cycles)
+
+
+def _make_table(columns: Sequence[Signal], values: Mapping[str, NDArray[Any]], shape: tuple[int, ...]) -> pa.Table:
+    """Make a table from values by name, which broadcast to ``shape``; ``phase`` is whether it is support."""
+    arrays = []
+    for signal in columns:
+        column = np.broadcast_to(values[signal.name], shape).ravel()
+        if signal.name == "phase":
+            arrays.append(pa.DictionaryArray.from_arrays(arrow(column, pa.int8()), arrow_strings(PHASES)))
+        else:
+            arrays.append(arrow(column, signal.type))
+    return pa.Table.from_arrays(arrays, schema=make_schema(columns))
+
+
+def _list_planned(setup: Setup, start: int, steps: int) -> dict[str, NDArray[Any]]:
+    """List the signals that are known before the run, by name, which broadcast to (steps, L)."""
+    plan, config = setup.plan, setup.config
     step = np.arange(start, start + steps, dtype=np.int32)[:, None]
-    sample = step[:, 0] % period
+    sample = step[:, 0] % config.steps_per_cycle
     foot = plan.desired.position.take(sample, 0)  # which takes an eighth of the time of an index
-    known = {
+    planned: dict[str, NDArray[Any]] = {
         "step": step,
-        "time": step * sampling_period,
-        "cycle": step // period + 1,
-        "leg": np.arange(1, legs + 1, dtype=np.int32),
+        "time": step * config.sampling_period,
+        "cycle": step // config.steps_per_cycle + 1,
+        "leg": np.arange(1, foot.shape[1] + 1, dtype=np.int32),
+        "phase": plan.support.take(sample, 0),
         "progress": plan.progress.take(sample, 0),
         "x_desired": foot[..., X],
         "y_desired": foot[..., Y],
         "force_desired": plan.force_desired.take(sample, 0),
     }
     if foot.shape[2] > Z:
-        known["z_desired"], angle = foot[..., Z], plan.joints.position.take(sample, 0)
-        known |= {f"q{joint + 1}_desired": angle[..., joint] for joint in range(angle.shape[2])}
-    if steered:
-        known |= {f"{axis}_desired": samples[f"{axis}_reference"] for axis in "xz"}
-    if model is not None:
-        acting = step >= plan.start_step
-        for joint in range(model.shape[2]):
-            known[MODEL_SIGNALS[joint].name] = np.where(acting, model[sample, :, joint], 0.0)
-    own = None if memory is None else assemble_memory(memory, start // period + 1)
-    return SampledTrace({**samples, **known}, columns, (steps, legs), plan.support.take(sample, 0), body, own)
+        angle = plan.joints.position.take(sample, 0)
+        planned["z_desired"] = foot[..., Z]
+        planned |= {f"q{joint + 1}_desired": angle[..., joint] for joint in range(angle.shape[2])}
+    return planned
 
 
-def _put_beside(arrays: Iterable[NDArray[Any]]) -> NDArray[Any]:
-    """Arrays (N, L, ...) of runs as one with the legs of all of them."""
-    return np.concatenate(list(arrays), axis=1)
-
-
-def join_runs(runs: Sequence[Sampled]) -> Sampled:
-    """Whole runs as one, with the legs of all side by side, and without bodies.
-
-    They must have equally many steps, of the same phases, and the same columns.
-    """
-    first, plans = runs[0], [run.plan for run in runs]
-    plan = first.plan._replace(
-        support=_put_beside(plan.support for plan in plans),
-        progress=_put_beside(plan.progress for plan in plans),
-        desired=first.plan.desired._replace(position=_put_beside(plan.desired.position for plan in plans)),
-        joints=first.plan.joints._replace(position=_put_beside(plan.joints.position for plan in plans)),
-        force_desired=_put_beside(plan.force_desired for plan in plans),
-    )
-    # Transposed: of runs of one leg the steps of each stay in one piece.
-    samples = {name: np.concatenate([run.samples[name].T for run in runs]).T for name in first.samples}
-    model = None if first.model is None else _put_beside(run.model for run in runs if run.model is not None)
-    memories = [run.memory for run in runs if run.memory is not None]
-    memory = {name: _put_beside(own[name] for own in memories) for name in memories[0]} if memories else None
-    return first._replace(plan=plan, samples=samples, model=model, body=None, memory=memory)
-
-
-def assemble_body(
+def _make_body_table(
     setup: Setup,
-    samples: dict[str, Array],
-    legs: dict[str, Array],
-    moves: bool,
-    start: int = 0,
-    columns: Sequence[Signal] = select_signals(BODY_SIGNALS),
+    columns: Sequence[Signal],
+    start: int,
+    samples: Mapping[str, Array],
+    legs: Mapping[str, Array],
+    is_moved: bool,
 ) -> pa.Table:
-    """The trace of a body, or of a part of it, one row per step, from samples (steps,) by column name.
+    """Make the table of a body, one row a step, from ``samples`` (K,) and those of the ``legs`` (K, L) by name.
 
-    Legs are (steps, L), as for :func:`assemble`; they load the body where the plant ``moves`` it, else its weight
-    acts at its centre.
+    The legs load the body where the plant moves it (``is_moved``), else its weight acts at its centre.
     """
     config, force = setup.config, legs["force"]
     step = np.arange(start, start + len(force), dtype=np.int32)
     planned = setup.plan.margins[step % config.steps_per_cycle]
     payload = make_payload(config.payload, config.sampling_period)
-    body_mass = config.machine.body_mass if moves and isinstance(config.machine, QuadrupedMachine) else None
+    body_mass = config.machine.body_mass if is_moved and isinstance(config.machine, QuadrupedMachine) else None
     centre = None
     if isinstance(config.machine, RobotMachine):
         centre = find_centres(config.machine, np.stack([legs[name] for name in ARRAYS["q"]], axis=2))
     masses = Masses(setup.mechanism, body_mass, payload.load, step >= payload.start, centre)
-    true = true_margins(masses, legs, samples)
-    known = {
+    margins = true_margins(masses, dict(legs), dict(samples))
+    values = {
         **samples,
         "step": step,
         "time": step * config.sampling_period,
@@ -139,13 +182,13 @@ def assemble_body(
         "margin_front": planned[:, FRONT],
         "margin_rear": planned[:, REAR],
         "supporting_legs": ((force > 0.0) << np.arange(force.shape[1])).sum(axis=1),
-        **dict(zip(TRUE_MARGINS, true.T, strict=True)),
+        **dict(zip(TRUE_MARGINS, margins.T, strict=True)),
     }
-    return pa.Table.from_arrays([arrow(known[c.name], c.type) for c in columns], schema=make_schema(columns))
+    return _make_table(columns, values, step.shape)
 
 
-def assemble_memory(memory: dict[str, Array], first_cycle: int) -> SampledTrace:
-    """The memory of networks, columns (cycles, L) by name from ``first_cycle``, as rows of one cycle and leg each."""
+def _make_memory_trace(memory: Mapping[str, Array], first_cycle: int) -> Trace:
+    """Make the trace of the memory of networks, (cycles, L) by name from ``first_cycle``: a row a cycle and leg."""
     cycles, legs = next(iter(memory.values())).shape
-    numbers = {"cycle": np.arange(first_cycle, first_cycle + cycles)[:, None], "leg": np.arange(1, legs + 1)}
-    return SampledTrace(memory | numbers, MEMORY_SIGNALS, (cycles, legs))
+    index = {"cycle": np.arange(first_cycle, first_cycle + cycles)[:, None], "leg": np.arange(1, legs + 1)}
+    return Trace(_make_table(MEMORY_SIGNALS, {**memory, **index}, (cycles, legs)))

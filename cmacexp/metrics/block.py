@@ -61,8 +61,6 @@ class Block:
     """(cycles, L, N, J): J^T F_d, N m, where the trace has it apart."""
     joint_error: Array | None = None
     """(cycles, L, N, J): q - q_desired, rad; None where the trace has no planned angles."""
-    machines: int = 1
-    """Machines to which these legs belong, equally many to each, one after the other."""
 
     @cached_property
     def transfer(self) -> Mask:
@@ -117,11 +115,10 @@ class Block:
         return np.where(began & whole, 1.0, np.nan)
 
 
-def split_cycles(trace: Trace, steps_per_cycle: int, before: Block | None = None, machines: int = 1) -> Block:
+def split_cycles(trace: Trace, steps_per_cycle: int, before: Block | None = None) -> Block:
     """Cut the trace of a run, or of a part of it, into cycles of N steps; the last may be short.
 
-    Several ``machines`` are side by side in it. The part ``before`` has the rhythm of the run; None: this is the
-    first part.
+    The part ``before`` has the rhythm of the run; None: this is the first part.
     """
 
     def fold(name: str) -> NDArray[Any]:
@@ -160,7 +157,6 @@ def split_cycles(trace: Trace, steps_per_cycle: int, before: Block | None = None
         before=before.feedback[-1] if before else None,
         force_torque=force_torque,
         joint_error=joints("q{}") - joints("q{}_desired") if in_space else None,
-        machines=machines,
     )
 
 
@@ -169,14 +165,12 @@ def three_feet(block: Block) -> Mask:
 
     The length of an interval follows from the progress of the legs, even if it straddles cycles or the run stops.
     """
-    cycles, legs, steps = block.support.shape
-    if legs < 3 * block.machines:
+    if block.support.shape[1] < 3:
         return np.zeros_like(block.valid)
-    by_machine = (cycles, block.machines, legs // block.machines, steps)
     samples = np.where(block.support, block.rhythm.support_samples, block.rhythm.transfer_samples)
     progress = np.where(block.valid, block.progress, 0.0)
-    done = np.rint(progress * samples).reshape(by_machine).min(axis=2)
-    left = np.rint((1.0 - progress) * samples).reshape(by_machine).min(axis=2)
+    done = np.rint(progress * samples).min(axis=1)
+    left = np.rint((1.0 - progress) * samples).min(axis=1)
     quarter = (done + left) // 4
-    middle = (block.support.reshape(by_machine).sum(axis=2) == 3) & (done >= quarter) & (left > quarter)
-    return block.valid & np.repeat(middle, by_machine[2], axis=1)
+    is_middle = (block.support.sum(axis=1) == 3) & (done >= quarter) & (left > quarter)
+    return block.valid & is_middle[:, None]

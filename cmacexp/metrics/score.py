@@ -1,10 +1,7 @@
 """The metrics of a run, one row per cycle and leg, from its tables, which may come in parts."""
 
-from typing import Any
-
 import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 
 from cmacexp.data.records import Drift
 from cmacexp.data.run import Run
@@ -23,13 +20,12 @@ from cmacexp.typing import Array
 class RunScorer:
     """The metrics of a run whose tables come in parts: of some cycles each, the last of the run may be short."""
 
-    def __init__(self, steps_per_cycle: int, machines: int = 1):
-        """Several ``machines`` are whole runs whose legs are side by side; their bodies are not scored."""
-        self.steps_per_cycle, self.machines = steps_per_cycle, machines
+    def __init__(self, steps_per_cycle: int):
+        self.steps_per_cycle = steps_per_cycle
         self._block: Block | None = None
         self._parts: list[dict[str, Array]] = []
         self.memory: list[Trace] = []
-        """Weights at the end of cycles (:func:`cmacexp.loop.trace.assemble_memory`)."""
+        """Weights at the end of cycles (``memory.parquet``)."""
         self._body: list[pa.Table] = []
         self._detector: DriftDetector | None = None
 
@@ -38,11 +34,12 @@ class RunScorer:
         """The first drift so far, as known when it was detected."""
         return self._detector.first if self._detector else None
 
-    def add(self, trace: Trace) -> None:
-        """Score the next cycles, with their memory and the body."""
-        self._block = block = split_cycles(trace, self.steps_per_cycle, self._block, self.machines)
-        known = OF_A_CYCLE if block.joint_error is None else {**OF_A_CYCLE, **SPATIAL}
-        part = {name: metric.compute(block) for name, metric in known.items()}
+    def add(self, trace: Trace) -> Drift | None:
+        """Score the next cycles, with their memory and the body; returns the first drift if it is in these cycles."""
+        known = self.drift
+        self._block = block = split_cycles(trace, self.steps_per_cycle, self._block)
+        metrics = OF_A_CYCLE if block.joint_error is None else {**OF_A_CYCLE, **SPATIAL}
+        part = {name: metric.compute(block) for name, metric in metrics.items()}
         feedback = part["feedback_rms"]
         self._detector = self._detector or DriftDetector(feedback.shape[1])
         part["feedback_growth"], part["drift_cycle"] = self._detector.add(feedback)
@@ -52,28 +49,23 @@ class RunScorer:
             self._body.append(compute_body(trace.body, self.steps_per_cycle, done + 1))
         if trace.memory is not None:
             self.memory.append(trace.memory)
+        return None if known else self.drift
 
     @property
     def scores(self) -> Scores:
-        """The metrics of all cycles so far; undefined is NaN. Those of several machines follow one another."""
+        """The metrics of all cycles so far; undefined is NaN."""
         values = {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
         cycles, legs = next(iter(values.values())).shape
         values |= {name: metric.compute(values) for name, metric in LEARNING.items()}
         memory = join_memory(self.memory, cycles, legs)
         values |= {name: metric.compute(memory) for name, metric in MEMORY_METRICS.items()}
-        shape = (cycles, self.machines, legs // self.machines)
-
-        def by_machine(of: NDArray[Any]) -> NDArray[Any]:
-            """Values (cycles, legs) machine by machine, then cycle by cycle."""
-            return np.broadcast_to(of, (cycles, legs)).reshape(shape).swapaxes(0, 1).ravel()
-
         index = {
-            "cycle": by_machine(np.arange(1, cycles + 1)[:, None]),
-            "leg": by_machine(np.tile(np.arange(1, shape[2] + 1), self.machines)),
+            "cycle": np.repeat(np.arange(1, cycles + 1), legs),
+            "leg": np.tile(np.arange(1, legs + 1), cycles),
         }
         body = pa.concat_tables(self._body).combine_chunks() if self._body else None
         columns = {**LEG_METRICS, **SPATIAL} if SPATIAL.keys() <= values.keys() else LEG_METRICS
-        return Scores(to_table(index, {name: by_machine(of) for name, of in values.items()}, columns), body)
+        return Scores(to_table(index, values, columns), body)
 
 
 def score_traces(run: Run) -> Scores:

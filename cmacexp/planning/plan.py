@@ -6,7 +6,7 @@ A :class:`Setup` holds it with all else that components know at the start of a r
 import copy
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,34 +101,15 @@ class _Walk(NamedTuple):
     """(N, 3): of the plan, before the body sways."""
 
 
-_walks, _plans = deque[Any](maxlen=4), deque[Any](maxlen=16)
-
-
-def recall(recent: deque[Any], known: Any, make: Callable[[], Any]) -> Any:
-    """What was made ``recent``ly of what equals ``known``, else what ``make`` makes of it now.
-
-    Many of the runs of a sweep share it, so nothing may change it.
-    """
-    found = next((made for other, made in recent if other == known), None)
-    if found is None:
-        found = make()
-        recent.appendleft((known, found))
-    return found
-
-
 def _start_walk(config: Config, mechanism: Mechanism) -> _Walk:
-    """A walk without sway, which follows from machine and gait alone; raises BadInput if it is not stable."""
-
-    def start() -> _Walk:
-        timing = make_timing(config.gait, config.steps_per_cycle)
-        feet, forward = np.zeros((*timing.support.shape, 2)), plan_horizontal(config, timing)
-        feet[..., 0] = forward.position
-        feet, still = feet + mechanism.hips, Motion(*np.zeros((3, len(feet), 2)))
-        return _Walk(config, mechanism, timing, forward, feet, still, margins(feet, timing.support))
-
-    known = config.sampling_period, config.gait, config.machine
-    walk: _Walk = recall(_walks, known, start)
-    return walk._replace(config=config, mechanism=mechanism)
+    """Start a walk without sway, which follows from machine and gait alone."""
+    timing = make_timing(config.gait, config.steps_per_cycle)
+    forward = plan_horizontal(config, timing)
+    feet = np.zeros((*timing.support.shape, 2))
+    feet[..., 0] = forward.position
+    feet += mechanism.hips
+    still = Motion(*np.zeros((3, len(feet), 2)))
+    return _Walk(config, mechanism, timing, forward, feet, still, margins(feet, timing.support))
 
 
 def _sway(walk: _Walk, load: BodyLoad) -> _Walk:
@@ -175,19 +156,42 @@ def _moving_load(walk: _Walk, desired: Motion, joints: Motion) -> BodyLoad:
 
 
 _READ = ("terrain", "gait", "controller", "force_control", "sampling_period", "reference", "machine")
-_UNREAD: dict[str, Any] = {field.name: None for field in fields(Config) if field.name not in _READ}
+_UNREAD: dict[str, Any] = {each.name: None for each in fields(Config) if each.name not in _READ}
 """Fields of a config that a plan does not follow from."""
+MOST_RECALLED = 32
+"""Results that a :class:`Recall` keeps."""
 
 
-def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> Plan:
+class Recall:
+    """Results that many runs share, by the inputs that they follow from; nothing may change them.
+
+    Whoever makes many runs, one after the other, keeps it, and hands it to each of them.
+    """
+
+    def __init__(self) -> None:
+        self._results = deque[tuple[Any, Any]](maxlen=MOST_RECALLED)
+
+    def get(self, inputs: Any, compute: Callable[[], Any]) -> Any:
+        """Return the result for ``inputs``, as recalled or as ``compute`` gives it now."""
+        result = next((result for other, result in self._results if other == inputs), None)
+        if result is None:
+            result = compute()
+            self._results.appendleft((inputs, result))
+        return result
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Recall":
+        return Recall()
+
+
+def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool, recall: Recall | None = None) -> Plan:
     """Plan one cycle of a config, whose machine is given as ``mechanism``, too.
 
     Without a feedforward that acts it stays in the stage BEFORE. Raises BadInput if a foot path leaves the reach of
     its leg, or the gait is neither statically stable nor one in which a swaying body keeps its balance.
     """
+    read = [vars(config)[name] for name in _READ]
+    plan: Plan = (recall or Recall()).get(read, lambda: _make_plan(replace(config, **_UNREAD), mechanism))
     start = (config.first_learning - 1) * config.steps_per_cycle if feedforward_acts else NEVER
-    known = [getattr(config, name) for name in _READ]
-    plan: Plan = recall(_plans, known, lambda: _make_plan(replace(config, **_UNREAD), mechanism))
     return copy.deepcopy(plan)._replace(start_step=start)  # a run, or its user, may change its own
 
 
@@ -262,6 +266,8 @@ class Setup:
     """``learning.lead`` in samples: feedback trains the cells of so many samples before the last one."""
     rate: float = 0.0
     """``learning.rate``, beta."""
+    recall: Recall = field(default_factory=Recall)
+    """What earlier runs computed."""
 
 
 class Reference(NamedTuple):

@@ -177,6 +177,11 @@ def is_live(plant: Any) -> bool:
     return hasattr(plant, "end_run")
 
 
+def lists_steps(plant: Any) -> bool:
+    """Check whether a plant gives LIVE_SIGNALS: it has a ``list_steps(start, stop)``."""
+    return hasattr(plant, "list_steps")
+
+
 def come_to_rest(plant: Any, status: str) -> None:
     """Let a plant that is not simulated come to rest.
 

@@ -18,7 +18,7 @@ from cmacexp.config.component import custom_code_hash
 from cmacexp.config.compose import compose_config
 from cmacexp.data.files import write_atomically
 from cmacexp.engine.pool import ParallelMap
-from cmacexp.engine.run import score_scenario
+from cmacexp.engine.run import score_run
 from cmacexp.errors import BadInput, describe_failure
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import exits_caught
@@ -85,17 +85,17 @@ def run_stage(machine: Machine, overrides: Sequence[str], learnt: Weights | None
     kept: Weights = {}
     try:
         scenario = make_scenario(compose_config(overrides), learnt)
-        end, scorer = score_scenario(scenario)
+        scores, end = score_run(scenario), scenario.end
         if end.status == "interrupted":
             raise KeyboardInterrupt
         keep = next(
             (part.learnt for part in (scenario.controller, scenario.feedforward) if hasattr(part, "learnt")), dict
         )
         kept = exits_caught()(keep)() if end.status == COMPLETED else kept
-        if end.events and scenario.kept:  # an external method: the guard returned to what it knew in the best cycle
-            kept = scenario.kept.get(end.events[-1].restored, kept)
+        if end.guard and scenario.kept:  # an external method: the guard returned to what it knew in the best cycle
+            kept = scenario.kept.get(end.guard[-1].restored, kept)
         status, cause, seconds = end.status, end.cause, end.processor_seconds / max(1, end.steps)
-        metrics = pool_legs(scorer.scores)
+        metrics = pool_legs(scores)
     except Exception as error:
         status, cause = REFUSED if isinstance(error, BadInput) else FAILED, describe_failure(error)
     completed, axes = status == COMPLETED, [metrics[name] for name in AXES if name in metrics]

@@ -164,7 +164,7 @@ def test_jobs_leave_folders_of_earlier_jobs_and_of_others_alone(made, swept):
 
 def test_a_sweep_that_is_interrupted_keeps_the_tables_of_one_that_was_not(swept, monkeypatch):
     before = {name: (swept / name).read_bytes() for name in (RUNS, METRICS, TABLE, "manifest.json")}
-    monkeypatch.setattr("cmacexp.engine.job._run_item", interrupt_from(1))
+    monkeypatch.setattr("cmacexp.engine.job.JobRunner.run_item", interrupt_from(1))
     done = sweep(*JOBS, "cycles=2", "record=metrics", folder=swept.parent)
     assert done.returncode == 130
     assert "keeps the tables of its earlier sweep" in done.stderr
@@ -177,11 +177,13 @@ def test_a_sweep_that_is_interrupted_keeps_the_tables_of_one_that_was_not(swept,
 
 def interrupt_from(number):
     """Run jobs up to one, and raise an interrupt there."""
-    from cmacexp.engine.job import _run_item
+    from cmacexp.engine.job import JobRunner
 
-    def run_item(template, root, item, *rest):
+    original = JobRunner.run_item
+
+    def run_item(runner, template, root, item, *rest):
         if item.number == number:
             raise KeyboardInterrupt
-        return _run_item(template, root, item, *rest)
+        return original(runner, template, root, item, *rest)
 
     return run_item

@@ -6,11 +6,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from support.doors import Trace, compose_config, make_scenario
+from support.doors import RunEnd, Trace, compose_config, make_scenario
 
 import cmacexp
 from cmacexp.engine.stop_cause import MOST, explain_stop
-from cmacexp.loop import End
 
 WALK = ("scenario=quadruped", "actuator.torque_limit=10", "gait.cycle_time=1.5")
 
@@ -33,9 +32,8 @@ def ended(fallen):
             np.where(at_limit, -6.0, 0.0),
         )
         changed = Trace(pa.Table.from_pandas(rows, schema=table.schema, preserve_index=False))
-        return explain_stop(
-            scenario, End(steps, status, "", 0.1), [changed.select(slice(38)), changed.select(slice(38, None))], drift
-        )
+        scenario.end = RunEnd(status, steps=steps)
+        return explain_stop(scenario, [changed.select(slice(38)), changed.select(slice(38, None))], drift)
 
     return explain
 

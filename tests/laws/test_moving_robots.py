@@ -31,9 +31,7 @@ def test_a_trot_is_walked_as_planned():
 
 
 def test_feet_tell_a_load_and_where_it_is():
-    carried = roll(EXACT, *TWO, "cycles=8", "payload.weight=15", "payload.x=0.01", "payload.y=-0.005").load_history[
-        -1
-    ][1]
+    carried = roll(EXACT, *TWO, "cycles=8", "payload.weight=15", "payload.x=0.01", "payload.y=-0.005").carried[-1]
     weight = make_mechanism(compose_config(OWN_ROBOT).machine).weight
     assert carried.weight == pytest.approx(weight + 15, rel=0.01)
     assert_allclose([carried.x, carried.y], np.array([0.01, -0.005]) * 15 / (weight + 15), atol=5e-4)
@@ -43,8 +41,9 @@ def test_the_plan_takes_a_third_of_the_change_of_the_load_that_its_feet_measured
     """With a cycle of 1 s, over 2 s."""
     run = roll(EXACT, *TWO[:-1], "cycles=5", "payload.weight=15", "payload.time=2")
     force, before = run.columns()["force"].sum(axis=1).reshape(5, -1).mean(axis=1), None
-    for cycle, used, measured in run.load_history:
-        assert measured == pytest.approx(force[cycle - 2], rel=1e-9)
+    for used in run.carried:
+        measured = used.measured_weight
+        assert measured == pytest.approx(force[used.cycle - 2], rel=1e-9)
         assert used.weight == pytest.approx(measured if before is None else before + (measured - before) / 3.0)
         before = used.weight
     assert measured - before > 2.0
@@ -53,9 +52,9 @@ def test_the_plan_takes_a_third_of_the_change_of_the_load_that_its_feet_measured
 def test_feet_tell_the_slope_and_then_press_as_desired():
     sloped = ("terrain.slope=0.04", "terrain.slope_start=-1", "cycles=10", *TWO[:-1])
     adapted, fixed = (roll(EXACT, *sloped, f"force_control.load_sharing={how}") for how in ("adaptive", "dynamic"))
-    slope = adapted.load_history[-1][1]
+    slope = adapted.carried[-1]
     assert [slope.slope_x, slope.slope_y] == pytest.approx([0.04, 0.0], abs=2e-3)
-    assert not fixed.load_history
+    assert not fixed.carried
     errors = []
     for run in (adapted, fixed):
         last = run.columns()["force"][-len(run.plan.support) :]

@@ -7,7 +7,7 @@ from support.rollout import roll_out
 
 import cmacexp
 from cmacexp.loop.probe import CYCLES, SHARE, LeadProbe, estimate_lead
-from cmacexp.loop.run import _Stream
+from cmacexp.loop.run import _Cycles
 
 ESTIMATED = ("scenario=one_leg", "learning=lasting", "learning.lead=estimate", "warn=false")
 QUICK = (*ESTIMATED, "gait.cycle_time=0.4", "gait.lift=0.01", "gait.stroke=0.1", f"cycles={CYCLES + 4}")
@@ -28,7 +28,7 @@ LEARNS, REPEATED = 0.0, 1.0
 def test_the_lead_is_the_samples_from_a_torque_to_the_feedback_and_sets_the_rate(make_config, late, lead):
     run = roll_out(make_scenario(make_config(*QUICK, *late)))
     auto = roll_out(make_scenario(make_config(*QUICK, *late, "learning.lead=auto", "cycles=1")))
-    assert [vars(each) for each in run.estimates] == [{"cycle": CYCLES + 3, "lead": lead}]
+    assert [vars(each) for each in run.lead_estimates] == [{"cycle": CYCLES + 3, "lead": lead}]
     assert run.rate == auto.rate
 
 
@@ -68,13 +68,13 @@ def test_after_a_retreat_it_learns_again_with_a_longer_lead_from_the_best_cycle(
 @pytest.mark.parametrize(("on_drives", "longer", "share"), [(False, 1, 1 / 3), (True, 0, 1 / 2)])
 def test_another_estimate_lengthens_the_lead_and_on_drives_halves_the_rate(make_config, on_drives, longer, share):
     scenario = make_scenario(make_config(*QUICK))
-    stream = _Stream(scenario, lambda cycles: None)
-    stream.advance()
-    rate, scenario.controller.sends_drives = stream.end.rate, on_drives
-    stream.guard.probe.cycles_left = 1  # as if it had been repeated, with the same response
-    stream._apply_estimate()
-    first, second = stream.end.estimates
-    assert (second.lead - first.lead, stream.end.rate / rate) == (longer, pytest.approx(share))
+    cycles = _Cycles(scenario, lambda cycles: None)
+    cycles.advance()
+    rate, scenario.controller.sends_drives = cycles.end.learning_rate, on_drives
+    cycles.guard.probe.cycles_left = 1  # as if it had been repeated, with the same response
+    cycles._apply_estimate()
+    first, second = cycles.end.lead_estimates
+    assert (second.lead - first.lead, cycles.end.learning_rate / rate) == (longer, pytest.approx(share))
 
 
 def test_a_response_that_chance_could_give_is_no_estimate():

@@ -110,7 +110,7 @@ CASES = {
 def test_external_components_equal_built_in_ones_to_the_bit(make_config, case):
     run = run_both(make_config(*CASES[case]))
     assert run.status == "diverged" or case != "diverging"
-    assert bool(run.events) == (case == "guarded")
+    assert bool(run.guard) == (case == "guarded")
 
 
 IN_CI = ("a walk that learns", "sensors of one leg")

@@ -9,11 +9,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from support.command import call
-from support.doors import compose_config, make_scenario
+from support.doors import compose_config, interrupt_held_back, make_scenario
 
 import cmacexp
 from cmacexp.loop import run as rollouts
-from cmacexp.loop import stream
+from cmacexp.loop import run_cycles
 from cmacexp.plants import AnalyticPlant
 
 SAMPLES, CYCLES = 300, 3
@@ -70,15 +70,14 @@ def test_cut_or_thinned_a_run_leaves_the_rows_asked_for_the_last_of_a_fall_and_a
 
 def test_an_interrupt_waits_for_what_is_being_written(monkeypatch):
     monkeypatch.setattr(rollouts, "MOST_ROWS", 600)
-    kept, before = [], signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background
-
-    def keep(samples):
-        os.kill(os.getpid(), signal.SIGINT)
-        kept.append(samples.legs.shape[1])
-
-    end = stream(make_scenario(compose_config(["cycles=3"])), keep)
+    scenario, written = make_scenario(compose_config(["cycles=3"])), []
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background
+    with interrupt_held_back():
+        for trace in run_cycles(scenario):
+            os.kill(os.getpid(), signal.SIGINT)
+            written.append(trace.steps)
     signal.signal(signal.SIGINT, before)
-    assert (end.status, end.steps, kept) == ("interrupted", 600, [600])
+    assert (scenario.end.status, scenario.end.steps, written) == ("interrupted", 600, [600])
 
 
 def test_a_run_that_fails_before_its_first_step_has_the_columns_of_its_sensors(tmp_path):

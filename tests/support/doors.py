@@ -13,6 +13,7 @@ from cmacexp.config.machine import RobotMachine
 from cmacexp.data.files import sha256
 from cmacexp.data.folder import collection, remove_dead_parts
 from cmacexp.data.integrity import faults, is_finished
+from cmacexp.data.records import RunEnd
 from cmacexp.data.tables import read_table
 from cmacexp.data.trace import Trace
 from cmacexp.engine.run import run_scenario
@@ -23,6 +24,7 @@ from cmacexp.gap.analysis import Gap
 from cmacexp.gap.log import read_log
 from cmacexp.jit.compiler import program, workload
 from cmacexp.jit.hooks import Hook
+from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.jit.sources import KERNEL_ROOMS, RESULT_ROOMS
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.body import Load, depth, make_pose

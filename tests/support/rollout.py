@@ -1,34 +1,45 @@
-"""A scenario run with all its samples in memory."""
+"""A scenario run with its whole trace in memory."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from cmacexp.loop import End, stream
-from cmacexp.loop.samples import WIDE_BODY_SAMPLES, name_samples
+from cmacexp.data.records import RunEnd
+from cmacexp.loop import run_cycles
+from cmacexp.loop.samples import ALL_SAMPLES, WIDE_BODY_SAMPLES
 from cmacexp.planning import Plan
 
 
 @dataclass(kw_only=True)
-class Rollout(End):
-    """How it ended, and its samples: of legs (steps, L, columns), of the body (steps, columns)."""
+class Rollout(RunEnd):
+    """How it ended, and what the loop sampled."""
 
     plan: Plan
-    samples: np.ndarray
-    body_samples: np.ndarray
+    traces: list
 
     def columns(self):
         """Samples (steps, L) by column name."""
-        return name_samples(np.moveaxis(self.samples, 2, 0))
+        return self._join(self.traces, ALL_SAMPLES)
 
     def body_columns(self):
         """Samples of the body (steps,) by column name."""
-        return name_samples(self.body_samples.T, WIDE_BODY_SAMPLES)
+        return self._join([trace.body for trace in self.traces if trace.body], WIDE_BODY_SAMPLES)
+
+    @property
+    def samples(self):
+        """Samples of the legs (steps, L, columns)."""
+        return np.stack([*self.columns().values()], axis=2)
+
+    @property
+    def body_samples(self):
+        """Samples of the body (steps, columns)."""
+        return np.stack([*self.body_columns().values()] or [np.zeros(0)], axis=1)
+
+    def _join(self, traces, names):
+        names = [name for name in names if traces and name in traces[0].names]
+        return {name: np.concatenate([trace[name] for trace in traces]) for name in names}
 
 
 def roll_out(scenario, on_progress=lambda cycles: None) -> Rollout:
-    kept = []
-    end = stream(scenario, kept.append, on_progress)
-    samples = np.concatenate([np.moveaxis(new.legs, 0, 2) for new in kept])
-    body = np.concatenate([new.body.T for new in kept])
-    return Rollout(**vars(end), plan=scenario.setup.plan, samples=samples, body_samples=body)
+    traces = list(run_cycles(scenario, on_progress))
+    return Rollout(**vars(scenario.end), plan=scenario.setup.plan, traces=traces)
