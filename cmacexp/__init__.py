@@ -6,14 +6,11 @@ from typing import TYPE_CHECKING, Any
 from cmacexp.data.version import __version__
 
 if TYPE_CHECKING:
-    from cmacexp.control.protocol import Controller
     from cmacexp.engine.api import Run, load, open_loop, run
     from cmacexp.engine.batch import run_many, write_many
     from cmacexp.engine.sweep_tables import load_sweep
     from cmacexp.errors import BadInput, BadRun, CmacexpError
-    from cmacexp.feedforward.protocol import Feedforward
-    from cmacexp.plants.protocol import Plant
-    from cmacexp.sensors.protocol import Sensors
+    from cmacexp.protocols import Controller, Feedforward, Plant, Sensors
 
 __all__ = [
     "BadInput",
@@ -37,10 +34,10 @@ _PLACES = {
     **dict.fromkeys(("Run", "load", "open_loop", "run"), "engine.api"),
     **dict.fromkeys(("run_many", "write_many"), "engine.batch"),
     "load_sweep": "engine.sweep_tables",
-    "Controller": "control.protocol",
-    "Feedforward": "feedforward.protocol",
-    "Plant": "plants.protocol",
-    "Sensors": "sensors.protocol",
+    "Controller": "protocols",
+    "Feedforward": "protocols",
+    "Plant": "protocols",
+    "Sensors": "protocols",
 }
 """The module of each name that is imported when it is first asked for: ``import cmacexp`` alone takes no time."""
 _ROOMS = ("cmac", "control", "feedforward", "gym", "plants", "sensors", "study")

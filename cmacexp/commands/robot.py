@@ -36,7 +36,6 @@ FAULTS = "; ".join(f"{name}: {meaning}" for name, meaning in KINDS.items())
 
 def _move_hung(arguments: Arguments) -> None:
     from cmacexp.loop.scenario import make_scenario
-    from cmacexp.plants.protocol import come_to_rest
 
     log = [f"plant.log={quote_value(arguments.chirp)}"] if arguments.chirp else []
     scenario = make_scenario(compose_config([*HUNG, *log, f"plant.domain={arguments.domain}", *arguments.overrides]))
@@ -54,7 +53,7 @@ def _move_hung(arguments: Arguments) -> None:
                 strokes: Array = plant.move_hung(learn)
         status = Status.COMPLETED
     finally:
-        come_to_rest(plant, status)
+        plant.end_run(is_safe=status == Status.COMPLETED)
     if arguments.chirp:
         print_line(f"{arguments.chirp}: python -m cmacexp.gap {arguments.chirp} --robot go2")
     else:

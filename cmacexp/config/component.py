@@ -143,6 +143,11 @@ def find_new_name(target: str) -> str:
     return NEW_NAMES.get(target, target)
 
 
+def is_shipped(name: str) -> bool:
+    """Check whether a module, or a class as a config names it, is of this package."""
+    return name.partition(".")[0] == PACKAGE
+
+
 @contextmanager
 def current_folder_importable() -> Iterator[None]:
     """Make modules of the current folder importable, as ``python -m`` does but console scripts and workers do not."""
@@ -186,9 +191,8 @@ def require_shipped(plain: Mapping[str, Any], consent: str) -> None:
     for group in COMPONENTS:
         node = plain.get(group)
         target = node.get("_target_") if isinstance(node, Mapping) else None
-        is_shipped = target is None or str(target).partition(".")[0] == PACKAGE
         reason = f"is code outside this project, which a stored config may name; add {consent} if you trust it"
-        require(is_shipped, f"{group}._target_", target, reason)
+        require(target is None or is_shipped(str(target)), f"{group}._target_", target, reason)
 
 
 def _import(key: str, target: str, name: str) -> ModuleType:
@@ -226,7 +230,7 @@ def custom_code_hash(config: Config, *components: object) -> str | None:
         node = read_component(getattr(config, group))
         with current_folder_importable():
             own = type(components[index]) if components else find_class(f"{group}._target_", node["_target_"])
-        if own.__module__.partition(".")[0] != PACKAGE:
+        if not is_shipped(own.__module__):
             named = [name for name in (*getattr(own, "reads", ()), *node.values()) if isinstance(name, str | Path)]
             data = [Path(name).read_bytes() for name in named if os.path.isfile(name)]
             hashes += [_hash_code(own.__module__), *(hashlib.sha256(content).hexdigest() for content in data)]

@@ -10,7 +10,7 @@ from functools import cache
 from itertools import pairwise
 from typing import Any, NamedTuple, get_type_hints
 
-from cmacexp.config.component import COMPONENTS, config_class, find_class, find_option
+from cmacexp.config.component import COMPONENTS, config_class, find_class, find_option, is_shipped
 from cmacexp.config.load import select_effective
 from cmacexp.config.machine import MACHINES
 from cmacexp.config.schema import Config
@@ -72,7 +72,7 @@ def _describe(schema: type, node: Mapping[str, Any], before: str) -> Iterator[tu
 
 def _find_component(group: str, target: str) -> type | None:
     """The class of a component; None if it is neither shipped nor used here: the run may be somebody else's."""
-    if not target.startswith("cmacexp.") and target.rpartition(".")[0] not in sys.modules:
+    if not is_shipped(target) and target.rpartition(".")[0] not in sys.modules:
         return None
     try:
         return find_class(f"{group}._target_", target)

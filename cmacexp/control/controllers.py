@@ -18,18 +18,18 @@ from cmacexp.control.hybrid_kernels import (
     hybrid_feedback,
     new_hybrid_state,
 )
-from cmacexp.control.protocol import Action, Drive
 from cmacexp.control.steering import new_steering, steer
 from cmacexp.errors import BadInput, require
-from cmacexp.feedforward.protocol import Feedforward
 from cmacexp.models.lead import discretise
 from cmacexp.models.loop_delay import first_order_share
 from cmacexp.models.mechanism import KINEMATICS_FIELDS, update_kinematics
 from cmacexp.planning.plan import Reference, Setup
 from cmacexp.planning.reference import make_gains
 from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY
-from cmacexp.plants.protocol import Measurement, get_state
+from cmacexp.protocols import Action, Drive, Feedforward, HasEstimator, Measurement, get_state
+from cmacexp.sensors.config import RealSensorsConfig
 from cmacexp.sensors.kernels import Observation
+from cmacexp.sensors.proprioceptive import ProprioceptiveConfig
 from cmacexp.typing import Array, KernelParts
 
 
@@ -152,9 +152,13 @@ class DriveController:
             kind = setup.config.machine.kind
             raise BadInput("machine.kind", kind, "must be robot with controller=drives: use scenario=robot")
         planned = setup.plan.joints[:2]
-        sensors = getattr(setup.config.plant, "estimator", setup.config.sensors)
-        late = [getattr(getattr(sensors, name, None), "delay", 0) for name in ("position", "velocity")]
-        lag = getattr(sensors, "force_lag", 0.0)
+        sensors = setup.config.sensors
+        if isinstance(setup.config.plant, HasEstimator):
+            sensors = setup.config.plant.estimator
+        late = [0, 0]
+        if isinstance(sensors, RealSensorsConfig | ProprioceptiveConfig):
+            late = [sensors.position.delay, sensors.velocity.delay]
+        lag = sensors.force_lag if isinstance(sensors, ProprioceptiveConfig) else 0.0
         self.params = DriveParams(
             hips=setup.mechanism.hips,
             chains=setup.mechanism.chains,

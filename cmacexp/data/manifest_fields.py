@@ -110,7 +110,7 @@ class RunManifest:
     """Hash of the model of a robot."""
     robot: RobotGeometry | None = None
     plant: Any = None
-    """What the plant said of the run, see :class:`cmacexp.plants.protocol.Plant`."""
+    """What the plant said of the run, see :class:`cmacexp.protocols.Plant`."""
     overrides: list[str] | None = None
     """Overrides from which its config was composed; None if it came whole."""
     traceback: str = ""

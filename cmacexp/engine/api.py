@@ -11,16 +11,13 @@ from cmacexp.config import Config, to_config
 from cmacexp.config.component import require_shipped
 from cmacexp.config.compose import compose_untyped, list_texts, refuse_options
 from cmacexp.config.machine import describe_other_model
-from cmacexp.control.protocol import Controller
 from cmacexp.data.run import Run as Run
 from cmacexp.engine.run import run_scenario
 from cmacexp.engine.without_effect import list_idle_overrides
 from cmacexp.errors import BadInput, OtherModel, SmallMargin, WithoutEffect
-from cmacexp.feedforward.protocol import Feedforward
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.stepwise import OpenLoop
-from cmacexp.plants.protocol import Plant
-from cmacexp.sensors.protocol import Sensors
+from cmacexp.protocols import Controller, Feedforward, Plant, Sensors
 from cmacexp.terminal.messages import announce_compiling, describe_idle
 
 RUN_FOLDER = "hydra.run.dir="

@@ -16,7 +16,6 @@ from cmacexp.control import steering
 from cmacexp.control.actuator import new_actuator
 from cmacexp.control.drive_kernels import NEWTON_STEPS, DriveParams
 from cmacexp.control.hybrid_kernels import METHODS
-from cmacexp.control.protocol import Drive
 from cmacexp.data.run import Run
 from cmacexp.errors import BadRun, require
 from cmacexp.export.network import (
@@ -45,6 +44,7 @@ from cmacexp.models.trend import SIGNIFICANT, WINDOW
 from cmacexp.planning import Setup
 from cmacexp.planning.reference import ACTING, BEFORE, X, Y, Z
 from cmacexp.plants import Measurement
+from cmacexp.protocols import Drive
 from cmacexp.sensors import PerfectSensors
 from cmacexp.typing import Array, Status
 

@@ -14,7 +14,7 @@ from hydra.core.utils import setup_globals
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from cmacexp.config import Config, config_hash, to_config, to_plain
-from cmacexp.config.component import COMPONENTS
+from cmacexp.config.component import COMPONENTS, is_shipped
 from cmacexp.config.compose import find_referred, make_record, set_numbers, set_values
 from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import RUN_KEY, new_result
@@ -105,7 +105,7 @@ def _unpack(packed: bytes) -> JobTemplate:
     with suppress(Exception):  # which each job reports
         typed = None if referred is None else to_config(composed)
     modules = [type(getattr(typed, group, None)).__module__ for group in COMPONENTS]
-    if typed is None or all(name.startswith("cmacexp.") for name in modules):
+    if typed is None or all(map(is_shipped, modules)):
         return JobTemplate(composed, hydra, plain, typed, referred)
     return JobTemplate(composed, hydra, pickle.dumps(plain), pickle.dumps(typed), referred)
 

@@ -45,6 +45,7 @@ from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.trace import select_columns
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.score import RunScorer
+from cmacexp.protocols import Described
 from cmacexp.typing import Status
 
 
@@ -142,8 +143,8 @@ def run_scenario(
     up to there. One that failed or was interrupted stands beside an earlier one with a result, as NAME.failed or
     NAME.interrupted. ``prepared`` is the scenario if it is already made. ``watch`` is called with the number of
     cycles done so far, see :func:`cmacexp.loop.run_cycles`, ``warn`` once a drift is detected. ``record`` is Hydra's
-    own, texts by file name. ``overrides`` are those that the config comes from, None if it came whole. A result that is
-    not ``durable`` may be lost in a power failure: a sweep that is resumed runs such a job again.
+    own, texts by file name. ``overrides`` are those that the config comes from, None if it came whole. A result that
+    is not ``durable`` may be lost in a power failure: a sweep that is resumed runs such a job again.
 
     Raises BadInput, with nothing simulated or written, if the machine cannot follow the plan, or the folder
     holds something else; OSError if the folder cannot be written: an earlier run in it stays as it was.
@@ -194,7 +195,7 @@ def describe_run(scenario: Scenario) -> manifests.Manifest:
             "foot_radius": float(read_model(config.machine).legs.foot_radius.max()),
         }
     plant = scenario.plant
-    if scenario.fault is None and hasattr(plant, "describe"):
+    if scenario.fault is None and isinstance(plant, Described):
         try:
             with exits_caught():
                 described = plant.describe()

@@ -12,6 +12,7 @@ import numpy as np
 
 from cmacexp.cmac.addressing import RECTANGULAR, Address, InputRange, activate, address
 from cmacexp.cmac.rules import NEIGHBOURS
+from cmacexp.config.component import is_shipped
 from cmacexp.config.machine import RobotMachine
 from cmacexp.config.schema import NONE, Config
 from cmacexp.data.run import Run, read_config
@@ -96,7 +97,7 @@ def require_exportable(run: Run) -> str:
     reason = "must be of cmacexp: a custom component is not imported here"
     for group in ("plant", "sensors", "controller"):
         target = plain[group]["_target_"]
-        require(target.startswith("cmacexp."), f"{group}._target_", target, reason)
+        require(is_shipped(target), f"{group}._target_", target, reason)
     target = plain["feedforward"]["_target_"]
     for kind, each in EXPORTED.items():
         if target in (f"cmacexp.feedforward.{each.__name__}", f"{each.__module__}.{each.__name__}"):

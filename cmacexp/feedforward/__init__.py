@@ -5,8 +5,8 @@ from cmacexp.feedforward.identified import IdentifiedModel
 from cmacexp.feedforward.ilc import IterativeLearning
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
 from cmacexp.feedforward.network import NoFeedforward
-from cmacexp.feedforward.protocol import Feedforward, Learns, Observes, Plays
 from cmacexp.feedforward.rbf import RadialBasis
+from cmacexp.protocols import Feedforward, Learns, Observes, Plays
 
 __all__ = [
     "CmacFeedforward",

@@ -8,6 +8,7 @@ import numpy as np
 
 from cmacexp.config.component import find_option
 from cmacexp.config.schema import ESTIMATE, NONE, REFINE, ActuatorConfig, read_component
+from cmacexp.control import DriveController, HybridController
 from cmacexp.control.actuator import new_actuator
 from cmacexp.control.hybrid_kernels import new_hybrid_state
 from cmacexp.control.load_meter import new_load_meter
@@ -22,16 +23,34 @@ from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import Loop, Torques
 from cmacexp.loop.stop import new_limits
 from cmacexp.planning.stability import STABILITY
+from cmacexp.plants.analytic import AnalyticPlant
 from cmacexp.plants.as_built import AsBuiltConfig
 from cmacexp.plants.drives import BusConfig, Drives, new_drives
 from cmacexp.plants.kernels import new_state
+from cmacexp.plants.mujoco_leg import MujocoLeg
+from cmacexp.plants.mujoco_quadruped import MujocoQuadruped
 from cmacexp.plants.mujoco_robot import MujocoRobot
-from cmacexp.plants.protocol import get_state
+from cmacexp.protocols import TRAVEL, SendsDrives, TakesDrives, get_state
+from cmacexp.sensors import PerfectSensors, ProprioceptiveSensors, RealSensors
 from cmacexp.sensors.kernels import Observation, new_observation
-from cmacexp.sensors.protocol import TRAVEL, find_altered
+from cmacexp.sensors.perfect import find_altered
 from cmacexp.typing import KernelParts
 
 BUILT_IN = "needs feedforward=cmac, rbf or ilc, and the built-in controller"
+
+
+COMPILED: tuple[type[Any], ...] = (
+    AnalyticPlant,
+    MujocoLeg,
+    MujocoQuadruped,
+    MujocoRobot,
+    PerfectSensors,
+    ProprioceptiveSensors,
+    RealSensors,
+    HybridController,
+    DriveController,
+)
+"""Classes whose steps the loop has compiled."""
 
 
 class External(NamedTuple):
@@ -47,12 +66,11 @@ class External(NamedTuple):
 def find_external(scenario: Scenario) -> External:
     """The components that the loop has to call.
 
-    It runs one by itself whose own class declares ``kernel_parts``: a subclass may do something else in a step. Of a
-    built-in feedforward a subclass may declare other params, but not another ``predict``.
+    It runs those of :data:`COMPILED` by itself; a subclass may do something else in a step. Of a built-in feedforward
+    a subclass may declare other params, but not another ``predict``.
     """
     plant, sensors, controller = (
-        "kernel_parts" not in vars(type(component))
-        for component in (scenario.plant, scenario.sensors, scenario.controller)
+        type(component) not in COMPILED for component in (scenario.plant, scenario.sensors, scenario.controller)
     )
     feedforward = scenario.feedforward
     known = isinstance(feedforward, BuiltInFeedforward) and type(feedforward).predict is BuiltInFeedforward.predict
@@ -100,16 +118,17 @@ def _make_drives(scenario: Scenario, external: External, actuator: ActuatorConfi
 
     Raises BadInput if the plant has none.
     """
-    if not getattr(scenario.controller, "sends_drives", False):
+    controller, plant = scenario.controller, scenario.plant
+    if not (isinstance(controller, SendsDrives) and controller.sends_drives):
         return None
     built = scenario.setup.config.plant
     mechanism, period = scenario.setup.mechanism, scenario.setup.config.sampling_period
     limits, legs = mechanism.torque_limits, mechanism.shape[0]
-    if external.plant and getattr(scenario.plant, "takes_drives", False):
+    if external.plant and isinstance(plant, TakesDrives) and plant.takes_drives:
         return new_drives(replace(actuator, delay=0, lag=0.0), BusConfig(), period, 1, limits, legs)
     has_drives = isinstance(built, MujocoRobot.Config) and not external.plant
-    plant = find_option("plant", read_component(built)["_target_"])
-    require(has_drives, "plant", plant, "must be mujoco_robot or mujoco_robot_rigid with controller=drives")
+    option = find_option("plant", read_component(built)["_target_"])
+    require(has_drives, "plant", option, "must be mujoco_robot or mujoco_robot_rigid with controller=drives")
     return new_drives(actuator, built.bus, period, built.substeps, limits, legs)
 
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.control.protocol import Action, Drive
 from cmacexp.errors import BadOutput, Diverged
 from cmacexp.feedforward import Observes
 from cmacexp.feedforward.kernels import FeedforwardParams
@@ -36,7 +35,7 @@ from cmacexp.loop.validation import (
 from cmacexp.planning.plan import Plan, Reference
 from cmacexp.planning.reference import ACTING, BEFORE, ControlReference
 from cmacexp.plants.drives import ANGLE, DAMPING, DRIVE, FEEDFORWARD, STIFFNESS, TORQUE, VELOCITY
-from cmacexp.plants.protocol import Measurement, RobotSignals, copy_state, view_state
+from cmacexp.protocols import Action, Drive, Measurement, RobotSignals, WatchesForce, copy_state, view_state
 from cmacexp.typing import Array
 
 
@@ -72,7 +71,7 @@ class ExternalComponents:
         self.learning_error = make_targets(("learning_error",), (state.learning_error,))
         self.drive = [] if drives is None else make_targets(DRIVE_NAMES, drives.command[ANGLE:])
         self.torque = make_targets(("torque",), (torques.feedforward,))
-        self.has_fault_status = external.controller and hasattr(scenario.controller, "force_trusted")
+        self.has_fault_status = external.controller and isinstance(scenario.controller, WatchesForce)
         loop.shows[0] = 1
         self.divergence = ""
         """Cause that an external plant itself reported, if it has diverged."""

@@ -27,8 +27,8 @@ from cmacexp.loop.trace import make_trace, select_columns
 from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.plants.mujoco_plant import MujocoPlant
-from cmacexp.plants.protocol import come_to_rest, is_live, lists_steps
-from cmacexp.sensors.protocol import find_altered
+from cmacexp.protocols import ListsSteps, Live, SendsDrives
+from cmacexp.sensors.perfect import find_altered
 from cmacexp.typing import Array, Status
 
 MOST_ROWS = 1 << 15
@@ -69,12 +69,13 @@ class _Cycles:
         """Steps of the next call of the driver."""
         fit = MOST_ROWS // (config.steps_per_cycle * config.legs)
         cycles = min(config.cycles, max(1, fit), MOST_CYCLES)
-        if is_live(scenario.plant):  # handing samples over takes longer than a step, so that it waits for the end
+        is_live = isinstance(scenario.plant, Live)
+        if is_live:  # handing samples over takes longer than a step, so that it waits for the end
             cycles = config.cycles
         wide = _samples_measured(scenario)
         legs, joints = mechanism.shape
         self.samples, self.body = make_samples(cycles * config.steps_per_cycle, legs, wide, joints)
-        if is_live(scenario.plant):
+        if is_live:
             self.samples.fill(0.0)  # else the system would find memory for them while the machine moves
         names = ALL_SAMPLES[: len(self.samples)]
         self.joints = [i for i, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
@@ -158,7 +159,8 @@ class _Cycles:
         if guard is None or guard.probe.state is None or params is None or not guard.probe.end_cycle():
             return
         learning = params.learning
-        on_drives = getattr(self.scenario.controller, "sends_drives", False)
+        controller = self.scenario.controller
+        on_drives = isinstance(controller, SendsDrives) and controller.sends_drives
         lead = estimate_lead(guard.probe.state, on_drives) or learning.lead
         if end.lead_estimates and not on_drives:  # too short a lead does harm more often than one that is too long
             lead = max(lead, learning.lead + 1)
@@ -201,7 +203,7 @@ class _Cycles:
     def _list_live(self, start: int) -> dict[str, Array]:
         """List LIVE_SIGNALS of the steps since ``start`` if the plant has them, (steps,) each; NaN if that fails."""
         plant, steps = self.scenario.plant, self.driver.taken - start
-        if not lists_steps(plant):
+        if not isinstance(plant, ListsSteps):
             return {}
         columns = {signal.name: np.full(steps, np.nan) for signal in LIVE_SIGNALS}
         try:
@@ -254,7 +256,7 @@ def run_cycles(scenario: Scenario, on_progress: Callable[[float], None] = lambda
         scenario.end.cause = f"before the first step: {describe_failure(scenario.fault)}"
         yield _trace_nothing(scenario)
         return
-    is_simulated = not is_live(scenario.plant)
+    plant = scenario.plant
     traces: list[Trace] = []  # of a machine that must not wait for the files
     status: str = Status.FAILED
     fault: Exception | None = None
@@ -264,16 +266,17 @@ def run_cycles(scenario: Scenario, on_progress: Callable[[float], None] = lambda
             start = cycles.advance()
         while cycles.is_running:
             trace = cycles.collect(start)
-            if is_simulated:
-                yield trace
-            else:
+            if isinstance(plant, Live):
                 traces.append(trace)
+            else:
+                yield trace
             with _at_work(scenario):
                 start = cycles.advance()
         status = scenario.end.status
     finally:
         try:
-            come_to_rest(scenario.plant, status)
+            if isinstance(plant, Live):
+                plant.end_run(is_safe=status in (Status.COMPLETED, Status.INTERRUPTED))
         except Exception as raised:
             fault = raised
     if fault is not None:
@@ -287,6 +290,6 @@ def run_cycles(scenario: Scenario, on_progress: Callable[[float], None] = lambda
 def _at_work(scenario: Scenario) -> Iterator[None]:
     """Run steps of a scenario: what it calls is compiled if that repays it; an interrupt waits for the next call."""
     config = scenario.setup.config
-    leg_steps = math.inf if is_live(scenario.plant) else config.cycles * config.steps_per_cycle * config.legs
+    leg_steps = math.inf if isinstance(scenario.plant, Live) else config.cycles * config.steps_per_cycle * config.legs
     with workload(leg_steps), interrupt_held_back(), exits_caught():
         yield

@@ -1,26 +1,23 @@
 """The components of one run, made from its config: of the class that each names by ``_target_``, with its fields."""
 
-import contextlib
 import copy
 import inspect
-import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from numbers import Integral, Real
 from typing import Any
 
 from cmacexp.cmac.rules import derive_rate, find_rule
 from cmacexp.config import ComponentConfig, Config
 from cmacexp.config.check import check_memory
-from cmacexp.config.component import current_folder_importable, find_class
+from cmacexp.config.component import current_folder_importable, find_class, is_shipped
 from cmacexp.config.machine import PointMassMachine, RobotMachine
 from cmacexp.config.schema import AUTO, NONE
 from cmacexp.control.controllers import HybridController
-from cmacexp.control.protocol import Controller
 from cmacexp.data.records import RunEnd
 from cmacexp.data.weights import read_weights
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_install_command, require
-from cmacexp.feedforward.protocol import Feedforward, Learns
 from cmacexp.jit.compiler import workload
 from cmacexp.jit.interrupt import exits_caught
 from cmacexp.loop.margin import check_margin
@@ -35,9 +32,21 @@ from cmacexp.loop.validation import (
 from cmacexp.models.loop_delay import LoopDelay, add_delays
 from cmacexp.planning import Plan, Recall, Setup, make_plan
 from cmacexp.planning.machine import check_load_sharing, make_mechanism
-from cmacexp.plants import AnalyticPlant, Measurement, Plant
-from cmacexp.plants.protocol import RobotSignals, new_instruments, new_measurement
-from cmacexp.sensors import Sensors
+from cmacexp.plants import AnalyticPlant
+from cmacexp.plants.instruments import new_instruments
+from cmacexp.protocols import (
+    Answers,
+    Controller,
+    DelaysFeedback,
+    Feedforward,
+    LagsFeedback,
+    Learns,
+    Measurement,
+    Plant,
+    RobotSignals,
+    Sensors,
+    new_measurement,
+)
 from cmacexp.typing import Array, Status, Weights
 
 PROTOCOLS = {"plant": Plant, "sensors": Sensors, "controller": Controller, "feedforward": Feedforward}
@@ -148,24 +157,25 @@ class Scenario:
 def count_loop_delay(config: Config, sensors: Sensors) -> LoopDelay:
     """What delays the feedback: the actuator, the sensors, and what a robot declares besides.
 
-    Sensors may have ``feedback_delay(uses_velocity)``, the samples by which they delay the feedback, and
-    ``feedback_lag(uses_velocity)``, the time constant in s by which they lag.
+    Raises BadInput if sensors declare what is no delay.
     """
     uses_velocity = config.gains is None or config.gains[1] > 0.0
-
-    def declare(name: str, kind: Callable[[Any], Any], most: float) -> Any:
-        value = getattr(sensors, name)(uses_velocity) if hasattr(sensors, name) else 0
-        with contextlib.suppress(TypeError, ValueError):
-            if 0 <= kind(value) <= most:
-                return kind(value)
-        allowed = f"declares {value!r}: must be a number from 0 to {most:g}{'' if kind is float else ', a whole one'}"
-        raise BadInput("sensors", f"{type(sensors).__name__}.{name}", allowed)
-
-    delay = declare("feedback_delay", operator.index, config.steps_per_cycle)
-    lag = declare("feedback_lag", float, config.gait.cycle_time)
-    return add_delays(
-        (config.actuator.delay, config.actuator.lag), (delay, lag), latency=getattr(config.machine, "latency", 0.0)
-    )
+    name = type(sensors).__name__
+    delay, lag = 0, 0.0
+    if isinstance(sensors, DelaysFeedback):
+        declared: Any = sensors.feedback_delay(uses_velocity)
+        is_valid = isinstance(declared, Integral) and 0 <= int(declared) <= config.steps_per_cycle
+        allowed = f"declares {declared!r}: must be a whole number from 0 to {config.steps_per_cycle}"
+        require(is_valid, "sensors", f"{name}.feedback_delay", allowed)
+        delay = int(declared)
+    if isinstance(sensors, LagsFeedback):
+        declared = sensors.feedback_lag(uses_velocity)
+        is_valid = isinstance(declared, Real) and 0.0 <= float(declared) <= config.gait.cycle_time
+        allowed = f"declares {declared!r}: must be a number from 0 to {config.gait.cycle_time:g}"
+        require(is_valid, "sensors", f"{name}.feedback_lag", allowed)
+        lag = float(declared)
+    latency = config.machine.latency if isinstance(config.machine, RobotMachine) else 0.0
+    return add_delays((config.actuator.delay, config.actuator.lag), (delay, lag), latency=latency)
 
 
 def resolve_lead(config: Config, loop_delay: LoopDelay, controller: Controller) -> int:
@@ -175,7 +185,7 @@ def resolve_lead(config: Config, loop_delay: LoopDelay, controller: Controller) 
     pass besides.
     """
     if isinstance(config.learning.lead, str):
-        response = getattr(controller, "response", 0)
+        response = controller.response if isinstance(controller, Answers) else 0
         response = response if isinstance(response, int) else 0  # an external one may use the name otherwise
         return 1 + response + loop_delay.count_samples(config.sampling_period)
     return int(config.learning.lead)
@@ -206,7 +216,7 @@ def _start(config: Config, plan: Plan) -> Array:
 
 def _own(setup: Setup, component: object) -> Setup:
     """The setup for a component: a copy if it is external, so that it can change nothing for the others."""
-    return setup if type(component).__module__.startswith("cmacexp.") else copy.deepcopy(setup)
+    return setup if is_shipped(type(component).__module__) else copy.deepcopy(setup)
 
 
 @exits_caught()
@@ -247,7 +257,7 @@ def _make_components(config: Config, given: dict[str, Any]) -> dict[str, Any]:
         if inspect.isclass(component):
             raise BadInput(group, component.__qualname__, f"is a class: give an object, {component.__name__}(...)")
         require_members(group, type(component).__qualname__, component)
-    made = {group: make_component(group, getattr(config, group)) for group in PROTOCOLS if group not in given}
+    made = {group: make_component(group, vars(config)[group]) for group in PROTOCOLS if group not in given}
     components = {**made, **given}
     if not isinstance(feedforward := components["feedforward"], Learns):
         learns = f"{type(feedforward).__name__} learns no weights"

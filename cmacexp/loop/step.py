@@ -30,7 +30,7 @@ from cmacexp.planning.reference import ACTING, BEFORE, ControlReference, select
 from cmacexp.plants.drives import Drives, send_command
 from cmacexp.plants.kernels import PlantParams, PlantState, advance
 from cmacexp.plants.mujoco_kernels import Engine, advance_engine
-from cmacexp.plants.protocol import RobotSignals
+from cmacexp.protocols import RobotSignals
 from cmacexp.sensors.estimator import Estimator, estimate
 from cmacexp.sensors.kernels import Observation, Sensing, read_sensors
 from cmacexp.typing import Array, Mask, Scratch

@@ -23,7 +23,7 @@ from cmacexp.loop.step import Hooks, Loop, act, check, sense
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, stop_reason
 from cmacexp.planning.reference import BEFORE, ControlReference, Motion, read_old_columns
 from cmacexp.plants.mujoco_plant import MujocoPlant
-from cmacexp.plants.protocol import Measurement, view_state
+from cmacexp.protocols import Measurement, view_state
 from cmacexp.sensors.real import make_keys
 from cmacexp.typing import Array, Mask, Status
 

@@ -9,7 +9,7 @@ from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import depth, make_pose
 from cmacexp.models.mechanism import POINT_MASS, Mechanism, has_body
 from cmacexp.plants.kernels import PlantState
-from cmacexp.plants.protocol import Measurement
+from cmacexp.protocols import Measurement
 from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array, Clock, Status
 

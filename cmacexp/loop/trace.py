@@ -34,8 +34,8 @@ from cmacexp.planning.plan import Setup
 from cmacexp.planning.reference import X, Y, Z
 from cmacexp.planning.stability import FRONT, REAR, STABILITY, Masses, true_margins
 from cmacexp.plants.as_built import make_payload
-from cmacexp.plants.protocol import lists_steps
-from cmacexp.sensors.protocol import find_altered
+from cmacexp.protocols import ListsSteps
+from cmacexp.sensors.perfect import find_altered
 from cmacexp.typing import Array
 
 
@@ -57,7 +57,7 @@ def select_columns(scenario: Scenario) -> TraceColumns:
     columns = select_signals(legs, altered, scenario.setup.config.plausibility.enabled)
     if not has_body(mechanism):
         return TraceColumns(columns, None)
-    body = (*BODY_SIGNALS, *LIVE_SIGNALS) if lists_steps(scenario.plant) else BODY_SIGNALS
+    body = (*BODY_SIGNALS, *LIVE_SIGNALS) if isinstance(scenario.plant, ListsSteps) else BODY_SIGNALS
     return TraceColumns(columns, select_signals(body, altered))
 
 

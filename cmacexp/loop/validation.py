@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.control.protocol import Action, Drive
 from cmacexp.data.signals import list_units
 from cmacexp.errors import BadOutput
-from cmacexp.plants.protocol import STATE, Measurement, RobotSignals, get_state
+from cmacexp.protocols import STATE, Action, Drive, Measurement, RobotSignals, get_state
 from cmacexp.typing import Array
 
 DRIVE_NAMES = [f"drive.{name}" for name in Drive._fields]

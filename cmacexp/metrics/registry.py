@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from cmacexp.config.component import is_shipped
 from cmacexp.data.run import Run
 from cmacexp.data.tables import Scores
 from cmacexp.data.trace import Trace
@@ -76,7 +77,7 @@ def format_setting(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     text = f"[{', '.join(map(format_setting, value))}]" if isinstance(value, list) else str(value)
-    return text.rpartition(".")[2] if text.startswith("cmacexp.") else text
+    return text.rpartition(".")[2] if is_shipped(text) else text
 
 
 def find_numeric(rows: Sequence[Sequence[str]]) -> frozenset[int]:

@@ -1,6 +1,6 @@
 """Plants: machines on their ground."""
 
 from cmacexp.plants.analytic import AnalyticPlant
-from cmacexp.plants.protocol import Measurement, Plant, RobotSignals
+from cmacexp.protocols import Measurement, Plant, RobotSignals
 
 __all__ = ["AnalyticPlant", "Measurement", "Plant", "RobotSignals"]

@@ -8,7 +8,7 @@ from cmacexp.config.machine import RobotMachine, ask_for_robot
 from cmacexp.planning.plan import Setup
 from cmacexp.plants.as_built import AsBuiltConfig, make_ground, make_payload
 from cmacexp.plants.kernels import PlantParams, PlantState, advance, new_state, observe, update_stiffness
-from cmacexp.plants.protocol import Measurement, copy_state
+from cmacexp.protocols import Measurement, copy_state
 from cmacexp.typing import Array, KernelParts
 
 

@@ -24,8 +24,8 @@ from cmacexp.models.mujoco_library import (
     mj_step2,
 )
 from cmacexp.plants.drives import Drives, drive_joints
+from cmacexp.plants.instruments import Instruments, read_drives, read_instruments
 from cmacexp.plants.kernels import Payload, PlantState
-from cmacexp.plants.protocol import Instruments, read_drives, read_instruments
 from cmacexp.plants.touch import Joints, Touch, Vector, ground_force, hold_torque, slide_anchor
 from cmacexp.typing import Array, Counts
 

@@ -4,8 +4,8 @@ from cmacexp.planning.plan import Setup
 from cmacexp.plants.as_built import make_ground
 from cmacexp.plants.mujoco_model import make_planar
 from cmacexp.plants.mujoco_plant import MujocoConfig, MujocoPlant, require_machine
-from cmacexp.plants.protocol import Measurement
 from cmacexp.plants.touch import Touch
+from cmacexp.protocols import Measurement
 
 
 class MujocoLeg(MujocoPlant):

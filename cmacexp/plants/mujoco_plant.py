@@ -12,6 +12,7 @@ from cmacexp.models.mujoco_library import load_library
 from cmacexp.models.robot import load_mujoco
 from cmacexp.planning.plan import Setup
 from cmacexp.plants.as_built import AsBuiltConfig, make_ground, make_payload
+from cmacexp.plants.instruments import new_instruments
 from cmacexp.plants.kernels import new_state
 from cmacexp.plants.mujoco_kernels import (
     NO_PUSH,
@@ -24,8 +25,8 @@ from cmacexp.plants.mujoco_kernels import (
     apply_forces,
     observe,
 )
-from cmacexp.plants.protocol import Measurement, copy_state, new_instruments
 from cmacexp.plants.touch import Joints, Touch
+from cmacexp.protocols import Measurement, copy_state
 from cmacexp.typing import Array, Counts, KernelParts
 
 WARNINGS = {

@@ -10,7 +10,7 @@ from cmacexp.config import number
 from cmacexp.planning.plan import Setup
 from cmacexp.plants.mujoco_model import make_planar
 from cmacexp.plants.mujoco_plant import FrictionConfig, MujocoPlant, require_machine
-from cmacexp.plants.protocol import Measurement
+from cmacexp.protocols import Measurement
 
 
 class MujocoQuadruped(MujocoPlant):

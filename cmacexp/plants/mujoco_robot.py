@@ -17,8 +17,8 @@ from cmacexp.planning.plan import Setup
 from cmacexp.plants.drives import BusConfig
 from cmacexp.plants.mujoco_kernels import Push, read_floor
 from cmacexp.plants.mujoco_plant import FrictionConfig, Model, MujocoPlant, require_machine
-from cmacexp.plants.protocol import Measurement
 from cmacexp.plants.touch import Joints
+from cmacexp.protocols import Measurement
 from cmacexp.typing import Counts
 
 ELASTIC, RIGID = "elastic", "mujoco"

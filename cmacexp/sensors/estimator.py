@@ -14,7 +14,7 @@ from cmacexp.models.chain import Turn, Vector, cross, dot, hinge_axis, kinematic
 from cmacexp.models.leg import GRAVITY
 from cmacexp.models.mechanism import Mechanism, compute_foot_position, compute_foot_velocity, update_kinematics
 from cmacexp.models.sine import sine_cosine
-from cmacexp.plants.protocol import RobotSignals
+from cmacexp.protocols import RobotSignals
 from cmacexp.sensors.kernels import Observation, Sensing, read_channel, uniform
 from cmacexp.sensors.place_filter import PLACE, SPEED, PlaceFilter, locate, start_filter
 from cmacexp.typing import Array, Mask, Scratch, State

@@ -18,7 +18,7 @@ from cmacexp.models.mechanism import (
 )
 from cmacexp.models.mix import MASK, mix
 from cmacexp.plants.kernels import PlantState
-from cmacexp.plants.protocol import Measurement, get_state, new_measurement
+from cmacexp.protocols import Measurement, get_state, new_measurement
 from cmacexp.typing import SCRATCH, Array, Counts, Role, Scratch, State
 
 NO_FAULT, ZERO, LAST, VALUE, BIAS, NOISE = range(6)

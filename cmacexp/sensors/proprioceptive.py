@@ -15,12 +15,11 @@ from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.models.robot_gains import list_jacobians
 from cmacexp.planning.machine import Stance, find_stance
 from cmacexp.planning.plan import Setup
-from cmacexp.plants.protocol import Measurement, RobotSignals, copy_state
+from cmacexp.protocols import SIGNALS, TRAVEL, Measurement, RobotSignals, copy_state
 from cmacexp.sensors.config import ChannelsConfig, LegSignalConfig, SignalConfig
 from cmacexp.sensors.estimator import OF_A_BODY, OF_A_JOINT, Errors, Estimator, estimate
 from cmacexp.sensors.kernels import new_observation
 from cmacexp.sensors.place_filter import new_filter
-from cmacexp.sensors.protocol import SIGNALS, TRAVEL
 from cmacexp.sensors.real import JointSensors, make_sensing
 from cmacexp.typing import Array, KernelParts
 

@@ -7,10 +7,9 @@ import numpy as np
 from cmacexp.models.loop_delay import first_order_share
 from cmacexp.models.mix import mix
 from cmacexp.planning.plan import Setup
-from cmacexp.plants.protocol import Measurement, copy_state
+from cmacexp.protocols import SIGNALS, Measurement, copy_state
 from cmacexp.sensors.config import IMPERFECTIONS, ChannelsConfig, FaultConfig, RealSensorsConfig, SignalConfig
 from cmacexp.sensors.kernels import CHANNEL, FAULTS, NO_FAULT, Sensing, new_observation, read_sensors
-from cmacexp.sensors.protocol import SIGNALS
 from cmacexp.typing import Counts, KernelParts
 
 SENSOR_SEED = 0x53454E53

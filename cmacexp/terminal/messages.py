@@ -13,6 +13,7 @@ from shutil import get_terminal_size
 from textwrap import wrap
 from typing import Any
 
+from cmacexp.config.component import is_shipped
 from cmacexp.config.machine import describe_other_model
 from cmacexp.data.manifest import was_written
 from cmacexp.data.run import Run
@@ -179,7 +180,7 @@ def describe_idle(result: Run) -> str:
     """Whether a custom feedforward gave no torque in a whole run, in one line; empty if it gave some."""
     target, learning = result.config["feedforward"]["_target_"], result.config["learning"]
     legs = result.scores.legs
-    if target.startswith("cmacexp.") or not legs.num_rows or as_array(legs, "feedforward_rms").any():
+    if is_shipped(target) or not legs.num_rows or as_array(legs, "feedforward_rms").any():
         return ""
     cycles, first = result.config["cycles"], learning["start_cycle"]
     return f"{target} gave no torque in {cycles} cycles; it acts from learning.start_cycle={first} on"

@@ -7,7 +7,7 @@ import numpy as np
 
 from cmacexp.cmac import Cmac
 from cmacexp.models.robot import Robot, load_mujoco
-from cmacexp.plants.protocol import RobotSignals
+from cmacexp.protocols import RobotSignals
 from cmacexp.typing import Array
 from cmacexp.wire.link import Gains, Link
 from cmacexp.wire.states import Unsafe, name_joint

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cmacexp.config import number
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.errors import Diverged
-from cmacexp.plants.protocol import RobotSignals
+from cmacexp.protocols import RobotSignals
 from cmacexp.typing import Array
 from cmacexp.wire.messages import Message, get_motors
 

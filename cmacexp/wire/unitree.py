@@ -20,13 +20,12 @@ from cmacexp.config import ComponentConfig, Config, number
 from cmacexp.config.component import find_option
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.config.schema import read_component
-from cmacexp.control.protocol import Drive
 from cmacexp.data.signals import LIVE_SIGNALS
 from cmacexp.errors import BadInput, require
 from cmacexp.jit.compiler import program
 from cmacexp.models.leg import GRAVITY
 from cmacexp.planning.plan import Setup
-from cmacexp.plants.protocol import Measurement, RobotSignals
+from cmacexp.protocols import Drive, Measurement, RobotSignals
 from cmacexp.sensors.estimator import estimate
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig, ProprioceptiveSensors
 from cmacexp.typing import Array

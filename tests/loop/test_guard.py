@@ -72,7 +72,7 @@ def by_cycle(run, name="tau_feedforward_1"):
 )
 def test_after_each_cause_the_best_cycle_is_repeated_or_feedback_goes_on_alone(make_config, overrides, cause, learns):
     run, other = roll(make_config, *overrides), alone(make_config, *overrides)
-    (event,), torque = run.events, by_cycle(run)
+    (event,), torque = run.guard, by_cycle(run)
     assert (run.status, event.cause, event.restored > 0) == ("completed", cause, learns)
     assert errors(run)[-1] <= 1.01 * errors(other)[-1]
     for cycle in torque[event.cycle :]:
@@ -84,7 +84,7 @@ def test_after_each_cause_the_best_cycle_is_repeated_or_feedback_goes_on_alone(m
 
 def test_a_guard_that_does_not_act_changes_no_bit(make_config):
     runs = [roll(make_config, *QUICK, "cycles=12", f"learning.guard={kind}") for kind in ("none", "freeze", "refine")]
-    assert not any(run.events for run in runs)
+    assert not any(run.guard for run in runs)
     assert len({run.samples.tobytes() for run in runs}) == 1
 
 
@@ -92,7 +92,7 @@ def test_behind_a_delay_the_first_samples_of_the_best_cycle_are_from_the_end_of_
     """The torque that is commanded is repeated exactly; what acts first in a cycle was commanded in the last one."""
     delay = 1
     run = roll(make_config, *QUICK, "learning.rate=1.9", "learning.lead=0", f"actuator.delay={delay}", "cycles=12")
-    (event,), torque = run.events, by_cycle(run)
+    (event,), torque = run.guard, by_cycle(run)
     repeated, best = torque[event.cycle + 1], torque[event.restored - 1]
     assert (repeated[delay:] == best[delay:]).all()
     assert (repeated[:delay] != best[:delay]).any()
@@ -115,7 +115,7 @@ def test_a_guard_that_freezes_repeats_what_is_no_worse_and_acts_at_most_twice(ma
 @pytest.mark.ci
 def test_limits_follow_the_largest_step_of_a_first_cycle_with_feedback_alone_whenever_learning_starts(make_config):
     run = roll(make_config, *LASTING, "learning.lead=0", "cycles=30")
-    assert not run.events  # though later steps exceed three times its first one
+    assert not run.guard  # though later steps exceed three times its first one
     assert errors(run)[-1] < 0.1 * errors(run)[0]
     early = roll(make_config, *LASTING, "learning.lead=0", "learning.start_cycle=1", "cycles=4")
     np.testing.assert_array_equal(early.samples, run.samples[: len(early.samples)])

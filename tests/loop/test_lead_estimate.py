@@ -29,7 +29,7 @@ def test_the_lead_is_the_samples_from_a_torque_to_the_feedback_and_sets_the_rate
     run = roll_out(make_scenario(make_config(*QUICK, *late)))
     auto = roll_out(make_scenario(make_config(*QUICK, *late, "learning.lead=auto", "cycles=1")))
     assert [vars(each) for each in run.lead_estimates] == [{"cycle": CYCLES + 3, "lead": lead}]
-    assert run.rate == auto.rate
+    assert run.learning_rate == auto.learning_rate
 
 
 def test_a_small_torque_probes_before_learning_and_nothing_of_it_stays(make_config):

@@ -28,7 +28,8 @@ def play(loop, torque=0.0, steps=10**9):
     """Step to the end, or so many steps; states and feedback of every step, and the last moment."""
     rows, moment = [], loop.moment
     while moment.status == "running" and len(rows) < steps:
-        before = np.concatenate([moment.state.q.ravel(), moment.state.force, moment.state.body])
+        body = moment.state.body if loop.shape[0] > 1 else []
+        before = np.concatenate([moment.state.q.ravel(), moment.state.force, body])
         moment = loop.step(np.full(loop.shape, torque))
         rows.append(np.append(before, moment.feedback))
     return np.array(rows), moment
@@ -39,8 +40,8 @@ def reference_run(overrides):
     columns, body = run.columns(), run.body_columns()
     joints = range(1, 4 if "q3" in columns else 3)
     q, feedback = (np.stack([columns[f"{name}{j}"] for j in joints], axis=2) for name in ("q", "tau_feedback_"))
-    tilt = np.stack([body[name] for name in ("height", "pitch", "roll")], axis=1)
-    parts = q.reshape(len(q), -1), columns["force"], tilt, feedback.reshape(len(q), -1)
+    tilt = [body[name][:, None] for name in ("height", "pitch", "roll") if body]
+    parts = q.reshape(len(q), -1), columns["force"], *tilt, feedback.reshape(len(q), -1)
     return run, np.concatenate(parts, axis=1)
 
 

@@ -46,17 +46,14 @@ def test_a_feedforward_that_asks_for_it_is_shown_every_step(make_config, control
     np.testing.assert_array_equal([shown.force for _, shown, _ in witness.seen], columns["force_measured"])
 
 
-def test_a_subclass_is_called_in_every_step_unless_it_declares_its_kernel_parts(make_config):
+def test_a_subclass_is_called_in_every_step_with_the_same_bits(make_config):
     class Called(AnalyticPlant):
         pass
 
-    class Declared(AnalyticPlant):
-        kernel_parts = AnalyticPlant.kernel_parts
-
     config = make_config("cycles=1", *SHORT)
-    called, declared = (make_scenario(config, plant=plant(config.plant)) for plant in (Called, Declared))
-    assert (find_external(called).plant, find_external(declared).plant) == (True, False)
-    np.testing.assert_array_equal(roll_out(called).samples, roll_out(declared).samples)
+    called, compiled = (make_scenario(config, plant=plant(config.plant)) for plant in (Called, AnalyticPlant))
+    assert (find_external(called).plant, find_external(compiled).plant) == (True, False)
+    np.testing.assert_array_equal(roll_out(called).samples, roll_out(compiled).samples)
 
 
 def test_the_plant_alone_gets_what_is_true(make_config):

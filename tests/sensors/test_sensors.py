@@ -7,9 +7,9 @@ from support.doors import foot_position, foot_velocity, get_leg, make_scenario, 
 from support.rollout import roll_out
 
 from cmacexp.plants import Measurement
+from cmacexp.protocols import SIGNALS
 from cmacexp.sensors import PerfectSensors
 from cmacexp.sensors.kernels import normal
-from cmacexp.sensors.protocol import SIGNALS
 
 REAL = "sensors=real"
 SHORT = ("gait.cycle_time=0.2", "gait.lift=0.005")

@@ -47,7 +47,7 @@ from cmacexp.models.robot_gains import derive_basis, derive_gains, recommend_per
 from cmacexp.planning.machine import find_centres, make_mechanism
 from cmacexp.plants.as_built import make_ground
 from cmacexp.plants.kernels import new_state
-from cmacexp.plants.protocol import new_measurement
+from cmacexp.protocols import new_measurement
 from cmacexp.report.page import Report, write_report
 from cmacexp.sensors.kernels import new_observation
 from cmacexp.study.interval import UNPAIRED, estimate

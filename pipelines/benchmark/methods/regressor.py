@@ -17,7 +17,7 @@ from cmacexp.models.mechanism import planned_torque
 from cmacexp.planning.machine import planned_torques
 from cmacexp.planning.plan import Reference, Setup
 from cmacexp.planning.reference import Motion, Y
-from cmacexp.plants.protocol import Measurement
+from cmacexp.protocols import Measurement
 from cmacexp.typing import Array, Weights
 from pipelines.benchmark.methods.norm_optimal import low_pass
 from pipelines.benchmark.methods.playing import Playing
