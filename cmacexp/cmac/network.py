@@ -1,8 +1,6 @@
 """The CMAC as an object: addressing and weights, for one leg or any other function."""
 
-import copy
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -114,14 +112,6 @@ class Cmac:
             receptive_field=config.receptive_field,
             seed=seed,
         )
-
-    def reseed(self, seed: int) -> "Cmac":
-        """A copy with another ``seed`` of the hash, of as yet empty memory."""
-        other = copy.copy(self)
-        other.address, other.clipped = self.address._replace(seed=seed & MASK), 0
-        other.visited = None if self.visited is None else replace(self.visited)
-        other._weights = other._single = None
-        return other
 
     @property
     def weights(self) -> Array:

@@ -7,7 +7,6 @@ import numpy as np
 from cmacexp.data.records import Drift
 from cmacexp.data.trace import Trace, concat_traces
 from cmacexp.loop.scenario import Scenario
-from cmacexp.protocols import Live
 from cmacexp.typing import Status
 
 WINDOW = 0.02
@@ -43,6 +42,6 @@ def explain_stop(scenario: Scenario, traces: Sequence[Trace], drift: Drift | Non
         clauses.append(f"learning had drifted since cycle {drift.cycle}")
     elif scenario.feedforward.acts and end.steps <= setup.plan.start_step:
         clauses.append("it had not begun to learn")
-    elif scenario.feedforward.acts and not isinstance(scenario.plant, Live):
+    elif scenario.feedforward.acts and not scenario.is_live:
         clauses.append("feedforward=none shows whether feedback only would have stopped too")
     return "".join(f"; {clause}" for clause in clauses)

@@ -100,9 +100,9 @@ def join_scores(scores: Scores) -> pa.Table:
     table, body = scores
     if body is not None and table.num_rows:
         rows = np.searchsorted(as_array(body, "cycle"), as_array(table, "cycle"))
-        for name in body.column_names:
-            if name not in table.column_names:
-                table = table.append_column(name, body[name].take(rows))
+        fields = [field for field in body.schema if field.name not in table.column_names]
+        columns = [arrow(as_array(body, field.name)[rows], field.type) for field in fields]
+        return pa.Table.from_arrays([*table.columns, *columns], schema=pa.schema([*table.schema, *fields]))
     return table
 
 

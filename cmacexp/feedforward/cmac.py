@@ -1,41 +1,55 @@
 """One CMAC per leg as a feedforward; it learns all of the torque, or what a model of the machine lacks."""
 
+import copy
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from cmacexp.cmac.addressing import RECTANGULAR, InputRange, spanning
 from cmacexp.cmac.network import Cmac, find_visited, memory_use
+from cmacexp.data.records import MemoryUse
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
+from cmacexp.feedforward.kernels import WeightLog, find_rows
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.jit.compiler import workload
 from cmacexp.planning.plan import Setup
-from cmacexp.typing import Array, Weights
+from cmacexp.typing import Array, Cells, Weights
 
 
 class _Path(NamedTuple):
-    """CMACs, one for each leg, and what they find along planned inputs, whatever the seed of a hash is."""
+    """What CMACs, one for each leg, find along planned inputs; nothing changes it, since many runs share it."""
 
     cmacs: list[Cmac]
+    """Without weights."""
     activation: Array | None
     """(N, L, C): of the active cells; None if all are 1."""
-    visited: list[Any]
-    """Cells that the path of each leg visits, see :func:`find_visited`."""
+    cells: Cells
+    """(N, L, C): active rows."""
+    memory: list[MemoryUse]
+    log: WeightLog
 
 
-def _follow(setup: Setup, inputs: Sequence[Array]) -> _Path:
-    """What new CMACs find along inputs (N, n) of each leg, which span their ranges unless these have been learnt."""
+def _follow(setup: Setup, inputs: Sequence[Array], seed: int) -> _Path:
+    """Follow inputs (N, n) of each leg, which span the ranges of its CMAC unless these have been learnt."""
     config, learnt, joints = setup.config.cmac, setup.learnt, setup.mechanism.shape[1]
     ranges = [spanning(own, config.range_factor) for own in inputs]
     if learnt is not None:
         ranges = [InputRange(*ends) for ends in learnt["ranges"]]
-    cmacs = [Cmac.from_config(config, own, joints) for own in ranges]
-    of_legs, activation = list(zip(cmacs, inputs, strict=True)), None
+    cmacs = [Cmac.from_config(config, own, joints, seed) for own in ranges]
+    for leg, cmac in enumerate(cmacs):
+        if learnt is not None and cmac.visited is not None:
+            cmac.visited.positions = learnt[f"visited_{leg + 1}"]
+    of_legs = list(zip(cmacs, inputs, strict=True))
+    cells = np.stack([cmac.cells(own) for cmac, own in of_legs], axis=1)
+    activation = None
     if cmacs[0].receptive_field != RECTANGULAR:
         activation = np.stack([cmac.activation(own) for cmac, own in of_legs], axis=1)
-    return _Path(cmacs, activation, [find_visited(cmac, own) for cmac, own in of_legs])
+    memory = [
+        memory_use(cmac, own, cells[:, leg], find_visited(cmac, own)) for leg, (cmac, own) in enumerate(of_legs)
+    ]
+    return _Path(cmacs, activation, cells, memory, find_rows(cells))
 
 
 class CmacFeedforward(BuiltInFeedforward):
@@ -46,19 +60,13 @@ class CmacFeedforward(BuiltInFeedforward):
         config, learnt = setup.config, setup.learnt
         inputs = [planned_inputs(setup, i, config.cmac.inputs) for i in range(setup.mechanism.shape[0])]
         self.seed = config.seed if learnt is None else int(learnt["seed"])
-        known = [own.tobytes() for own in inputs], setup.mechanism.shape, config.cmac
+        known = [own.tobytes() for own in inputs], setup.mechanism.shape, config.cmac, self.seed
         with workload(len(inputs) * len(inputs[0])):  # one run does not repay compiling, many do
-            path: _Path = (
-                _follow(setup, inputs) if learnt else setup.recall.get(known, partial(_follow, setup, inputs))
-            )
-            self.cmacs = [cmac.reseed(self.seed) for cmac in path.cmacs]
-            for i, cmac in enumerate(self.cmacs):
-                if learnt is not None and cmac.visited is not None:
-                    cmac.visited.positions = learnt[f"visited_{i + 1}"]
-            cells = np.stack([cmac.cells(own) for cmac, own in zip(self.cmacs, inputs, strict=True)], axis=1)
-        of_legs = zip(self.cmacs, inputs, np.moveaxis(cells, 1, 0), path.visited, strict=True)
-        self.memory = [memory_use(*leg) for leg in of_legs]
-        self.params = network(setup, cells, self.cmacs[0].address.rows, path.activation)
+            follow = partial(_follow, setup, inputs, self.seed)
+            path: _Path = setup.recall.get(known, follow) if learnt is None else follow()
+        self.cmacs = [copy.copy(cmac) for cmac in path.cmacs]
+        self.memory = path.memory
+        self.params = network(setup, path.cells, self.cmacs[0].address.rows, path.activation, log=path.log)
         for cmac, own in zip(self.cmacs, self.params.weights, strict=True):
             cmac.weights = own
 

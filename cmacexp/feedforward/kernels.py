@@ -28,17 +28,23 @@ class WeightLog(NamedTuple):
     """(1,): number of these cycles."""
 
 
-def new_log(cells: Cells, cycles: int = 0) -> WeightLog:
-    """A log of networks whose active rows are ``cells`` (N, L, C), with room for so many cycles.
-
-    All of a run have room: a machine on a wire cannot wait for the log to be taken.
-    """
+def find_rows(cells: Cells) -> WeightLog:
+    """Find the rows that networks use whose active rows are ``cells`` (N, L, C); a log of them without room."""
     legs = [find_distinct(own) for own in np.moveaxis(cells, 1, 0)]
     rows = np.zeros((len(legs), max(map(len, legs))), dtype=np.uint32)
     for own, found in zip(rows, legs, strict=True):
         own[: len(found)] = found
     counts = np.array([len(found) for found in legs], dtype=np.int64)
-    return WeightLog(rows, counts, np.zeros((cycles, len(legs), len(LOGGED))), np.zeros(1, dtype=np.int64))
+    return make_room(WeightLog(rows, counts, np.zeros(0), np.zeros(0, dtype=np.int64)), 0)
+
+
+def make_room(log: WeightLog, cycles: int) -> WeightLog:
+    """Make a log of the same rows that has room for so many cycles.
+
+    All of a run have room: a machine on a wire cannot wait for the log to be taken.
+    """
+    values = np.zeros((cycles, len(log.used), len(LOGGED)))
+    return log._replace(values=values, begun=np.zeros(1, dtype=np.int64))
 
 
 @kernel

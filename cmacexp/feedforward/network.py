@@ -27,7 +27,8 @@ from cmacexp.feedforward.kernels import (
     WeightLog,
     collect_log,
     feedforward_step,
-    new_log,
+    find_rows,
+    make_room,
 )
 from cmacexp.planning.plan import Reference, Setup
 from cmacexp.typing import Array, Cells, KernelParts, Weights
@@ -136,7 +137,7 @@ def known_torque(setup: Setup, torque: Array) -> FeedforwardParams:
         weights=np.zeros((legs, 1, joints)),
         learning=LearningParams(np.zeros(legs), 0),
         smoothing=NO_SMOOTHING,
-        log=new_log(cells),
+        log=find_rows(cells),
     )
 
 
@@ -157,7 +158,7 @@ def regressor(setup: Setup, columns: Array, steps: Array, parameters: Array) -> 
         learning=LearningParams(
             np.full(len(parameters), setup.rate), setup.lead, share=np.ascontiguousarray(steps).reshape(flat)
         ),
-        log=new_log(rows),
+        log=find_rows(rows),
     )
 
 
@@ -199,12 +200,14 @@ def network(
     rows: int,
     activation: Array | None = None,
     taps: Array | None = None,
+    log: WeightLog | None = None,
 ) -> FeedforwardParams:
     """Params of one network per leg, linear in its weights, which are zero at first or those of an earlier run.
 
     ``cells`` (N, L, C) are the rows of the weights that are active at each sample of the cycle, ``rows`` the number
     of weights of one leg for each of its joints, ``activation`` (N, L, C) those of the cells, 0 or more; None: all 1,
     as in a CMAC. ``taps`` (K,) are of a symmetric filter along the rows, once a cycle, from the middle outwards.
+    ``log`` has the rows that ``cells`` use, if they are known.
 
     Raises BadInput if the learning rule or the earlier weights do not fit the network.
     """
@@ -224,7 +227,7 @@ def network(
         *(spread_shares(cells, counts, config.window) if rule.teaches == NEIGHBOURS else (EMPTY_CELLS, EMPTY)),
         cycle_rate=setup.rate / kernel_norm(cells, counts) if config.guard == REFINE else 0.0,
     )
-    log = new_log(cells, setup.config.cycles)
+    log = make_room(log or find_rows(cells), setup.config.cycles)
     smoothing = NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows))
     return FeedforwardParams(
         kind=CMAC if binary else WEIGHTED,

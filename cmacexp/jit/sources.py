@@ -11,7 +11,8 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1]
 KERNEL_ROOMS = (
-    "jit", "data/signals.py", "models", "cmac", "planning", "protocols.py", "plants", "sensors", "feedforward", "control", "loop",
+    "jit", "data/signals.py", "models", "cmac", "planning", "protocols.py", "plants", "sensors", "feedforward",
+    "control", "loop",
 )  # fmt: skip
 """Rooms and files with kernels, and with constants that kernels use."""
 RESULT_ROOMS = (*KERNEL_ROOMS, "typing.py", "config", "data", "metrics", "engine/run.py")

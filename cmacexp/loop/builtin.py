@@ -33,7 +33,6 @@ from cmacexp.plants.mujoco_robot import MujocoRobot
 from cmacexp.protocols import TRAVEL, SendsDrives, TakesDrives, get_state
 from cmacexp.sensors import PerfectSensors, ProprioceptiveSensors, RealSensors
 from cmacexp.sensors.kernels import Observation, new_observation
-from cmacexp.sensors.perfect import find_altered
 from cmacexp.typing import KernelParts
 
 BUILT_IN = "needs feedforward=cmac, rbf or ilc, and the built-in controller"
@@ -165,7 +164,7 @@ def make_loop(scenario: Scenario, external: External, guard: Guard | None = None
         has_signals = "estimator" not in parts or parts.get("signals") is not None
         reason = "needs a plant that gives RobotSignals; use plant=mujoco_robot"
         require(has_signals, "sensors", "proprioceptive", reason)
-        if TRAVEL not in find_altered(scenario.sensors):
+        if TRAVEL not in scenario.altered:
             parts["observation"] = parts["observation"]._replace(travel=parts.get("travel"))
     parts["control_state"] = new_hybrid_state(*mechanism.shape)
     if not external.controller:

@@ -28,7 +28,6 @@ from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.protocols import ListsSteps, Live, SendsDrives
-from cmacexp.sensors.perfect import find_altered
 from cmacexp.typing import Array, Status
 
 MOST_ROWS = 1 << 15
@@ -48,7 +47,7 @@ JOINTS = (*ARRAYS["q"], *ARRAYS["dq"])
 
 def _samples_measured(scenario: Scenario) -> bool:
     """Whether sensors, or their supervision, add columns to the samples."""
-    return scenario.setup.config.plausibility.enabled or bool(find_altered(scenario.sensors) - {"force"})
+    return scenario.setup.config.plausibility.enabled or bool(scenario.altered - {"force"})
 
 
 class _Cycles:
@@ -69,13 +68,12 @@ class _Cycles:
         """Steps of the next call of the driver."""
         fit = MOST_ROWS // (config.steps_per_cycle * config.legs)
         cycles = min(config.cycles, max(1, fit), MOST_CYCLES)
-        is_live = isinstance(scenario.plant, Live)
-        if is_live:  # handing samples over takes longer than a step, so that it waits for the end
+        if scenario.is_live:  # handing samples over takes longer than a step, so that it waits for the end
             cycles = config.cycles
         wide = _samples_measured(scenario)
         legs, joints = mechanism.shape
         self.samples, self.body = make_samples(cycles * config.steps_per_cycle, legs, wide, joints)
-        if is_live:
+        if scenario.is_live:
             self.samples.fill(0.0)  # else the system would find memory for them while the machine moves
         names = ALL_SAMPLES[: len(self.samples)]
         self.joints = [i for i, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
@@ -266,7 +264,7 @@ def run_cycles(scenario: Scenario, on_progress: Callable[[float], None] = lambda
             start = cycles.advance()
         while cycles.is_running:
             trace = cycles.collect(start)
-            if isinstance(plant, Live):
+            if scenario.is_live:
                 traces.append(trace)
             else:
                 yield trace
@@ -290,6 +288,6 @@ def run_cycles(scenario: Scenario, on_progress: Callable[[float], None] = lambda
 def _at_work(scenario: Scenario) -> Iterator[None]:
     """Run steps of a scenario: what it calls is compiled if that repays it; an interrupt waits for the next call."""
     config = scenario.setup.config
-    leg_steps = math.inf if isinstance(scenario.plant, Live) else config.cycles * config.steps_per_cycle * config.legs
+    leg_steps = math.inf if scenario.is_live else config.cycles * config.steps_per_cycle * config.legs
     with workload(leg_steps), interrupt_held_back(), exits_caught():
         yield

@@ -41,12 +41,14 @@ from cmacexp.protocols import (
     Feedforward,
     LagsFeedback,
     Learns,
+    Live,
     Measurement,
     Plant,
     RobotSignals,
     Sensors,
     new_measurement,
 )
+from cmacexp.sensors.perfect import find_altered
 from cmacexp.typing import Array, Status, Weights
 
 PROTOCOLS = {"plant": Plant, "sensors": Sensors, "controller": Controller, "feedforward": Feedforward}
@@ -138,6 +140,10 @@ class Scenario:
     """Raised by a component when it was reset: the run fails before its first step."""
     warning: str = ""
     """Says that feedback bears little delay beyond what is counted; empty if it bears more."""
+    is_live: bool = field(init=False)
+    """Whether the plant is not simulated."""
+    altered: frozenset[str] = field(init=False)
+    """Signals that the sensors may change."""
     end: RunEnd = field(init=False)
     """How the run ended; before it has, as if it ended now."""
     kept: dict[int, Weights] = field(default_factory=dict, init=False)
@@ -145,6 +151,8 @@ class Scenario:
     used: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
+        self.is_live = isinstance(self.plant, Live)
+        self.altered = find_altered(self.sensors)
         self.end = RunEnd(Status.COMPLETED, learning_lead=self.setup.lead, learning_rate=self.setup.rate)
 
     def begin(self) -> None:

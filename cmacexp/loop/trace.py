@@ -35,7 +35,6 @@ from cmacexp.planning.reference import X, Y, Z
 from cmacexp.planning.stability import FRONT, REAR, STABILITY, Masses, true_margins
 from cmacexp.plants.as_built import make_payload
 from cmacexp.protocols import ListsSteps
-from cmacexp.sensors.perfect import find_altered
 from cmacexp.typing import Array
 
 
@@ -50,15 +49,14 @@ class TraceColumns(NamedTuple):
 def select_columns(scenario: Scenario) -> TraceColumns:
     """Select the columns of the traces of a run; sensors that alter a signal, or are supervised, add some."""
     mechanism = scenario.setup.mechanism
-    altered = find_altered(scenario.sensors)
     legs = LEG_SIGNALS if mechanism.shape[1] == len(PLANE) else (*LEG_SIGNALS, *SPATIAL_SIGNALS)
     if _find_model_torque(scenario) is not None:
         legs = (*legs, *MODEL_SIGNALS[: mechanism.shape[1]])
-    columns = select_signals(legs, altered, scenario.setup.config.plausibility.enabled)
+    columns = select_signals(legs, scenario.altered, scenario.setup.config.plausibility.enabled)
     if not has_body(mechanism):
         return TraceColumns(columns, None)
     body = (*BODY_SIGNALS, *LIVE_SIGNALS) if isinstance(scenario.plant, ListsSteps) else BODY_SIGNALS
-    return TraceColumns(columns, select_signals(body, altered))
+    return TraceColumns(columns, select_signals(body, scenario.altered))
 
 
 def _find_model_torque(scenario: Scenario) -> Array | None:
@@ -119,7 +117,8 @@ def _make_table(columns: Sequence[Signal], values: Mapping[str, NDArray[Any]], s
     """Make a table from values by name, which broadcast to ``shape``; ``phase`` is whether it is support."""
     arrays = []
     for signal in columns:
-        column = np.broadcast_to(values[signal.name], shape).ravel()
+        column = values[signal.name]
+        column = column.ravel() if column.shape == shape else np.broadcast_to(column, shape).ravel()
         if signal.name == "phase":
             arrays.append(pa.DictionaryArray.from_arrays(arrow(column, pa.int8()), arrow_strings(PHASES)))
         else:

@@ -29,7 +29,7 @@ from cmacexp.feedforward import (
     RadialBasis,
 )
 from cmacexp.feedforward.ilc import WIDEST, gaussian_taps
-from cmacexp.feedforward.kernels import Smoothing, correct, feedforward_step, log_weights, new_log, smooth
+from cmacexp.feedforward.kernels import Smoothing, correct, feedforward_step, find_rows, log_weights, smooth
 from cmacexp.feedforward.network import kernel_norm, network, planned_inputs, resample
 from cmacexp.feedforward.rbf import activations, spacing, spread_out
 from cmacexp.planning import Motion
@@ -194,7 +194,7 @@ def test_weights_in_use_are_weighed_and_no_others(seed, share):
     cells = rng.integers(0, ROWS, (5, LEGS, 2)).astype(np.uint32)
     weights = rng.normal(size=(LEGS, ROWS, 2)) * (rng.random((LEGS, ROWS, 2)) < share)
     entry = np.full((LEGS, 3), np.nan)
-    log_weights(new_log(cells), weights, entry)
+    log_weights(find_rows(cells), weights, entry)
     for leg in range(LEGS):
         used = weights[leg, np.unique(cells[:, leg])]
         assert_allclose(entry[leg, :2], [np.linalg.norm(used), np.abs(used).max()])

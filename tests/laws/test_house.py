@@ -17,8 +17,9 @@ from support.doors import KERNEL_ROOMS, RESULT_ROOMS
 
 import cmacexp
 
-ROOMS = "errors+typing jit models config data cmac planning protocols plants sensors feedforward control loop wire metrics"
-LAYERS = f"{ROOMS} terminal recording report stability study export gap engine gym commands+__main__".split()
+ROOMS = "errors+typing jit models config data cmac planning protocols plants sensors feedforward control loop"
+READING = "metrics terminal recording report stability study export gap"
+LAYERS = f"{ROOMS} wire {READING} engine gym commands+__main__".split()
 """Each imports only from its own layer and those before it."""
 READERS = {"metrics", "recording", "report", "study", "export"}
 """Rooms that read what is on disk and never reach the loop."""
