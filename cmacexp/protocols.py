@@ -218,6 +218,14 @@ class TakesDrives(Protocol):
 
 
 @runtime_checkable
+class HasSubsteps(Protocol):
+    """The config of a plant that integrates in smaller steps than the sampling period."""
+
+    substeps: int
+    """Steps in a sampling period."""
+
+
+@runtime_checkable
 class HasEstimator(Protocol):
     """The config of a plant that estimates its state by itself."""
 

@@ -123,7 +123,7 @@ class Cmac:
     @weights.setter
     def weights(self, weights: Array) -> None:
         shape = self.address.rows, self._outputs  # kernels do not look beyond it
-        if getattr(weights, "shape", None) != shape or weights.dtype != np.float64:
+        if not isinstance(weights, np.ndarray) or weights.shape != shape or weights.dtype != np.float64:
             raise ValueError(f"weights must be an array of shape {shape}, float64")
         self._weights, self._single = weights, None
 

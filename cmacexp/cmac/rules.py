@@ -155,7 +155,7 @@ def find_rule(name: str) -> Rule:
 def make_rule(config: "LearningConfig", activation: Array) -> RuleParams:
     """The rule of a config, for a network with ``activation`` (N, L, C) along the plan; raises BadInput."""
     rule = find_rule(config.rule)
-    strength = float(getattr(config, rule.strength)) if rule.strength else 0.0
+    strength = float(vars(config)[rule.strength]) if rule.strength else 0.0
     if rule.params.goal == MEAN and activation.shape[2] == 1:
         allowed = (
             "draws active weights to their mean, but this network has one active weight at a time; "

@@ -43,7 +43,7 @@ def _read_gain(text: str | None, key: str) -> list[float]:
 
 def read_given(arguments: Arguments) -> tuple[Log, Machine]:
     """The log and the machine of the options of :data:`LOG_OPTIONS`; raises BadInput."""
-    given = {key: _read_gain(getattr(arguments, key), f"--{key}") for key in ("kp", "kd")}
+    given = {key: _read_gain(vars(arguments)[key], f"--{key}") for key in ("kp", "kd")}
     log = read_log(
         arguments.log,
         _read_pairs(arguments.names, "--names"),

@@ -54,7 +54,7 @@ def _list_fields(node: Any, prefix: str) -> Iterator[tuple[str, str]]:
     """The fields of a node as they are typed, and what is known of each; of nodes inside it likewise."""
     schema: Any = type(node)
     for field in fields(node):
-        value, key = getattr(node, field.name), f"{prefix}.{field.name}"
+        value, key = vars(node)[field.name], f"{prefix}.{field.name}"
         if is_dataclass(value):
             yield from _list_fields(value, key)
         elif field.name != "_target_":
@@ -75,7 +75,7 @@ def format_help(group: str, arguments: Sequence[str]) -> str:
         lines += [f"  {path.stem}", fill(describe_option(path), "      ")]
     others = [text for text in arguments if not text.startswith(("-", "hydra")) and not text.endswith(HELP)]
     try:
-        node = getattr(compose_config(others), group, None)
+        node = vars(compose_config(others)).get(group)
     except CmacexpError as error:
         return "\n".join([*lines, f"fields: docs/config.md; they cannot be listed here: {error}"])
     if is_dataclass(node):

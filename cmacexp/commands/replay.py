@@ -25,7 +25,7 @@ def _show(shown: Path | str, arguments: Arguments) -> int:
 def _show_table(runs: Sequence[Run], arguments: Arguments) -> int:
     """Show runs as a table whose rows open their recordings."""
     for name in ("cycles", "every", "meshes", "out"):
-        value = getattr(arguments, name)
+        value = vars(arguments)[name]
         require(not value, f"--{name}", value, "must be left out with --table, which shows what is recorded")
     require_extra("datafusion")
     from cmacexp.recording.catalog import build_recordings, serve_catalog

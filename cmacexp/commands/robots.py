@@ -111,7 +111,7 @@ def _describe_margin(config: Config) -> list[str]:
     from cmacexp.loop.margin import SMALL_MARGIN, find_margin
     from cmacexp.loop.scenario import count_loop_delay, make_component
 
-    controller, sensors = (make_component(group, getattr(config, group)) for group in ("controller", "sensors"))
+    controller, sensors = (make_component(group, vars(config)[group]) for group in ("controller", "sensors"))
     if isinstance(controller, DriveController):
         drives = DriveGains(controller.config.stiffness, controller.config.damping)
         name, margin = "drives", find_joint_margin(read_model(config.machine), drives, config.actuator.lag)

@@ -8,7 +8,7 @@ from cmacexp.config.cmac import CMACS, PHASE, check_size
 from cmacexp.config.component import COMPONENTS, ComponentConfig, find_option
 from cmacexp.config.fields import listed
 from cmacexp.config.gait import PATTERNS
-from cmacexp.config.machine import RobotMachine, ask_for_robot, read_model
+from cmacexp.config.machine import QuadrupedMachine, RobotMachine, ask_for_robot, read_model
 from cmacexp.config.schema import Config, read_component
 from cmacexp.errors import BadInput, require
 
@@ -151,11 +151,8 @@ def check_pattern(config: Config) -> list[Check]:
 def check_ground_and_payload(config: Config) -> list[Check]:
     """A step of the stiffness, a slope and a payload come where feet and body are, during the run."""
     terrain, payload, machine, legs = config.terrain, config.payload, config.machine, config.legs
-    end, named, hips = (
-        config.cycles * config.gait.cycle_time,
-        terrain.step_legs,
-        getattr(machine, "hips", [(0.0, 0.0)]),
-    )
+    end, named = config.cycles * config.gait.cycle_time, terrain.step_legs
+    hips = machine.hips if isinstance(machine, QuadrupedMachine | RobotMachine) else [(0.0, 0.0)]
     furthest = config.gait.stroke / 2.0 + config.body_speed * end + max(x for x, _ in hips)
     some_legs = "1" if legs == 1 else f"some of 1 to {legs}, each once"
     has_none = f"must be 0 with machine.kind={machine.kind}: it has no body"
@@ -188,9 +185,9 @@ def check_ground_and_payload(config: Config) -> list[Check]:
         ),
         *(
             (
-                payload.weight > 0 and not low <= getattr(payload, axis) <= high,
+                payload.weight > 0 and not low <= vars(payload)[axis] <= high,
                 f"payload.{axis}",
-                getattr(payload, axis),
+                vars(payload)[axis],
                 f"must be from {low:g} to {high:g} m, between the hips",
             )
             for axis, low, high in bounds
@@ -298,6 +295,6 @@ def check(config: Config) -> None:
             require(not is_wrong, key, value, allowed)
     check_size(config.cmac, _count_inputs(config, config.cmac.inputs), config.joints)
     for group in COMPONENTS:
-        component = getattr(config, group)
+        component = vars(config)[group]
         if isinstance(component, ComponentConfig):
             component.check(config)

@@ -40,12 +40,14 @@ NEW_NAMES = {
 """Targets that have moved, by their old names, which keep working."""
 
 
-@cache
+_PACKAGE_FOLDER = Path(__file__).resolve().parents[1]
+_INSIDE, _BESIDE = _PACKAGE_FOLDER / "conf", _PACKAGE_FOLDER.parent / "conf"
+_CONFIGS = _INSIDE if _INSIDE.is_dir() else _BESIDE
+
+
 def config_folder() -> Path:
-    """The folder of the shipped configs: inside an installed package, else at the top of the checkout."""
-    package = Path(__file__).resolve().parents[1]
-    inside = package / "conf"
-    return inside if inside.is_dir() else package.parent / "conf"
+    """Return the folder of the shipped configs: inside an installed package, else at the top of the checkout."""
+    return _CONFIGS
 
 
 @dataclass
@@ -71,15 +73,17 @@ class FeedforwardConfig(ComponentConfig):
 
 
 @cache
+def _read_options(folder: str) -> dict[str, DictConfig]:
+    """Read the options in a folder of the shipped configs, by their names in order."""
+    options: Any = {path.stem: OmegaConf.load(path) for path in sorted((config_folder() / folder).glob("*.yaml"))}
+    return {name: option for name, option in options.items() if isinstance(option, DictConfig)}
+
+
 def find_option(group: str, target: str) -> str:
-    """The option of a group that makes the class ``target``, else the name of the class."""
-    for path in sorted((config_folder() / group).glob("*.yaml")):
-        option = OmegaConf.load(path)
-        if isinstance(option, DictConfig) and target in (
-            option.get("_target_"),
-            OmegaConf.select(option, f"{group}._target_"),
-        ):
-            return path.stem
+    """Find the option of a group that makes the class ``target``, else the name of the class."""
+    for name, option in _read_options(group).items():
+        if target in (option.get("_target_"), OmegaConf.select(option, f"{group}._target_")):
+            return name
     return target.rpartition(".")[2]
 
 
@@ -89,7 +93,6 @@ def config_class(component: Callable[..., object]) -> type[ComponentConfig] | No
     return own if inspect.isclass(own) and issubclass(own, ComponentConfig) else None
 
 
-@cache
 def _fields_taken(component: Callable[..., object]) -> dict[str, bool] | None:
     """Names of the fields that a component takes, and whether each is required; None: it may take any."""
     if (schema := config_class(component)) is not None:
@@ -105,14 +108,12 @@ def _fields_taken(component: Callable[..., object]) -> dict[str, bool] | None:
     return {each.name: each.default is each.empty for each in named}
 
 
-@cache
 def _fields_of_options(group: str) -> set[str]:
-    """Fields of ``group`` that some option of it has, or that a scenario, plant or controller sets in it."""
+    """List the fields of ``group`` that some option of it has, or that a scenario, plant or controller sets in it."""
     names: set[str] = set()
     for folder in (group, "scenario", "for_plant", "for_controller"):
-        for path in (config_folder() / folder).glob("*.yaml"):
-            option: Any = OmegaConf.load(path)
-            names.update(option if folder == group else option.get(group, {}))
+        for option in _read_options(folder).values():
+            names.update(map(str, option if folder == group else option.get(group, {})))
     return names - {"_target_", "defaults"}
 
 
@@ -137,7 +138,7 @@ def select_accepted_fields(group: str, node: Mapping[str, Any], component: Calla
 
 @cache
 def find_new_name(target: str) -> str:
-    """The present name of a target; one that has moved is named on stderr, once."""
+    """Find the present name of a target; one that has moved is named on stderr, once."""
     if target in NEW_NAMES:
         print(f"{target} is now {NEW_NAMES[target]}", file=sys.stderr)
     return NEW_NAMES.get(target, target)
@@ -227,7 +228,7 @@ def custom_code_hash(config: Config, *components: object) -> str | None:
     """
     hashes = list[str]()
     for index, group in enumerate(COMPONENTS):
-        node = read_component(getattr(config, group))
+        node = read_component(vars(config)[group])
         with current_folder_importable():
             own = type(components[index]) if components else find_class(f"{group}._target_", node["_target_"])
         if not is_shipped(own.__module__):
@@ -247,7 +248,7 @@ def find_sources(name: str) -> list[Path]:
 
     Not those of this package, and of installed packages not those of others.
     """
-    file = Path(getattr(sys.modules.get(name), "__file__", None) or ".")
+    file = Path(vars(sys.modules[name]).get("__file__") or "." if name in sys.modules else ".")
     if not file.is_file():  # written in a console
         return []
     root = file.parents[name.count(".") + (file.name == "__init__.py")]
@@ -259,5 +260,5 @@ def find_sources(name: str) -> list[Path]:
         finder.run_script(str(file))
     else:
         finder.import_hook(name)
-    files = [getattr(module, "__file__", None) for module in finder.modules.values()]
+    files = [vars(module)["__file__"] for module in finder.modules.values()]
     return sorted(Path(file) for file in files if file)

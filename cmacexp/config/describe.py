@@ -6,7 +6,6 @@ import sys
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from functools import cache
 from itertools import pairwise
 from typing import Any, NamedTuple, get_type_hints
 
@@ -80,7 +79,6 @@ def _find_component(group: str, target: str) -> type | None:
         return None
 
 
-@cache
 def read_meanings(schema: type) -> dict[str, str]:
     """The strings that follow the fields of a dataclass and of those that it inherits from."""
     found: dict[str, str] = {}

@@ -121,7 +121,6 @@ def _list_declared(schema: Any) -> dict[str, tuple[Field[Any], Any]]:
     return {each.name: (each, types[each.name]) for each in fields(schema)}
 
 
-@cache
 def _choices_of_type(declared: Any) -> tuple[Any, ...]:
     return get_args(declared) if get_origin(declared) in (Union, UnionType) else (declared,)
 

@@ -4,7 +4,6 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from functools import cache
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
@@ -63,9 +62,8 @@ def _make_machine(node: Mapping[str, Any], target: object) -> Any:
     return read_fields(MACHINES[kind], node, "machine")
 
 
-@cache
 def list_groups() -> list[str]:
-    """Groups of fields that have options, but for the scenarios."""
+    """List the groups of fields that have options, but for the scenarios."""
     return [field.name for field in fields(Config)[1:] if (config_folder() / field.name).is_dir()]
 
 
@@ -104,17 +102,10 @@ def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
     return config
 
 
-@cache
-def _list_names(kind: Any) -> list[str] | None:
-    """Names of the fields of a dataclass; None of another type."""
-    return [each.name for each in fields(kind)] if is_dataclass(kind) else None
-
-
 def to_plain(config: Any) -> Any:
     """The config as plain dictionaries and lists, as it stands in the manifest."""
-    names = _list_names(type(config))  # type: ignore[arg-type]  # any class is hashable
-    if names is not None:
-        return {name: to_plain(getattr(config, name)) for name in names}
+    if is_dataclass(config):
+        return {name: to_plain(value) for name, value in vars(config).items()}
     if isinstance(config, list):
         return [to_plain(item) for item in config]
     return {name: to_plain(value) for name, value in config.items()} if isinstance(config, dict) else config

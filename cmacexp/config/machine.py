@@ -66,7 +66,7 @@ class FourLegs:
     @property
     def in_order(self) -> list[BodyLegConfig]:
         """Legs 1 to 4."""
-        return [getattr(self, key) for key in LEG_KEYS]
+        return [vars(self)[key] for key in LEG_KEYS]
 
 
 LEG_KEYS = tuple(field.name for field in fields(FourLegs))

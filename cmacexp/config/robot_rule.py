@@ -62,9 +62,10 @@ def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
         value = recommend_period(basis.ratio, _read_loop_delay(_root_), _find_pattern(_root_).gain)
         value = min(value, PERIODS[name], math.inf if robot.armature.any() else PERIOD_WITHOUT_ROTORS)
     elif name in DriveGains._fields:
-        value = getattr(derive_drive_gains(robot), name)
+        value = derive_drive_gains(robot)._asdict()[name]
     else:
-        value = getattr(basis if name in Basis._fields else _derive_gains(basis, _root_), name)
+        gains = basis if name in Basis._fields else _derive_gains(basis, _root_)
+        value = gains._asdict()[name]
     return float(f"{value:.{DIGITS}g}")
 
 

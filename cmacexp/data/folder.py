@@ -310,7 +310,7 @@ def make_sweep_manifest(status: str, files: Mapping[str, str] | None = None, is_
     return {
         "kind": manifests.SWEEP,
         "status": status,
-        "versions": manifests.versions(),
+        "versions": manifests.read_environment().versions,
         "files": dict(files or {}),
         "config": {"record": {"trace": False}} if is_lean else {},
     }

@@ -15,7 +15,7 @@ from contextlib import suppress
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from cmacexp.config import config_hash
 from cmacexp.data.files import file_signature, open_file, sha256, write_atomically
@@ -36,19 +36,26 @@ Manifest = dict[str, Any]
 """Entries by name, those of :class:`cmacexp.data.manifest_fields.RunManifest`, perhaps of a sweep or a report."""
 
 
+class Environment(NamedTuple):
+    """What this process runs, of which results can depend."""
+
+    versions: dict[str, str]
+    """Of this package, Python, and everything installed that results can depend on."""
+    git_commit: str | None
+    """Commit of the checkout that this code runs from; None outside one."""
+
+
 @cache
-def versions() -> dict[str, str]:
-    """Versions of everything installed that results can depend on."""
-    found = {"cmacexp": __version__, "python": platform.python_version()}
+def read_environment() -> Environment:
+    """Read what this process runs, which does not change."""
+    versions = {"cmacexp": __version__, "python": platform.python_version()}
     for package in PACKAGES:
         with suppress(PackageNotFoundError):
-            found[package] = version(package)
-    return found
+            versions[package] = version(package)
+    return Environment(versions, _find_commit())
 
 
-@cache
-def git_commit() -> str | None:
-    """Commit of the checkout that this code runs from; None outside one."""
+def _find_commit() -> str | None:
     checkout = Path(__file__).resolve().parents[2]
     if not (checkout / ".git").exists():
         return None
@@ -70,8 +77,8 @@ def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: An
         "seed": config.get("seed"),
         "config": config,
         "config_hash": config_hash(config),
-        "versions": versions(),
-        "git_commit": git_commit(),
+        "versions": read_environment().versions,
+        "git_commit": read_environment().git_commit,
         "steps": 0,
         "rollout_seconds": 0.0,
         "wall_seconds": 0.0,

@@ -1,6 +1,6 @@
 """How a run ended, and what happened in it besides its samples: entries of its manifest, as they are found out."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 from cmacexp.config.fields import number
@@ -119,4 +119,4 @@ class RunEnd:
 
     def list_entries(self) -> dict[str, Any]:
         """Entries of the manifest, by name."""
-        return {each.name: getattr(self, each.name) for each in fields(self) if each.name != "error"}
+        return {name: value for name, value in vars(self).items() if name != "error"}

@@ -46,6 +46,7 @@ from cmacexp.planning.reference import ACTING, BEFORE, X, Y, Z
 from cmacexp.plants import Measurement
 from cmacexp.protocols import Drive
 from cmacexp.sensors import PerfectSensors
+from cmacexp.sensors.config import ChannelsConfig
 from cmacexp.typing import Array, Status
 
 CYCLES = 4
@@ -194,7 +195,7 @@ def _require_carried(run: Run, config: Config) -> None:
         "learning.lead": (lead, lead == ESTIMATE, f"must be auto or a number, as {learning.lead}, its last estimate"),
         **{
             f"sensors.{name}.lag": (signal.lag, signal.lag, "must be 0: C filters no signal")
-            for name, signal in getattr(config.sensors, "signals", {}).items()
+            for name, signal in (config.sensors.signals if isinstance(config.sensors, ChannelsConfig) else {}).items()
         },
     }
     for key, (value, is_refused, allowed) in refused.items():

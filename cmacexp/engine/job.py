@@ -104,8 +104,8 @@ def _unpack(packed: bytes) -> JobTemplate:
     referred = find_referred(composed)
     with suppress(Exception):  # which each job reports
         typed = None if referred is None else to_config(composed)
-    modules = [type(getattr(typed, group, None)).__module__ for group in COMPONENTS]
-    if typed is None or all(map(is_shipped, modules)):
+    modules = [type(vars(typed)[group]).__module__ for group in COMPONENTS] if typed is not None else []
+    if all(map(is_shipped, modules)):
         return JobTemplate(composed, hydra, plain, typed, referred)
     return JobTemplate(composed, hydra, pickle.dumps(plain), pickle.dumps(typed), referred)
 

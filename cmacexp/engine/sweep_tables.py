@@ -5,7 +5,6 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -63,7 +62,6 @@ def read_settings(overrides: Sequence[str]) -> Row:
     return {key: parse_value(value) for key, _, value in typed}
 
 
-@lru_cache(1 << 12)
 def parse_value(text: str) -> Any:
     """A value as typed on the command line: a number, true, false, null, else text."""
     if text in ("true", "false"):

@@ -44,7 +44,7 @@ def _needs(node: Any, key: str) -> Iterator[str]:
         declared = [each.metadata for each in fields(node) if each.name == name] if is_dataclass(node) else []
         for metadata in declared:
             yield from (need.replace("own.", f"{own}.") for need in metadata.get("needs", ()))
-        node, own = getattr(node, name, None), f"{own}.{name}".lstrip(".")
+        node, own = vars(node).get(name) if is_dataclass(node) else None, f"{own}.{name}".lstrip(".")
         yield from (need.replace("own.", f"{own}.") for need in getattr(type(node), "needs", ()))
 
 

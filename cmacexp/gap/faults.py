@@ -63,7 +63,7 @@ def check_log(log: Log, machine: Machine) -> None:
         rows >= LEAST_ROWS, KEY, log.path, f"has {rows} rows, fewer than {LEAST_ROWS}: too short to identify anything"
     )
     for quantity in ("time", "orientation", "angle", "command", "command_velocity", "torque", "feedforward"):
-        values = getattr(log, quantity)
+        values = vars(log)[quantity]
         for place in () if values is None else map(tuple, np.argwhere(~(np.abs(values) < LARGEST)).tolist()):
             name = quantity if quantity in ("time", "orientation") else log.column(quantity, place[1])
             raise refuse(log, f"column {name} is {values[place]} in row {place[0]}: fill or cut such rows")

@@ -107,7 +107,7 @@ class Log:
         kept = [j for j, name in enumerate(self.joints) if name not in joints]
         require(kept, "--leave-out", ",".join(joints), "leaves no joint of the log: keep at least one")
         signals = ("angle", "command", "command_velocity", "torque", "feedforward")
-        cut: dict[str, Any] = {key: None if (own := getattr(self, key)) is None else own[:, kept] for key in signals}
+        cut: dict[str, Any] = {key: None if (own := vars(self)[key]) is None else own[:, kept] for key in signals}
         return replace(self, joints=tuple(self.joints[j] for j in kept), kp=self.kp[kept], kd=self.kd[kept], **cut)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from cmacexp.control.load_meter import LoadMeter, read_meter
 from cmacexp.data.records import CarriedLoad
 from cmacexp.errors import BadInput, require
-from cmacexp.loop.state import list_arrays
+from cmacexp.loop.state import copy_arrays
 from cmacexp.planning.plan import NOTHING, LoadEstimate, Plan, Setup, adapt_plan
 from cmacexp.typing import Array
 
@@ -47,8 +47,7 @@ class Adaptation:
 
     def _follow(self, plan: Plan) -> None:
         """Let the arrays of the plan of the run be those of another."""
-        for own, new in zip(list_arrays(self.setup.plan), list_arrays(plan), strict=True):
-            own.array[...] = new.array
+        copy_arrays(plan, self.setup.plan)
 
     def end_cycle(self) -> bool:
         """Whether what was met in the cycle that has ended asks for another plan; :meth:`update_plan` makes it.

@@ -1,8 +1,7 @@
 """The arrays of a loop, by the role that their components declare in :mod:`cmacexp.typing`, and copies of them."""
 
 from collections.abc import Iterable, Iterator
-from functools import cache
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple, get_args, get_type_hints
 
 import numpy as np
 
@@ -19,18 +18,18 @@ class Declared(NamedTuple):
     """None: the loop does not change it."""
 
 
-@cache
 def _read_roles(kind: Any) -> dict[str, Role | None]:
-    """Declared roles of the fields of a tuple, by name."""
+    """Read the declared roles of the fields of a tuple, by name."""
     hints = get_type_hints(kind, include_extras=True)
-    return {name: getattr(hints[name], "__metadata__", (None,))[0] for name in kind._fields}
+    declared = {name: get_args(hints[name])[1:] for name in kind._fields}
+    return {name: role[0] if role and isinstance(role[0], Role) else None for name, role in declared.items()}
 
 
 def _arrays_below(node: Any, path: str, role: Role | None) -> Iterator[Declared]:
     if isinstance(node, np.ndarray):
         yield Declared(path, node, role)
-    elif hasattr(node, "_fields"):
-        roles = _read_roles(type(node))  # type: ignore[arg-type]  # any class is hashable
+    elif isinstance(node, tuple) and type(node) is not tuple:
+        roles = _read_roles(type(node))
         for (name, declared), inner in zip(roles.items(), node, strict=True):
             yield from _arrays_below(inner, f"{path}.{name}" if path else name, declared)
 
@@ -41,6 +40,15 @@ def list_arrays(loop: Any) -> list[Declared]:
     for each in _arrays_below(loop, "", None):
         arrays.setdefault(id(each.array), each)
     return list(arrays.values())
+
+
+def copy_arrays(source: Any, target: Any) -> None:
+    """Copy the arrays of a tuple, and of those in it, into those of another one of its type and shapes."""
+    for value, into in zip(source, target, strict=True):
+        if isinstance(value, np.ndarray):
+            into[...] = value
+        elif isinstance(value, tuple):
+            copy_arrays(value, into)
 
 
 class Snapshot:

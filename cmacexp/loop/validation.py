@@ -58,7 +58,7 @@ def make_measurement_targets(state: Measurement) -> list[Target]:
 def copy_outputs(component: object, method: str, outputs: Iterable[Any], targets: Iterable[Target]) -> None:
     """Copy arrays that a component returned, the first ones if there are fewer targets; raises BadOutput."""
     for output, (name, array, shape) in zip(outputs, targets, strict=False):
-        if getattr(output, "dtype", None) is FLOAT and output.shape == shape:
+        if isinstance(output, np.ndarray) and output.dtype is FLOAT and output.shape == shape:
             array[...] = output
         elif output is not None or name not in OPTIONAL:
             array[...] = _convert(component, method, name, output, shape)

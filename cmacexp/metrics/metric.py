@@ -105,7 +105,8 @@ def describe(name: str, metric: Metric[Any] | None = None) -> dict[str, str]:
     """The metadata of a column, of a metric or one of :data:`INDEX`: unit, meaning, where it is NaN, and source."""
     if metric is None:
         return {"unit": "", "meaning": INDEX[name], "undefined": "never", "source": CONTRACT}
-    return {key: getattr(metric, key) for key in ("unit", "meaning", "undefined", "source")}
+    declared = metric._asdict()
+    return {key: declared[key] for key in ("unit", "meaning", "undefined", "source")}
 
 
 @cache

@@ -156,7 +156,6 @@ def compute_foot_mass(robot: Robot) -> float:
     return min(1.0 / float(np.linalg.eigvalsh(mobility)[-1]) for mobility in mobilities)
 
 
-@lru_cache(maxsize=16)
 def derive_drive_gains(robot: Robot) -> DriveGains:
     """Gains of drives on whose legs, at home, the body is a mass on springs of DRIVEN_RATE."""
     vertical = [float(np.linalg.inv(foot @ foot.T)[2, 2]) for _, foot in list_jacobians(robot)]

@@ -163,7 +163,6 @@ def find_centres(machine: RobotMachine, q: Array) -> Array:
     return (centres - origin).T
 
 
-@lru_cache(maxsize=16)
 def make_model(robot_model: Any, mass_factor: float = 1.0) -> Any:
     """A copy of a model without contacts, its masses and inertias times ``mass_factor``; nothing may change it."""
     mujoco = load_mujoco()

@@ -71,7 +71,7 @@ def check_stability(config: Config, support: Mask, planned: Array) -> None:
     else:
         return
     remedy = "choose another value, or set gait.allow_unstable=true"
-    raise BadInput(f"gait.{key}", getattr(gait, key), f"{reason}; {remedy}")
+    raise BadInput(f"gait.{key}", vars(gait)[key], f"{reason}; {remedy}")
 
 
 class Masses(NamedTuple):

@@ -152,7 +152,7 @@ def draw_panel(axes: Axes, panel: Panel, names: Sequence[str]) -> None:
     for begin, end in panel.shaded:
         axes.axvspan(begin, end, **SHADE)
     for axis in "xy" if panel.series and panel.log != "" else "":
-        shown = np.concatenate([np.asarray(getattr(each, axis), dtype=float) for each in panel.series])
+        shown = np.concatenate([np.asarray(each.x if axis == "x" else each.y, dtype=float) for each in panel.series])
         if spans_decades(shown) if panel.log is None else axis in panel.log:
             logarithmic(axes, axis, shown)
     whole = all(np.issubdtype(np.asarray(series.x).dtype, np.integer) for series in panel.series)

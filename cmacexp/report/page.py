@@ -120,7 +120,8 @@ def _find_panels(figure: Figure) -> list[Array]:
     if len(specs) < len(figure.axes):
         return [np.array([[0.0, 0.0], figure.bbox.max])]
     boxes = np.array([np.asarray(axes.get_tightbbox()) for axes in figure.axes])
-    columns, rows = (np.array([getattr(spec, span).start for spec in specs]) for span in ("colspan", "rowspan"))
+    columns = np.array([spec.colspan.start for spec in specs])
+    rows = np.array([spec.rowspan.start for spec in specs])
     found = []
     for spec, column, row in zip(specs, columns, rows, strict=True):
         left, right = boxes[columns == column, 0, 0].min(), boxes[columns == column, 1, 0].max()
@@ -190,7 +191,7 @@ def write_report(report: Report, where: Path | ResultWriter) -> Path:
         with new_result(where, OUT_KEY, manifests.REPORT) as writer:
             return write_report(report, writer)
     renderer = Renderer(where.part)
-    commit = manifests.git_commit()
+    commit = manifests.read_environment().git_commit
     origin = f"Written on {date.today()} by cmacexp {__version__}" + (f", commit {commit[:10]}." if commit else ".")
     where.write_text(HTML, renderer.environment.get_template("page.html").render(report=report, origin=origin))
     manifests.write(
@@ -199,7 +200,7 @@ def write_report(report: Report, where: Path | ResultWriter) -> Path:
             "kind": manifests.REPORT,
             "status": Status.COMPLETED,
             "config": report.config,
-            "versions": manifests.versions(),
+            "versions": manifests.read_environment().versions,
             "runs": {relative(path, where.folder): of_config for path, of_config in report.runs.items()},
             "files": {name: sha256(where.part / name) for name in where.list_files()},
         },

@@ -72,7 +72,7 @@ class SignalConfig:
     @property
     def alters(self) -> bool:
         """Whether anything alters the signal."""
-        return any(getattr(self, name) for name in IMPERFECTIONS) or self.fault.kind != "none"
+        return any(vars(self)[name] for name in IMPERFECTIONS) or self.fault.kind != "none"
 
     def check(self, key: str, config: Config) -> None:
         """Check delay, starts and fault against the run; raises BadInput."""

@@ -8,7 +8,15 @@ from cmacexp.models.loop_delay import first_order_share
 from cmacexp.models.mix import mix
 from cmacexp.planning.plan import Setup
 from cmacexp.protocols import SIGNALS, Measurement, copy_state
-from cmacexp.sensors.config import IMPERFECTIONS, ChannelsConfig, FaultConfig, RealSensorsConfig, SignalConfig
+from cmacexp.sensors.config import (
+    IMPERFECTIONS,
+    ChannelsConfig,
+    FaultConfig,
+    LegFaultConfig,
+    LegSignalConfig,
+    RealSensorsConfig,
+    SignalConfig,
+)
 from cmacexp.sensors.kernels import CHANNEL, FAULTS, NO_FAULT, Sensing, new_observation, read_sensors
 from cmacexp.typing import Counts, KernelParts
 
@@ -18,7 +26,7 @@ SENSOR_SEED = 0x53454E53
 
 def _applies(setting: SignalConfig | FaultConfig, leg: int) -> bool:
     """Whether a setting applies to ``leg``, 0 for the body."""
-    legs = getattr(setting, "legs", None)
+    legs = setting.legs if isinstance(setting, LegSignalConfig | LegFaultConfig) else None
     return legs is None or leg in legs
 
 
@@ -28,7 +36,7 @@ def _channel(signal: SignalConfig, leg: int, sampling_period: float) -> tuple[An
     row: dict[str, Any] = dict.fromkeys(CHANNEL.names or (), 0)
     if _applies(signal, leg):
         row |= {
-            **{each: getattr(signal, each) for each in IMPERFECTIONS},
+            **{each: vars(signal)[each] for each in IMPERFECTIONS},
             "lag": first_order_share(signal.lag, sampling_period) if signal.lag else 0.0,
             "start": round(signal.start / sampling_period),
             "drops_to_zero": signal.dropout_reads == "zero",
@@ -56,7 +64,7 @@ def make_keys(channels: int, seed: int) -> Counts:
 def make_sensing(config: ChannelsConfig, layout: list[tuple[str, int]], setup: Setup) -> Sensing:
     """Channels, one for each signal and leg, 0 for the body, of the ``layout``, before their first reading."""
     period = setup.config.sampling_period
-    channels = np.array([_channel(getattr(config, name), leg, period) for name, leg in layout], CHANNEL)
+    channels = np.array([_channel(vars(config)[name], leg, period) for name, leg in layout], CHANNEL)
     altered = {name for (name, _), alters in zip(layout, channels["alters"], strict=True) if alters}
     return Sensing(
         ("position" in altered, "velocity" in altered),
@@ -99,7 +107,7 @@ class RealSensors(JointSensors):
 
     def reset(self, setup: Setup) -> None:
         """Prepare every channel; forget earlier readings."""
-        self.alters = tuple(name for name in SIGNALS if getattr(self.config, name).alters)
+        self.alters = tuple(name for name in SIGNALS if vars(self.config)[name].alters)
         self.mechanism, self.step = setup.mechanism, 0
         self.observation = new_observation(setup.mechanism.shape[0], setup.mechanism.axes)
         self.sensing = make_sensing(self.config, _layout(*setup.mechanism.shape), setup) if self.alters else None

@@ -7,7 +7,7 @@ Limits were chosen on 200 random settings of one leg; ``pipelines/when_learning_
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, is_dataclass, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,8 @@ from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.metrics.drift import DRIFT_RATIO, LEAST
 from cmacexp.models.trend import WINDOW
 from cmacexp.plants import AnalyticPlant
+from cmacexp.protocols import HasSubsteps
+from cmacexp.sensors.config import ChannelsConfig
 from cmacexp.stability.cycle_map import NotPredictable, RestorableLoop, make_restorable_loop
 from cmacexp.stability.growth import (
     GROWTH_CYCLES,
@@ -105,7 +107,9 @@ def assess(config: Config, simulate: bool = True) -> Verdict:
 
 def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
     loop, lead, first = RestorableLoop(scenario), scenario.setup.lead, config.learning.start_cycle
-    steps = loop.period * loop.samples.shape[2] * getattr(config.plant, "substeps", 1)
+    steps = (
+        loop.period * loop.samples.shape[2] * (config.plant.substeps if isinstance(config.plant, HasSubsteps) else 1)
+    )
     compiled = loop.plant is None  # MuJoCo takes a hundred times as long
     cycles = max(MAX_CYCLES_BEFORE, min(MAX_CYCLES, AFFORDABLE // steps) if simulate and compiled else 0)
     history = watch(loop, first + cycles)
@@ -133,8 +137,8 @@ def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
 
 def _find_quantised(config: Config) -> str:
     """The key of a sensor's quantum; empty if there is none."""
-    channels = vars(config.sensors) if is_dataclass(config.sensors) else {}
-    return next((f"sensors.{name}.quantum" for name, each in channels.items() if getattr(each, "quantum", 0.0)), "")
+    channels = config.sensors.signals if isinstance(config.sensors, ChannelsConfig) else {}
+    return next((f"sensors.{name}.quantum" for name, channel in channels.items() if channel.quantum), "")
 
 
 def _growth_before(config: Config, history: History) -> tuple[float, int]:

@@ -24,7 +24,7 @@ import yaml
 
 from cmacexp.config.component import config_folder, find_sources
 from cmacexp.data.files import write_atomically
-from cmacexp.data.manifest import git_commit, versions
+from cmacexp.data.manifest import read_environment
 from cmacexp.data.run import Run
 from cmacexp.data.tables import read_table, write_table
 from cmacexp.data.version import __version__
@@ -130,8 +130,8 @@ def make_provenance(
     return {
         "date": datetime.now(UTC).date().isoformat(),
         "version": __version__,
-        "git_commit": git_commit(),
-        "versions": manifests[-1]["versions"] if manifests else versions(),
+        "git_commit": read_environment().git_commit,
+        "versions": manifests[-1]["versions"] if manifests else read_environment().versions,
         "seeds": seeds,
         "runs": len(results),
         "models": dict(sorted(models.items())),

@@ -118,7 +118,7 @@ class Wire:
         """
         if self._arrivals.wait(int(timeout * 1e9)) == 0:
             return None
-        data = [sample.data for sample in self._reader.take(1) if hasattr(sample, "data")]
+        data = [vars(sample)["data"] for sample in self._reader.take(1) if "data" in vars(sample)]
         return decode(self._received, data[-1]) if data else None
 
     def send(self, message: Message) -> None:

@@ -155,7 +155,7 @@ class SimulatedRobot:
             ("plant", MujocoRobot.Config, "mujoco_robot, or mujoco_robot_rigid"),
             ("sensors", ProprioceptiveConfig, "proprioceptive, whose noise the robot has"),
         ):
-            node = getattr(config, group)
+            node = vars(config)[group]
             option = find_option(group, read_component(node)["_target_"])
             require(isinstance(node, kind), group, option, f"must be {options}")
         scenario = make_scenario(replace(config, cycles=1))

@@ -85,10 +85,13 @@ class UnitreeRobot:
 
         def check(self, config: Config) -> None:
             """Check that its drives get commands, and that nothing else has the state altered."""
-            kind, model = config.machine.kind, getattr(config.machine, "model", None)
+            kind, model = (
+                config.machine.kind,
+                config.machine.model if isinstance(config.machine, RobotMachine) else None,
+            )
             start, sharing = config.learning.start_from, config.force_control.load_sharing
             controller, sensors = (
-                find_option(group, read_component(getattr(config, group))["_target_"])
+                find_option(group, read_component(vars(config)[group])["_target_"])
                 for group in ("controller", "sensors")
             )
             by_itself = "with plant=unitree, which estimates by itself"
