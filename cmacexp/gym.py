@@ -152,7 +152,7 @@ class LoopEnv(Env[Array, Array]):
     def __getstate__(self) -> dict[str, Any]:
         """What an equal environment is made of, and the torques of the episode so far."""
         kept = ("_made", "_start_seed", "_torques", "_np_random", "_np_random_seed", "action_space", "spec")
-        return copy.deepcopy({name: vars(self)[name] for name in kept})  # a shallow copy goes its own way, too
+        return copy.deepcopy({name: getattr(self, name) for name in kept})  # a shallow copy goes its own way, too
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__init__(*state["_made"])  # type: ignore[misc]
