@@ -4,16 +4,14 @@ import sys
 from pathlib import Path
 
 from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
-from cmacexp.commands.study import FOLDER, Options
+from cmacexp.commands.study import FOLDER
 from cmacexp.commands.study import main as run_study
 from cmacexp.data.tables import read_table
 from cmacexp.errors import require
-from cmacexp.study.provenance import STAGES_FILE, list_stages
-from cmacexp.study.study_file import YAML
 from pipelines.benchmark import log_track, summary
 from pipelines.benchmark.__main__ import main as run_benchmark
 from pipelines.benchmark.benchmark import BENCHMARK
-from pipelines.groups import GROUPS, all_studies, every_study, find_study, run_group
+from pipelines.groups import GROUPS, every_study, find_study, run_group
 from pipelines.results import (
     CHANGED,
     PAGES,
@@ -52,7 +50,7 @@ def write_docs() -> None:
 
 
 def print_status(witnesses: bool) -> None:
-    """Print whether what each study gave is what its code gives today, then the stages of those with a report here.
+    """Print whether what each study gave is what its code gives today.
 
     If asked for, the witnesses of every changed study are run again first, and results.json notes whose values are
     the same.
@@ -68,11 +66,6 @@ def print_status(witnesses: bool) -> None:
         changed = f": {', '.join(reasons[:SHOWN_FILES])}{more}" if reasons else ""
         same = f" (its witnesses gave the same values on {confirmed}); changed" if confirmed else ""
         print(f"{file.name:24} {date:10} {state}{same}{changed}")
-    for file in all_studies():
-        if (FOLDER / file.name / STAGES_FILE).is_file():
-            requests = Options().expand(file.study.runs(False))
-            for stage, state in list_stages(file, requests, FOLDER / file.name):
-                print(f"{file.name:24} {stage:10} {state}")
 
 
 OPTIONS: OptionTable = {
@@ -98,7 +91,7 @@ def _run(arguments: Arguments) -> None:
 def main() -> int:
     """Run a study, a group or the benchmark; print all, or their state; or renew documents; the exit code."""
     word = sys.argv[1] if len(sys.argv) > 1 else ""
-    if Path(word).suffix in (".py", *YAML):
+    if Path(word).suffix in (".py", ".yaml"):
         run_study()
     if (path := find_study(word)) is None and word not in (BENCHMARK, *GROUPS):
         return Parser("pipelines", "List the studies.", OPTIONS).run(_run)

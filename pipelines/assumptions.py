@@ -4,6 +4,7 @@
 mass, and evaluates every conclusion again.
 """
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -16,6 +17,7 @@ from cmacexp.study import (
     Mask,
     Results,
     Sample,
+    compute_growth,
     declare,
     format_number,
     read_criteria,
@@ -115,46 +117,64 @@ def _over_method(results: Results, name: str, method: str) -> Array:
     return np.nan_to_num(ours, nan=np.inf) / np.nan_to_num(theirs, nan=np.inf)
 
 
-def _conclude(quantity: str, value: str | Sample, limit: str) -> Criterion:
+def _conclude(quantity: str, value: Sample, limit: str) -> Criterion:
     """A number of a run, and the limit within which the paper's conclusion from it holds."""
     return read_criteria({"quantity": quantity, "value": value, "limit": limit})[0]
 
 
-def _list_learnt(when: str, at: str) -> dict[str, Criterion]:
-    """Conclusions on a machine that learns, in a cycle."""
-    over, share = f"{when}, over that of the first cycle", f"feedforward_share{at}"
+def _growth(results: Results, read: Callable[[Results, str], Array], name: str) -> Array:
+    """(runs,): a metric as it is ``read`` late in a run, over that of the first cycle."""
+    return compute_growth(read(results, name), results.at(1, name))
+
+
+def _list_learnt(when: str, read: Callable[[Results, str], Array]) -> dict[str, Criterion]:
+    """Conclusions on a machine that learns, in the cycle whose metrics are ``read``."""
+    over = f"{when}, over that of the first cycle"
     return {
         **{
             f"{side} error": _conclude(
                 f"transfer error in {side}, {over}",
-                f"transfer_rmse_{side}{at} / transfer_rmse_{side}[1]",
+                partial(_growth, read=read, name=f"transfer_rmse_{side}"),
                 "at most 0.1",
             )
             for side in "xy"
         },
-        "CMAC share": _conclude(f"share of the CMAC in the torque, {when}", share, "at least 0.5"),
+        "CMAC share": _conclude(
+            f"share of the CMAC in the torque, {when}", lambda runs: read(runs, "feedforward_share"), "at least 0.5"
+        ),
     }
+
+
+def _in_last(results: Results, name: str) -> Array:
+    """(runs,): a metric in the last cycle."""
+    return results.end(name, 1)
 
 
 CONCLUSIONS = {
     LEG: {
-        **_list_learnt("cycle 5", "[5]"),
+        **_list_learnt("cycle 5", lambda runs, name: runs.at(5, name)),
         "force error": _conclude(
-            "error of the settled force, cycle 5, %", "100 * force_steady_state_error[5]", "-5 to 5"
+            "error of the settled force, cycle 5, %",
+            lambda runs: 100 * runs.at(5, "force_steady_state_error"),
+            "-5 to 5",
         ),
         "force alone": _conclude(
-            "settled force of the first cycle, with feedback only", "force_settled[1]", "0.8 to 1 N"
+            "settled force of the first cycle, with feedback only",
+            lambda runs: runs.at(1, "force_settled"),
+            "0.8 to 1 N",
         ),
     },
     WALK: {
-        **_list_learnt("last cycle", "[-1:]"),
+        **_list_learnt("last cycle", _in_last),
         "force error": _conclude(
             "RMS force error with three feet down, last cycle, over that of the first cycle",
-            "force_rmse_three_feet[-1:] / force_rmse_three_feet[1]",
+            partial(_growth, read=_in_last, name="force_rmse_three_feet"),
             "at most 0.25",
         ),
         "tilt": _conclude(
-            "largest tilt, last cycle, over that of the first cycle", "tilt_max[-1:] / tilt_max[1]", "at most 0.25"
+            "largest tilt, last cycle, over that of the first cycle",
+            partial(_growth, read=_in_last, name="tilt_max"),
+            "at most 0.25",
         ),
     },
     MASS: {

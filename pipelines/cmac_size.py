@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from cmacexp.study import Array, Declared, Results, declare, quotients
+from cmacexp.study import Array, Declared, Results, declare, of_completed, quotients
 from pipelines.common_results import (
     MEMORY_MEASURES,
     SIDES,
@@ -52,14 +52,14 @@ def _in_worlds(machine: str, varied: str, over: Declared, *scenario: str) -> Dec
 LEG = ("scenario=one_leg", "learning=lasting", "reference=aware")
 
 
-def _compare(machine: str, key: str, value: object, at: str, limit: str) -> Declared:
+def _compare(machine: str, key: str, value: object, cycle: int | None, limit: str) -> Declared:
     """Errors in worlds with one value over those with the paper's, in a cycle or at the end."""
     paper = PAPER[machine][key]
     return {
         "quantity": f"error with {key}={value} over that with {paper}",
-        "value": lambda all: worsening(all.select({key: value}), all.select({key: paper}), at),
+        "value": lambda all: worsening(all.select({key: value}), all.select({key: paper}), cycle),
         "of": {"machine": f"{machine} in worlds", "varied": key},
-        "case": f"{machine}, {f'in cycle {at[1:-1]}' if at else 'at the end'}",
+        "case": f"{machine}, {f'in cycle {cycle}' if cycle else 'at the end'}",
         "limit": limit,
     }
 
@@ -75,12 +75,16 @@ def _tabulate_sizes(machine: str, *keys: str) -> Declared:
     """Every size: errors early and at the end, use of memory."""
     return {
         "rows": {key: key.removeprefix("cmac.").replace("_", " ") for key in keys},
-        "columns": {
-            **{f"{side[-1]}, cycle 5, mm": f"1e3 * {side}[5]" for side in SIDES},
-            **{f"{side[-1]}, end, mm": f"1e3 * {side}" for side in SIDES},
-            "rows per visited cell": "rows_per_cell",
-            "colliding, %": "100 * colliding",
-        },
+        "columns": of_completed(
+            {
+                "x, cycle 5, mm": lambda runs: 1e3 * runs.at(5, "transfer_rmse_x"),
+                "y, cycle 5, mm": lambda runs: 1e3 * runs.at(5, "transfer_rmse_y"),
+                "x, end, mm": lambda runs: 1e3 * runs.end("transfer_rmse_x"),
+                "y, end, mm": lambda runs: 1e3 * runs.end("transfer_rmse_y"),
+                "rows per visited cell": lambda runs: runs.measure("rows_per_cell"),
+                "colliding, %": lambda runs: 100 * runs.measure("colliding"),
+            }
+        ),
         "of": {"machine": machine},
     }
 
@@ -118,7 +122,8 @@ STUDY = declare(
             "where": "section 4",
             "criteria": [
                 {
-                    "quantity": "visited cells that collide, with the paper's size", "value": "colliding",
+                    "quantity": "visited cells that collide, with the paper's size",
+                    "value": lambda runs: runs.measure("colliding"),
                     "of": {"machine": machine, "varied": MEMORY, MEMORY: size[MEMORY]}, "case": machine,
                     "limit": "at most 5 %", "opposite": "at least 50 %",
                 }
@@ -151,38 +156,42 @@ STUDY = declare(
     findings={
         "width_early": {
             "says": f"In randomised runs, {WIDER} learn faster on one leg and on four",
-            "criteria": [_compare(machine, ELEMENTS, 9, "[5]", "at most 0.8") for machine in PAPER],
+            "criteria": [_compare(machine, ELEMENTS, 9, 5, "at most 0.8") for machine in PAPER],
         },
         "width_end": {
             "says": f"In randomised runs, CMACs with {WIDER} end at least as accurate as the paper's",
-            "criteria": [_compare(machine, ELEMENTS, 9, "", "at most 1.25") for machine in PAPER],
+            "criteria": [_compare(machine, ELEMENTS, 9, None, "at most 1.25") for machine in PAPER],
         },
         "layers": {
             "says": "In randomised runs, 8 and 128 layers are about as accurate on one leg as the paper's 32, or "
             "more accurate",
             "criteria": [
-                _compare("one leg", LAYERS, layers, at, "at most 1.25") for layers in (8, 128) for at in ("[5]", "")
+                _compare("one leg", LAYERS, layers, cycle, "at most 1.25")
+                for layers in (8, 128) for cycle in (5, None)
             ],
         },
         "inputs": {
             "says": "In randomised runs, on this one path of one leg, a CMAC of the angles alone learns faster than "
             "one of all inputs",
-            **_compare("one leg", INPUTS, "[angle]", "[5]", "at most 0.8"),
+            **_compare("one leg", INPUTS, "[angle]", 5, "at most 0.8"),
         },
         "inputs_end": {
             "says": "In randomised runs, a CMAC of the angles alone ends about as accurate on this path as one of "
             "all inputs, or more accurate",
-            **_compare("one leg", INPUTS, "[angle]", "", "at most 1.25"),
+            **_compare("one leg", INPUTS, "[angle]", None, "at most 1.25"),
         },
     },
     figures={
         f"sizes_{when}": [
-            {"value": f"1e3 * {side}{at}", "over": key, "of": {"machine": "one leg in worlds", "varied": key},
+            {"value": partial(read, side=side), "over": key, "of": {"machine": "one leg in worlds", "varied": key},
              "log": "xy", "title": f"error in {side[-1]}", "y": "transfer error, mm"}
             for side in SIDES
             for key in (LAYERS, ELEMENTS, MEMORY)
         ]
-        for when, at in (("early", "[5]"), ("end", ""))
+        for when, read in (
+            ("early", lambda runs, side: 1e3 * runs.at(5, side)),
+            ("end", lambda runs, side: 1e3 * runs.end(side)),
+        )
     },
     tables={
         "leg": _tabulate_sizes("one leg", MEMORY, ADDRESSING),

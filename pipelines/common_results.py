@@ -13,8 +13,8 @@ from cmacexp.study import (
     Measures,
     Results,
     Run,
+    Sample,
     Status,
-    compute_quantity,
     ended_in,
     estimate,
     format_number,
@@ -59,11 +59,11 @@ def find_depression(config: Mapping[str, Any], stiffness: float | None = None, s
     return compute_support_reference(force["method"], gains, static_load).depression
 
 
-def describe_end(results: Results, quantity: str) -> str:
+def describe_end(results: Results, quantity: Sample) -> str:
     """The estimate of a quantity, or the cycle in which the runs ended."""
     ends, completed = ended_in(results), sum(results.completed)
     if completed == len(results):
-        return format_number(estimate(compute_quantity(quantity, results)).value)
+        return format_number(estimate(quantity(results)).value)
     return f"ends in {np.median(ends[np.isfinite(ends)]):.0f}" + (f" ({completed} complete)" if completed else "")
 
 
@@ -80,13 +80,16 @@ MEMORY_MEASURES: Measures = {
 """Share of the visited cells that share a row with another one; rows of memory for each visited cell."""
 
 
-def worsening(own: Results, base: Results, at: str = "") -> Array:
+def worsening(own: Results, base: Results, cycle: int | None = None) -> Array:
     """(runs of ``own``,): transfer errors over those of ``base`` in the same world, or of the same seed; the larger.
 
-    ``at`` is the cycle, ``[5]``; empty: at the end. A run that ended early counts as infinitely large.
+    Without a ``cycle`` they are the final ones. A run that ended early counts as infinitely large.
     """
-    samples = [partial(compute_quantity, f"{side}{at}") for side in SIDES]
-    return np.max([relative(own, base, sample) for sample in samples], axis=0)
+
+    def error(results: Results, side: str) -> Array:
+        return results.end(side) if cycle is None else results.at(cycle, side)
+
+    return np.max([relative(own, base, partial(error, side=side)) for side in SIDES], axis=0)
 
 
 def hashed_where(results: Results, measure: str, least: float) -> Results:

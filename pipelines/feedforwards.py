@@ -9,7 +9,17 @@ from functools import partial
 
 import numpy as np
 
-from cmacexp.study import TRANSFER, Array, Declared, Results, declare, quotients
+from cmacexp.study import (
+    TRANSFER,
+    Array,
+    Declared,
+    Results,
+    Sample,
+    completed,
+    declare,
+    of_completed,
+    quotients,
+)
 from pipelines.common_results import cycles_to
 from pipelines.worlds import TESTED, draw_worlds
 
@@ -105,21 +115,29 @@ def cycles_over(results: Results, kind: str, others: list[str]) -> Array:
     return quotients(count_cycles(results.select(kind=kind), small), fastest)
 
 
-def _tabulate_learning(group: str, cycles: list[int], title: str, value: str) -> Declared:
+def _error_in(cycle: int, scale: float = 1.0) -> Sample:
+    return lambda runs: scale * runs.at(cycle, TRANSFER)
+
+
+def _tabulate_learning(group: str, cycles: list[int], title: str, value: Sample) -> Declared:
     """Errors of every feedforward, and a further quantity of the last cycle."""
     return {
         "rows": {"kind": "feedforward"},
-        "columns": {f"cycle {n}, mm": f"1e3 * {TRANSFER}[{n}]" for n in cycles}
-        | {"force RMS at the end, N": "force_rmse", title: value, "completed": "completed"},
+        "columns": of_completed(
+            {f"cycle {n}, mm": _error_in(n, 1e3) for n in cycles}
+            | {"force RMS at the end, N": lambda runs: runs.end("force_rmse"), title: value}
+        )
+        | {"completed": completed},
         "of": {"group": group},
     }
 
 
 MANY: Declared = {
     "rows": {"kind": "feedforward"},
-    "columns": {f"cycle {cycle}, mm": f"1e3 * {TRANSFER}[{cycle}]" for cycle in (5, 20)} | {"completed": "completed"},
+    "columns": of_completed({f"cycle {cycle}, mm": _error_in(cycle, 1e3) for cycle in (5, 20)})
+    | {"completed": completed},
 }
-LATE = f"{TRANSFER}[20]"
+LATE = _error_in(20)
 TENTH = "cycles to a tenth of the error of feedback only"
 FIRST = "error of {} in its first cycle with a new stroke, over that "
 CASES = {IN_LEG: LEG, IN_WALK: WALK}
@@ -129,7 +147,7 @@ CARRIED, ANEW = {"start": "carried over"}, {"start": "from nothing"}
 def _over(own: str, other: str, cycle: int, limit: float, groups: tuple[str, ...] = tuple(CASES)) -> list[Declared]:
     """The error of one feedforward in a cycle over that of another."""
     return [
-        {"quantity": f"error in cycle {cycle}: {own} over {other}", "value": f"{TRANSFER}[{cycle}]",
+        {"quantity": f"error in cycle {cycle}: {own} over {other}", "value": _error_in(cycle),
          "of": {"group": group, "kind": own}, "over": {"kind": other}, "case": CASES[group],
          "limit": f"at most {limit}"}
         for group in groups
@@ -191,7 +209,7 @@ STUDY = declare(
             "words": "CMAC generalises: it generates similar outputs for similar inputs",
             "where": "section 1",
             "criteria": [
-                {"quantity": FIRST.format("CMAC") + "with feedback only", "value": f"{TRANSFER}[1]",
+                {"quantity": FIRST.format("CMAC") + "with feedback only", "value": _error_in(1),
                  "of": {"group": f"another {stroke}", "kind": "CMAC"}, "over": {"kind": "feedback only"},
                  "case": stroke, "limit": "at most 25 %", "opposite": "at least 100 %"}
                 for stroke in ("stroke: 150 mm", "stroke: 250 mm")
@@ -228,7 +246,8 @@ STUDY = declare(
         },
         "guard": {
             "says": "In randomised runs, the guard lets each of these learners learn at rate `auto`",
-            "quantity": "worlds in which the guard lets learning go on", "value": "ended_by_guard <= 0",
+            "quantity": "worlds in which the guard lets learning go on",
+            "value": lambda runs: runs.measure("ended_by_guard") <= 0,
             "of": {"group": GUARDED}, "each": {"kind": LEARNERS}, "limit": "at least 75 %",
         },
         "keep": {
@@ -237,7 +256,7 @@ STUDY = declare(
             **_after(
                 list(CHANGES), "CMAC", ANEW, limit="at most 1",
                 quantity="mean error of the first 5 cycles: CMAC with its weights over CMAC from nothing",
-                value=" + ".join(f"{TRANSFER}[{cycle}]" for cycle in range(1, 6)),
+                value=lambda runs: sum(runs.at(cycle, TRANSFER) for cycle in range(1, 6)),
             ),
         },
         "keep_late": {
@@ -251,14 +270,14 @@ STUDY = declare(
         "carries_most": {
             "says": "In randomised runs, RBF carries most of what it has learnt over to another stroke",
             **_after(
-                STROKES, "RBF", {"kind": "feedback only", **ANEW}, limit="at most 25 %", value=f"{TRANSFER}[1]",
+                STROKES, "RBF", {"kind": "feedback only", **ANEW}, limit="at most 25 %", value=_error_in(1),
                 quantity=FIRST.format("RBF") + "with feedback only",
             ),
         },
         "carries_more": {
             "says": "In randomised runs, RBF carries more over to another stroke than CMAC",
             **_after(
-                STROKES, "RBF", {"kind": "CMAC"}, limit="at most 0.8", value=f"{TRANSFER}[1]",
+                STROKES, "RBF", {"kind": "CMAC"}, limit="at most 0.8", value=_error_in(1),
                 quantity=FIRST.format("RBF") + "of CMAC",
             ),
         },
@@ -275,9 +294,12 @@ STUDY = declare(
     },
     tables={
         "leg": _tabulate_learning(
-            LEG, [2, 3, 5, 10, 20, 50], "settled force error at the end, %", "100 * force_steady_state_error"
+            LEG, [2, 3, 5, 10, 20, 50], "settled force error at the end, %",
+            lambda runs: 100 * runs.end("force_steady_state_error"),
         ),
-        "walk": _tabulate_learning(WALK, [2, 3, 5, 10, 20], "largest tilt at the end, mrad", "1e3 * tilt_max"),
+        "walk": _tabulate_learning(
+            WALK, [2, 3, 5, 10, 20], "largest tilt at the end, mrad", lambda runs: 1e3 * runs.end("tilt_max")
+        ),
         "leg_worlds": {**MANY, "of": {"group": IN_LEG}},
         "walk_worlds": {**MANY, "of": {"group": IN_WALK}},
         "guarded": {

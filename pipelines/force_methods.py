@@ -5,6 +5,7 @@ where there is no ground, and gives it ground that is not as stiff as assumed.
 """
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -17,9 +18,10 @@ from cmacexp.study import (
     Results,
     Run,
     Series,
-    compute_quantity,
+    compute_growth,
     declare,
     draw,
+    of_completed,
     quotients,
 )
 from pipelines.common_results import find_depression, if_completed
@@ -112,7 +114,7 @@ def _rest(method: str, mass: float = 0.5) -> list[Declared]:
     return [
         {
             "quantity": "RMS force error over the second half of the run, over the desired force",
-            "value": "rest_error",
+            "value": lambda runs: runs.measure("rest_error"),
             "of": {"part": "known ground", "method": method, "ground": ground, "machine.mass": mass},
             "case": ground if mass == 0.5 else f"{ground}, {mass:g} kg", "limit": "at most 2 %",
             "opposite": "at least 10 %",
@@ -126,7 +128,8 @@ KNOWN: Declared = {"ground": GROUNDS, CLEARANCE: [0.05, 0.02, 0.035, 0.075, 0.1]
 """Heights of the release over known ground, m, first that of the scenario; the paper gives none."""
 EXPLICIT = {"explicit": [*METHODS["explicit"], HEAVIER]}
 FORCE_MISS = {
-    "quantity": "error of the mean force on ground twice as stiff as assumed", "value": "abs(settled_force - 1)",
+    "quantity": "error of the mean force on ground twice as stiff as assumed",
+    "value": lambda runs: abs(runs.measure("settled_force") - 1),
     "of": {"part": "ground not as assumed", "terrain.stiffness": 20.0},
 }  # fmt: skip
 STUDY = declare(
@@ -184,8 +187,9 @@ STUDY = declare(
             "says": "Without ground the methods with a position term come to rest, damping and explicit control do "
             "not: where one law has to serve approach and contact, take stiffness or combined control",
             "criteria": [
-                {"quantity": "speed at the end without ground", "value": "end_speed", "of": {"part": "no ground"},
-                 "infinite": "the run diverged", "each": {"method": methods}, "limit": limit}
+                {"quantity": "speed at the end without ground", "value": lambda runs: runs.measure("end_speed"),
+                 "of": {"part": "no ground"}, "infinite": "the run diverged", "each": {"method": methods},
+                 "limit": limit}
                 for methods, limit in (
                     (["stiffness", "combined"], "at most 0.01 m/s"), (["damping", "explicit"], "at least 0.05 m/s"),
                 )
@@ -204,7 +208,9 @@ STUDY = declare(
             "assumed",
             "criteria": [
                 {"quantity": "difference of the mean force from eq. 8 to 15, largest of all methods",
-                 "value": lambda all: compute_quantity("abs(settled_force / predicted - 1)", all).max(keepdims=True),
+                 "value": lambda runs: abs(
+                     compute_growth(runs.measure("settled_force"), runs.measure("predicted")) - 1
+                 ).max(keepdims=True),
                  "of": {"part": "ground not as assumed", "terrain.stiffness": 10.0 * factor},
                  "case": f"{factor:g} times the assumed stiffness", "limit": "at most 2 %"}
                 for factor in (0.25, 4.0)
@@ -214,20 +220,24 @@ STUDY = declare(
     figures={
         "forces": draw_forces,
         "mismatch": [
-            {"value": value, "over": "terrain.stiffness", "by": "method", "of": {"part": "ground not as assumed"},
-             "log": "x", "title": title, "y": "settled over desired force"}
-            for title, value in (("measured", "settled_force"), ("eq. 8 to 15", "predicted"))
+            {"value": partial(Results.measure, name=measure), "over": "terrain.stiffness", "by": "method",
+             "of": {"part": "ground not as assumed"}, "log": "x", "title": title, "y": "settled over desired force"}
+            for title, measure in (("measured", "settled_force"), ("eq. 8 to 15", "predicted"))
         ],
     },
     tables={
         "methods": {
             "rows": {"ground": "ground", "method": "method", "machine.mass": "mass, kg"},
             "columns": {
-                "settled / desired": "settled_force",
-                "ripple, N": "force_ripple[1]",
-                "overshoot, %": "100 * force_overshoot[1]",
-                "2 % settling, s": "force_settling_time[1]",
-                "ITAE, N s²": "force_itae[1]",
+                **of_completed(
+                    {
+                        "settled / desired": lambda runs: runs.measure("settled_force"),
+                        "ripple, N": lambda runs: runs.at(1, "force_ripple"),
+                        "overshoot, %": lambda runs: 100 * runs.at(1, "force_overshoot"),
+                        "2 % settling, s": lambda runs: runs.at(1, "force_settling_time"),
+                        "ITAE, N s²": lambda runs: runs.at(1, "force_itae"),
+                    }
+                ),
                 "ends": lambda own: own.rows[0].run.outcome.status,
             },
             "of": {CLEARANCE: 0.05, "part": "known ground"},

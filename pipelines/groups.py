@@ -11,7 +11,7 @@ from cmacexp.commands.study import FOLDER_KEY, Options, print_statements, run_st
 from cmacexp.data.folder import new_result
 from cmacexp.data.manifest import REPORT
 from cmacexp.study.page import write_page
-from cmacexp.study.study_file import YAML, StudyFile, load_study
+from cmacexp.study.study_file import StudyFile, load_study
 from pipelines.benchmark import benchmark, log_track
 from pipelines.benchmark.entrants import MACHINES, list_methods
 
@@ -53,9 +53,9 @@ GROUPS = {
 
 
 def find_study(name: str) -> Path | None:
-    """The file of a study of this folder, of Python or of YAML; None if there is no such study."""
-    files = [PIPELINES / f"{name}{suffix}" for suffix in (*YAML, ".py")]
-    return next((path for path in files if path.is_file() and path.with_suffix(".md").is_file()), None)
+    """The file of a study of this folder; None if there is no such study."""
+    path = PIPELINES / f"{name}.py"
+    return path if path.is_file() and path.with_suffix(".md").is_file() else None
 
 
 def all_studies() -> list[StudyFile]:
@@ -72,7 +72,7 @@ def every_study() -> list[StudyFile]:
 def write(name: str, options: Options) -> Path:
     """Make what is missing or stale of the studies of a group, and write one page over them; returns it."""
     title, question, members = GROUPS[name]
-    studies = write_studies([load_study(path) for each in members if (path := find_study(each))], options, whole=True)
+    studies = write_studies([load_study(path) for each in members if (path := find_study(each))], options)
     print_statements(studies)
     with new_result(options.place(name), FOLDER_KEY, REPORT) as place:
         return write_page(title, question, studies, place, options.quick)

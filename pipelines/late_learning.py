@@ -14,6 +14,7 @@ from cmacexp.study import (
     Declared,
     Results,
     Run,
+    compute_growth,
     declare,
     find_history,
     per_seed,
@@ -64,7 +65,13 @@ def _part(name: str, machines: Declared, common: list[str], **over: object) -> D
 UNGUARDED, ONE = "learning.guard=none", ["learning.lead=1", f"learning.rate={PAPER_RATE}"]
 EVERYWHERE, DONE = {"world": list(WORLDS)}, "cycles done of those asked for, "
 AUTO = {"part": "rate", "learning.rate": "auto"}
-IN_MM: Declared = {"across": "world", "value": partial(describe_end, quantity=f"1e3 * {TRANSFER}")}
+IN_MM: Declared = {
+    "across": "world", "value": partial(describe_end, quantity=lambda runs: 1e3 * runs.end(TRANSFER)),
+}  # fmt: skip
+STAYS: Declared = {
+    "quantity": "final error over the least", "limit": "at most 1.5", "each": EVERYWHERE,
+    "value": lambda runs: compute_growth(runs.end(TRANSFER), runs.measure("least")),
+}  # fmt: skip
 STUDY = declare(
     title="Learning with delayed feedback",
     question="Do the lead, rate, rule, size and path that suit feedback without delay also suit delayed feedback?",
@@ -81,8 +88,7 @@ STUDY = declare(
             f"{name}_{machine}": {
                 "says": f"{machine.capitalize()}: the error stays bounded with lead and rate `auto`, {guarded}, in "
                 "every world",
-                "quantity": "final error over the least", "value": f"{TRANSFER} / least", "limit": "at most 1.5",
-                "of": {"machine": machine, **of}, "each": EVERYWHERE,
+                **STAYS, "of": {"machine": machine, **of},
             }
             for machine in MACHINES
             for name, guarded, of in (("auto", "unguarded", AUTO), ("guarded", "guarded", {"part": "auto, guarded"}))
@@ -90,7 +96,7 @@ STUDY = declare(
         **{
             f"{name}_{machine}": {
                 "says": f"{machine.capitalize()}: runs complete with {what} in every world",
-                "quantity": DONE + what, "value": "done", "limit": "at least 90 %",
+                "quantity": DONE + what, "value": lambda runs: runs.done, "limit": "at least 90 %",
                 "of": {"machine": machine, **of}, "each": EVERYWHERE,
             }
             for machine in MACHINES
@@ -103,7 +109,8 @@ STUDY = declare(
         "paper_rate": {
             "says": "With the right lead the error of one leg with the paper's rate is at most 1.25 times that with "
             "`auto` in every world",
-            "quantity": "final error with the paper's rate over that with rate auto", "value": TRANSFER, "over": AUTO,
+            "quantity": "final error with the paper's rate over that with rate auto", "over": AUTO,
+            "value": lambda runs: runs.end(TRANSFER),
             "of": {"part": "rate", "machine": "one leg", "learning.rate": PAPER_RATE}, "each": EVERYWHERE,
             "limit": "at most 1.25",
         },
@@ -111,14 +118,15 @@ STUDY = declare(
             f"wrong_{machine}": {
                 "says": f"{machine.capitalize()}: guarded learning with lead 1 ends no worse than feedback only in "
                 "every world",
-                "quantity": "final error over feedback only", "value": f"{TRANSFER} / {TRANSFER}[1]",
+                "quantity": "final error over feedback only",
+                "value": lambda runs: compute_growth(runs.end(TRANSFER), runs.at(1, TRANSFER)),
                 "of": {"part": "lead 1, guarded", "machine": machine}, "each": EVERYWHERE, "limit": "at most 1.05",
             }
             for machine in MACHINES
         },
         "rules": {
             "says": "One leg completes with every rule in every world",
-            "quantity": f"{DONE}every rule", "value": "done", "each": EVERYWHERE,
+            "quantity": f"{DONE}every rule", "value": lambda runs: runs.done, "each": EVERYWHERE,
             "of": {"part": "choice", "choice": ["default", *OTHER_RULES]}, "limit": "at least 90 %",
         },
         "rule": {
@@ -130,13 +138,13 @@ STUDY = declare(
         "{choice}": {
             "for": {"choice": list(LEADS)},
             "says": "One leg: the error stays bounded with {choice} in every world",
-            "quantity": "final error over the least", "value": f"{TRANSFER} / least", "limit": "at most 1.5",
-            "of": {"part": "choice", "choice": "{choice}"}, "each": EVERYWHERE,
+            **STAYS, "of": {"part": "choice", "choice": "{choice}"},
         },
         "{chosen}": {
             "for": {"chosen": list(SETTINGS)},
             "says": "One leg with {chosen} ends as accurate as with the defaults in every world",
-            "quantity": "final error with {chosen} over that with the defaults", "value": TRANSFER,
+            "quantity": "final error with {chosen} over that with the defaults",
+            "value": lambda runs: runs.end(TRANSFER),
             "of": {"part": "choice", "choice": "{chosen}"}, "over": {"choice": "default"}, "each": EVERYWHERE,
             "limit": "at most 1.25",
         },

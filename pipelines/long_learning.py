@@ -15,7 +15,6 @@ from cmacexp.study import (
     Array,
     Declared,
     Results,
-    compute_quantity,
     declare,
     ended_in,
     find_history,
@@ -29,8 +28,8 @@ from pipelines.worlds import FEWER, TESTED, draw_worlds
 FORCE, RAMP = "force_rmse_cycle", "gait.load_ramp=0.12"
 FEEDBACK = ["force_control.elasticity=0.001", "force_control.admittance=0.001"]
 """Force feedback ten times the paper's."""
-AT_END = f"{TRANSFER}[-100:]"
-"""Final transfer error, over 100 cycles."""
+LAST = 100
+"""Cycles that final errors are over."""
 OTHERS = [rule for rule in RULES if rule != "paper"]
 
 
@@ -52,7 +51,7 @@ def one_too_short(results: Results) -> Array:
         if row.settings["learning.lead"] != "auto"
         and row.measures["lead"] + 1 == right.select({key: row.settings[key] for key in same}).measure("lead")[0]
     ]
-    return compute_quantity("done", Results(short))
+    return Results(short).done
 
 
 def error_when_detected(results: Results) -> list[float]:
@@ -66,11 +65,12 @@ def error_when_detected(results: Results) -> list[float]:
 
 
 def best_of_others(results: Results, lead: int | str, name: str) -> Array:
-    """(worlds,): a quantity with another rule with a lead, over the paper's rule with lead `auto`.
+    """(worlds,): a final error with another rule with a lead, over the paper's rule with lead `auto`.
 
     In each world the rule is the one whose median is least in all other worlds: not chosen by what it is judged by.
     """
-    own, final = results.select({"learning.rule": "paper", "learning.lead": "auto"}), partial(compute_quantity, name)
+    own = results.select({"learning.rule": "paper", "learning.lead": "auto"})
+    final = partial(Results.end, name=name, cycles=LAST)
     rules = results.select({"learning.rule": OTHERS, "learning.lead": lead})
     ratios = np.array([relative(rule, own, final) for rule in rules.by("learning.rule").values()])
     worlds = range(ratios.shape[1])
@@ -81,8 +81,8 @@ def best_of_others(results: Results, lead: int | str, name: str) -> Array:
 def over_best_rate(results: Results) -> Array:
     """(worlds,): error at the end with rate ``auto`` over the least with another rate."""
     others = results.select({"learning.rate": [rate for rate in results.values("learning.rate") if rate != "auto"]})
-    auto = compute_quantity(AT_END, results.select({"learning.rate": "auto"}))
-    return quotients(auto, per_seed(others, compute_quantity(AT_END, others), min))  # worlds are in the same order
+    auto = results.select({"learning.rate": "auto"}).end(TRANSFER, LAST)
+    return quotients(auto, per_seed(others, others.end(TRANSFER, LAST), min))  # worlds are in the same order
 
 
 def _describe_drift(results: Results) -> str:
@@ -114,16 +114,16 @@ def _published(machine: str, quick: int, *words: str) -> Declared:
 
 
 LEADS = {"learning.lead": [0, "auto"], "learning.rule": ["paper", *OTHERS]}
-DONE = {"quantity": "cycles done of those asked for", "value": "done"}
+DONE = {"quantity": "cycles done of those asked for", "value": lambda runs: runs.done}
 ENDS = {**DONE, "limit": "at most 90 %"}
 MADE = {"part": "paper's world", "learning.rule": "paper"}
 OWN = {"part": "rules", "learning.rule": "paper"}
-STEADY = {
-    "quantity": "largest error over the least in the second half of the run", "value": "variation",
-    "limit": "at most 1.25",
+STEADY: Declared = {
+    "quantity": "largest error over the least in the second half of the run", "limit": "at most 1.25",
+    "value": lambda runs: runs.measure("variation"),
 }  # fmt: skip
 FORCE_STEADY = {
-    **STEADY, "value": "force_variation",
+    **STEADY, "value": lambda runs: runs.measure("force_variation"),
     "quantity": "largest force error over the least in the second half of the run",
 }  # fmt: skip
 
@@ -132,13 +132,13 @@ def _others(what: str, lead: int | str, name: str, machine: str, limit: float) -
     return {
         "quantity": f"{what} of the rule that is best in other worlds, lead {lead}, over that of the paper's rule "
         "with lead auto",
-        "value": partial(best_of_others, lead=lead, name=f"{name}[-100:]"),
+        "value": partial(best_of_others, lead=lead, name=name),
         "of": {"part": "rules", "machine": machine},
         "limit": f"at most {limit}",
     }
 
 
-IN_MM = partial(describe_end, quantity=f"1e3 * {AT_END}")
+IN_MM = partial(describe_end, quantity=lambda runs: 1e3 * runs.end(TRANSFER, LAST))
 BY_LEAD: Declared = {"across": {"learning.lead": "lead"}, "value": IN_MM}
 STUDY = declare(
     title="Learning over many cycles",
@@ -205,7 +205,7 @@ STUDY = declare(
             "says": "In randomised runs, the lead must be at least the number of samples from torque to feedback, "
             "which `learning.lead=auto` counts",
             "criteria": [
-                {"quantity": "runs that complete", "value": "completed",
+                {"quantity": "runs that complete", "value": lambda runs: runs.completed,
                  "of": {"part": "late", "learning.lead": "auto"},
                  "case": "lead auto", "limit": "at least 80 %"},
                 {**ENDS, "value": one_too_short, "of": {"part": "late"}, "case": "lead one less"},
@@ -215,7 +215,7 @@ STUDY = declare(
             "says": "In randomised runs, one leg needs no guard with lead and rate `auto` and torques delayed by up "
             "to 2 samples",
             "criteria": [
-                {"quantity": "runs that complete", "value": "completed",
+                {"quantity": "runs that complete", "value": lambda runs: runs.completed,
                  "case": f"lead auto, torque {delay} samples late",
                  "of": {"part": "late", "learning.lead": "auto", "actuator.delay": delay}, "limit": "at least 75 %"}
                 for delay in (0, 1, 2)
@@ -241,7 +241,8 @@ STUDY = declare(
             "criteria": [
                 {"quantity": "force error at the end with ramp and stronger force feedback, over that with the ramp "
                              "alone",
-                 "value": f"{FORCE}[-100:]", "of": {"part": "settings", "settings": "ramp, force feedback"},
+                 "value": lambda runs: runs.end(FORCE, LAST),
+                 "of": {"part": "settings", "settings": "ramp, force feedback"},
                  "over": {"settings": "ramp"}, "limit": "at most 0.5"},
                 {**FORCE_STEADY, "of": {"part": "settings", "settings": "ramp, force feedback"},
                  "case": "ramp and stronger force feedback"},
@@ -281,7 +282,7 @@ STUDY = declare(
         "leg": {"rows": {"learning.rule": "rule"}, "of": {"part": "rules", "machine": "one leg"}, **BY_LEAD},
         "walk": {
             "rows": {"learning.rule": "rule"}, "of": {"part": "rules", "machine": "quadruped"}, **BY_LEAD,
-            "value": partial(describe_end, quantity=f"{FORCE}[-100:]"),
+            "value": partial(describe_end, quantity=lambda runs: runs.end(FORCE, LAST)),
         },
         "published": {"rows": "machine", "of": MADE, **BY_LEAD},
         "drift": {"rows": "machine", "of": MADE, **BY_LEAD, "value": _describe_drift},

@@ -3,11 +3,12 @@
 ``python -m pipelines.moving_robots`` needs the extra ``robots``.
 """
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from cmacexp.study import Declared, Run, declare
+from cmacexp.study import Declared, Results, Run, declare, of_completed
 from pipelines.common_results import if_completed
 from pipelines.robot_walks import (
     ALONE,
@@ -127,9 +128,10 @@ STUDY = declare(
         "course": {
             "says": "The trot of 0.4 m/s keeps its speed and its course",
             "criteria": [
-                {"quantity": quantity, "value": value, "of": {**AT_04, "sensors": "perfect"}, "each": ON_BOTH,
+                {"quantity": quantity, "value": partial(Results.measure, name=measure),
+                 "of": {**AT_04, "sensors": "perfect"}, "each": ON_BOTH,
                  "limit": limit}
-                for quantity, value, limit in (
+                for quantity, measure, limit in (
                     ("relative error of the speed", "off_course", "at most 1 %"),
                     ("largest distance from the course", "drift", "at most 100 mm"),
                 )
@@ -165,7 +167,8 @@ STUDY = declare(
         "payload": {
             "says": "With an unknown payload the force error of cycle 6 is at most 1.3 times that without",
             **FORCE, "quantity": "force error of cycle 6 with the payload over that without",
-            "value": "force_rmse[6]", "of": _in_world("payload of 20 %"), "over": {"world": "as modelled"},
+            "value": lambda runs: runs.at(6, "force_rmse"), "of": _in_world("payload of 20 %"),
+            "over": {"world": "as modelled"},
             "limit": "at most 130 %", "beside": "force error of cycle 6, N",
         },
         "push": {
@@ -212,7 +215,8 @@ STUDY = declare(
             "says": "With a network addressed by {network}, what was learnt at one speed helps at another when feet "
             "start {start}",
             **FORCE, "quantity": "transfer error of the first cycle over that of learning anew",
-            "value": "transfer_rmse[1]", "of": {"part": "carried", "network": "{network}", "start": "{start}"},
+            "value": lambda runs: runs.at(1, "transfer_rmse"),
+            "of": {"part": "carried", "network": "{network}", "start": "{start}"},
             "over": {"part": "anew"}, "limit": "at most 50 %", "beside": "transfer error of the first cycle, mm",
         },
         "lag": {
@@ -223,7 +227,15 @@ STUDY = declare(
     tables={
         name: {
             "rows": {**{key: key for key in keys}, "kind": "feedforward"}, "of": {"part": name},
-            "columns": {**ENDS, "error of the speed, %": "100 * off_course", "off course, mm": "1e3 * drift"},
+            "columns": {
+                **ENDS,
+                **of_completed(
+                    {
+                        "error of the speed, %": lambda runs: 100 * runs.measure("off_course"),
+                        "off course, mm": lambda runs: 1e3 * runs.measure("drift"),
+                    }
+                ),
+            },
         }
         for name, keys in (("gaits", ("gait", "ground", "sensors")), ("worlds", ("world", "ground")))
     },

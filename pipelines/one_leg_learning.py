@@ -5,13 +5,14 @@ the 1/K_ap of eq. 13, on a smooth path, with an exact model instead of a CMAC, a
 """
 
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.recording.run_view import RunView
 from cmacexp.report.run_figures import draw_over_cycle, draw_torques, draw_tracking
-from cmacexp.study import Declared, Results, declare, draw
+from cmacexp.study import Array, Declared, Results, compute_growth, declare, draw, of_completed
 from pipelines import one_leg_learning_trace as trace
 
 PUBLISHED, SMOOTH = "as published", "smooth path, without 1/K_ap"
@@ -55,15 +56,25 @@ STAYS = {"limit": "at most 1.1", "opposite": "at least 2"}
 RAMP = {**LESS, "quantity": "with a force ramp over that with a step, cycle 5",
 "of": {**PAPER, "variant": "force ramp"},
         "over": {"variant": PUBLISHED}}  # fmt: skip
-LARGEST_RISE = ", ".join(f"(1 - feedforward_share[{n}]) / (1 - feedforward_share[{n - 1}])" for n in range(2, 6))
-"""Feedback's share in a cycle over that in the cycle before, the largest up to the fifth cycle."""
+
+
+def find_largest_rise(results: Results) -> Array:
+    """(runs,): feedback's share in a cycle over that in the cycle before, the largest up to the fifth cycle."""
+    shares = [1 - results.at(cycle, "feedforward_share") for cycle in range(1, 6)]
+    return np.max([compute_growth(late, early) for early, late in pairwise(shares)], axis=0)
+
+
+def find_rise_of_feedback(results: Results) -> Array:
+    """(runs,): RMS feedback torque over the last cycles over its least."""
+    return compute_growth(results.end("feedback_rms"), results.measure("least_feedback"))
 
 
 def _compare(limits: Declared, cycle: int, before: int, *names: str) -> list[Declared]:
     """Errors in one cycle over those in another."""
     return [
         {"quantity": f"error in cycle {cycle} over that in cycle {before}", "case": ERRORS[name],
-         "value": f"abs({name}[{cycle}]) / abs({name}[{before}])", "of": PAPER, **limits}
+         "value": lambda runs, name=name: compute_growth(abs(runs.at(cycle, name)), abs(runs.at(before, name))),
+         "of": PAPER, **limits}
         for name in names
     ]  # fmt: skip
 
@@ -99,8 +110,9 @@ STUDY = declare(
             "directions",
             "where": "section 5, Fig. 10",
             "criteria": [
-                {"quantity": "largest error in transfer, cycle 1", "value": f"peak_{axis}", "of": PAPER,
-                 "case": f"in {axis}, over the {extent}", "limit": "at least 5 %", "opposite": "at most 1 %"}
+                {"quantity": "largest error in transfer, cycle 1", "of": PAPER,
+                 "value": partial(Results.measure, name=f"peak_{axis}"), "case": f"in {axis}, over the {extent}",
+                 "limit": "at least 5 %", "opposite": "at most 1 %"}
                 for axis, extent in (("x", "stroke"), ("y", "lift"))
             ],
         },
@@ -116,9 +128,9 @@ STUDY = declare(
             "criteria": [
                 {"quantity": "force in support, cycle 1", "value": value, "of": PAPER, "case": case, "limit": limit}
                 for value, case, limit in (
-                    ("(1 + force_overshoot[1]) * setting('force_control.desired_force')", "largest",
-                     "1.05 to 1.15 N"),
-                    ("force_settled[1]", "mean of the second half", "0.85 to 0.95 N"),
+                    (lambda runs: (1 + runs.at(1, "force_overshoot")) * runs.value("force_control.desired_force"),
+                     "largest", "1.05 to 1.15 N"),
+                    (lambda runs: runs.at(1, "force_settled"), "mean of the second half", "0.85 to 0.95 N"),
                 )
             ],
         },
@@ -130,14 +142,15 @@ STUDY = declare(
         "below_5_percent": {
             "words": "in the second cycle the steady-state error of the force is reduced to less than 5 %",
             "where": "section 5, Fig. 12",
-            "quantity": "size of the steady-state error, cycle 2", "value": "abs(force_steady_state_error[2])",
-            "of": PAPER, "limit": "at most 5 %",
+            "quantity": "size of the steady-state error, cycle 2", "of": PAPER,
+            "value": lambda runs: abs(runs.at(2, "force_steady_state_error")), "limit": "at most 5 %",
         },
         "force_is_steady": {
             "words": "in the second cycle the foot force remains relatively steady during the support phase",
             "where": "section 5, Fig. 12",
             "quantity": "standard deviation over mean of the force in the second half of support, cycle 2",
-            "value": "force_ripple[2] / force_settled[2]", "of": PAPER, "limit": "at most 2 %",
+            "value": lambda runs: compute_growth(runs.at(2, "force_ripple"), runs.at(2, "force_settled")),
+            "of": PAPER, "limit": "at most 2 %",
             "opposite": "at least 10 %",
         },
         "more_oscillation": {
@@ -145,7 +158,9 @@ STUDY = declare(
             "where": "section 5, Fig. 12",
             "quantity": "RMS of the force around its mean over 0.2 s, from 0.2 s after touch-down on, cycle 5 over "
             "cycle 2",
-            "value": "oscillation_fifth / oscillation_second", **MORE,
+            "value": lambda runs: compute_growth(
+                runs.measure("oscillation_fifth"), runs.measure("oscillation_second")
+            ), **MORE,
         },
         "more_learning": {
             "words": "in the fifth cycle more learning does not bring better performance; the steady-state error has "
@@ -159,27 +174,30 @@ STUDY = declare(
             "where": "section 5, Fig. 13",
             "quantity": "RMS of joint 1's feedforward torque around its mean over 0.1 s, in the 0.3 s after "
             "touch-down over mid support, cycle 5",
-            "value": "torque_oscillation", "of": PAPER, "limit": "at least 3", "opposite": "at most 1",
+            "value": lambda runs: runs.measure("torque_oscillation"), "of": PAPER, "limit": "at least 3",
+            "opposite": "at most 1",
         },
         "major_part": {
             "words": "CMAC provides the major part of the overall control torques",
             "where": "section 5, Fig. 13",
-            "quantity": "feedforward over all torque, both joints, cycle 5", "value": "feedforward_share[5]",
-            "of": PAPER,
-            "limit": "at least 50 %", "opposite": "at most 50 %",
+            "quantity": "feedforward over all torque, both joints, cycle 5", "of": PAPER,
+            "value": lambda runs: runs.at(5, "feedforward_share"), "limit": "at least 50 %",
+            "opposite": "at most 50 %",
         },
         "ramp_is_milder": {
             "words": "if the force is a ramp rather than a step, the change of torques is expected to be less "
             "drastic",
             "where": "section 5",
-            **RAMP, "value": "torque_step", "case": "largest change of joint 1's torque in a sample at touch-down",
+            **RAMP, "value": lambda runs: runs.measure("torque_step"),
+            "case": "largest change of joint 1's torque in a sample at touch-down",
         },
         "ramp_is_learned_better": {
             "words": "if the force is a ramp rather than a step, CMAC probably provides better approximation",
             "where": "section 5",
             "criteria": [
-                {**RAMP, "value": "feedback_rms[5]", "case": "RMS feedback torque"},
-                {**RAMP, "value": "1 - feedforward_share[5]", "case": "feedback over all torque"},
+                {**RAMP, "value": lambda runs: runs.at(5, "feedback_rms"), "case": "RMS feedback torque"},
+                {**RAMP, "value": lambda runs: 1 - runs.at(5, "feedforward_share"),
+                 "case": "feedback over all torque"},
             ],
         },
         "all_improve": {
@@ -192,16 +210,18 @@ STUDY = declare(
             "where": "section 4",
             "criteria": [
                 {"quantity": "share of feedback over that in the cycle before, largest up to cycle 5",
-                 "value": f"max({LARGEST_RISE})", **LESS},
+                 "value": find_largest_rise, **LESS},
                 {"quantity": "share of feedback over the last cycles of the long run over its least", **STAYS,
-                 "value": "(1 - feedforward_share) / (1 - largest_share)", "of": {"law": "as published (lead 0)"}},
+                 "value": lambda runs: compute_growth(
+                     1 - runs.end("feedforward_share"), 1 - runs.measure("largest_share")
+                 ), "of": {"law": "as published (lead 0)"}},
             ],
         },
         "law_converges": {
             "words": "the learning law is convergent, and the learning control system has complete stability",
             "where": "section 4",
             "quantity": "RMS feedback torque over the last cycles of the long run over its least",
-            "value": "feedback_rms / least_feedback", "of": {"law": "as published (lead 0)"}, **STAYS,
+            "value": find_rise_of_feedback, "of": {"law": "as published (lead 0)"}, **STAYS,
         },
     },
     findings={
@@ -209,7 +229,7 @@ STUDY = declare(
             "says": "By the end of the run both position errors are virtually eliminated",
             "criteria": [
                 {"quantity": "RMS error in the last cycles over that in cycle 1",
-                 "value": f"abs({name}) / abs({name}[1])",
+                 "value": lambda runs, name=name: compute_growth(abs(runs.end(name)), abs(runs.at(1, name))),
                  "of": PAPER, "case": ERRORS[name], "limit": "at most 10 %"}
                 for name in list(ERRORS)[:2]
             ],
@@ -217,22 +237,26 @@ STUDY = declare(
         "statics": {
             "says": "Statics with the weight of the leg give the force at which feedback only settles",
             "quantity": "difference of the settled force from statics", "of": PAPER,
-            "value": "abs(force_settled[1] / statics - 1)", "limit": "at most 2 %",
+            "value": lambda runs: abs(
+                compute_growth(runs.at(1, "force_settled"), runs.measure("statics")) - 1
+            ), "limit": "at most 2 %",
         },
         "bias": {
             "says": "The force error that learning leaves is the bias of eq. 13, and `reference=aware` removes it",
             "criteria": [
                 {"quantity": "difference of the final force error from the bias of eq. 13",
-                 "value": "abs(force_steady_state_error / bias - 1)", "of": PAPER, "limit": "at most 5 %"},
+                 "value": lambda runs: abs(
+                     compute_growth(runs.end("force_steady_state_error"), runs.measure("bias")) - 1
+                 ), "of": PAPER, "limit": "at most 5 %"},
                 {"quantity": "size of the final force error without the term",
-                 "value": "abs(force_steady_state_error)",
+                 "value": lambda runs: abs(runs.end("force_steady_state_error")),
                  "of": {**PAPER, "variant": "without 1/K_ap"}, "limit": "at most 0.5 %"},
             ],
         },
         "lead": {
             "says": "With a lead of one sample the feedback torque stays at its least",
             "quantity": "RMS feedback torque over the last cycles over its least",
-            "value": "feedback_rms / least_feedback", "of": {"law": "one sample earlier (lead 1)"},
+            "value": find_rise_of_feedback, "of": {"law": "one sample earlier (lead 1)"},
             "limit": "at most 1.1",
         },
         **{
@@ -246,7 +270,8 @@ STUDY = declare(
                 ("published", "path as published", PUBLISHED), ("smooth", "smooth path", SMOOTH),
             )
             for time, when, value in (
-                ("early", "in cycle 5", "transfer_rmse_y[5]"), ("late", "over the last cycles", "transfer_rmse_y"),
+                ("early", "in cycle 5", lambda runs: runs.at(5, "transfer_rmse_y")),
+                ("late", "over the last cycles", lambda runs: runs.end("transfer_rmse_y")),
             )
         },
     },
@@ -270,10 +295,12 @@ STUDY = declare(
     tables={
         f"errors_{cycle}": {
             "rows": "variant", "of": {"feedforward": "cmac", "variant": [*VARIANTS]},
-            "columns": {
-                f"{SHOWN[name].title}, {SHOWN[name].unit}": f"{SHOWN[name].factor} * {name}[{cycle}]"
+            "columns": of_completed({
+                f"{SHOWN[name].title}, {SHOWN[name].unit}": partial(
+                    lambda runs, cycle, name: SHOWN[name].factor * runs.at(cycle, name), cycle=cycle, name=name
+                )
                 for name in (*ERRORS, "feedback_rms", "feedforward_share")
-            },
+            }),
         }
         for cycle in (1, 2, 5)
     },

@@ -9,7 +9,17 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from cmacexp.study import Array, DataFrame, Declared, Results, declare, quotients
+from cmacexp.study import (
+    Array,
+    DataFrame,
+    Declared,
+    Results,
+    completed,
+    compute_growth,
+    declare,
+    of_completed,
+    quotients,
+)
 from pipelines import quadruped_walking_trace as trace
 
 CONTROLLERS = {
@@ -97,12 +107,12 @@ LESS = {"limit": "at most 0.8", "opposite": "at least 1"}
 """What is to be less, over what it is to be less than: of errors, of the feedback and of what noise changes."""
 NEAR = {"limit": "at most 5 %", "opposite": "at least 10 %"}
 """Departures from the gait as parts of a cycle: a quarter and half of a transfer."""
-STEADY = {
-    "quantity": f"largest tilt in a cycle, {AT_END}", "value": "tilt_max[-5:]",
+STEADY: Declared = {
+    "quantity": f"largest tilt in a cycle, {AT_END}", "value": lambda runs: runs.end("tilt_max", trace.LATE),
     "limit": "at most 20 mrad", "opposite": "at least 50 mrad",
 }  # fmt: skip
-WALKS = {
-    "quantity": "part of the cycles that are walked", "value": "done",
+WALKS: Declared = {
+    "quantity": "part of the cycles that are walked", "value": lambda runs: runs.done,
     "limit": "at least 90 %", "opposite": "at most 50 %",
 }  # fmt: skip
 ERRORS = {
@@ -120,14 +130,14 @@ SAID: dict[str, tuple[str, str, str, list[Declared]]] = {
             WALKS,
             STEADY,
             {"quantity": "largest difference from the planned height in the last 5 cycles",
-             "value": "height_off", "limit": "at most 1 %", "opposite": "at least 5 %"},
+             "value": lambda runs: runs.measure("height_off"), "limit": "at most 1 %", "opposite": "at least 5 %"},
         ],
     ),
     "rear": (
         "When foot 3 is lifted the COG remains in the support pattern, the rear margin is very short",
         "section 6.3, Fig. 17",
         "the rear margin is short when foot 3 is lifted",
-        [{"quantity": f"rear margin {OF_BODY}", "value": "rear", **SHORT}],
+        [{"quantity": f"rear margin {OF_BODY}", "value": lambda runs: runs.measure("rear"), **SHORT}],
     ),
     "late": (
         "Immediately after foot 3 touches down F_n1 is not 0 although F_d1 = 0, due to the delay of leg 1; the delay "
@@ -136,17 +146,19 @@ SAID: dict[str, tuple[str, str, str, list[Declared]]] = {
         "foot 1 still carries when foot 3 touches down, and the margin stays above the least planned one",
         [
             {"quantity": "part of the cycles in which foot 1 carries then",
-             "value": "late",
+             "value": lambda runs: runs.measure("late"),
              "limit": "at least 50 %", "opposite": "at most 5 %"},
             {"quantity": "least margin until foot 1 lifts, over the least planned margin",
-             "value": "margin_late / stability_margin_min[1]", "limit": "at least 1", "opposite": "at most 0"},
+             "value": lambda runs: compute_growth(
+                 runs.measure("margin_late"), runs.at(1, "stability_margin_min")
+             ), "limit": "at least 1", "opposite": "at most 0"},
         ],
     ),
     "front": (
         "While foot 2 is still in transfer the COG is close to the front support boundary",
         "section 6.3, Fig. 19",
         "the front margin is short while foot 2 is in transfer",
-        [{"quantity": f"front margin {OF_BODY}", "value": "front", **SHORT}],
+        [{"quantity": f"front margin {OF_BODY}", "value": lambda runs: runs.measure("front"), **SHORT}],
     ),
     "restored": (
         "Stability is immediately restored by leg 2, which is gaining a firm support",
@@ -154,10 +166,10 @@ SAID: dict[str, tuple[str, str, str, list[Declared]]] = {
         "leg 2 restores the front margin at once",
         [
             {"quantity": f"time from the contact of foot 2 until the margin is restored, {AT_END}",
-             "value": "restored", "limit": "at most 0.1 s",
+             "value": lambda runs: runs.measure("restored"), "limit": "at most 0.1 s",
              "opposite": "at least 0.3 s"},  # transfer: 0.6 s
             {"quantity": f"least front margin after the contact over that before it, {AT_END}",
-             "value": "front_gain", "limit": "at least 1", "opposite": "at most 0"},
+             "value": lambda runs: runs.measure("front_gain"), "limit": "at least 1", "opposite": "at most 0"},
         ],
     ),
     "feedback": (
@@ -165,14 +177,17 @@ SAID: dict[str, tuple[str, str, str, list[Declared]]] = {
         "section 6.3",
         "the share of feedback in the torque falls clearly",
         [{"quantity": "share of feedback in the torque at the end over that in the first cycle with CMAC",
-          "value": "(1 - feedforward_share[-5:]) / (1 - feedforward_share[2])", **LESS}],
+          "value": lambda runs: compute_growth(
+              1 - runs.end("feedforward_share", trace.LATE), 1 - runs.at(2, "feedforward_share")
+          ), **LESS}],
     ),
     "improves": (
         "Learning improves the accuracy of position and force control, also of the quadruped",
         "abstract, section 7",
         "the CMAC lowers errors in transfer and of the force",
         [
-            {"quantity": "error at the end over that without CMAC", "value": f"{metric}[-5:]", "case": name,
+            {"quantity": "error at the end over that without CMAC", "case": name,
+             "value": partial(Results.end, name=metric, cycles=trace.LATE),
              "over": {"controller": "feedback + posture"}, **LESS}
             for metric, name in ERRORS.items()
         ],
@@ -184,11 +199,11 @@ SAID: dict[str, tuple[str, str, str, list[Declared]]] = {
         "feet touch down and lift as the wave gait plans, and at least three of them carry",
         [
             {"quantity": f"largest difference of a leg's contact from the duty factor, {AT_END}",
-             "value": "duty_factor_off", **NEAR},
+             "value": lambda runs: runs.measure("duty_factor_off"), **NEAR},
             {"quantity": f"largest difference of a leg's lifting from the wave, of a cycle, {AT_END}",
-             "value": "wave_off", **NEAR},
-            {"quantity": "part of the time in which fewer than three feet carry", "value": "two_feet",
-             "limit": "at most 0 %", "opposite": "at least 1 %"},
+             "value": lambda runs: runs.measure("wave_off"), **NEAR},
+            {"quantity": "part of the time in which fewer than three feet carry",
+             "value": lambda runs: runs.measure("two_feet"), "limit": "at most 0 %", "opposite": "at least 1 %"},
         ],
     ),
     "posture": (
@@ -207,9 +222,10 @@ SAID: dict[str, tuple[str, str, str, list[Declared]]] = {
         "the force of foot 2 follows the rear margin, and a supporting foot carries nothing when the machine falls",
         [
             {"quantity": f"correlation of F_n2 with the rear margin while foot 3 is aloft, {AT_END}",
-             "value": "correlation", "limit": "at least 0.9", "opposite": "at most 0"},
+             "value": lambda runs: runs.measure("correlation"), "limit": "at least 0.9", "opposite": "at most 0"},
             {"quantity": "least force of a supporting foot as the machine falls, over the weight",
-             "value": "force_at_fall", "of": {"controller": ["feedback", "feedback + CMAC"]},
+             "value": lambda runs: runs.measure("force_at_fall"),
+             "of": {"controller": ["feedback", "feedback + CMAC"]},
              "limit": "at most 2 %", "opposite": "at least 10 %"},
         ],
     ),
@@ -230,6 +246,11 @@ SAID: dict[str, tuple[str, str, str, list[Declared]]] = {
 
 It is a claim with the reference as printed, and a finding with the other one.
 """
+
+
+def _scale_end(results: Results, name: str, scale: float) -> Array:
+    """(runs,): a final metric in other units."""
+    return scale * results.end(name, trace.LATE)
 
 
 def _with(reference: str, criteria: list[Declared]) -> list[Declared]:
@@ -276,7 +297,7 @@ STUDY = declare(
             "that moves load from one diagonal pair of feet to the other",
             "criteria": [
                 {"quantity": f"part of the squared force error {what}, last 5 cycles",
-                 "value": column, "of": {**LADDER, "reference": "aware"},
+                 "value": partial(Results.measure, name=column), "of": {**LADDER, "reference": "aware"},
                  "limit": "at least 50 %"}
                 for what, column in (
                     ("where four feet are planned to be down", "four_feet"),
@@ -288,7 +309,8 @@ STUDY = declare(
             "says": "With CMAC, noise on all sensors costs little accuracy",
             "criteria": [
                 {"quantity": "transfer error at the end, all sensors noisy over perfect ones",
-                 "value": f"transfer_rmse_{side}[-5:]", "of": {**LADDER, "part": "noise", "reference": "aware"},
+                 "value": partial(Results.end, name=f"transfer_rmse_{side}", cycles=trace.LATE),
+                 "of": {**LADDER, "part": "noise", "reference": "aware"},
                  "over": {"part": "ladder"}, "case": f"in {side}", "limit": "at most 1.25"}
                 for side in "xy"
             ],
@@ -297,7 +319,7 @@ STUDY = declare(
             "says": "With the law as published the walk ends early, with a lead of one sample (`learning.lead=1`) it "
             "completes",
             "criteria": [
-                {"quantity": WALKS["quantity"], "value": "done", "of": {"part": "long"}, "each": {"law": law},
+                {"quantity": WALKS["quantity"], "value": WALKS["value"], "of": {"part": "long"}, "each": {"law": law},
                  "limit": limit}
                 for law, limit in (("as published", "at most 90 %"), ("lead of one sample", "at least 90 %"))
             ],
@@ -306,7 +328,8 @@ STUDY = declare(
             "says": "Even with the lead, errors grow again",
             "quantity": "largest transfer error in x in the last fifth of the cycles over the median of the second "
             "fifth",
-            "value": "burst", "of": {"part": "long", "law": "lead of one sample"}, "limit": "at least 2",
+            "value": lambda runs: runs.measure("burst"), "of": {"part": "long", "law": "lead of one sample"},
+            "limit": "at least 2",
         },
     },
     figures={
@@ -328,13 +351,18 @@ STUDY = declare(
         "ladder": {
             "rows": ["controller", "reference"], "of": {"part": "ladder"},
             "columns": {
-                "walk to the end": "completed",
-                "x error, mm": "1e3 * transfer_rmse_x[-5:]",
-                "y error, mm": "1e3 * transfer_rmse_y[-5:]",
-                "force error, three feet down, N": "force_rmse_three_feet[-5:]",
-                "force error, whole cycle, N": "force_rmse_cycle[-5:]",
-                "CMAC share, %": "100 * feedforward_share[-5:]",
-                "largest tilt, mrad": "1e3 * tilt_max[-5:]",
+                "walk to the end": completed,
+                **of_completed({
+                    title: partial(_scale_end, name=name, scale=scale)
+                    for title, scale, name in (
+                        ("x error, mm", 1e3, "transfer_rmse_x"),
+                        ("y error, mm", 1e3, "transfer_rmse_y"),
+                        ("force error, three feet down, N", 1, "force_rmse_three_feet"),
+                        ("force error, whole cycle, N", 1, "force_rmse_cycle"),
+                        ("CMAC share, %", 100, "feedforward_share"),
+                        ("largest tilt, mrad", 1e3, "tilt_max"),
+                    )
+                }),
             },
         },
         "noise": lambda results: results.computed["noise"]

@@ -3,7 +3,7 @@
 Walks are repeated from one start for each seed, unless a study says otherwise; the last cycle of each is recorded.
 """
 
-from cmacexp.study import Declared
+from cmacexp.study import Declared, completed, of_completed
 
 ROBOTS = {
     "Go1": {"machine": "go1"}, "Go2": {"machine": "go2"}, "Aliengo": {"machine": "aliengo"},
@@ -22,9 +22,9 @@ WALK: Declared = {"scenario": "robot", **SPREAD, **LAST}
 ALONE: Declared = {"feedforward": "none", "cycles": 12}
 MODEL: Declared = {"feedforward": "inverse_dynamics", "cycles": 12}
 ON_BOTH = {"ground": [*GROUNDS]}
-WALKS: Declared = {"quantity": "walks completed", "value": "completed"}
-POSITION: Declared = {"quantity": "transfer error", "value": "transfer_rmse[-1:]"}
-FORCE: Declared = {"quantity": "force error", "value": "force_rmse[-1:]"}
+WALKS: Declared = {"quantity": "walks completed", "value": lambda runs: runs.completed}
+POSITION: Declared = {"quantity": "transfer error", "value": lambda runs: runs.end("transfer_rmse", 1)}
+FORCE: Declared = {"quantity": "force error", "value": lambda runs: runs.end("force_rmse", 1)}
 POSITION_LEFT: Declared = {
     **POSITION, "quantity": "transfer error over that with feedback only", "over": {"kind": "feedback only"},
     "beside": "transfer error, mm",
@@ -33,9 +33,15 @@ FORCE_LEFT: Declared = {
     **FORCE, "quantity": "force error over that with feedback only", "over": {"kind": "feedback only"},
     "beside": "force error, N",
 }  # fmt: skip
-ENDS = {
-    "completed": "completed", "foot error, mm": "1e3 * transfer_rmse[-1:]", "force error, N": "force_rmse[-1:]",
-}  # fmt: skip
+ENDS: Declared = {
+    "completed": completed,
+    **of_completed(
+        {
+            "foot error, mm": lambda runs: 1e3 * runs.end("transfer_rmse", 1),
+            "force error, N": lambda runs: runs.end("force_rmse", 1),
+        }
+    ),
+}
 """Columns of a table: the last cycle."""
 
 
@@ -51,7 +57,8 @@ def each_within(gait: str, position: str, force: str, of: Declared, each: Declar
     """A criterion: at least three quarters of the walks end within both limits, mm and N, each by itself."""
     return {
         "quantity": f"{gait}s within both", "of": of, "each": each, "limit": "at least 75 %", **more,
-        "value": f"(1e3 * transfer_rmse[-1:] <= {position}) * (force_rmse[-1:] <= {force})",
+        "value": lambda runs: (1e3 * runs.end("transfer_rmse", 1) <= float(position))
+        & (runs.end("force_rmse", 1) <= float(force)),
     }  # fmt: skip
 
 

@@ -3,7 +3,9 @@
 ``python -m pipelines.robots`` needs the extra ``robots``.
 """
 
-from cmacexp.study import Declared, declare
+from functools import partial
+
+from cmacexp.study import Declared, Results, completed, compute_growth, declare, describe_estimates, of_completed
 from pipelines.robot_walks import ALONE, ENDS, FORCE_LEFT, GROUNDS, MODEL, OTHERS, ROBOTS, WALK, learn
 
 LIGHTER = dict.fromkeys(
@@ -33,19 +35,46 @@ WITHOUT: dict[str, Declared] = {
 }
 """Parts of the method that are left out, one at a time."""
 GO1 = {"Go1": ROBOTS["Go1"]}
-COMPLETE = {"quantity": "walks that complete", "value": "completed", "limit": "at least 70 %"}
+COMPLETE: Declared = {
+    "quantity": "walks that complete", "value": lambda runs: runs.completed, "limit": "at least 70 %",
+}  # fmt: skip
 EACH = {"robot": [*ROBOTS]}
 CMAC = {"part": "feedforwards", "kind": "CMAC"}
-FORCE = {**FORCE_LEFT, "quantity": "force error over that of feedback only", "each": EACH, "limit": "at most 25 %"}
-POSITION = {
-    **FORCE, "quantity": "transfer error over that of feedback only", "value": "transfer_rmse[-1:]", "of": CMAC,
-    "limit": "at most 5 %", "beside": "foot error, mm",
+FORCE: Declared = {
+    **FORCE_LEFT,
+    "quantity": "force error over that of feedback only",
+    "each": EACH,
+    "limit": "at most 25 %",
+}
+FORCE_25 = partial(Results.at, cycle=25, name="force_rmse")
+POSITION: Declared = {
+    **FORCE, "quantity": "transfer error over that of feedback only", "of": CMAC,
+    "value": lambda runs: runs.end("transfer_rmse", 1), "limit": "at most 5 %", "beside": "foot error, mm",
 }  # fmt: skip
-COLUMNS = {
-    **ENDS, "joint error, mrad": "1e3 * joint_rmse[-1:]", "tilt, mrad": "1e3 * tilt_max[-1:]",
-    "feedforward share, %": "100 * feedforward_share[-1:]",
-}  # fmt: skip
-PAIR = ["1e3 * transfer_rmse[-1:]", "force_rmse[-1:]"]
+COLUMNS: Declared = {
+    **ENDS,
+    **of_completed(
+        {
+            "joint error, mrad": lambda runs: 1e3 * runs.end("joint_rmse", 1),
+            "tilt, mrad": lambda runs: 1e3 * runs.end("tilt_max", 1),
+            "feedforward share, %": lambda runs: 100 * runs.end("feedforward_share", 1),
+        }
+    ),
+}
+
+
+def _describe_last(results: Results) -> str | None:
+    """Transfer error, mm, and force error, N, of the last cycle."""
+    return describe_estimates(
+        results, lambda runs: 1e3 * runs.end("transfer_rmse", 1), lambda runs: runs.end("force_rmse", 1)
+    )
+
+
+def _describe_cycle(results: Results, cycle: int) -> str | None:
+    """Transfer error, mm, and force error, N, of a cycle."""
+    return describe_estimates(
+        results, lambda runs: 1e3 * runs.at(cycle, "transfer_rmse"), lambda runs: runs.at(cycle, "force_rmse")
+    )
 
 
 def _compare_ends(lead: str, limit: str) -> list[Declared]:
@@ -53,9 +82,12 @@ def _compare_ends(lead: str, limit: str) -> list[Declared]:
     of = {"part": "lead", "lead": lead}
     return [
         {"quantity": "feedback torque of cycle 200 over that of cycle 50", "of": of, "limit": limit,
-         "value": "feedback_rms[-1:] / feedback_rms[50]"},
-        *({"quantity": "feedback torque", "value": f"feedback_rms[{at}]", "of": of, "case": case, "limit": "any N m"}
-          for at, case in (("50", "cycle 50"), ("-1:", "cycle 200"))),
+         "value": lambda runs: compute_growth(runs.end("feedback_rms", 1), runs.at(50, "feedback_rms"))},
+        *({"quantity": "feedback torque", "value": value, "of": of, "case": case, "limit": "any N m"}
+          for value, case in (
+              (lambda runs: runs.at(50, "feedback_rms"), "cycle 50"),
+              (lambda runs: runs.end("feedback_rms", 1), "cycle 200"),
+          )),
     ]  # fmt: skip
 
 
@@ -91,8 +123,8 @@ STUDY = declare(
             "for": {"kind": ["feedback only", "nominal model", "model 20 % too heavy", "CMAC", "CMAC on that model",
                              "ILC", "RBF"]},
             "says": "With “{kind}” the transfer error of every robot is at most 0.5 mm", "limit": "at most 0.5 mm",
-            "quantity": "foot error", "value": "transfer_rmse[-1:]", "of": {"part": "feedforwards", "kind": "{kind}"},
-            "each": EACH,
+            "quantity": "foot error", "of": {"part": "feedforwards", "kind": "{kind}"},
+            "value": lambda runs: runs.end("transfer_rmse", 1), "each": EACH,
         },
         "force_{kind}": {
             "for": {"kind": ["nominal model", "CMAC", "ILC", "RBF"]},
@@ -112,13 +144,15 @@ STUDY = declare(
         "posture": {
             "says": "With the CMAC the joint error and the tilt of the trunk are at most 1 mrad on every robot",
             "criteria": [
-                {"quantity": name, "value": f"{metric}[-1:]", "of": CMAC, "each": EACH, "limit": "at most 1 mrad"}
+                {"quantity": name, "value": partial(Results.end, name=metric, cycles=1), "of": CMAC, "each": EACH,
+                 "limit": "at most 1 mrad"}
                 for name, metric in (("joint error", "joint_rmse"), ("tilt", "tilt_max"))
             ],
         },
         "share": {
             "says": "The CMAC provides at least 95 % of the torque on every robot",
-            "quantity": "feedforward over all torque", "value": "feedforward_share[-1:]", "of": CMAC, "each": EACH,
+            "quantity": "feedforward over all torque", "of": CMAC, "each": EACH,
+            "value": lambda runs: runs.end("feedforward_share", 1),
             "limit": "at least 95 %",
         },
         "better_position": {
@@ -135,7 +169,8 @@ STUDY = declare(
             "says": "By cycle 20, a CMAC on the wrong model is as accurate as a CMAC without one on every robot",
             "criteria": [
                 {"quantity": f"{error} error of cycle 20 over that of the CMAC without a model",
-                 "value": f"{error}_rmse[20]", "of": {"part": "feedforwards", "kind": "CMAC on that model"},
+                 "value": partial(Results.at, cycle=20, name=f"{error}_rmse"),
+                 "of": {"part": "feedforwards", "kind": "CMAC on that model"},
                  "over": {"kind": "CMAC, lighter robot"}, "each": EACH, "limit": "at most 1.1"}
                 for error in ("transfer", "force")
             ],
@@ -167,17 +202,17 @@ STUDY = declare(
             "says": "The part “{without}” of the method lowers the force error",
             "criteria": [
                 {"quantity": "force error of cycle 25 without it, over that with every part",
-                 "value": "force_rmse[25]", "of": {"part": "left out", "without": "{without}", "robot": "Go1"},
+                 "value": FORCE_25, "of": {"part": "left out", "without": "{without}", "robot": "Go1"},
                  "over": {"part": "starts", "period": "period by rule", "without": None}, "limit": "at least 1.1"},
-                {"quantity": "force error of cycle 25", "value": "force_rmse[25]", "limit": "any N",
+                {"quantity": "force error of cycle 25", "value": FORCE_25, "limit": "any N",
                  "of": {"part": "starts", "period": "period by rule", "robot": "Go1"}, "case": "with every part"},
-                {"quantity": "force error of cycle 25", "value": "force_rmse[25]", "limit": "any N",
+                {"quantity": "force error of cycle 25", "value": FORCE_25, "limit": "any N",
                  "of": {"part": "left out", "without": "{without}", "robot": "Go1"}, "case": "without it"},
             ],
         },
         "falls": {
             "says": "Without the posture rate the robot falls while it learns",
-            "quantity": "planned time walked", "value": "lasted",
+            "quantity": "planned time walked", "value": lambda runs: runs.lasted,
             "of": {"part": "left out", "without": "posture rate"}, "limit": "at most 90 %",
         },
         "grows": {
@@ -191,10 +226,10 @@ STUDY = declare(
         "planar": {
             "says": "The rate of the load lowers the force error of the paper's planar quadruped as well",
             "criteria": [
-                {"quantity": "force error with the rate of the load over that without", "value": "force_rmse[-1:]",
+                {"quantity": "force error with the rate of the load over that without", "value": FORCE["value"],
                  "of": {"part": "planar", "force_control.load_rate": True},
                  "over": {"force_control.load_rate": False}, "limit": "at most 1"},
-                *({"quantity": "force error", "value": "force_rmse[-1:]", "limit": "any N", "case": case,
+                *({"quantity": "force error", "value": FORCE["value"], "limit": "any N", "case": case,
                    "of": {"part": "planar", "force_control.load_rate": rate}}
                   for rate, case in ((True, "with the rate"), (False, "without it"))),
             ],
@@ -202,15 +237,16 @@ STUDY = declare(
     },
     tables={
         "feedforwards": {
-            "rows": {"kind": "feedforward"}, "across": "robot", "value": PAIR, "of": {"part": "feedforwards"},
+            "rows": {"kind": "feedforward"}, "across": "robot", "value": _describe_last,
+            "of": {"part": "feedforwards"},
         },
         "learning": {
             "rows": {"robot": "robot", "period": "sampled with"}, "of": {"part": "starts"},
             "columns": {
-                **{f"cycle {cycle}, mm / N": [f"1e3 * transfer_rmse[{cycle}]", f"force_rmse[{cycle}]"]
+                **{f"cycle {cycle}, mm / N": partial(_describe_cycle, cycle=cycle)
                    for cycle in (1, 2, 5, 10, 20, 50)},
-                "cycle 100, mm / N": PAIR,
-                "completed": "completed",
+                "cycle 100, mm / N": _describe_last,
+                "completed": completed,
             },
         },
         "left_out": {"rows": {"without": "without"}, "columns": COLUMNS, "of": {"part": "left out"}},
@@ -230,7 +266,7 @@ STUDY = declare(
             for name, metric in (("position", "transfer"), ("force", "force"))
         },
         "left_out": {
-            "value": "force_rmse[-1:]", "over": "without", "y": "force error, N", "title": "left out",
+            "value": FORCE["value"], "over": "without", "y": "force error, N", "title": "left out",
             "kind": "bars", "of": {"part": "left out"},
         },
         "lead": {"metric": "feedback_rms", "by": "lead", "log": "y", "of": {"part": "lead"}},

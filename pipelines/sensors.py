@@ -9,7 +9,17 @@ from functools import partial
 
 import numpy as np
 
-from cmacexp.study import Array, Declared, Results, Run, compute_quantity, declare, relative
+from cmacexp.study import (
+    Array,
+    Declared,
+    Results,
+    Run,
+    completed,
+    compute_growth,
+    declare,
+    of_completed,
+    relative,
+)
 from pipelines.common_results import describe_end
 
 KINDS = {
@@ -32,6 +42,8 @@ THIN = "record.every_nth_step=600"
 LEGGED = ["scenario=quadruped", "learning.lead=1", "gait.load_ramp=0.12"]
 WALKING = [*LEGGED, THIN, "cycles=12"]
 LEG, WALK = "one leg", "quadruped"
+LATE = 3
+"""Cycles that final values are over."""
 ERRORS = {
     LEG: {"transfer error in y": "transfer_rmse_y", "force error": "force_rmse", "feedback torque": "feedback_rms"},
     WALK: {"tilt": "tilt_max", "force error": "force_rmse_cycle", "feedback torque": "feedback_rms"},
@@ -119,10 +131,14 @@ def where_sound_walks(results: Results, check: str, gains: list[str]) -> Results
     return Results([row for row in broken.rows if (row.settings["feedforward"], row.settings["gain"]) in walks])
 
 
+def _end_torque(results: Results) -> Array:
+    """(runs,): feedback torque over the last 3 cycles, N m."""
+    return results.end("feedback_rms", LATE)
+
+
 def worsening(results: Results) -> Array:
     """(noisy runs,): feedback torque at the end over that of the run without noise and with the same seed."""
-    torque = partial(compute_quantity, "feedback_rms[-3:]")
-    return relative(results.select(signal="force"), results.select(signal="none"), torque)
+    return relative(results.select(signal="force"), results.select(signal="none"), _end_torque)
 
 
 def _count_kinds(results: Results) -> str:
@@ -140,10 +156,11 @@ def _survive(case: str, check: str, gains: list[str], limit: str) -> Declared:
     }
 
 
-REJECTED = {
-    "quantity": "sound sensors that the check rejects in a run", "value": "rejected_sound", "limit": "at most 0",
+REJECTED: Declared = {
+    "quantity": "sound sensors that the check rejects in a run", "limit": "at most 0",
+    "value": lambda runs: runs.measure("rejected_sound"),
 }  # fmt: skip
-DONE = {"quantity": "cycles done of those asked for", "value": "done"}
+DONE: Declared = {"quantity": "cycles done of those asked for", "value": lambda runs: runs.done}
 STUDY = declare(
     title="Faulty sensors",
     question="What do failures, noise and delays of sensors do to walking and learning, and what helps?",
@@ -202,9 +219,11 @@ STUDY = declare(
             "says": "With noise of 20 % on the force one leg still learns, with more feedback torque",
             "criteria": [
                 {"quantity": "transfer error in y at the end over that of the first cycle",
-                 "value": "transfer_rmse_y[-3:] / transfer_rmse_y[1]", "limit": "at most 25 %",
+                 "value": lambda runs: compute_growth(
+                     runs.end("transfer_rmse_y", LATE), runs.at(1, "transfer_rmse_y")
+                 ), "limit": "at most 25 %",
                  "of": {"part": "noise", "machine": LEG, "signal": "force", "level": 0.2}},
-                {"quantity": "feedback torque over that without noise", "value": "feedback_rms[-3:]",
+                {"quantity": "feedback torque over that without noise", "value": _end_torque,
                  "of": {"part": "noise", "machine": LEG, "signal": "force", "level": 0.2},
                  "over": {"signal": "none", "level": None}, "limit": "at least 1.5"},
             ],
@@ -242,7 +261,8 @@ STUDY = declare(
         "failure": {"metric": "force_rmse_cycle", "by": "check", "of": {"part": "shown"}, "title": "force error"},
         **{
             f"noise_{name}": [
-                {"value": f"{metric}[-3:]", "over": "level", "by": "signal", "log": "xy", "title": title,
+                {"value": partial(Results.end, name=metric, cycles=LATE), "over": "level", "by": "signal",
+                 "log": "xy", "title": title,
                  "y": f"{title}, SI units", "of": {"part": "noise", "machine": machine, "signal": list(SIGNALS)}}
                 for title, metric in ERRORS[machine].items()
             ]
@@ -257,16 +277,18 @@ STUDY = declare(
         "force_noise": {
             "rows": {"gain": "gain", "signal": "noise on"},
             "columns": {
-                "force error, N": "force_rmse_cycle[-3:]",
-                "feedback torque, N m": "feedback_rms[-3:]",
-                "tilt, mrad": "1e3 * tilt_max[-3:]",
-                "completed": "completed",
+                **of_completed({
+                    "force error, N": lambda runs: runs.end("force_rmse_cycle", LATE),
+                    "feedback torque, N m": _end_torque,
+                    "tilt, mrad": lambda runs: 1e3 * runs.end("tilt_max", LATE),
+                }),
+                "completed": completed,
             },
             "of": {"part": "gains"},
         },
         "late": {
             "rows": "late", "across": {"learning.lead": "lead"}, "of": {"part": "late"},
-            "value": partial(describe_end, quantity="1e3 * transfer_rmse_y[-3:]"),
+            "value": partial(describe_end, quantity=lambda runs: 1e3 * runs.end("transfer_rmse_y", LATE)),
         },
     },
 )  # fmt: skip

@@ -3,7 +3,7 @@
 ``python -m pipelines.speed_change`` needs the extra ``robots``.
 """
 
-from cmacexp.study import Declared, declare
+from cmacexp.study import Declared, completed, declare, of_completed
 from pipelines.robot_walks import LAST, POSITION_LEFT, SPREAD, WALKS
 
 BELOW, PHASE = "identified model below a CMAC", "CMAC over phase"
@@ -30,7 +30,8 @@ TROT: Declared = {
 FASTER = {**TROT, "gait.speed": 0.6, "cycles": 6}
 FIRST: Declared = {
     **POSITION_LEFT, "quantity": "transfer error of the first cycle over that with feedback only",
-    "value": "transfer_rmse[1]", "each": {"start": [*STARTS], "torques": [*TORQUES]}, "beside": None,
+    "value": lambda runs: runs.at(1, "transfer_rmse"), "each": {"start": [*STARTS], "torques": [*TORQUES]},
+    "beside": None,
     "case": "start {start}, torques {torques}",
 }  # fmt: skip
 
@@ -67,7 +68,7 @@ STUDY = declare(
             "error of feedback only",
             "criteria": [
                 {**FIRST, "of": {"part": "carried", "kind": "identified model"}, "limit": "at most 50 %"},
-                {"quantity": "transfer error of the first cycle", "value": "transfer_rmse[1]", "limit": "any mm",
+                {"quantity": "transfer error of the first cycle", "value": FIRST["value"], "limit": "any mm",
                  "of": {"part": "carried"}, **_of_kinds(*OTHERS, "identified model", BELOW, PHASE)},
             ],
         },
@@ -95,19 +96,25 @@ STUDY = declare(
             "says": "At the old speed a CMAC above it lowers the transfer error of the identified model to at most "
             "80 %",
             **FIRST, "quantity": "transfer error of cycle 50 over that of the identified model alone",
-            "value": "transfer_rmse[50]", "of": {"part": "before", "kind": BELOW},
+            "value": lambda runs: runs.at(50, "transfer_rmse"), "of": {"part": "before", "kind": BELOW},
             "over": {"kind": "identified model"}, "limit": "at most 80 %",
         },
     },
     tables={
         part: {
             "rows": {"start": "start", "torques": "torques", "kind": "feedforward"}, "of": {"part": part},
-            "columns": {"completed": "completed", **columns},
+            "columns": {"completed": completed, **of_completed(columns)},
         }
         for part, columns in {
-            "carried": {"cycle 1, mm": "1e3 * transfer_rmse[1]", "cycle 1, N": "force_rmse[1]",
-                        "cycle 6, mm": "1e3 * transfer_rmse[6]"},
-            "before": {"cycle 50, mm": "1e3 * transfer_rmse[50]", "cycle 50, N": "force_rmse[50]"},
+            "carried": {
+                "cycle 1, mm": lambda runs: 1e3 * runs.at(1, "transfer_rmse"),
+                "cycle 1, N": lambda runs: runs.at(1, "force_rmse"),
+                "cycle 6, mm": lambda runs: 1e3 * runs.at(6, "transfer_rmse"),
+            },
+            "before": {
+                "cycle 50, mm": lambda runs: 1e3 * runs.at(50, "transfer_rmse"),
+                "cycle 50, N": lambda runs: runs.at(50, "force_rmse"),
+            },
         }.items()
     },
     figures={

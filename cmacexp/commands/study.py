@@ -1,7 +1,7 @@
 """``python -m cmacexp.study FILE.py``: runs what a study asks for, and writes its report."""
 
 import argparse
-import json
+import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -13,7 +13,7 @@ from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
 from cmacexp.data.folder import new_result
 from cmacexp.data.manifest import REPORT, require_place
 from cmacexp.data.own_files import HTML
-from cmacexp.data.tables import read_table
+from cmacexp.data.run import Run
 from cmacexp.engine.collect import Collected, ensure_runs
 from cmacexp.engine.pool import ParallelMap, start_workers
 from cmacexp.errors import BadInput
@@ -24,31 +24,22 @@ from cmacexp.study.page import (
     evaluate,
     evidence_of,
     format_text,
-    restore,
     write_page,
 )
-from cmacexp.study.provenance import (
-    MADE_FROM,
-    MEASURES,
-    STAGES_FILE,
-    Measured,
-    choose_witnesses,
-    describe_stages,
-    digest_study,
-    make_provenance,
-    measure_runs,
-    read_stages,
-)
+from cmacexp.study.provenance import choose_witnesses, digest_study, make_provenance
 from cmacexp.study.results import Results, read_row
 from cmacexp.study.statements import Claim, Finding
 from cmacexp.study.study import Request
 from cmacexp.study.study_file import StudyFile, load_study
 from cmacexp.terminal.output import print_line
+from cmacexp.typing import RESULTS
 
 FOLDER = Path("outputs/studies")
 FOLDER_KEY = "--folder"
 SEEDS = 5
 WORKERS = 8
+Measured = Mapping[Path, Mapping[str, float]]
+"""Measures of each run, by its folder."""
 
 
 @dataclass(frozen=True)
@@ -88,42 +79,31 @@ class Options:
         return [request.with_seed(seed) for request in requests for seed in (numbers if request.seeded else [0])]
 
 
+def _measure_run(path: Path, folder: Path) -> dict[str, float]:
+    """The measures of one run of a study, by name; NaN of a run that failed."""
+    run, measures = Run(folder), load_study(path).study.measures
+    failed = run.status not in RESULTS
+    return {name: math.nan if failed else float(measure(run)) for name, measure in measures.items()}
+
+
 def _write(
-    path: Path,
-    requests: Sequence[Request],
-    collected: Collected,
-    measured: Measured,
-    options: Options,
-    whole: bool,
+    path: Path, requests: Sequence[Request], collected: Collected, measured: Measured, options: Options
 ) -> Evaluated:
-    """Evaluate one study and write its own page; what is current is read, unless the ``whole`` is asked for."""
+    """Evaluate one study and write its own page."""
     file = load_study(path)
-    folder = options.place(file.name)
     keys = list(
         dict.fromkeys(text.partition("=")[0].lstrip("+") for request in requests for text in request.overrides)
     )
-    found = {}  # the same run with the same labels is one value of a sample, however often it was asked for
+    rows = {}  # the same run with the same labels is one value of a sample, however often it was asked for
     for request in requests:
         run, choices = collected[request]
-        found[run, repr(sorted(request.labels.items()))] = (run, request.labels, choices, request.seeded)
-    stages = describe_stages(file, requests, [(run, labels) for run, labels, *_ in found.values()])
-    before = read_stages(folder)
-    if before == stages and not whole:
-        return restore(file, folder, options.quick)
-    current = all(before.get(name) == stages[name] for name in MADE_FROM)
-    rows = [
-        read_row(run, labels, choices, keys, measured[run], seeded) for run, labels, choices, seeded in found.values()
-    ]
-    results = Results(rows)
-    tables = {
-        name: read_table(folder / f"{name}.parquet", texts=True).to_pandas() if current else compute(results)
-        for name, compute in file.study.computed.items()
-    }
-    results, known = Results(rows, tables), restore(file, folder, options.quick) if current else None
+        row = read_row(run, request.labels, choices, keys, measured[run], request.seeded)
+        rows[run, repr(sorted(request.labels.items()))] = row
+    results = Results([*rows.values()])
+    results = Results(results.rows, {name: compute(results) for name, compute in file.study.computed.items()})
     witnesses = choose_witnesses(results, {collected[r][0]: r.overrides for r in requests if r.starts_from is None})
-    provenance = make_provenance({**digest_study(path), **stages["measures"]}, results, witnesses, options.seeds)
-    texts = {STAGES_FILE: json.dumps(stages, indent=1) + "\n"}
-    return write_results(file, results, folder, options.quick, provenance, texts, known)
+    provenance = make_provenance(digest_study(path), results, witnesses, options.seeds)
+    return write_results(file, results, options.place(file.name), options.quick, provenance, {})
 
 
 def write_results(
@@ -133,49 +113,35 @@ def write_results(
     quick: bool,
     provenance: Mapping[str, Any],
     texts: Mapping[str, str],
-    known: Evaluated | None = None,
 ) -> Evaluated:
-    """Evaluate the results of a study, and write its page into ``folder``, with further ``texts`` by file name.
-
-    Statements are not judged again if they are ``known``.
-    """
+    """Evaluate the results of a study, and write its page into ``folder``, with further ``texts`` by file name."""
     with new_result(folder, FOLDER_KEY, REPORT) as place:
-        evaluated = replace(evaluate(file, results, place.part, quick, known), provenance=provenance)
+        evaluated = replace(evaluate(file, results, place.part, quick), provenance=provenance)
         for name, text in texts.items():
             place.write_text(name, text)
         write_page(file.study.title, file.study.question, [evaluated], place, quick)
     return evaluated
 
 
-def write_studies(files: Sequence[StudyFile], options: Options, whole: bool = False) -> list[Evaluated]:
-    """Make what is missing or stale of studies, and no more: runs, measures, claims and a page of each.
-
-    The result has the sections of each page if the ``whole`` is asked for.
-    """
+def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluated]:
+    """Make the runs of studies that are missing, and measures, claims and a page of each."""
     for file in files:
         check_page(file)
-    requests = {file.name: options.expand(file.study.runs(options.quick)) for file in files}
+    requests = {file.path: options.expand(file.study.runs(options.quick)) for file in files}
     with options.start_workers() as parallel_map:
         collected = ensure_runs(parallel_map, [r for own in requests.values() for r in own], options.folder / "runs")
-        measured = {
-            file.path: measure_runs(
-                file,
-                list({collected[r][0] for r in requests[file.name]}),
-                options.folder / MEASURES / f"{options.place(file.name).name}.parquet",
-                parallel_map,
-            )
-            for file in files
-        }
+        runs = {path: list(dict.fromkeys(collected[request][0] for request in own)) for path, own in requests.items()}
+        asked = [(file.path, run) for file in files if file.study.measures for run in runs[file.path]]
+        measured = dict(zip(asked, parallel_map("measuring", _measure_run, asked), strict=True)) if asked else {}
         items = [
             (
-                file.path,
-                requests[file.name],
-                {r: collected[r] for r in requests[file.name]},
-                measured[file.path],
+                path,
+                own,
+                {request: collected[request] for request in own},
+                {run: measured.get((path, run), {}) for run in runs[path]},
                 options,
-                whole,
             )
-            for file in files
+            for path, own in requests.items()
         ]
         return list(parallel_map("evaluating", _write, items))
 

@@ -10,11 +10,19 @@ from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.study.comparison import Comparison, compare, find_order, interval_panel, profile_panel
 from cmacexp.study.declaration import Declared, declare, read_criteria
 from cmacexp.study.interval import UNPAIRED, Interval, estimate
-from cmacexp.study.quantity import Sample, compute_quantity, ended_in, per_seed, quotients, relative
 from cmacexp.study.results import Measure, Measures, Results, RunRow
+from cmacexp.study.samples import Sample, compute_growth, ended_in, per_seed, quotients, relative
 from cmacexp.study.statements import ANY, Claim, Criterion, Finding, at_least, at_most, between
 from cmacexp.study.study import DataFrame, Figure, Request, Study, grid, starting_from
-from cmacexp.study.views import completed, cross_tabulate, over_cycles, over_setting, tabulate
+from cmacexp.study.views import (
+    completed,
+    cross_tabulate,
+    describe_estimates,
+    of_completed,
+    over_cycles,
+    over_setting,
+    tabulate,
+)
 from cmacexp.typing import Array, Mask, Status
 
 __all__ = [
@@ -49,9 +57,10 @@ __all__ = [
     "compare",
     "completed",
     "compute_final",
-    "compute_quantity",
+    "compute_growth",
     "cross_tabulate",
     "declare",
+    "describe_estimates",
     "draw",
     "ended_in",
     "estimate",
@@ -60,6 +69,7 @@ __all__ = [
     "format_number",
     "grid",
     "interval_panel",
+    "of_completed",
     "over_cycles",
     "over_setting",
     "per_seed",

@@ -1,10 +1,9 @@
 """The page of a study: its Markdown with values, figures, tables, findings and claims; and its files beside it."""
 
 import json
-import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from functools import cache, partial
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -29,7 +28,7 @@ from cmacexp.report.page import (
     render_markdown,
     write_report,
 )
-from cmacexp.study.interval import FEW, Interval
+from cmacexp.study.interval import FEW
 from cmacexp.study.provenance import PROVENANCE
 from cmacexp.study.results import LAST_CYCLES, Results
 from cmacexp.study.statements import (
@@ -89,9 +88,8 @@ def count_verdicts(verdicts: Sequence[str]) -> str:
     return ", ".join([f"{verdicts.count(REPRODUCED)} of {len(verdicts)} claims are reproduced", *others]) + "."
 
 
-@cache
-def template(name: str) -> Any:
-    """A template beside this file."""
+def load_template(name: str) -> Any:
+    """Load a template beside this file."""
     from jinja2 import Environment, FileSystemLoader
 
     loader = FileSystemLoader(Path(__file__).parent)
@@ -100,7 +98,7 @@ def template(name: str) -> Any:
 
 def format_html(evidence: Evidence) -> str:
     """The table as HTML without an empty line, which would end it in Markdown."""
-    return str(template("statements.html").module.evidence(evidence))
+    return str(load_template("statements.html").module.evidence(evidence))
 
 
 def format_text(statement: str, evidence: Evidence | None = None) -> str:
@@ -138,7 +136,7 @@ def check_page(file: StudyFile) -> None:
     declared: dict[str, Mapping[str, Any]] = {
         "figure": study.figures, "table": study.tables, "finding": study.findings, "claim": study.claims,
     }  # fmt: skip
-    for kind, name, line in find_insertions(file.page, file.text):
+    for kind, name, line in find_insertions(file.page, file.page.read_text(encoding="utf-8")):
         has = listed(list(declared.get(kind, ()))) or "none"
         require(
             name in declared.get(kind, [name]),
@@ -157,17 +155,13 @@ def _write_tables(results: Results, folder: Path) -> None:
         write_table(pa.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None), folder / name)
 
 
-def evaluate(
-    file: StudyFile, results: Results, folder: Path, quick: bool, known: Evaluated | None = None
-) -> Evaluated:
+def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Evaluated:
     """Judge the statements of a study, write its figures and tables below ``folder``, and render its page.
 
-    Statements are not judged again if they are ``known``.
+    Of a quick one no statement is judged.
     """
     study = file.study
-    judged = (
-        known.statements if known else {n: each.judge(results) for n, each in study.statements.items() if not quick}
-    )
+    judged = {name: statement.judge(results) for name, statement in study.statements.items() if not quick}
 
     def show(name: str) -> str:
         own = judged.get(name)
@@ -176,7 +170,7 @@ def evaluate(
         return Markup(f"{escape_markdown(own.sentence)}\n\n{format_html(evidence_of(own))}\n\n")
 
     sections = render_markdown(
-        file.text,
+        file.page.read_text(encoding="utf-8"),
         file.page,
         study.title,
         Renderer(folder),
@@ -194,31 +188,11 @@ def evaluate(
     return Evaluated(file.name, judged, sections, {run.folder: run.manifest for run in results.runs})
 
 
-def restore(file: StudyFile, folder: Path, quick: bool) -> Evaluated:
-    """A study as its report in ``folder`` says, without sections and runs; a quick one has no statements."""
-    if quick:
-        return Evaluated(file.name, {}, [], {})
-    known = [json.loads((folder / name).read_text(encoding="utf-8"))[file.name] for name in (CLAIMS, PROVENANCE)]
-    entries = {each["name"]: each["criteria"] for each in known[0]}
-
-    def read(criterion: Criterion, entry: Mapping[str, Any]) -> CriterionResult:
-        runs = [os.path.normpath(folder / run) for run in entry["runs"]]
-        return CriterionResult(
-            criterion, Interval(**{each.name: entry[each.name] for each in fields(Interval)}), runs
-        )
-
-    statements = {
-        name: StatementResult(each, list(map(read, each.criteria, entries[name])))
-        for name, each in file.study.statements.items()
-    }
-    return Evaluated(file.name, statements, [], {}, known[1])
-
-
 def make_claims_section(claims: Sequence[StatementResult], folder: Path) -> Section:
     """The section of a report in ``folder`` with all claims, and what their verdicts mean."""
     runs = [sorted({Path(run) for each in judged.measured for run in each.runs}) for judged in claims]
     pages = [[(run.name, find_page(run, folder)) for run in own] for own in runs]
-    page = template("claims.html").render(
+    page = load_template("claims.html").render(
         claims=list(zip(claims, map(evidence_of, claims), pages, strict=True)),
         verdicts=VERDICTS,
         summary=count_verdicts([judged.verdict for judged in claims]),

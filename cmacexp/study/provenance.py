@@ -1,10 +1,4 @@
-"""What the values of a study depend on: which of its stages must be made again, and two witnesses of its runs.
-
-The stages are runs, measures, claims and page. A stage is made again if what it is made from has changed: runs (by
-``cmacexp.data.integrity``) with their requests and the code of the simulation; measures of each run with the run and
-the files of the measures; claims with the measures and the files of the study; the page with the claims and its text.
-Measures are kept beside the runs, so that a study that is ended in the middle goes on where it was; what the other
-stages were made from stands beside the page, and there too code, models, versions, and two runs to be made again.
+"""What the values of a study depend on: files of code, models and versions; and two witnesses of its runs.
 
 A digest of a source leaves out docstrings, which change no value, and does not depend on the version of Python.
 """
@@ -13,32 +7,26 @@ import ast
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
 import yaml
 
 from cmacexp.config.component import config_folder, find_sources
-from cmacexp.data.files import write_atomically
 from cmacexp.data.manifest import read_environment
 from cmacexp.data.run import Run
-from cmacexp.data.tables import read_table, write_table
 from cmacexp.data.version import __version__
-from cmacexp.errors import BadRun
-from cmacexp.jit.sources import PACKAGE, RESULT_ROOMS, code_hash
+from cmacexp.jit.sources import PACKAGE, RESULT_ROOMS
 from cmacexp.study.results import Results, RunRow
-from cmacexp.study.study import Request
-from cmacexp.study.study_file import StudyFile, find_module, load_study
-from cmacexp.typing import RESULTS
+from cmacexp.study.study_file import find_module
 
 PROVENANCE = "provenance.json"
 """File beside the page of a study."""
 STATISTICS = tuple(
-    f"study/{name}.py" for name in ("comparison", "declaration", "interval", "quantity", "results", "statements")
+    f"study/{name}.py" for name in ("comparison", "declaration", "interval", "results", "samples", "statements")
 )
 """Files that make values of runs."""
 DIGITS = 12
@@ -78,7 +66,7 @@ def digest_package() -> dict[str, str]:
 def digest_study(path: Path) -> dict[str, str]:
     """Digest of the file of an imported study and of those beside it that it imports, by their paths."""
     root, name = find_module(path)
-    return digest_files(find_sources(name) if path.suffix == ".py" else [path], root)
+    return digest_files(find_sources(name), root)
 
 
 def digest_files(files: Iterable[Path], root: Path) -> dict[str, str]:
@@ -139,109 +127,3 @@ def make_provenance(
         "own": dict(own),
         "witnesses": list(witnesses),
     }
-
-
-STAGES = ("runs", "measures", "claims", "page")
-STAGES_FILE, MEASURES = "stages.json", "measures"
-"""File beside the page; the folder of the measures of every study, beside that of the runs."""
-MADE_FROM = ("runs", "results", "measures", "claims")
-"""Entries of the file that claims depend on."""
-TOGETHER = 100
-"""Measured runs after which measures are written."""
-IDENTITY = ("config_hash", "code_hash", "custom_code", "model_hash", "start_weights", "status")
-"""Entries of a manifest that say which result a folder holds."""
-WRITERS = ("study/page.py", "study/views.py")
-"""Files that make pages."""
-Measured = Mapping[Path, Mapping[str, float]]
-
-
-def _digest(value: Any) -> str:
-    return hashlib.sha256(json.dumps(value, default=str).encode()).hexdigest()[:DIGITS]
-
-
-def _identify(folder: Path) -> list[Any]:
-    """Which result a folder holds."""
-    return [folder.name, *map(Run(folder).manifest.get, IDENTITY)]
-
-
-def digest_measures(file: StudyFile) -> dict[str, str]:
-    """Digests of the files of a study's measures and of those that they import beside it."""
-    functions = [each.func if isinstance(each, partial) else each for each in file.study.measures.values()]
-    modules = {function.__module__ for function in functions}
-    root = find_module(file.path)[0]
-    paths = {path for name in modules for path in find_sources(name) if path.is_relative_to(root)}
-    return digest_files(sorted(paths), root)
-
-
-def measure_run(path: Path, folder: Path) -> tuple[Path, dict[str, float]]:
-    """Folder and measures of one run of a study, by name; NaN of a run that failed."""
-    run, measures = Run(folder), load_study(path).study.measures
-    failed = run.status not in RESULTS
-    return folder, {name: math.nan if failed else float(measure(run)) for name, measure in measures.items()}
-
-
-def measure_runs(file: StudyFile, folders: Sequence[Path], table: Path, parallel_map: Callable[..., Any]) -> Measured:
-    """The measures of each run of a study; those in ``table`` that are of the same run and source are kept."""
-    if not file.study.measures:
-        return {folder: {} for folder in folders}
-    source, known = digest_measures(file), {}
-    keys = {folder: _digest([_identify(folder), source]) for folder in folders}
-    if table.is_file():
-        before = read_table(table, texts=True)
-        BadRun.unless("key" in before.column_names, f"{table}: not the measures of a study; move it")
-        known = {row.pop("key"): row for row in before.to_pylist()}
-    found = {folder: known[key] for folder, key in keys.items() if key in known}
-
-    def write() -> None:
-        table.parent.mkdir(parents=True, exist_ok=True)
-        rows = [{"key": keys[folder], **values} for folder, values in found.items()]
-        with write_atomically(table) as new:
-            write_table(pa.Table.from_pylist(rows), new)
-
-    missing = [(file.path, folder) for folder in folders if folder not in found]
-    if missing:
-        for folder, values in parallel_map("measuring", measure_run, missing):
-            found[folder] = values
-            if len(found) % TOGETHER == 0:
-                write()
-        write()
-    return found
-
-
-def describe_stages(file: StudyFile, requests: Sequence[Request], rows: Sequence[Any] = ()) -> dict[str, Any]:
-    """What every stage of a study is made from now.
-
-    Args:
-        file: of the study.
-        requests: of one seed each.
-        rows: folder and labels of each run; its results are part of what claims are made from.
-    """
-    asked = [[r.overrides, r.labels, r.starts_from and r.starts_from.overrides] for r in requests]
-    code, shown = (
-        digest_files([PACKAGE / name for name in names], PACKAGE.parent) for names in (STATISTICS, WRITERS)
-    )
-    return {
-        "runs": {"requests": _digest(asked), "code": code_hash()},
-        "results": _digest([[_identify(folder), labels] for folder, labels in rows]),
-        "measures": digest_measures(file),
-        "claims": {**digest_study(file.path), **code},
-        "page": {file.page.name: _digest(file.text), **shown},
-    }
-
-
-def read_stages(folder: Path) -> dict[str, Any]:
-    """What the stages of the report in ``folder`` were made from; empty if there is none."""
-    path = folder / STAGES_FILE
-    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-
-
-def list_stages(file: StudyFile, requests: Sequence[Request], folder: Path) -> list[tuple[str, str]]:
-    """The state of each stage of a study whose report is in ``folder``: ``current``, ``stale`` or ``missing``."""
-    before = read_stages(folder)
-    if not before:
-        return [(stage, "missing") for stage in STAGES]
-    now, changed, found = describe_stages(file, requests), list[str](), []
-    for stage in STAGES:
-        changed += list_changed(before.get(stage, {"never": ""}), now[stage])
-        found.append((stage, f"stale ({', '.join(dict.fromkeys(changed))})" if changed else "current"))
-    return found

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -169,11 +168,21 @@ class Results:
         return [row.run.completed for row in self.rows]
 
     @property
+    def done(self) -> Array:
+        """(runs,): the share of its cycles that each run did."""
+        return np.array([row.run.cycles_done / row.settings["cycles"] for row in self.rows])
+
+    @property
+    def lasted(self) -> Array:
+        """(runs,): the share of its time that each run did."""
+        return np.array([run.manifest["steps"] / (run.steps_per_cycle * run.config["cycles"]) for run in self.runs])
+
+    @property
     def cycles(self) -> list[int]:
         """Whole cycles of each run."""
         return [row.run.cycles_done for row in self.rows]
 
-    @cached_property
+    @property
     def table(self) -> DataFrame:
         """One row a run: what the study sets, how the run ended, its measures, and its metrics in the last cycle."""
         import pandas as pd

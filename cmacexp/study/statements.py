@@ -1,9 +1,8 @@
 """Claims of a paper and findings of a study: statements that an interval decides, and that can come out otherwise."""
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any, ClassVar
 
 from cmacexp.errors import BadInput, require
@@ -18,8 +17,8 @@ from cmacexp.study.interval import (
     Interval,
     estimate,
 )
-from cmacexp.study.quantity import compute_quantity, parse_quantity, relative
 from cmacexp.study.results import NoSuchRuns, Results
+from cmacexp.study.samples import Sample, relative, require_sample
 from cmacexp.typing import Array, Mask, Status
 
 REPRODUCED, IN_PART, NOT_REPRODUCED = "reproduced", "reproduced in part", "not reproduced"
@@ -98,11 +97,8 @@ class Criterion:
 
     quantity: str
     """What is measured, as readers see it; criteria that differ only in their case share it."""
-    sample: str | Callable[[Results], Sequence[float] | Sequence[bool] | Array | Mask]
-    """A value for each run, pair or case; truth values for a proportion. What a failed run counts as is said here.
-
-    A text is a quantity of :mod:`cmacexp.study.quantity`.
-    """
+    sample: Sample
+    """A value for each run, pair or case; truth values for a proportion. What a failed run counts as is said here."""
     holds: Limit
     """Where the statement holds."""
     fails: Limit | None = None
@@ -120,14 +116,14 @@ class Criterion:
     """Settings that differ in the runs which the sample is divided by, each run by that of the same seed."""
 
     def __post_init__(self) -> None:
-        if isinstance(self.sample, str):
-            parse_quantity(self.sample)
+        require_sample("quantity", self.sample)
 
     def take(self, results: Results) -> Sequence[float] | Sequence[bool] | Array | Mask:
         """The sample of selected runs."""
-        sample: Any = partial(compute_quantity, self.sample) if isinstance(self.sample, str) else self.sample
         own = results.select(self.of)
-        return sample(own) if self.over is None else relative(own, results.select({**self.of, **self.over}), sample)
+        if self.over is None:
+            return self.sample(own)
+        return relative(own, results.select({**self.of, **self.over}), self.sample)
 
     def format_limit(self, limit: Limit) -> str:
         """E.g. ``at most 5 %``."""

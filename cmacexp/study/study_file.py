@@ -1,4 +1,4 @@
-"""Where a study stands: its file of Python or YAML, its page, and how it is read."""
+"""Where a study stands: its file of Python, its page, and how it is imported."""
 
 import importlib
 import sys
@@ -6,11 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, require
-from cmacexp.study.declaration import read_study
 from cmacexp.study.study import Study
 
-YAML = (".yaml", ".yml")
-"""Suffixes of a study that is declared without Python."""
 STUDY_VARIABLE = "STUDY"
 """The variable of a file that holds its study."""
 
@@ -32,17 +29,6 @@ class StudyFile:
         """Its text: Markdown with Jinja."""
         return self.path.with_suffix(".md")
 
-    @property
-    def text(self) -> str:
-        """The text of its page; of a study of YAML without one, all that it declares in order."""
-        if self.page.is_file() or self.path.suffix == ".py":
-            return self.page.read_text(encoding="utf-8")
-        study = self.study
-        figures = [f'{{% call figure("{name}") %}}{name}{{% endcall %}}' for name in study.figures]
-        tables = [f'{{{{ table("{name}", "{name}") }}}}' for name in study.tables]
-        findings = [f'{{{{ finding("{name}") }}}}' for name in study.findings]
-        return "\n\n".join([f"{study.question} Runs: {{{{ runs }}}}.", *figures, *tables, "## Findings", *findings])
-
 
 def find_module(path: Path) -> tuple[Path, str]:
     """The folder that a study is imported from, that of its file or above its package, and its name there."""
@@ -59,13 +45,13 @@ def load_study(path: Path) -> StudyFile:
     """
     path = path.resolve()
     require(path.is_file(), "study", path, "there is no such file")
-    if path.suffix in YAML:
-        return StudyFile(path, read_study(path))
+    gone = "studies in YAML are gone: write STUDY = cmacexp.study.declare(title=..., runs=[...]) in a file of Python"
+    require(path.suffix not in (".yaml", ".yml"), "study", path, gone)
     require(
         path.suffix == ".py" and "." not in path.stem,
         "study",
         path,
-        "must be a file of Python, its name without a dot before .py, or of YAML",
+        "must be a file of Python, its name without a dot before .py",
     )
     root, name = find_module(path)
     if str(root) not in sys.path:

@@ -1,14 +1,18 @@
 """Panels and tables of results: over cycles, over a setting, and a row for each group of runs."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from cmacexp.errors import BadInput
+from cmacexp.metrics.registry import format_number
 from cmacexp.report import figures
 from cmacexp.report.figures import Panel
 from cmacexp.study.interval import estimate
 from cmacexp.study.results import Results
+from cmacexp.study.samples import Sample
 from cmacexp.typing import Array, DataFrame
 
 
@@ -102,3 +106,33 @@ def _show(value: Any) -> Any:
 def completed(results: Results) -> str:
     """How many runs reached their end, e.g. ``2 of 3``."""
     return f"{sum(results.completed)} of {len(results)}"
+
+
+def _compute_reached(sample: Sample, results: Results) -> Any:
+    """The sample; None of a cycle that runs were not to reach, as those of a quick form."""
+    try:
+        return sample(results)
+    except BadInput as error:
+        if error.key not in ("cycle", "metric"):
+            raise
+        return None
+
+
+def of_completed(columns: Mapping[str, Sample]) -> dict[str, Callable[[Results], Any]]:
+    """Columns of a table: each quantity in the runs that completed, or in all if none did."""
+
+    def show(results: Results, sample: Sample) -> Any:
+        done = [row for row in results.rows if row.run.completed] or results.rows
+        return _compute_reached(sample, Results(done, results.computed))
+
+    return {title: partial(show, sample=sample) for title, sample in columns.items()}
+
+
+def describe_estimates(results: Results, *samples: Sample) -> str | None:
+    """The estimates of several quantities, and of how many runs they are if some failed, e.g. ``6 / 18 (2 of 3)``."""
+    values = [_compute_reached(sample, results) for sample in samples]
+    if any(value is None for value in values):
+        return None
+    found = [estimate(value) for value in values]
+    text = " / ".join(format_number(each.value) for each in found)
+    return f"{text} ({found[-1].size})" if found[-1].failed else text

@@ -8,7 +8,7 @@ from support.made_studies import made_errors, made_row
 
 from cmacexp.study import Results, at_most
 from cmacexp.study.interval import EXACT, FEW, UNPAIRED, Interval, estimate
-from cmacexp.study.quantity import per_seed, quotients, relative
+from cmacexp.study.samples import per_seed, quotients, relative
 from cmacexp.study.views import completed, over_cycles, tabulate
 
 

@@ -1,58 +1,43 @@
-"""Quantities as text: what stands for a metric in a cycle, at the end, and for runs that ended early."""
+"""Samples of runs: growth in a run, ratios to runs of the same seed; limits and overrides of declarations."""
 
 import math
 
 import numpy as np
 import pytest
-from support.doors import BadInput
 from support.made_studies import made_row
 
-from cmacexp.study import ANY, Criterion, Finding, Results, at_most, between
+from cmacexp.study import ANY, Criterion, Finding, Results, at_most, between, compute_growth
 from cmacexp.study.declaration import format_overrides, read_limit
 from cmacexp.study.interval import UNPAIRED
-from cmacexp.study.quantity import compute_quantity
 
 
-def made(errors, asked, measures=None, **settings):
-    return made_row({"transfer_rmse_x": errors}, asked, measures, cycles=asked, **settings)
+def made(errors, asked, **settings):
+    return made_row({"transfer_rmse_x": errors}, asked, cycles=asked, **settings)
 
 
-WHOLE, FELL = made([4.0, 2.0, 1.0, 3.0], 4, {"mass": 2.0}, seed=0), made([4.0, 2.0], 4, {"mass": 5.0}, seed=1)
-BOTH = Results([WHOLE, FELL])
+BOTH = Results([made([4.0, 2.0, 1.0, 3.0], 4, seed=0), made([4.0, 2.0], 4, seed=1)])
 
 
 @pytest.mark.parametrize(
-    ("text", "expected"),
+    ("sample", "expected"),
     [
-        ("transfer_rmse_x[1]", [4.0, 4.0]),
-        ("transfer_rmse_x[-2:]", [2.0, math.inf]),
-        ("transfer_rmse_x", [2.5, math.inf]),
-        ("transfer_rmse_x / transfer_rmse_x[1]", [0.625, math.inf]),
-        ("transfer_rmse_x[4] / transfer_rmse_x[3]", [3.0, math.inf]),
-        ("1 - abs(-mass) * 2 ** 2", [-7.0, -19.0]),
-        ("max(transfer_rmse_x[2], mass, 3) <= 3", [True, False]),
-        ("completed", [True, False]),
-        ("done", [1.0, 0.5]),
-        ("7", [7.0, 7.0]),
+        (lambda runs: runs.end("transfer_rmse_x", 2), [2.0, math.inf]),
+        (lambda runs: compute_growth(runs.end("transfer_rmse_x"), runs.at(1, "transfer_rmse_x")), [0.625, math.inf]),
+        (lambda runs: compute_growth(np.full(2, math.inf), np.array([math.inf, 1.0])), [math.inf, math.inf]),
+        (lambda runs: runs.completed, [True, False]),
+        (lambda runs: runs.done, [1.0, 0.5]),
     ],
 )
-def test_a_quantity_is_a_value_for_each_run(text, expected):
-    np.testing.assert_array_equal(compute_quantity(text, BOTH), expected)
-
-
-@pytest.mark.parametrize(
-    "text", ["open('x')", "mass.real", "[mass]", "mass if mass else 1", "mass[1:2]", "mass @ mass", "0**-1"]
-)
-def test_a_text_that_is_no_quantity_is_refused(text):
-    with pytest.raises(BadInput):
-        compute_quantity(text, BOTH)
+def test_a_sample_is_a_value_for_each_run_and_infinite_for_one_that_fell(sample, expected):
+    np.testing.assert_array_equal(sample(BOTH), expected)
 
 
 def test_over_divides_by_the_run_of_the_same_seed_and_counts_failures_apart():
     """The order of the runs does not matter; a run whose reference fell says nothing."""
     plain = [made([1.0, error], 2, kind="plain", seed=seed) for seed, error in ((2, 4.0), (0, 2.0))]
     learns = [made([1.0, error], 2, kind="learns", seed=seed) for seed, error in ((0, 3.0), (2, 1.0))]
-    ratio = Criterion("error", "transfer_rmse_x[-1:]", at_most(1.0), of={"kind": "learns"}, over={"kind": "plain"})
+    of, over = {"kind": "learns"}, {"kind": "plain"}
+    ratio = Criterion("error", lambda runs: runs.end("transfer_rmse_x", 1), at_most(1.0), of=of, over=over)
     assert ratio.take(Results([*plain, *learns])).tolist() == [1.5, 0.25]
     fell = made([1.0], 2, kind="plain", seed=0)
     assert ratio.take(Results([plain[0], fell, *learns])).tolist() == [UNPAIRED, 0.25]
