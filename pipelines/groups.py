@@ -74,7 +74,7 @@ def write(name: str, options: Options) -> Path:
     title, question, members = GROUPS[name]
     studies = write_studies([load_study(path) for each in members if (path := find_study(each))], options)
     print_statements(studies)
-    with new_result(options.place(name), FOLDER_KEY, REPORT) as place:
+    with new_result(options.choose_folder(name), FOLDER_KEY, REPORT) as place:
         return write_page(title, question, studies, place, options.quick)
 
 

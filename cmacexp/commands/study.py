@@ -58,8 +58,8 @@ class Options:
     settings: Sequence[str] = ()
     """Settings of its config, such as ``timeout_min=600``."""
 
-    def place(self, name: str) -> Path:
-        """Folder of a report: one that concludes nothing does not replace one that does."""
+    def choose_folder(self, name: str) -> Path:
+        """Choose the folder of a report: one that concludes nothing does not replace one that does."""
         return self.folder / f"{name}{'-quick' if self.quick else '-one-seed' if self.seeds == 1 else ''}"
 
     @contextmanager
@@ -103,7 +103,7 @@ def _write(
     results = Results(results.rows, {name: compute(results) for name, compute in file.study.computed.items()})
     witnesses = choose_witnesses(results, {collected[r][0]: r.overrides for r in requests if r.starts_from is None})
     provenance = make_provenance(digest_study(path), results, witnesses, options.seeds)
-    return write_results(file, results, options.place(file.name), options.quick, provenance, {})
+    return write_results(file, results, options.choose_folder(file.name), options.quick, provenance, {})
 
 
 def write_results(
@@ -149,7 +149,7 @@ def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluate
 def write_study(file: StudyFile, options: Options) -> Path:
     """Run one study and write its report; returns the page."""
     print_statements(write_studies([file], options))
-    return options.place(file.name) / HTML
+    return options.choose_folder(file.name) / HTML
 
 
 def print_statements(studies: Sequence[Evaluated]) -> None:

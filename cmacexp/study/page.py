@@ -204,11 +204,12 @@ def make_claims_section(claims: Sequence[StatementResult], folder: Path) -> Sect
 
 def _entry(measured: CriterionResult, folder: Path) -> dict[str, Any]:
     criterion, interval = measured.criterion, measured.interval
+    limits = {"holds": criterion.holds, "fails": criterion.fails}
     return {
         "quantity": criterion.quantity, "case": criterion.case, "value": interval.value, "low": interval.low,
         "high": interval.high, "count": interval.count, "size": interval.size, "method": interval.method,
         "failed": interval.failed, "unpaired": interval.unpaired,
-        **{name: [limit.low, limit.high] for name in ("holds", "fails") if (limit := getattr(criterion, name))},
+        **{name: [limit.low, limit.high] for name, limit in limits.items() if limit},
         "verdict": measured.verdict, "shown": measured.value, "spread": measured.spread,
         "runs": [relative(Path(run), folder) for run in measured.runs],
     }  # fmt: skip

@@ -55,7 +55,10 @@ def _strip(text: str) -> str:
 
 @cache
 def digest_package() -> dict[str, str]:
-    """Digest of every file of the package and of ``conf`` that can change a value of any study, by its path."""
+    """Digest every file of the package and of ``conf`` that can change a value of any study, by its path.
+
+    It takes about 1 s, and the state of each study asks for it: it is computed once in a process.
+    """
     rooms = [PACKAGE / room for room in (*RESULT_ROOMS, *STATISTICS)]
     files = {f for room in rooms for f in (room.rglob("*.py") if room.is_dir() else [room])}
     conf = config_folder()

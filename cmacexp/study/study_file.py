@@ -64,7 +64,7 @@ def load_study(path: Path) -> StudyFile:
         raise BadComponent("study", path, f"importing it failed: {type(error).__name__}: {error}", error) from error
     is_own = module.__file__ is not None and Path(module.__file__).resolve() == path
     require(is_own, "study", path, f"another module is called {path.stem}; rename this file and its page")
-    study = getattr(module, STUDY_VARIABLE, None)
+    study = vars(module).get(STUDY_VARIABLE)
     if not isinstance(study, Study):
         raise BadInput("study", path, f"must define {STUDY_VARIABLE} = cmacexp.study.Study(...)")
     found = StudyFile(path, study)

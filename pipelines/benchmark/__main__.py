@@ -74,12 +74,12 @@ def _write(machines: dict[str, Machine], methods: dict[str, Method], options: Op
     write_results(
         file,
         results,
-        options.place(BENCHMARK),
+        options.choose_folder(BENCHMARK),
         options.quick,
         provenance,
         {f"{BENCHMARK}.json": json.dumps(about, indent=1) + "\n"},
     )
-    return options.place(BENCHMARK) / HTML
+    return options.choose_folder(BENCHMARK) / HTML
 
 
 def _refuse_in_vain(arguments: Arguments, used: Collection[str], form: str) -> None:

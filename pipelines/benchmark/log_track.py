@@ -210,7 +210,7 @@ def run(arguments: Arguments, options: Options) -> Path:
     missing = "is missing: an option of conf/machine, or an MJCF or URDF file"
     require(simulated or arguments.robot is not None, "--robot", None, missing)
     log, machine = (simulate_log(), read_machine(str(MODEL), NAMES)) if simulated else read_given(arguments)
-    gap, folder = measure(log, machine), options.place(f"{NAME}-{SIMULATED}" if simulated else NAME)
+    gap, folder = measure(log, machine), options.choose_folder(f"{NAME}-{SIMULATED}" if simulated else NAME)
     makers = choose_makers(gap, arguments.methods, arguments.method, not options.quick)
     items = [(gap, name, make, setting) for name, make in makers.items() for setting in SETTINGS]
     rows = list(iterate_here("predicting strokes", try_method, items))
