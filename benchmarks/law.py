@@ -14,9 +14,9 @@ import numpy as np
 import cmacexp
 from benchmarks.c_loop import SAME_BITS, compile_library
 from benchmarks.timing import Row, Table, format_time, stopwatch
-from cmacexp.engine.c_law import compute_feet, describe_law
-from cmacexp.export.c_code import write_c
-from cmacexp.export.network import keep_rows, list_path_rows, read_final_config, read_learnt
+from cmacexp.addons.export.c_code import write_c
+from cmacexp.addons.export.c_law import compute_feet, describe_law
+from cmacexp.addons.export.network import keep_rows, list_path_rows, read_final_config, read_learnt
 from cmacexp.loop.builtin import make_guard
 from cmacexp.loop.driver import Driver
 from cmacexp.loop.samples import make_samples

@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.timing import ROOT, Row, Table, format_time
-from cmacexp.wire.guardian import Guardian
-from cmacexp.wire.messages import get_motors, new_command, set_motors
-from cmacexp.wire.network import COMMANDS, LOOPBACK, STATES, Wire, run_first
+from cmacexp.addons.unitree.guardian import Guardian
+from cmacexp.addons.unitree.messages import get_motors, new_command, set_motors
+from cmacexp.addons.unitree.network import COMMANDS, LOOPBACK, STATES, Wire, run_first
 
 SILENCE = 0.02
 """Time without a command after which the guardian is to damp, s."""

@@ -14,18 +14,12 @@ COMMANDS = {
     "sweep": "simulates variants: cmacexp sweep cmac.layers=8,16,32",
     "report": "writes a page of figures and tables of runs, or of a sweep",
     "replay": "shows a run in the Rerun viewer",
-    "video": "draws a run, or several side by side, as a moving picture",
-    "stability": "says whether learning holds, and with which lead",
     "score": "computes the metrics of runs again from their traces",
     "verify": "checks which runs are intact",
-    "export": "writes a run for other programs: C, wide tables, MCAP",
-    "gap": "compares a log of a robot with its model: identifies, validates, says what learning would gain",
     "robots": "shows what the model of a robot holds, and what follows from it",
-    "robot": "plays a robot on this computer, for plant=unitree",
-    "study": "runs a study and writes its report",
     "warm": "compiles what usual runs need, before they need it",
 }
-"""What each command does. All but the first two have a module of their own, which ``python -m cmacexp.NAME`` runs."""
+"""What the commands of the core do; all but the first two have a module of their own. Add-ons have more."""
 RUNS = {"run": [], "sweep": ["-m"]}
 """Commands that take overrides, and the option that they stand for."""
 HELP = """cmacexp: learned feedforward for hybrid position/force control of legs
@@ -38,12 +32,31 @@ Without a command the words are overrides of a run: cmacexp scenario=one_leg
 
 
 def main() -> int:
-    """The console script ``cmacexp``: as :func:`run_words`, but ``--help`` alone lists the commands."""
+    """Run the console script ``cmacexp``: as :func:`run_words`, but ``--help`` alone lists the commands."""
     if sys.argv[1:] in (["--help"], ["-h"], ["help"]):
-        lines = [f"  {name:10} {meaning}" for name, meaning in COMMANDS.items()]
+        from cmacexp.entry_points import describe_command, list_commands
+
+        commands = COMMANDS | {name: describe_command(point) for name, point in list_commands().items()}
+        lines = [f"  {name:10} {meaning}" for name, meaning in commands.items()]
         print(HELP.format(commands="\n".join(lines)), end="")
         return 0
     return run_words()
+
+
+def run_named(name: str) -> int:
+    """Run the command of a name, of the core or of an add-on, with the words of the command line; its exit code."""
+    if name in COMMANDS:
+        return cast(int, import_module(f"cmacexp.commands.{name}").main())
+    from cmacexp.entry_points import list_commands
+    from cmacexp.errors import suggest
+
+    commands = list_commands()
+    if name in commands:
+        return cast(int, commands[name].load()())
+    names = [*COMMANDS, *commands]
+    known = f"no such command; choose from {', '.join(names)}"
+    print(f"error: {name}: {known}{suggest(name, names)}", file=sys.stderr)
+    return 2
 
 
 def run_words() -> int:
@@ -56,15 +69,9 @@ def run_words() -> int:
     name = sys.argv[1] if len(sys.argv) > 1 else ""
     if name in RUNS:
         sys.argv[1:2] = RUNS[name]
-    elif name in COMMANDS:
-        del sys.argv[1]
-        return cast(int, import_module(f"cmacexp.commands.{name}").main())
     elif name.isidentifier():
-        from cmacexp.errors import suggest
-
-        known = f"no such command; choose from {', '.join(COMMANDS)}"
-        print(f"error: {name}: {known}{suggest(name, COMMANDS)}", file=sys.stderr)
-        return 2
+        del sys.argv[1]
+        return run_named(name)
     if {"-m", "--multirun"} & set(sys.argv):
         from cmacexp.engine.pool import make_context
 

@@ -1,6 +1,6 @@
-"""``python -m cmacexp.video``: see :mod:`cmacexp.commands.video`."""
+"""``python -m cmacexp.video``: the command of that name, which is an add-on."""
 
-from cmacexp.commands.video import main
+from cmacexp.__main__ import run_named
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run_named("video"))

@@ -9,12 +9,12 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from cmacexp.commands.study import FOLDER
+from cmacexp.addons.study.command import FOLDER
+from cmacexp.addons.study.page import build_evidence, format_html
+from cmacexp.addons.study.statements import NO, UNCLEAR, VERDICTS, YES
+from cmacexp.addons.study.study_file import StudyFile
 from cmacexp.data.own_files import FIGURES, HTML
 from cmacexp.study import Claim, Finding
-from cmacexp.study.page import build_evidence, format_html
-from cmacexp.study.statements import NO, UNCLEAR, VERDICTS, YES
-from cmacexp.study.study_file import StudyFile
 from pipelines.benchmark.benchmark import BENCHMARK
 from pipelines.benchmark.log_track import NAME as LOG_TRACK
 from pipelines.groups import GROUPS, all_studies, every_study

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 import cmacexp
-from cmacexp.study.interval import estimate
+from cmacexp.addons.study.interval import estimate
 
 
 def draw_world(number: int) -> list[str]:

@@ -3,9 +3,9 @@
 import sys
 from pathlib import Path
 
+from cmacexp.addons.study.command import FOLDER
+from cmacexp.addons.study.command import main as run_study
 from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
-from cmacexp.commands.study import FOLDER
-from cmacexp.commands.study import main as run_study
 from cmacexp.data.tables import read_table
 from cmacexp.errors import require
 from pipelines.benchmark import log_track, summary

@@ -7,11 +7,11 @@ studies have claims, then the sections of each study. The benchmark has a comman
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
-from cmacexp.commands.study import FOLDER_KEY, Options, print_statements, run_studies, write_studies
+from cmacexp.addons.study.command import FOLDER_KEY, Options, print_statements, run_studies, write_studies
+from cmacexp.addons.study.page import write_page
+from cmacexp.addons.study.study_file import StudyFile, load_study
 from cmacexp.data.folder import new_result
 from cmacexp.data.manifest import REPORT
-from cmacexp.study.page import write_page
-from cmacexp.study.study_file import StudyFile, load_study
 from pipelines.benchmark import benchmark, log_track
 from pipelines.benchmark.entrants import MACHINES, list_methods
 

@@ -21,13 +21,13 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import cmacexp
+from cmacexp.addons.study.page import CLAIMS, count_verdicts
+from cmacexp.addons.study.provenance import PROVENANCE, digest_package, digest_source, list_changed, make_witness
+from cmacexp.addons.study.statements import MEASURED, Claim, Finding
 from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.errors import require
 from cmacexp.models.robot_file import package_models
-from cmacexp.study.page import CLAIMS, count_verdicts
-from cmacexp.study.provenance import PROVENANCE, digest_package, digest_source, list_changed, make_witness
-from cmacexp.study.statements import MEASURED, Claim, Finding
 from pipelines.groups import PIPELINES, all_studies, every_study
 
 DOCS, README = PIPELINES.parent / "docs", PIPELINES.parent / "README.md"

@@ -3,14 +3,14 @@
 ``python -m pipelines.when_learning_holds`` draws configurations of one leg, of the quadruped and of robots, runs each
 for thousands of cycles without a guard (robots for fewer), and compares how it went with what each predictor says of
 the config alone. Robots need the extra ``robots``; the quick form goes without. The limits of the verdict
-(``cmacexp/stability/verdict.py``) were chosen on other draws.
+(``cmacexp/addons/stability/verdict.py``) were chosen on other draws.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
-from cmacexp.stability.verdict import GROWS, HOLDS, MAX_CYCLES
+from cmacexp.addons.stability.verdict import GROWS, HOLDS, MAX_CYCLES
 from cmacexp.study import Array, Declared, Figure, Mask, Panel, Results, Series, declare, draw
 from pipelines.when_learning_holds_measures import MEASURES, SAID
 from pipelines.worlds import ONE_LEG, QUADRUPED, ROBOT, draw_settings

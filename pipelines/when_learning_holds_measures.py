@@ -7,11 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
+from cmacexp.addons.stability.growth import GROWTH_CYCLES, SETTLING_CYCLES, fitted_growth
+from cmacexp.addons.stability.verdict import (
+    GROWS,
+    HOLDS,
+    MAX_CYCLES,
+    UNDECIDED,
+    assess,
+    compute_rise,
+    find_least_real,
+)
 from cmacexp.data.run import read_config
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.drift import DRIFT_RATIO
-from cmacexp.stability.growth import GROWTH_CYCLES, SETTLING_CYCLES, fitted_growth
-from cmacexp.stability.verdict import GROWS, HOLDS, MAX_CYCLES, UNDECIDED, assess, compute_rise, find_least_real
 from cmacexp.study import Array, Measures, Run
 
 SAID = {HOLDS: 1.0, UNDECIDED: 0.0, GROWS: -1.0}

@@ -55,15 +55,14 @@ class Parser(argparse.ArgumentParser):
         return run_command(lambda: work(self.parse_intermixed_args()), hint)
 
 
-def command(description: str, options: OptionTable) -> Callable[[Work], Callable[[], int]]:
+def command(name: str, description: str, options: OptionTable) -> Callable[[Work], Callable[[], int]]:
     """Make the ``main`` of a command, which reads the arguments of this process and returns the exit code.
 
-    It decorates a function of a module of this room, which does the work of the command of that name.
+    It decorates the function that does the work of the command of this name.
     """
 
     def make_main(work: Work) -> Callable[[], int]:
-        name = work.__module__.replace(".commands.", " ")
-        return lambda: Parser(name, description, options).run(work)
+        return lambda: Parser(f"cmacexp {name}", description, options).run(work)
 
     return make_main
 

@@ -1,14 +1,15 @@
 """``python -m cmacexp.replay DIR...``: show a run, or several side by side, in the Rerun viewer."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from cmacexp.commands.command import FOLDERS, Arguments, command, make_flag
 from cmacexp.data.manifest import is_run, name_of, require_place, runs_below
 from cmacexp.data.run import Run
 from cmacexp.data.tables import RECORDING_FILE
+from cmacexp.entry_points import load_view
 from cmacexp.errors import require, require_extra
-from cmacexp.metrics.swept import find_swept
 from cmacexp.recording.viewer import open_window, require_display, serve_web
 from cmacexp.terminal.messages import select_traced
 from cmacexp.terminal.output import print_line, show_activity
@@ -28,20 +29,11 @@ def _show_table(runs: Sequence[Run], arguments: Arguments) -> int:
         value = vars(arguments)[name]
         require(not value, f"--{name}", value, "must be left out with --table, which shows what is recorded")
     require_extra("datafusion")
-    from cmacexp.recording.catalog import build_recordings, serve_catalog
-
-    with show_activity(f"building the recordings that are missing of {len(runs)} runs"):
-        ready, faults = build_recordings(runs, arguments.rebuild)
-    for fault in faults:
-        print_line(f"left out: {fault}", error=True)
-    keys = find_swept(ready).all_keys
-    with serve_catalog(ready, keys) as (address, _):
-        differing = ", ".join(keys) or "nothing in which they differ"
-        print_line(f"{len(ready)} of {len(runs)} runs in a table, by {differing}")
-        return _show(address, arguments)
+    return int(load_view("table")(runs, arguments.rebuild, partial(_show, arguments=arguments)))
 
 
 @command(
+    "replay",
     "Show a run in the Rerun viewer, or several side by side. A recording that is missing, or of another run or "
     "version, is built from the trace; --cycles, --every and --meshes build it anew.",
     {

@@ -47,6 +47,7 @@ def _report_of_several(runs: Sequence[Run], given: Sequence[Path], out: Path) ->
 
 
 @command(
+    "report",
     "Figures and tables of a run, or a comparison of several runs or a sweep, as one HTML page.",
     {
         "folders": {**FOLDERS["folders"], "nargs": "*"},

@@ -140,6 +140,7 @@ def _list_margins(config: Config, overrides: list[str]) -> list[list[str]]:
 
 
 @command(
+    "robots",
     "Show what the model of a robot holds, and the settings that follow from it by rule.",
     {
         "robot": {"metavar": "ROBOT", "help": "go1 or another option of conf/machine, or an MJCF or URDF file"},

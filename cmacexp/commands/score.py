@@ -29,7 +29,7 @@ def score(folder: Path) -> Scores:
     return scores
 
 
-@command("Compute the metrics of runs again from their traces.", FOLDERS)
+@command("score", "Compute the metrics of runs again from their traces.", FOLDERS)
 def main(arguments: Arguments) -> None:
     """Score the runs, and print their metrics."""
     for folder in select_traced(run for given in arguments.folders for run in runs_below(given)):

@@ -6,7 +6,9 @@ from cmacexp.data.integrity import faults
 from cmacexp.terminal.output import print_line, show_activity
 
 
-@command("Check which runs are intact: every file that their manifests list is present and unchanged.", FOLDERS)
+@command(
+    "verify", "Check which runs are intact: every file that their manifests list is present and unchanged.", FOLDERS
+)
 def main(arguments: Arguments) -> int:
     """Check the runs; the exit code is 0 if all are intact, 4 if one is not, 2 if there is none."""
     intact = True

@@ -18,6 +18,7 @@ MANY = 10**6
 
 
 @command(
+    "warm",
     "Compile what usual runs need, once for a version, before they need it.",
     {"forms": {"nargs": "*", "metavar": "FORM", "help": f"{', '.join(FORMS)}; without one: all"}},
 )

@@ -36,6 +36,7 @@ NEW_NAMES = {
     "cmacexp.control.hybrid.HybridController": "cmacexp.control.HybridController",
     "cmacexp.control.drives.DriveController": "cmacexp.control.DriveController",
     "cmacexp.feedforward.cmac_on_model.CmacOnModel": "cmacexp.feedforward.CmacOnModel",
+    "cmacexp.wire.unitree.UnitreeRobot": "cmacexp.addons.unitree.unitree.UnitreeRobot",
 }
 """Targets that have moved, by their old names, which keep working."""
 

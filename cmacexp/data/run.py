@@ -6,7 +6,6 @@ import re
 from collections.abc import Collection, Iterable
 from functools import cached_property
 from html import escape
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,18 +31,10 @@ from cmacexp.data.tables import (
     to_frame,
 )
 from cmacexp.data.trace import Trace, read_trace
+from cmacexp.entry_points import load_view
 from cmacexp.errors import BadRun, CmacexpError, in_one_line, require_extra, require_name
 from cmacexp.typing import RESULTS, Array, DataFrame, Dataset, Status
 
-VIEWS = {
-    "metrics": "cmacexp.metrics.registry:ALL_METRICS",
-    "pool": "cmacexp.metrics.registry:pool_legs",
-    "tabulate": "cmacexp.metrics.registry:tabulate_cycles",
-    "format": "cmacexp.terminal.messages:format_scores",
-    "report": "cmacexp.report.run_report:write_run_report",
-    "view": "cmacexp.recording.viewer:view_run",
-}
-"""What a run shows of itself, as ``module:name``; these rooms read runs, so they are imported on first use."""
 NO_VALUES = ("step", "time", "cycle", "leg", "phase")
 """Signals that say where a value belongs."""
 
@@ -59,11 +50,6 @@ class Outcome(NamedTuple):
     def is_result(self) -> bool:
         """Whether the run can be compared with others."""
         return self.status in RESULTS
-
-
-def _find_view(name: str) -> Any:
-    module, _, own = VIEWS[name].partition(":")
-    return getattr(import_module(module), own)
 
 
 class Run:
@@ -213,7 +199,7 @@ class Run:
                 return Outcome(Status.NOT_INTACT, "; ".join(wrong)), {}, 1
             if self.wrote(METRICS_FILE):
                 scores, cycles = self.scores, self.whole_cycles
-                pooled = {name: values[:cycles] for name, values in _find_view("pool")(scores).items()}
+                pooled = {name: values[:cycles] for name, values in load_view("pool")(scores).items()}
                 legs = int(as_array(scores.legs, "leg").max(initial=1))
         except (BadRun, OSError, ValueError) as error:
             status = Status.NOT_INTACT if os.path.lexists(self.folder / manifests.MANIFEST) else Status.UNFINISHED
@@ -253,12 +239,12 @@ class Run:
 
         Raises BadInput if there is no such metric.
         """
-        require_name("metric", name, self.pooled if name in self.pooled else _find_view("metrics"))
+        require_name("metric", name, self.pooled if name in self.pooled else load_view("metrics"))
         return float(self.pooled[name][-1]) if self.cycles_done and name in self.pooled else math.nan
 
     def report(self) -> Path:
         """Write the report of the run, as ``python -m cmacexp.report`` with its folder; returns the page."""
-        return _find_view("report")(self)
+        return load_view("report")(self)
 
     def to_xarray(self) -> Dataset:
         """The trace as a Dataset with units: signals of the legs over (step, leg), of the body over (step).
@@ -280,7 +266,7 @@ class Run:
 
     def view(self) -> None:
         """Show the run in Rerun's viewer: in a notebook below the cell, else in a window, until that is closed."""
-        _find_view("view")(self)
+        load_view("view")(self)
 
     def __repr__(self) -> str:
         """Folder, scenario, and how it ended, in one line; of a damaged run the reason, without an error."""
@@ -293,7 +279,7 @@ class Run:
     def __str__(self) -> str:
         """The same, and below it the main metrics per cycle."""
         try:
-            lines = _find_view("format")(self.scores)
+            lines = load_view("format")(self.scores)
         except Exception:
             lines = []
         return "\n".join([repr(self), *lines])
@@ -303,7 +289,7 @@ class Run:
         import pandas as pd
 
         try:
-            main, rows = _find_view("tabulate")(self.scores)
+            main, rows = load_view("tabulate")(self.scores)
         except Exception:
             main, rows = {}, []
         titles = ["cycle", *(f"{shown.title} {shown.unit}" for shown in main.values())]

@@ -19,11 +19,11 @@ from cmacexp.data.run import Run
 from cmacexp.data.tables import RECORDING_FILE
 from cmacexp.data.version import __version__
 from cmacexp.data.window import Window, make_window, read_cycles
+from cmacexp.entry_points import load_view
 from cmacexp.errors import BadRun, require
 from cmacexp.metrics.swept import find_swept, name_runs
 from cmacexp.recording.entities import Entities
 from cmacexp.recording.layout import KEY, describe_key, make_layout
-from cmacexp.recording.meshes import log_meshes, read_shown_model
 from cmacexp.recording.run_view import RunView, count_kept
 from cmacexp.recording.scene import log_ground, log_machine
 from cmacexp.recording.series import EVENTS, SERIES, find_events, list_plots, name_component
@@ -191,7 +191,7 @@ def make_recording(runs: Sequence[Run], options: Options) -> tuple[rr.RecordingS
         _log_series(entities, view)
         _log_events(entities, view)
         if options.meshes:
-            log_meshes(entities, view, read_shown_model(run))
+            load_view("meshes")(entities, view, run)
     return recording, name + ("; --every 1 shows all" if max(window.every for window in windows) > 1 else "")
 
 

@@ -10,17 +10,17 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
+from cmacexp.addons.gap.command import LOG_OPTIONS
+from cmacexp.addons.study.command import Options, run_studies, write_results
+from cmacexp.addons.study.provenance import digest_files, make_provenance
+from cmacexp.addons.study.study_file import StudyFile
 from cmacexp.commands.command import Arguments, OptionTable
-from cmacexp.commands.gap import LOG_OPTIONS
-from cmacexp.commands.study import Options, run_studies, write_results
 from cmacexp.config.component import find_sources
 from cmacexp.config.compose import compose_config
 from cmacexp.data.own_files import HTML
 from cmacexp.errors import require
 from cmacexp.models.robot_file import package_models
 from cmacexp.study import Results
-from cmacexp.study.provenance import digest_files, make_provenance
-from cmacexp.study.study_file import StudyFile
 from cmacexp.terminal.messages import warn_of_models
 from pipelines.benchmark import log_track
 from pipelines.benchmark.benchmark import BENCHMARK, QUESTION, make_study

@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from cmacexp.addons.gap.analysis import Gap, add_makers, list_scored, measure, measure_left, score
+from cmacexp.addons.gap.command import read_given
+from cmacexp.addons.gap.learners import Entered, Maker, predict_all
+from cmacexp.addons.gap.machine import read_machine
+from cmacexp.addons.gap.validation import ABOVE, IDENTIFIED, choose_level, list_identified
+from cmacexp.addons.study.command import Options, write_results
+from cmacexp.addons.study.provenance import digest_files, make_provenance
+from cmacexp.addons.study.study_file import StudyFile
 from cmacexp.commands.command import Arguments
-from cmacexp.commands.gap import read_given
-from cmacexp.commands.study import Options, write_results
 from cmacexp.config.component import find_class
 from cmacexp.data.own_files import HTML
 from cmacexp.engine.pool import iterate_here
 from cmacexp.errors import describe_failure, require
-from cmacexp.gap.analysis import Gap, add_makers, list_scored, measure, measure_left, score
-from cmacexp.gap.learners import Entered, Maker, predict_all
-from cmacexp.gap.machine import read_machine
-from cmacexp.gap.validation import ABOVE, IDENTIFIED, choose_level, list_identified
 from cmacexp.study import Array, Criterion, Finding, Results, Study, at_most
-from cmacexp.study.provenance import digest_files, make_provenance
-from cmacexp.study.study_file import StudyFile
 from pipelines.benchmark.entrants import choose, slug
 from pipelines.benchmark.simulated_log import MODEL, NAMES, simulate_log
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from cmacexp.addons.study.comparison import relative_to
 from cmacexp.config import config_hash, to_plain
 from cmacexp.config.component import custom_code_hash
 from cmacexp.config.compose import compose_config
@@ -26,7 +27,6 @@ from cmacexp.jit.sources import code_hash
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.registry import pool_legs
 from cmacexp.study import Array, compute_final
-from cmacexp.study.comparison import relative_to
 from cmacexp.typing import Weights
 from pipelines.benchmark.entrants import ALONE, PROTOCOL, TASKS, VERSION, Machine, Method, change_world
 from pipelines.worlds import Draw

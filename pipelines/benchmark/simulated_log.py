@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cmacexp.gap.log import Log
+from cmacexp.addons.gap.log import Log
 
 MODEL = Path(__file__).with_name("pendulums.xml")
 """The machine as a designer knows it: joints are generic."""

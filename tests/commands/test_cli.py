@@ -15,6 +15,7 @@ from support.command import call, cmacexp, interrupted, started
 import cmacexp as package
 from cmacexp.__main__ import COMMANDS, main
 from cmacexp.config import config_folder
+from cmacexp.entry_points import list_commands
 
 TRACE = [
     *["step", "time", "cycle", "leg", "phase", "progress", "x_desired", "y_desired", "x_reference", "y_reference"],
@@ -112,7 +113,7 @@ def test_a_command_is_called_by_its_name_and_its_words_follow(tmp_path):
 def test_help_lists_the_commands_and_the_package_its_names(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["cmacexp", "--help"])
     assert main() == 0
-    assert set(re.findall(r"^  (\w+) ", capsys.readouterr().out, re.MULTILINE)) == set(COMMANDS)
+    assert set(re.findall(r"^  (\w+) ", capsys.readouterr().out, re.MULTILINE)) == {*COMMANDS, *list_commands()}
     assert {"Run", "BadInput", "Plant", "gym", "run_many"} <= set(dir(package))
     assert issubclass(package.BadInput, ValueError)
     for name in package.__all__:

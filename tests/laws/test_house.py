@@ -17,13 +17,13 @@ from support.doors import KERNEL_ROOMS, RESULT_ROOMS
 
 import cmacexp
 
-ROOMS = "errors+typing jit models config data cmac planning protocols plants sensors feedforward control loop"
-READING = "metrics terminal recording report stability study export gap"
-LAYERS = f"{ROOMS} wire {READING} engine gym commands+__main__".split()
+ROOMS = "errors+typing+entry_points jit models config data cmac planning protocols plants sensors feedforward control"
+LAYERS = f"{ROOMS} loop metrics terminal recording report engine gym commands+__main__ addons".split()
 """Each imports only from its own layer and those before it."""
-READERS = {"metrics", "recording", "report", "study", "export"}
+READERS = {"metrics", "recording", "report"}
 """Rooms that read what is on disk and never reach the loop."""
-MAINS = {"replay", "robots", "score", "verify", "video", "warm"}
+MAINS = {"replay", "robots", "score", "verify", "video", "warm", "stability", "gap", "export"}
+ADDONS = {"study", "stability", "gap", "unitree", "export", "video"}
 """Modules beside the rooms that run the command of their name."""
 NUMBERED = Counter({number: 1 for number in (1, 2, *range(5, 22))}) + Counter({23: 2})
 """Equations of the paper that the code computes, and how often: M of 23 in one function, C and G in another."""
@@ -78,6 +78,8 @@ def read():
 def room_of(module: str) -> str:
     """The room of a module; the package itself hands on the API, and what only runs a command is one of commands."""
     _, *inside = module.split(".")
+    if inside == ["study"]:  # the names of the add-on, as users import them
+        return "addons"
     return ("__main__" if inside[-1] == "__main__" or inside[0] in MAINS else inside[0]) if inside else "engine"
 
 
@@ -90,6 +92,16 @@ def test_a_room_imports_only_from_the_layers_above_it_and_readers_never_reach_th
     for module in MODULES:
         assert not [used for used in imports(module) if used in STUDIES or layer_of(used) > layer_of(module)], module
         assert room_of(module) not in READERS or "loop" not in map(room_of, reach(module)), module
+
+
+def test_an_add_on_imports_no_other_and_what_exports_never_reaches_the_loop():
+    assert {module.split(".")[2] for module in MODULES if module.startswith("cmacexp.addons.")} == ADDONS
+    for module in MODULES:
+        if module.startswith("cmacexp.addons."):
+            others = [used for used in imports(module) if used.startswith("cmacexp.addons.")]
+            assert {used.split(".")[2] for used in others} <= {module.split(".")[2]}, module
+    for name in ("network", "c_code", "tables"):
+        assert "loop" not in map(room_of, reach(f"cmacexp.addons.export.{name}")), name
 
 
 def test_no_module_imports_itself_by_a_detour_and_files_are_short():
@@ -106,7 +118,7 @@ def test_hashes_cover_what_compiled_code_and_results_depend_on():
     rooms = {*KERNEL_ROOMS, "typing.py", "errors.py", "config"}  # those besides have no constants of kernels
     for module in MODULES:
         assert "@kernel" not in text_of(module) or not [m for m in imports(module) if is_outside(m, rooms)], module
-    only_shown = {"recording", "errors.py", "engine/stop_cause.py"}
+    only_shown = {"recording", "errors.py", "entry_points.py", "engine/stop_cause.py"}
     assert not [m for m in reach("cmacexp.engine.run") if is_outside(m, {*RESULT_ROOMS, *only_shown})]
 
 

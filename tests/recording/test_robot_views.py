@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from support.command import call
+from support.doors import read_shown_model
 from support.recordings import read_rows
 from support.robot_walks import ROBOT, SHORT
 from support.robots import OWN
 from support.views import FOOT_RADIUS, make_robot, make_walk
-
-from cmacexp.recording.meshes import read_shown_model
 
 
 def test_a_leg_in_a_plane_hangs_from_the_body_and_tilts_with_it():

@@ -17,6 +17,8 @@ from functools import cache
 from pathlib import Path
 from unittest.mock import patch
 
+from cmacexp.entry_points import list_commands
+
 ROOT = Path(__file__).parents[2]
 INJECTING = str(Path(__file__).with_name("injecting.py"))
 """A program that lets system calls of commands fail."""
@@ -27,8 +29,14 @@ def environment(**changes: str) -> dict[str, str]:
 
 
 def call(name: str, *words: object, folder: Path | None = None) -> subprocess.CompletedProcess:
-    """A command in this process, ``pipelines`` or ``cmacexp.commands.NAME`` (``main`` runs one): its output."""
-    command = importlib.import_module("pipelines.__main__" if name == "pipelines" else f"cmacexp.commands.{name}")
+    """A command in this process, ``pipelines``, of an add-on or ``cmacexp.commands.NAME`` (``main`` runs one)."""
+    commands = list_commands()
+    if name in commands:
+        main = commands[name].load()
+    else:
+        main = importlib.import_module(
+            "pipelines.__main__" if name == "pipelines" else f"cmacexp.commands.{name}"
+        ).main
     output, errors, code = io.StringIO(), io.StringIO(), 0
     arguments = [f"cmacexp.{name}", *map(str, words)]
     with (
@@ -39,7 +47,7 @@ def call(name: str, *words: object, folder: Path | None = None) -> subprocess.Co
         patch("cmacexp.terminal.output.FIRST_LINE_DELAY", threading.TIMEOUT_MAX),  # a busy machine prints no more
     ):
         try:
-            code = command.main()
+            code = main()
         except SystemExit as end:  # of argparse
             code = end.code
     return subprocess.CompletedProcess(arguments, code, output.getvalue(), errors.getvalue())

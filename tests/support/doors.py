@@ -5,9 +5,15 @@ A test imports inner modules of its own room alone, so that a change inside a ro
 (``cmacexp.planning``), and from here.
 """
 
+from cmacexp.addons.gap.analysis import Gap
+from cmacexp.addons.gap.log import read_log
+from cmacexp.addons.study.command import Options, write_studies
+from cmacexp.addons.study.interval import UNPAIRED, estimate
+from cmacexp.addons.study.results import RunRow
+from cmacexp.addons.study.study_file import load_study
+from cmacexp.addons.video.meshes import read_shown_model
 from cmacexp.cmac.memory import read, train
 from cmacexp.cmac.rules import RULES, train_by_rule
-from cmacexp.commands.study import Options, write_studies
 from cmacexp.config.compose import compose_config, compose_untyped
 from cmacexp.config.machine import RobotMachine
 from cmacexp.data.files import sha256
@@ -20,8 +26,6 @@ from cmacexp.engine.run import run_scenario
 from cmacexp.engine.without_effect import list_idle_overrides
 from cmacexp.errors import BadComponent, BadInput, BadRun, CmacexpError, Diverged, SmallMargin
 from cmacexp.feedforward.ilc import gaussian_taps
-from cmacexp.gap.analysis import Gap
-from cmacexp.gap.log import read_log
 from cmacexp.jit.compiler import program, workload
 from cmacexp.jit.hooks import Hook
 from cmacexp.jit.interrupt import interrupt_held_back
@@ -50,6 +54,3 @@ from cmacexp.plants.kernels import new_state
 from cmacexp.protocols import new_measurement
 from cmacexp.report.page import Report, write_report
 from cmacexp.sensors.kernels import new_observation
-from cmacexp.study.interval import UNPAIRED, estimate
-from cmacexp.study.results import RunRow
-from cmacexp.study.study_file import load_study

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cmacexp.gap.identify import Problem
-from cmacexp.gap.machine import Expansion, Machine
-from cmacexp.gap.signals import Signals
+from cmacexp.addons.gap.identify import Problem
+from cmacexp.addons.gap.machine import Expansion, Machine
+from cmacexp.addons.gap.signals import Signals
 from pipelines.benchmark.simulated_log import (
     COULOMB,
     DELAY,

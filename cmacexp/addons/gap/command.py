@@ -1,0 +1,94 @@
+"""``cmacexp gap``: compares a log of a robot with its model: identifies, validates, says what learning would gain."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from cmacexp.addons.gap.log import Log, load_reader, read_log
+from cmacexp.addons.gap.machine import Machine, read_machine
+from cmacexp.commands.command import Arguments, OptionTable, command, make_flag
+from cmacexp.data.folder import choose_page_folder
+from cmacexp.errors import BadInput, require
+from cmacexp.terminal.messages import print_table
+from cmacexp.terminal.output import print_line, show_progress
+
+FOLDER = Path("outputs/gap")
+SEVERAL = {"action": "append", "default": []}
+"""Form of an option that can be given more than once."""
+LOG_OPTIONS: OptionTable = {
+    "--names": {**SEVERAL, "metavar": "WHAT=COLUMN", "help": "e.g. angle=pos_{joint},command=cmd_{joint}"},
+    "--units": {**SEVERAL, "metavar": "WHAT=UNIT", "help": "e.g. angle=deg,time=ms"},
+    "--joints": {**SEVERAL, "metavar": "LOG=MODEL", "help": "the joint of the model for one of the log"},
+    "--leave-out": {"metavar": "JOINTS", "help": "joints of the log that are not used, separated by commas"},
+    "--kp": {"help": "gains of the drives, N m/rad: one number, or one for each joint"},
+    "--kd": {"help": "likewise, N m s/rad"},
+    "--reader": {"metavar": "FILE.py:FUNCTION", "help": "reads another format: path to columns by name"},
+}
+"""How a log is read."""
+
+
+def _read_pairs(given: Sequence[str], key: str) -> dict[str, str]:
+    """``KEY=VALUE`` by key, several separated by commas; raises BadInput."""
+    pairs = [part for text in given for part in text.split(",") if part]
+    for pair in pairs:
+        require("=" in pair, key, pair, "must be NAME=VALUE, several separated by commas")
+    return dict(pair.split("=", 1) for pair in pairs)
+
+
+def _read_gain(text: str | None, key: str) -> list[float]:
+    try:
+        return [] if text is None else [float(part) for part in text.split(",")]
+    except ValueError as error:
+        raise BadInput(key, text, "must be numbers, separated by commas") from error
+
+
+def read_given(arguments: Arguments) -> tuple[Log, Machine]:
+    """The log and the machine of the options of :data:`LOG_OPTIONS`; raises BadInput."""
+    given = {key: _read_gain(vars(arguments)[key], f"--{key}") for key in ("kp", "kd")}
+    log = read_log(
+        arguments.log,
+        _read_pairs(arguments.names, "--names"),
+        _read_pairs(arguments.units, "--units"),
+        {key: gain for key, gain in given.items() if gain},
+        None if arguments.reader is None else load_reader(arguments.reader),
+        [] if arguments.leave_out is None else arguments.leave_out.split(","),
+    )
+    return log, read_machine(arguments.robot, log.joints, _read_pairs(arguments.joints, "--joints"))
+
+
+@command(
+    "gap",
+    "Read a log of a robot, identify its joints, validate them on strokes that identification did not see, and "
+    "say what learners would remove of its feedback torque.",
+    {
+        "log": {"type": Path, "metavar": "LOG", "help": "Parquet, CSV, NPZ or MCAP, or what --reader reads"},
+        "--robot": {"required": True, "help": "go2 or another option of conf/machine, or an MJCF or URDF file"},
+        **LOG_OPTIONS,
+        "--quick": make_flag("without identification"),
+        "--out": {"type": Path, "metavar": "FOLDER", "help": f"where the page goes; unless given, in {FOLDER}"},
+    },
+)
+def main(arguments: Arguments) -> None:
+    """Compare a log with a model, and write and print what was found."""
+    from cmacexp.addons.gap.analysis import begin
+    from cmacexp.addons.gap.page import summarise, write_page
+    from cmacexp.addons.gap.validation import identify
+
+    out = choose_page_folder(arguments.out, FOLDER / arguments.log.stem)
+    log, machine = read_given(arguments)
+    with show_progress(f"replaying {arguments.log.name} through {arguments.robot}", 1) as set_done:
+        gap = begin(log, machine, set_done)
+    page = write_page(gap, out)
+    if gap.replays and not arguments.quick:
+        print_line(f"{page}: identification follows, a minute or two")
+        with show_progress("identifying", 1) as set_done:
+            identify(gap, set_done)
+        page = write_page(gap, out)
+    print_line(summarise(gap.values))
+    rows = [
+        [name, f"{own['value']:.1f}", f"{own['low']:.1f}", f"{own['high']:.1f}", f"{own['fastest']['value']:.1f}"]
+        for name, own in sorted(gap.values["left"].items(), key=lambda item: float(item[1]["value"]))
+    ]
+    print_table(["predictor", "left\n%", "from\n%", "to\n%", "fastest\n%"], rows)
+    for note in gap.values["notes"]:
+        print_line(f"note: {note}")
+    print_line(str(page))

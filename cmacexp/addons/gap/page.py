@@ -1,0 +1,244 @@
+"""The page of an analysed log: what it means for learning on its robot, tables and figures; and its JSON."""
+
+import json
+from collections.abc import Callable, Iterable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cmacexp.addons.gap.analysis import FIRST, GENERIC, Gap
+from cmacexp.addons.gap.identify import NAMES
+from cmacexp.addons.gap.signals import WINDOW
+from cmacexp.cmac.rules import derive_rate
+from cmacexp.data.folder import OUT_KEY, new_result
+from cmacexp.data.manifest import REPORT
+from cmacexp.errors import in_one_line
+from cmacexp.loop.guard import DRIFT_RATIO
+from cmacexp.models.loop_delay import LoopDelay
+from cmacexp.models.robot_gains import DECAY_TIME, choose_feedback
+from cmacexp.report.figures import Panel, Series, draw
+from cmacexp.report.page import Renderer, Report, render_markdown, write_report
+from cmacexp.typing import Array, DataFrame, Figure
+
+JSON, OPTION = "gap.json", "as_built.yaml"
+SHOWN = 6
+"""Learners in the figure."""
+
+
+def find_best(values: dict[str, Any]) -> str:
+    """The predictor that leaves the least torque in the mean."""
+    return min(values["left"], key=lambda name: float(values["left"][name]["value"]))
+
+
+def summarise(values: dict[str, Any]) -> str:
+    """The first sentences of the page, with n and intervals."""
+    left, best = values["left"], find_best(values)
+    own, fastest = left[best], left[best]["fastest"]
+    robot = Path(values["robot"]).name
+    model = f"the model of {robot} leaves {left['model']['value']:.1f} % and " if "model" in left else ""
+    text = (
+        f"Of the feedback torque of this log {model}the best predictor ({best}) {own['value']:.1f} % "
+        f"[{own['low']:.1f}, {own['high']:.1f}] on {own['n']} strokes that it had not seen, {fastest['value']:.1f} % "
+        f"[{fastest['low']:.1f}, {fastest['high']:.1f}] on the fastest."
+    )
+    if values["lag"]:
+        text += f" Joints are {1e3 * values['lag']['value']:.0f} ms behind their commands."
+    if "acting" in values:
+        name, acting = min(
+            values["acting"]["with_velocity"].items(), key=lambda item: float(item[1]["tracking"]["worst"])
+        )
+        text += (
+            f" On the identified plant {name} leaves, when it acts, at most {acting['tracking']['worst']:.0f} % of "
+            f"the tracking error from stroke {FIRST} on."
+        )
+    return text
+
+
+def find_gains(gap: Gap, loop_delay: LoopDelay) -> Array:
+    """(2, J) kp, N m/rad, and kd, N m s/rad, by the rule of :mod:`cmacexp.models.robot_gains`.
+
+    They are those of a loop that is closed at the sampling rate of the log: the least inertia that each joint feels
+    takes the place of the lightest foot.
+    """
+    problem, period = gap.problem, gap.signals.log.period
+    rotors = (problem.machine.losses if gap.fitted is None else gap.fitted.values)[:, 0]
+    least = np.empty(len(rotors))
+    for block, expansion in zip(problem.machine.blocks, problem.expansions, strict=True):
+        inverse = np.linalg.inv(expansion.mass + np.diag(rotors[block]))
+        least[block] = (1.0 / np.diagonal(inverse, axis1=1, axis2=2)).min(axis=0)
+    kd = choose_feedback(loop_delay, period) * least / period
+    return np.array([kd / DECAY_TIME, kd])
+
+
+def advise(gap: Gap) -> list[str]:
+    """What follows for learning on this robot, a sentence each."""
+    values, left = gap.values, gap.values["left"]
+    period, delay = values["period"], values.get("delay", {}).get("value", 0.0)
+    loop_delay = LoopDelay(max(0, round(delay / period)))
+    lead = loop_delay.count_samples(period) + 1
+    kp, kd = find_gains(gap, loop_delay)
+    found = [
+        f"Lead: {lead} samples of {1e3 * period:.1f} ms (a delay of {1e3 * delay:.1f} ms, and one sample until "
+        f"torque shows in the feedback); rate: {derive_rate(lead):.3f} at that lead, by the rule of "
+        "`learning.rate=auto`.",
+        f"Gains of a loop that is closed at this sampling rate, by rule: kp {kp.min():.3g} to {kp.max():.3g} "
+        f"N m/rad, kd {kd.min():.3g} to {kd.max():.3g} N m s/rad; drives that close it by themselves may have more.",
+    ]
+    if "stroke before" in left:
+        phase, state = left["stroke before"]["value"], left["CMAC over angles and velocities"]["value"]
+        found.append(
+            f"Address what is learnt by {'phase' if phase < state else 'angles and velocities'}: "
+            f"{min(phase, state):.1f} % left instead of {max(phase, state):.1f} %."
+        )
+    if values["gains"]:
+        lag = max((1e3 * d / p for p, d in zip(*values["gains"].values(), strict=True) if p > 0.0), default=0.0)
+        found.append(f"Feed desired velocities forward: without them up to kd/kp = {lag:.0f} ms of lag remain.")
+    best = left[find_best(values)]
+    spread = 1.0 + (best["fastest"]["high"] - best["fastest"]["low"]) / 2.0 / max(best["fastest"]["value"], 1e-9)
+    torque = [np.sqrt((gap.signals.torque[gap.signals.rows(k)] ** 2).mean()) for k in range(1, gap.signals.count + 1)]
+    found.append(
+        f"Margin of the guard: resampled, what the best predictor leaves of one stroke varies by a factor of "
+        f"{spread:.2f}; the guard acts at {DRIFT_RATIO:g}, {'above' if spread < DRIFT_RATIO else 'within'} that. "
+        f"Between the speeds of this log the torque itself varies by {max(torque) / max(min(torque), 1e-12):.2f}: "
+        "compare cycles of one speed only."
+    )
+    return found
+
+
+def _draw_strokes(gap: Gap) -> Figure:
+    """Percent left in each stroke for the best learners."""
+    left = gap.values["left"]
+    names = sorted(left, key=lambda name: left[name]["value"])[:SHOWN]
+    strokes = np.arange(2, gap.signals.count + 1)
+    series = [Series(name, strokes, left[name]["strokes"][1:]) for name in names]
+    return draw([Panel("Torque left", "stroke", "left, %", series)], columns=1, height=3.0)
+
+
+def _tabulate(gap: Gap) -> dict[str, Callable[[], DataFrame]]:
+    """Makers of the tables of the page by name."""
+    from pandas import DataFrame
+
+    values = gap.values
+    lags = {name: 1e3 * own["value"] for name, own in (values["lag"] or {"joints": {}})["joints"].items()}
+    models = values["explained"]["all"]
+    tables: dict[str, tuple[list[str], Iterable[list[Any]]]] = {
+        "left": (
+            ["predictor", "left, %", "strokes", "fastest, %", "fastest if frozen, %"],
+            (
+                [
+                    name,
+                    _interval(own),
+                    own["n"],
+                    _interval(own["fastest"]),
+                    f"{own['frozen']['fastest']['value']:.1f}",
+                ]
+                for name, own in sorted(values["left"].items(), key=lambda item: item[1]["value"])
+            ),
+        ),
+        "explained": (
+            ["joint", *(f"{name}, %" for name in models), "lag, ms"],
+            (
+                [name, *own.values(), lags.get(name)]
+                for name, own in {"all": models, **values["explained"]["joints"]}.items()
+            ),
+        ),
+    }
+    if gap.fitted is not None:
+        found = values["validation"]
+        first, last = found["reverse_fitted_on"]
+        tables |= {
+            "validation": (
+                ["plant", f"strokes 1 to {first - 1}", f"{first} to {last - 1}", f"{last}", "all"],
+                ([name, *own.values()] for name, own in found["distance"].items()),
+            ),
+            "choice": (
+                ["model of a joint", "parameters", "unseen, mrad"],
+                (list(own.values()) for own in found["choice"]["models"]),
+            ),
+            "parameters": (
+                ["joint", "rotor, kg m²", "viscous, N m s/rad", "offset, N m", "spring, N m", "friction, N m"],
+                (
+                    [
+                        name,
+                        *(
+                            f"{own[key]['value']:.3g} ± {own[key]['deviation']:.2g}" if key in own else "-"
+                            for key in NAMES
+                        ),
+                        ", ".join(f"{each:.2f}" for each in own["coulomb_friction"]["value"]),
+                    ]
+                    for name, own in values["parameters"].items()
+                ),
+            ),
+            "acting": (
+                [
+                    "feedforward",
+                    "torque, log predicts, %",
+                    "torque, obtained, %",
+                    "tracking, mean, %",
+                    "tracking, worst, %",
+                ],
+                (
+                    [
+                        f"{name}{', drives as logged' if mode == 'as_logged' else ''}",
+                        own.get("torque_predicted"),
+                        own["torque_obtained"]["mean"],
+                        own["tracking"]["mean"],
+                        own["tracking"]["worst"],
+                    ]
+                    for mode in ("as_logged", "with_velocity")
+                    for name, own in values["acting"][mode].items()
+                ),
+            ),
+        }
+    return {name: partial(DataFrame, list(rows), columns=columns) for name, (columns, rows) in tables.items()}
+
+
+def _interval(own: dict[str, Any]) -> str:
+    return f"{own['value']:.1f} [{own['low']:.1f}, {own['high']:.1f}]"
+
+
+def make_option(gap: Gap) -> str:
+    """The identified joints as an option of ``conf/plant/as_built``, by their names in the model."""
+    import yaml
+
+    joints = {
+        name: {key: _round(value["value"] if isinstance(value, dict) else value) for key, value in own.items()}
+        for name, own in zip(gap.problem.machine.joints, gap.values["parameters"].values(), strict=True)
+    }
+    option = {
+        **dict.fromkeys(("joint_friction", "joint_damping", "rotor_inertia")),
+        **{"trunk_mass_factor": 1.0, "trunk_inertia_factor": 1.0, "leg_mass_factor": 1.0, "trunk_shift": 0.0},
+        "joints": joints,
+    }
+    robot, log = (in_one_line(Path(gap.values[key]).name) for key in ("robot", "log"))
+    origin = f"# Joints of {robot}, identified from {log}.\n"
+    return origin + yaml.safe_dump(option, sort_keys=False, default_flow_style=None, width=120)
+
+
+def _round(value: "float | list[float]") -> "float | list[float]":
+    """A value, or several, rounded to four digits."""
+    return [float(f"{each:.4g}") for each in value] if isinstance(value, list) else float(f"{value:.4g}")
+
+
+def write_page(gap: Gap, folder: Path) -> Path:
+    """Write page, JSON and, if joints were identified, their option file into ``folder``; returns the page."""
+    values = gap.values | {"summary": summarise(gap.values), "advice": advise(gap)}
+    shown = {"validation": None, "refused": [], **values, "window": WINDOW, "generic": GENERIC, "first": FIRST}
+    with new_result(folder, OUT_KEY, REPORT) as place:
+        place.write_text(JSON, json.dumps(values, indent=1) + "\n")
+        if gap.fitted is not None:
+            place.write_text(OPTION, make_option(gap))
+        template = Path(__file__).with_name("page.md")
+        sections = render_markdown(
+            template.read_text(encoding="utf-8"),
+            template,
+            "What a learner would gain",
+            Renderer(place.part),
+            {"strokes": lambda: _draw_strokes(gap)},
+            _tabulate(gap),
+            shown,
+        )
+        title = f"The gap between {gap.values['robot']} and its log {Path(gap.values['log']).name}"
+        return write_report(Report(title, values["summary"], sections, {"log": gap.values["log"]}), place)

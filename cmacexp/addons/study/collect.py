@@ -1,0 +1,90 @@
+"""The runs of studies: found by the hash of their config if they are complete, else run, on all cores."""
+
+import hashlib
+import sys
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from cmacexp.addons.study.study import Request
+from cmacexp.config import Config, config_hash, to_config, to_plain
+from cmacexp.config.compose import compose_untyped
+from cmacexp.data.integrity import is_finished
+from cmacexp.engine.job import ensure_run, write_failure
+from cmacexp.engine.pool import ParallelMap
+from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.terminal.messages import warn_of_models
+from cmacexp.typing import Status
+
+HASH_DIGITS, THIN_DIGITS = 12, 4
+Collected = Mapping[Request, tuple[Path, Mapping[str, str]]]
+"""Folder of the run of each request, and the option that was chosen in each group."""
+
+
+def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config | str, Mapping[str, str], bool]:
+    """Folder of the run of ``overrides``, its config or why it is refused, its options, whether it is complete."""
+    composed, choices = compose_untyped([*overrides, "record=trace"])
+    try:
+        config = to_config(composed)
+    except BadInput as error:
+        folder = store / f"refused-{hashlib.sha256(repr(overrides).encode()).hexdigest()[:HASH_DIGITS]}"
+        write_failure(folder, composed, error)
+        return folder, str(error), choices, False
+    name, record = f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}", config.record
+    if record.thins:  # the hash leaves out what a run stores: studies that differ in it share no folder
+        rows = repr((record.every_nth_step, record.cycles))
+        name += f"-thin-{hashlib.sha256(rows.encode()).hexdigest()[:THIN_DIGITS]}"
+    folder = store / (f"{name}-weights" if record.weights else name)
+    return folder, config, choices, is_finished(folder, config)
+
+
+def _run(folder: Path, config: Config, runs: int) -> str | None:
+    """Run one of so many, unless another study has meanwhile; why it failed, if it did."""
+    try:
+        run, _ = ensure_run(config, folder, runs)
+    except BadInput as error:
+        run = write_failure(folder, to_plain(config), error)
+    return run.manifest["cause"] if run.status == Status.FAILED else None
+
+
+def _collect_ready(
+    parallel_map: ParallelMap, requests: Sequence[Request], store: Path, before: Collected
+) -> Collected:
+    """Collect requests whose start weights, if any, are those of runs in ``before``."""
+
+    def overrides(request: Request) -> tuple[str, ...]:
+        if request.starts_from is None:
+            return request.overrides
+        return (*request.overrides, f"learning.start_from='{before[request.starts_from][0]}'")
+
+    wanted = sorted({overrides(request) for request in requests})
+    looked_up = dict(
+        zip(wanted, parallel_map("looking for runs", _look_up, [(o, store) for o in wanted]), strict=True)
+    )
+    failed = [reason for _, reason, *_ in looked_up.values() if isinstance(reason, str)]
+    missing = {
+        folder: config for folder, config, _, done in looked_up.values() if not (isinstance(config, str) or done)
+    }
+    print(f"{len(looked_up)} runs, {len(missing)} of them to be run", file=sys.stderr)
+    warn_of_models(config.machine for _, config, _, _ in looked_up.values() if isinstance(config, Config))
+    if missing:
+        ran = parallel_map("running", _run, [(*item, len(missing)) for item in missing.items()], long=True)
+        failed += [cause for cause in ran if cause is not None]
+    if failed and len(failed) == len(looked_up):
+        raise CmacexpError(failed[0])
+    for cause, count in Counter(failed).items():
+        print(f"error: {count} of {len(looked_up)} runs failed: {cause}", file=sys.stderr)
+    return {request: (looked_up[overrides(request)][0], looked_up[overrides(request)][2]) for request in requests}
+
+
+def ensure_runs(parallel_map: ParallelMap, requests: Sequence[Request], store: Path) -> Collected:
+    """The runs of requests, each of one seed, below ``store``; equal ones are run once, complete ones not at all.
+
+    Raises CmacexpError if Hydra cannot compose overrides, or every run failed.
+    """
+    first = list(dict.fromkeys(request.starts_from or request for request in requests))
+    later = [request for request in requests if request.starts_from is not None]
+    collected = dict(_collect_ready(parallel_map, first, store, {}))
+    if later:
+        collected |= _collect_ready(parallel_map, later, store, collected)
+    return collected

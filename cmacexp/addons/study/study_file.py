@@ -1,0 +1,72 @@
+"""Where a study stands: its file of Python, its page, and how it is imported."""
+
+import importlib
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from cmacexp.addons.study.study import Study
+from cmacexp.errors import BadComponent, BadInput, CmacexpError, require
+
+STUDY_VARIABLE = "STUDY"
+"""The variable of a file that holds its study."""
+
+
+@dataclass(frozen=True)
+class StudyFile:
+    """A study, and where it stands."""
+
+    path: Path
+    study: Study
+
+    @property
+    def name(self) -> str:
+        """The name of the study: that of its file, without the suffix."""
+        return self.path.stem
+
+    @property
+    def page(self) -> Path:
+        """Its text: Markdown with Jinja."""
+        return self.path.with_suffix(".md")
+
+
+def find_module(path: Path) -> tuple[Path, str]:
+    """The folder that a study is imported from, that of its file or above its package, and its name there."""
+    if (path.parent / "__init__.py").is_file():
+        return path.parent.parent, f"{path.parent.name}.{path.stem}"
+    return path.parent, path.stem
+
+
+def load_study(path: Path) -> StudyFile:
+    """Import the study of a file.
+
+    Raises BadInput if it, its page or the study in it is missing, or it cannot be imported by its name; as
+    :class:`BadComponent` with the traceback of what it raised.
+    """
+    path = path.resolve()
+    require(path.is_file(), "study", path, "there is no such file")
+    gone = "studies in YAML are gone: write STUDY = cmacexp.study.declare(title=..., runs=[...]) in a file of Python"
+    require(path.suffix not in (".yaml", ".yml"), "study", path, gone)
+    require(
+        path.suffix == ".py" and "." not in path.stem,
+        "study",
+        path,
+        "must be a file of Python, its name without a dot before .py",
+    )
+    root, name = find_module(path)
+    if str(root) not in sys.path:
+        sys.path.insert(0, str(root))
+    try:
+        module = importlib.import_module(name)
+    except CmacexpError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise BadComponent("study", path, f"importing it failed: {type(error).__name__}: {error}", error) from error
+    is_own = module.__file__ is not None and Path(module.__file__).resolve() == path
+    require(is_own, "study", path, f"another module is called {path.stem}; rename this file and its page")
+    study = vars(module).get(STUDY_VARIABLE)
+    if not isinstance(study, Study):
+        raise BadInput("study", path, f"must define {STUDY_VARIABLE} = cmacexp.study.Study(...)")
+    found = StudyFile(path, study)
+    require(found.page.is_file(), "study", path, f"needs a page of Markdown beside it: {found.page.name}")
+    return found

@@ -1,0 +1,1 @@
+"""Moving pictures of runs, robots as their models show them, and a table of recordings."""

@@ -1,0 +1,6 @@
+"""``python -m cmacexp.stability``: the command of that name, which is an add-on."""
+
+from cmacexp.__main__ import run_named
+
+if __name__ == "__main__":
+    raise SystemExit(run_named("stability"))

@@ -1,0 +1,125 @@
+"""Reading a log: the same from every format and under other names and units; one line where something is missing."""
+
+from functools import partial
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as parquet
+import pytest
+from support.doors import BadInput
+
+from cmacexp.addons.gap.log import load_reader, read_log
+from cmacexp.addons.gap.machine import match_names
+
+TIME = np.arange(0.0, 0.5, 0.005)
+NAMES = ("shoulder", "elbow", "wrist")
+ANGLE = np.sin(TIME[:, None] + np.arange(3))
+COMMAND = ANGLE + 0.1
+
+
+def columns(angle="q_{}", command="q_des_{}", time="time"):
+    measured = {angle.format(name): ANGLE[:, j] for j, name in enumerate(NAMES)}
+    return {time: TIME, **measured, **{command.format(name): COMMAND[:, j] for j, name in enumerate(NAMES)}}
+
+
+def write_parquet(path):
+    table = pa.table(columns()).replace_schema_metadata({"units": "s, rad", "kp": "20", "kd": "1,2,3"})
+    parquet.write_table(table, path)
+
+
+def write_csv(path):
+    text = pd.DataFrame(columns("pos_{}", "cmd_{}", "t")).to_csv(index=False, sep=";")
+    path.write_text(f"# kp: 20\n# kd: 1,2,3\n{text}")
+
+
+def write_npz(path):
+    np.savez(path, time=TIME, q=ANGLE, q_des=COMMAND, names=NAMES, kp=20.0, kd=[1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(("suffix", "write"), [("parquet", write_parquet), ("csv", write_csv), ("npz", write_npz)])
+def test_a_log_is_the_same_from_every_format(tmp_path, suffix, write):
+    write(path := tmp_path / f"log.{suffix}")
+    log = read_log(path)
+    assert log.joints == NAMES
+    np.testing.assert_allclose([log.angle, log.command], [ANGLE, COMMAND])
+    np.testing.assert_allclose([log.kp, log.kd], [[20.0] * 3, [1.0, 2.0, 3.0]])
+    assert log.leave_out(["elbow"]).kd.tolist() == [1.0, 3.0]
+
+
+def test_names_and_units_are_options_and_another_format_needs_a_reader_of_a_few_lines(tmp_path):
+    path, reader = tmp_path / "log.txt", tmp_path / "reader.py"
+    degrees = {name: np.degrees(own) for name, own in columns("ist_{}", "soll_{}").items()} | {"time": 1e3 * TIME}
+    np.savetxt(path, np.column_stack(list(degrees.values())), header=" ".join(degrees), comments="")
+    reader.write_text(
+        "import numpy as np\n"
+        "def read(path):\n"
+        "    rows = np.loadtxt(path, skiprows=1)\n"
+        "    return dict(zip(path.open().readline().split(), rows.T))\n"
+    )
+    named = {"angle": "ist_{joint}", "command": "soll_{joint}"}
+    units = {"time": "ms", "angle": "deg", "command": "deg"}
+    log = read_log(path, named, units, {"kp": [20.0], "kd": [1.0]}, load_reader(f"{reader}:read"))
+    assert log.joints == NAMES
+    np.testing.assert_allclose([log.angle, log.command], [ANGLE, COMMAND])
+    np.testing.assert_allclose(log.time, TIME)
+
+
+WRONG = {
+    "no such file": ({"path": "nowhere.csv"}, "there is no such file"),
+    "format": ({"path": "log.bag"}, "name a reader"),
+    "no angles": ({"rename": {f"q_{name}": f"x_{name}" for name in NAMES}}, "no measured angles .*--names angle="),
+    "no time": ({"rename": {"time": "clock"}}, "no column of time"),
+    "one command": ({"rename": {"q_des_wrist": "q_dse_wrist"}}, "no column q_des_wrist .*did you mean q_dse_wrist"),
+    "no gains": ({"gains": {"kp": [20.0]}}, "--kd.* is missing"),
+    "gains": ({"gains": {"kp": [20.0, 1.0], "kd": [1.0]}}, "--kp=20,1.* one for each of 3 joints"),
+    "unit": ({"units": {"angle": "grad"}}, "is no unit of angle"),
+    "quantity": ({"names": {"angel": "q_{joint}"}}, "is no quantity"),
+    "text": ({"rename": {"note": "q_wrist", "q_wrist": "other"}}, "holds no numbers in column q_wrist"),
+    "one angle": (
+        {"rename": {"q_wrist": "Q_wrist"}},
+        "no column q_wrist for angle of joint wrist.*--leave-out wrist",
+    ),
+    "orientation": ({"add": {"qw": 1.0, "qx": 0.0, "qy": 0.0}}, "no column qz for orientation"),
+    "three of four": (
+        {"reader": "def read(_): return {'time': [0.1], 'q_a': [1.0], 'quat': [[1.0, 0.0, 0.0]]}"},
+        "no column quat_z for orientation",
+    ),
+    "a matrix": (
+        {"reader": "def read(_): return {'time': [0.1], 'q_a': [1.0], 'quat': [[1.0, 0, 0, 0, 1, 0, 0, 0, 1]]}"},
+        "quat has 9 columns, a quaternion 4",
+    ),
+    "unit of nothing": (
+        {"units": {"feedforward": "Nm"}},
+        "--units=feedforward=Nm: the log has no feedforward; it has time",
+    ),
+    "no such gain": ({"names": {"kp": "gain"}, "gains": {"kd": [1.0]}}, "no column gain for kp"),
+    "declared unit": ({"head": "# units: s, furlong\n"}, "declares the unit furlong: must be one of rad"),
+    "all left out": ({"left_out": NAMES}, "--leave-out=shoulder,elbow,wrist: leaves no joint"),
+    "infinite": ({"gains": {"kp": [np.inf], "kd": [1.0]}}, "--kp=inf.*: must be one finite number"),
+    "reader": ({"reader": "def read(:"}, "--reader=.*SyntaxError"),
+    "one time": ({"reader": "def read(_): return {'time': 0.1, 'q_a': [1.0, 2.0]}"}, "q_a has 2 values, time has 1"),
+    "torques only": ({"drop": [f"q_des_{name}" for name in NAMES]}, "neither commanded angles nor torques"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_missing_or_wrong_is_one_line(tmp_path, name):
+    case, words = WRONG[name]
+    path = tmp_path / case.get("path", "log.csv")
+    if path.name != "nowhere.csv":
+        frame = pd.DataFrame({**columns(), "note": "a", **case.get("add", {})}).rename(columns=case.get("rename", {}))
+        path.write_text(case.get("head", "") + frame.drop(columns=case.get("drop", [])).to_csv(index=False))
+    (tmp_path / "reader.py").write_text(case.get("reader", ""))
+    gains = case.get("gains", {"kp": [20.0], "kd": [1.0]})
+    load = partial(load_reader, f"{tmp_path}/reader.py:read") if "reader" in case else lambda: None
+    with pytest.raises(BadInput, match=words) as caught:
+        read_log(path, case.get("names"), case.get("units"), gains, load(), case.get("left_out", ()))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_joint_without_a_measured_angle_can_be_left_out_and_pairs_of_joints_must_be_of_the_log(tmp_path):
+    pd.DataFrame(columns() | {"q_des_thumb": TIME}).to_csv(tmp_path / "log.csv", index=False)
+    assert read_log(tmp_path / "log.csv", gains={"kp": [20.0], "kd": [1.0]}, left_out=["thumb"]).joints == NAMES
+    with pytest.raises(BadInput, match="--joints=thumb=wrist: the log has no joint thumb"):
+        match_names(NAMES, NAMES, {"thumb": "wrist"})

@@ -1,0 +1,44 @@
+"""A leg of a robot that hangs: it learns the torque of its drives, within a limit, while the others hold still."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cmacexp.addons.unitree.hung import MOST_LEARNT, learn_strokes, make_memory
+
+pytestmark = pytest.mark.ci
+STAND = np.array([[0.0, 0.8, -1.6]] * 4)
+
+
+class Joints:
+    """A link to joints with rotors, viscous friction and, in N m, a constant ``load``."""
+
+    period = 0.002
+
+    def __init__(self, load):
+        self.load, self.sent = load, []
+        self.signals = SimpleNamespace(q=STAND.copy(), dq=np.zeros_like(STAND))
+
+    def move(self, goal, duration, gains):
+        assert (goal == STAND).all()
+
+    def send(self, angle, velocity, torque, stiffness, damping):
+        state = self.signals
+        self.sent.append(torque)
+        self.torque = (
+            torque + stiffness * (angle - state.q) + damping * (velocity - state.dq) - 0.3 * state.dq - self.load
+        )
+
+    def receive(self):
+        self.signals.dq += self.torque / 0.02 * self.period
+        self.signals.q += self.signals.dq * self.period
+
+
+def test_a_leg_learns_up_to_a_limit_and_the_others_hold_still():
+    link, loaded = Joints(load=0.5), Joints(load=9.0)
+    first, *_, last = learn_strokes(link, STAND, 2, make_memory(), lead=1, rate=0.1)
+    assert (last < 0.1 * first).all()
+    assert not np.delete(link.sent, 2, axis=1).any()
+    learn_strokes(loaded, STAND, 0, make_memory(), lead=1, rate=0.1)
+    assert np.abs(loaded.sent).max() == MOST_LEARNT

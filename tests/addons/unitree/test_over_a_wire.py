@@ -1,0 +1,93 @@
+"""A robot at the other end of a wire, on loopback: it walks and sits down, and is damped when its controller dies."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pandas as pd
+import pytest
+from support.doors import compose_config, read_log
+from support.robots import OWN
+
+from cmacexp.addons.unitree.messages import get_motors, new_command, set_motors
+from cmacexp.addons.unitree.network import COMMANDS, LOOPBACK, STATES, Wire
+from cmacexp.addons.unitree.simulated import SimulatedRobot
+
+pytestmark = pytest.mark.ci
+DOMAIN = 100 + os.getpid() % 100
+"""Of DDS, so that workers do not hear each other."""
+ROBOT = ["machine=mjcf", f"machine.path={OWN}", "actuator.lag=0.005"]
+OTHERS = ["feedforward=none", "sensors=proprioceptive"]
+SIMULATED = ["-m", "cmacexp", "robot", "--simulate", "--patient", f"--domain={DOMAIN}", "plant/as_built=as_modelled"]
+WALK = [
+    "-m", "cmacexp", "scenario=robot", "plant=unitree", "controller=drives", f"plant.domain={DOMAIN}",
+    "plant.guardian=10", "plant.limits.silence=9", "gait.cycle_time=0.8", "gait.stroke=0.04", "gait.lift=0.02",
+    "cycles=2", "record=trace",
+]  # fmt: skip
+CONTROLLER = f"""
+import os, signal
+from cmacexp.addons.unitree.guardian import Guardian
+guardian = Guardian("{LOOPBACK}", {{}}, 3.0, 0.02)
+guardian.report()
+os.kill(os.getpid(), signal.{{}})
+"""
+
+
+@pytest.mark.parametrize("how", ["SIGKILL", "SIGSTOP"])
+def test_the_guardian_damps_a_robot_whose_controller_dies_or_stops(how):
+    domain = DOMAIN + getattr(signal, how)
+    wire = Wire(LOOPBACK, domain, STATES, COMMANDS)
+    controller = subprocess.Popen([sys.executable, "-c", CONTROLLER.format(domain, how)])
+    command = wire.receive(1000.0)
+    assert command is not None
+    assert (get_motors(command["motor_cmd"]["kd"]) == 3.0).all()
+    assert not get_motors(command["motor_cmd"]["kp"]).any()
+    controller.send_signal(signal.SIGKILL)
+    controller.wait()
+
+
+def test_a_robot_walks_over_the_wire_and_a_fault_ends_it_in_damping(tmp_path):
+    for fault, stages, code in (("none", ["sit down", "damp"], 0), ("sign", ["check while it hangs", "damp"], 3)):
+        robot = subprocess.Popen([sys.executable, *SIMULATED, f"--fault={fault}", *ROBOT], stdout=subprocess.PIPE)
+        robot.stdout.readline()
+        run = subprocess.run(
+            [
+                sys.executable,
+                *WALK,
+                *ROBOT,
+                f"plant.log={tmp_path / fault}.parquet",
+                f"hydra.run.dir={tmp_path / fault}",
+            ]
+        )
+        manifest = json.loads((tmp_path / fault / "manifest.json").read_text())
+        assert (run.returncode, [each["stage"] for each in manifest["plant"]["stages"]][-2:]) == (code, stages)
+        assert manifest["plant"]["trouble"] is None
+        steps = pd.read_parquet(tmp_path / fault / "body.parquet").dropna(subset=["answer_time"])
+        assert (steps["answer_time"] > 0.0).sum() == (800 if fault == "none" else 0)
+        assert (steps["states_missed"] <= manifest["plant"]["states_missed"]).all()
+        rows = pd.read_parquet(tmp_path / f"{fault}.parquet")
+        rows[rows["kp_FL_hip_joint"] == rows["kp_FL_hip_joint"][0]].to_parquet(tmp_path / "hung.parquet")
+        log = read_log(tmp_path / "hung.parquet")  # as cmacexp gap does, of one pair of gains
+        assert (len(log.joints), log.has_gains, log.torque is None) == (12, True, False)
+        assert b"at the end its body" in robot.communicate()[0]
+
+
+def test_the_played_robot_follows_a_command_in_the_step_that_follows():
+    config = compose_config(["scenario=robot", *ROBOT[:2], "plant=mujoco_robot_rigid", "controller=drives", *OTHERS])
+    robot, command = SimulatedRobot(config, True, [0.0, 1.36, -2.65]), new_command()
+    set_motors(command, q=0.0, dq=0.0, tau=1.5, kp=0.0, kd=0.0)
+    robot.step()
+    robot.take(command)
+    robot.step()
+    assert (robot.plant.signals.torque == 1.5).all()
+
+
+def test_without_a_robot_or_a_network_one_line_says_so(tmp_path):
+    for override, said in (("plant.interface=eth99", "choose from"), ("plant.domain=99", "cmacexp robot --simulate")):
+        run = subprocess.run(
+            [sys.executable, *WALK, *ROBOT, override, f"hydra.run.dir={tmp_path}/no"], capture_output=True, text=True
+        )
+        assert run.returncode == 2
+        assert said in run.stderr.splitlines()[-1]
