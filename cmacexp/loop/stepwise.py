@@ -21,7 +21,7 @@ from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.state import Snapshot, list_arrays
 from cmacexp.loop.step import Hooks, Loop, act, check, sense
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, stop_reason
-from cmacexp.planning.reference import BEFORE, ControlReference, Motion, read_old_columns
+from cmacexp.planning.reference import BEFORE, ControlReference, Motion
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.protocols import Measurement, view_state
 from cmacexp.sensors.real import make_keys
@@ -86,22 +86,6 @@ class LoopState(NamedTuple):
     """(L, J): what a feedforward would learn from, J^T U of the last step, N m."""
     feedback: Array
     """(L, J): torque of the controller in the last step, as it acted, or as it was sent to drives, N m."""
-
-    @property
-    def reference(self) -> Array:
-        """Old name of ``control``, (L, 7 or 9), as of :attr:`cmacexp.planning.plan.Reference.values`.
-
-        It is in m, m/s and N.
-        """
-        return read_old_columns("reference", "control", self.control)
-
-    @property
-    def desired(self) -> Array:
-        """Old name of ``foot_motion``, (L, 6 or 9), as of :attr:`cmacexp.planning.plan.Reference.desired`.
-
-        It is in m, m/s and m/s^2.
-        """
-        return read_old_columns("desired", "foot_motion", self.foot_motion)
 
 
 class OpenLoop:

@@ -29,7 +29,7 @@ from cmacexp.planning.motion import (
     plan_load_fraction,
     plan_motion,
 )
-from cmacexp.planning.reference import ControlReference, Motion, X, Y, Z, plan_reference, read_old_columns
+from cmacexp.planning.reference import ControlReference, Motion, X, Y, Z, plan_reference
 from cmacexp.planning.stability import check_stability, margins
 from cmacexp.typing import Array, Mask, Weights
 
@@ -289,21 +289,3 @@ class Reference(NamedTuple):
     """The same in joint angles, (L, J)."""
     force_desired: Array
     """(L,): N."""
-
-    @property
-    def values(self) -> Array:
-        """Old name of ``control``, (L, 7 or 9): x, y, vx, vy, reference force, force to add, desired force, z, vz.
-
-        Places are in m, velocities in m/s, forces in N.
-        """
-        return read_old_columns("reference.values", "reference.control", self.control)
-
-    @property
-    def desired(self) -> Array:
-        """Old name of ``foot_motion``, (L, 6 or 9): x, y, vx, vy, ax, ay, z, vz, az, in m, m/s and m/s^2."""
-        return read_old_columns("reference.desired", "reference.foot_motion", self.foot_motion)
-
-    @property
-    def joints(self) -> Array:
-        """Old name of ``joint_motion``, (L, 6 or 9), in the same order, in rad, rad/s and rad/s^2."""
-        return read_old_columns("reference.joints", "reference.joint_motion", self.joint_motion)

@@ -6,7 +6,6 @@ makes the force too high (by 4.88 % in the paper's one leg); ``static_load=False
 """
 
 import math
-import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -58,13 +57,6 @@ def select(plan: ControlReference, stage: int, sample: int) -> ControlReference:
         plan.force_added[stage, sample],
         plan.force_desired[stage, sample],
     )
-
-
-def read_old_columns(old: str, new: str, row: Motion | ControlReference) -> Array:
-    """One step (L, columns) under its ``old`` name: x and y of each field, in its unit, forces, then all z; warns."""
-    warnings.warn(f"{old} will go: use {new}, whose arrays have names", FutureWarning, stacklevel=3)
-    fields = [values if values.ndim > 1 else values[:, None] for values in row]
-    return np.concatenate([values[:, :Z] for values in fields] + [values[:, Z:] for values in fields], axis=1)
 
 
 class Gains(NamedTuple):

@@ -8,8 +8,7 @@ from numpy.testing import assert_allclose
 from support.doors import make_scenario
 from support.rollout import roll_out
 
-from cmacexp.planning.plan import Reference
-from cmacexp.planning.reference import ACTING, BEFORE, ControlReference, Gains, Motion, compute_support_reference
+from cmacexp.planning.reference import ACTING, BEFORE, Gains, compute_support_reference
 
 METHODS = ("stiffness", "damping", "combined", "explicit")
 FED = {"damping": "velocity", "explicit": "force"}
@@ -74,12 +73,3 @@ def test_static_load_is_kept_by_the_rule_of_the_reference(plan_of, reference, be
     assert_allclose(depth[ACTING], 0.215 if acting else 0.205)
     added = plan.force_desired if reference == "force_feedforward" else np.zeros_like(plan.force_desired)
     assert_allclose(plan.reference.force_added, [added, added])
-
-
-def test_old_names_of_what_a_controller_gets_give_their_columns_and_say_the_new_ones():
-    motion, force = Motion(*np.arange(9.0).reshape(3, 1, 3)), np.arange(10.0, 13.0).reshape(3, 1)
-    reference = Reference(0, 0, True, None, ControlReference(*motion[:2], *force), motion, motion, None)
-    with pytest.warns(FutureWarning, match=r"use reference\.control"):
-        assert reference.values.tolist() == [[0, 1, 3, 4, 10, 11, 12, 2, 5]]
-    with pytest.warns(FutureWarning, match=r"use reference\.(foot|joint)_motion"):
-        assert reference.desired.tolist() == reference.joints.tolist() == [[0, 1, 3, 4, 6, 7, 2, 5, 8]]
