@@ -42,7 +42,7 @@ from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
 from cmacexp.loop import run_cycles
 from cmacexp.loop.scenario import Scenario, make_scenario
-from cmacexp.loop.trace import select_columns
+from cmacexp.loop.trace import TraceColumns, select_columns
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.score import RunScorer
 from cmacexp.protocols import Described
@@ -85,28 +85,6 @@ def describe_scores(scores: Scores) -> manifests.Manifest:
         values = np.column_stack([as_array(table, column) for column in table.column_names])
         files[name] = hashlib.sha256(values.tobytes()).hexdigest()
     return {"drift": make_drift_entry(scores.legs), "files": files}
-
-
-def _roll_out(
-    scenario: Scenario, folder: Path, watch: Callable[[float], None], warn: Callable[[Drift], None]
-) -> tuple[Scores, list[str]]:
-    """Run, and write traces and memory; returns the metrics, and the names of the files."""
-    columns, record = select_columns(scenario), scenario.setup.config.record
-    recorder = Recorder(scenario)
-    with trace_writer(folder, record, *columns) as writer:
-        for trace in run_cycles(scenario, watch):
-            writer.write(trace)
-            if (drift := recorder.add(trace)) is not None:
-                warn(drift)
-        writer.finish(scenario.end.status == Status.COMPLETED)
-    scores = recorder.finish()
-    if not record.trace:
-        return scores, []
-    names = [TRACE_FILE, BODY_FILE] if columns.body else [TRACE_FILE]
-    if recorder.scorer.memory:
-        write_table(concat_traces(recorder.scorer.memory).table, folder / MEMORY_FILE)
-        names.append(MEMORY_FILE)
-    return scores, names
 
 
 @exits_caught()
@@ -216,17 +194,33 @@ def _write(
 ) -> tuple[manifests.Manifest, Scores]:
     """Run, and write everything but the manifest, which is returned, with the metrics."""
     config, folder = scenario.setup.config, writer.part
-    scores, names = _roll_out(scenario, folder, watch, warn)
-    names += write_scores(folder, scores, config.record.trace)
+    columns, recorder = select_columns(scenario), Recorder(scenario)
+    with trace_writer(folder, config.record, *columns) as traces:
+        for trace in run_cycles(scenario, watch):
+            traces.write(trace)
+            if (drift := recorder.add(trace)) is not None:
+                warn(drift)
+        traces.finish(scenario.end.status == Status.COMPLETED)
+    scores = recorder.finish()
+    names = _write_tables(recorder, folder, columns, scores)
     manifest = describe_run(scenario)
     try:
         _write_extras(scenario, writer, manifest, names)
     except Exception as error:  # of a disk that is full, or of a component: what is listed is whole
-        manifest |= {
-            "status": str(Status.FAILED),
-            "cause": f"after step {scenario.end.steps}: {describe_failure(error)}",
-        }
+        cause = f"after step {scenario.end.steps}: {describe_failure(error)}"
+        manifest |= {"status": str(Status.FAILED), "cause": cause}
         if not isinstance(error, OSError | BadOutput | MemoryError):
             manifest["traceback"] = format_user_traceback(error)
     manifest["drift"] = make_drift_entry(scores.legs)
     return manifest | {"files": {name: sha256(folder / name) for name in names}}, scores
+
+
+def _write_tables(recorder: Recorder, folder: Path, columns: TraceColumns, scores: Scores) -> list[str]:
+    """Write memory and metrics of a run beside its traces; returns the names of all of its tables."""
+    keeps_trace, names = recorder.scenario.setup.config.record.trace, []
+    if keeps_trace:
+        names = [TRACE_FILE, BODY_FILE] if columns.body else [TRACE_FILE]
+        if recorder.scorer.memory:
+            write_table(concat_traces(recorder.scorer.memory).table, folder / MEMORY_FILE)
+            names.append(MEMORY_FILE)
+    return names + write_scores(folder, scores, keeps_trace)

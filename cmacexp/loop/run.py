@@ -98,7 +98,11 @@ class _Cycles:
             end.cause = f"{where}after step {self.driver.taken}: {describe_failure(raised)}"
 
     def advance(self) -> int:
-        """Run until the arrays are full or the run ends, as at an interrupt or an error; returns the first step."""
+        """Run until the arrays are full or the run ends, as at an interrupt or an error; returns the first step.
+
+        The driver is called for a moment at a time: between two calls an interrupt is heeded, progress is shown, and
+        the plan may change.
+        """
         config, driver, end = self.config, self.driver, self.end
         start = driver.taken
         if self.adaptation is not None:
@@ -107,13 +111,18 @@ class _Cycles:
         self.body[TRAVEL[0] : TRAVEL[-1] + 1] = 0.0  # a body goes straight ahead unless the plant moves it
         self.body[TRAVEL[0], :steps] = np.arange(start, start + steps) * config.sampling_period * config.body_speed
         began, worked = time.perf_counter(), time.process_time()
+        stop, changes_plan = RUNNING, False
         try:
-            stop = self._drive(steps)
+            with exits_caught():
+                while stop == RUNNING and driver.taken < start + steps and not changes_plan:
+                    raise_if_interrupted()
+                    called, done = time.perf_counter(), driver.taken - start
+                    count = min(self._most_steps(), steps - done)
+                    stop = driver.run(self.samples, self.body, done, count)
+                    changes_plan = self._end_call(stop)
+                    self.steps_per_call = max(1, int(count * LONGEST_CALL / max(time.perf_counter() - called, 1e-6)))
             if stop != RUNNING:
-                plant, end.status = self.scenario.plant, STATUSES[stop]
-                reported = driver.divergence or (plant.divergence if isinstance(plant, MujocoPlant) else "")
-                period, state = config.sampling_period, driver.state
-                end.cause = describe_stop(driver.loop.limits, stop, driver.taken, period, state, reported)
+                self._note_stop(stop)
         except KeyboardInterrupt:
             end.status, end.cause = Status.INTERRUPTED, f"after step {driver.taken}"
         except Exception as raised:
@@ -123,24 +132,23 @@ class _Cycles:
         end.steps = driver.taken
         return start
 
-    @exits_caught()
-    def _drive(self, most: int) -> int:
-        """Take up to so many steps, by calls of the driver of a moment each; returns how the last one ended."""
-        done, stop = 0, RUNNING
-        while stop == RUNNING and done < most:
-            raise_if_interrupted()
-            steps, began = min(self._most_steps(), most - done), time.perf_counter()
-            stop = self.driver.run(self.samples, self.body, done, steps)
-            done += steps
-            ends_cycle = self.driver.taken % self.config.steps_per_cycle == 0
-            if ends_cycle:
-                self._apply_estimate()
-            adapts = stop == RUNNING and ends_cycle and self.adaptation is not None and self.adaptation.end_cycle()
-            self.steps_per_call = max(1, int(steps * LONGEST_CALL / max(time.perf_counter() - began, 1e-6)))
-            self.on_progress(self.driver.taken / self.config.steps_per_cycle)
-            if adapts:
-                break
-        return stop
+    def _end_call(self, stop: int) -> bool:
+        """Do what is due after a call of the driver; returns whether the plan changes before the next one."""
+        taken, period, adaptation = self.driver.taken, self.config.steps_per_cycle, self.adaptation
+        ends_cycle = taken % period == 0
+        if ends_cycle:
+            self._apply_estimate()
+        changes_plan = stop == RUNNING and ends_cycle and adaptation is not None and adaptation.end_cycle()
+        self.on_progress(taken / period)
+        return changes_plan
+
+    def _note_stop(self, stop: int) -> None:
+        """Note why the loop stopped, DIVERGED or FELL."""
+        driver, plant = self.driver, self.scenario.plant
+        reported = driver.divergence or (plant.divergence if isinstance(plant, MujocoPlant) else "")
+        period, state = self.config.sampling_period, driver.state
+        self.end.status = STATUSES[stop]
+        self.end.cause = describe_stop(driver.loop.limits, stop, driver.taken, period, state, reported)
 
     def _most_steps(self) -> int:
         """Steps of the next call of the driver; lead and plan can change only between calls, where a cycle starts."""
