@@ -9,7 +9,7 @@ import gc
 gc.disable()
 
 import cmacexp.engine.job  # noqa: E402
-import cmacexp.jit.numba_private  # noqa: E402, F401
+import cmacexp.jit.forms  # noqa: E402, F401
 
 gc.freeze()
 gc.enable()

@@ -8,16 +8,16 @@ All give the same bits.
 import contextlib
 import math
 import os
+import time
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass
-from functools import cached_property, update_wrapper
+from functools import update_wrapper
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 
-from cmacexp.jit.interrupt import raise_if_interrupted
 from cmacexp.jit.kernels import Function
 from cmacexp.jit.kernels import called_kernel as called_kernel
 from cmacexp.jit.kernels import kernel as kernel
@@ -28,27 +28,18 @@ WORTH_LOADING, WORTH_COMPILING = 4_000, 40_000
 """Steps, times legs, that take as long in plain Python as reading a program from the cache, and as compiling it."""
 
 
-class _Process:
-    """This process, or several that work together."""
-
-    runs = 1.0
-    """Number of runs that it makes."""
-
-
 @dataclass(eq=False)
 class _Workload:
-    """What is going on: a run of so many steps, times legs."""
+    """What is going on: a run."""
 
-    leg_steps: float
+    size: float
+    """Steps, times legs, of all runs that are like it."""
     compiling: float = 0.0
     """Seconds that it has taken to compile for it."""
 
-    @property
-    def size(self) -> float:
-        """Steps, times legs, of all runs."""
-        return _Process.runs * self.leg_steps
 
-
+_runs = ContextVar("runs", default=1.0)
+"""Number of runs that this process makes, or several together."""
 _UNKNOWN = _Workload(math.inf)
 """Outside of runs: whatever is called is compiled."""
 _workload = ContextVar("workload", default=_UNKNOWN)
@@ -57,7 +48,7 @@ _workload = ContextVar("workload", default=_UNKNOWN)
 @contextlib.contextmanager
 def workload(leg_steps: float) -> Iterator[None]:
     """A run of so many steps, times legs: programs that are called in it are compiled if that repays it."""
-    token = _workload.set(_Workload(leg_steps))
+    token = _workload.set(_Workload(_runs.get() * leg_steps))
     try:
         yield
     finally:
@@ -66,12 +57,16 @@ def workload(leg_steps: float) -> Iterator[None]:
 
 def repays_compiling() -> bool:
     """Whether what is going on is long enough to repay compiling, if anything is compiled."""
-    return _workload.get().size >= WORTH_COMPILING and os.environ.get("NUMBA_DISABLE_JIT", "0") == "0"
+    return _workload.get().size >= WORTH_COMPILING and _is_allowed()
+
+
+def _is_allowed() -> bool:
+    return os.environ.get("NUMBA_DISABLE_JIT", "0") == "0"
 
 
 def expect_runs(runs: float) -> None:
     """Announce that this process, or several together, make so many runs; infinite: many."""
-    _Process.runs = runs
+    _runs.set(runs)
 
 
 def program(function: Function, plain: Callable[..., object] | None = None) -> Function:
@@ -88,52 +83,56 @@ def copy_array(source: Array, target: Array) -> None:
     np.positive(source, target)
 
 
-class NotCompiled(Exception):
-    """A program would have to be compiled for work that does not repay it."""
-
-
 class _Program:
     """A function that runs as plain Python, or in a compiled form that is made or read from the cache when needed."""
 
     def __init__(self, function: Callable[..., object], plain: Callable[..., object]):
         self.function, self.plain = function, plain
-        self.chosen = plain
+        self.name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
+        self.forms: dict[tuple[object, ...], Callable[..., object]] = {}
+        """Compiled forms by the types of their arguments."""
+        self.chosen, self.classes = plain, list[type]()
         self.chosen_for: _Workload | None = None
-        """What runs, and the workload for which it was chosen."""
+        """What runs, for arguments of which classes, and the workload for which it was chosen."""
         update_wrapper(self, function)
 
     def __call__(self, *arguments: object) -> object:
-        work = _workload.get()
-        if self.chosen_for is work:
+        work, classes = _workload.get(), [*map(type, arguments)]
+        is_outdated = self.chosen is self.plain and self.chosen_for is not work
+        if is_outdated or self.classes != classes:  # numba would convert a number to the type that the form takes
+            self.chosen, self.chosen_for, self.classes = self._choose(work, arguments), work, classes
+        try:
             return self.chosen(*arguments)
-        self.chosen_for = work
-        is_long = repays_compiling()
-        if is_long or self._is_worth_loading(work):
-            with contextlib.suppress(NotCompiled):
-                from cmacexp.jit.numba_private import before_compiling
+        except TypeError:  # of a compiled form, before it does anything: it is for other types
+            if self.chosen is self.plain:
+                raise
+            self.chosen, self.chosen_for = self._choose(work, arguments), work
+            return self.chosen(*arguments)
 
-                with before_compiling(_announce if is_long else _refuse, raise_if_interrupted, _note_seconds):
-                    self.chosen = self.compiled
-                    return self.compiled(*arguments)
-        self.chosen = self.plain
-        return self.plain(*arguments)
+    def _choose(self, work: _Workload, arguments: tuple[object, ...]) -> Callable[..., object]:
+        """Return the form for these arguments if it is stored, or if compiling it is repaid; else what is plain."""
+        is_long = repays_compiling()
+        if not is_long and not self._is_worth_loading(work):
+            return self.plain
+        from cmacexp.jit.forms import Form, find_types
+
+        types = find_types(arguments)
+        if types not in self.forms:
+            form = Form(self.function, types, cache_folder() / self.name)
+            if (compiled := form.load()) is None:
+                if not is_long:
+                    return self.plain
+                _announce()
+                began = time.perf_counter()
+                compiled = form.compile()
+                _note_seconds(time.perf_counter() - began)
+            self.forms[types] = compiled
+        return self.forms[types]
 
     def _is_worth_loading(self, work: _Workload) -> bool:
-        """Whether the cache holds something, and reading it takes less time than it saves."""
-        name = f"{self.function.__module__.rpartition('.')[2]}.{self.function.__qualname__}"
-        saves = "compiled" in vars(self) or work.size >= WORTH_LOADING
-        return saves and any(cache_folder().glob(f"*/{name}-*.nbc"))
-
-    @cached_property
-    def compiled(self) -> Callable[..., object]:
-        """What numba makes of the function."""
-        from cmacexp.jit.numba_private import compiled_program
-
-        return compiled_program(self.function, cache_folder())
-
-
-def _refuse() -> None:
-    raise NotCompiled
+        """Whether the cache holds a form, and reading it takes less time than it saves."""
+        saves = bool(self.forms) or (work.size >= WORTH_LOADING and _is_allowed())
+        return saves and (cache_folder() / self.name).is_dir()
 
 
 _announcers: list[Callable[[], None]] = []

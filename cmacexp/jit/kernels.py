@@ -5,14 +5,14 @@ from typing import TypeVar
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
-inlined_kernels: dict[Callable[..., object], bool] = {}
-"""Every kernel, and whether programs inline it."""
-c_functions: set[Callable[..., object]] = set()
-"""What calls a C function of its own name, which returns nothing: of floats and integers, which addresses are."""
+kernels: list[tuple[Callable[..., object], bool]] = []
+"""Kernels that numba does not know yet, and whether programs inline them."""
+c_functions: list[Callable[..., object]] = []
+"""Functions of C libraries that numba does not know yet."""
 
 
 def kernel(function: Function) -> Function:
-    """A function that programs inline: passing tuples of arrays costs more than most kernels do.
+    """A function that programs call, and that Python calls as it stands.
 
     It works on arrays that its caller holds, and cannot make any.
 
@@ -22,20 +22,21 @@ def kernel(function: Function) -> Function:
     A kernel that takes most arrays of a loop takes what it needs of tuples before its first branch: a variable that
     other blocks read is stored, and each of them would read all of the tuple ("Compiling" in docs/performance.md).
     """
-    inlined_kernels[function] = True
+    kernels.append((function, True))
     return function
 
 
 def called_kernel(function: Function) -> Function:
     """A kernel that programs call: a long function that many runs never need, and that would crowd its callers."""
-    inlined_kernels[function] = False
+    kernels.append((function, False))
     return function
 
 
 def c_function(function: Function) -> Function:
     """A function of a C library: programs call it by its name, which must be that of ``function``.
 
-    The library must have been loaded for the whole process, with ``RTLD_GLOBAL``.
+    It returns nothing, and takes floats and integers, which addresses are. The library must have been loaded for the
+    whole process, with ``RTLD_GLOBAL``.
     """
-    c_functions.add(function)
+    c_functions.append(function)
     return function

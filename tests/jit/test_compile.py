@@ -11,7 +11,7 @@ from support.command import ROOT, python
 from support.damage import flip
 
 from cmacexp.jit.compiler import WORTH_COMPILING, expect_runs, program, workload
-from cmacexp.jit.numba_private import FormFiles
+from cmacexp.jit.forms import Form, find_types
 from cmacexp.jit.sources import cache_folder, is_private
 
 SCRIPT = """
@@ -21,6 +21,10 @@ from cmacexp.models.ground import ALL_LEGS, NEVER, Ground, stiffness_at
 call_before_compiling(lambda: print(read_longest_compiling() or "unknown"))
 print(program(stiffness_at)(Ground(1e4, 0.1, 0.5, 7, 0.0, NEVER, 1.0, ALL_LEGS, 0.0, 0.0), 0.25, -0.35))
 """
+
+
+def halve(number):
+    return 0.5 * number
 
 
 @pytest.fixture
@@ -67,14 +71,6 @@ def test_a_read_only_install_compiles_once_into_the_users_cache_and_never_misses
     assert stiffness(install, **kept) == (found[0][0], [])
 
 
-def is_worth_it():
-    """Whether a program that is not cached is compiled now."""
-    asked = program(lambda: None)
-    asked.compiled = lambda: "compiled"
-    asked._is_cached = lambda arguments: False
-    return asked() == "compiled"
-
-
 @pytest.mark.parametrize(
     ("steps", "runs", "compiled"),
     [
@@ -85,10 +81,12 @@ def is_worth_it():
         (1, math.inf, True),
     ],
 )
-def test_the_length_of_all_runs_together_decides(steps, runs, compiled):
+def test_the_length_of_all_runs_together_decides(steps, runs, compiled, monkeypatch):
+    monkeypatch.setattr(Form, "load", lambda form: None)
+    monkeypatch.setattr(Form, "compile", lambda form: lambda number: "compiled")
     expect_runs(runs)
     with workload(steps):
-        assert is_worth_it() == compiled
+        assert (program(halve)(1) == "compiled") == compiled
 
 
 # Folders that others can write to
@@ -109,21 +107,31 @@ def test_a_folder_that_others_can_write_to_or_that_is_absent_is_not_used(tmp_pat
     assert (str(own) in capsys.readouterr().err) == (not used and mode is not None)
 
 
+@pytest.mark.ci
 def test_a_compiled_form_that_is_not_as_it_was_saved_is_not_loaded(tmp_path):
     """One flipped bit of machine code can end the process by a signal, or give another number."""
-    files, form, chance = FormFiles(tmp_path, "name"), {"code": bytes(range(256))}, random.Random(0)
-    files.save("key", form)
-    (path,) = tmp_path.iterdir()
-    content = path.read_bytes()
-    assert files.load("key") == form
+    form, chance = Form(halve, find_types([1]), tmp_path / "halve"), random.Random(0)
+    assert form.load() is None
+    compiled = form.compile()
+    assert form.load()(1) == compiled(1) == 0.5
     for _ in range(100):
+        path = chance.choice(files(form.folder))
+        content = path.read_bytes()
         flip(path, chance)
-        assert files.load("key") is None
+        assert form.load() is None
         path.write_bytes(content)
     path.write_bytes(content[:-1])
-    assert files.load("key") is None
-    files.save("key", form)
-    assert files.load("key") == form
+    assert form.load() is None
+    form.compile()
+    assert form.load()(1) == 0.5
+    assert len(list(form.folder.parent.iterdir())) == 1
+
+
+@pytest.mark.ci
+@pytest.mark.usefixtures("compiled")
+def test_a_number_of_another_type_is_not_converted():
+    """A form for integers would cut off what a float has behind the point."""
+    assert list(map(program(halve), (1, 0.5, 3))) == [0.5, 0.25, 1.5]
 
 
 def test_a_folder_below_one_that_others_can_rename_is_not_used(tmp_path):

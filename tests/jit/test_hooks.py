@@ -45,7 +45,7 @@ def test_what_a_signal_handler_of_the_caller_raises_passes_too():
 
 @pytest.mark.ci
 def test_the_first_program_of_a_process_may_be_one_with_hooks(tmp_path):
-    imports = "import cmacexp.jit.numba_private, numba\nfrom cmacexp.jit.hooks import Hook\n"
+    imports = "import cmacexp.jit.forms, numba\nfrom cmacexp.jit.hooks import Hook\n"
     code = imports + "print(numba.typeof(Hook(print)))"
     done = python("-c", code, folder=tmp_path)
     assert done.stdout == "FunctionType[int64(int64)]\n", done.stderr

@@ -1,0 +1,130 @@
+"""Forms: programs compiled for arguments of some types; how numba makes them, and where they are stored.
+
+Each form has a folder of its own, which appears by one rename and is not written to afterwards. In one folder for all
+forms, numba's index would be shared: of two processes that save at once, each can take the name of the other's file,
+and load its code.
+"""
+
+import contextlib
+import hashlib
+import inspect
+import os
+import shutil
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import llvmlite.binding as llvm
+import numba
+import numba.experimental.function_type  # which knows the type of a hook
+from numba import types
+from numba.core import event
+from numba.extending import overload, register_jitable
+
+from cmacexp.jit.hooks import Hook
+from cmacexp.jit.interrupt import raise_if_interrupted
+from cmacexp.jit.kernels import c_functions, kernels
+
+DIGEST = "sha256"
+"""File of a folder: the digest of its other files."""
+# Counting references to the arrays in tuples would take longer than the arithmetic. A kernel cannot make an array,
+# so that none has to be counted. Nothing calls programs from C.
+OPTIONS: Any = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+
+njit: Any = numba.njit
+config: Any = numba.config
+types.WrapperAddressProtocol.register(Hook)
+
+
+class Form:
+    """A program for arguments of some types; ``folder`` holds all its forms.
+
+    The name of its own folder follows from all that numba compares: it would write into one that it does not accept.
+    """
+
+    def __init__(self, function: Callable[..., object], types: tuple[Any, ...], folder: Path):
+        self.function, self.types = function, types
+        source = os.stat(inspect.getfile(function))
+        processor = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+        versions = numba.__version__, sys.implementation.cache_tag
+        key = repr((types, versions, processor, source.st_mtime, source.st_size))
+        self.folder = folder / hashlib.sha256(key.encode()).hexdigest()[:16]
+
+    def load(self) -> Callable[..., object] | None:
+        """Return the stored form; None if there is none, or one that is not as it was saved.
+
+        Machine code with a flipped bit could end the process by a signal.
+        """
+        return self._make(self.folder) if self._is_whole() else None
+
+    def compile(self) -> Callable[..., object]:
+        """Compile the form, and store it if the disk allows; an interrupt ends it."""
+        register_kernels()
+        compiled = None
+        with event.install_listener("numba:run_pass", _Interrupt()):
+            with contextlib.suppress(OSError):
+                self.folder.parent.mkdir(parents=True, exist_ok=True)
+                with TemporaryDirectory(dir=self.folder.parent) as temporary:
+                    made = Path(temporary) / "form"
+                    compiled = self._make(made)
+                    (made / DIGEST).write_bytes(_digest(made))
+                    if not self._is_whole():
+                        shutil.rmtree(self.folder, ignore_errors=True)
+                    made.rename(self.folder)  # fails if another process has been faster
+            return compiled or njit(self.types, **OPTIONS)(self.function)
+
+    def _make(self, folder: Path) -> Any:
+        """Let numba read the form from a folder, or compile it and write it there."""
+        before = config.CACHE_DIR
+        config.CACHE_DIR = str(folder)
+        try:
+            return njit(self.types, cache=True, **OPTIONS)(self.function)
+        finally:
+            config.CACHE_DIR = before
+
+    def _is_whole(self) -> bool:
+        with contextlib.suppress(OSError):
+            return (self.folder / DIGEST).read_bytes() == _digest(self.folder)
+        return False
+
+
+def find_types(arguments: Iterable[object]) -> tuple[Any, ...]:
+    """List numba's types of arguments."""
+    return tuple(map(numba.typeof, arguments))
+
+
+def _digest(folder: Path) -> bytes:
+    files = sorted(folder.rglob("*.nb?"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).digest()
+
+
+def register_kernels() -> None:
+    """Let compiled code call the kernels and C functions that it names."""
+    while kernels:
+        function, inlined = kernels.pop()
+        register_jitable(**OPTIONS, forceinline=inlined)(function)
+    while c_functions:
+        _register_c_function(c_functions.pop())
+
+
+def _register_c_function(function: Callable[..., object]) -> None:
+    *kinds, _ = function.__annotations__.values()
+    arguments = [types.float64 if kind is float else types.intp for kind in kinds]
+    call = types.ExternalFunction(function.__name__, types.void(*arguments))
+
+    @overload(function, jit_options=OPTIONS, strict=False)
+    def find(*_: object) -> Callable[..., None]:
+        return lambda *arguments: call(*arguments)
+
+
+class _Interrupt(event.Listener):
+    """Raises an interrupt between two passes of the compiler."""
+
+    def on_start(self, event: event.Event) -> None:
+        """End compiling before a pass if that is asked for."""
+        raise_if_interrupted()
+
+    def on_end(self, event: event.Event) -> None:
+        """Do nothing after a pass."""
