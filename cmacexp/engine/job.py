@@ -9,6 +9,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from hydra.conf import HydraConf
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.utils import setup_globals
 from omegaconf import DictConfig, OmegaConf, open_dict
@@ -215,7 +216,10 @@ def _compose(template: JobTemplate, root: Path, item: JobItem) -> DictConfig:
     set_values(composed, item.values)
     if template.referred is None:  # perhaps it is ${hydra:...} that values follow from
         own: Any = OmegaConf.to_container(composed)
-        vars(HydraConfig.instance())["cfg"] = OmegaConf.create({**own, "hydra": template.hydra})
+        hydra = OmegaConf.structured(HydraConf)
+        with open_dict(hydra):
+            hydra.merge_with(template.hydra)
+        HydraConfig.instance().set_config(OmegaConf.create({**own, "hydra": hydra}))
     return composed
 
 
