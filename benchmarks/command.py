@@ -3,7 +3,7 @@
 import tempfile
 from pathlib import Path
 
-from benchmarks.timing import WITHOUT_PRIVATE_NAMES, Table, compared, in_turn, processor_time, python, stopwatch
+from benchmarks.timing import Table, compared, in_turn, processor_time, python, stopwatch
 
 FLOOR = ["-c", "import hydra, numpy, numba, pyarrow.parquet, rerun"]
 
@@ -22,8 +22,6 @@ def tables(quick: bool) -> list[Table]:
         for scenario in targets:
             command = ["-m", "cmacexp", f"scenario={scenario}", f"hydra.run.dir={folder}/{scenario}"]
             workers[scenario] = stopwatch(lambda command=command: start(*command))
-        public = [*WITHOUT_PRIVATE_NAMES, "scenario=one_leg", f"hydra.run.dir={folder}/public"]
-        workers["public"] = stopwatch(lambda: start(*public))
         times = in_turn(workers, 5 if quick else 9)
         report = ["-m", "cmacexp.report", f"{folder}/one_leg", f"--out={folder}/report"]
         single = ["-m", "cmacexp", "scenario=one_leg", f"hydra.run.dir={folder}/again"]
@@ -33,8 +31,6 @@ def tables(quick: bool) -> list[Table]:
         compared(times, f"`python -m cmacexp scenario={scenario}`", scenario, "floor", "imports alone", target)
         for scenario, target in targets.items()
     ]
-    what = "`python -m cmacexp scenario=one_leg` without Hydra's private names"
-    rows.append(compared(times, what, "public", "one_leg", "with them"))
     what = "`python -m cmacexp.report` of that run, processor time"
     rows.append(compared(used, what, "report", "run", "the run itself", "1.2"))
     return [Table("Whole command, everything written", rows, f"Imports: `{FLOOR[1]}`.")]

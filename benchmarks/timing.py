@@ -21,12 +21,6 @@ from cmacexp.config import Config
 from cmacexp.config.compose import compose_config
 
 ROOT = Path(__file__).parents[1]
-WITHOUT_PRIVATE_NAMES = [
-    "-c",
-    "import sys; from cmacexp.commands import main; main.skip_mode_lookup = lambda arguments: None; "
-    "sys.exit(main.main())",
-]
-"""``-m cmacexp`` without what private names of Hydra gain."""
 Times = dict[str, list[float]]
 """Seconds of every round by name."""
 

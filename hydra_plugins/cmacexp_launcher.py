@@ -35,7 +35,8 @@ class CoresLauncher(Launcher):
 
     def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> list[JobReturn]:
         """Run the next jobs of the sweep; what they return, in their order."""
-        if not hasattr(self.sweep, "launch"):
+        from cmacexp.engine.sweep import Sweep
+
+        if not isinstance(self.sweep, Sweep):
             raise RuntimeError("hydra/launcher=cores is for python -m cmacexp -m; choose hydra/launcher=basic")
-        ended: list[JobReturn] = self.sweep.launch(job_overrides, initial_job_idx)
-        return ended
+        return self.sweep.launch(job_overrides, initial_job_idx)

@@ -3,22 +3,25 @@
 import argparse
 import contextlib
 import os
-import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
+from hydra import initialize_config_dir
 from hydra import main as hydra_main
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.types import HydraContext
+from hydra.core.utils import configure_log
+from hydra.experimental.callback import Callback
+from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from cmacexp.commands.command import BAD_INPUT, COMPLETED, FAILED, STOPPED, report_usage, run_command
+from cmacexp.commands.command import BAD_INPUT, COMPLETED, FAILED, STOPPED, run_command
 from cmacexp.commands.group_help import find_group, format_help
 from cmacexp.config import config_folder, to_config
 from cmacexp.config.compose import make_record
 from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
-from cmacexp.config.hydra_private import report_parser_errors, skip_mode_lookup, take_over_sweeps
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput, CmacexpError, require
 from cmacexp.jit.interrupt import interrupt_held_back
@@ -33,17 +36,17 @@ EXIT_CODES: dict[str, int] = {
 }
 """Exit codes by the status of a run, or how a sweep ended."""
 
-MULTIRUN = ("-m", "--multirun")
+OPTIONS = (
+    *("-h", "--help", "--hydra-help", "--version", "-c", "--cfg", "--resolve", "-p", "--package", "-i", "--info"),
+    *("-r", "--run", "-m", "--multirun", "-sc", "--shell-completion", "--experimental-rerun"),
+    *("-cp", "--config-path", "-cn", "--config-name", "-cd", "--config-dir"),
+)
+"""Those of Hydra's command line, which answers to any other in nine lines."""
 
 
 def main() -> int:
     """Run the command line; its exit code."""
     return run_command(_run_or_sweep)
-
-
-def _report_usage(parser: argparse.ArgumentParser, message: str) -> NoReturn:
-    dashes = re.search(r"unrecognized arguments: --?(\w\S*=\S*)", message)
-    report_usage(parser, f"{message}; an override has no dashes: {dashes[1]}" if dashes else message)
 
 
 def _run_or_sweep() -> int:
@@ -53,19 +56,49 @@ def _run_or_sweep() -> int:
     if group := find_group(sys.argv[1:]):
         print(format_help(group, sys.argv[1:]))
         return COMPLETED
-    sys.argv[1:] = sorted(sys.argv[1:], key=lambda text: text not in MULTIRUN)  # which Hydra reads before overrides
+    for text in sys.argv[1:]:
+        if text.startswith("-") and text.partition("=")[0] not in OPTIONS:
+            advice = f"an override has no dashes: {text.lstrip('-')}; " if "=" in text else ""
+            usage = "python -m cmacexp --help shows how it is used"
+            raise CmacexpError(f"unrecognized arguments: {text}; {advice}{usage}")
     os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions reach the lines below, instead of Hydra's own printing
     task = _Task()
-    report_parser_errors(_report_usage)
-    skip_mode_lookup(sys.argv[1:])
-    take_over_sweeps(task.sweep)
     try:
-        hydra_main(config_path=str(config_folder()), config_name="config", version_base="1.3")(task)()
+        if (sweep := _read_sweep(sys.argv[1:])) is not None:
+            _compose_sweep(sweep, task.sweep)
+        else:
+            hydra_main(config_path=str(config_folder()), config_name="config", version_base="1.3")(task)()
     except Exception as error:
         task.error = error
     if task.error is not None:
         raise task.explain(task.error)
     return EXIT_CODES[task.status]
+
+
+def _read_sweep(words: list[str]) -> argparse.Namespace | None:
+    """The options of a sweep, and ``overrides``; None if they are of something else, which Hydra does."""
+    parser = argparse.ArgumentParser(add_help=False)
+    parser.add_argument("-m", "--multirun", action="store_true")
+    parser.add_argument("-cp", "--config-path", default=config_folder())
+    parser.add_argument("-cn", "--config-name", default="config")
+    parser.add_argument("-cd", "--config-dir")
+    options, overrides = parser.parse_known_args(words)
+    options.overrides = overrides
+    is_sweep = options.multirun and not any(text.startswith("-") for text in overrides)
+    return options if is_sweep else None
+
+
+def _compose_sweep(options: argparse.Namespace, run: Callable[[DictConfig, HydraContext], None]) -> None:
+    """Compose the config of a sweep, and ``run`` it; Hydra itself would compose each of its jobs twice."""
+    overrides = [*options.overrides, "hydra.mode=MULTIRUN"]
+    if options.config_dir:
+        require(Path(options.config_dir).is_dir(), "--config-dir", options.config_dir, "is no folder")
+        overrides.append(f"hydra.searchpath=[file://{Path(options.config_dir).resolve()}]")
+    with initialize_config_dir(str(Path(options.config_path).resolve()), "main", version_base="1.3"):
+        loader = GlobalHydra.instance().config_loader()
+        config = loader.load_configuration(options.config_name, overrides, RunMode.MULTIRUN)
+        configure_log(config.hydra.hydra_logging, config.hydra.verbose)
+        run(config, HydraContext(loader, Callback()))  # type: ignore[arg-type]
 
 
 class _Task:

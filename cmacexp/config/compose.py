@@ -7,6 +7,7 @@ from contextlib import suppress
 from copy import copy
 from dataclasses import is_dataclass
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
 from threading import RLock
 from typing import Any
@@ -49,6 +50,28 @@ def list_texts(overrides: Iterable[str]) -> list[str]:
     for text in texts:
         require(isinstance(text, str), "overrides", text, 'must be a text, such as "cycles=3"')
     return texts
+
+
+def expand_grid(overrides: Sequence[Any], most: int | None) -> list[list[list[str]]]:
+    """The overrides of the jobs of a grid, in batches of ``most`` jobs; None: in one.
+
+    Raises BadInput for a sweep that is no list of values.
+    """
+    values: dict[str, list[str]] = {}
+    for override in overrides:
+        key = override.get_key_element()
+        if not override.is_sweep_override():
+            values[key] = [override.get_value_element_as_str()]
+        elif override.is_discrete_sweep():
+            values[key] = list(override.sweep_string_iterator())
+        else:
+            typed = str(override.input_line).partition("=")[2]
+            raise BadInput(
+                key, typed, "must list values: 8,16 or range(8,16); a sweeper that searches takes intervals"
+            )
+    jobs = [[f"{key}={value}" for key, value in zip(values, row, strict=True)] for row in product(*values.values())]
+    most = most or len(jobs)
+    return [jobs[first : first + most] for first in range(0, len(jobs), most)]
 
 
 def refuse_options(overrides: Iterable[str]) -> None:

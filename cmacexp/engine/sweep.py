@@ -23,9 +23,8 @@ from hydra.types import HydraContext
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
-from cmacexp.config.compose import split_overrides
+from cmacexp.config.compose import expand_grid, split_overrides
 from cmacexp.config.explain import COMPOSITION_ERRORS
-from cmacexp.config.hydra_private import BASIC, GRID, expand_grid
 from cmacexp.config.robot_rule import read_machine
 from cmacexp.data import manifest as manifests
 from cmacexp.data.files import full_disk_named, sha256, write_atomically
@@ -59,7 +58,8 @@ from cmacexp.terminal.output import print_line, show_activity
 from cmacexp.typing import Status
 
 SWEEP_KEY, SUBDIR = "hydra.sweep.dir", "${hydra.job.num}"
-CORES = "hydra_plugins.cmacexp_launcher.CoresLauncher"
+BASIC, CORES = "basic", "cores"
+"""Hydra's own sweeper, whose jobs are known before the first one runs, and its own launcher; ours."""
 COUNTS = ("sweep.chunk", "hydra.launcher.processes", "hydra.sweeper.max_batch_size")
 """Options of a sweep that are numbers, at least 1, or null."""
 ONLY_OF_RUNS = ("callbacks", "job.chdir", "job.env_set", "output_subdir", "job_logging.root")
@@ -119,7 +119,7 @@ class Sweep:
             if override.is_discrete_sweep() and next(iter(override.sweep_iterator()), None) is None:
                 key, _, value = str(override.input_line).partition("=")
                 raise BadInput(key, value, "matches no option; glob is for groups, a field takes values: 8,16")
-        return expand_grid(overrides, sweeper.max_batch_size) if sweeper._target_ == GRID else []
+        return expand_grid(overrides, sweeper.max_batch_size) if _read_choice(self.config, "sweeper") == BASIC else []
 
     def _plan(self, batch: Sequence[Sequence[str]]) -> None:
         """Note jobs, and compose one of each kind; raises BadInput if two have the same folder."""
@@ -232,11 +232,12 @@ class Sweep:
 
     def _start(self) -> AbstractContextManager[ParallelMap]:
         """Start what the launcher stands for."""
-        launcher, size = self.config.hydra.launcher, self.config.sweep.chunk or 1
-        if launcher._target_ == CORES:
-            self.size = choose_size(max(map(len, self.batches), default=1), count_processes(launcher.processes))
-            return start_workers(launcher.processes)
-        if launcher._target_ == BASIC:
+        launcher, size = _read_choice(self.config, "launcher"), self.config.sweep.chunk or 1
+        if launcher == CORES:
+            processes = self.config.hydra.launcher.processes
+            self.size = choose_size(max(map(len, self.batches), default=1), count_processes(processes))
+            return start_workers(processes)
+        if launcher == BASIC:
             return nullcontext(iterate_here)
         from cmacexp.engine.cluster import make_map
 
@@ -250,7 +251,7 @@ class Sweep:
             for first, batch in zip(accumulate(map(len, self.batches), initial=0), self.batches, strict=False):
                 self.launch(batch, first)
             return
-        self.config.hydra.launcher = {"_target_": CORES}
+        self.config.hydra.launcher = {"_target_": "hydra_plugins.cmacexp_launcher.CoresLauncher"}
         sweeper = Plugins.instance().instantiate_sweeper(
             config=self.config,
             hydra_context=self.context,
@@ -309,7 +310,7 @@ def _check_options(config: DictConfig) -> None:
         "needs the folder of the sweep to resume: add hydra.sweep.dir=DIR",
     )
     require(
-        not config.sweep.chunk or config.hydra.launcher._target_ != CORES,
+        not config.sweep.chunk or _read_choice(config, "launcher") != CORES,
         "sweep.chunk",
         config.sweep.chunk,
         "is for a launcher that starts a process for each job; use hydra/launcher=submitit_slurm, or null",
@@ -330,6 +331,11 @@ def _read_objective(config: DictConfig) -> tuple[str | None, str | None]:
         config.hydra.sweeper.direction = direction
         config.hydra.overrides.hydra.append(f"{DIRECTION}={direction}")  # the record of jobs has it there
     return name, direction
+
+
+def _read_choice(config: DictConfig, group: str) -> str:
+    """The option of a group of Hydra's own."""
+    return str(config.hydra.runtime.choices[f"hydra/{group}"])
 
 
 def _read_typed(overrides: Any) -> list[str]:
