@@ -4,7 +4,6 @@ import argparse
 import contextlib
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ from hydra import initialize_config_dir
 from hydra import main as hydra_main
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.core.utils import configure_log
+from hydra.core.utils import configure_log, run_job
 from hydra.experimental.callback import Callback
 from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, OmegaConf
@@ -64,9 +63,7 @@ def _run_or_sweep() -> int:
     os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions reach the lines below, instead of Hydra's own printing
     task = _Task()
     try:
-        if (sweep := _read_sweep(sys.argv[1:])) is not None:
-            _compose_sweep(sweep, task.sweep)
-        else:
+        if not _compose(sys.argv[1:], task):
             hydra_main(config_path=str(config_folder()), config_name="config", version_base="1.3")(task)()
     except Exception as error:
         task.error = error
@@ -75,30 +72,36 @@ def _run_or_sweep() -> int:
     return EXIT_CODES[task.status]
 
 
-def _read_sweep(words: list[str]) -> argparse.Namespace | None:
-    """The options of a sweep, and ``overrides``; None if they are of something else, which Hydra does."""
+def _compose(words: list[str], task: "_Task") -> bool:
+    """Compose a run or a sweep, and do it: Hydra would compose a run, and each job of a sweep, twice.
+
+    False if the words, or callbacks in the config, ask for something else, which Hydra does.
+    """
     parser = argparse.ArgumentParser(add_help=False)
     parser.add_argument("-m", "--multirun", action="store_true")
     parser.add_argument("-cp", "--config-path", default=config_folder())
     parser.add_argument("-cn", "--config-name", default="config")
     parser.add_argument("-cd", "--config-dir")
     options, overrides = parser.parse_known_args(words)
-    options.overrides = overrides
-    is_sweep = options.multirun and not any(text.startswith("-") for text in overrides)
-    return options if is_sweep else None
-
-
-def _compose_sweep(options: argparse.Namespace, run: Callable[[DictConfig, HydraContext], None]) -> None:
-    """Compose the config of a sweep, and ``run`` it; Hydra itself would compose each of its jobs twice."""
-    overrides = [*options.overrides, "hydra.mode=MULTIRUN"]
+    if any(text.startswith(("-", "hydra.mode")) for text in overrides):
+        return False
+    mode = RunMode.MULTIRUN if options.multirun else RunMode.RUN
+    overrides.append(f"hydra.mode={mode.name}")
     if options.config_dir:
         require(Path(options.config_dir).is_dir(), "--config-dir", options.config_dir, "is no folder")
         overrides.append(f"hydra.searchpath=[file://{Path(options.config_dir).resolve()}]")
     with initialize_config_dir(str(Path(options.config_path).resolve()), "main", version_base="1.3"):
         loader = GlobalHydra.instance().config_loader()
-        config = loader.load_configuration(options.config_name, overrides, RunMode.MULTIRUN)
+        config = loader.load_configuration(options.config_name, overrides, mode)
+        context: Any = HydraContext(loader, Callback())  # type: ignore[arg-type]
+        if mode is RunMode.RUN and config.hydra.callbacks:
+            return False
         configure_log(config.hydra.hydra_logging, config.hydra.verbose)
-        run(config, HydraContext(loader, Callback()))  # type: ignore[arg-type]
+        if mode is RunMode.RUN:
+            run_job(task, config, "hydra.run.dir", None, context)
+        else:
+            task.sweep(config, context)
+    return True
 
 
 class _Task:
