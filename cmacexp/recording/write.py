@@ -3,9 +3,7 @@
 import hashlib
 import math
 import re
-import sys
 from collections.abc import Sequence
-from importlib.abc import MetaPathFinder
 from pathlib import Path
 from typing import NamedTuple
 
@@ -48,24 +46,6 @@ class Options(NamedTuple):
 
 
 DEFAULT = Options()
-
-
-class _PandasLeftOut(MetaPathFinder):
-    """Keeps pyarrow from importing pandas, which it does at its first conversion to know a Series if it sees one.
-
-    No Series occurs here, and the import takes a seventh of the time of a run of one leg. pyarrow imports pandas when
-    a caller asks for it later; None in ``sys.modules`` would break it.
-    """
-
-    def find_spec(self, fullname: str, path: object, target: object = None) -> None:
-        if fullname == "pandas":
-            raise ModuleNotFoundError("left out", name=fullname)
-
-    def __enter__(self) -> None:
-        sys.meta_path.insert(0, self)
-
-    def __exit__(self, *_: object) -> None:
-        sys.meta_path.remove(self)
 
 
 def _list_facts(run: Run) -> dict[str, object]:
@@ -200,10 +180,9 @@ def write_recording(runs: Sequence[Run], path: Path, options: Options = DEFAULT)
 
     Raises as :func:`make_recording`, and OSError.
     """
-    with _PandasLeftOut():
-        recording, description = make_recording(runs, options)
-        # From memory: on a full disk rerun's own writer stops without an error, and flushing waits for ever.
-        content = recording.memory_recording().drain_as_bytes()
+    recording, description = make_recording(runs, options)
+    # From memory: on a full disk rerun's own writer stops without an error, and flushing waits for ever.
+    content = recording.memory_recording().drain_as_bytes()
     with write_atomically(path) as temporary:
         temporary.write_bytes(content)
     return description
