@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadComponent, CmacexpError, format_user_traceback, in_one_line
 from cmacexp.jit.interrupt import handled, interrupted_exit_code, is_interrupt
-from cmacexp.terminal.output import keep_outputs, print_line
+from cmacexp.terminal.output import keep_outputs, print_line, write_output
 
 Arguments = argparse.Namespace
 """Those of a command, by the names of its options."""
@@ -73,21 +73,33 @@ def run_command(work: Callable[[], int | None], hint: str = "") -> int:
     Errors of this project are about its input. Errors of the operating system, such as a full disk, need no stack
     trace; any other error is raised.
     """
-    gc.set_threshold(200_000)  # what a command imports and makes is rarely garbage; looking for it takes a tenth
-    atexit.register(gc.freeze)  # else Python looks once more as it ends, which takes longer still
+    # 30 % of a whole command, since pyarrow and rerun import pandas: row "with usual garbage collection" of
+    # benchmarks/command.py. What a command imports and makes is rarely garbage.
+    gc.set_threshold(200_000)
+    atexit.register(gc.freeze)  # else Python looks once more as it ends
     keep_outputs()
-    with handled():
-        try:
-            return work() or COMPLETED
-        except (KeyboardInterrupt, Exception) as error:
-            if is_interrupt(error):
-                print_line(f"interrupted{hint}", error=True)
-                return interrupted_exit_code()
-            if not isinstance(error, CmacexpError | OSError | MemoryError):
-                raise
-            if isinstance(error, BadComponent):  # what its own code raised
-                print(format_user_traceback(error.raised), file=sys.stderr, end="")
-            if isinstance(error, FileNotFoundError) and error.filename is None:  # that of the current folder
-                error = CmacexpError("the current folder is gone: change to another one")
-            print(f"error: {in_one_line(str(error).strip() or type(error).__name__)}", file=sys.stderr)
-            return BAD_INPUT if isinstance(error, CmacexpError) else FAILED
+    try:
+        with handled():
+            return _do(work, hint)
+    finally:
+        for stream in (sys.stdout, sys.stderr):
+            write_output(stream)
+
+
+def _do(work: Callable[[], int | None], hint: str) -> int:
+    try:
+        return work() or COMPLETED
+    except BrokenPipeError:  # who reads the output needs no more of it
+        return FAILED
+    except (KeyboardInterrupt, Exception) as error:
+        if is_interrupt(error):
+            print_line(f"interrupted{hint}", error=True)
+            return interrupted_exit_code()
+        if not isinstance(error, CmacexpError | OSError | MemoryError):
+            raise
+        if isinstance(error, BadComponent):  # what its own code raised
+            print(format_user_traceback(error.raised), file=sys.stderr, end="")
+        if isinstance(error, FileNotFoundError) and error.filename is None:  # that of the current folder
+            error = CmacexpError("the current folder is gone: change to another one")
+        print_line(f"error: {str(error).strip() or type(error).__name__}", error=True)
+        return BAD_INPUT if isinstance(error, CmacexpError) else FAILED

@@ -10,9 +10,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from datetime import timedelta
-from functools import cache
 from threading import Event, Thread
-from typing import Any, TextIO
+from typing import TextIO
 
 from cmacexp.errors import in_one_line
 
@@ -28,39 +27,34 @@ State = tuple[str, float | None]
 """How far some work is: as text, and the fraction that is done, from 0 to 1; None: unknown."""
 
 
-class _Output(io.FileIO):
-    """An output of this process, which discards what it cannot write, e.g. when its reader has stopped."""
-
-    def write(self, data: Any) -> int:
-        try:
-            return super().write(data)
-        except OSError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
-            return memoryview(data).nbytes
-
-
-@cache
 def keep_outputs() -> None:
-    """Make the outputs of this process last to its end, whatever becomes of their readers.
-
-    Streams that a caller has replaced, as a notebook does, stay as they are.
-    """
+    """Let the outputs of this process show any character, and let no file take the number of a closed one."""
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
-        pass  # the number of a closed output is taken, or the next file would get it and what is printed
+        pass  # else the next file would get it, and what libraries print
     os.close(number)
-    for name, number in {"stdout": 1, "stderr": 2}.items():
-        stream = getattr(sys, name)
-        if stream is None or (stream is getattr(sys, f"__{name}__") and isinstance(stream, io.TextIOWrapper)):
-            buffer = io.BufferedWriter(_Output(number, "w", closefd=False))
-            encoding, at_once = "utf-8", False
-            if stream:
-                encoding, at_once = stream.encoding, stream.line_buffering or stream.write_through
-            setattr(sys, name, io.TextIOWrapper(buffer, encoding, "backslashreplace", line_buffering=at_once))
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
-def is_screen(stream: TextIO) -> bool:
+def write_output(stream: TextIO | None, text: str = "") -> None:
+    """Write to an output, which is None if it was closed, at once, with all that it has buffered.
+
+    Where that fails, as when the reader has stopped, all that follows is discarded, as the documentation of
+    :mod:`signal` says ("Note on SIGPIPE"); else Python would report it once more at its end.
+    """
+    if stream is None:
+        return
+    try:
+        stream.write(text)
+        stream.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def is_screen(stream: TextIO | None) -> bool:
     """Whether an output is a terminal whose lines can be cleared."""
-    return stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
+    return stream is not None and stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
 
 
 def print_line(text: str, error: bool = False) -> None:
@@ -69,10 +63,8 @@ def print_line(text: str, error: bool = False) -> None:
     An output that is closed does no harm to the run. In a terminal the line takes the place of the progress that may
     be shown there: both in one write, which no other process can interrupt.
     """
-    keep_outputs()
-    stream = sys.stderr if error else sys.stdout
-    stream.write(f"{CLEAR if is_screen(stream) else ''}{in_one_line(text)}\n")
-    stream.flush()
+    stream: TextIO | None = sys.stderr if error else sys.stdout
+    write_output(stream, f"{CLEAR if is_screen(stream) else ''}{in_one_line(text)}\n")
 
 
 def _draw_bar(read_state: Callable[[], State], ended: Event) -> None:

@@ -11,15 +11,18 @@ from support.doors import BadInput
 CLOSE = "import os\nfor number in {closed}: os.close(number)\nos.execv({command[0]!r}, {command!r})"
 PRINTS = """
 import os, sys
-from cmacexp.terminal.output import keep_outputs
-keep_outputs()
-held = os.open({file!r}, os.O_RDWR | os.O_CREAT)
-for text in ("m² ┃ 日本", "\\udcff", "x" * 100_000):
-    print(text)
-    print(text, file=sys.stderr)
-sys.stdout.flush()
-os.write(held, b"data")
-print("end")
+from cmacexp.commands.command import run_command
+from cmacexp.terminal.output import print_line
+
+def work():
+    held = os.open({file!r}, os.O_RDWR | os.O_CREAT)
+    for text in ("m² ┃ 日本", "\\udcff", "x" * 100_000):
+        print_line(text)
+        print_line(text, error=True)
+    os.write(held, b"data")
+    print("end")
+
+sys.exit(run_command(work))
 """
 
 
