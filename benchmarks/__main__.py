@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from benchmarks.c_loop import compiler
-from benchmarks.timing import Table, keep_freed_memory, markdown
+from benchmarks.timing import Table, markdown
 from cmacexp.jit.compiler import expect_runs
 
 ON_REQUEST = ("wire", "law")
@@ -41,7 +41,6 @@ def main() -> None:
     unknown = set(chosen.names) - {*ALL, *ON_REQUEST}
     if unknown:
         parser.error(f"no benchmark {', '.join(sorted(unknown))}; choose from {', '.join(ALL)}")
-    keep_freed_memory()
     expect_runs(math.inf)  # else short runs are not compiled
     parts = [f"On {machine()}."]
     print(parts[0], file=sys.stderr)

@@ -10,13 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cmacexp.config.schema import FREEZE
+from cmacexp.config.schema import NONE
 from cmacexp.control import HybridController
 from cmacexp.feedforward import CmacFeedforward
 from cmacexp.feedforward.network import planned_inputs as of_leg
 from cmacexp.loop.scenario import Scenario
 from cmacexp.models.mechanism import LEGS_ON_STAND
-from cmacexp.models.trend import WINDOW
 from cmacexp.plants import AnalyticPlant
 from cmacexp.typing import Array
 
@@ -33,17 +32,11 @@ FASTEST = ["-O3", "-march=native", "-ffast-math"]
 NUMBERS = (
     "length_1", "length_2", "mass_1", "mass_2", "hip_height", "stiffness", "step",
     "position_gain", "velocity_gain", "elasticity", "admittance", "b0", "b1", "a1", "torque_limit", "rate",
-    "planned_motion", "fastest_planned",
 )  # fmt: skip
-COUNTS = ("period", "start_step", "resolution_elements", "rows", "seed", "delay", "lead", "guarded")
-TABLES = ("support", "reference", "inputs", "low", "high", "shift", "weights", "torque")
-MOST_DELAY, MOST_LEAD = 7, 30
+COUNTS = ("period", "start_step", "resolution_elements", "rows", "seed", "lead")
+TABLES = ("support", "reference", "inputs", "low", "high", "shift", "weights")
+MOST_LEAD = 30
 """Of one_leg.c, samples."""
-GUARD_NUMBERS = (
-    "effort_limit", "speed_limit", "effort", "off", "motion",
-    "baseline_effort", "baseline_off", "best_score", "lowest_score", "last_off",
-)  # fmt: skip
-GUARD_COUNTS = ("alarm", "evaluated", "settling", "best_cycle", "cause", "acted")
 
 
 class CLaw(ctypes.Structure):
@@ -63,10 +56,7 @@ class CState(ctypes.Structure):
         *((name, ctypes.c_double * 2) for name in ("q", "dq", "foot", "velocity")),
         ("force", ctypes.c_double),
         *((name, ctypes.c_double * 2) for name in ("error", "output", "learning_error")),
-        ("commanded", ctypes.c_double * (4 * (MOST_DELAY + 1))),
-        *((name, ctypes.c_double) for name in GUARD_NUMBERS),
-        ("scores", ctypes.c_double * WINDOW),
-        *((name, ctypes.c_int64) for name in ("taken", "phase", *GUARD_COUNTS)),
+        ("taken", ctypes.c_int64),
     ]
 
 
@@ -111,7 +101,6 @@ def make_tables(scenario: Scenario) -> dict[str, np.ndarray]:
         "high": address.ranges.high,
         "shift": address.displacement.astype(np.int64),
         "weights": np.zeros((address.rows, 2)),
-        "torque": np.zeros((2, len(plan.support), 2)),
     }
     return {name: np.ascontiguousarray(table) for name, table in tables.items()}
 
@@ -120,16 +109,14 @@ def make_law(scenario: Scenario, tables: dict[str, np.ndarray]) -> CLaw:
     """``Law`` of a fresh scenario, with pointers to its ``tables``."""
     config, plan, address = scenario.setup.config, scenario.setup.plan, scenario.feedforward.cmacs[0].address
     leg, gains, lead = config.machine.leg, scenario.controller.params.gains, scenario.controller.params.lead
-    motion = (plan.joints.velocity[:, 0] ** 2).sum(axis=1)
     numbers = (
         leg.length_1, leg.length_2, leg.mass_1, leg.mass_2, config.machine.hip_height, config.terrain.stiffness,
         config.sampling_period, gains.position_gain, gains.velocity_gain, gains.elasticity,
         gains.admittance, lead.b0, lead.b1, lead.a1, config.actuator.limit, scenario.setup.rate,
-        motion.sum(), motion.max(),
     )  # fmt: skip
     counts = (
         len(plan.support), plan.start_step, address.resolution_elements, address.rows, address.seed,
-        config.actuator.delay, scenario.setup.lead, config.learning.guard == FREEZE,
+        scenario.setup.lead,
     )  # fmt: skip
     return CLaw(*numbers, *counts, *(tables[name].ctypes.data for name in TABLES))
 
@@ -154,8 +141,8 @@ def run_in_c(library: ctypes.CDLL, scenario: Scenario) -> tuple[Array, float]:
     assert isinstance(scenario.feedforward, CmacFeedforward)
     assert scenario.setup.mechanism.kind == LEGS_ON_STAND
     assert config.force_control.method == "combined"
-    assert (plant.config.substeps, config.terrain.patch_spread, config.actuator.lag) == (1, 0.0, 0.0)
-    assert config.actuator.delay <= MOST_DELAY
+    assert (plant.config.substeps, config.terrain.patch_spread) == (1, 0.0)
+    assert (config.actuator.lag, config.actuator.delay, config.learning.guard) == (0.0, 0, NONE)
     assert scenario.setup.lead <= MOST_LEAD
     tables = make_tables(scenario)
     params, state = make_law(scenario, tables), make_state(scenario)

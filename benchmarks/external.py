@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.timing import Row, Table, compared, in_turn, make_config
 from cmacexp.config import Config
-from cmacexp.control import Action, Reference
+from cmacexp.control import Action
 from cmacexp.data.signals import ARRAYS
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.plants import Measurement
@@ -19,32 +19,22 @@ from tests.support.rollout import Rollout, roll_out
 TARGET = "10 us on top"
 
 
-class Plays:
-    """A part that does nothing but give one prepared answer after the other, whatever it is asked."""
+class Replay:
+    """A component that does nothing but give one prepared answer after the other, whatever it is asked."""
 
     acts = True
 
     def __init__(self, answers: list[Any]):
-        self.give = iter(answers).__next__
+        self.next_answer = iter(answers).__next__
 
     def reset(self, *known: object) -> None:
         """Nothing to prepare."""
 
-    def step(self, torque: Array) -> Measurement:
-        """As a plant."""
-        return self.give()
+    def give(self, *inputs: object) -> Any:
+        """Give the next answer, as any of the four components."""
+        return self.next_answer()
 
-    def measure(self, true: Measurement) -> Measurement:
-        """As sensors."""
-        return self.give()
-
-    def act(self, reference: Reference, measurement: Measurement) -> Action:
-        """As a controller."""
-        return self.give()
-
-    def predict(self, reference: Reference, learning_error: Array) -> Array:
-        """As a feedforward."""
-        return self.give()
+    step = measure = act = predict = give
 
 
 METHODS = {"plant": "step", "sensors": "measure", "controller": "act", "feedforward": "predict"}
@@ -84,7 +74,7 @@ def in_loop(config: Config, given: dict[str, list[Any]]) -> Callable[[], float]:
     """A worker: seconds a step of a run with these external parts."""
 
     def run() -> float:
-        scenario = replace(make_scenario(config), **{key: Plays(listed) for key, listed in given.items()})
+        scenario = replace(make_scenario(config), **{key: Replay(listed) for key, listed in given.items()})
         rollout = roll_out(scenario)
         assert rollout.status == "completed", rollout.cause
         return rollout.seconds / rollout.steps
@@ -98,7 +88,7 @@ def alone(given: dict[str, list[Any]]) -> Callable[[], float]:
     def run() -> float:
         two = ("controller", "feedforward")
         calls = [
-            (getattr(Plays(listed), METHODS[key]), (None, None) if key in two else (None,), len(listed))
+            (getattr(Replay(listed), METHODS[key]), (None, None) if key in two else (None,), len(listed))
             for key, listed in given.items()
         ]
         began = time.perf_counter()

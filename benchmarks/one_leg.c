@@ -1,8 +1,6 @@
-/* The loop of one leg in plain C: the arithmetic of cmacexp/loop/step.py for scenario=one_leg, function by function,
- * with actuator.delay, learning.lead and learning.guard=freeze, but for one thing: the rows of the CMAC are hashed anew
- * in every step instead of being looked up in a table. Built with contraction of products and sums off, it gives the
- * bits of the Python source; with -ffast-math it rounds otherwise, and a run must not diverge. It needs no C library:
- * docs/browser.py compiles it to WebAssembly. */
+/* The loop of one leg in plain C: the arithmetic of cmacexp/loop/step.py for scenario=one_leg with learning.lead,
+ * function by function, but for one thing: the rows of the CMAC are hashed anew in every step instead of being looked up
+ * in a table. benchmarks/c_loop.py builds it with -ffast-math, so it rounds otherwise, and a run must not diverge. */
 
 #include <stdint.h>
 
@@ -12,34 +10,26 @@
 #ifndef INPUTS
 #define INPUTS 6
 #endif
-enum { COLUMNS = 16, REFERENCES = 6, OUTPUTS = 2, MOST_DELAY = 7, DELAYS = MOST_DELAY + 1, MOST_LEAD = 30, RECENT = 32 };
+enum { COLUMNS = 16, REFERENCES = 6, OUTPUTS = 2, MOST_LEAD = 30, RECENT = 32 };
 static const double GRAVITY = 9.81, FASTEST_JOINT = 100.0, PI = 3.14159265358979323846;
 
 /* What does not change during a run; the same fields in the same order as benchmarks/c_loop.py has them. */
 typedef struct {
     double length_1, length_2, mass_1, mass_2, hip_height, stiffness, step;
     double position_gain, velocity_gain, elasticity, admittance, b0, b1, a1, torque_limit, rate;
-    double planned_motion, fastest_planned; /* of the squared joint velocities: sum over a cycle, largest; (rad/s)^2 */
-    int64_t period, start_step, resolution_elements, rows, seed, delay, lead, guarded;
+    int64_t period, start_step, resolution_elements, rows, seed, lead;
     const uint8_t *support;   /* (period) */
     const double *reference;  /* (2, period, REFERENCES) */
     const double *inputs;     /* (period, INPUTS) */
     const double *low, *high; /* (INPUTS) */
     const int64_t *shift;     /* (LAYERS, INPUTS) */
     double *weights;          /* (rows, OUTPUTS) */
-    double *torque;           /* (2, period, OUTPUTS): of the guard, of this cycle and of the best one */
 } Law;
 
-enum { WINDOW = 10, SIGNIFICANT = 35, SETTLING = 2 };
-typedef enum { BASELINE, LEARNING, FROZEN, REFINING, FEEDBACK_ONLY } Phase;
-typedef enum { NOTHING, PEAK, WORSE, DRIFT, CHATTER } Cause;
-
-/* What changes; starts as the plant was reset, with the rest zero. The guard's part is that of cmacexp/loop/guard.py. */
+/* What changes; starts as the plant was reset, with the rest zero. */
 typedef struct {
-    double q[2], dq[2], foot[2], velocity[2], force, error[2], output[2], taught[2], commanded[DELAYS][2][OUTPUTS];
-    double effort_limit, speed_limit, effort, off, motion; /* squares: limits of one step, sums over this cycle */
-    double baseline_effort, baseline_off, best_score, lowest_score, last_off, scores[WINDOW];
-    int64_t taken, phase, alarm, evaluated, settling, best_cycle, cause, acted; /* acted: step of the last event */
+    double q[2], dq[2], foot[2], velocity[2], force, error[2], output[2], taught[2];
+    int64_t taken;
 } State;
 
 typedef struct { double s1, c1, s12, c12; } Trig;
@@ -232,107 +222,6 @@ static int has_diverged(const State *s) {
     return !__builtin_isfinite(s->force);
 }
 
-/* Replaces the torques of this step by those of `delay` steps ago. */
-static void postpone(const Law *law, State *s, double *feedback, double *feedforward) {
-    double (*now)[OUTPUTS] = s->commanded[s->taken % DELAYS];
-    double (*then)[OUTPUTS] = s->commanded[(s->taken + DELAYS - law->delay) % DELAYS];
-    for (int j = 0; j < OUTPUTS; j++) {
-        now[0][j] = feedback[j], now[1][j] = feedforward[j];
-        feedback[j] = then[0][j], feedforward[j] = then[1][j];
-    }
-}
-
-/* cmacexp/loop/guard.py: back to the torque of the best cycle, to feedback only if there is none or it did not help. */
-static void revert_to_best(const Law *law, State *s, Cause cause) {
-    double *torque = law->torque, *best = law->torque + OUTPUTS * law->period;
-    if (s->phase == FROZEN) s->best_cycle = 0;
-    s->phase = s->best_cycle > 0 ? FROZEN : FEEDBACK_ONLY;
-    for (int64_t k = 0; k < OUTPUTS * law->period; k++) torque[k] = s->best_cycle > 0 ? best[k] : 0.0;
-    s->settling = SETTLING, s->evaluated = 0, s->lowest_score = __builtin_inf(), s->cause = cause, s->acted = s->taken;
-}
-
-static int has_drifted(State *s, double score) {
-    int64_t newest = s->evaluated++ % WINDOW, rises = 0;
-    double mean = 0.0;
-    s->scores[newest] = score;
-    if (s->evaluated < WINDOW) return 0;
-    for (int i = 0; i < WINDOW; i++) mean += s->scores[i] / WINDOW;
-    if (mean < s->lowest_score) s->lowest_score = mean;
-    for (int i = 0; i < WINDOW; i++)
-        for (int k = i + 1; k < WINDOW; k++) {
-            double earlier = s->scores[(newest + 1 + i) % WINDOW], later = s->scores[(newest + 1 + k) % WINDOW];
-            rises += (later > earlier) - (later < earlier);
-        }
-    return mean > 1.2 * s->lowest_score && rises >= SIGNIFICANT;
-}
-
-static void compare(const Law *law, State *s, double effort, double off) {
-    double score = __builtin_sqrt(effort * off), allowed = 0.95 * s->last_off;
-    int drifts = has_drifted(s, score), first = s->phase == LEARNING && s->evaluated == 1;
-    if (s->phase != FROZEN && score < 0.98 * s->best_score && off < 1.0) {
-        s->best_score = score, s->best_cycle = s->taken / law->period;
-        for (int64_t k = 0; k < OUTPUTS * law->period; k++) law->torque[OUTPUTS * law->period + k] = law->torque[k];
-    } else if (!first && (effort > 2.0 || off > (allowed > 1.0 ? allowed : 1.0)))
-        revert_to_best(law, s, WORSE);
-    else if (drifts && s->phase != FROZEN)
-        revert_to_best(law, s, DRIFT);
-    s->last_off = off;
-}
-
-static void evaluate_cycle(const Law *law, State *s) {
-    double effort = __builtin_sqrt(s->effort), off = __builtin_sqrt(s->off);
-    int chatters = 9.0 * law->planned_motion > 0.0 && 9.0 * law->planned_motion < s->motion;
-    int last_settling = s->phase != BASELINE && s->settling == 1 && s->best_cycle == 0;
-    if (s->phase == BASELINE || last_settling) s->baseline_effort = effort + 1e-300, s->baseline_off = off + 1e-300;
-    if (s->phase == BASELINE) {
-        if (chatters)
-            revert_to_best(law, s, CHATTER);
-        else if (s->taken >= law->start_step)
-            s->phase = LEARNING, s->evaluated = 0;
-    } else if (s->settling > 0)
-        s->settling--;
-    else if (s->phase != FEEDBACK_ONLY)
-        compare(law, s, effort / s->baseline_effort, off / s->baseline_off);
-}
-
-static void guard_before(const Law *law, State *s, int64_t sample) {
-    if (s->taken == 0)
-        s->best_score = 1.0, s->lowest_score = __builtin_inf(), s->speed_limit = 16.0 * law->fastest_planned;
-    if (s->alarm && s->phase == LEARNING) revert_to_best(law, s, PEAK);
-    s->alarm = 0;
-    if (sample == 0 && s->taken > 0) {
-        evaluate_cycle(law, s);
-        s->effort = s->off = s->motion = 0.0;
-    }
-}
-
-/* Records the torque that was learnt; where nothing learns, replaces it. */
-static void guard_torque(const Law *law, const State *s, int64_t sample, double *feedforward) {
-    for (int j = 0; j < OUTPUTS; j++) {
-        double *recorded = law->torque + sample * OUTPUTS + j;
-        if (s->phase == LEARNING)
-            *recorded = feedforward[j];
-        else
-            feedforward[j] = s->phase == FROZEN ? *recorded : 0.0;
-    }
-}
-
-static void guard_sums(const Law *law, State *s, int64_t sample, const double *r) {
-    double effort = 0.0, off = 0.0, speed = 0.0;
-    for (int j = 0; j < 2; j++) {
-        effort += s->taught[j] * s->taught[j];
-        speed += s->dq[j] * s->dq[j];
-        if (j == 0 || !law->support[sample]) off += (r[j] - s->foot[j]) * (r[j] - s->foot[j]);
-    }
-    s->effort += effort, s->off += off, s->motion += speed;
-    if (s->phase == LEARNING || s->phase == FROZEN)
-        s->alarm |= effort > s->effort_limit || speed > s->speed_limit;
-    else {
-        if (9.0 * effort > s->effort_limit) s->effort_limit = 9.0 * effort;
-        if (16.0 * speed > s->speed_limit) s->speed_limit = 16.0 * speed;
-    }
-}
-
 /* Run `steps` steps and write COLUMNS numbers of each; returns the steps taken before the leg diverged. */
 int64_t one_leg(const Law *law, State *s, int64_t steps, double *samples) {
     int32_t cells[RECENT][LAYERS]; /* of the last steps, by their number */
@@ -340,10 +229,8 @@ int64_t one_leg(const Law *law, State *s, int64_t steps, double *samples) {
     Trig trig = trigonometry(s->q);
     for (int64_t k = 0; k < steps; k++, s->taken++) {
         int64_t sample = s->taken % law->period;
-        if (law->guarded) guard_before(law, s, sample);
-        int learns = law->guarded ? s->phase == LEARNING : s->taken >= law->start_step;
-        int acting = learns || s->phase == FROZEN;
-        const double *r = law->reference + (acting * law->period + sample) * REFERENCES;
+        int learns = s->taken >= law->start_step;
+        const double *r = law->reference + (learns * law->period + sample) * REFERENCES;
         double last[2] = {s->taught[0], s->taught[1]}, feedback[2], feedforward[2] = {0.0, 0.0}, tau[2];
         feedback_step(law, s, trig, law->support[sample], r, feedback);
         if (learns) {
@@ -354,14 +241,11 @@ int64_t one_leg(const Law *law, State *s, int64_t steps, double *samples) {
             train(law, cells[(s->taken - 1 - law->lead) & (RECENT - 1)], last);
             read_out(law, cells[s->taken & (RECENT - 1)], feedforward);
         }
-        if (law->guarded) guard_torque(law, s, sample, feedforward);
-        if (law->delay) postpone(law, s, feedback, feedforward);
         saturate(law->torque_limit, feedback, feedforward, tau);
         double row[COLUMNS] = {
             r[0], r[1], s->foot[0], s->foot[1], s->velocity[0], s->velocity[1], s->q[0], s->q[1], s->dq[0], s->dq[1],
             s->force, s->force, feedback[0], feedback[1], feedforward[0], feedforward[1]};
         __builtin_memcpy(samples + k * COLUMNS, row, sizeof row);
-        if (law->guarded) guard_sums(law, s, sample, r);
         advance(law, s, &trig, tau);
         if (has_diverged(s)) return k + 1;
     }

@@ -7,7 +7,6 @@ A disturbance only makes a measurement longer: a time is the best of its rounds,
 import ctypes
 import math
 import os
-import platform
 import resource
 import subprocess
 import sys
@@ -23,22 +22,6 @@ from cmacexp.config.compose import compose_config
 ROOT = Path(__file__).parents[1]
 Times = dict[str, list[float]]
 """Seconds of every round by name."""
-
-
-TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3
-"""Of glibc's ``mallopt``: bytes free at the end of the heap, and of a single array, that go back to the system."""
-
-
-def keep_freed_memory() -> None:
-    """Have glibc give the memory of one round to the next, if the C library is glibc.
-
-    Else a worker gets new pages from the system in every round, or in none, depending on what others left free: some
-    440 in the loop of one leg, which take two thirds as long as its steps.
-    """
-    if platform.libc_ver()[0] == "glibc":
-        library = ctypes.CDLL(None)
-        library.mallopt(TRIM_THRESHOLD, 2**30)
-        library.mallopt(MMAP_THRESHOLD, 2**25)
 
 
 class Row(NamedTuple):
