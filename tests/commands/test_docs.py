@@ -14,7 +14,7 @@ import shlex
 
 import pytest
 from support.command import ROOT, python
-from support.pages import NOTES, PAGES, blocks
+from support.pages import PAGES, blocks
 from support.robots import OWN, needs_models
 
 import cmacexp
@@ -61,14 +61,6 @@ def test_it_runs_as_printed(code, added, exit_code, folder):
         words = ["script"]
     done = python("-m", *words, folder=folder)
     assert done.returncode == exit_code, done.stderr
-
-
-def test_every_note_is_of_a_block_and_names_tests_that_exist():
-    first_lines = {(block.page, block.code.partition("\n")[0]) for block in HERE}
-    for page, notes in NOTES.items():
-        for line, note in notes.items():
-            assert (page, line) in first_lines
-            assert (ROOT / note.get("run_by", "tests")).exists(), note
 
 
 def test_the_notebook_is_its_example_and_is_stored_without_results():

@@ -1,13 +1,11 @@
 """Configs composed from Python are those of the command line; what they say reaches the machine and its reports."""
 
 import random
-from contextlib import suppress
 
 import pytest
 from hydra import compose, initialize_config_dir
 from numpy.testing import assert_array_equal
-from support.doors import BadInput, make_mechanism, make_scenario
-from support.fields import leaves
+from support.doors import BadInput, make_mechanism
 
 from cmacexp.config import config_folder, to_config
 from cmacexp.config.compose import compose_config, compose_untyped
@@ -75,18 +73,6 @@ def test_the_file_of_a_scenario_that_lacks_its_first_line_is_refused_with_that_l
     composed, _ = compose_untyped(["scenario=mine"], tmp_path)
     with pytest.raises(BadInput, match=r"'# @package _global_'$"):
         to_config(composed)
-
-
-@pytest.mark.ci
-def test_every_choice_of_a_field_makes_a_scenario_unless_another_field_forbids_it():
-    base = ["scenario=one_leg", "sensors=real", "gait.cycle_time=0.6", "sampling_period=0.01"]
-    made = set()
-    for key, value, declared in leaves(compose_config(base)):
-        for name in declared.get("choices", ()):
-            with suppress(BadInput):
-                make_scenario(compose_config([*base, f"{key}={[name] if isinstance(value, list) else name}"]))
-                made.add((key, name))
-    assert {("force_control.method", "explicit"), ("cmac.displacement", "parks_militzer")} <= made
 
 
 def test_what_is_set_for_all_legs_goes_to_all_of_them_but_those_with_their_own(make_config):

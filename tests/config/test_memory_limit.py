@@ -26,15 +26,6 @@ def test_the_key_that_matters_and_the_sizes_are_named(overrides, key, needed, mo
         make_scenario(config)  # which would take minutes
 
 
-def test_the_limit_of_memory_is_sharp(monkeypatch):
-    config, needed = compose_config(["cmac.layers=64"]), 600 * (check.SAMPLE_BYTES + 64 * check.CELL_BYTES)
-    monkeypatch.setattr(check, "machine_memory", lambda: needed)
-    check.check_memory(config)
-    monkeypatch.setattr(check, "machine_memory", lambda: needed - 1)
-    with pytest.raises(BadInput):
-        check.check_memory(config)
-
-
 def test_the_memory_of_a_process_is_that_of_the_machine_or_of_its_limit(monkeypatch):
     found = []
     for limit in (check.resource.RLIM_INFINITY, 2**30, 2**60):

@@ -2,21 +2,16 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from support.walks import HIPS, feet_in_world, in_world
 
-from cmacexp.models.body import Load, balance, depth, energy, make_pose, slope
+from cmacexp.models.body import Load, balance, depth, make_pose
 
 WEIGHT = 40.0
 LEVEL = np.zeros(4)
 LOAD = Load(WEIGHT, 0.0, 0.0)
-
-
-def energy_by_rotation(body, foot, stiffness, level=LEVEL, load=LOAD):
-    lies = in_world(body, np.array([[load.x, load.y, 0.0]]))[0, 2]
-    return load.weight * lies + 0.5 * stiffness @ np.maximum(0.0, -feet_in_world(body, foot)[:, 2] - level) ** 2
 
 
 def find_balance(foot, stiffness, start=(0.5, 0.0, 0.0)):
@@ -24,12 +19,6 @@ def find_balance(foot, stiffness, start=(0.5, 0.0, 0.0)):
     body, force = np.array(start, dtype=float), np.zeros(len(foot))
     found = balance(HIPS, foot, np.asarray(stiffness, dtype=float), LEVEL, LOAD, body, force)
     return found, body, force
-
-
-def slope_at(body, *ground):
-    """Gradient (3,) and curvature (3, 3) of the energy."""
-    h, p, r, hh, hp, hr, pp, pr, rr = slope(np.asarray(body, dtype=float), HIPS, *ground, np.zeros(4))
-    return np.array([h, p, r]), np.array([[hh, hp, hr], [hp, pp, pr], [hr, pr, rr]])
 
 
 tilts = st.floats(-0.4, 0.4)
@@ -53,22 +42,6 @@ def standing(draw):
     return foot, stiffness
 
 
-@st.composite
-def tilted(draw):
-    """A body, what it stands on and its load; some feet press, some do not, none is about to."""
-    foot, stiffness = draw(standing())
-    body = np.array([draw(st.floats(0.4, 0.55)), draw(tilts), draw(tilts)])
-    level = np.array([draw(st.floats(-0.01, 0.01)) for _ in range(4)])
-    load = Load(draw(st.floats(1.0, 60.0)), draw(st.floats(-0.2, 0.2)), draw(st.floats(-0.2, 0.2)))
-    assume((np.abs(feet_in_world(body, foot)[:, 2] + level) > 1e-3).all())
-    return body, foot, stiffness, level, load
-
-
-def differences(function, body, step=1e-5):
-    """Derivatives of ``function`` by height, pitch and roll, by central differences."""
-    return np.array([(function(body + shift) - function(body - shift)) / (2.0 * step) for shift in step * np.eye(3)])
-
-
 # Depth and energy
 
 
@@ -78,16 +51,6 @@ def test_depth_is_that_of_the_turned_point(height, pitch, roll, x, y, down):
     body = np.array([height, pitch, roll])
     expected = -in_world(body, np.array([[x, y, -down]]))[0, 2]
     assert depth(make_pose(body), x, y, down) == pytest.approx(expected, abs=1e-12)
-
-
-@given(tilted())
-def test_energy_is_that_of_weight_and_springs_and_its_derivatives_are_its_slope(case):
-    body, *ground = case
-    assert energy(body, HIPS, *ground) == pytest.approx(energy_by_rotation(*case), rel=1e-12)
-    gradient, curvature = slope_at(*case)
-    assert_allclose(gradient, differences(lambda b: energy(b, HIPS, *ground), body), rtol=1e-6, atol=1e-4)
-    expected = differences(lambda b: slope_at(b, *ground)[0], body)
-    assert_allclose(curvature, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max() + 1e-3)
 
 
 # Balance

@@ -13,7 +13,6 @@ from cmacexp.models.chain import (
     chain_angles,
     chain_kinematics,
     chain_motion,
-    chain_points,
     make_chains,
 )
 from cmacexp.models.leg import Leg, foot_position, jacobian, trigonometry
@@ -76,20 +75,6 @@ def test_chains_are_in_the_frame_of_the_hip_forward_down_and_left():
     hinges[..., :3], hinges[..., 3:] = [0.3, 0.1, -0.2], [0.0, 1.0, 0.0]
     made = make_chains(hinges, np.tile([0.3, 0.1, -0.6], (4, 1)), np.tile([0.2, 0.1, 0.0], (4, 1)))
     assert_allclose(made, np.tile([*[0.1, 0.2, 0.0, 0.0, 0.0, 1.0] * 3, 0.1, 0.6, 0.0], (4, 1)))
-
-
-@given(chains(), postures)
-def test_hinges_keep_distances(chain, q):
-    def lengths(points):
-        return np.linalg.norm(np.diff(points, axis=0), axis=1)
-
-    assert_allclose(lengths(chain_points(chain, np.array(q))), lengths(chain_points(chain, np.zeros(3))), atol=1e-12)
-
-
-@given(chains(), arrays(float, (2, 3, 3), elements=angles))
-def test_the_last_of_many_points_is_the_foot_of_each_posture(chain, q):
-    feet = [[chain_kinematics(chain, *posture).foot for posture in row] for row in q]
-    assert_allclose(chain_points(chain, q)[..., -1, :], feet, atol=1e-14)
 
 
 @given(st.floats(0.1, 1.0), st.floats(0.1, 1.0), angles, angles)

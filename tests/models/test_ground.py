@@ -1,7 +1,5 @@
 """Laws of the ground: patches, steps of its stiffness, slope, damping; and of the level pose of what stands on it."""
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,15 +8,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from cmacexp.models.body import (
     LEVEL,
-    STEEPEST,
-    Load,
-    Slope,
-    balance,
     depth,
     depth_rate,
-    descend,
     make_pose,
-    newton_step,
 )
 from cmacexp.models.ground import (
     ALL_LEGS,
@@ -37,9 +29,6 @@ from cmacexp.models.ground import (
 )
 
 places = st.floats(-30.0, 30.0)
-HIPS = np.array([[0.225, 0.225], [0.225, -0.225], [-0.225, 0.225], [-0.225, -0.225]])
-
-
 FLAT = Ground(1e4, 0.15, 0.0, 0, 0.0, NEVER, 1.0, ALL_LEGS, 0.0, 0.0)
 PATCHY = FLAT._replace(patch_spread=0.5)
 parts = st.floats(0.01, 0.99)
@@ -57,12 +46,6 @@ def of_patches(ground):
 def test_within_a_patch_the_ground_is_of_one_stiffness(i, j, u, v):
     one, other = (stiffness_at(PATCHY, (i + a) * 0.15, (j + b) * 0.15) for a, b in ((u, v), (0.5, 0.5)))
     assert one == other
-
-
-def test_a_patch_begins_with_its_lower_edges():
-    ground = PATCHY._replace(patch_size=0.25)  # whose multiples are exact
-    for i, j in ((0, 0), (3, -2), (-5, 7)):
-        assert stiffness_at(ground, i * 0.25, j * 0.25) == stiffness_at(ground, (i + 0.5) * 0.25, (j + 0.5) * 0.25)
 
 
 def test_patches_fill_the_spread_evenly_and_know_nothing_of_their_neighbours_nor_of_another_seed():
@@ -148,34 +131,3 @@ def test_depth_changes_at_its_rate(pitch, roll, dh, dp, dr, x, y):
     body, rate, short = np.array([0.5, pitch, roll]), np.array([dh, dp, dr]), 1e-6
     after, before = (depth(make_pose(body + s * short * rate), x, y, 0.0) for s in (1.0, -1.0))
     assert depth_rate(make_pose(body), rate, x, y) == pytest.approx((after - before) / (2.0 * short), abs=1e-8)
-
-
-@pytest.mark.parametrize("angle", [1, 2])
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_a_search_that_begins_beyond_the_steepest_tilt_finds_nothing_either_way(angle, way):
-    """Though one that begins less steep finds the level balance."""
-    foot, stiffness, force = np.tile([0.0, 0.5], (4, 1)), np.full(4, 1e4), np.zeros(4)
-    for tilt, found in ((STEEPEST + 0.01, False), (2.0, False), (6.0, False), (0.2, True)):
-        body = np.array([0.3, 0.0, 0.0])
-        body[angle] = way * tilt
-        assert balance(HIPS, foot, stiffness, np.zeros(4), Load(40.0, 0.0, 0.0), body, force) == found
-    assert_allclose(body, [0.5 - 1e-3, 0.0, 0.0], atol=1e-9)
-    assert math.isclose(force.sum(), 40.0, rel_tol=1e-9)
-
-
-@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.3, 30.0]))
-def test_a_newton_step_solves_its_equations_where_the_curvature_is_positive_definite(seed, damping):
-    drawn = np.random.default_rng(seed).normal(size=(3, 3))
-    curvature, gradient = drawn + drawn.T + np.diag([1.0, 2.0, 1.0]), drawn[0]
-    convex, *step = newton_step(Slope(*gradient, *curvature[np.triu_indices(3)]), damping)
-    damped = curvature + damping * np.eye(3)
-    assert convex == (np.linalg.eigvalsh(damped).min() > 0.0)
-    expected = np.linalg.solve(damped, -gradient) if convex else np.zeros(3)
-    assert_allclose(step, expected, rtol=1e-6, atol=1e-9)
-
-
-def test_a_step_that_nothing_but_raises_the_energy_is_taken_back():
-    foot, stiffness, load = np.tile([0.0, 0.5], (4, 1)), np.full(4, 1e4), Load(40.0, 0.0, 0.0)
-    body = np.array([0.45, 0.01, -0.02])
-    assert not descend(body, HIPS, foot, stiffness, np.zeros(4), load, -0.01, 0.02, -0.03)
-    assert body.tolist() == [0.45, 0.01, -0.02]

@@ -2,7 +2,9 @@
 
 import pytest
 from support.doors import BadInput
+from support.robots import read
 
+from cmacexp.models.lead import discretise
 from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.robot_gains import (
     MOST_FEEDBACK,
@@ -10,7 +12,10 @@ from cmacexp.models.robot_gains import (
     PERIODS,
     RECOMMENDED,
     choose_feedback,
+    derive_basis,
+    derive_gains,
     find_delay_margin,
+    find_standing_margin,
     recommend_period,
     require_period,
 )  # fmt: skip
@@ -46,3 +51,19 @@ def test_a_gait_on_two_feet_gets_the_longest_period_that_allows_its_gains(loop_d
         needed = gain * MOST_FEEDBACK / PERIODS[0][0]
         assert choose_feedback(loop_delay, period) >= needed * period
         assert period == longest or choose_feedback(loop_delay, 2.5 * period) < needed * 2.5 * period
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("lag", [0.005, 0.015])
+def test_a_declared_delay_uses_up_the_margin_and_stiffer_posture_lowers_it(lag):
+    robot, lead = read(), discretise(10.0, 3.0, 0.001)
+    basis = derive_basis(robot)
+    gains = derive_gains(basis, 0.001, lead.b0, LoopDelay(0, (lag,)))
+
+    def find(gains, latency=0.0):
+        ground = (basis.stiffness, basis.damping)
+        return find_standing_margin(robot, ground, gains, lead, 0.001, LoopDelay(0, (lag,), latency)).delay
+
+    margin = find(gains)
+    assert find(gains, margin / 2.0) == pytest.approx(margin / 2.0, rel=0.05)
+    assert find(gains._replace(posture_rate_gain=3.0 * gains.posture_rate_gain)) < 0.8 * margin

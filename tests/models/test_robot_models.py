@@ -2,6 +2,7 @@
 
 import os
 import sys
+from xml.etree import ElementTree
 
 import pytest
 from support.doors import BadInput
@@ -9,6 +10,7 @@ from support.robots import FEET, HOME, JOINTS, OWN, change, read
 
 from cmacexp.models import robot_file as find
 from cmacexp.models.robot import read_robot
+from cmacexp.models.robot_spec import POINT_INERTIA, _find_mesh, _make_possible
 
 INSIDE = "<worldbody>"
 FOOT = '<geom name="FL"'
@@ -91,3 +93,24 @@ def test_a_package_is_found_and_not_imported(tmp_path, monkeypatch):
     with pytest.raises(BadInput, match=r"^machine\.model=go3: .*installed are own"):
         find.find_model("go3", None)
     assert "robots_of_a_test" not in sys.modules
+
+
+def test_files_of_a_model_are_found_in_its_packages(tmp_path):
+    mesh = tmp_path / "meshes" / "calf.stl"
+    mesh.parent.mkdir()
+    mesh.touch()
+    for name, found in {"package://robot/meshes/calf.stl": True, "meshes/calf.stl": True, "calf.stl": False}.items():
+        element = ElementTree.Element("mesh", filename=name)
+        assert _find_mesh(element, [tmp_path]) is found
+        assert element.get("filename") == (str(mesh) if found else name)
+
+
+@pytest.mark.parametrize(
+    ("mass", "ixx", "expected"), [("2", "1", "1"), ("2", "-1", str(2 * POINT_INERTIA)), ("0", "0", None)]
+)
+def test_an_inertia_that_no_body_has_becomes_that_of_a_point(mass, ixx, expected):
+    inertia = f'<inertia ixx="{ixx}" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    link = ElementTree.fromstring(f'<link><inertial><mass value="{mass}"/>{inertia}</inertial></link>')
+    _make_possible(link, link[0])
+    left = link.find("inertial/inertia")
+    assert (None if left is None else left.get("ixx")) == expected

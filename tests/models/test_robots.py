@@ -7,6 +7,7 @@ from support.robots import MODELS, change, read
 
 from cmacexp.models.chain import chain_kinematics
 from cmacexp.models.leg import GRAVITY
+from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.robot import load_mujoco
 from cmacexp.models.robot_gains import Basis, derive_basis, derive_gains
 
@@ -51,8 +52,9 @@ def test_no_motion_of_a_foot_takes_less_energy_than_the_mass_that_it_feels(name)
     assert foot_mass <= min(masses) <= 1.05 * foot_mass
 
 
-def test_the_body_stands_on_its_legs_as_on_a_damped_spring():
-    gains = derive_gains(BASIS, 0.002, 2.9)
+@pytest.mark.parametrize("loop_delay", [LoopDelay(), LoopDelay(1), LoopDelay(1, (0.0002,))])
+def test_the_body_stands_on_its_legs_as_on_a_damped_spring_whatever_delays_feedback(loop_delay):
+    gains = derive_gains(BASIS, 0.001, 2.9, loop_delay)
     stiffness = 4.0 * gains.position_gain * (1.0 + gains.posture_gain)
     damping = 4.0 * gains.velocity_gain * (1.0 + gains.posture_rate_gain)
     assert np.sqrt(stiffness / BASIS.mass) == pytest.approx(27.0)
