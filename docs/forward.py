@@ -24,7 +24,7 @@ FORWARD: dict[str, str] = {
     "how-to-choose": "long-runs#how-to-choose",
     "learning-rules": "long-runs#learning-rules",
     "to-hardware": "real-robot#the-feedforward-in-c",
-    "mutants": "performance#mutation-testing",
+    "browser": "tutorial",
     "studies": "benchmark#studies",
     "gap": "real-robot#compare-a-log-with-a-model",
     "main-path": "design-notes#the-main-path",

@@ -21,12 +21,7 @@ def sources_digest() -> str:
 
 
 def runs_folder(config) -> Path:
-    """The folder of the shared runs of this state of the code; those of other states are removed.
-
-    Without pytest's cache (``-p no:cacheprovider``, as for mutants) nothing is shared between processes.
-    """
-    if not hasattr(config, "cache"):
-        return Path(tempfile.mkdtemp(prefix="cmacexp-runs-"))
+    """The folder of the shared runs of this state of the code; those of other states are removed."""
     name, shared = sources_digest(), Path(config.cache.mkdir("runs"))
     for old in shared.iterdir():
         if old.name != name:
