@@ -2,7 +2,6 @@
 
 import json
 import tempfile
-import time
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -11,12 +10,10 @@ import numpy as np
 
 from benchmarks import external
 from benchmarks.c_loop import COLUMNS, build, compiler, run_in_c
-from benchmarks.timing import Row, Table, compared, in_turn, make_config, python
+from benchmarks.timing import Row, Table, compared, in_turn, make_config, python, time_step
 from cmacexp.config import Config
-from cmacexp.loop import stream
-from cmacexp.loop.samples import ALL_SAMPLES
+from cmacexp.loop import run_cycles
 from cmacexp.loop.scenario import make_scenario
-from tests.support.rollout import roll_out
 
 TARGETS = {
     "one_leg": "0.30 us where C takes 0.36 us",
@@ -35,18 +32,15 @@ MOST_ROUNDING = 1e-8
 def per_step(config: Config) -> Callable[[], float]:
     """A worker: seconds a step of a whole run in memory."""
 
-    def run() -> float:
-        rollout = roll_out(make_scenario(config))
-        return rollout.seconds / len(rollout.samples)
-
-    return run
+    return lambda: time_step(make_scenario(config))
 
 
 def in_c(config: Config) -> Callable[[], float]:
     """A worker: seconds a step of the same run in C; raises SystemExit unless it takes the same steps."""
     library = build(config.cmac.layers, 2 * len(config.cmac.inputs))
     samples, _ = run_in_c(library, make_scenario(config))
-    same = roll_out(make_scenario(config)).samples[:, 0, [ALL_SAMPLES.index(name) for name in COLUMNS]]
+    traces = [[trace[name][:, 0] for name in COLUMNS] for trace in run_cycles(make_scenario(config))]
+    same = np.concatenate(traces, axis=1).T
     if samples.shape != same.shape or not np.allclose(samples, same, rtol=0.0, atol=MOST_ROUNDING):
         raise SystemExit(f"one_leg.c takes {len(samples)} steps, and the loop {len(same)} or others")
 
@@ -96,12 +90,10 @@ def late_cycles(config: Config) -> Callable[[], float]:
     """A worker: seconds a step of the best block of cycles in the second half of a run that keeps nothing."""
 
     def run() -> float:
-        marks: list[tuple[int, float]] = []
         scenario = make_scenario(config)
-        end = stream(scenario, lambda samples: None, lambda cycle: marks.append((cycle, time.perf_counter())))
-        assert end.status == "completed"
-        late = [mark for mark in marks if mark[0] >= config.cycles // 2]
-        return min((t - s) / (k - i) for (i, s), (k, t) in pairwise(late)) / config.steps_per_cycle
+        marks = [(scenario.end.steps, scenario.end.rollout_seconds) for _ in run_cycles(scenario)]
+        late = marks[len(marks) // 2 :]
+        return min((t - s) / (k - i) for (i, s), (k, t) in pairwise(late))
 
     return run
 

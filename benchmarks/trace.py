@@ -4,14 +4,17 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
 from benchmarks.timing import Row, Table, compared, in_turn, make_config, stopwatch
 from cmacexp.data.tables import write_table
+from cmacexp.loop.driver import Driver
+from cmacexp.loop.samples import make_samples
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.loop.trace import Sampled, assemble
-from tests.support.rollout import roll_out
+from cmacexp.loop.stop import RUNNING
+from cmacexp.loop.trace import make_trace, select_columns
 
 
 def _size(path: Path) -> str:
@@ -21,18 +24,21 @@ def _size(path: Path) -> str:
 def of_run(cycles: int, folder: Path, rounds: int) -> list[Row]:
     """From the samples of a run of one leg to a whole file."""
     config = make_config("scenario=one_leg", f"cycles={cycles}")
-    rollout = roll_out(make_scenario(config))
-    table = assemble(Sampled(rollout.plan, rollout.columns(), config.sampling_period)).table
+    scenario = make_scenario(config)
+    samples, body = make_samples(config.cycles * config.steps_per_cycle, config.legs, wide=False)
+    assert Driver(scenario, None).run(samples, body) == RUNNING
     ours, plain, csv, npy = (folder / f"{cycles}.{kind}" for kind in ("parquet", "plain", "csv", "npy"))
 
-    def write() -> None:
-        write_table(assemble(Sampled(rollout.plan, rollout.columns(), config.sampling_period)).table, ours)
+    def make() -> pa.Table:
+        return make_trace(scenario, select_columns(scenario), 0, samples, body).table
+
+    table = make()
 
     workers = {
-        "ours": stopwatch(write),
+        "ours": stopwatch(lambda: write_table(make(), ours)),
         "plain": stopwatch(lambda: pq.write_table(table, plain)),
         "csv": stopwatch(lambda: pa_csv.write_csv(table, csv)),
-        "npy": stopwatch(lambda: np.save(npy, rollout.samples)),
+        "npy": stopwatch(lambda: np.save(npy, samples)),
     }
     times = in_turn(workers, rounds)
     speed = table.nbytes / min(times["ours"]) / 1e6

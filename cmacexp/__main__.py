@@ -77,9 +77,10 @@ def run_words() -> int:
 
         with suppress(OSError):  # which the sweep raises again
             make_context()  # what workers need is imported while this process imports what it needs
-    from cmacexp.commands.main import main as run
+    from cmacexp.commands.command import run_command
+    from cmacexp.commands.main import run_or_sweep
 
-    return run()
+    return run_command(run_or_sweep)
 
 
 if __name__ == "__main__":

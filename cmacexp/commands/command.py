@@ -80,26 +80,27 @@ def run_command(work: Callable[[], int | None], hint: str = "") -> int:
     keep_outputs()
     try:
         with handled():
-            return _do(work, hint)
+            try:
+                return work() or COMPLETED
+            except BrokenPipeError:  # who reads the output needs no more of it
+                return FAILED
+            except (KeyboardInterrupt, Exception) as error:
+                return _report(error, hint)
     finally:
         for stream in (sys.stdout, sys.stderr):
             write_output(stream)
 
 
-def _do(work: Callable[[], int | None], hint: str) -> int:
-    try:
-        return work() or COMPLETED
-    except BrokenPipeError:  # who reads the output needs no more of it
-        return FAILED
-    except (KeyboardInterrupt, Exception) as error:
-        if is_interrupt(error):
-            print_line(f"interrupted{hint}", error=True)
-            return interrupted_exit_code()
-        if not isinstance(error, CmacexpError | OSError | MemoryError):
-            raise
-        if isinstance(error, BadComponent):  # what its own code raised
-            print(format_user_traceback(error.raised), file=sys.stderr, end="")
-        if isinstance(error, FileNotFoundError) and error.filename is None:  # that of the current folder
-            error = CmacexpError("the current folder is gone: change to another one")
-        print_line(f"error: {str(error).strip() or type(error).__name__}", error=True)
-        return BAD_INPUT if isinstance(error, CmacexpError) else FAILED
+def _report(error: BaseException, hint: str) -> int:
+    """Report what ended a command in a line; its exit code. Raises an error that is none of the input or system."""
+    if is_interrupt(error):
+        print_line(f"interrupted{hint}", error=True)
+        return interrupted_exit_code()
+    if not isinstance(error, CmacexpError | OSError | MemoryError):
+        raise error
+    if isinstance(error, BadComponent):  # what its own code raised
+        print(format_user_traceback(error.raised), file=sys.stderr, end="")
+    if isinstance(error, FileNotFoundError) and error.filename is None:  # that of the current folder
+        error = CmacexpError("the current folder is gone: change to another one")
+    print_line(f"error: {str(error).strip() or type(error).__name__}", error=True)
+    return BAD_INPUT if isinstance(error, CmacexpError) else FAILED

@@ -5,7 +5,7 @@ import contextlib
 import os
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hydra import initialize_config_dir
 from hydra import main as hydra_main
@@ -18,13 +18,18 @@ from omegaconf import DictConfig, OmegaConf
 
 from cmacexp.commands.command import BAD_INPUT, COMPLETED, FAILED, STOPPED, run_command
 from cmacexp.commands.group_help import find_group, format_help
-from cmacexp.config import config_folder, to_config
+from cmacexp.config import Config, config_folder, to_config
 from cmacexp.config.compose import make_record
 from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput, CmacexpError, require
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.typing import Status
+
+if TYPE_CHECKING:
+    from cmacexp.data.records import Drift
+    from cmacexp.data.run import Run
+    from cmacexp.loop.scenario import Scenario
 
 EXIT_CODES: dict[str, int] = {
     Status.COMPLETED: COMPLETED,
@@ -45,10 +50,11 @@ OPTIONS = (
 
 def main() -> int:
     """Run the command line; its exit code."""
-    return run_command(_run_or_sweep)
+    return run_command(run_or_sweep)
 
 
-def _run_or_sweep() -> int:
+def run_or_sweep() -> int:
+    """Run what the words of the command line say, a run or a sweep; its exit code."""
     if "--version" in sys.argv[1:]:
         print(f"cmacexp {__version__}")
         return COMPLETED
@@ -119,7 +125,15 @@ class _Task:
         self.called, hydra = True, HydraConfig.get()
         folder = Path(hydra.runtime.output_dir)
         try:
-            self.status = _run(composed, hydra)
+            config, scenario = _prepare(composed, hydra)
+            from cmacexp.engine.run import run_scenario
+            from cmacexp.terminal.output import show_progress
+
+            own: Any = hydra
+            record = make_record(composed, own) if config.record.trace else None
+            with show_progress(config.scenario, config.cycles, "cycles") as watch:
+                run = run_scenario(config, folder, watch, scenario, _warn_of_drift, record, hydra.overrides.task)
+            self.status = _report(run)
         except Exception as error:  # of which Hydra would print more than a line
             self.error = error
         finally:
@@ -150,50 +164,46 @@ class _Task:
         return error
 
 
-def _run(composed: DictConfig, hydra: Any) -> str:
-    """Run a config and print what it gave; the status of the run."""
+def _prepare(composed: DictConfig, hydra: Any) -> tuple[Config, "Scenario"]:
+    """Check a config, and plan its run; prints warnings of what has no effect, or little margin."""
     config = to_config(composed)
-    require(
-        not config.sweep.resume,
-        "sweep.resume",
-        True,
-        "only a sweep can be resumed: add -m and hydra.sweep.dir=DIR",
-    )
+    resumes = "only a sweep can be resumed: add -m and hydra.sweep.dir=DIR"
+    require(not config.sweep.resume, "sweep.resume", True, resumes)
     with interrupt_held_back():  # some libraries cannot be imported partially
         from cmacexp.engine.objective import check_metric
-        from cmacexp.engine.run import run_scenario
         from cmacexp.engine.without_effect import list_idle_overrides
         from cmacexp.loop.scenario import make_scenario
-        from cmacexp.metrics.drift import format_drift
-        from cmacexp.terminal.messages import announce_compiling, print_summary, warn_of_models, warn_of_other_mode
-        from cmacexp.terminal.output import print_line, show_activity, show_progress
+        from cmacexp.terminal.messages import announce_compiling, warn_of_models, warn_of_other_mode
+        from cmacexp.terminal.output import print_line, show_activity
 
-    typed: Any = OmegaConf.to_container(hydra.overrides.hydra, resolve=False)
-    warn_of_other_mode(typed, "hydra.sweep", "needs -m; the folder of a run is hydra.run.dir")
+    options: Any = OmegaConf.to_container(hydra.overrides.hydra, resolve=False)
+    warn_of_other_mode(options, "hydra.sweep", "needs -m; the folder of a run is hydra.run.dir")
     announce_compiling()
     check_metric(config.optimize, config.machine.kind)
     with show_activity(f"planning {config.steps_per_cycle} steps a cycle"):
         scenario = make_scenario(config)
-    for text in list_idle_overrides(config, hydra.overrides.task, composed):
+    for text in filter(None, [*list_idle_overrides(config, hydra.overrides.task, composed), scenario.warning]):
         print_line(f"warning: {text}", error=True)
-    if scenario.warning:
-        print_line(f"warning: {scenario.warning}", error=True)
     warn_of_models([config.machine])
-    folder, record = Path(hydra.runtime.output_dir), make_record(composed, hydra) if config.record.trace else None
-    with show_progress(config.scenario, config.cycles, "cycles") as watch:
-        result = run_scenario(
-            config,
-            folder,
-            watch,
-            scenario,
-            lambda drift: print_line(f"warning: {format_drift(drift)}", error=True),
-            record,
-            hydra.overrides.task,
-        )
-    print_summary(result)
-    if result.status == Status.INTERRUPTED:
+    return config, scenario
+
+
+def _warn_of_drift(drift: "Drift") -> None:
+    from cmacexp.metrics.drift import format_drift
+    from cmacexp.terminal.output import print_line
+
+    print_line(f"warning: {format_drift(drift)}", error=True)
+
+
+def _report(run: "Run") -> str:
+    """Print what a run gave; its status. Raises KeyboardInterrupt if it was interrupted."""
+    from cmacexp.terminal.messages import print_summary
+    from cmacexp.terminal.output import print_line
+
+    print_summary(run)
+    if run.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
-    if result.status == Status.FAILED:
-        print(result.manifest["traceback"], file=sys.stderr, end="")
-        print_line(f"error: {result.manifest['cause']}", error=True)
-    return result.status
+    if run.status == Status.FAILED:
+        print(run.manifest["traceback"], file=sys.stderr, end="")
+        print_line(f"error: {run.manifest['cause']}", error=True)
+    return run.status

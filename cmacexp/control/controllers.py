@@ -180,7 +180,7 @@ class DriveController:
 
     def kernel_parts(self) -> KernelParts:
         """Parameters and state."""
-        return {"drive_control": self.params, "control_state": self.state}
+        return {"control": self.params, "control_state": self.state}
 
     def act(self, reference: Reference, measurement: Measurement) -> Action:
         """The command of this step; feedforward from the plan, trained by the last step's learning error."""

@@ -11,7 +11,7 @@ import inspect
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -25,7 +25,7 @@ from numba.extending import overload, register_jitable
 
 from cmacexp.jit.hooks import Hook
 from cmacexp.jit.interrupt import raise_if_interrupted
-from cmacexp.jit.kernels import c_functions, kernels
+from cmacexp.jit.kernels import c_functions, choices, kernels
 
 DIGEST = "sha256"
 """File of a folder: the digest of its other files."""
@@ -105,8 +105,17 @@ def register_kernels() -> None:
     while kernels:
         function, inlined = kernels.pop()
         register_jitable(**OPTIONS, forceinline=inlined)(function)
+    while choices:
+        _register_choice(*choices.pop())
     while c_functions:
         _register_c_function(c_functions.pop())
+
+
+def _register_choice(function: Callable[..., object], cases: Mapping[type, Callable[..., object]]) -> None:
+    @overload(function, jit_options=OPTIONS, strict=False)
+    def find(params: Any, *_: object) -> Callable[..., object]:
+        case = cases[params.instance_class]
+        return lambda params, *arguments: case(params, *arguments)
 
 
 def _register_c_function(function: Callable[..., object]) -> None:

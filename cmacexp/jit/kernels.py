@@ -1,7 +1,7 @@
 """Kernels: plain Python functions that compiled programs take in, and functions of C libraries that they call."""
 
-from collections.abc import Callable
-from typing import TypeVar
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -9,6 +9,19 @@ kernels: list[tuple[Callable[..., object], bool]] = []
 """Kernels that numba does not know yet, and whether programs inline them."""
 c_functions: list[Callable[..., object]] = []
 """Functions of C libraries that numba does not know yet."""
+
+choices: list[tuple[Callable[..., Any], Mapping[type, Callable[..., Any]]]] = []
+"""Functions that are chosen by type, as numba does not know them yet, and the kernels by types of parameters."""
+
+
+def by_type(cases: Mapping[type, Callable[..., Any]]) -> Callable[..., Any]:
+    """Make a kernel that is one of ``cases``, by the type of its first argument: the parameters of a component."""
+
+    def choose(params: object, *arguments: object) -> Any:
+        return cases[type(params)](params, *arguments)
+
+    choices.append((choose, cases))
+    return choose
 
 
 def kernel(function: Function) -> Function:

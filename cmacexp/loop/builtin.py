@@ -32,6 +32,7 @@ from cmacexp.plants.mujoco_quadruped import MujocoQuadruped
 from cmacexp.plants.mujoco_robot import MujocoRobot
 from cmacexp.protocols import TRAVEL, SendsDrives, TakesDrives, get_state
 from cmacexp.sensors import PerfectSensors, ProprioceptiveSensors, RealSensors
+from cmacexp.sensors.estimator import Proprioception
 from cmacexp.sensors.kernels import Observation, new_observation
 from cmacexp.typing import KernelParts
 
@@ -161,7 +162,7 @@ def make_loop(scenario: Scenario, external: External, guard: Guard | None = None
         machine = parts["plant_state"]
         parts["observation"] = Observation._make((*get_state(machine), machine.kinematics, None))
         parts |= _get_parts(scenario.sensors)
-        has_signals = "estimator" not in parts or parts.get("signals") is not None
+        has_signals = not isinstance(parts.get("sensing"), Proprioception) or parts.get("signals") is not None
         reason = "needs a plant that gives RobotSignals; use plant=mujoco_robot"
         require(has_signals, "sensors", "proprioceptive", reason)
         if TRAVEL not in scenario.altered:

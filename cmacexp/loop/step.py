@@ -14,6 +14,7 @@ from cmacexp.control.steering import steer
 from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step, log_cycle
 from cmacexp.jit.compiler import kernel, program
 from cmacexp.jit.hooks import DONE, Hook
+from cmacexp.jit.kernels import by_type
 from cmacexp.loop.guard_kernels import (
     Flag,
     GuardState,
@@ -31,7 +32,7 @@ from cmacexp.plants.drives import Drives, send_command
 from cmacexp.plants.kernels import PlantParams, PlantState, advance
 from cmacexp.plants.mujoco_kernels import Engine, advance_engine
 from cmacexp.protocols import RobotSignals
-from cmacexp.sensors.estimator import Estimator, estimate
+from cmacexp.sensors.estimator import Proprioception, estimate
 from cmacexp.sensors.kernels import Observation, Sensing, read_sensors
 from cmacexp.typing import Array, Mask, Scratch
 
@@ -70,20 +71,14 @@ class Loop(NamedTuple):
     """Guard of learning; None: nothing guards it."""
     meter: LoadMeter | None
     """Meter of the load of a body; None: its plan does not adapt."""
-    plant: PlantParams | None = None
-    engine: Engine | None = None
-    """Parameters of a built-in plant in MuJoCo, which has no others."""
+    plant: PlantParams | Engine | None = None
     signals: RobotSignals | None = None
     """What a robot measures by itself."""
     travel: Array | None = None
     """(3,): true, of a body that the plant moves, m and rad, as of a Measurement."""
-    sensing: Sensing | None = None
+    sensing: Sensing | Proprioception | None = None
     """None also of sensors that alter nothing."""
-    estimator: Estimator | None = None
-    """Estimator of sensors that know the true state no better than a robot does."""
-    control: HybridParams | None = None
-    drive_control: DriveParams | None = None
-    """Parameters of a built-in controller that commands drives, which has no ``control``."""
+    control: HybridParams | DriveParams | None = None
     drives: Drives | None = None
     """None where the plant gets torques."""
     feedforward: FeedforwardParams | None = None
@@ -125,10 +120,41 @@ def begin(
 
 
 @kernel
+def read_true_state(
+    sensing: Sensing,
+    mechanism: Mechanism,
+    step: int,
+    machine: PlantState,
+    signals: RobotSignals | None,
+    support: Mask,
+    observation: Observation,
+) -> None:
+    """Sensors that know the true state."""
+    read_sensors(sensing, mechanism, step, machine, observation)
+
+
+@kernel
+def read_own_signals(
+    sensing: Proprioception,
+    mechanism: Mechanism,
+    step: int,
+    machine: PlantState,
+    signals: RobotSignals | None,
+    support: Mask,
+    observation: Observation,
+) -> None:
+    """Sensors of a robot, which know its ``signals`` and the feet planned in ``support`` (L,)."""
+    if signals is not None:
+        estimate(sensing.estimator, sensing.sensing, mechanism, signals, step, support, observation)
+
+
+measure = by_type({Sensing: read_true_state, Proprioception: read_own_signals})
+
+
+@kernel
 def observe(
     hook: Hook | None,
-    sensing: Sensing | None,
-    estimator: Estimator | None,
+    sensing: Sensing | Proprioception | None,
     mechanism: Mechanism,
     step: int,
     machine: PlantState,
@@ -136,16 +162,11 @@ def observe(
     support: Mask,
     observation: Observation,
 ) -> bool:
-    """The sensors; False if external ones failed: they raised, or gave a value that is not finite.
-
-    Those of a robot know its ``signals`` and the feet planned in ``support`` (L,), the others the ``machine``.
-    """
+    """The sensors; False if external ones failed: they raised, or gave a value that is not finite."""
     if hook is not None:
         return hook(step) == DONE and observes_finite(observation)
-    if estimator is not None and sensing is not None and signals is not None:
-        estimate(estimator, sensing, mechanism, signals, step, support, observation)
-    elif sensing is not None:
-        read_sensors(sensing, mechanism, step, machine, observation)
+    if sensing is not None:
+        measure(sensing, mechanism, step, machine, signals, support, observation)
     return True
 
 
@@ -174,9 +195,8 @@ def predict(
 
 
 @kernel
-def control(
-    params: HybridParams | None,
-    drive_params: DriveParams | None,
+def control_hybrid(
+    params: HybridParams,
     state: HybridState,
     drives: Drives | None,
     step: int,
@@ -185,13 +205,29 @@ def control(
     reference: ControlReference,
     observation: Observation,
 ) -> None:
-    """The built-in controller: ``support`` (L,) and ``reference`` are the plan's of this ``sample``."""
-    if params is not None:
+    """Hybrid position/force control: ``support`` (L,) and ``reference`` are the plan's of this ``sample``."""
+    steer(params.steering, observation.travel, step, sample, support)
+    hybrid_feedback(params, state, support, reference, observation)
+
+
+@kernel
+def control_drives(
+    params: DriveParams,
+    state: HybridState,
+    drives: Drives | None,
+    step: int,
+    sample: int,
+    support: Mask,
+    reference: ControlReference,
+    observation: Observation,
+) -> None:
+    """Control by drives that close loops of their own, with arguments as of :func:`control_hybrid`."""
+    if drives is not None:
         steer(params.steering, observation.travel, step, sample, support)
-        hybrid_feedback(params, state, support, reference, observation)
-    if drive_params is not None and drives is not None:
-        steer(drive_params.steering, observation.travel, step, sample, support)
-        command_drives(drive_params, state, drives.command, sample, support, reference, observation)
+        command_drives(params, state, drives.command, sample, support, reference, observation)
+
+
+control = by_type({HybridParams: control_hybrid, DriveParams: control_drives})
 
 
 @kernel
@@ -201,53 +237,24 @@ def begins_block(params: FeedforwardParams | None, sample: int) -> bool:
 
 
 @kernel
-def command(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
-    """Feedforward and feedback torques; False if an external component failed."""
-    controller = hooks.controller
-    external_feedforward = hooks.feedforward
-    control_params = loop.control
-    drive_params = loop.drive_control
-    drives = loop.drives
-    state = loop.control_state
-    feedforward_params = loop.feedforward
-    feedforward = loop.torques.feedforward
-    guard = loop.guard
-    start_step = loop.start_step
-    support = loop.support
-    plan = loop.reference
-    observation = loop.observation
-    if controller is not None:
-        return call(controller, step) and is_finite(state.feedback) and is_finite(feedforward)
-    acting = lets_act(guard, start_step, step)
-    asks = acting and lets_learn(guard) and begins_block(feedforward_params, sample)
-    if (
-        external_feedforward is not None
-        and asks
-        and not (call(external_feedforward, step) and is_finite(feedforward))
-    ):
-        return False
-    if step >= start_step:
-        predict(feedforward_params, guard, step, sample, state.learning_error, feedforward)
-    reference = select(plan, ACTING if acting else BEFORE, sample)
-    control(
-        control_params,
-        drive_params,
-        state,
-        drives,
-        step=step,
-        sample=sample,
-        support=support[sample],
-        reference=reference,
-        observation=observation,
-    )
-    return True
+def ask_feedforward(hook: Hook | None, step: int, torque: Array) -> bool:
+    """An external feedforward, where it acts and learns; False if it failed."""
+    return hook is None or (call(hook, step) and is_finite(torque))
+
+
+@kernel
+def advance_analytic(params: PlantParams, machine: PlantState, torque: Array, drives: Drives | None) -> None:
+    """The project's own plant, which takes torques."""
+    advance(params, machine, torque)
+
+
+advance_by_type = by_type({PlantParams: advance_analytic, Engine: advance_engine})
 
 
 @kernel
 def advance_plant(
     hook: Hook | None,
-    params: PlantParams | None,
-    engine: Engine | None,
+    params: PlantParams | Engine | None,
     step: int,
     machine: PlantState,
     torque: Array,
@@ -257,9 +264,7 @@ def advance_plant(
     if hook is not None:
         return hook(step) == DONE
     if params is not None:
-        advance(params, machine, torque)
-    if engine is not None:
-        advance_engine(engine, machine, torque, drives)
+        advance_by_type(params, machine, torque, drives)
     return True
 
 
@@ -279,7 +284,6 @@ def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     plant = hooks.plant
     observer = hooks.observer
     sensing = loop.sensing
-    estimator = loop.estimator
     signals = loop.signals
     support = loop.support
     mechanism = loop.mechanism
@@ -291,7 +295,6 @@ def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     if not observe(
         sensors,
         sensing,
-        estimator,
         mechanism,
         step=step,
         machine=machine,
@@ -320,12 +323,28 @@ def act(loop: Loop, hooks: Hooks, step: int, sample: int, k: int, samples: Array
     planned_support = loop.support
     travel = loop.travel
     plant = loop.plant
-    engine = loop.engine
     drives = loop.drives
     external_plant = hooks.plant
-    if not command(loop, hooks, step, sample):
-        return False
+    controller = hooks.controller
+    external_feedforward = hooks.feedforward
+    control_params = loop.control
+    feedforward_params = loop.feedforward
+    start_step = loop.start_step
+    plan = loop.reference
     support = planned_support[sample]
+    if controller is not None:
+        if not (call(controller, step) and is_finite(state.feedback) and is_finite(feedforward)):
+            return False
+    else:
+        acting = lets_act(guard, start_step, step)
+        asks = acting and lets_learn(guard) and begins_block(feedforward_params, sample)
+        if asks and not ask_feedforward(external_feedforward, step, feedforward):
+            return False
+        if step >= start_step:
+            predict(feedforward_params, guard, step, sample, state.learning_error, feedforward)
+        reference = select(plan, ACTING if acting else BEFORE, sample)
+        if control_params is not None:
+            control(control_params, state, drives, step, sample, support, reference, observation)
     record_torque(guard, sample, feedforward)
     actuate(actuator, step, state.feedback, feedforward, total)
     send_command(drives, step, state.feedback, feedforward)
@@ -341,7 +360,7 @@ def act(loop: Loop, hooks: Hooks, step: int, sample: int, k: int, samples: Array
     )
     accumulate_cycle(guard, sample, support, state, observation)
     accumulate_load(meter, support, observation)
-    if not advance_plant(external_plant, plant, engine, step, machine, total, drives):
+    if not advance_plant(external_plant, plant, step, machine, total, drives):
         return False
     write_drives(samples, k, drives)
     return True

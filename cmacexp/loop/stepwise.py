@@ -24,6 +24,7 @@ from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, stop_reason
 from cmacexp.planning.reference import BEFORE, ControlReference, Motion
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.protocols import Measurement, view_state
+from cmacexp.sensors.estimator import Proprioception
 from cmacexp.sensors.real import make_keys
 from cmacexp.typing import Array, Mask, Status
 
@@ -141,6 +142,8 @@ class OpenLoop:
             if self._adaptation is not None:
                 self._adaptation.reset()
             sensing = self._loop.sensing
+            if isinstance(sensing, Proprioception):
+                sensing = sensing.sensing
             if seed is not None and sensing is not None:
                 sensing.keys[...] = make_keys(len(sensing.keys), seed)
             self._cycle = 0

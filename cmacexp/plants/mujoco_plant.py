@@ -221,7 +221,7 @@ class MujocoPlant:
     def kernel_parts(self) -> KernelParts:
         """Machine in MuJoCo and state, the place of a body that moves, and what a robot measures."""
         return {
-            "engine": self.engine,
+            "plant": self.engine,
             "plant_state": self.state,
             "travel": self.engine.travel,
             "signals": self.signals,

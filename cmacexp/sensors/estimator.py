@@ -86,6 +86,13 @@ class Estimator(NamedTuple):
     """(L,): of the feet in the ground, m."""
 
 
+class Proprioception(NamedTuple):
+    """Sensors of a robot and the estimator on them, which know the true state no better than a robot does."""
+
+    sensing: Sensing
+    estimator: Estimator
+
+
 @kernel
 def own_constant(sensing: Sensing, c: int, largest: float) -> float:
     """The constant error of channel ``c`` of this run, at most ``largest``, of its unit."""

@@ -17,7 +17,7 @@ from cmacexp.planning.machine import Stance, find_stance
 from cmacexp.planning.plan import Setup
 from cmacexp.protocols import SIGNALS, TRAVEL, Measurement, RobotSignals, copy_state
 from cmacexp.sensors.config import ChannelsConfig, LegSignalConfig, SignalConfig
-from cmacexp.sensors.estimator import OF_A_BODY, OF_A_JOINT, Errors, Estimator, estimate
+from cmacexp.sensors.estimator import OF_A_BODY, OF_A_JOINT, Errors, Estimator, Proprioception, estimate
 from cmacexp.sensors.kernels import new_observation
 from cmacexp.sensors.place_filter import new_filter
 from cmacexp.sensors.real import JointSensors, make_sensing
@@ -134,7 +134,7 @@ class ProprioceptiveSensors(JointSensors):
 
     def kernel_parts(self) -> KernelParts:
         """Channels, estimator, and the observation that it fills."""
-        return {"sensing": self.sensing, "estimator": self.estimator, "observation": self.observation}
+        return {"sensing": Proprioception(self.sensing, self.estimator), "observation": self.observation}
 
     def measure(self, true: Measurement) -> Measurement:
         """What the robot knows by the signals of ``true``; raises CmacexpError if there are none."""

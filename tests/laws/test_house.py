@@ -13,9 +13,10 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from support.doors import KERNEL_ROOMS, RESULT_ROOMS
+from support.doors import KERNEL_ROOMS, RESULT_ROOMS, step
 
 import cmacexp
+from cmacexp.__main__ import run_words
 
 ROOMS = "errors+typing+entry_points jit models config data cmac planning protocols plants sensors feedforward control"
 LAYERS = f"{ROOMS} loop metrics terminal recording report engine gym commands+__main__ addons".split()
@@ -147,6 +148,39 @@ def test_nothing_is_imported_that_is_not_needed(tmp_path, work, heavy):
     code = f"import sys; sys.argv = ['', 'hydra.run.dir={tmp_path}']; {work}; print({{*{heavy}}} & {{*sys.modules}})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "set()"
+
+
+MOST_FRAMES, MOST_MODULES = 14, 150
+
+
+def test_the_main_path_is_short(tmp_path, monkeypatch):
+    """Frames of this package from the command to a control equation, and modules that a run of one leg imports."""
+    path = []
+
+    def look(*arguments):
+        frame = sys._getframe(1)
+        while frame and not path:
+            if frame.f_code.co_filename.startswith(str(Path(cmacexp.__file__).parent)):
+                names.append(f"{Path(frame.f_code.co_filename).stem}.{frame.f_code.co_name}")
+            frame = frame.f_back
+        path.extend(names)
+        return control(*arguments)
+
+    names, control = [], step.hybrid_feedback
+    monkeypatch.setattr(step, "hybrid_feedback", look)
+    monkeypatch.setattr(sys, "argv", ["cmacexp", "cycles=1", "record=metrics", f"hydra.run.dir={tmp_path / 'run'}"])
+    assert run_words() == 0
+    assert names[-1] == "__main__.run_words"
+    assert len(names) <= MOST_FRAMES, names
+
+
+@pytest.mark.ci
+def test_a_run_of_one_leg_imports_few_modules(tmp_path):
+    words = ["", "cycles=1", "record=metrics", f"hydra.run.dir={tmp_path / 'run'}"]
+    code = f"import sys; sys.argv = {words}; from cmacexp.__main__ import run_words; run_words(); "
+    code += "print(sum(name.split('.')[0] == 'cmacexp' for name in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert int(done.stdout.splitlines()[-1]) <= MOST_MODULES
 
 
 def test_every_equation_and_version_stands_once():

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -9,11 +10,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from support.command import call
+from support.logs import MODEL, simulate_log
 from support.manifests import accept, change_manifest
+from support.sweeps import sweep
 
 import cmacexp
 from cmacexp.report.figures import Panel, Series, draw
-from cmacexp.report.page import Drawing, Renderer, Report, Section, render_markdown, write_report
+from cmacexp.report.page import Drawing, Renderer, Report, Section, escape_markdown, render_markdown, write_report
 
 MARK = "a<img src=x onerror=alert(1)>\"'&amp;"
 LINK = "[l](javascript:alert(2)) ![p](x:y) **b** _e_ <https://z> `<u>` `"
@@ -80,6 +83,10 @@ def test_a_dollar_in_a_name_begins_no_formula(tmp_path):
     assert Page(path).text.count(name) == 10
 
 
+def test_what_is_html_already_stays_html():
+    assert escape_markdown(escape_markdown("a_b")) == "a&#95;b"
+
+
 def test_pages_of_a_strangers_run_show_its_texts_as_texts(leg, tmp_path):
     """Its folder, cause, components and overrides."""
     folder = shutil.copytree(leg.folder, tmp_path / MARK.replace("/", ""))
@@ -93,3 +100,30 @@ def test_pages_of_a_strangers_run_show_its_texts_as_texts(leg, tmp_path):
         assert MARK in Page(tmp_path / "page" / "report.html").text
     html = cmacexp.load(folder)._repr_html_()
     assert "<img" not in html
+
+
+def test_the_page_of_a_sweep_shows_values_as_texts(tmp_path):
+    (tmp_path / MARK).mkdir()
+    words = ("scenario=force_step", "gait.cycle_time=0.5", "cycles=1", "seed=0,1", "hydra/launcher=basic")
+    sweep(*words, folder=tmp_path / MARK)
+    folder = (tmp_path / MARK / "s").rename(tmp_path / f"s{MARK}")
+    assert call("report", folder).returncode == 0
+    assert MARK in Page(folder / "report" / "report.html").text
+
+
+@pytest.mark.ci
+def test_the_page_of_a_log_shows_names_of_joints_and_columns_as_texts(tmp_path):
+    names = [f"{MARK}{number}[l](x)".replace('"', "") for number in range(2)]
+    model = MODEL.read_text()
+    for own, name in zip(("hip_joint", "knee_joint"), names, strict=True):
+        model = model.replace(own, escape(name))
+    (tmp_path / "robot.xml").write_text(model)
+    log = simulate_log(parts=6)
+    angles = {f"pos_{name}": log.angle[:, j] for j, name in enumerate(names)}
+    commands = {f"cmd_{name}": log.command[:, j] for j, name in enumerate(names)}
+    frame = pd.DataFrame({"time": log.time, **angles, **commands, MARK: np.zeros(len(log.time))})
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    words = ["log.csv", "--robot", "robot.xml", "--kp", "20,15", "--kd", "0.8,0.6", "--quick", "--out", "page"]
+    done = call("gap", *words, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert names[0] in Page(tmp_path / "page" / "report.html").text

@@ -30,6 +30,7 @@ from cmacexp.jit.compiler import program, workload
 from cmacexp.jit.hooks import Hook
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.jit.sources import KERNEL_ROOMS, RESULT_ROOMS
+from cmacexp.loop import step
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.body import Load, depth, make_pose
 from cmacexp.models.ground import height_at, stiffness_at
