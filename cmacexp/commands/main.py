@@ -4,6 +4,7 @@ import argparse
 import contextlib
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,21 +56,23 @@ def main() -> int:
 
 def run_or_sweep() -> int:
     """Run what the words of the command line say, a run or a sweep; its exit code."""
-    if "--version" in sys.argv[1:]:
-        print(f"cmacexp {__version__}")
+    words = sys.argv[1:]
+    if text := _answer(words):
+        print(text)
         return COMPLETED
-    if group := find_group(sys.argv[1:]):
-        print(format_help(group, sys.argv[1:]))
-        return COMPLETED
-    for text in sys.argv[1:]:
-        if text.startswith("-") and text.partition("=")[0] not in OPTIONS:
-            advice = f"an override has no dashes: {text.lstrip('-')}; " if "=" in text else ""
-            usage = "python -m cmacexp --help shows how it is used"
-            raise CmacexpError(f"unrecognized arguments: {text}; {advice}{usage}")
     os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions reach the lines below, instead of Hydra's own printing
-    task = _Task()
+    task, (options, overrides) = _Task(), _parse(words)
+    mode = RunMode.MULTIRUN if options.multirun else RunMode.RUN
     try:
-        if not _compose(sys.argv[1:], task):
+        composes = not any(text.startswith(("-", "hydra.mode")) for text in overrides)
+        if composes:  # Hydra itself would compose a run, and each job of a sweep, twice
+            with _compose(options, [*overrides, f"hydra.mode={mode.name}"], mode) as (config, context):
+                composes = mode is RunMode.MULTIRUN or not config.hydra.callbacks
+                if composes and mode is RunMode.MULTIRUN:
+                    task.sweep(config, context)
+                elif composes:
+                    run_job(task, config, "hydra.run.dir", None, context)
+        if not composes:  # but something else, or with callbacks
             hydra_main(config_path=str(config_folder()), config_name="config", version_base="1.3")(task)()
     except Exception as error:
         task.error = error
@@ -78,36 +81,43 @@ def run_or_sweep() -> int:
     return EXIT_CODES[task.status]
 
 
-def _compose(words: list[str], task: "_Task") -> bool:
-    """Compose a run or a sweep, and do it: Hydra would compose a run, and each job of a sweep, twice.
+def _answer(words: list[str]) -> str:
+    """Answer words that ask for no run; empty if they ask for one. Raises CmacexpError of an option that is none."""
+    if "--version" in words:
+        return f"cmacexp {__version__}"
+    if group := find_group(words):
+        return format_help(group, words)
+    for text in words:
+        if text.startswith("-") and text.partition("=")[0] not in OPTIONS:
+            advice = f"an override has no dashes: {text.lstrip('-')}; " if "=" in text else ""
+            usage = "python -m cmacexp --help shows how it is used"
+            raise CmacexpError(f"unrecognized arguments: {text}; {advice}{usage}")
+    return ""
 
-    False if the words, or callbacks in the config, ask for something else, which Hydra does.
-    """
+
+def _parse(words: list[str]) -> tuple[argparse.Namespace, list[str]]:
+    """Parse the options of a run or a sweep; the other words are overrides, or options of Hydra."""
     parser = argparse.ArgumentParser(add_help=False)
     parser.add_argument("-m", "--multirun", action="store_true")
     parser.add_argument("-cp", "--config-path", default=config_folder())
     parser.add_argument("-cn", "--config-name", default="config")
     parser.add_argument("-cd", "--config-dir")
-    options, overrides = parser.parse_known_args(words)
-    if any(text.startswith(("-", "hydra.mode")) for text in overrides):
-        return False
-    mode = RunMode.MULTIRUN if options.multirun else RunMode.RUN
-    overrides.append(f"hydra.mode={mode.name}")
+    return parser.parse_known_args(words)
+
+
+@contextlib.contextmanager
+def _compose(
+    options: argparse.Namespace, overrides: list[str], mode: RunMode
+) -> Iterator[tuple[DictConfig, HydraContext]]:
+    """Compose the config of a run or of a sweep."""
     if options.config_dir:
         require(Path(options.config_dir).is_dir(), "--config-dir", options.config_dir, "is no folder")
         overrides.append(f"hydra.searchpath=[file://{Path(options.config_dir).resolve()}]")
     with initialize_config_dir(str(Path(options.config_path).resolve()), "main", version_base="1.3"):
         loader = GlobalHydra.instance().config_loader()
         config = loader.load_configuration(options.config_name, overrides, mode)
-        context: Any = HydraContext(loader, Callback())  # type: ignore[arg-type]
-        if mode is RunMode.RUN and config.hydra.callbacks:
-            return False
         configure_log(config.hydra.hydra_logging, config.hydra.verbose)
-        if mode is RunMode.RUN:
-            run_job(task, config, "hydra.run.dir", None, context)
-        else:
-            task.sweep(config, context)
-    return True
+        yield config, HydraContext(loader, Callback())  # type: ignore[arg-type]
 
 
 class _Task:

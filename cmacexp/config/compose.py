@@ -18,7 +18,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 from cmacexp.config.check import check
 from cmacexp.config.component import config_folder
 from cmacexp.config.fields import read_field
-from cmacexp.config.load import list_groups, to_config
+from cmacexp.config.load import GROUPS, to_config
 from cmacexp.config.robot_rule import READ, find_mistake
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput, CmacexpError, require
@@ -101,7 +101,7 @@ def _compose(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
 
 
 def _is_group(key: str) -> bool:
-    return key in ("scenario", *list_groups())
+    return key in ("scenario", *GROUPS)
 
 
 def split_overrides(

@@ -62,9 +62,8 @@ def _make_machine(node: Mapping[str, Any], target: object) -> Any:
     return read_fields(MACHINES[kind], node, "machine")
 
 
-def list_groups() -> list[str]:
-    """List the groups of fields that have options, but for the scenarios."""
-    return [field.name for field in fields(Config)[1:] if (config_folder() / field.name).is_dir()]
+GROUPS = tuple(field.name for field in fields(Config)[1:] if (config_folder() / field.name).is_dir())
+"""Groups of fields that have options, but for the scenarios."""
 
 
 @exits_caught()  # of the config class of a component, or of its check
@@ -87,7 +86,7 @@ def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
         plain.get("scenario"),
         "is a group of fields: the file of a scenario begins with the line '# @package _global_'",
     )
-    for group in list_groups():
+    for group in GROUPS:
         require(
             isinstance(plain.get(group), dict),
             group,
