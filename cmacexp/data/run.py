@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from cmacexp.config.describe import flatten_config
 from cmacexp.config.schema import count_steps
 from cmacexp.data import manifest as manifests
 from cmacexp.data.integrity import list_faults
+from cmacexp.data.records import RunEnd
 from cmacexp.data.tables import (
     BODY_FILE,
     BODY_METRICS_FILE,
@@ -37,19 +38,6 @@ from cmacexp.typing import RESULTS, Array, DataFrame, Dataset, Status
 
 NO_VALUES = ("step", "time", "cycle", "leg", "phase")
 """Signals that say where a value belongs."""
-
-
-class Outcome(NamedTuple):
-    """How a run ended, for a table of runs."""
-
-    status: str
-    """Status that the manifest says, :data:`Status.NOT_INTACT` or :data:`Status.UNFINISHED`."""
-    cause: str
-
-    @property
-    def is_result(self) -> bool:
-        """Whether the run can be compared with others."""
-        return self.status in RESULTS
 
 
 class Run:
@@ -188,7 +176,7 @@ class Run:
         return Scores(legs.table, None if body is None else body.table)
 
     @cached_property
-    def _summary(self) -> tuple[Outcome, dict[str, Array], int]:
+    def _summary(self) -> tuple[RunEnd, dict[str, Array], int]:
         """How it ended, its metrics in whole cycles, pooled over the legs, and the number of legs."""
         try:
             manifest, pooled, legs = self.manifest, {}, 1
@@ -196,18 +184,18 @@ class Run:
             found = list_faults(self.folder, manifest) if checked else []
             wrong = [fault for fault in found if fault.split(":")[0] in TABLES]
             if wrong:
-                return Outcome(Status.NOT_INTACT, "; ".join(wrong)), {}, 1
+                return RunEnd(Status.NOT_INTACT, "; ".join(wrong)), {}, 1
             if self.wrote(METRICS_FILE):
                 scores, cycles = self.scores, self.whole_cycles
                 pooled = {name: values[:cycles] for name, values in load_view("pool")(scores).items()}
                 legs = int(as_array(scores.legs, "leg").max(initial=1))
         except (BadRun, OSError, ValueError) as error:
             status = Status.NOT_INTACT if os.path.lexists(self.folder / manifests.MANIFEST) else Status.UNFINISHED
-            return Outcome(status, str(error).splitlines()[0].removeprefix(f"{self.folder}: ")), {}, 1
-        return Outcome(self.status, manifest["cause"] or ""), pooled, legs
+            return RunEnd(status, str(error).splitlines()[0].removeprefix(f"{self.folder}: ")), {}, 1
+        return RunEnd(self.status, manifest["cause"] or ""), pooled, legs
 
     @property
-    def outcome(self) -> Outcome:
+    def outcome(self) -> RunEnd:
         """How it ended; of a run that is not intact the reason. It never raises: a table of runs lists all."""
         return self._summary[0]
 

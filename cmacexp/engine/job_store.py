@@ -36,7 +36,8 @@ from cmacexp.data.manifest import (
     walk,
 )
 from cmacexp.data.manifest_fields import fill
-from cmacexp.data.run import Outcome, Run
+from cmacexp.data.records import RunEnd
+from cmacexp.data.run import Run
 from cmacexp.data.tables import (
     BODY_METRICS_FILE,
     METRICS_FILE,
@@ -130,9 +131,9 @@ class JobRun(Run):
         return manifest
 
     @property
-    def outcome(self) -> Outcome:
+    def outcome(self) -> RunEnd:
         """How it ended."""
-        return Outcome(self.read("status"), self.read("cause")) if self.is_own else super().outcome
+        return RunEnd(self.read("status"), self.read("cause")) if self.is_own else super().outcome
 
     @cached_property
     def scores(self) -> Scores:

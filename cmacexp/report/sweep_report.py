@@ -45,7 +45,11 @@ def _list_differences(runs: Sequence[Run], swept: Swept) -> list[PageElement]:
 
 def _list_stopped(runs: Sequence[Run]) -> list[PageElement]:
     """Runs that stopped or are broken, each with its reason."""
-    rows = [[name, *run.outcome] for name, run in zip(make_names(runs), runs, strict=True) if not run.completed]
+    rows = [
+        [name, run.outcome.status, run.outcome.cause]
+        for name, run in zip(make_names(runs), runs, strict=True)
+        if not run.completed
+    ]
     caption = "Runs that did not complete; figures show only those that fell or diverged"
     return [Table(["run", "status", "reason"], rows, caption)] if rows else []
 

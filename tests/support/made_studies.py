@@ -9,7 +9,7 @@ from support.doors import RunRow
 
 import cmacexp
 from cmacexp.data.manifest import make_manifest
-from cmacexp.data.run import Outcome
+from cmacexp.data.records import RunEnd
 from cmacexp.study import Results
 from cmacexp.typing import Array
 
@@ -19,7 +19,7 @@ def made_run(
 ) -> cmacexp.Run:
     """A run that ended so, with these metrics by cycle, of a config of these settings; it has no files."""
     run = cmacexp.Run(folder, make_manifest(settings, status, ""))
-    run.__dict__["_summary"] = (Outcome(status, ""), dict(metrics or {}), 1)
+    run.__dict__["_summary"] = (RunEnd(status), dict(metrics or {}), 1)
     return run
 
 

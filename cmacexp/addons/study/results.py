@@ -188,7 +188,12 @@ class Results:
         import pandas as pd
 
         frame = pd.DataFrame(
-            {**_plain(row), "cycles": row.run.cycles_done, **row.run.outcome._asdict()}
+            {
+                **_plain(row),
+                "cycles": row.run.cycles_done,
+                "status": row.run.outcome.status,
+                "cause": row.run.outcome.cause,
+            }
             | dict(row.measures)
             | {name: row.run.final(name) for name in row.run.pooled}
             for row in self.rows

@@ -54,7 +54,7 @@ def make_type(kind: np.dtype[Any]) -> Any:
         inner, (count,) = kind.subdtype
         return array[make_type(inner), count]
     if kind not in STRUCTURES:
-        return getattr(types, kind.name)
+        return vars(types)[kind.name]
     name, fields = STRUCTURES[kind], {field: make_type(kind[field]) for field in kind.names or ()}
     struct: Any = make_idl_struct(name, f"unitree_go.msg.dds_.{name}", fields)
     struct.serialize = lambda sample, **options: sample.data
