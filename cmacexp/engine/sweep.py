@@ -288,10 +288,10 @@ class Sweep:
         return ended
 
 
-def _run_jobs(*item: Any) -> Any:
+def _run_jobs(packed: bytes, root: Path, sweep: str, items: Sequence[JobItem], jobs: int) -> list[tuple[str, bool]]:
     from cmacexp.engine.job import run_jobs  # here, because the process of the sweep needs nothing of that
 
-    return run_jobs(*item)
+    return run_jobs(packed, root, sweep, items, jobs)
 
 
 def _check_options(config: DictConfig) -> None:
