@@ -69,12 +69,13 @@ def expect_runs(runs: float) -> None:
     _runs.set(runs)
 
 
-def program(function: Function, plain: Callable[..., object] | None = None) -> Function:
+def program(function: Function, plain: Callable[..., object] | None = None, is_timed: bool = False) -> Function:
     """Compile a kernel as a program, without fastmath, so that it gives the bits of plain Python.
 
-    Where compiling does not pay off, ``plain`` runs, or ``function`` itself; it gives the same bits.
+    Where compiling does not pay off, ``plain`` runs, or ``function`` itself; it gives the same bits. One that
+    ``is_timed`` is compiled however short the run is, as it must be for a machine that is not simulated.
     """
-    return cast(Function, _Program(function, plain or function))
+    return cast(Function, _Program(function, plain or function, is_timed))
 
 
 @kernel
@@ -86,8 +87,8 @@ def copy_array(source: Array, target: Array) -> None:
 class _Program:
     """A function that runs as plain Python, or in a compiled form that is made or read from the cache when needed."""
 
-    def __init__(self, function: Callable[..., object], plain: Callable[..., object]):
-        self.function, self.plain = function, plain
+    def __init__(self, function: Callable[..., object], plain: Callable[..., object], is_timed: bool):
+        self.function, self.plain, self.is_timed = function, plain, is_timed
         self.name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
         self.forms: dict[tuple[object, ...], Callable[..., object]] = {}
         """Compiled forms by the types of their arguments."""
@@ -111,7 +112,7 @@ class _Program:
 
     def _choose(self, work: _Workload, arguments: tuple[object, ...]) -> Callable[..., object]:
         """Return the form for these arguments if it is stored, or if compiling it is repaid; else what is plain."""
-        is_long = repays_compiling()
+        is_long = repays_compiling() or (self.is_timed and _is_allowed())
         if not is_long and not self._is_worth_loading(work):
             return self.plain
         from cmacexp.jit.forms import Form, find_types

@@ -114,6 +114,8 @@ def register_kernels() -> None:
 def _register_choice(function: Callable[..., object], cases: Mapping[type, Callable[..., object]]) -> None:
     @overload(function, jit_options=OPTIONS, strict=False)
     def find(params: Any, *_: object) -> Callable[..., object]:
+        if isinstance(params, types.NoneType):  # in a branch that only a field of a tuple excludes
+            return lambda params, *arguments: None
         case = cases[params.instance_class]
         return lambda params, *arguments: case(params, *arguments)
 

@@ -121,11 +121,14 @@ def test_a_study_runs_in_tasks_of_a_launcher(tmp_path):
 
 
 @pytest.mark.ci
-def test_a_key_without_effect_is_warned_of_a_seed_noted(capsys):
+def test_a_key_without_effect_in_all_runs_is_warned_of():
     runs = [[*SHORT, "feedforward=none", f"cmac.layers={n}", f"seed={s}"] for n in (8, 16) for s in (0, 1)]
     with pytest.warns(WithoutEffect) as caught:
         run_many(runs)
-    (warning,) = caught
-    assert str(warning.message).startswith("cmac.layers had no effect: runs 0, 2 gave equal results")
-    assert warning.filename == __file__
-    assert "note: seed changes nothing here" in capsys.readouterr().err
+    layers, seed = caught
+    assert str(layers.message).startswith("cmac.layers has no effect: needs feedforward in")
+    assert str(seed.message).startswith("seed has no effect: needs")
+    assert {layers.filename, seed.filename} == {__file__}
+    with pytest.warns(WithoutEffect, match=r"seed") as caught:
+        run_many([*runs, [*SHORT, "cmac.layers=16"]])
+    assert len(caught) == 1, "the layers count in one of the runs"

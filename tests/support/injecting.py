@@ -29,7 +29,7 @@ import pyarrow.parquet as pq
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from server import IMPORTED
 
-from cmacexp.commands import study as studies
+from cmacexp.addons.study import command as studies
 from cmacexp.data.folder import TABLE_CSV
 from cmacexp.data.integrity import faults
 from cmacexp.data.manifest import MANIFEST, REPORT, RUNS_FILE, SWEEP

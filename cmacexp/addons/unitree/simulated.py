@@ -174,7 +174,7 @@ class SimulatedRobot:
         self.weight, limits, legs = mechanism.weight, mechanism.torque_limits, mechanism.shape[0]
         actuator = replace(config.actuator, delay=config.actuator.delay + config.plant.delay)
         self.drives = new_drives(actuator, config.plant.bus, self.period, config.plant.substeps, limits, legs)
-        self._advance, self._send = program(advance_engine).compiled, program(send_command).compiled  # type: ignore[attr-defined]
+        self._advance, self._send = program(advance_engine, is_timed=True), program(send_command, is_timed=True)
         self._nothing = np.zeros(mechanism.shape)
         robot, data = read_model(config.machine), plant.data
         at, rate = robot.legs.base_qpos, int(plant.model.jnt_dofadr[plant.model.body_jntadr[robot.legs.base]])

@@ -123,7 +123,7 @@ class UnitreeRobot:
         """Yaw of the inertial unit when the walk began, rad."""
         self.trouble: str | None = None
         """What went wrong when the run had ended; its results are kept."""
-        self._estimate: Any = program(estimate).compiled  # type: ignore[attr-defined]  # in time, however short the walk
+        self._estimate: Any = program(estimate, is_timed=True)
 
     def reset(self, setup: Setup) -> Measurement:
         """Connect, and check what can be checked at rest; nothing moves before the first :meth:`step`.
