@@ -271,7 +271,8 @@ def run_cycles(scenario: Scenario, on_progress: Callable[[float], None] = lambda
             cycles = _Cycles(scenario, on_progress)
             start = cycles.advance()
         while cycles.is_running:
-            trace = cycles.collect(start)
+            with _at_work(scenario):
+                trace = cycles.collect(start)
             if scenario.is_live:
                 traces.append(trace)
             else:
@@ -289,7 +290,9 @@ def run_cycles(scenario: Scenario, on_progress: Callable[[float], None] = lambda
         cycles.fail("end_run, ", fault)
     yield from traces
     if start == 0 or cycles.driver.taken > start:
-        yield cycles.collect(start)
+        with _at_work(scenario):
+            trace = cycles.collect(start)
+        yield trace
 
 
 @contextmanager
