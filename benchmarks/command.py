@@ -5,12 +5,6 @@ from pathlib import Path
 
 from benchmarks.timing import Table, compared, in_turn, processor_time, python, stopwatch
 
-USUAL_COLLECTION = [
-    "-c",
-    "import gc, sys; gc.set_threshold = gc.freeze = lambda *thresholds: None; "
-    "from cmacexp.commands.main import main; sys.exit(main())",
-]
-"""``-m cmacexp`` without what commands say to the garbage collector."""
 FLOOR = ["-c", "import hydra, numpy, numba, pyarrow.parquet, rerun"]
 
 
@@ -28,8 +22,6 @@ def tables(quick: bool) -> list[Table]:
         for scenario in targets:
             command = ["-m", "cmacexp", f"scenario={scenario}", f"hydra.run.dir={folder}/{scenario}"]
             workers[scenario] = stopwatch(lambda command=command: start(*command))
-        usual = [*USUAL_COLLECTION, "scenario=one_leg", f"hydra.run.dir={folder}/usual"]
-        workers["usual"] = stopwatch(lambda: start(*usual))
         times = in_turn(workers, 5 if quick else 9)
         report = ["-m", "cmacexp.report", f"{folder}/one_leg", f"--out={folder}/report"]
         single = ["-m", "cmacexp", "scenario=one_leg", f"hydra.run.dir={folder}/again"]
@@ -39,8 +31,6 @@ def tables(quick: bool) -> list[Table]:
         compared(times, f"`python -m cmacexp scenario={scenario}`", scenario, "floor", "imports alone", target)
         for scenario, target in targets.items()
     ]
-    what = "`python -m cmacexp scenario=one_leg` with usual garbage collection"
-    rows.append(compared(times, what, "usual", "one_leg", "with little of it", "at least 1.2"))
     what = "`python -m cmacexp.report` of that run, processor time"
     rows.append(compared(used, what, "report", "run", "the run itself", "1.2"))
     return [Table("Whole command, everything written", rows, f"Imports: `{FLOOR[1]}`.")]

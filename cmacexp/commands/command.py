@@ -1,8 +1,6 @@
 """What the commands share: their arguments, their exit codes, and how an error or an interrupt ends them."""
 
 import argparse
-import atexit
-import gc
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -73,10 +71,6 @@ def run_command(work: Callable[[], int | None], hint: str = "") -> int:
     Errors of this project are about its input. Errors of the operating system, such as a full disk, need no stack
     trace; any other error is raised.
     """
-    # 30 % of a whole command, since pyarrow and rerun import pandas: row "with usual garbage collection" of
-    # benchmarks/command.py. What a command imports and makes is rarely garbage.
-    gc.set_threshold(200_000)
-    atexit.register(gc.freeze)  # else Python looks once more as it ends
     keep_outputs()
     try:
         with handled():

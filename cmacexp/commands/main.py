@@ -132,15 +132,15 @@ class _Task:
         self.error: Exception | None = None
 
     def __call__(self, composed: DictConfig) -> None:
-        self.called, hydra = True, HydraConfig.get()
+        self.called = True
+        hydra: Any = HydraConfig.get()
         folder = Path(hydra.runtime.output_dir)
         try:
             config, scenario = _prepare(composed, hydra)
             from cmacexp.engine.run import run_scenario
             from cmacexp.terminal.output import show_progress
 
-            own: Any = hydra
-            record = make_record(composed, own) if config.record.trace else None
+            record = make_record(composed, hydra) if config.record.trace else None
             with show_progress(config.scenario, config.cycles, "cycles") as watch:
                 run = run_scenario(config, folder, watch, scenario, _warn_of_drift, record, hydra.overrides.task)
             self.status = _report(run)

@@ -18,7 +18,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, ClassVar
 
-from omegaconf import DictConfig, OmegaConf
+import yaml
 
 from cmacexp.config.cmac import NEEDS_ACTING
 from cmacexp.config.fields import listed
@@ -74,16 +74,17 @@ class FeedforwardConfig(ComponentConfig):
 
 
 @cache
-def _read_options(folder: str) -> dict[str, DictConfig]:
-    """Read the options in a folder of the shipped configs, by their names in order."""
-    options: Any = {path.stem: OmegaConf.load(path) for path in sorted((config_folder() / folder).glob("*.yaml"))}
-    return {name: option for name, option in options.items() if isinstance(option, DictConfig)}
+def _read_options(folder: str) -> dict[str, dict[str, Any]]:
+    """Read the options in a folder of the shipped configs, as plain values by their names, in order."""
+    files = sorted((config_folder() / folder).glob("*.yaml"))
+    return {path.stem: yaml.safe_load(path.read_text(encoding="utf-8")) or {} for path in files}
 
 
 def find_option(group: str, target: str) -> str:
     """Find the option of a group that makes the class ``target``, else the name of the class."""
     for name, option in _read_options(group).items():
-        if target in (option.get("_target_"), OmegaConf.select(option, f"{group}._target_")):
+        inner = option.get(group)
+        if target in (option.get("_target_"), inner.get("_target_") if isinstance(inner, dict) else None):
             return name
     return target.rpartition(".")[2]
 
@@ -249,7 +250,7 @@ def find_sources(name: str) -> list[Path]:
 
     Not those of this package, and of installed packages not those of others.
     """
-    file = Path(vars(sys.modules[name]).get("__file__") or "." if name in sys.modules else ".")
+    file = Path(vars(importlib.import_module(name)).get("__file__") or ".")
     if not file.is_file():  # written in a console
         return []
     root = file.parents[name.count(".") + (file.name == "__init__.py")]

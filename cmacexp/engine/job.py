@@ -183,13 +183,11 @@ class JobRunner:
         overrides = select_run_overrides(item.overrides)
         keeps_files = config.record.trace or config.record.weights
         if not keeps_files:
-            hashes = config_hash(to_plain(config)), *map(str, compute_hashes(config).values())
-            if item.known and item.known == hashes:
+            if item.known and item.known == _hash(config):
                 return None, False
             if config.sweep.resume and is_finished(folder, config):
                 return Run(folder), False
-            run = self._run_in_memory(config, folder, overrides)
-            is_new = True
+            run, is_new = self._run_in_memory(config, folder, overrides), True
         else:
             _describe_job(template.hydra, item, folder)
             composed = composed or set_numbers(template.plain, item.values) or _compose(template, root, item)
@@ -207,6 +205,11 @@ class JobRunner:
         run.is_checked, run.scores = False, scores
         run.manifest["wall_seconds"] = time.perf_counter() - began
         return run
+
+
+def _hash(config: Config) -> tuple[str, ...]:
+    """Hash all on which the result of a config depends, as :data:`HASHES` of a manifest."""
+    return config_hash(to_plain(config)), *map(str, compute_hashes(config).values())
 
 
 def _compose(template: JobTemplate, root: Path, item: JobItem) -> DictConfig:

@@ -1,15 +1,6 @@
-"""What workers need: imported by the process that they are copies of, without garbage collection.
+"""What workers need, imported by the process that they are copies of."""
 
-So advises the documentation of :func:`gc.freeze`. Else that process would look through all that it has imported time
-and again, and once more when it ends; and so would each worker, which then needs its own copy of the pages.
-"""
+import cmacexp.engine.job  # noqa: F401
+from cmacexp.jit.forms import njit
 
-import gc
-
-gc.disable()
-
-import cmacexp.engine.job  # noqa: E402
-import cmacexp.jit.forms  # noqa: E402, F401
-
-gc.freeze()
-gc.enable()
+njit("int64(int64)")(lambda number: number)  # what numba does at its first program takes longer than many runs

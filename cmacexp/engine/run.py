@@ -150,13 +150,9 @@ def run_scenario(
 
 def describe_run(scenario: Scenario) -> manifests.Manifest:
     """Describe a run that has ended: its manifest, without what its metrics and its files add."""
-    end, config, controller, feedforward = (
-        scenario.end,
-        scenario.setup.config,
-        scenario.controller,
-        scenario.feedforward,
-    )
+    end, config = scenario.end, scenario.setup.config
     # External components may use these names for something else.
+    controller, feedforward = scenario.controller, scenario.feedforward
     dropped = controller.dropped if isinstance(controller, HybridController) else {}
     memory = feedforward.memory if isinstance(feedforward, BuiltInFeedforward) else ()
     entries: dict[str, Any] = {
