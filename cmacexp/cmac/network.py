@@ -1,6 +1,8 @@
 """The CMAC as an object: addressing and weights, for one leg or any other function."""
 
+import copy
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -112,6 +114,13 @@ class Cmac:
             receptive_field=config.receptive_field,
             seed=seed,
         )
+
+    def copy_empty(self) -> "Cmac":
+        """Copy it, with what it has visited and clipped, but as yet without weights."""
+        other = copy.copy(self)
+        other.visited = None if self.visited is None else replace(self.visited)
+        other._weights = other._single = None
+        return other
 
     @property
     def weights(self) -> Array:

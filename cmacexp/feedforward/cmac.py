@@ -1,9 +1,8 @@
 """One CMAC per leg as a feedforward; it learns all of the torque, or what a model of the machine lacks."""
 
-import copy
 from collections.abc import Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,8 +30,11 @@ class _Path(NamedTuple):
     log: WeightLog
 
 
-def _follow(setup: Setup, inputs: Sequence[Array], seed: int) -> _Path:
-    """Follow inputs (N, n) of each leg, which span the ranges of its CMAC unless these have been learnt."""
+def _follow(setup: Setup, inputs: Sequence[Array], seed: int, key: tuple[Any, ...]) -> _Path:
+    """Follow inputs (N, n) of each leg, which span the ranges of its CMAC unless these have been learnt.
+
+    What follows from ``key`` alone, whatever the ``seed`` of the hash is, is recalled.
+    """
     config, learnt, joints = setup.config.cmac, setup.learnt, setup.mechanism.shape[1]
     ranges = [spanning(own, config.range_factor) for own in inputs]
     if learnt is not None:
@@ -46,9 +48,8 @@ def _follow(setup: Setup, inputs: Sequence[Array], seed: int) -> _Path:
     activation = None
     if cmacs[0].receptive_field != RECTANGULAR:
         activation = np.stack([cmac.activation(own) for cmac, own in of_legs], axis=1)
-    memory = [
-        memory_use(cmac, own, cells[:, leg], find_visited(cmac, own)) for leg, (cmac, own) in enumerate(of_legs)
-    ]
+    visited = setup.recall.get(key, lambda: [find_visited(*leg) for leg in of_legs])
+    memory = [memory_use(*leg, cells[:, i], visited[i]) for i, leg in enumerate(of_legs)]
     return _Path(cmacs, activation, cells, memory, find_rows(cells))
 
 
@@ -60,11 +61,12 @@ class CmacFeedforward(BuiltInFeedforward):
         config, learnt = setup.config, setup.learnt
         inputs = [planned_inputs(setup, i, config.cmac.inputs) for i in range(setup.mechanism.shape[0])]
         self.seed = config.seed if learnt is None else int(learnt["seed"])
-        known = [own.tobytes() for own in inputs], setup.mechanism.shape, config.cmac, self.seed
+        ranges = None if learnt is None else np.asarray(learnt["ranges"]).tobytes()
+        key = [own.tobytes() for own in inputs], setup.mechanism.shape, config.cmac, ranges
         with workload(len(inputs) * len(inputs[0])):  # one run does not repay compiling, many do
-            follow = partial(_follow, setup, inputs, self.seed)
-            path: _Path = setup.recall.get(known, follow) if learnt is None else follow()
-        self.cmacs = [copy.copy(cmac) for cmac in path.cmacs]
+            follow = partial(_follow, setup, inputs, self.seed, key)
+            path: _Path = setup.recall.get((*key, self.seed), follow) if learnt is None else follow()
+        self.cmacs = [cmac.copy_empty() for cmac in path.cmacs]
         self.memory = path.memory
         self.params = network(setup, path.cells, self.cmacs[0].address.rows, path.activation, log=path.log)
         for cmac, own in zip(self.cmacs, self.params.weights, strict=True):

@@ -9,7 +9,7 @@ from cmacexp.control.load_meter import LoadMeter, read_meter
 from cmacexp.data.records import CarriedLoad
 from cmacexp.errors import BadInput, require
 from cmacexp.loop.state import copy_arrays
-from cmacexp.planning.plan import NOTHING, LoadEstimate, Plan, Setup, adapt_plan
+from cmacexp.planning.plan import NOTHING, LoadEstimate, Setup, adapt_plan
 from cmacexp.typing import Array
 
 LEAST = LoadEstimate(weight=0.002, x=0.0002, y=0.0002, slope_x=0.0005, slope_y=0.0005)
@@ -40,14 +40,10 @@ class Adaptation:
     def reset(self) -> None:
         """Return to the start of the run, of which nothing is known."""
         if self.known != NOTHING:
-            self._follow(self.nominal)
+            copy_arrays(self.nominal, self.setup.plan)
         self.known = self.new = NOTHING
         self.begun = False
         self.carried.clear()
-
-    def _follow(self, plan: Plan) -> None:
-        """Let the arrays of the plan of the run be those of another."""
-        copy_arrays(plan, self.setup.plan)
 
     def end_cycle(self) -> bool:
         """Whether what was met in the cycle that has ended asks for another plan; :meth:`update_plan` makes it.
@@ -75,10 +71,11 @@ class Adaptation:
         if self.new == self.known:
             return
         try:
-            self._follow(adapt_plan(self.setup.config, self.setup.mechanism, self.nominal, self.new))
+            plan = adapt_plan(self.setup.config, self.setup.mechanism, self.nominal, self.new)
         except BadInput:
             self.new = self.known
             return
+        copy_arrays(plan, self.setup.plan)  # which the loop and its components hold
         self.known = self.new
         whole = self.new._replace(weight=float(self.nominal.load.force.mean()) + self.new.weight)
         self.carried.append(CarriedLoad(cycle=cycle, measured_weight=self.measured, **whole._asdict()))
