@@ -1,15 +1,29 @@
 """What components must do, what they may do besides, and what they exchange.
 
 A run has a plant, sensors, a controller and a feedforward. Each is an object of any class that has the methods of its
-protocol here. What it may do besides has a protocol of its own, which the loop looks for by ``isinstance``.
+protocol here. What it may do besides has a protocol of its own, which the loop looks for by :func:`offers`.
 """
 
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from inspect import get_annotations
+from typing import Any, NamedTuple, Protocol, TypeGuard, TypeVar
 
 import numpy as np
 
 from cmacexp.planning.plan import Reference, Setup
 from cmacexp.typing import Array, Clock, State, Weights
+
+Ability = TypeVar("Ability")
+
+
+def offers(component: object, ability: type[Ability]) -> TypeGuard[Ability]:
+    """Return whether a component has the methods and attributes of a protocol of what it may do besides.
+
+    ``isinstance`` would not find them in a wrapper that hands attributes on by ``__getattr__``: since Python 3.12 it
+    looks only at what the class and the object themselves hold.
+    """
+    names = {*vars(ability), *get_annotations(ability)}
+    return all(hasattr(component, name) for name in names if not name.startswith("_"))
+
 
 # What components exchange
 
@@ -179,7 +193,6 @@ class Controller(Protocol):
 # What plants may do besides
 
 
-@runtime_checkable
 class Live(Protocol):
     """A plant that is not simulated: it must not wait for files, which are written after the run."""
 
@@ -192,7 +205,6 @@ class Live(Protocol):
         ...
 
 
-@runtime_checkable
 class ListsSteps(Protocol):
     """A plant that knows how each step was answered."""
 
@@ -201,7 +213,6 @@ class ListsSteps(Protocol):
         ...
 
 
-@runtime_checkable
 class Described(Protocol):
     """A plant that says something of the run in its manifest."""
 
@@ -210,14 +221,12 @@ class Described(Protocol):
         ...
 
 
-@runtime_checkable
 class TakesDrives(Protocol):
     """A plant whose ``step(torque, drive)`` also gets the :class:`Drive` of a controller that sends drives."""
 
     takes_drives: bool
 
 
-@runtime_checkable
 class HasSubsteps(Protocol):
     """The config of a plant that integrates in smaller steps than the sampling period."""
 
@@ -225,7 +234,6 @@ class HasSubsteps(Protocol):
     """Steps in a sampling period."""
 
 
-@runtime_checkable
 class HasEstimator(Protocol):
     """The config of a plant that estimates its state by itself."""
 
@@ -242,7 +250,6 @@ TRAVEL = "travel"
 """Place and heading of a body that the plant moves: what an estimator, or external sensors, can alter besides."""
 
 
-@runtime_checkable
 class Altering(Protocol):
     """Sensors that say what they can change; others may change all SIGNALS."""
 
@@ -250,7 +257,6 @@ class Altering(Protocol):
     """Names of the ``SIGNALS`` that they can change, and ``TRAVEL`` if they do; these get ``*_measured`` columns."""
 
 
-@runtime_checkable
 class DelaysFeedback(Protocol):
     """Sensors that say by how much they delay the feedback, which ``learning.lead=auto`` counts."""
 
@@ -259,7 +265,6 @@ class DelaysFeedback(Protocol):
         ...
 
 
-@runtime_checkable
 class LagsFeedback(Protocol):
     """Sensors that say by how much they filter the feedback, which ``learning.lead=auto`` counts."""
 
@@ -271,14 +276,12 @@ class LagsFeedback(Protocol):
 # What controllers may do besides
 
 
-@runtime_checkable
 class SendsDrives(Protocol):
     """A controller whose actions have a :class:`Drive`."""
 
     sends_drives: bool
 
 
-@runtime_checkable
 class Answers(Protocol):
     """A controller that says how late its answer shows."""
 
@@ -286,7 +289,6 @@ class Answers(Protocol):
     """Samples that pass beyond delays and lags until a torque shows in what teaches."""
 
 
-@runtime_checkable
 class WatchesForce(Protocol):
     """A controller that supervises its force sensors."""
 
@@ -297,7 +299,6 @@ class WatchesForce(Protocol):
 # What feedforwards may do besides
 
 
-@runtime_checkable
 class Observes(Protocol):
     """A feedforward that is shown every step of a run, before it predicts and also where it does not act."""
 
@@ -309,7 +310,6 @@ class Observes(Protocol):
         ...
 
 
-@runtime_checkable
 class Plays(Protocol):
     """A feedforward that knows its torque some samples ahead: it is asked for that instead of :meth:`predict`."""
 
@@ -325,7 +325,6 @@ class Plays(Protocol):
         ...
 
 
-@runtime_checkable
 class Learns(Protocol):
     """A feedforward whose weights can be saved, and started from: ``reset`` finds them in ``Setup.learnt``."""
 

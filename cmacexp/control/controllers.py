@@ -26,7 +26,7 @@ from cmacexp.models.mechanism import KINEMATICS_FIELDS, update_kinematics
 from cmacexp.planning.plan import Reference, Setup
 from cmacexp.planning.reference import make_gains
 from cmacexp.plants.drives import ANGLE, DAMPING, STIFFNESS, VELOCITY
-from cmacexp.protocols import Action, Drive, Feedforward, HasEstimator, Measurement, get_state
+from cmacexp.protocols import Action, Drive, Feedforward, HasEstimator, Measurement, get_state, offers
 from cmacexp.sensors.config import RealSensorsConfig
 from cmacexp.sensors.kernels import Observation
 from cmacexp.sensors.proprioceptive import ProprioceptiveConfig
@@ -153,7 +153,7 @@ class DriveController:
             raise BadInput("machine.kind", kind, "must be robot with controller=drives: use scenario=robot")
         planned = setup.plan.joints[:2]
         sensors = setup.config.sensors
-        if isinstance(setup.config.plant, HasEstimator):
+        if offers(setup.config.plant, HasEstimator):
             sensors = setup.config.plant.estimator
         late = [0, 0]
         if isinstance(sensors, RealSensorsConfig | ProprioceptiveConfig):

@@ -45,7 +45,7 @@ from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.trace import TraceColumns, select_columns
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.score import RunScorer
-from cmacexp.protocols import Described
+from cmacexp.protocols import Described, offers
 from cmacexp.typing import Status
 
 
@@ -91,7 +91,7 @@ def describe_scores(scores: Scores) -> manifests.Manifest:
 def _write_extras(scenario: Scenario, writer: ResultWriter, manifest: manifests.Manifest, names: list[str]) -> None:
     """Write weights and recording if the config asks for them; weights are added to the names of the files."""
     record, folder = scenario.setup.config.record, writer.part
-    if record.weights and isinstance(scenario.feedforward, Learns):
+    if record.weights and offers(scenario.feedforward, Learns):
         restored = [event["restored"] for event in manifest["guard"]]
         best = scenario.kept.get(restored[-1]) if restored else None
         with write_atomically(folder / WEIGHTS) as temporary, temporary.open("wb") as file:
@@ -169,7 +169,7 @@ def describe_run(scenario: Scenario) -> manifests.Manifest:
             "foot_radius": float(read_model(config.machine).legs.foot_radius.max()),
         }
     plant = scenario.plant
-    if scenario.fault is None and isinstance(plant, Described):
+    if scenario.fault is None and offers(plant, Described):
         try:
             with exits_caught():
                 described = plant.describe()

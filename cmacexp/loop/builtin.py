@@ -30,7 +30,7 @@ from cmacexp.plants.kernels import new_state
 from cmacexp.plants.mujoco_leg import MujocoLeg
 from cmacexp.plants.mujoco_quadruped import MujocoQuadruped
 from cmacexp.plants.mujoco_robot import MujocoRobot
-from cmacexp.protocols import TRAVEL, SendsDrives, TakesDrives, get_state
+from cmacexp.protocols import TRAVEL, SendsDrives, TakesDrives, get_state, offers
 from cmacexp.sensors import PerfectSensors, ProprioceptiveSensors, RealSensors
 from cmacexp.sensors.estimator import Proprioception
 from cmacexp.sensors.kernels import Observation, new_observation
@@ -106,7 +106,7 @@ def make_guard(scenario: Scenario) -> Guard | None:
     weights = SavedWeights()
     if known and isinstance(feedforward, BuiltInFeedforward):
         weights = NetworkWeights(feedforward.params)
-    elif config.record.weights and isinstance(feedforward, Learns):
+    elif config.record.weights and offers(feedforward, Learns):
         weights = CustomWeights(scenario)
     return Guard(setup, weights)
 
@@ -119,12 +119,12 @@ def _make_drives(scenario: Scenario, external: External, actuator: ActuatorConfi
     Raises BadInput if the plant has none.
     """
     controller, plant = scenario.controller, scenario.plant
-    if not (isinstance(controller, SendsDrives) and controller.sends_drives):
+    if not (offers(controller, SendsDrives) and controller.sends_drives):
         return None
     built = scenario.setup.config.plant
     mechanism, period = scenario.setup.mechanism, scenario.setup.config.sampling_period
     limits, legs = mechanism.torque_limits, mechanism.shape[0]
-    if external.plant and isinstance(plant, TakesDrives) and plant.takes_drives:
+    if external.plant and offers(plant, TakesDrives) and plant.takes_drives:
         return new_drives(replace(actuator, delay=0, lag=0.0), BusConfig(), period, 1, limits, legs)
     has_drives = isinstance(built, MujocoRobot.Config) and not external.plant
     option = find_option("plant", read_component(built)["_target_"])
@@ -172,7 +172,7 @@ def make_loop(scenario: Scenario, external: External, guard: Guard | None = None
         parts |= _get_parts(scenario.controller)
         if not external.feedforward:
             parts |= _get_parts(scenario.feedforward)
-        elif isinstance(player := scenario.feedforward, Plays):
+        elif offers(player := scenario.feedforward, Plays):
             torque, feedback = np.zeros((2, *setup.plan.support.shape, mechanism.shape[1]))
             parts["feedforward"] = known_torque(setup, torque)._replace(feedback=feedback, block=player.block)
     return Loop(

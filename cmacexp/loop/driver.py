@@ -35,7 +35,7 @@ from cmacexp.loop.validation import (
 from cmacexp.planning.plan import Plan, Reference
 from cmacexp.planning.reference import ACTING, BEFORE, ControlReference
 from cmacexp.plants.drives import ANGLE, DAMPING, DRIVE, FEEDFORWARD, STIFFNESS, TORQUE, VELOCITY
-from cmacexp.protocols import Action, Drive, Measurement, RobotSignals, WatchesForce, copy_state, view_state
+from cmacexp.protocols import Action, Drive, Measurement, RobotSignals, WatchesForce, copy_state, offers, view_state
 from cmacexp.typing import Array
 
 
@@ -71,19 +71,19 @@ class ExternalComponents:
         self.learning_error = make_targets(("learning_error",), (state.learning_error,))
         self.drive = [] if drives is None else make_targets(DRIVE_NAMES, drives.command[ANGLE:])
         self.torque = make_targets(("torque",), (torques.feedforward,))
-        self.has_fault_status = external.controller and isinstance(scenario.controller, WatchesForce)
+        self.has_fault_status = external.controller and offers(scenario.controller, WatchesForce)
         loop.shows[0] = 1
         self.divergence = ""
         """Cause that an external plant itself reported, if it has diverged."""
         self.period = len(loop.support)
-        asks = external.controller or loop.feedforward is None or isinstance(scenario.feedforward, Observes)
+        asks = external.controller or loop.feedforward is None or offers(scenario.feedforward, Observes)
         # What is given a reference; to make them takes as long as a short run.
         self.plan_rows = [list_rows(scenario.setup.plan, stage) for stage in (BEFORE, ACTING)] if asks else []
 
     def make_hooks(self) -> Hooks:
         """A hook for each external component, and one that shows steps to a feedforward that asks for it."""
         external, params = self.external, self.loop.feedforward
-        observes = isinstance(self.feedforward, Observes) and (external.controller or external.feedforward)
+        observes = offers(self.feedforward, Observes) and (external.controller or external.feedforward)
         parts = {
             "sensors": (external.sensors, self._measure),
             "observer": (observes, self._show),

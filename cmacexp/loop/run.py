@@ -27,7 +27,7 @@ from cmacexp.loop.trace import make_trace, select_columns
 from cmacexp.models.loop_delay import LoopDelay
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.plants.mujoco_plant import MujocoPlant
-from cmacexp.protocols import ListsSteps, Live, SendsDrives
+from cmacexp.protocols import ListsSteps, Live, SendsDrives, offers
 from cmacexp.typing import Array, Status
 
 MOST_ROWS = 1 << 15
@@ -166,7 +166,7 @@ class _Cycles:
             return
         learning = params.learning
         controller = self.scenario.controller
-        on_drives = isinstance(controller, SendsDrives) and controller.sends_drives
+        on_drives = offers(controller, SendsDrives) and controller.sends_drives
         lead = estimate_lead(guard.probe.state, on_drives) or learning.lead
         if end.lead_estimates and not on_drives:  # too short a lead does harm more often than one that is too long
             lead = max(lead, learning.lead + 1)
@@ -209,7 +209,7 @@ class _Cycles:
     def _list_live(self, start: int) -> dict[str, Array]:
         """List LIVE_SIGNALS of the steps since ``start`` if the plant has them, (steps,) each; NaN if that fails."""
         plant, steps = self.scenario.plant, self.driver.taken - start
-        if not isinstance(plant, ListsSteps):
+        if not offers(plant, ListsSteps):
             return {}
         columns = {signal.name: np.full(steps, np.nan) for signal in LIVE_SIGNALS}
         try:
@@ -282,7 +282,7 @@ def run_cycles(scenario: Scenario, on_progress: Callable[[float], None] = lambda
         status = scenario.end.status
     finally:
         try:
-            if isinstance(plant, Live):
+            if offers(plant, Live):
                 plant.end_run(is_safe=status in (Status.COMPLETED, Status.INTERRUPTED))
         except Exception as raised:
             fault = raised

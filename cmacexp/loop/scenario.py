@@ -46,6 +46,7 @@ from cmacexp.protocols import (
     RobotSignals,
     Sensors,
     new_measurement,
+    offers,
 )
 from cmacexp.sensors.perfect import find_altered
 from cmacexp.typing import Array, Status, Weights
@@ -150,7 +151,7 @@ class Scenario:
     used: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
-        self.is_live = isinstance(self.plant, Live)
+        self.is_live = offers(self.plant, Live)
         self.altered = find_altered(self.sensors)
         self.end = RunEnd(Status.COMPLETED, learning_lead=self.setup.lead, learning_rate=self.setup.rate)
 
@@ -169,13 +170,13 @@ def count_loop_delay(config: Config, sensors: Sensors) -> LoopDelay:
     uses_velocity = config.gains is None or config.gains[1] > 0.0
     name = type(sensors).__name__
     delay, lag = 0, 0.0
-    if isinstance(sensors, DelaysFeedback):
+    if offers(sensors, DelaysFeedback):
         declared: Any = sensors.feedback_delay(uses_velocity)
         is_valid = isinstance(declared, Integral) and 0 <= int(declared) <= config.steps_per_cycle
         allowed = f"declares {declared!r}: must be a whole number from 0 to {config.steps_per_cycle}"
         require(is_valid, "sensors", f"{name}.feedback_delay", allowed)
         delay = int(declared)
-    if isinstance(sensors, LagsFeedback):
+    if offers(sensors, LagsFeedback):
         declared = sensors.feedback_lag(uses_velocity)
         is_valid = isinstance(declared, Real) and 0.0 <= float(declared) <= config.gait.cycle_time
         allowed = f"declares {declared!r}: must be a number from 0 to {config.gait.cycle_time:g}"
@@ -192,7 +193,7 @@ def resolve_lead(config: Config, loop_delay: LoopDelay, controller: Controller) 
     pass besides.
     """
     if isinstance(config.learning.lead, str):
-        response = controller.response if isinstance(controller, Answers) else 0
+        response = controller.response if offers(controller, Answers) else 0
         response = response if isinstance(response, int) else 0  # an external one may use the name otherwise
         return 1 + response + loop_delay.count_samples(config.sampling_period)
     return int(config.learning.lead)
@@ -266,7 +267,7 @@ def _make_components(config: Config, given: dict[str, Any]) -> dict[str, Any]:
         require_members(group, type(component).__qualname__, component)
     made = {group: make_component(group, vars(config)[group]) for group in PROTOCOLS if group not in given}
     components = {**made, **given}
-    if not isinstance(feedforward := components["feedforward"], Learns):
+    if not offers(feedforward := components["feedforward"], Learns):
         learns = f"{type(feedforward).__name__} learns no weights"
         require(not config.record.weights, "record.weights", True, f"must be false: {learns}")
         start = config.learning.start_from

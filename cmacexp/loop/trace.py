@@ -34,7 +34,7 @@ from cmacexp.planning.plan import Setup
 from cmacexp.planning.reference import X, Y, Z
 from cmacexp.planning.stability import FRONT, REAR, STABILITY, Masses, true_margins
 from cmacexp.plants.as_built import make_payload
-from cmacexp.protocols import ListsSteps
+from cmacexp.protocols import ListsSteps, offers
 from cmacexp.typing import Array
 
 
@@ -55,7 +55,7 @@ def select_columns(scenario: Scenario) -> TraceColumns:
     columns = select_signals(legs, scenario.altered, scenario.setup.config.plausibility.enabled)
     if not has_body(mechanism):
         return TraceColumns(columns, None)
-    body = (*BODY_SIGNALS, *LIVE_SIGNALS) if isinstance(scenario.plant, ListsSteps) else BODY_SIGNALS
+    body = (*BODY_SIGNALS, *LIVE_SIGNALS) if offers(scenario.plant, ListsSteps) else BODY_SIGNALS
     return TraceColumns(columns, select_signals(body, scenario.altered))
 
 

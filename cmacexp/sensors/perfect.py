@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable
 from cmacexp.config import ComponentConfig
 from cmacexp.errors import BadInput
 from cmacexp.planning.plan import Setup
-from cmacexp.protocols import SIGNALS, TRAVEL, Altering, Measurement, Sensors
+from cmacexp.protocols import SIGNALS, TRAVEL, Altering, Measurement, Sensors, offers
 from cmacexp.typing import KernelParts
 
 
@@ -32,7 +32,7 @@ class PerfectSensors:
 
 def find_altered(sensors: Sensors) -> frozenset[str]:
     """Find the ``SIGNALS`` that ``sensors`` may change, and TRAVEL; raises BadInput of another name."""
-    altered = sensors.alters if isinstance(sensors, Altering) else SIGNALS
+    altered = sensors.alters if offers(sensors, Altering) else SIGNALS
     names = frozenset([altered] if isinstance(altered, str) or not isinstance(altered, Iterable) else altered)
     if unknown := sorted(map(str, names - {*SIGNALS, TRAVEL})):
         raise BadInput("sensors.alters", unknown[0], f"choose from {', '.join((*SIGNALS, TRAVEL))}, in a list")

@@ -34,7 +34,7 @@ from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.metrics.drift import DRIFT_RATIO, LEAST
 from cmacexp.models.trend import WINDOW
 from cmacexp.plants import AnalyticPlant
-from cmacexp.protocols import HasSubsteps
+from cmacexp.protocols import HasSubsteps, offers
 from cmacexp.sensors.config import ChannelsConfig
 from cmacexp.typing import Array
 
@@ -107,9 +107,7 @@ def assess(config: Config, simulate: bool = True) -> Verdict:
 
 def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
     loop, lead, first = RestorableLoop(scenario), scenario.setup.lead, config.learning.start_cycle
-    steps = (
-        loop.period * loop.samples.shape[2] * (config.plant.substeps if isinstance(config.plant, HasSubsteps) else 1)
-    )
+    steps = loop.period * loop.samples.shape[2] * (config.plant.substeps if offers(config.plant, HasSubsteps) else 1)
     compiled = loop.plant is None  # MuJoCo takes a hundred times as long
     cycles = max(MAX_CYCLES_BEFORE, min(MAX_CYCLES, AFFORDABLE // steps) if simulate and compiled else 0)
     history = watch(loop, first + cycles)
