@@ -47,8 +47,8 @@ def _start_empty(start: Start, count: int) -> Callable[[], None]:
 def _compare_launchers(start: Start, runs: int, rounds: int) -> Table:
     """A sweep by each launcher, elapsed."""
     launchers = {"cores": [], "basic": ["hydra/launcher=basic"]}
-    if importlib.util.find_spec("hydra_plugins.hydra_joblib_launcher"):
-        launchers["joblib"] = ["hydra/launcher=joblib", f"hydra.launcher.n_jobs={CORES}"]
+    if importlib.util.find_spec("distributed"):
+        launchers["dask"] = ["hydra/launcher=dask", f"hydra.launcher.processes={CORES}"]
     commands = {kind: _sweep(start, kind, runs, "record=trace", *chosen) for kind, chosen in launchers.items()}
     commands["empty"] = _start_empty(start, runs)
     times = in_turn({kind: stopwatch(command) for kind, command in commands.items()}, rounds)
@@ -56,8 +56,8 @@ def _compare_launchers(start: Start, runs: int, rounds: int) -> Table:
         compared(times, f"{runs} runs as typed, `cores`", "cores", "empty", "empty Hydra app", "0.35"),
         compared(times, f"{runs} runs, `basic`", "basic", "empty", "empty Hydra app", "1.6"),
     ]
-    if "joblib" in times:
-        rows.append(compared(times, f"{runs} runs, `joblib` on {CORES} cores", "joblib", "cores", "`cores`"))
+    if "dask" in times:
+        rows.append(compared(times, f"{runs} runs, `dask` on {CORES} cores", "dask", "cores", "`cores`"))
     return Table("Sweep, `record=trace`", rows)
 
 

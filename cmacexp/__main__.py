@@ -73,7 +73,7 @@ def run_words() -> int:
         del sys.argv[1]
         return run_named(name)
     if {"-m", "--multirun"} & set(sys.argv):
-        from cmacexp.engine.pool import make_context
+        from cmacexp.engine.workers import make_context
 
         with suppress(OSError):  # which the sweep raises again
             make_context()  # what workers need is imported while this process imports what it needs

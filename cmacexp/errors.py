@@ -19,8 +19,8 @@ EXTRAS = {
     "imageio_ffmpeg": "video",
     "xarray": "xarray",
     "cyclonedds": "unitree",
-    "hydra/sweeper/optuna": "optuna",
-    "hydra/launcher/joblib": "cores",
+    "distributed": "dask",
+    "optuna": "optuna",
     "hydra/launcher/submitit_local": "cluster",
     "hydra/launcher/submitit_slurm": "cluster",
 }

@@ -20,7 +20,19 @@ class CoresConfig:
     """That run jobs; null: one for each core that this process may use."""
 
 
+@dataclass
+class DaskConfig:
+    """``hydra/launcher=dask``."""
+
+    _target_: str = f"{__name__}.CoresLauncher"
+    address: str | None = None
+    """Of a scheduler, such as tcp://127.0.0.1:8786; null: workers on this machine."""
+    processes: int | None = None
+    """Workers on this machine; null: one for each core that this process may use."""
+
+
 ConfigStore.instance().store(group="hydra/launcher", name=NAME, node=CoresConfig, provider="cmacexp")
+ConfigStore.instance().store(group="hydra/launcher", name="dask", node=DaskConfig, provider="cmacexp")
 
 
 class CoresLauncher(Launcher):

@@ -32,7 +32,7 @@ def main(arguments: Arguments) -> None:
         began = time.monotonic()
         try:
             with show_activity(f"compiling {name}"):
-                run_chunk([["cycles=1", *FORMS[name]]], METRICS, MANY)
+                run_chunk(0, [["cycles=1", *FORMS[name]]], METRICS, MANY)
         except CmacexpError as error:  # what it needs is not installed
             print_line(f"{name}: left out: {error}")
         else:

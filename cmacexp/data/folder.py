@@ -11,7 +11,7 @@ import fcntl
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from glob import escape
@@ -305,14 +305,20 @@ def _lock_folder(folder: Path, key: str) -> Iterator[None]:
         os.close(descriptor)
 
 
-def make_sweep_manifest(status: str, files: Mapping[str, str] | None = None, is_lean: bool = False) -> dict[str, Any]:
-    """Make the manifest of a sweep, with the hashes of its tables; lean if some of its jobs have no folders."""
+def make_sweep_manifest(
+    status: str, files: Mapping[str, str] | None = None, is_lean: bool = False, sweeps: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Make the manifest of a sweep, with the hashes of its tables; lean if some of its jobs have no folders.
+
+    ``sweeps`` are the names of the sweep and of those that it resumes, whose parts of tables count while it runs.
+    """
     return {
         "kind": manifests.SWEEP,
         "status": status,
         "versions": manifests.read_environment().versions,
         "files": dict(files or {}),
         "config": {"record": {"trace": False}} if is_lean else {},
+        "sweeps": list(sweeps),
     }
 
 

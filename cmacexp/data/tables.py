@@ -70,10 +70,17 @@ def table_writer(path: Path, schema: pa.Schema, compression: str = "zstd") -> pq
     )
 
 
+def choose_compression(rows: int) -> str:
+    """Choose the compression of a table with this number of rows.
+
+    Compressing columns of few values takes longer than all else that writes and reads them.
+    """
+    return "zstd" if rows > 1000 else "none"
+
+
 def write_table(table: pa.Table, path: Path) -> None:
     """Write a table as Parquet; the same table gives the same bytes."""
-    # Compressing columns of so few values takes longer than all else that writes and reads them.
-    with table_writer(path, table.schema, "zstd" if table.num_rows > 1000 else "none") as writer:
+    with table_writer(path, table.schema, choose_compression(table.num_rows)) as writer:
         writer.write_table(table)
 
 

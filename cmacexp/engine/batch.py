@@ -1,34 +1,41 @@
-"""Many runs as one table, run in memory on all cores."""
+"""Many runs as one table: in memory, or in one file of any size; on all cores, or on an executor of the user."""
 
+import json
+import math
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence, Sized
+from concurrent.futures import Executor
+from contextlib import nullcontext
 from functools import partial
+from itertools import chain, islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from omegaconf import DictConfig
 
 from cmacexp.config.compose import compose_config, compose_untyped, list_texts, refuse_options
 from cmacexp.config.machine import describe_other_model
 from cmacexp.data.files import write_atomically
-from cmacexp.data.tables import table_writer, write_table
+from cmacexp.data.manifest import JOBS_FOLDER
+from cmacexp.data.tables import as_array, table_writer
 from cmacexp.data.trace import concat_traces
-from cmacexp.engine.pool import choose_size, count_processes, start_workers
+from cmacexp.engine.driver import Item, map_runs
+from cmacexp.engine.job_store import JobTables, concat_jobs, iterate_jobs, read_part, write_part
 from cmacexp.engine.run import score_run
 from cmacexp.engine.sweep_tables import (
-    collect_settings,
+    Names,
+    Settings,
     concat_metrics,
     join_runs,
     join_scores,
     make_column,
     read_settings,
-    tabulate_settings,
 )
-from cmacexp.engine.without_effect import IdleKeys, join_idle
+from cmacexp.engine.without_effect import IdleKeys, IdleReport
+from cmacexp.engine.workers import MOST_RUNS, choose_size, count_processes, start_workers
 from cmacexp.errors import OtherModel, WithoutEffect, require, require_name
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.loop import run_cycles
@@ -40,16 +47,26 @@ if TYPE_CHECKING:
 
 METRICS, TRACE = KEPT = ("metrics", "trace")
 AT_ONCE = {METRICS: 1 << 10, TRACE: 1 << 5}
-"""Runs whose results are in memory at a time while they are written, by what is kept."""
+"""Runs that are in memory at a time while their table is written, by what is kept."""
+MOST_WORKERS = 16
+"""Workers that an executor of the user is taken to have, for the number of runs that one takes at a time."""
+NAME = "0" * 8
+"""What the parts of a table are called by."""
 
 
-def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int | None = None) -> "pd.DataFrame":
+def run_many(
+    runs: Iterable[Sequence[str]],
+    keep: str = METRICS,
+    processes: int | None = None,
+    executor: Executor | None = None,
+) -> "pd.DataFrame":
     """Run many configs in memory, in processes on all cores, compiled where that pays off for all of them together.
 
     Args:
         runs: overrides of each run, as :func:`run` takes them.
         keep: ``metrics``, a row for each run, cycle and leg, or ``trace``, a row for each run, step and leg.
-        processes: how many; None: one for each core that this process may use.
+        processes: how many; None: one for each core that this process may use; 1: this process.
+        executor: of the user, such as a ``ThreadPoolExecutor`` or that of a Dask client, in place of processes.
 
     Returns:
         A table: ``run``, its number; a column for each key that some run overrides; ``status``; the columns of
@@ -62,109 +79,154 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
         OtherModel: of each robot whose model is not the one that results were measured with.
         WithoutEffect: of each key without effect in all runs that set it; none of runs with ``warn=false``.
     """
-    listed = _list_runs(runs)
-    (table,) = _run_in_parts(listed, keep, processes, len(listed))
+    summary, parts = _Summary(), list[tuple[int, JobTables]]()
+    for part in _run_chunks(_list_runs(runs), keep, processes, executor, 0):
+        parts.append((summary.add(part), part))
+    parts.sort(key=lambda numbered: numbered[0])
+    table = summary.join(concat_jobs(part for _, part in parts))
+    _warn(summary)
     return table.to_pandas()
 
 
 def write_many(
-    file: str | Path, runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int | None = None
+    file: str | Path,
+    runs: Iterable[Sequence[str]],
+    keep: str = METRICS,
+    processes: int | None = None,
+    executor: Executor | None = None,
+    first: int = 0,
 ) -> None:
-    """Write the table of :func:`run_many` to one Parquet file, in little more memory than the overrides take.
+    """Write the table of :func:`run_many` to one Parquet file, in memory that does not grow with the number of runs.
 
-    Args, errors and warnings are the same; a column that a run lacks is null. The file is whole or absent.
+    Args, errors and warnings are the same; a column that a run lacks is null. ``runs`` may be a generator, whose
+    runs are checked as they come. ``first`` is the number of the first run, for a program that writes several files.
+    The file is whole or absent.
     """
-    place, listed = Path(file), _list_runs(runs)
-    require(not place.is_dir(), "file", place, "is a folder: name a file")
-    with write_atomically(place) as whole, TemporaryDirectory(dir=place.parent, prefix=".") as folder:
-        parts = list[Path]()
-        for part in _run_in_parts(listed, keep, processes, AT_ONCE.get(keep, 1)):
-            parts.append(Path(folder) / f"{len(parts)}.parquet")
-            write_table(part, parts[-1])
-        # No part knows the columns of later ones, and all must have run before one may be refused.
-        schema = pa.unify_schemas([pq.read_schema(each) for each in parts])
-        with table_writer(whole, schema) as writer:
-            for each in parts:
-                own = pq.read_table(each)
-                writer.write_table(pa.concat_tables([schema.empty_table(), own], promote_options="default"))
+    path, summary = Path(file), _Summary()
+    require(not path.is_dir(), "file", path, "is a folder: name a file")
+    with write_atomically(path) as temporary, TemporaryDirectory(dir=path.parent, prefix=".") as name:
+        folder = Path(name)
+        for part in _run_chunks(_list_runs(runs), keep, processes, executor, first):
+            summary.add(part)
+            write_part(folder, NAME, part)
+        tables = map(summary.join, iterate_jobs((folder / JOBS_FOLDER).iterdir(), AT_ONCE[keep], read_part))
+        table = next(tables)
+        with table_writer(temporary, table.schema) as writer:
+            for each in chain([table], tables):
+                writer.write_table(each)
+    _warn(summary)
 
 
-def _list_runs(runs: Iterable[Sequence[str]]) -> list[list[str]]:
-    """The overrides of each run; raises BadInput if there are none, or what is given is something else."""
+def _check_overrides(overrides: Any) -> list[str]:
+    """Check the overrides of one run; raises BadInput unless they are texts without options of the command line."""
+    is_list = not isinstance(overrides, str)
+    require(is_list, "runs", overrides, f"must be a list of lists of overrides: [[{overrides!r}]]")
+    texts = list_texts(overrides)
+    refuse_options(texts)
+    return texts
+
+
+def _list_runs(runs: Iterable[Sequence[str]]) -> Iterable[Sequence[str]]:
+    """Check the overrides of all runs, but of a generator, which yields them only once; raises BadInput."""
     fits = isinstance(runs, Iterable) and not isinstance(runs, str)
     require(fits, "runs", runs, 'must be a list of lists of overrides, such as [["cycles=3"]]')
-    listed = []
-    for overrides in runs:
-        is_list = not isinstance(overrides, str)
-        require(is_list, "runs", overrides, f"must be a list of lists of overrides: [[{overrides!r}]]")
-        listed.append(list_texts(overrides))
-        refuse_options(listed[-1])
-    require(listed, "runs", listed, "must have at least one run")
-    return listed
+    if isinstance(runs, Sized):
+        for overrides in runs:
+            _check_overrides(overrides)
+        require(len(runs) > 0, "runs", runs, "must have at least one run")
+    return runs
 
 
-class ManyEnd(NamedTuple):
-    """How one of many runs ended, for the table of all."""
+def _run_chunks(
+    runs: Iterable[Sequence[str]], keep: str, processes: int | None, executor: Executor | None, first: int
+) -> Iterator[JobTables]:
+    """Yield the tables of some runs after the other, as they end; ``first`` is the number of the first run."""
+    require_name("keep", keep, KEPT)
+    total = len(runs) if isinstance(runs, Sized) else None
+    workers = count_processes(processes) if executor is None else MOST_WORKERS
+    size = MOST_RUNS if total is None else choose_size(total, workers)
 
-    status: str
-    rows: int
-    """Rows of the run in the table."""
-    idle: dict[str, str]
-    """Keys without effect, as :meth:`IdleKeys.find` gives them."""
-    other_model: str
-    """Says that its robot is not the one that results were measured with; empty if it is."""
+    def split() -> Iterator[Item]:
+        rest, number = map(_check_overrides, runs), first
+        while chunk := list(islice(rest, size)):
+            yield number, chunk, keep, math.inf if total is None else total
+            number += len(chunk)
+
+    with start_workers(processes) if executor is None else nullcontext(executor) as chosen:
+        for _, part in map_runs(run_chunk, split(), chosen, total=total, count_runs=lambda item: len(item[1])):
+            yield part
 
 
-def run_chunk(chunk: Sequence[list[str]], keep: str, runs: int) -> tuple[list[ManyEnd], pa.Table]:
-    """Run some of so many ``runs``: how they ended, and their metrics, or their traces.
+def run_chunk(first: int, chunk: Sequence[list[str]], keep: str, runs: float) -> JobTables:
+    """Run some of ``runs`` runs, the first of them with the number ``first``.
 
-    Raises CmacexpError if one of them cannot be run.
+    Returns a row for each run (number, settings and keys without effect as JSON, status, whether its robot is
+    another model), and their metrics or traces. Raises CmacexpError if one of them cannot be run.
     """
     expect_runs(runs)
     recall, idle_keys = Recall(), IdleKeys()
-    ends, tables = list[ManyEnd](), list[pa.Table]()
+    rows, tables = defaultdict[str, list[Any]](list), list[pa.Table]()
     # Twice as fast in a row as between runs.
-    for overrides, config in zip(chunk, [compose_config(each, is_shared=True) for each in chunk], strict=True):
+    configs = [compose_config(overrides, is_shared=True) for overrides in chunk]
+    for overrides, config in zip(chunk, configs, strict=True):
         scenario = make_scenario(config, None, recall)
         if keep == TRACE:
             tables.append(concat_traces([*run_cycles(scenario)]).table)
         else:
             tables.append(join_scores(score_run(scenario)))
-        idle = idle_keys.find(config, overrides, partial(_compose_untyped, overrides))
-        ends.append(ManyEnd(scenario.end.status, tables[-1].num_rows, idle, describe_other_model(config.machine)))
-    return ends, concat_metrics(tables)[0].combine_chunks()  # a slice is pickled with all that it is a slice of
+        rows["settings"].append(json.dumps(read_settings(overrides)))
+        rows["status"].append(str(scenario.end.status))
+        rows["idle"].append(json.dumps(idle_keys.find(config, overrides, partial(_compose_untyped, overrides))))
+        rows["other_model"].append(describe_other_model(config.machine))
+    jobs = {"run": range(first, first + len(chunk)), **rows}
+    table, index = concat_metrics(tables)
+    numbers = make_column((index + first).tolist())
+    # A slice is pickled with all that it is a slice of.
+    metrics = table.combine_chunks().add_column(0, "run", numbers)
+    return JobTables(pa.table({name: make_column(values) for name, values in jobs.items()}), metrics)
 
 
 def _compose_untyped(overrides: Sequence[str]) -> DictConfig:
     return compose_untyped(overrides)[0]
 
 
-def _run_in_parts(runs: Sequence[Sequence[str]], keep: str, processes: int | None, most: int) -> Iterator[pa.Table]:
-    """The table of :func:`run_many`, of so many runs at a time; warnings are in the name of the caller's caller."""
-    require_name("keep", keep, KEPT)
-    count = count_processes(processes)
-    size, settings = choose_size(len(runs), count), collect_settings(map(read_settings, runs))
-    known = pa.table({"run": make_column(range(len(runs))), **tabulate_settings(settings)})
-    starts = [(first, range(first, min(first + most, len(runs)), size)) for first in range(0, len(runs), most)]
-    items = [
-        (list(runs[start : min(start + size, first + most)]), keep, len(runs))
-        for first, chunks in starts
-        for start in chunks
-    ]
-    ends = list[ManyEnd]()
-    with start_workers(count) as parallel_map:
-        # While one part is written, the next one runs: none waits for the other.
-        done = parallel_map("running", run_chunk, items, len(runs), 2 * max(most // size, count))
-        for first, chunks in starts:
-            part = [next(done) for _ in chunks]
-            own = [end for chunk_ends, _ in part for end in chunk_ends]
-            statuses = make_column([end.status for end in own])
-            labels = known.slice(first, len(own)).append_column("status", statuses)
-            index: Any = np.repeat(np.arange(len(own)), [end.rows for end in own])
-            ends += own
-            yield join_runs(labels, concat_metrics([table for _, table in part])[0], index)
-        assert next(done, None) is None, "more results than parts of the table"
-    for other in dict.fromkeys(end.other_model for end in ends if end.other_model):
+class _Summary:
+    """What the table of many runs has in common, gathered from its parts: its columns, and warnings."""
+
+    def __init__(self) -> None:
+        self.settings, self.idle = Settings(), IdleReport()
+        self.other_models = Names()
+        self._metrics = Names()
+        self._fields = dict[str, pa.Field]()
+
+    def add(self, part: JobTables) -> int:
+        """Add runs; returns the number of the first of them."""
+        for number, settings, idle, other_model in zip(
+            *(part.jobs[name].to_pylist() for name in ("run", "settings", "idle", "other_model")), strict=True
+        ):
+            own = json.loads(settings)
+            self.settings.add(own, number)
+            self.idle.add(number, own, json.loads(idle))
+            self.other_models.add([other_model] if other_model else [], number)
+        first = int(part.jobs["run"][0].as_py())
+        self._metrics.add(part.metrics.column_names[1:], first)
+        self._fields |= {field.name: field for field in part.metrics.schema}
+        return first
+
+    def join(self, part: JobTables) -> pa.Table:
+        """Join metrics of runs with the numbers, settings and status of these."""
+        jobs, metrics = part
+        settings = self.settings.tabulate([*map(json.loads, jobs["settings"].to_pylist())])
+        labels = pa.table({"run": jobs["run"], **settings, "status": jobs["status"]})
+        index: Any = as_array(jobs, "run").searchsorted(as_array(metrics, "run"))
+        joined = join_runs(labels, metrics.drop_columns("run"), index)
+        schema = pa.schema([*joined.schema][: labels.num_columns] + [self._fields[name] for name in self._metrics])
+        return pa.concat_tables([schema.empty_table(), joined], promote_options="default")
+
+
+def _warn(summary: _Summary) -> None:
+    """Issue the warnings of all runs, attributed to the caller of ``run_many``."""
+    for other in summary.other_models:
         warnings.warn(other, OtherModel, stacklevel=3)
-    for text in join_idle(settings, [end.idle for end in ends]):
+    for text in summary.idle.list_lines():
         warnings.warn(text, WithoutEffect, stacklevel=3)

@@ -5,7 +5,7 @@ import pickle
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,9 +21,18 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import RUN_KEY, new_result
 from cmacexp.data.integrity import compute_hashes, is_finished
 from cmacexp.data.run import Run
-from cmacexp.engine.job_store import FINGERPRINT, HASHES, JobItem, JobTables, find_fingerprint, write_part
+from cmacexp.engine.job_store import (
+    FINGERPRINT,
+    HASHES,
+    JobItem,
+    JobTables,
+    find_fingerprint,
+    iterate_jobs,
+    write_part,
+)
 from cmacexp.engine.objective import check_metric
 from cmacexp.engine.run import describe_run, describe_scores, run_scenario, score_run
+from cmacexp.engine.slurm import is_restarted
 from cmacexp.engine.sweep_tables import concat_metrics, make_column, make_table, read_metrics, select_run_overrides
 from cmacexp.engine.without_effect import IdleKeys
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, describe_failure, format_user_traceback
@@ -34,6 +43,9 @@ from cmacexp.metrics.registry import make_rows
 from cmacexp.planning import Recall
 from cmacexp.terminal.messages import describe_drift, describe_idle, format_outcome
 from cmacexp.typing import Status
+
+PART_SECONDS = 1.0
+"""After which a worker hands over what it has done: a kill loses no more."""
 
 
 def ensure_run(
@@ -94,7 +106,6 @@ class JobTemplate(NamedTuple):
     """Keys from which other values follow, see :func:`find_referred`."""
 
 
-@lru_cache(8)
 def _unpack(packed: bytes) -> JobTemplate:
     setup_globals()
     composed, typed = pickle.loads(packed), None
@@ -132,20 +143,32 @@ def run_jobs(packed: bytes, root: Path, sweep: str, items: Sequence[JobItem], jo
     # In a row, as run_chunk does.
     typed, referred = template.typed, template.referred or frozenset()
     configs = [set_numbers(typed, item.values, referred) if typed else None for item in items]
-    runs = dict[int, Run]()
-    lines = list[tuple[str, bool]]()
+    done = _list_done(root, sweep)
+    runs, numbered = dict[int, Run](), {item.number: item for item in items}
+    lines, written = list[tuple[str, bool]](), time.monotonic()
     try:
         for item, config in zip(items, configs, strict=True):
-            run, is_new = runner.run_item(template, root, item, jobs, config)
+            run, is_new = None, False
+            if item.number not in done:
+                run, is_new = runner.run_item(template, root, item, jobs, config)
             if run is not None:
                 runs[item.number] = run
                 if run.status == Status.INTERRUPTED:
                     raise KeyboardInterrupt
             lines.append(_describe_end(item, run, is_new))
+            if runs and time.monotonic() > written + PART_SECONDS:
+                write_part(root, sweep, _tabulate(root, runs, numbered, runner.idle))
+                runs, written = {}, time.monotonic()
     finally:
         if runs:
-            write_part(root, sweep, _tabulate(root, runs, {item.number: item for item in items}, runner.idle))
+            write_part(root, sweep, _tabulate(root, runs, numbered, runner.idle))
     return lines
+
+
+def _list_done(root: Path, sweep: str) -> set[int]:
+    """List the numbers of the jobs that a task had done before SLURM started it again."""
+    parts = manifests.list_job_parts(root, sweep) if is_restarted() else ()
+    return {number for jobs, _ in iterate_jobs(parts) for number in jobs["run"].to_pylist()}
 
 
 class JobRunner:

@@ -12,7 +12,7 @@ its job. A sweep takes its own parts, a resumed one those of all sweeps there; r
 
 import hashlib
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path, PurePosixPath
@@ -33,6 +33,7 @@ from cmacexp.data.manifest import (
     list_job_parts,
     name_job_part,
     parse,
+    read_sweep,
     walk,
 )
 from cmacexp.data.manifest_fields import fill
@@ -52,12 +53,12 @@ from cmacexp.data.tables import (
 from cmacexp.errors import BadRun
 from cmacexp.metrics.body import BODY_METRICS, ESTIMATE_METRICS
 from cmacexp.terminal.output import print_line
-from cmacexp.typing import ENDS
+from cmacexp.typing import ENDS, Array
 
 FINGERPRINT = "fingerprint"
 """The column of hashes in the table of jobs; empty for a job without a folder."""
-MOST_PARTS = 64
-"""Parts of a sweep that are in memory at a time: a small table takes several times what its values do."""
+MOST_JOBS = 1 << 12
+"""Jobs of a sweep that are in memory at a time while its tables are written."""
 HASHES = ("config_hash", "code_hash", "custom_code", "start_weights", "model_hash")
 """Entries of the manifest of a job: where all are the same, so is the result."""
 
@@ -68,6 +69,8 @@ JOB_COLUMNS = {
     **dict.fromkeys(("folder", "status", "cause", "overrides", *HASHES, FINGERPRINT, "manifest"), pa.string()),
 }
 """Columns of the table of jobs that readers use, besides settings and final metrics."""
+COMPRESSED = pa.ipc.IpcWriteOptions(compression="zstd")
+"""Of parts: manifests repeat each other."""
 ALWAYS = ("run", "folder", "status", FINGERPRINT)
 """Those that are read whatever else is."""
 
@@ -155,16 +158,24 @@ def find_fingerprint(folder: Path) -> str:
     return digest.hexdigest()
 
 
-def write_part(root: Path, sweep: str, tables: JobTables) -> None:
+def write_part(root: Path, sweep: str, tables: JobTables) -> Path:
     """Write a part of the tables of the sweep of this name; raises OSError."""
     (root / JOBS_FOLDER).mkdir(exist_ok=True)
     content = pa.BufferOutputStream()
     for table in tables:
-        with pa.ipc.new_stream(content, table.schema) as writer:
+        with pa.ipc.new_stream(content, table.schema, options=COMPRESSED) as writer:
             writer.write_table(table)
     content = content.getvalue()
-    with write_atomically(root / JOBS_FOLDER / name_job_part(sweep, content), durable=False) as path:
-        path.write_bytes(content)
+    path = root / JOBS_FOLDER / name_job_part(sweep, content)
+    with write_atomically(path, durable=False) as temporary:
+        temporary.write_bytes(content)
+    return path
+
+
+def read_part(path: Path) -> JobTables:
+    """Read a part of tables as it stands; raises OSError, ValueError or ArrowException."""
+    with open_file(path) as file:
+        return JobTables(*(pa.ipc.open_stream(file).read_all() for _ in JobTables._fields))
 
 
 def _read(path: Path) -> JobTables:
@@ -176,8 +187,7 @@ def _read(path: Path) -> JobTables:
         return JobTables(jobs.select(list(dict.fromkeys([*own, *names[names.index("status") :]]))), metrics)
     BadRun.unless(is_whole_part(path), f"{path}: changed since it was written")
     try:
-        with open_file(path) as file:
-            tables = JobTables(*(pa.ipc.open_stream(file).read_all() for _ in JobTables._fields))
+        tables = read_part(path)
         for table in tables:
             table.validate(full=True)
     except (OSError, ValueError, pa.ArrowException) as error:
@@ -188,7 +198,10 @@ def _read(path: Path) -> JobTables:
 
 def list_sources(root: Path) -> list[Path]:
     """List the files that hold the jobs of the sweep in a folder: its tables, or parts of them while it runs."""
-    return [root / RUNS_FILE] if has_tables(root) else list_job_parts(root)
+    if has_tables(root):
+        return [root / RUNS_FILE]
+    names = (read_sweep(root) or {}).get("sweeps") or [""]  # of earlier versions all
+    return [path for name in names for path in list_job_parts(root, name)]
 
 
 def list_whole(root: Path) -> list[Path]:
@@ -203,34 +216,47 @@ def list_whole(root: Path) -> list[Path]:
     return whole
 
 
+def iterate_jobs(
+    sources: Iterable[Path], most: int = MOST_JOBS, read: Callable[[Path], JobTables] = _read
+) -> Iterator[JobTables]:
+    """Yield the jobs in parts or tables of a sweep in the order of their numbers, ``most`` at a time.
+
+    Of several with one number that in the first source counts. Raises BadRun if a source is not as it was written.
+    """
+    known = set[int]()
+    parts = list[tuple[Array, Path]]()
+    for path in sources:
+        numbers = np.array([number for number in as_array(read(path).jobs, "run").tolist() if number not in known])
+        known.update(numbers.tolist())
+        parts += [(np.sort(numbers), path)] if len(numbers) else []
+    parts.sort(key=lambda part: part[0][0])  # so that columns have always the same order
+    in_order = sorted(known)
+    for start in range(0, len(in_order), most):
+        low, high = in_order[start], in_order[start:][:most][-1]
+        chosen = [(numbers[(numbers >= low) & (numbers <= high)], path) for numbers, path in parts]
+        yield concat_jobs(select_jobs(read(path), numbers) for numbers, path in chosen if len(numbers))
+
+
 def list_jobs(root: Path, sources: Sequence[Path] | None = None) -> list[JobRun]:
     """List the jobs of the sweep in a folder, whether it has ended or not, in the order of their numbers.
 
-    They are those in :func:`list_sources`, or in the ``sources`` of a sweep that goes on; of several with one number
-    the first one counts.
+    They are those in :func:`list_sources`, or in the ``sources`` of a sweep that goes on.
     Raises BadRun if one of these is not as it was written.
     """
-    found, known = list[tuple[list[int], Path]](), set[int]()
-    for path in list_sources(root) if sources is None else sources:
-        numbers = sorted(set(as_array(_read(path).jobs, "run").tolist()) - known)
-        known.update(numbers)
-        found += [(numbers, path)] if numbers else []
-    if not found:
-        return []
-    found.sort(key=lambda part: part[0][0])  # so that columns have always the same order
-    batches = [found[at : at + MOST_PARTS] for at in range(0, len(found), MOST_PARTS)]
-    parts = (_join(_select(_read(path), numbers) for numbers, path in batch) for batch in batches)
-    # Manifests, which are the most of it, are not copied again.
-    jobs, metrics = _join(JobTables(*(table.combine_chunks() for table in tables)) for tables in parts)
-    tables = JobTables(jobs, metrics.combine_chunks())
-    return [JobRun(root, tables, index, sources is not None) for index in range(jobs.num_rows)]
+    is_own, chosen = sources is not None, list_sources(root) if sources is None else sources
+    return [
+        JobRun(root, tables, index, is_own)
+        for tables in iterate_jobs(chosen)
+        for index in range(tables.jobs.num_rows)
+    ]
 
 
-def _select(part: JobTables, numbers: list[int]) -> JobTables:
+def select_jobs(part: JobTables, numbers: Sequence[int] | Array) -> JobTables:
+    """Copy the jobs with these numbers, and their metrics."""
     return JobTables(*(select_rows(table, np.isin(as_array(table, "run"), numbers)) for table in part))
 
 
-def _join(parts: Iterable[JobTables]) -> JobTables:
+def concat_jobs(parts: Iterable[JobTables]) -> JobTables:
     """Parts as one, in the order of their numbers; not copied unless that takes sorting."""
     joined = list[pa.Table]()
     for tables in zip(*parts, strict=True):
@@ -239,7 +265,7 @@ def _join(parts: Iterable[JobTables]) -> JobTables:
         if (np.diff(numbers) < 0).any():
             table = table.take(arrow(numbers.argsort(kind="stable"), pa.int64()))
         joined.append(table)
-    return JobTables(*joined)
+    return JobTables(*(table.combine_chunks() for table in joined))
 
 
 def read_tables(root: Path, columns: Sequence[str] = ()) -> JobTables:

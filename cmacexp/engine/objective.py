@@ -63,13 +63,11 @@ def read_objective(name: str, run: Run, direction: str | None) -> float:
     return abs(value) if ALL_METRICS[name].better == NEAR_ZERO else value
 
 
-def describe_best(name: str, direction: str, jobs: Sequence[Run], swept: Sequence[str]) -> str:
-    """The best job of a search, its values of the ``swept`` keys and of the metric, and its folder, in one line."""
-    values = [read_objective(name, job, direction) for job in jobs]
-    best = (max if direction == MAXIMIZE else min)(range(len(jobs)), key=values.__getitem__)
-    if math.isinf(values[best]):
+def describe_best(name: str, direction: str, job: Run, swept: Sequence[str]) -> str:
+    """Describe the best job of a search: its values of the ``swept`` keys and of the metric, and its folder."""
+    if math.isinf(read_objective(name, job, direction)):
         return f"none: no job completed with a value of {name}"
-    job, shown = jobs[best], ALL_METRICS[name].shown or MetricDisplay(name, ALL_METRICS[name].unit)
+    shown = ALL_METRICS[name].shown or MetricDisplay(name, ALL_METRICS[name].unit)
     named = " ".join([f"#{job.folder.name}", *(f"{key}={job.settings.get(key)}" for key in swept)])
     value = format_number(job.final(name) * shown.factor, shown.unit)
     return f"{named}: {name} = {value}, in {format_folder(job.folder)}"

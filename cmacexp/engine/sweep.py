@@ -4,18 +4,16 @@ At its end its table, one row per job, is written and printed.
 """
 
 import pickle
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import AbstractContextManager, suppress
 from enum import Enum
 from functools import cache
-from itertools import accumulate, chain
+from itertools import accumulate
 from pathlib import Path
 from secrets import token_hex
 from typing import Any
 
-import numpy as np
-import pyarrow.csv as pa_csv
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.plugins import Plugins
 from hydra.core.utils import JobReturn, JobStatus
@@ -27,46 +25,30 @@ from cmacexp.config.compose import expand_grid, split_overrides
 from cmacexp.config.explain import COMPOSITION_ERRORS
 from cmacexp.config.robot_rule import read_machine
 from cmacexp.data import manifest as manifests
-from cmacexp.data.files import full_disk_named, sha256, write_atomically
-from cmacexp.data.folder import SETTINGS, TABLE, TABLE_CSV, collection, make_sweep_manifest
-from cmacexp.data.tables import METRICS_FILE, as_array, select_rows, write_table
-from cmacexp.engine.job_store import (
-    FINGERPRINT,
-    HASHES,
-    JobItem,
-    JobRun,
-    JobTables,
-    list_jobs,
-    list_whole,
-    write_part,
-)
-from cmacexp.engine.objective import DIRECTION, check_metric, describe_best, find_direction, read_objective
-from cmacexp.engine.pool import (
-    MOST_RUNS,
-    ParallelMap,
-    choose_size,
-    count_processes,
-    iterate_here,
-    start_workers,
-)
-from cmacexp.engine.sweep_tables import collect_settings, read_settings, select_run_overrides, tabulate_settings
-from cmacexp.engine.without_effect import join_idle
+from cmacexp.data.files import write_atomically
+from cmacexp.data.folder import SETTINGS, TABLE, collection, make_sweep_manifest
+from cmacexp.engine.job_store import HASHES, JobItem, iterate_jobs, list_jobs, list_whole
+from cmacexp.engine.launcher import CORES, Launcher, Work, start_launcher
+from cmacexp.engine.objective import DIRECTION, check_metric, find_direction, read_objective
+from cmacexp.engine.sweep_end import SweepEnd
+from cmacexp.engine.sweep_tables import select_run_overrides
 from cmacexp.errors import BadInput, CmacexpError, require
 from cmacexp.jit.interrupt import is_interrupt
-from cmacexp.terminal.messages import describe_resume, print_next, print_runs, warn_of_models, warn_of_other_mode
+from cmacexp.terminal.messages import describe_resume, warn_of_models, warn_of_other_mode
 from cmacexp.terminal.output import print_line, show_activity
-from cmacexp.typing import Status
+from cmacexp.typing import RESULTS, Status
 
 SWEEP_KEY, SUBDIR = "hydra.sweep.dir", "${hydra.job.num}"
-BASIC, CORES = "basic", "cores"
-"""Hydra's own sweeper, whose jobs are known before the first one runs, and its own launcher; ours."""
+GRID = "basic"
+"""Hydra's own sweeper, whose jobs are known before the first one runs."""
 COUNTS = ("sweep.chunk", "hydra.launcher.processes", "hydra.sweeper.max_batch_size")
 """Options of a sweep that are numbers, at least 1, or null."""
 ONLY_OF_RUNS = ("callbacks", "job.chdir", "job.env_set", "output_subdir", "job_logging.root")
 """What Hydra does around a single run; so many jobs share a process."""
 DEFAULT = "record=trace"
 """Override of a sweep that does not set ``record``."""
-MAX_LISTED_FAILURES = 20
+STEP_SECONDS, RUN_SECONDS = {"leg": 1e-6, "quadruped": 6e-6, "robot": 30e-6}, 0.02
+"""Estimated seconds of a step, by the kind of machine, and of a run besides, for the number of tasks on a cluster."""
 
 
 class Sweep:
@@ -91,14 +73,13 @@ class Sweep:
         """Overrides of the run of each job, see :func:`select_run_overrides`."""
         self.places: list[str] = []
         """Folders of these jobs, in that of the sweep."""
-        self.size = 1
-        """Jobs without folders that a process takes at a time, at most."""
-        self.templates: dict[tuple[str, ...], tuple[bytes, bool]] = {}
-        """Arguments ``packed`` of :func:`cmacexp.engine.job.run_jobs`, by what jobs have in common, and whether a
-        process takes several of these jobs at a time: those that keep metrics alone, and are no robot's."""
+        self.templates: dict[tuple[str, ...], tuple[bytes, bool, float]] = {}
+        """Arguments ``packed`` of :func:`cmacexp.engine.job.run_jobs`, by what jobs have in common; whether a process
+        takes several of these jobs at a time: those that keep metrics only, and are no robot's; and the estimated
+        duration of one, s."""
         self.list_options = cache(context.config_loader.get_group_options)
         """Lists the options of a key; a field has none. Hydra takes longer to list them than to run a job."""
-        self.parallel_map: ParallelMap = iterate_here
+        self.launcher: Launcher
         self.optimize, self.direction = _read_objective(config)
         _check_options(config)
         self.batches: list[list[list[str]]] = self._expand()
@@ -119,7 +100,7 @@ class Sweep:
             if override.is_discrete_sweep() and next(iter(override.sweep_iterator()), None) is None:
                 key, _, value = str(override.input_line).partition("=")
                 raise BadInput(key, value, "matches no option; glob is for groups, a field takes values: 8,16")
-        return expand_grid(overrides, sweeper.max_batch_size) if _read_choice(self.config, "sweeper") == BASIC else []
+        return expand_grid(overrides, sweeper.max_batch_size) if _read_choice(self.config, "sweeper") == GRID else []
 
     def _plan(self, batch: Sequence[Sequence[str]]) -> None:
         """Note jobs, and compose one of each kind; raises BadInput if two have the same folder."""
@@ -145,7 +126,7 @@ class Sweep:
         )
         return place
 
-    def _pack(self, overrides: Sequence[str]) -> tuple[tuple[bytes, bool], list[str]]:
+    def _pack(self, overrides: Sequence[str]) -> tuple[tuple[bytes, bool, float], list[str]]:
         """What Hydra composes for a job, and the overrides that set its values in it.
 
         Jobs that differ in such values alone, which can be thousands, are composed once, see ``benchmarks/sweep.py``;
@@ -159,19 +140,23 @@ class Sweep:
                 with suppress(BadInput, OmegaConfBaseException):  # which the job reports
                     warn_of_models([read_machine(composed)])
             packed, record = pickle.dumps(composed), composed.record
-            self.templates[kind] = packed, not (is_robot or record.trace or record.weights)
+            is_short = not (is_robot or record.trace or record.weights)
+            self.templates[kind] = packed, is_short, _estimate_seconds(composed)
         return self.templates[kind], values
 
     def run(self) -> str:
         """Run all jobs, and print and write their table.
 
-        Returns how the sweep ended, see :meth:`_finish`; ``failed`` if it could not
+        Returns how the sweep ended, see :attr:`SweepEnd.status`; ``failed`` if it could not
         go on. Raises BadInput if the folder cannot be used, and KeyboardInterrupt after an interrupt.
         """
         with collection(self.folder, SWEEP_KEY):
             self.earlier = list_whole(self.folder) if self.config.sweep.resume else []
+            if not manifests.has_tables(self.folder):
+                names = dict.fromkeys([self.name, *(path.name.partition("-")[0] for path in self.earlier)])
+                manifests.write(self.folder, make_sweep_manifest(Status.UNFINISHED, sweeps=[*names]))
             try:
-                with self._start() as self.parallel_map:
+                with self._start() as self.launcher:
                     self._run_jobs()
             except (KeyboardInterrupt, Exception) as error:
                 is_wrong = isinstance(error, (CmacexpError, *COMPOSITION_ERRORS))
@@ -185,64 +170,31 @@ class Sweep:
             return self._finish()
 
     def _finish(self) -> str:
-        """Write the tables of the sweep, print that of its jobs, and list the failures with their causes.
-
-        Returns how it ended: ``completed`` if no job failed, ``bad input`` if no job could be run, else ``failed``.
-        """
+        """Write the tables of the sweep and print how its jobs ended; returns how the sweep did."""
+        searched = (self.optimize, self.direction) if self.optimize and self.direction else None
         with show_activity("reading the results of the jobs"):
-            runs = collect_jobs(self._list_jobs(), self.planned)
-        if not runs:
+            end = SweepEnd(self.folder, self._list_sources(), self.planned, searched)
+        if not end.counts:
             print_line(f"continue:  {describe_resume(self.folder)}")
             return Status.FAILED
-        failed, missing = [run for run in runs if not run.outcome.is_result], len(self.planned) - len(runs)
-        is_wrong = all(run.read("bad_input") for run in runs)
-        status = Status.BAD_INPUT if is_wrong else Status.FAILED if missing or failed else Status.COMPLETED
         earlier = manifests.read_sweep(self.folder)
-        if missing and earlier and earlier["files"] and earlier["status"] != Status.INTERRUPTED:
+        if end.missing and earlier and earlier["files"] and earlier["status"] != Status.INTERRUPTED:
             text = "keeps the tables of its earlier sweep; those of this one follow when all its jobs have ended"
             print_line(f"warning: {self.folder} {text}", error=True)
         else:
-            write_tables(self.folder, runs, Status.INTERRUPTED if missing else status, self.name)
-        keys = dict.fromkeys(key for run in runs for key in run.settings)
-        swept = [key for key in keys if len({str(run.settings.get(key)) for run in runs}) > 1]
-        print_runs(runs, swept, self.folder / TABLE_CSV)
-        counts = Counter(run.outcome.status for run in runs) + Counter({Status.UNFINISHED: missing})
-        ends = ", ".join(f"{count} {end}" for end, count in counts.items())
-        print_line(f"{counts.total()} job{'s' * (counts.total() > 1)}: {ends}")
-        results = [run for run in runs if run.outcome.is_result]
-        settings = collect_settings(run.settings for run in results)
-        for text in join_idle(settings, [run.idle for run in results]):
-            print_line(f"warning: {text}", error=True)
-        for run in failed[:MAX_LISTED_FAILURES]:
-            print_line(f"  {run.folder.name} {run.outcome.status}: {run.outcome.cause}", error=True)
-        if len(failed) > MAX_LISTED_FAILURES:
-            print_line(f"  and {len(failed) - MAX_LISTED_FAILURES} more: see {TABLE_CSV}", error=True)
-        if self.optimize and self.direction:
-            print_line(f"best:      {describe_best(self.optimize, self.direction, runs, swept)}")
-        if results:
-            print_next(self.folder, {"report": "report"})
-        if missing or counts[Status.INTERRUPTED]:
-            print_line(f"continue:  {describe_resume(self.folder)}")
+            end.write(Status.INTERRUPTED if end.missing else end.status, self.name)
+        end.print()
         print_line(str(self.folder / TABLE))
-        return status
+        return end.status
 
-    def _list_jobs(self) -> list[JobRun]:
-        """List the jobs that this sweep has run, and, if it is resumed, those that earlier ones have left."""
-        return list_jobs(self.folder, [*manifests.list_job_parts(self.folder, self.name), *self.earlier])
+    def _list_sources(self) -> list[Path]:
+        """List the parts that jobs of this sweep have left, and, if it is resumed, what earlier ones have."""
+        return [*manifests.list_job_parts(self.folder, self.name), *self.earlier]
 
-    def _start(self) -> AbstractContextManager[ParallelMap]:
+    def _start(self) -> AbstractContextManager[Launcher]:
         """Start what the launcher stands for."""
-        launcher, size = _read_choice(self.config, "launcher"), self.config.sweep.chunk or 1
-        if launcher == CORES:
-            processes = self.config.hydra.launcher.processes
-            self.size = choose_size(max(map(len, self.batches), default=1), count_processes(processes))
-            return start_workers(processes)
-        if launcher == BASIC:
-            return nullcontext(iterate_here)
-        from cmacexp.engine.cluster import make_map
-
-        self.size = min(size, MOST_RUNS)
-        return nullcontext(make_map(self.config.copy(), self.context, lambda jobs: -(-jobs // size)))
+        launcher = _read_choice(self.config, "launcher")
+        return start_launcher(launcher, self.config.hydra.launcher, self.config.copy(), self.context)
 
     def _run_jobs(self) -> None:
         if self.batches:
@@ -263,29 +215,54 @@ class Sweep:
         """Run the jobs of a batch, whose first has the number ``first``; what they return, in their order."""
         if not self.batches:
             self._plan(batch)
-        known, alike = {}, defaultdict[tuple[bytes, bool], list[JobItem]](list)
-        if self.config.sweep.resume:
-            known = {(run.read("run"), run.read("overrides")): run for run in self._list_jobs()}
+        known, alike = self._list_known(), defaultdict[tuple[bytes, bool, float], list[JobItem]](list)
         for number, overrides in enumerate(batch, first):
             template, values = self._pack(overrides)
-            run = known.get((number, " ".join(self.planned[number])))
-            hashes = tuple(map(run.read, HASHES)) if run is not None and run.outcome.is_result else ()
+            hashes = known.get((number, " ".join(self.planned[number])), ())
             alike[template].append(JobItem(list(overrides), values, number, self.places[number], hashes))
+        size = self.launcher.choose_size(len(batch))
         items = [
-            (packed, self.folder.absolute(), self.name, own[start : start + size], len(self.planned))
-            for (packed, together), own in alike.items()
-            for size in [self.size if together else 1]
-            for start in range(0, len(own), size)
+            (packed, self.folder.absolute(), self.name, own[start : start + chunk], len(self.planned))
+            for (packed, together, _), own in alike.items()
+            for chunk in [size if together else 1]
+            for start in range(0, len(own), chunk)
         ]
         items.sort(key=lambda item: item[3][0].number)
-        for text, is_error in chain.from_iterable(self.parallel_map("sweep", _run_jobs, items, len(batch))):
-            print_line(text, error=is_error)
+        seconds = sum(seconds * len(own) for (*_, seconds), own in alike.items())
+        work = Work(_run_jobs, items, "sweep", lambda item: len(item[3]), _report_lost, seconds)
+        for _, lines in self.launcher.map(work):
+            for text, is_error in lines:
+                print_line(text, error=is_error)
         ended = [JobReturn(status=JobStatus.COMPLETED) for _ in batch]
         if self.optimize and not self.batches:  # else no sweeper waits for it
-            by_number = {run.read("run"): run for run in self._list_jobs()}
+            by_number = {run.read("run"): run for run in list_jobs(self.folder, self._list_sources())}
             for number, returned in enumerate(ended, first):
-                returned.return_value = read_objective(self.optimize, by_number[number], self.direction)
+                if number in by_number:
+                    returned.return_value = read_objective(self.optimize, by_number[number], self.direction)
         return ended
+
+    def _list_known(self) -> dict[tuple[int, str], tuple[str, ...]]:
+        """List the hashes of the results that a resumed sweep finds, by the number of the job and its overrides."""
+        known = dict[tuple[int, str], tuple[str, ...]]()
+        for jobs, _ in iterate_jobs(self._list_sources() if self.config.sweep.resume else ()):
+            names = ("run", "overrides", "status", *HASHES)
+            for number, overrides, status, *hashes in zip(*(jobs[name].to_pylist() for name in names), strict=True):
+                if status in RESULTS:
+                    known[number, overrides] = tuple(hashes)
+        return known
+
+
+def _estimate_seconds(composed: DictConfig) -> float:
+    """Estimate how long a job takes, s; of one that is wrong as of one without steps."""
+    with suppress(Exception):  # which the job reports
+        steps = composed.cycles * composed.gait.cycle_time / composed.sampling_period
+        return RUN_SECONDS + float(steps) * STEP_SECONDS[composed.machine.kind]
+    return RUN_SECONDS
+
+
+def _report_lost(reason: str) -> None:
+    """Print why a task was lost; the others go on."""
+    print_line(f"error: {reason}", error=True)
 
 
 def _run_jobs(packed: bytes, root: Path, sweep: str, items: Sequence[JobItem], jobs: int) -> list[tuple[str, bool]]:
@@ -346,48 +323,3 @@ def _read_typed(overrides: Any) -> list[str]:
 
 def _list_keys(overrides: Sequence[str]) -> set[str]:
     return {text.partition("=")[0].lstrip("+") for text in overrides}
-
-
-def collect_jobs(jobs: Sequence[JobRun], planned: Sequence[tuple[str, ...]]) -> list[JobRun]:
-    """Select the jobs of a sweep that ended, with the values of their overrides as settings.
-
-    A job that was killed has left nothing. What an earlier sweep left there does not count: it was not ``planned``,
-    as overrides of the run of each job.
-    """
-    texts = dict(enumerate(map(" ".join, planned)))
-    runs = [run for run in jobs if texts.get(run.read("run")) == run.read("overrides")]
-    for run in runs:
-        run.settings = read_settings(planned[run.read("run")])
-    return runs
-
-
-def write_tables(folder: Path, runs: Sequence[JobRun], status: str, sweep: str) -> None:
-    """Write the tables of the ``sweep`` of this name, and the manifest with its ``status``; raises OSError.
-
-    Until the manifest lists the new tables, the parts of the sweep have all that they will.
-    """
-    jobs, metrics = runs[0].tables
-    jobs = select_rows(jobs, np.array([run.index for run in runs]))
-    metrics = select_rows(metrics, np.isin(as_array(metrics, "run"), as_array(jobs, "run")))
-    if replaces := manifests.has_tables(folder):
-        write_part(folder, sweep, JobTables(jobs, metrics))  # what a resumed sweep has of the earlier tables
-    settings = collect_settings(run.settings for run in runs)
-    for place, (name, column) in enumerate(tabulate_settings(settings).items(), 3):
-        jobs = jobs.add_column(place, name, column)
-    swept = jobs.drop_columns([*HASHES, "idle", "bad_input", FINGERPRINT, "manifest"]).combine_chunks()
-    is_lean = "" in jobs[FINGERPRINT].to_pylist()
-    tables = {TABLE: swept, manifests.RUNS_FILE: jobs, METRICS_FILE: metrics}
-    with full_disk_named(folder):
-        if replaces:
-            manifests.write(folder, make_sweep_manifest(Status.UNFINISHED))
-        for name, table in tables.items():
-            with write_atomically(folder / name) as path:
-                write_table(table, path)
-        with write_atomically(folder / TABLE_CSV) as path:
-            pa_csv.write_csv(swept, path)
-        files = {name: sha256(folder / name) for name in tables}
-        manifests.write(folder, make_sweep_manifest(status, files, is_lean))
-    for part in manifests.list_job_parts(folder):
-        part.unlink(missing_ok=True)
-    with suppress(OSError):  # others have put something into it
-        (folder / manifests.JOBS_FOLDER).rmdir()

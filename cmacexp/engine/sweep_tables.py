@@ -2,8 +2,8 @@
 
 import math
 import re
-from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Sequence, Set
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,19 +41,61 @@ def select_run_overrides(overrides: Sequence[str]) -> list[str]:
     return [text for text in overrides if re.split(r"[=./]", text)[0] not in ("sweep", "optimize", "hydra")]
 
 
-def collect_settings(settings: Iterable[Row]) -> dict[str, list[Any]]:
-    """What runs set, by key: a value of each run, "null" for null, None where it does not set the key."""
-    columns, count = defaultdict[str, list[Any]](list), 0
-    for count, values in enumerate(settings, 1):
-        for key, value in values.items():
-            columns[key] += [None] * (count - 1 - len(columns[key]))
-            columns[key].append("null" if value is None else value)
-    return {key: values + [None] * (count - len(values)) for key, values in columns.items()}
+class Names:
+    """Names of columns in the order of the numbers of runs that have them, whatever the order in which runs end."""
+
+    def __init__(self) -> None:
+        self._first = dict[str, tuple[int, int]]()
+
+    def add(self, names: Iterable[str], number: int) -> None:
+        """Add the names that the run with a number has, in their order."""
+        for position, name in enumerate(names):
+            self._first[name] = min((number, position), self._first.get(name, (number, position)))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(sorted(self._first, key=self._first.__getitem__))
 
 
-def tabulate_settings(settings: Mapping[str, Sequence[Any]]) -> dict[str, pa.Array]:
-    """What :func:`collect_settings` gives as columns of a table; null, as text, where a run does not set a key."""
-    return {key: make_column(values) for key, values in settings.items()}
+class Settings:
+    """Settings of many runs as typed columns; it holds the type of each column, not the values."""
+
+    def __init__(self) -> None:
+        self.keys = Names()
+        self._types = defaultdict[str, set[type]](set)
+        self._counts = Counter[str]()
+        self._values = dict[str, str]()
+        self._varied = set[str]()
+        self._runs = 0
+
+    def add(self, settings: Row, number: int) -> None:
+        """Note what the run with this number sets."""
+        self._runs += 1
+        self.keys.add(settings, number)
+        self._counts.update([*settings])
+        for key, value in settings.items():
+            self._types[key].add(type(value))
+            if self._values.setdefault(key, str(value)) != str(value):
+                self._varied.add(key)
+
+    def list_varied(self) -> list[str]:
+        """List the keys that have several values, or that not all runs set."""
+        return [key for key in self.keys if key in self._varied or self._counts[key] < self._runs]
+
+    def tabulate(self, rows: Sequence[Row]) -> dict[str, pa.Array]:
+        """Make a column of each key for some of these runs; of text, "null" where one of all does not set it."""
+        columns = {}
+        for key in self.keys:
+            types = self._types[key] | ({type(None)} if self._counts[key] < self._runs else set())
+            columns[key] = make_column([row.get(key) for row in rows], types)
+        return columns
+
+
+def tabulate_settings(rows: Sequence[Row]) -> dict[str, pa.Array]:
+    """Make a column of each key that some of all runs set."""
+    settings = Settings()
+    for number, row in enumerate(rows):
+        settings.add(row, number)
+    return settings.tabulate(rows)
 
 
 def read_settings(overrides: Sequence[str]) -> Row:
@@ -72,17 +114,19 @@ def parse_value(text: str) -> Any:
     return None if text == "null" else text.strip("'\"")
 
 
-def make_column(values: Sequence[Any]) -> pa.Array:
-    """Values as an Arrow column: of integers, floats or booleans if all are, else of text."""
-    kinds = {type(value) for value in values}
-    if kinds == {bool}:
-        packed = np.packbits(
-            np.array(values), bitorder="little"
-        )  # a cast would import what takes longer than ten runs
+def make_column(values: Sequence[Any], types: Set[type] | None = None) -> pa.Array:
+    """Make an Arrow column of values: of integers, floats or booleans if all are, else of text.
+
+    ``types`` are those of all values of a column of which these are some.
+    """
+    types = {*map(type, values)} if types is None else types
+    if types == {bool}:
+        # A cast would import what takes longer than ten runs.
+        packed = np.packbits(np.array(values, dtype=bool), bitorder="little")
         return pa.Array.from_buffers(pa.bool_(), len(values), [None, pa.py_buffer(packed)])
-    if kinds == {int} and max(map(abs, values)) < 2**63:
-        return arrow(np.array(values), pa.int64())
-    if kinds <= {int, float}:
+    if types == {int} and max(map(abs, values), default=0) < 2**63:
+        return arrow(np.array(values, dtype=int), pa.int64())
+    if types <= {int, float}:
         return arrow(np.array(values, dtype=float), pa.float64())
     return arrow_strings(["null" if value is None else str(value) for value in values])
 
@@ -165,6 +209,6 @@ def load_sweep(folder: str | Path) -> "pd.DataFrame":
     stored = find_runs(root)
     metrics, index = concat_metrics([read_metrics(run) for run in stored])
     labels = make_labels([run.folder.relative_to(root).as_posix() for run in stored])
-    settings = tabulate_settings(collect_settings(read_settings(run.manifest["overrides"] or ()) for run in stored))
+    settings = tabulate_settings([read_settings(run.manifest["overrides"] or ()) for run in stored])
     runs = pa.table({**labels, **settings, "status": make_column([run.status for run in stored])})
     return join_runs(runs, metrics, index).to_pandas()

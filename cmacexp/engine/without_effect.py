@@ -6,7 +6,7 @@ plant, sensors, controller and feedforward.
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -118,13 +118,21 @@ def read_key(override: str) -> str:
     return override.lstrip("+").partition("=")[0]
 
 
-def join_idle(settings: Mapping[str, Sequence[Any]], idle: Sequence[Mapping[str, str]]) -> Iterator[str]:
-    """A line for each key without effect in all of many runs that set it.
+class IdleReport:
+    """Keys without effect in all of many runs that set them."""
 
-    ``settings`` are the values of the runs by key, None where a run does not set it; ``idle`` has a result of
-    :meth:`IdleKeys.find` for each run.
-    """
-    for key, values in settings.items():
-        reasons = [of_run.get(key) for value, of_run in zip(values, idle, strict=True) if value is not None]
-        if reasons and all(reasons):
-            yield f"{key} has no effect: {reasons[0]}"
+    def __init__(self) -> None:
+        self._effective = set[str]()
+        self._reasons = dict[str, tuple[int, str]]()
+
+    def add(self, number: int, keys: Iterable[str], idle: Mapping[str, str]) -> None:
+        """Add the run with this number: the keys that it sets, and those without effect, each with the reason."""
+        self._effective.update({*keys} - idle.keys())
+        for key, reason in idle.items():
+            self._reasons[key] = min((number, reason), self._reasons.get(key, (number, reason)))
+
+    def list_lines(self) -> Iterator[str]:
+        """List a line for each key without effect, in the order of the first runs that set them."""
+        for key, (_, reason) in sorted(self._reasons.items(), key=lambda known: known[1][0]):
+            if key not in self._effective:
+                yield f"{key} has no effect: {reason}"

@@ -14,7 +14,8 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import update_wrapper
 from pathlib import Path
-from typing import cast
+from threading import RLock
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -84,6 +85,17 @@ def copy_array(source: Array, target: Array) -> None:
     np.positive(source, target)
 
 
+class _Choice(NamedTuple):
+    """A function that runs for arguments of some classes, and the workload for which it was chosen."""
+
+    chosen: Callable[..., object]
+    classes: list[type]
+    work: _Workload | None
+
+
+_one_at_a_time = RLock()
+
+
 class _Program:
     """A function that runs as plain Python, or in a compiled form that is made or read from the cache when needed."""
 
@@ -92,23 +104,27 @@ class _Program:
         self.name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
         self.forms: dict[tuple[object, ...], Callable[..., object]] = {}
         """Compiled forms by the types of their arguments."""
-        self.chosen, self.classes = plain, list[type]()
-        self.chosen_for: _Workload | None = None
-        """What runs, for arguments of which classes, and the workload for which it was chosen."""
+        self.last = _Choice(plain, [], None)
+        """The last choice; one object, so that threads see a whole one."""
         update_wrapper(self, function)
 
     def __call__(self, *arguments: object) -> object:
-        work, classes = _workload.get(), [*map(type, arguments)]
-        is_outdated = self.chosen is self.plain and self.chosen_for is not work
-        if is_outdated or self.classes != classes:  # numba would convert a number to the type that the form takes
-            self.chosen, self.chosen_for, self.classes = self._choose(work, arguments), work, classes
+        last, work, classes = self.last, _workload.get(), [*map(type, arguments)]
+        is_outdated = last.chosen is self.plain and last.work is not work
+        if is_outdated or last.classes != classes:  # numba would convert a number to the type that the form takes
+            self.last = last = _Choice(self._choose(work, arguments), classes, work)
         try:
-            return self.chosen(*arguments)
+            return last.chosen(*arguments)
         except TypeError:  # of a compiled form, before it does anything: it is for other types
-            if self.chosen is self.plain:
+            if last.chosen is self.plain:
                 raise
-            self.chosen, self.chosen_for = self._choose(work, arguments), work
-            return self.chosen(*arguments)
+            self.last = last = _Choice(self._choose(work, arguments), classes, work)
+            return last.chosen(*arguments)
+
+    @property
+    def chosen(self) -> Callable[..., object]:
+        """The function that ran last, or would run."""
+        return self.last.chosen
 
     def _choose(self, work: _Workload, arguments: tuple[object, ...]) -> Callable[..., object]:
         """Return the form for these arguments if it is stored, or if compiling it is repaid; else what is plain."""
@@ -118,17 +134,18 @@ class _Program:
         from cmacexp.jit.forms import Form, find_types
 
         types = find_types(arguments)
-        if types not in self.forms:
-            form = Form(self.function, types, cache_folder() / self.name)
-            if (compiled := form.load()) is None:
-                if not is_long:
-                    return self.plain
-                _announce()
-                began = time.perf_counter()
-                compiled = form.compile()
-                _note_seconds(time.perf_counter() - began)
-            self.forms[types] = compiled
-        return self.forms[types]
+        with _one_at_a_time:  # numba takes its folder from a variable of the process
+            if types not in self.forms:
+                form = Form(self.function, types, cache_folder() / self.name)
+                if (compiled := form.load()) is None:
+                    if not is_long:
+                        return self.plain
+                    _announce()
+                    began = time.perf_counter()
+                    compiled = form.compile()
+                    _note_seconds(time.perf_counter() - began)
+                self.forms[types] = compiled
+            return self.forms[types]
 
     def _is_worth_loading(self, work: _Workload) -> bool:
         """Whether the cache holds a form, and reading it takes less time than it saves."""

@@ -95,11 +95,11 @@ def print_key() -> None:
     print(f"{'-':<29}undefined, e.g. where the force never settles")
 
 
-def print_runs(runs: Sequence[Run], keys: Sequence[str], all_in: Path) -> None:
-    """Print a table of runs; of many runs some, and where all are."""
+def print_runs(runs: Sequence[Run], keys: Sequence[str], all_in: Path, count: int = 0) -> None:
+    """Print a table of runs; of many some, and where all are: ``count`` of them if these are some of more."""
     main, rows = tabulate_runs(shorten(runs), keys)
     titles = ["run\n", *(key.replace(".", ".\n") + "\n" for key in keys), "status\n", "cycles\ndone\n"]
-    print_table([*titles, *map(format_title, main.values())], rows, "runs", all_in, len(runs))
+    print_table([*titles, *map(format_title, main.values())], rows, "runs", all_in, count or len(runs))
     if main:
         print("metrics are those of the last whole cycle")
         print(KEY)

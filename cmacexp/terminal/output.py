@@ -116,10 +116,13 @@ def show_state(read_state: Callable[[], State]) -> Iterator[None]:
 
 
 @contextmanager
-def show_progress(what: str, total: int, unit: str = "") -> Iterator[Callable[[float], None]]:
+def show_progress(
+    what: str, total: int | None, unit: str = "", describe: Callable[[], str] = str
+) -> Iterator[Callable[[float], None]]:
     """Show how much of some work is done while it takes place, and the time that is left at this rate.
 
-    Gives what is called with the parts that are done, of so many in ``total``.
+    Yields a function that takes the number of parts that are done, of ``total``; None: unknown. ``describe`` gives
+    further text, such as the number of tasks that wait.
     """
     done, began = 0.0, time.monotonic()
 
@@ -128,11 +131,11 @@ def show_progress(what: str, total: int, unit: str = "") -> Iterator[Callable[[f
         done = parts
 
     def read_state() -> State:
-        text = f"{what}: {int(done)}/{total} {unit}".rstrip()
-        if not done:
-            return text, 0.0
-        left = timedelta(seconds=round((time.monotonic() - began) * (total - done) / done))
-        return f"{text} ({100.0 * done / total:.1f} %), {left} left", done / total
+        text = f"{what}: {int(done)}{f'/{total}' if total else ''} {unit}".rstrip()
+        if done and total:
+            left = timedelta(seconds=round((time.monotonic() - began) * (total - done) / done))
+            text += f" ({100.0 * done / total:.1f} %), {left} left"
+        return ", ".join(filter(None, (text, describe()))), done / total if total else None
 
     with show_state(read_state):
         yield set_done

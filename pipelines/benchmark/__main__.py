@@ -46,8 +46,8 @@ ALL, TRIALS = "all", "trials"
 
 def _write(machines: dict[str, Machine], methods: dict[str, Method], options: Options) -> Path:
     """Tune and test; write table, JSON and page; returns the page."""
-    with options.start_workers() as each:
-        run_rows = partial(run_plan, machines, methods, each, options.folder / TRIALS)
+    with options.start_workers() as workers:
+        run_rows = partial(run_plan, machines, methods, workers.long, options.folder / TRIALS)
         chosen = tune(machines, methods, run_rows)
         frame = test(machines, methods, run_rows, chosen)
     results = Results([], {BENCHMARK: frame})

@@ -23,7 +23,8 @@ from cmacexp.addons.study.study_file import StudyFile
 from cmacexp.commands.command import Arguments
 from cmacexp.config.component import find_class
 from cmacexp.data.own_files import HTML
-from cmacexp.engine.pool import iterate_here
+from cmacexp.engine.driver import map_runs
+from cmacexp.engine.workers import Here
 from cmacexp.errors import describe_failure, require
 from cmacexp.study import Array, Criterion, Finding, Results, Study, at_most
 from pipelines.benchmark.entrants import choose, slug
@@ -213,7 +214,7 @@ def run(arguments: Arguments, options: Options) -> Path:
     gap, folder = measure(log, machine), options.choose_folder(f"{NAME}-{SIMULATED}" if simulated else NAME)
     makers = choose_makers(gap, arguments.methods, arguments.method, not options.quick)
     items = [(gap, name, make, setting) for name, make in makers.items() for setting in SETTINGS]
-    rows = list(iterate_here("predicting strokes", try_method, items))
+    rows = [row for _, row in map_runs(try_method, items, Here(), "predicting strokes", len(items))]
     scores, strokes = pd.DataFrame(rows), list_scored(gap.signals)
     about = {
         "log": log.path.name,

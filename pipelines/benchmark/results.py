@@ -18,7 +18,7 @@ from cmacexp.config import config_hash, to_plain
 from cmacexp.config.component import custom_code_hash
 from cmacexp.config.compose import compose_config
 from cmacexp.data.files import write_atomically
-from cmacexp.engine.pool import ParallelMap
+from cmacexp.engine.launcher import Launcher
 from cmacexp.engine.run import score_run
 from cmacexp.errors import BadInput, describe_failure
 from cmacexp.jit.compiler import expect_runs
@@ -139,7 +139,7 @@ def run_trial(
 def run_plan(
     machines: Mapping[str, Machine],
     methods: Mapping[str, Method],
-    each: ParallelMap,
+    launcher: Launcher,
     folder: Path,
     what: str,
     plan: pd.DataFrame,
@@ -160,7 +160,7 @@ def run_plan(
         (machines[machine], methods[method], setting, machines[machine].draw(world, what == TUNING), tasks, folder)
         for machine, method, setting, world, tasks in trials.itertuples(index=False)
     ]
-    found = zip(trials[TRIAL].to_dict("records"), each(what, run_trial, items, long=True), strict=True)
+    found = zip(trials[TRIAL].to_dict("records"), launcher.map_in_order(what, run_trial, items), strict=True)
     rows = pd.DataFrame({**trial, **row} for trial, own in found for row in own)
     return plan.merge(rows, how="left", on=[*TRIAL, "task"])
 

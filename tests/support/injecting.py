@@ -17,7 +17,6 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext
 from functools import partial
 from importlib import import_module
 from itertools import groupby
@@ -34,7 +33,7 @@ from cmacexp.data.folder import TABLE_CSV
 from cmacexp.data.integrity import faults
 from cmacexp.data.manifest import MANIFEST, REPORT, RUNS_FILE, SWEEP
 from cmacexp.data.own_files import HTML
-from cmacexp.engine.pool import iterate_here
+from cmacexp.engine.workers import Here
 
 CALLS = (
     "rename,renameat,renameat2,link,linkat,symlink,mkdir,mkdirat,unlink,unlinkat,rmdir,open,openat,write,pwrite64,"
@@ -294,7 +293,7 @@ def compose_once(loader: Any, config_name: str, overrides: list[str], *others: A
 if __name__ == "__main__":
     kinds, every, folder, *names = sys.argv[1:]
     ConfigLoaderImpl.load_configuration = compose_once
-    vars(studies)["start_workers"] = lambda _: nullcontext(iterate_here)
+    vars(studies)["start_workers"] = lambda _: Here()
     for name in (*IMPORTED, "cmacexp.commands.report"):
         import_module(name)
     shares = [((names or [*COMMANDS])[number::WORKERS], Path(folder) / str(number)) for number in range(WORKERS)]

@@ -5,13 +5,14 @@ import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from cmacexp.addons.study.study import Request
 from cmacexp.config import Config, config_hash, to_config, to_plain
 from cmacexp.config.compose import compose_untyped
 from cmacexp.data.integrity import is_finished
 from cmacexp.engine.job import ensure_run, write_failure
-from cmacexp.engine.pool import ParallelMap
+from cmacexp.engine.launcher import Launcher
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.terminal.messages import warn_of_models
 from cmacexp.typing import Status
@@ -47,9 +48,14 @@ def _run(folder: Path, config: Config, runs: int) -> str | None:
     return run.manifest["cause"] if run.status == Status.FAILED else None
 
 
-def _collect_ready(
-    parallel_map: ParallelMap, requests: Sequence[Request], store: Path, before: Collected
-) -> Collected:
+class Workers(NamedTuple):
+    """Where a study looks for runs and measures them, and where it makes those that are missing."""
+
+    here: Launcher
+    long: Launcher
+
+
+def _collect_ready(workers: Workers, requests: Sequence[Request], store: Path, before: Collected) -> Collected:
     """Collect requests whose start weights, if any, are those of runs in ``before``."""
 
     def overrides(request: Request) -> tuple[str, ...]:
@@ -58,9 +64,8 @@ def _collect_ready(
         return (*request.overrides, f"learning.start_from='{before[request.starts_from][0]}'")
 
     wanted = sorted({overrides(request) for request in requests})
-    looked_up = dict(
-        zip(wanted, parallel_map("looking for runs", _look_up, [(o, store) for o in wanted]), strict=True)
-    )
+    asked = [(overrides, store) for overrides in wanted]
+    looked_up = dict(zip(wanted, workers.here.map_in_order("looking for runs", _look_up, asked), strict=True))
     failed = [reason for _, reason, *_ in looked_up.values() if isinstance(reason, str)]
     missing = {
         folder: config for folder, config, _, done in looked_up.values() if not (isinstance(config, str) or done)
@@ -68,7 +73,7 @@ def _collect_ready(
     print(f"{len(looked_up)} runs, {len(missing)} of them to be run", file=sys.stderr)
     warn_of_models(config.machine for _, config, _, _ in looked_up.values() if isinstance(config, Config))
     if missing:
-        ran = parallel_map("running", _run, [(*item, len(missing)) for item in missing.items()], long=True)
+        ran = workers.long.map_in_order("running", _run, [(*item, len(missing)) for item in missing.items()])
         failed += [cause for cause in ran if cause is not None]
     if failed and len(failed) == len(looked_up):
         raise CmacexpError(failed[0])
@@ -77,14 +82,14 @@ def _collect_ready(
     return {request: (looked_up[overrides(request)][0], looked_up[overrides(request)][2]) for request in requests}
 
 
-def ensure_runs(parallel_map: ParallelMap, requests: Sequence[Request], store: Path) -> Collected:
+def ensure_runs(workers: Workers, requests: Sequence[Request], store: Path) -> Collected:
     """The runs of requests, each of one seed, below ``store``; equal ones are run once, complete ones not at all.
 
     Raises CmacexpError if Hydra cannot compose overrides, or every run failed.
     """
     first = list(dict.fromkeys(request.starts_from or request for request in requests))
     later = [request for request in requests if request.starts_from is not None]
-    collected = dict(_collect_ready(parallel_map, first, store, {}))
+    collected = dict(_collect_ready(workers, first, store, {}))
     if later:
-        collected |= _collect_ready(parallel_map, later, store, collected)
+        collected |= _collect_ready(workers, later, store, collected)
     return collected

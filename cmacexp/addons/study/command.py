@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
-from cmacexp.addons.study.collect import Collected, ensure_runs
+from cmacexp.addons.study.collect import Collected, Workers, ensure_runs
 from cmacexp.addons.study.page import (
     Evaluated,
     check_page,
@@ -29,7 +29,8 @@ from cmacexp.data.folder import new_result
 from cmacexp.data.manifest import REPORT, require_place
 from cmacexp.data.own_files import HTML
 from cmacexp.data.run import Run
-from cmacexp.engine.pool import ParallelMap, start_workers
+from cmacexp.engine.launcher import Launcher, start_study_launcher
+from cmacexp.engine.workers import start_workers
 from cmacexp.errors import BadInput
 from cmacexp.terminal.output import print_line
 from cmacexp.typing import RESULTS
@@ -63,15 +64,16 @@ class Options:
         return self.folder / f"{name}{'-quick' if self.quick else '-one-seed' if self.seeds == 1 else ''}"
 
     @contextmanager
-    def start_workers(self) -> Iterator[ParallelMap]:
-        """Processes here, and tasks of the launcher, if there is one, for what is called with ``long=True``."""
-        tasks = None
-        if self.launcher is not None:
-            from cmacexp.engine.cluster import start_tasks
-
-            tasks = start_tasks(self.launcher, self.settings, self.workers or WORKERS, self.folder / "tasks")
-        with start_workers(None if tasks else self.workers) as here:
-            yield lambda *call, long=False: (tasks if long and tasks else here)(*call)
+    def start_workers(self) -> Iterator[Workers]:
+        """Start processes here, and tasks of the launcher, if there is one, for the runs."""
+        with start_workers(None if self.launcher else self.workers) as executor:
+            here = Launcher(executor, lambda runs: 1)
+            if self.launcher is None:
+                yield Workers(here, here)
+                return
+            tasks = self.workers or WORKERS
+            with start_study_launcher(self.launcher, self.settings, tasks, self.folder / "tasks") as long:
+                yield Workers(here, long)
 
     def expand(self, requests: Sequence[Request]) -> list[Request]:
         """A request for each seed."""
@@ -128,11 +130,11 @@ def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluate
     for file in files:
         check_page(file)
     requests = {file.path: options.expand(file.study.runs(options.quick)) for file in files}
-    with options.start_workers() as parallel_map:
-        collected = ensure_runs(parallel_map, [r for own in requests.values() for r in own], options.folder / "runs")
+    with options.start_workers() as workers:
+        collected = ensure_runs(workers, [r for own in requests.values() for r in own], options.folder / "runs")
         runs = {path: list(dict.fromkeys(collected[request][0] for request in own)) for path, own in requests.items()}
         asked = [(file.path, run) for file in files if file.study.measures for run in runs[file.path]]
-        measured = dict(zip(asked, parallel_map("measuring", _measure_run, asked), strict=True)) if asked else {}
+        measured = dict(zip(asked, workers.here.map_in_order("measuring", _measure_run, asked), strict=True))
         items = [
             (
                 path,
@@ -143,7 +145,7 @@ def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluate
             )
             for path, own in requests.items()
         ]
-        return list(parallel_map("evaluating", _write, items))
+        return workers.here.map_in_order("evaluating", _write, items)
 
 
 def write_study(file: StudyFile, options: Options) -> Path:
