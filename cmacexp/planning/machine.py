@@ -40,7 +40,7 @@ from cmacexp.models.mechanism import (
     point_mass,
 )
 from cmacexp.models.mujoco_library import load_library, mj_comPos, mj_kinematics
-from cmacexp.models.robot import Robot, load_mujoco, place
+from cmacexp.models.robot import Robot, load_mujoco, set_posture
 from cmacexp.planning.body import BodyLoad
 from cmacexp.planning.reference import Motion
 from cmacexp.typing import Array, Counts
@@ -183,7 +183,7 @@ def compute_needs(config: Config, joints: Motion, sway: Motion, mass_factor: flo
     mujoco, robot = load_mujoco(), read_model(config.machine)
     origin, legs = find_stance(robot, config.machine.hip_height).origin, robot.legs
     model = make_model(robot.model, mass_factor)
-    data = place(model, mujoco.MjData(model), legs.joint, robot.home)
+    data = set_posture(model, mujoco.MjData(model), legs.joint, robot.home)
     rates = sway.velocity + np.array([config.body_speed, 0.0])
     needs = np.empty((len(rates), model.nv))
     for k, sample in enumerate(zip(*joints, strict=True)):
