@@ -126,16 +126,17 @@ def linearise(robot: Robot, posture: Array | None = None) -> Standing:
     """
     mujoco = load_mujoco()
     model = robot.model
-    legs = robot.legs
     data = robot.at(robot.home if posture is None else posture)
     mujoco.mj_fwdPosition(model, data)
     inertia = np.zeros((model.nv, model.nv))
     for row, unit in zip(inertia, np.eye(model.nv), strict=True):
         mujoco.mj_mulM(model, data, row, unit)
     feet, moved, hips = np.zeros((3, LEGS, 3, model.nv))
-    for i, (dof, geom, thigh) in enumerate(zip(legs.dof, legs.foot_geom, legs.joint[:, 1], strict=True)):
+    for i, (dof, geom, thigh) in enumerate(
+        zip(robot.legs.dof, robot.legs.foot_geom, robot.legs.joint[:, 1], strict=True)
+    ):
         mujoco.mj_jacGeom(model, data, feet[i], None, int(geom))
-        mujoco.mj_jac(model, data, hips[i], None, data.xanchor[thigh], legs.base)
+        mujoco.mj_jac(model, data, hips[i], None, data.xanchor[thigh], robot.legs.base)
         moved[i][:, dof] = feet[i][:, dof]
     return Standing(inertia, np.diag(model.dof_damping), feet, moved, hips[:, 2])
 
@@ -224,14 +225,13 @@ def require_period(ratio: float, period: float, loop_delay: LoopDelay = NO_DELAY
 @lru_cache(maxsize=16)
 def derive_basis(robot: Robot) -> Basis:
     """Derive the quantities that depend on the robot only (measured for this project: docs/robots.md)."""
-    mass = robot.mass
-    stiffness = mass * GRAVITY / LEGS / DEPTH
+    stiffness = robot.mass * GRAVITY / LEGS / DEPTH
     return Basis(
-        mass=mass,
+        mass=robot.mass,
         foot_mass=compute_foot_mass(robot),
         hip_height=HEIGHT_OF_LINKS * sum(robot.links),
         stiffness=stiffness,
-        damping=math.sqrt(stiffness * mass / LEGS) / 4.0,
+        damping=math.sqrt(stiffness * robot.mass / LEGS) / 4.0,
     )
 
 

@@ -183,8 +183,7 @@ def require_frame(hips: Array, feet: Sequence[str]) -> None:
     ``hips`` (4, 3) are the thigh joints in that frame, m; ``feet`` the names of the feet for the message.
     """
     forward, left = hips[:2] - hips[2:], hips[::2] - hips[1::2]
-    cosines = [vector[0] / np.linalg.norm(vector) for vector in forward]
-    cosines += [vector[1] / np.linalg.norm(vector) for vector in left]
+    cosines = [v[axis] / np.linalg.norm(v) for axis, vectors in enumerate((forward, left)) for v in vectors]
     order = "front left, front right, rear left, rear right in the frame of the trunk, x forward, y left, z up"
     allowed = f"must be {order}: change the order, or turn the frame"
     require(min(cosines) >= LEAST_COSINE, "machine.feet", ", ".join(feet), allowed)
@@ -256,5 +255,4 @@ def _name(joint: Any) -> str:
 def list_names(names: Iterable[str]) -> str:
     """Join names for a message, the first MOST_NAMES only."""
     names = list(names)
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return ", ".join(names[:MOST_NAMES]) + more
+    return ", ".join(names[:MOST_NAMES]) + (f" and {len(names) - MOST_NAMES} more" if names[MOST_NAMES:] else "")

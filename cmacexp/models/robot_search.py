@@ -39,8 +39,7 @@ def find_names(path: Path) -> Names:
     body_chains = [find_chain(model, body) for body in sorted(set(model.jnt_bodyid.tolist()))]
     inner = {k for chain in body_chains for k in chain[:-1]}
     types = [int(mujoco.mjtJoint.mjJNT_FREE), *[int(mujoco.mjtJoint.mjJNT_HINGE)] * JOINTS]
-    outermost = [chain for chain in body_chains if chain[-1] not in inner]
-    chains = [chain[1:] for chain in outermost if model.jnt_type[chain].tolist() == types]
+    chains = [c[1:] for c in body_chains if c[-1] not in inner and model.jnt_type[c].tolist() == types]
     ends = list_names(model.joint(chain[-1]).name for chain in chains) or "none"
     reason = f"has {len(chains)} chains of three hinges on a trunk that floats, not four; they end at {ends}"
     require(len(chains) == LEGS, "machine.path", path, reason)

@@ -159,11 +159,11 @@ def require_own_forces(path: Path, model: Any) -> None:
         "gravcomp": model.body_gravcomp,
         "a flexible body (flex)": model.nflex,
     }
-    for what, values in hidden_forces.items():
-        reason = f"has {what}, which would push or hold the robot: remove it"
+    for feature, values in hidden_forces.items():
+        reason = f"has {feature}, which would push or hold the robot: remove it"
         require(not np.any(values), "machine.path", path, reason)
     losses = {"frictionloss": model.dof_frictionloss, "damping": model.dof_damping, "armature": model.dof_armature}
-    for what, values in losses.items():
+    for loss, values in losses.items():
         name = model.joint(int(model.dof_jntid[values.argmin()])).name
-        reason = f"has {what}={values.min():g} at joint {name}, which would push the robot: must be 0 or more"
+        reason = f"has {loss}={values.min():g} at joint {name}, which would push the robot: must be 0 or more"
         require(values.min() >= 0.0, "machine.path", path, reason)

@@ -127,8 +127,10 @@ def plan_motion(
         desired.velocity[support, i, Y] = depression_for(stiffness, rate[support, i])
         if timing.transfer_samples:
             s = progress[~support, i]
-            ends = (timing.support_samples - 1, 0)
-            take_off, touch_down = (desired.position[support & (timing.sample[:, i] == k), i, Y][0] for k in ends)
+            take_off, touch_down = (
+                desired.position[support & (timing.sample[:, i] == k), i, Y][0]
+                for k in (timing.support_samples - 1, 0)
+            )
             check_apex(config, touch_down - take_off)
             motion[:, ~support, i, Y] = VERTICAL[gait.vertical](take_off, touch_down, gait.lift, s, transfer_time)
     return desired

@@ -98,7 +98,6 @@ def centre_of_gravity(masses: Masses, q1: Array, feet: Array) -> Array:
     ``q1`` (L, N) are angles of the thighs, rad, ``feet`` (3, L, N) positions of the feet in the body frame, m.
     """
     mechanism = masses.mechanism
-    payload = masses.payload
     weight = mechanism.weight
     moment = np.zeros((3, feet.shape[2]))
     if masses.centre is not None:
@@ -110,8 +109,8 @@ def centre_of_gravity(masses: Masses, q1: Array, feet: Array) -> Array:
         knees = np.stack([hip_x + length * np.cos(q1), hip_y + 0.0 * q1, -length * np.sin(q1)])
         weight = GRAVITY * (masses.body_mass + knee_mass.sum() + foot_mass.sum())
         moment = GRAVITY * (knee_mass * knees + foot_mass * feet).sum(axis=1)
-    load = np.where(masses.carried, payload.weight, 0.0)
-    return (moment + load * np.array([[payload.x], [payload.y], [0.0]])) / (weight + load)
+    load = np.where(masses.carried, masses.payload.weight, 0.0)
+    return (moment + load * np.array([[masses.payload.x], [masses.payload.y], [0.0]])) / (weight + load)
 
 
 def true_margins(masses: Masses, legs: Mapping[str, Array], body: Mapping[str, Array]) -> Array:
