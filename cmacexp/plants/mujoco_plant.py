@@ -55,7 +55,7 @@ class FrictionConfig(MujocoConfig):
     friction_stiffness: float = number("N/m", above=0, at_most=1e7)
     """Stiffness of the spring that holds a sticking foot."""
     friction_damping: float = number("N s/m", at_least=0, at_most=1e5)
-    """Damping parallel to that spring."""
+    """Damping parallel to the spring of a sticking foot."""
 
     def touch(self, setup: Setup) -> Touch:
         """Make the contact of a foot with the elastic ground of a run."""

@@ -45,7 +45,7 @@ class BuiltJoint:
     coulomb_friction: list[float] = number("N m", at_least=0, at_most=1e3)
     """Dry friction at equally spaced angles over ``range``; outside it that of its ends."""
     range: list[float] = number("rad", at_least=-100, at_most=100)
-    """First and last of these angles."""
+    """First and last angle of ``coulomb_friction``."""
     offset: float = number("N m", at_least=-1e3, at_most=1e3, default=0.0)
     """Constant torque, e.g. from an encoder with a different zero."""
     spring: float = number("N m", at_least=-1e3, at_most=1e3, default=0.0)
@@ -135,7 +135,7 @@ class MujocoRobot(MujocoPlant):
         friction_stiffness: float = number("N/m", above=0, at_most=1e7, needs=("own.contact == 'elastic'",))
         """Stiffness of the spring that holds a sticking foot."""
         friction_damping: float = number("N s/m", at_least=0, at_most=1e5, needs=("own.contact == 'elastic'",))
-        """Damping parallel to that spring."""
+        """Damping parallel to the spring of a sticking foot."""
         start_moving: bool = field(kw_only=True)
         """Start with the planned velocities, as in the middle of a walk; false: from rest."""
         push: float = number("N", at_least=-1e5, at_most=1e5)

@@ -22,7 +22,7 @@ class Touch(NamedTuple):
     stiffness: float = 0.0
     """Stiffness of the spring that holds a sticking foot, N/m."""
     damping: float = 0.0
-    """Damping parallel to that spring, N s/m."""
+    """Damping parallel to the spring of a sticking foot, N s/m."""
 
 
 @kernel
