@@ -22,21 +22,23 @@ from cmacexp.typing import Array
 MOST_ITERATIONS = 100
 MOST_HALVINGS = 40
 TOLERANCE = 1e-12
-"""Largest force out of balance over the weight; moments likewise, per metre."""
+"""Largest residual force, over the weight, at which the body is in balance; for moments, N m, the same number per
+metre."""
 DEPTH_ROUNDING = 1e-15
-"""Rounding of a depth, m: on stiff ground it causes a force that cannot be balanced."""
+"""Rounding error of a depth, m: on stiff ground it causes a residual force that no iteration removes."""
 ROUNDING = 1e-13
-"""A relative increase of the energy up to this is rounding."""
+"""Largest relative increase of the energy that counts as rounding error."""
 LONGEST_STEP = 0.02
 """Largest change of height (m), pitch or roll (rad) in one iteration."""
 CLOSING = 0.5
-"""While every iteration leaves at most this fraction of the imbalance, steps do not check the energy."""
+"""While each iteration reduces the residual to this fraction or less, full Newton steps are taken without checking
+the energy."""
 STEEPEST = 1.4
-"""A body tilted further has no equilibrium, rad."""
+"""Pitch or roll beyond which a body has no equilibrium, rad."""
 
 
 class Load(NamedTuple):
-    """A weight, N, and the point of the plane of the hips where it acts, forward and left of the body's centre, m."""
+    """A weight, N, and where it acts in the plane of the hips, forward and left of the body's centre, m."""
 
     weight: float
     x: float
@@ -58,7 +60,7 @@ LEVEL = Pose(0.0, 0.0, 1.0, 0.0, 1.0)
 
 @kernel
 def make_pose(body: Array) -> Pose:
-    """The pose of ``body`` (3,): height (m), pitch and roll (rad)."""
+    """Return the pose of a body at ``body`` (3,): height (m), pitch and roll (rad)."""
     sp, cp = sine_cosine(body[1])
     sr, cr = sine_cosine(body[2])
     return Pose(body[0], sp, cp, sr, cr)
@@ -66,21 +68,24 @@ def make_pose(body: Array) -> Pose:
 
 @kernel
 def depth(pose: Pose, x: float, y: float, down: float) -> float:
-    """Depth below the undepressed ground, m, of the point (x, y, -down) in the body frame."""
+    """Return the depth below the undepressed ground, m, of the point (x, y, -down), m, of a body."""
     height, sp, cp, sr, cr = pose
     return -height + x * sp + (down * cr - y * sr) * cp
 
 
 @kernel
 def depth_rate(pose: Pose, rate: Array, x: float, y: float) -> float:
-    """Speed, m/s, at which the point (x, y, 0) of a body moves down, for a body with ``rate`` (3,), m/s and rad/s."""
+    """Return the downward speed, m/s, of the point (x, y, 0), m, of a body with ``rate`` (3,), m/s and rad/s."""
     _, sp, cp, sr, cr = pose
     return -rate[0] + (x * cp + y * sr * sp) * rate[1] - y * cr * cp * rate[2]
 
 
 @kernel
 def energy(body: Array, hips: Array, foot: Array, stiffness: Array, ground_offset: Array, load: Load) -> float:
-    """Energy of weight and pressed ground, J, of a body (3,) as by :func:`balance`: its arguments are the same."""
+    """Compute the energy, J, of the weight and of the pressed ground with the body at ``body`` (3,), m and rad.
+
+    The other arguments are those of :func:`balance`.
+    """
     pose = make_pose(body)
     total = -load.weight * depth(pose, load.x, load.y, 0.0)
     for i in range(hips.shape[0]):
@@ -90,7 +95,7 @@ def energy(body: Array, hips: Array, foot: Array, stiffness: Array, ground_offse
 
 
 class Slope(NamedTuple):
-    """Gradient and curvature of the energy by height h, pitch p and roll r."""
+    """Gradient and curvature of the energy with respect to height h, pitch p and roll r."""
 
     h: float
     p: float
@@ -107,7 +112,10 @@ class Slope(NamedTuple):
 def slope(
     body: Array, hips: Array, foot: Array, stiffness: Array, ground_offset: Array, load: Load, force: Array
 ) -> Slope:
-    """Gradient (N and N m) and curvature of the energy; fills ``force`` (L,), N."""
+    """Compute gradient (N and N m) and curvature of the energy; fill the contact forces ``force`` (L,), N.
+
+    The other arguments are those of :func:`balance`.
+    """
     height, sp, cp, sr, cr = make_pose(body)
     longitudinal = load.weight * load.x
     lateral = load.weight * load.y
@@ -124,7 +132,8 @@ def slope(
         y = hips[i, 1]
         down = foot[i, 1]
         below = x * sp + (down * cr - y * sr) * cp
-        k, f = stiffness[i], contact_force(stiffness[i], below - height - ground_offset[i])
+        k = stiffness[i]
+        f = contact_force(k, below - height - ground_offset[i])
         force[i] = f
         if f > 0.0:
             along = x * cp - (down * cr - y * sr) * sp
@@ -143,9 +152,9 @@ def slope(
 
 @kernel
 def newton_step(at: Slope, damping: float) -> tuple[bool, float, float, float]:
-    """Solve the damped Newton equations.
+    """Solve the damped Newton equations for a step in height (m), pitch and roll (rad).
 
-    Whether the damped curvature is positive definite, and the step in height, pitch and roll; else zeros.
+    Return True and the step if the damped curvature is positive definite, else False and zeros.
     """
     a = at.hh + damping
     b = at.hp
@@ -176,17 +185,17 @@ def descend(
     stiffness: Array,
     ground_offset: Array,
     load: Load,
-    dh: float,
-    dp: float,
-    dr: float,
+    step: tuple[float, float, float],
 ) -> bool:
-    """Take a step ``dh`` (m), ``dp``, ``dr`` (rad) of ``body`` (3,), shortened until the energy does not increase.
+    """Take a ``step`` (m, rad, rad) of ``body`` (3,), shortened until the energy does not increase.
 
-    False if it always increases; the other arguments are those of :func:`balance`.
+    Return False, with ``body`` unchanged, if the energy always increases. The other arguments are those of
+    :func:`balance`.
 
     On two feet the energy is almost flat along one tilt: an unbounded step would roll the body over.
     """
     h, p, r = body[0], body[1], body[2]
+    dh, dp, dr = step
     before = energy(body, hips, foot, stiffness, ground_offset, load)
     scale = min(1.0, LONGEST_STEP / max(abs(dh), abs(dp), abs(dr)))
     for _ in range(MOST_HALVINGS):
@@ -202,7 +211,7 @@ def descend(
 def balance(
     hips: Array, foot: Array, stiffness: Array, ground_offset: Array, load: Load, body: Array, force: Array
 ) -> bool:
-    """Find the height (m), pitch and roll (rad) at which the feet carry the body; False if there is no equilibrium.
+    """Find the height (m), pitch and roll (rad) at which the feet carry the body; return False if there are none.
 
     ``hips`` (L, 2) are in the body frame, ``foot`` (L, 2) in those of the hips, m; ``stiffness`` (L,) is K_n under
     each foot, N/m, ``ground_offset`` (L,) the depth at which the ground begins to press it, m; ``load`` has the
@@ -211,7 +220,8 @@ def balance(
     enough = TOLERANCE * load.weight
     for i in range(stiffness.shape[0]):
         enough += DEPTH_ROUNDING * stiffness[i]
-    closing, last = True, math.inf
+    closing = True
+    last = math.inf
     for _ in range(MOST_ITERATIONS):
         at = slope(body, hips, foot, stiffness, ground_offset, load, force)
         out = max(abs(at.h), abs(at.p), abs(at.r))
@@ -219,7 +229,8 @@ def balance(
             return True
         if not (math.isfinite(out) and abs(body[1]) < STEEPEST and abs(body[2]) < STEEPEST):
             return False
-        closing, last = closing and out <= CLOSING * last, out
+        closing = closing and out <= CLOSING * last
+        last = out
         convex, dh, dp, dr = newton_step(at, 0.0)
         if closing and convex and max(abs(dh), abs(dp), abs(dr)) <= LONGEST_STEP:
             body[0] += dh
@@ -230,6 +241,6 @@ def balance(
         while not convex:
             convex, dh, dp, dr = newton_step(at, damping)
             damping = 10.0 * damping + load.weight
-        if not descend(body, hips, foot, stiffness, ground_offset, load=load, dh=dh, dp=dp, dr=dr):
+        if not descend(body, hips, foot, stiffness, ground_offset, load, (dh, dp, dr)):
             return False
     return False

@@ -1,4 +1,4 @@
-"""Elastic ground, with damping or without."""
+"""Elastic ground, with or without damping."""
 
 import math
 from typing import NamedTuple, TypeVar
@@ -9,15 +9,15 @@ from cmacexp.jit.compiler import kernel, program
 from cmacexp.models.mix import MASK, mix
 from cmacexp.typing import Array, Mask
 
-Places = TypeVar("Places", float, Array)
+Coordinate = TypeVar("Coordinate", float, Array)
 
 NEVER = 2**62
-"""A step beyond the end of every run."""
+"""A step beyond the end of any run."""
 ALL_LEGS = 0b1111
 
 
 def first_sample(time: float, sampling_period: float) -> int:
-    """The first sample at or after ``time``, s."""
+    """Return the index of the first sample at or after ``time``, s."""
     return math.ceil(time / sampling_period - 1e-9)
 
 
@@ -29,38 +29,38 @@ class Ground(NamedTuple):
     patch_size: float
     """Side of a patch, m."""
     patch_spread: float
-    """K_n of a patch is multiplied by a factor between 1 - spread and 1 + spread."""
+    """Each patch multiplies K_n by a factor between 1 - spread and 1 + spread."""
     patch_seed: int
     damping: float
-    """N s/m."""
+    """Damping c, N s/m."""
     step_at: int
-    """Sampling periods after which the stiffness steps."""
+    """Time of the step in stiffness, sampling periods."""
     step_factor: float
     step_legs: int
-    """Legs under which it steps, as a bit mask; leg 1 is the lowest bit."""
+    """Bit mask of the legs under which the stiffness steps; leg 1 is the lowest bit."""
     slope: float
-    """m/m; the ground is flat up to ``slope_start``, x in the world, m."""
+    """Slope, m/m, behind ``slope_start``, x in the world, m; the ground is flat up to there."""
     slope_start: float
 
 
 @kernel
-def height_at(slope: float, start: float, x: Places) -> Places:
-    """Height above the flat part, m, of ground that begins to ``slope`` (m/m) at ``start``, m.
+def height_at(slope: float, start: float, x: Coordinate) -> Coordinate:
+    """Return the height, m, of ground that rises with ``slope`` (m/m) from ``start``, m, on, above its flat part.
 
-    ``x`` in the world, m, is one place or an array of any shape, which is that of the result.
+    ``x`` in the world, m, is one coordinate or an array of any shape, which is that of the result.
     """
     return slope * np.maximum(x - start, 0.0)
 
 
 @kernel
 def grade_at(ground: Ground, x: float) -> float:
-    """Slope at ``x`` in the world, m/m."""
+    """Return the slope of the ground at ``x`` in the world, m: m/m."""
     return ground.slope if x > ground.slope_start else 0.0
 
 
 @kernel
 def stiffness_at(ground: Ground, x: float, y: float) -> float:
-    """K_n at (x, y) in the world before any step, N/m."""
+    """Return K_n at (x, y) in the world, m, before any step of the stiffness, N/m."""
     if ground.patch_spread == 0.0:
         return ground.stiffness
     column = math.floor(x / ground.patch_size) & MASK
@@ -71,20 +71,20 @@ def stiffness_at(ground: Ground, x: float, y: float) -> float:
 
 @kernel
 def stiffness_under(ground: Ground, leg: int, step: float, x: float, y: float) -> float:
-    """K_n under a leg, counted from 0, that stands at (x, y) in the world after ``step`` sampling periods, N/m."""
+    """Return K_n under ``leg``, counted from 0, at (x, y) in the world, m, after ``step`` sampling periods, N/m."""
     stiffness = stiffness_at(ground, x, y)
     return stiffness * ground.step_factor if step >= ground.step_at and (ground.step_legs >> leg) & 1 else stiffness
 
 
 @kernel
 def contact_force(stiffness: float, depression: float) -> float:
-    """F = K_n D_a for a depth D_a >= 0 m, N, with K_n in N/m (Lin & Song 1997, eq. 1)."""
+    """Return F = K_n D_a, N, for a depression D_a >= 0 m and K_n in N/m, else 0 (Lin & Song 1997, eq. 1)."""
     return stiffness * depression if depression > 0.0 else 0.0
 
 
 @kernel
 def damped_force(stiffness: float, damping: float, depression: float, rate: float) -> float:
-    """Contact force of elastic ground with damping, N: K_n D + c dD/dt where D > 0, and never a pull.
+    """Return the contact force of elastic ground with damping, N: K_n D + c dD/dt where D > 0, and never a pull.
 
     K_n in N/m, c in N s/m, D in m, positive into the ground, and its rate in m/s.
     """
@@ -93,42 +93,47 @@ def damped_force(stiffness: float, damping: float, depression: float, rate: floa
 
 @kernel
 def damped_spring(stiffness: float, damping: float, before: float, time: float) -> tuple[float, float]:
-    """Stiffness, N/m, and depth at which it begins to press, m, of the spring that is equivalent to damped ground.
+    """Return stiffness, N/m, and offset, m, of the spring that is equivalent to damped ground over a time step.
 
-    The foot is at the depth ``before``, m, at least 0; its motion is not known yet. The rate is the change of the
-    depth over ``time``, s (backward Euler), which is stable even where that is short against c/K_n.
+    The offset is the depth at which the spring begins to press. The foot is at the depth ``before``, m, at least 0;
+    its motion is not known yet. The rate is the change of the depth over ``time``, s (backward Euler), which is
+    stable even where that is short against c/K_n.
     """
     extra = damping / time
     return stiffness + extra, extra * before / (stiffness + extra)
 
 
 def depression_for(stiffness: float, force: Array) -> Array:
-    """D_a = F / K_n, m: the depression at which the ground carries ``force``, N, of any shape (eq. 1)."""
+    """Return the depression D_a = F / K_n, m, at which the ground carries ``force``, N, of any shape (eq. 1)."""
     return force / stiffness
 
 
 @program
-def _follow_force(decay: float, goes_on: Mask, follows: Array, depression: Array) -> None:
-    """Where a foot ``goes_on`` (N, L), its ``depression`` (N, L), m, decays, and ``follows``, m, is added."""
-    for _ in range(2):  # once more, from where the ring ends
+def _follow_force(decay: float, goes_on: Mask, increment: Array, depression: Array) -> None:
+    """Set ``depression`` (N, L), m, to ``decay`` times that of the sample before plus ``increment``, in place.
+
+    This is done where ``goes_on`` (N, L), a foot that was down in the sample before; ``increment`` is (N, L), m.
+    """
+    for _ in range(2):  # the second pass starts from the depression at the end of the cycle
         for k in range(depression.shape[0]):
             for i in range(depression.shape[1]):
                 if goes_on[k, i]:
-                    depression[k, i] = decay * depression[k - 1, i] + follows[k, i]
+                    depression[k, i] = decay * depression[k - 1, i] + increment[k, i]
 
 
 def damped_depression(stiffness: float, damping: float, force: Array, support: Mask, time: float) -> Array:
-    """Depressions D with K_n D + c dD/dt = F, m, at which ground with damping carries changing forces F (N, L), N.
+    """Compute the depressions D (N, L), m, at which ground with damping carries changing forces F (N, L), N.
 
-    The cycle is a ring, in which F is straight between samples, ``time`` s apart. A foot that touches down, where
-    ``support`` (N, L) begins, begins at F / K_n.
+    D fulfils K_n D + c dD/dt = F. The cycle repeats, with F linear between samples, ``time`` s apart. A foot that
+    touches down, where ``support`` (N, L) begins, begins at F / K_n.
     """
     depression = depression_for(stiffness, force)
     lag = damping / stiffness / time
     if lag == 0.0:
         return depression
-    decay, late = math.exp(-1.0 / lag), -lag * math.expm1(-1.0 / lag)
-    follows = (1.0 - late) * depression + (late - decay) * np.roll(depression, 1, axis=0)
+    decay = math.exp(-1.0 / lag)
+    previous_weight = -lag * math.expm1(-1.0 / lag)
+    increment = (1.0 - previous_weight) * depression + (previous_weight - decay) * np.roll(depression, 1, axis=0)
     goes_on = support & np.roll(support, 1, axis=0)
-    _follow_force(decay, goes_on, follows, depression)
+    _follow_force(decay, goes_on, increment, depression)
     return depression

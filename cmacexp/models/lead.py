@@ -1,4 +1,4 @@
-"""The LEAD compensator: the controller uses it, and gains by rule depend on it."""
+"""The LEAD compensator, which the controller uses and the gains by rule depend on."""
 
 from typing import NamedTuple
 
@@ -14,20 +14,22 @@ class Lead(NamedTuple):
 
 
 def discretise(omega: float, alpha: float, sampling_period: float) -> Lead:
-    """The bilinear transform of (1 + s/omega)/(1 + s/(alpha omega)) (Lin & Song 1997, eq. 5, 6, with K_c = 1).
+    """Discretise (1 + s/omega)/(1 + s/(alpha omega)), the LEAD compensator, by the bilinear transform.
 
-    ``omega`` is the lower corner frequency, rad/s; the sampling period is in s.
+    These are Lin & Song 1997, eq. 5, 6, with K_c = 1. ``omega`` is the lower corner frequency, rad/s; the sampling
+    period is in s.
     """
-    t0, t1 = 1.0 / omega, 1.0 / (alpha * omega)
-    scale = sampling_period + 2.0 * t1
+    zero_time = 1.0 / omega
+    pole_time = 1.0 / (alpha * omega)
+    scale = sampling_period + 2.0 * pole_time
     return Lead(
-        (sampling_period + 2.0 * t0) / scale,
-        (sampling_period - 2.0 * t0) / scale,
-        (sampling_period - 2.0 * t1) / scale,
+        (sampling_period + 2.0 * zero_time) / scale,
+        (sampling_period - 2.0 * zero_time) / scale,
+        (sampling_period - 2.0 * pole_time) / scale,
     )
 
 
 @kernel
 def lead_step(lead: Lead, error: float, last_error: float, last_output: float) -> float:
-    """U_k from E_k, E_{k-1} and U_{k-1} (Lin & Song 1997, eq. 7)."""
+    """Return U_k from E_k, E_{k-1} and U_{k-1} (Lin & Song 1997, eq. 7)."""
     return lead.b0 * error + lead.b1 * last_error - lead.a1 * last_output

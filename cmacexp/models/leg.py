@@ -11,13 +11,13 @@ from cmacexp.jit.compiler import kernel
 from cmacexp.models.sine import LARGEST_ROTATION, rotate, sine_cosine
 
 GRAVITY = 9.81
-"""m/s^2."""
+"""Acceleration of gravity, m/s^2."""
 Trig = tuple[float, float, float, float]
 Pair = tuple[float, float]
 
 
 class Leg(NamedTuple):
-    """Link lengths (m) and masses (kg) of one leg, and the sign of theta2."""
+    """Link lengths (m) and masses (kg) of one leg, and the sign of theta2, ``knee``."""
 
     length_1: float
     length_2: float
@@ -28,7 +28,7 @@ class Leg(NamedTuple):
 
 @kernel
 def trigonometry(q1: float, q2: float) -> Trig:
-    """Sine and cosine of theta1 and of theta1 + theta2."""
+    """Return sine and cosine of theta1, then of theta1 + theta2, from joint angles in rad."""
     s1, c1 = sine_cosine(q1)
     s12, c12 = sine_cosine(q1 + q2)
     return s1, c1, s12, c12
@@ -36,10 +36,10 @@ def trigonometry(q1: float, q2: float) -> Trig:
 
 @kernel
 def trigonometry_near(q1: float, q2: float, near: Trig, near_q1: float, near_q2: float) -> Trig:
-    """:func:`trigonometry` in less time, from that of angles ``near_q1``, ``near_q2`` close to them.
+    """Compute :func:`trigonometry` faster, by rotating ``near``, its result at nearby angles, rad.
 
-    Within 1e-15 of it, relative to 1, for angles up to 4 rad: their sum is rounded too. The same bits where an angle
-    has moved by more than :data:`LARGEST_ROTATION`.
+    The result is within 1e-15 of :func:`trigonometry`, relative to 1, for angles up to 4 rad, the sum of which is
+    rounded as well. If an angle has moved by more than :data:`LARGEST_ROTATION`, the bits are the same.
     """
     by_1 = q1 - near_q1
     by_12 = by_1 + (q2 - near_q2)
@@ -53,14 +53,14 @@ def trigonometry_near(q1: float, q2: float, near: Trig, near_q1: float, near_q2:
 
 @kernel
 def foot_position(leg: Leg, trig: Trig) -> Pair:
-    """Forward kinematics: x, y of the foot in the hip frame, m."""
+    """Compute x, y of the foot in the hip frame, m (forward kinematics)."""
     s1, c1, s12, c12 = trig
     return leg.length_1 * c1 + leg.length_2 * c12, leg.length_1 * s1 + leg.length_2 * s12
 
 
 @kernel
 def jacobian(leg: Leg, trig: Trig) -> tuple[float, float, float, float]:
-    """J, row by row: d(x, y)/d(theta1, theta2), m/rad."""
+    """Compute the Jacobian d(x, y)/d(theta1, theta2), m/rad, row by row."""
     s1, c1, s12, c12 = trig
     j12 = -leg.length_2 * s12
     j22 = leg.length_2 * c12
@@ -69,21 +69,21 @@ def jacobian(leg: Leg, trig: Trig) -> tuple[float, float, float, float]:
 
 @kernel
 def foot_velocity(leg: Leg, trig: Trig, dq1: float, dq2: float) -> Pair:
-    """Velocity of the foot in the hip frame, J dtheta, m/s."""
+    """Compute the velocity of the foot in the hip frame, J dtheta, m/s."""
     j11, j12, j21, j22 = jacobian(leg, trig)
     return j11 * dq1 + j12 * dq2, j21 * dq1 + j22 * dq2
 
 
 @kernel
 def joint_torque(leg: Leg, trig: Trig, fx: float, fy: float) -> Pair:
-    """J^T U: the joint torques (N m) that press the foot with (fx, fy) N (Lin & Song 1997, Fig. 1)."""
+    """Compute the joint torques J^T U (N m) that press the foot with U = (fx, fy) N (Lin & Song 1997, Fig. 1)."""
     j11, j12, j21, j22 = jacobian(leg, trig)
     return j11 * fx + j21 * fy, j12 * fx + j22 * fy
 
 
 @kernel
 def inertia(leg: Leg, trig: Trig) -> tuple[float, float, float]:
-    """M11, M12, M22 of the inertia matrix, kg m^2 (Lin & Song 1997, eq. 23)."""
+    """Compute M11, M12, M22 of the inertia matrix, kg m^2 (Lin & Song 1997, eq. 23)."""
     s1, c1, s12, c12 = trig
     m22 = leg.length_2 * leg.length_2 * leg.mass_2
     m12 = m22 + leg.length_1 * leg.length_2 * leg.mass_2 * (c1 * c12 + s1 * s12)
@@ -93,7 +93,7 @@ def inertia(leg: Leg, trig: Trig) -> tuple[float, float, float]:
 
 @kernel
 def bias_torque(leg: Leg, trig: Trig, dq1: float, dq2: float) -> Pair:
-    """C dtheta + G: Coriolis, centrifugal and gravity torques, N m (Lin & Song 1997, eq. 23).
+    """Compute Coriolis, centrifugal and gravity torques C dtheta + G, N m (Lin & Song 1997, eq. 23).
 
     The scan of the paper lost the square in the second row of C: it is m2 l1 l2 sin(theta2) dtheta1^2.
     """
@@ -107,7 +107,7 @@ def bias_torque(leg: Leg, trig: Trig, dq1: float, dq2: float) -> Pair:
 
 @kernel
 def forward_dynamics(leg: Leg, trig: Trig, dq1: float, dq2: float, tau_1: float, tau_2: float, force: float) -> Pair:
-    """Joint accelerations, rad/s^2, under joint torques (N m) and a contact force (N) (Lin & Song 1997, eq. 17)."""
+    """Compute joint accelerations, rad/s^2, under torques (N m) and a contact force (N) (Lin & Song 1997, eq. 17)."""
     m11, m12, m22 = inertia(leg, trig)
     bias_1, bias_2 = bias_torque(leg, trig, dq1, dq2)
     contact_1, contact_2 = joint_torque(leg, trig, 0.0, force)
@@ -119,7 +119,7 @@ def forward_dynamics(leg: Leg, trig: Trig, dq1: float, dq2: float, tau_1: float,
 
 @kernel
 def inverse_dynamics(leg: Leg, trig: Trig, dq1: float, dq2: float, ddq1: float, ddq2: float, force: float) -> Pair:
-    """Joint torques, N m, that give accelerations (rad/s^2) against a contact force (N) (Lin & Song 1997, eq. 16)."""
+    """Compute joint torques, N m, for accelerations (rad/s^2) and a contact force (N) (Lin & Song 1997, eq. 16)."""
     m11, m12, m22 = inertia(leg, trig)
     bias_1, bias_2 = bias_torque(leg, trig, dq1, dq2)
     contact_1, contact_2 = joint_torque(leg, trig, 0.0, force)
@@ -128,7 +128,10 @@ def inverse_dynamics(leg: Leg, trig: Trig, dq1: float, dq2: float, ddq1: float, 
 
 @kernel
 def inverse_kinematics(leg: Leg, x: float, y: float) -> Pair:
-    """Joint angles, rad, that put the foot at (x, y), with theta2 on the side of ``leg.knee``; NaN out of reach."""
+    """Compute the joint angles, rad, that put the foot at (x, y), m; NaN out of reach.
+
+    theta2 has the sign of ``leg.knee``.
+    """
     cosine = (x * x + y * y - leg.length_1 * leg.length_1 - leg.length_2 * leg.length_2) / (
         2.0 * leg.length_1 * leg.length_2
     )
@@ -140,7 +143,7 @@ def inverse_kinematics(leg: Leg, x: float, y: float) -> Pair:
 
 @kernel
 def joint_velocity(leg: Leg, trig: Trig, vx: float, vy: float) -> Pair:
-    """Joint velocities, rad/s, that move the foot with (vx, vy) m/s: J^-1 v."""
+    """Compute the joint velocities J^-1 v, rad/s, that move the foot with v = (vx, vy) m/s."""
     j11, j12, j21, j22 = jacobian(leg, trig)
     determinant = j11 * j22 - j12 * j21
     return (j22 * vx - j12 * vy) / determinant, (j11 * vy - j21 * vx) / determinant
@@ -148,7 +151,7 @@ def joint_velocity(leg: Leg, trig: Trig, vx: float, vy: float) -> Pair:
 
 @kernel
 def joint_acceleration(leg: Leg, trig: Trig, dq1: float, dq2: float, ax: float, ay: float) -> Pair:
-    """Joint accelerations, rad/s^2, that accelerate the foot with (ax, ay) m/s^2: J^-1 (a - dJ dtheta)."""
+    """Compute joint accelerations J^-1 (a - dJ dtheta), rad/s^2, that give the foot a = (ax, ay) m/s^2."""
     s1, c1, s12, c12 = trig
     turn_1 = leg.length_1 * dq1 * dq1
     turn_2 = leg.length_2 * (dq1 + dq2) * (dq1 + dq2)

@@ -28,11 +28,13 @@ POINT_MASS = 0
 LEGS_ON_STAND = 1
 LEGS_UNDER_BODY = 2
 CHAINS_UNDER_BODY = 3
-"""Legs of three hinges, of a robot."""
-PLANE, SPACE = (0, 1), (0, 1, 2)
-"""Axes along which a foot moves."""
+"""Legs of three hinges under the body of a robot."""
+PLANE = (0, 1)
+"""Axes along which the foot of a planar leg moves."""
+SPACE = (0, 1, 2)
+"""Axes along which the foot of a leg with three hinges moves."""
 KINEMATICS_FIELDS = {PLANE: 4, SPACE: 12}
-"""Numbers that describe a leg at given joint angles; see :func:`update_kinematics`."""
+"""Number of values that describe a leg at given joint angles; see :func:`update_kinematics`."""
 
 
 class Mechanism(NamedTuple):
@@ -41,9 +43,10 @@ class Mechanism(NamedTuple):
     kind: int
     """POINT_MASS, LEGS_ON_STAND, LEGS_UNDER_BODY or CHAINS_UNDER_BODY."""
     legs: Array
-    """(L, 5): the fields of :class:`Leg`; of a point mass only ``mass_2`` counts; of a robot the chains."""
+    """(L, 5): the fields of :class:`Leg`, of which a point mass uses ``mass_2`` only; for a robot its chains (L,
+    21)."""
     hip_height: float
-    """Height of the hips above the undepressed ground, m; of a body its planned height, h0."""
+    """Height of the hips above the undepressed ground, m; of a body the planned height, h0."""
     hips: Array
     """(L, 2): hips in the body frame, x forward and y left of the centre of gravity, m."""
     weight: float
@@ -51,13 +54,14 @@ class Mechanism(NamedTuple):
     axes: tuple[int, ...] = PLANE
     """PLANE or SPACE; the compiler unrolls loops over its length."""
     torque_limits: tuple[float, ...] = (math.inf, math.inf)
-    """(J,): of the motors of a leg, N m."""
+    """(J,): torque limits of the motors of a leg, N m."""
     chains: Array | None = None
-    """(L, 21): m, see :mod:`cmacexp.models.chain`; None of planar legs, whose programs do without that code."""
+    """(L, 21): m, see :mod:`cmacexp.models.chain`; None for planar legs, whose programs are compiled without that
+    code."""
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(L, J)."""
+        """Number of legs L, and of joints per leg J."""
         return len(self.legs), len(self.axes)
 
     @property
@@ -68,28 +72,29 @@ class Mechanism(NamedTuple):
 
 @kernel
 def has_body(mechanism: Mechanism) -> bool:
-    """Whether the legs carry a body."""
+    """Return True if the legs carry a body."""
     return mechanism.kind >= LEGS_UNDER_BODY
 
 
 @kernel
 def get_leg(mechanism: Mechanism, i: int) -> Leg:
-    """Leg ``i`` of the machine."""
+    """Return the parameters of leg ``i`` of the machine."""
     legs = mechanism.legs
     return Leg(legs[i, 0], legs[i, 1], legs[i, 2], legs[i, 3], legs[i, 4])
 
 
 @kernel
 def get_trig(kinematics: Array, i: int) -> Trig:
-    """Sines and cosines (no unit) of the joint angles of planar leg ``i``, from ``kinematics`` (L, 4)."""
+    """Return sines and cosines of the joint angles of planar leg ``i`` from ``kinematics`` (L, 4)."""
     return kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], kinematics[i, 3]
 
 
 @kernel
 def update_kinematics(mechanism: Mechanism, q: Array, kinematics: Array) -> None:
-    """What feet and Jacobians follow from at joint angles ``q`` (L, J), rad; fills ``kinematics``.
+    """Fill ``kinematics`` at joint angles ``q`` (L, J), rad; feet and Jacobians follow from it.
 
-    Of planar legs sines and cosines, (L, 4); of chains foot and Jacobian, (L, 12). A point mass needs none.
+    It holds sines and cosines of planar legs, (L, 4), and foot, m, and Jacobian, m/rad, of chains, (L, 12). A point
+    mass needs none.
     """
     if mechanism.kind != POINT_MASS:
         for i in range(q.shape[0]):
@@ -103,9 +108,9 @@ def update_kinematics(mechanism: Mechanism, q: Array, kinematics: Array) -> None
 
 @kernel
 def update_chain(chains: Array | None, i: int, q: Array, kinematics: Array) -> None:
-    """Foot, m, and Jacobian, m/rad, column by column, of chain ``i`` at ``q`` (L, 3), rad.
+    """Fill row ``i`` of ``kinematics`` (L, 12) with foot, m, and Jacobian columns, m/rad, at ``q`` (L, 3), rad.
 
-    Fills row ``i`` of ``kinematics`` (L, 12).
+    ``chains`` is (L, 21).
     """
     if chains is not None:
         row = kinematics[i]
@@ -118,9 +123,10 @@ def update_chain(chains: Array | None, i: int, q: Array, kinematics: Array) -> N
 
 @kernel
 def compute_foot_position(mechanism: Mechanism, i: int, kinematics: Array, foot: Array) -> None:
-    """Fill row ``i`` of ``foot`` (L, J), m, in its hip's frame; ``kinematics`` as of :func:`update_kinematics`.
+    """Fill row ``i`` of ``foot`` (L, J), m, in the frame of its hip, from ``kinematics``.
 
-    Not of a point mass, which callers treat: with a branch for it here its step took 1.4 times as long.
+    See :func:`update_kinematics`. Callers treat a point mass themselves: with a branch for it here its step took 1.4
+    times as long.
     """
     if mechanism.kind == CHAINS_UNDER_BODY:
         for j in range(len(mechanism.axes)):
@@ -131,7 +137,7 @@ def compute_foot_position(mechanism: Mechanism, i: int, kinematics: Array, foot:
 
 @kernel
 def compute_foot_velocity(mechanism: Mechanism, i: int, kinematics: Array, dq: Array, velocity: Array) -> None:
-    """J dtheta: fill row ``i`` of the ``velocity`` of feet (L, J), m/s, at joint velocities ``dq`` (L, J), rad/s."""
+    """Fill row ``i`` of the foot ``velocity`` (L, J), J dtheta, m/s, at joint velocities ``dq`` (L, J), rad/s."""
     if mechanism.kind == CHAINS_UNDER_BODY:
         for j in range(len(mechanism.axes)):
             velocity[i, j] = 0.0
@@ -149,7 +155,7 @@ def apply_jacobian_transpose(
 ) -> None:
     """Fill row ``i`` of ``torque`` (L, J) with J^T U of leg ``i``, N m (Lin & Song 1997, Fig. 1).
 
-    U is ``force`` (L, J), N, but for its y, which is ``down``; J, the identity for a point mass, follows from
+    U is ``force`` (L, J), N, with its y replaced by ``down``, N; J, the identity for a point mass, follows from
     ``kinematics``, see :func:`update_kinematics`.
     """
     if mechanism.kind == CHAINS_UNDER_BODY:
@@ -165,10 +171,10 @@ def apply_jacobian_transpose(
 
 
 def planned_torque(mechanism: Mechanism, q: Array, dq: Array, ddq: Array, force: Array) -> Array:
-    """Torques (N, L, J), N m, that give legs ``ddq`` at ``q``, ``dq``, all (N, L, J), against ``force`` (N, L), N.
+    """Compute the torques (N, L, J), N m, for joint accelerations ``ddq`` against contact forces ``force`` (N, L), N.
 
-    They are in rad/s^2, rad and rad/s; of a point mass in m/s^2, m and m/s, and its torque is a force in N
-    (eq. 2, 16, 17).
+    ``q``, ``dq`` and ``ddq`` are (N, L, J), in rad, rad/s and rad/s^2; for a point mass in m, m/s and m/s^2, and its
+    torque is a force in N (eq. 2, 16, 17).
     """
     legs: Leg = mechanism.planar_legs
     (dq1, dq2), (ddq1, ddq2) = (np.moveaxis(values, -1, 0) for values in (dq, ddq))
@@ -180,15 +186,18 @@ def planned_torque(mechanism: Mechanism, q: Array, dq: Array, ddq: Array, force:
 
 
 def point_mass(mass: float, hip_height: float) -> Mechanism:
-    """A machine that is one point mass of ``mass`` kg."""
+    """Make a machine that is one point mass of ``mass`` kg, whose planned height is ``hip_height``, m."""
     return Mechanism(POINT_MASS, np.array([[1.0, 1.0, 0.0, mass, 1.0]]), hip_height, np.zeros((1, 2)), 0.0)
 
 
 def legs_on_stand(legs: list[Leg], hip_height: float) -> Mechanism:
-    """A machine whose hips do not move."""
+    """Make a machine of planar legs with fixed hips at ``hip_height``, m."""
     return Mechanism(LEGS_ON_STAND, np.array(legs, dtype=float), hip_height, np.zeros((len(legs), 2)), 0.0)
 
 
 def legs_under_body(legs: list[Leg], hip_height: float, hips: list[tuple[float, float]], weight: float) -> Mechanism:
-    """A machine whose body moves so that the feet carry ``weight`` N."""
+    """Make a machine of planar legs under a moving body, the feet of which carry ``weight`` N.
+
+    ``hips`` are forward and left of the body's centre, m; ``hip_height`` is the planned height of the body, m.
+    """
     return Mechanism(LEGS_UNDER_BODY, np.array(legs, dtype=float), hip_height, np.array(hips, dtype=float), weight)

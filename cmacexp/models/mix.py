@@ -1,4 +1,4 @@
-"""Mixing of integers into 32 bits, for hashes and random numbers that are equal in every process."""
+"""Mixing of integers into 32 bits, for hashes and random numbers that are the same in every process."""
 
 from cmacexp.jit.compiler import kernel
 

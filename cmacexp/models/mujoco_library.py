@@ -1,7 +1,7 @@
-"""MuJoCo's C library: functions that kernels call.
+"""Functions of MuJoCo's C library that kernels call.
 
-Compiled code finds them by their names in the process; plain Python calls them by way of ctypes. Both give the bits
-of MuJoCo's Python functions.
+Compiled code finds them by their names in the process; plain Python calls them with ctypes. Both give the same bits
+as MuJoCo's Python functions.
 """
 
 import ctypes
@@ -15,10 +15,10 @@ from cmacexp.models.robot import load_mujoco
 
 @cache
 def load_library() -> ctypes.CDLL:
-    """The library of the installed package, whose functions compiled code finds from now on."""
+    """Load the C library of the installed package; compiled code finds its functions from then on."""
     path = next(Path(load_mujoco().__file__).parent.glob("libmujoco.*"))
     library = ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL)
-    ctypes.c_void_p.in_dll(library, "mjcb_time").value = None  # to time each of its parts takes a tenth of a step
+    ctypes.c_void_p.in_dll(library, "mjcb_time").value = None  # MuJoCo's timers take a tenth of a step
     return library
 
 
@@ -33,10 +33,10 @@ def _make_function(name: str) -> Callable[[int, int], None]:
 mj_step1, mj_step2, mj_fwdAcceleration, mj_kinematics, mj_comPos = map(
     _make_function, ("mj_step1", "mj_step2", "mj_fwdAcceleration", "mj_kinematics", "mj_comPos")
 )
-"""Functions of the addresses of a model and its data."""
+"""Functions that take the addresses of a model and its data."""
 
 
 @c_function
 def mj_integratePos(model: int, position: int, velocity: int, time: float) -> None:
-    """Move the position at an address by the velocity at another for some ``time``, s."""
+    """Integrate the position at one address by the velocity at another over ``time``, s."""
     load_library().mj_integratePos(*map(ctypes.c_void_p, (model, position, velocity)), ctypes.c_double(time))

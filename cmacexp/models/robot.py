@@ -1,4 +1,4 @@
-"""A quadruped with three hinges a leg, as its MJCF or URDF model describes it: geometry, masses, limits, losses."""
+"""A quadruped with three hinges per leg from its MJCF or URDF model: geometry, masses, limits, losses."""
 
 import hashlib
 import warnings
@@ -33,23 +33,23 @@ Names = tuple[tuple[str, ...], ...]
 Angles = tuple[tuple[float, ...], ...]
 """Angles of joints, leg by leg, rad."""
 SHORTEST_LEG, LONGEST_LEG = 0.05, 3.0
-"""Lengths of stretched legs, m: those of toys and of the largest machines that walked, with a margin."""
+"""Lengths of stretched legs, m: those of toys and of the largest walking machines, with a margin."""
 DENSITIES = (5.0, 5000.0)
-"""Mass over the cube of the length of a stretched leg, kg/m^3; 76 to 320 of the robots that were measured."""
+"""Least and largest mass over the cube of the length of a stretched leg, kg/m^3; measured robots have 76 to 320."""
 WIDEST = 3.0
-"""Radius of gyration of a body over the length of a stretched leg."""
+"""Largest radius of gyration of a body over the length of a stretched leg."""
 LIGHTEST = 1e-3
-"""Part of the mass of the robot from which on the inertia of a body matters."""
+"""Fraction of the robot's mass above which the inertia of a body is checked."""
 RESOLUTION = 2.0**-24
-"""Resolution of the quantities in a fingerprint, over the largest of their kind. Decimal numbers of a file are
+"""Resolution of the quantities in a fingerprint, relative to the largest of their kind. Decimal numbers of a file are
 never halfway between two multiples of it, so that rounding errors of another machine or version change nothing."""
 FINGERPRINT_DIGITS = 16
 UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-"""Place and quaternion of a trunk that is upright at the origin."""
+"""Position, m, and quaternion of an upright trunk at the origin."""
 
 
 def load_mujoco() -> Any:
-    """The module ``mujoco``; raises BadInput if it is not installed.
+    """Import and return the module ``mujoco``; raise BadInput if it is not installed.
 
     Its warnings do not go to ``MUJOCO_LOG.TXT`` in the current folder; its data counts them.
     """
@@ -64,10 +64,10 @@ def load_mujoco() -> Any:
 
 @contextmanager
 def refusals_named(key: str, value: object) -> Iterator[Any]:
-    """Within the block, which gets the module ``mujoco``, a model that it refuses raises BadInput with this key.
+    """Yield the module ``mujoco``; a model that it refuses within the block raises BadInput for ``key``.
 
-    Of a model that it doubts it prints nothing: what acts on a robot is checked here. Raises BadInput, too, if MuJoCo
-    is not installed.
+    Warnings about a model are not printed: this project checks itself what acts on a robot. Raises BadInput as well
+    if MuJoCo is not installed.
     """
     try:
         with warnings.catch_warnings(action="ignore", category=UserWarning):
@@ -79,13 +79,19 @@ def refusals_named(key: str, value: object) -> Iterator[Any]:
 
 
 def load_spec(path: Path) -> Any:
-    """The MjSpec of an MJCF or URDF file, see :func:`cmacexp.models.robot_spec.read_spec`; raises BadInput."""
+    """Load an MJCF or URDF file as an MjSpec; raise BadInput on failure.
+
+    See :func:`cmacexp.models.robot_spec.read_spec`.
+    """
     with refusals_named("machine.path", path) as mujoco:
         return read_spec(mujoco, path)
 
 
 def compile_spec(path: Path, spec: Any) -> Any:
-    """The MjModel of a specification, of the file at ``path``, with the options of a run; raises BadInput."""
+    """Compile the specification of the file at ``path`` into an MjModel with the options of a run.
+
+    Raises BadInput if MuJoCo refuses it.
+    """
     with refusals_named("machine.path", path) as mujoco:
         model = spec.compile()
         set_run_options(mujoco, model)
@@ -94,43 +100,43 @@ def compile_spec(path: Path, spec: Any) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A quadruped, its legs in the order front left, front right, rear left, rear right.
+    """A quadruped with its legs in the order front left, front right, rear left, rear right.
 
-    Frame of the trunk: that of the body with the free joint, x forward, y left, z up.
+    The frame of the trunk is that of the body with the free joint, x forward, y left, z up.
     """
 
     path: Path
-    """Its MJCF or URDF file."""
+    """MJCF or URDF file of the robot."""
     spec: Any
-    """MuJoCo's MjSpec, likewise shared, of which ``model`` was compiled."""
+    """MuJoCo's MjSpec from which ``model`` was compiled. It is shared: copy it before changing it."""
     model: Any
-    """MuJoCo's MjModel. It is shared: whoever changes it takes a copy."""
+    """MuJoCo's MjModel. It is shared: copy it before changing it."""
     legs: Legs
-    """Where joints, bodies and feet of the legs stand in the model."""
+    """Indices of joints, bodies and feet of the legs in the model."""
     home: Array
-    """(4, 3) joint angles at which the rule for the gains looks at the legs, rad."""
+    """(4, 3) joint angles at which the rule for the gains evaluates the legs, rad."""
     mass: float
     """Total mass, kg."""
     hinges: Array
-    """(4, 3, 6) at joint angles of zero in the frame of the trunk: a point of the axis (m), its direction."""
+    """(4, 3, 6) at zero joint angles in the frame of the trunk: a point of each axis (m) and its direction."""
     feet_at_zero: Array
-    """(4, 3) centres of the feet likewise, m."""
+    """(4, 3) centres of the feet at zero joint angles in the frame of the trunk, m."""
     links: tuple[float, float]
-    """Distances of thigh joint and calf joint, l1, and of calf joint and foot, l2, at home, m."""
+    """Distances from thigh joint to calf joint, l1, and from calf joint to foot, l2, at home, m."""
     torque_limits: Array
-    """(3,) largest torque of hip, thigh and calf, the least of all legs, N m; infinite without a limit."""
+    """(3,) torque limits of hip, thigh and calf, the least of all legs, N m; infinite without a limit."""
     ranges: Array
-    """(4, 3, 2) least and largest joint angle, rad; infinite without a limit."""
+    """(4, 3, 2) least and largest joint angles, rad; infinite without a limit."""
     friction: Array
-    """(3,) dry friction of hip, thigh and calf, the most of all legs, N m."""
+    """(3,) dry friction of hip, thigh and calf, the largest of all legs, N m."""
     damping: Array
-    """(3,) likewise the damping, N m s/rad."""
+    """(3,) damping of hip, thigh and calf, the largest of all legs, N m s/rad."""
     armature: Array
-    """(3,) likewise the inertia of the rotor, kg m^2."""
+    """(3,) rotor inertia of hip, thigh and calf, the largest of all legs, kg m^2."""
 
     @cached_property
     def model_hash(self) -> str:
-        """SHA-256 of what this version of MuJoCo makes of the file and of those that it includes."""
+        """SHA-256 of the model as this version of MuJoCo compiles it, with all included files."""
         mujoco = load_mujoco()
         compiled = np.empty(mujoco.mj_sizeModel(self.model), dtype=np.uint8)
         mujoco.mj_saveModel(self.model, None, compiled)
@@ -138,16 +144,18 @@ class Robot:
 
     @cached_property
     def fingerprint(self) -> str:
-        """First digits of the SHA-256 of what the model says of the robot, whatever the version of MuJoCo.
+        """Leading digits of a SHA-256 of the robot's physical parameters, the same with every version of MuJoCo.
 
-        They are masses, centres of mass and inertias of its bodies, its joints with their ranges, springs, losses
-        and limits of torque, its feet, and what remains of the model's options.
+        It covers masses, centres of mass and inertias of the bodies, the joints with their ranges, springs, losses
+        and torque limits, the feet, and those of the model's options that a run keeps.
         """
-        model, data = self.model, self.at(np.zeros(JOINTS))
+        model = self.model
+        data = self.at(np.zeros(JOINTS))
         heavy = model.body_mass > 0.0  # others only hold a foot, a sensor, a camera
-        turns, inertia = data.ximat.reshape(-1, 3, 3)[heavy], model.body_inertia[heavy]
+        rotation = data.ximat.reshape(-1, 3, 3)[heavy]
+        inertia = rotation * model.body_inertia[heavy][:, None] @ rotation.transpose(0, 2, 1)
         quantities = (
-            *(model.body_mass[heavy], data.xipos[heavy], turns * inertia[:, None] @ turns.transpose(0, 2, 1)),
+            *(model.body_mass[heavy], data.xipos[heavy], inertia),
             *(self.hinges, self.ranges, self.torque_limits, self.feet_at_zero, self.legs.foot_radius),
             *(model.jnt_stiffness, model.qpos_spring[self.legs.qpos]),
             *(model.dof_damping, model.dof_frictionloss, model.dof_armature, [model.opt.cone, model.opt.impratio]),
@@ -161,12 +169,15 @@ class Robot:
         return digest.hexdigest()[:FINGERPRINT_DIGITS]
 
     def at(self, q: Array) -> Any:
-        """New data of MuJoCo: the trunk upright at the origin, every leg at ``q`` (3,) or (4, 3), rad, at rest."""
-        return place(self.model, load_mujoco().MjData(self.model), self.legs.joint, q)
+        """Return new MuJoCo data: trunk upright at the origin, every leg at ``q``, (3,) or (4, 3), rad, at rest."""
+        return set_posture(self.model, load_mujoco().MjData(self.model), self.legs.joint, q)
 
 
-def place(model: Any, data: Any, joint: Counts, q: Array) -> Any:
-    """Set joints (4, 3) to ``q`` (4, 3), rad, under a trunk upright at the origin; ``data`` with its kinematics."""
+def set_posture(model: Any, data: Any, joint: Counts, q: Array) -> Any:
+    """Set the joints to ``q`` (4, 3), rad, under a trunk upright at the origin; return ``data`` with its kinematics.
+
+    ``joint`` (4, 3) are the numbers of the joints.
+    """
     trunk = model.body_rootid[model.jnt_bodyid[joint[0, 0]]]
     data.qpos[model.jnt_qposadr[model.body_jntadr[trunk]] + np.arange(7)] = UPRIGHT
     data.qpos[model.jnt_qposadr[joint]] = q
@@ -175,23 +186,23 @@ def place(model: Any, data: Any, joint: Counts, q: Array) -> Any:
 
 
 def read_robot(path: Path, joints: Sequence[Sequence[str]], feet: Sequence[str], home: ArrayLike) -> Robot:
-    """The robot of an MJCF or URDF file; the last ones are kept.
+    """Read the robot of an MJCF or URDF file; the most recent ones are cached.
 
-    Each leg has the names of its hip, thigh and calf joint; a foot is a geom, site or body. At the joint angles
-    ``home``, (3,) or (4, 3), rad, the rule for the gains looks at the legs. Raises BadInput if MuJoCo is missing or
-    cannot read the file, or the model is no quadruped with three hinges a leg.
+    ``joints`` names the hip, thigh and calf joint of each leg, ``feet`` a geom, site or body for each foot. At the
+    joint angles ``home``, (3,) or (4, 3), rad, the rule for the gains evaluates the legs. Raises BadInput if MuJoCo
+    is missing or cannot read the file, or the model is no quadruped with three hinges per leg.
     """
     try:
         angles = np.array(home, dtype=float)
     except ValueError:
-        angles = np.empty(0)  # lists of different lengths
+        angles = np.empty(0)  # lists of different lengths are refused below
     require_names(joints, feet, angles, home)
-    whole = tuple(map(tuple, np.broadcast_to(angles, (LEGS, JOINTS)).tolist()))
-    return _read(path, path.stat().st_mtime_ns, tuple(tuple(leg) for leg in joints), tuple(feet), whole)
+    all_angles = tuple(map(tuple, np.broadcast_to(angles, (LEGS, JOINTS)).tolist()))
+    return _read(path, path.stat().st_mtime_ns, tuple(tuple(leg) for leg in joints), tuple(feet), all_angles)
 
 
 def require_sizes(path: Path, model: Any, legs: Legs, length: float) -> None:
-    """Require sizes of a quadruped in m and kg, with legs of ``length``, m; raises BadInput."""
+    """Require the size and mass of a quadruped in m and kg, with legs of ``length``, m; raise BadInput otherwise."""
     mass = float(model.body_subtreemass[legs.base])
     lightest, heaviest = (density * length**3 for density in DENSITIES)
     sizes = [
@@ -199,35 +210,37 @@ def require_sizes(path: Path, model: Any, legs: Legs, length: float) -> None:
         ("the mass", mass, "kg", lightest, heaviest),
     ]
     for k in np.flatnonzero(model.body_mass > LIGHTEST * mass):
-        what, most = f"the moment of inertia of {model.body(k).name or f'body {k}'}", model.body_mass[k]
-        sizes.append((what, float(model.body_inertia[k].max()), "kg m^2", 0.0, float(most) * (WIDEST * length) ** 2))
-    for what, value, unit, least, most in sizes:
-        reason = f"{what} is {value:.3g} {unit}, of robots {least:.3g} to {most:.3g}: use m, kg and rad in the model"
-        require(least <= value <= most, "machine.path", path, reason)
+        quantity = f"the moment of inertia of {model.body(k).name or f'body {k}'}"
+        largest = float(model.body_mass[k]) * (WIDEST * length) ** 2
+        sizes.append((quantity, float(model.body_inertia[k].max()), "kg m^2", 0.0, largest))
+    for quantity, value, unit, least, largest in sizes:
+        limits = f"of robots {least:.3g} to {largest:.3g}: use m, kg and rad in the model"
+        require(least <= value <= largest, "machine.path", path, f"{quantity} is {value:.3g} {unit}, {limits}")
 
 
 @lru_cache(maxsize=16)
 def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], angles: Angles) -> Robot:
-    """The robot of a file that was ``changed`` at that time."""
-    mujoco, home = load_mujoco(), np.array(angles)
+    """Read the robot of a file; ``changed``, its time of modification in ns, is part of the key of the cache."""
+    mujoco = load_mujoco()
+    home = np.array(angles)
     spec = load_spec(path)
     model = compile_spec(path, spec)
     joint = np.array([[find_joint(mujoco, model, name) for name in leg] for leg in joints])
     free = find_free(mujoco, model, path, joint)
-    data = place(model, mujoco.MjData(model), joint, home)
+    data = set_posture(model, mujoco.MjData(model), joint, home)
     names = place_feet(mujoco, spec, data, feet)
     if names != list(feet):
         model = compile_spec(path, spec)
     foot = np.array([model.geom(name).id for name in names])
     legs = find_legs(model, free, joint, foot, feet)
     require_own_forces(path, model)
-    data = place(model, mujoco.MjData(model), joint, home)
+    data = set_posture(model, mujoco.MjData(model), joint, home)
     require_frame(data.xanchor[joint[:, 1]], feet)
     points = np.concatenate([data.xanchor[joint[0]], data.geom_xpos[foot[:1]]])
     _, length_1, length_2 = np.linalg.norm(np.diff(points, axis=0), axis=1)
     require_sizes(path, model, legs, length_1 + length_2)
     limits = torque_limits(mujoco, model, joint, needs_motor=not is_urdf(path))
-    place(model, data, joint, np.zeros(JOINTS))
+    set_posture(model, data, joint, np.zeros(JOINTS))
     limited = model.jnt_limited[joint].astype(bool)[..., None]
     return Robot(
         path=path,

@@ -1,6 +1,6 @@
-"""One rule for the gains of every robot, from its masses, its legs and the sampling period; and what delay they bear.
+"""Gains of every robot by one rule from its masses, legs and sampling period, and the delay margin that they leave.
 
-Where an equation has a constant, it was measured for this project: docs/robots.md.
+Constants in the equations were measured for this project: docs/robots.md.
 """
 
 import math
@@ -17,49 +17,54 @@ from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.models.robot_legs import LEGS
 from cmacexp.typing import Array
 
-STABLE_SHARE, MOST_SHARE = 0.3, 0.5
-"""Feedback of the velocity over that from which on the lightest foot is unstable: by rule, and at most; with 0.5 two
-robots fall."""
+STABLE_SHARE = 0.3
+"""Velocity feedback by rule over the critical one, from which on the lightest foot is unstable."""
+MOST_SHARE = 0.5
+"""Largest velocity feedback over the critical one that is accepted; with 0.5 two robots fall."""
 MOST_FEEDBACK = 0.6
-"""Feedback of the velocity over what would stop the lightest foot within a sample."""
+"""Largest velocity feedback over the one that would stop the lightest foot within a sample."""
 DECAY_TIME = 0.1
-"""K_av / K_ap, and V_fn / P_fn as well, s."""
+"""K_av / K_ap, and V_fn / P_fn, s."""
 BODY_RATE = 27.0
-"""Angular frequency of the body on its legs, rad/s."""
+"""Natural angular frequency of the body on its legs, rad/s."""
 DRIVEN_RATE = 34.0
-"""The same on drives with loops of their own. With 27 a Go2 ends farther off: a crawl of 60 cycles at 0.4 to 1.0 mm
-instead of 0.2 to 0.3, a trot of 200 at 0.6 to 0.8 instead of 0.5 to 0.6 (both grounds, three seeds each)."""
+"""Natural angular frequency of the body on drives with loops of their own, rad/s. With 27 the final error of a Go2 is
+larger: a crawl of 60 cycles ends at 0.4 to 1.0 mm instead of 0.2 to 0.3, a trot of 200 at 0.6 to 0.8 instead of 0.5
+to 0.6 (both grounds, three seeds each)."""
 DRIVEN_DECAY = 0.075
 """Damping over stiffness of a drive, s: five times the lag of a Go2's torques."""
 YIELD = 0.25
-"""Part of the force error that the reference gives way, as a force of the position gain."""
+"""P_fn K_ap: displacement of the reference per force error, times the position gain."""
 DEPTH = 0.003
-"""Depth to which a quarter of the weight sinks, m."""
+"""Depression of the ground under a quarter of the weight, m."""
 HEIGHT_OF_LINKS = 0.7
 """Height of the hips over the length of the stretched leg."""
 PERIODS = ((0.001, 0.004), (0.002, 0.017), (0.004, 0.02))
 """Sampling periods, s, each with the least m_f/m of the robots that walked with it."""
 PERIOD_WITHOUT_ROTORS = 0.00025
-"""The longest, s, for joints without inertia of rotors, as in models made for ROS; with 0.5 ms one of 16 such robots
-falls, with 1 ms half."""
+"""Longest sampling period, s, for joints without rotor inertia, as in models made for ROS; with 0.5 ms one of 16 such
+robots falls, with 1 ms half."""
 RECOMMENDED = PERIODS[:2]
-"""Those at which robots walk as well as with a shorter one."""
-NONE = LoopDelay()
+"""Those of PERIODS with which robots walk as well as with a shorter one."""
+NO_DELAY = LoopDelay()
+"""Feedback without delay beyond the sampling period."""
 LATE_MARGIN = 1.3
-"""What late feedback asks of m_f/m besides; with 1.22 on B2, and 1.06 on Spot, learning diverges."""
+"""Factor by which delayed feedback raises the required m_f/m; with 1.22 on B2, and 1.06 on Spot, learning
+diverges."""
 
 SLOWEST, FASTEST = 3.0, 0.95
-"""Angular frequencies at which a robot stands: from, rad/s, and up to, over the Nyquist frequency."""
+"""Range of angular frequencies for the margin of a standing robot: from, rad/s, and up to, over the Nyquist
+frequency."""
 FREQUENCIES = 400
 
 
 class Basis(NamedTuple):
-    """What follows from the model of a robot alone."""
+    """Quantities that depend on the model of a robot only."""
 
     mass: float
     """Total mass, m, kg."""
     foot_mass: float
-    """The lightest that a foot can feel, m_f, kg."""
+    """Least effective mass of a foot, m_f, kg."""
     hip_height: float
     """Height of the thigh joints above the undepressed ground, m."""
     stiffness: float
@@ -74,16 +79,16 @@ class Basis(NamedTuple):
 
 
 class Gains(NamedTuple):
-    """What follows from that, the sampling period, the LEAD compensator, and the lateness of the feedback."""
+    """Gains from a :class:`Basis`, the sampling period, the LEAD compensator and the delay of the feedback."""
 
     position_gain: float
     """K_ap, N/m."""
     velocity_gain: float
     """K_av, N s/m."""
     posture_gain: float
-    """Depth that a foot is pushed down, over the height that its hip lacks."""
+    """Downward displacement of a foot over the height that its hip is too low."""
     posture_rate_gain: float
-    """Speed that a foot is pushed down, over the speed at which its hip sinks."""
+    """Downward speed of a foot over the speed at which its hip sinks."""
     elasticity: float
     """P_fn, m/N."""
     admittance: float
@@ -91,7 +96,7 @@ class Gains(NamedTuple):
 
 
 class DriveGains(NamedTuple):
-    """Gains of drives that close loops of their own."""
+    """Gains of drives that close their own loops."""
 
     drive_stiffness: float
     """K, N m/rad."""
@@ -100,42 +105,44 @@ class DriveGains(NamedTuple):
 
 
 class Standing(NamedTuple):
-    """How a robot with V degrees of freedom moves about a posture."""
+    """Linear model of a robot with V degrees of freedom about a posture."""
 
     inertia: Array
-    """(V, V), with the inertias of the rotors, kg m^2 or kg."""
+    """(V, V): inertia matrix with the inertias of the rotors, kg m^2 or kg."""
     damping: Array
-    """(V, V), of the joints, N m s/rad."""
+    """(V, V): damping of the joints, N m s/rad."""
     feet: Array
     """(4, 3, V): Jacobians of the feet along x, y and z of the world, m/rad or 1."""
     moved: Array
-    """(4, 3, V): their parts that the leg of each foot moves, m/rad."""
+    """(4, 3, V): those Jacobians with only the columns of the foot's own leg, m/rad."""
     hips: Array
     """(4, V): Jacobians of the heights of the thigh joints, m/rad or 1."""
 
 
 def linearise(robot: Robot, posture: Array | None = None) -> Standing:
-    """How a robot moves about a ``posture`` (4, 3), rad; None: about home.
+    """Linearise a robot about a ``posture`` (4, 3), rad; None: about home.
 
-    The model of its legs has no other damping, and friction is left out.
+    The damping of the joints is the only damping of the legs; friction is left out.
     """
     mujoco = load_mujoco()
-    model, legs = robot.model, robot.legs
+    model = robot.model
     data = robot.at(robot.home if posture is None else posture)
     mujoco.mj_fwdPosition(model, data)
     inertia = np.zeros((model.nv, model.nv))
     for row, unit in zip(inertia, np.eye(model.nv), strict=True):
         mujoco.mj_mulM(model, data, row, unit)
     feet, moved, hips = np.zeros((3, LEGS, 3, model.nv))
-    for i, (dof, geom, thigh) in enumerate(zip(legs.dof, legs.foot_geom, legs.joint[:, 1], strict=True)):
+    for i, (dof, geom, thigh) in enumerate(
+        zip(robot.legs.dof, robot.legs.foot_geom, robot.legs.joint[:, 1], strict=True)
+    ):
         mujoco.mj_jacGeom(model, data, feet[i], None, int(geom))
-        mujoco.mj_jac(model, data, hips[i], None, data.xanchor[thigh], legs.base)
+        mujoco.mj_jac(model, data, hips[i], None, data.xanchor[thigh], robot.legs.base)
         moved[i][:, dof] = feet[i][:, dof]
     return Standing(inertia, np.diag(model.dof_damping), feet, moved, hips[:, 2])
 
 
 def list_jacobians(robot: Robot, posture: Array | None = None) -> list[tuple[Array, Array]]:
-    """Inertia of the joints of each leg (3, 3), kg m^2, and the Jacobian (3, 3) of its foot, m/rad.
+    """Return the joint inertia (3, 3), kg m^2, and the Jacobian (3, 3) of the foot, m/rad, for each leg.
 
     ``posture`` (4, 3) are the angles of all legs, rad; None: at home.
     """
@@ -147,45 +154,51 @@ def list_jacobians(robot: Robot, posture: Array | None = None) -> list[tuple[Arr
 
 
 def compute_foot_mass(robot: Robot) -> float:
-    """The lightest that a foot of the robot can feel at home, kg.
+    """Compute the least effective mass of a foot of the robot at home, kg.
 
-    It is the least eigenvalue of the inertia that a foot shows to a force while the trunk is held, (J M^-1 J^T)^-1,
-    M with the inertias of the rotors (Khatib 1987), of all legs.
+    It is the least eigenvalue, over all legs, of the inertia (J M^-1 J^T)^-1 that a foot shows to a force while the
+    trunk is held, with the inertias of the rotors in M (Khatib 1987).
     """
     mobilities = [foot @ np.linalg.solve(inertia, foot.T) for inertia, foot in list_jacobians(robot)]
     return min(1.0 / float(np.linalg.eigvalsh(mobility)[-1]) for mobility in mobilities)
 
 
 def derive_drive_gains(robot: Robot) -> DriveGains:
-    """Gains of drives on whose legs, at home, the body is a mass on springs of DRIVEN_RATE."""
+    """Derive gains of drives with which the body on its legs, at home, has the natural frequency DRIVEN_RATE."""
     vertical = [float(np.linalg.inv(foot @ foot.T)[2, 2]) for _, foot in list_jacobians(robot)]
     stiffness = DRIVEN_RATE**2 * robot.mass / sum(vertical)
     return DriveGains(stiffness, DRIVEN_DECAY * stiffness)
 
 
 def find_joint_margin(robot: Robot, gains: DriveGains, lag: float) -> Margin:
-    """The margin of the drive of the lightest joint, without friction, at home; its torques have a ``lag`` in s."""
+    """Find the delay margin of the drive of the lightest joint at home, without friction.
+
+    ``lag`` is the time constant of its torque, s.
+    """
     inertia = min(float(np.linalg.eigvalsh(inertia)[0]) for inertia, _ in list_jacobians(robot))
     return find_drive_margin(inertia, *gains, lag)
 
 
 def choose_feedback(loop_delay: LoopDelay, period: float) -> float:
-    """K_av b0 T_s / m_f: feedback of the velocity over what would stop the lightest foot within a sample."""
+    """Choose K_av b0 T_s / m_f, the velocity feedback over the one that stops the lightest foot within a sample.
+
+    ``period`` is the sampling period T_s, s.
+    """
     return min(MOST_FEEDBACK, STABLE_SHARE * loop_delay.find_critical_gain(period))
 
 
-def recommend_period(ratio: float, loop_delay: LoopDelay = NONE, gain: float = 0.0) -> float:
-    """The longest sampling period, s, at which a robot with m_f/m = ``ratio`` walks as well as with a shorter one.
+def recommend_period(ratio: float, loop_delay: LoopDelay = NO_DELAY, gain: float = 0.0) -> float:
+    """Return the longest sampling period, s, with which a robot walks as well as with a shorter one.
 
-    Below the lightest feet that were measured the period shrinks with them, to a half, a fifth, a tenth and so on.
-    Where feedback is late the gains are lower, as if the feet were so much lighter, and a margin is kept. A
-    gait on two feet at times needs at least ``gain`` times the largest gains at the first of PERIODS. Raises BadInput
-    if lags limit the gains at any period.
+    ``ratio`` is m_f/m. Below the lightest feet that were measured the period shrinks with them, to a half, a fifth,
+    a tenth and so on. Delayed feedback lowers the gains, which has the effect of lighter feet, and a margin is
+    added. A gait that stands on two feet at times needs at least ``gain`` times the largest gains at the first of
+    PERIODS. Raises BadInput if lags limit the gains at any period.
     """
     period, least = PERIODS[0]
-    parts = (part * 10**power for power in range(12) for part in (2, 5, 10))
-    shorter = ((period / part, least / part) for part in parts)
-    margin = MOST_FEEDBACK * (1.0 if loop_delay == NONE else LATE_MARGIN)
+    divisors = (digits * 10**power for power in range(12) for digits in (2, 5, 10))
+    shorter = ((period / divisor, least / divisor) for divisor in divisors)
+    margin = MOST_FEEDBACK * (1.0 if loop_delay == NO_DELAY else LATE_MARGIN)
     for period, least in (*reversed(RECOMMENDED), *shorter):
         if choose_feedback(loop_delay, period) < gain * MOST_FEEDBACK * period / PERIODS[0][0]:
             continue
@@ -195,15 +208,15 @@ def recommend_period(ratio: float, loop_delay: LoopDelay = NONE, gain: float = 0
     raise BadInput("sampling_period", "by rule", allowed)
 
 
-def require_period(ratio: float, period: float, loop_delay: LoopDelay = NONE) -> None:
-    """Require a sampling period, s, that suits a robot with m_f/m = ``ratio``; raises BadInput, which names one."""
+def require_period(ratio: float, period: float, loop_delay: LoopDelay = NO_DELAY) -> None:
+    """Require a sampling period, s, that suits a robot with m_f/m = ``ratio``; raise BadInput, with one that does."""
     shortest, least = PERIODS[0]
     if period < shortest:
         least *= period / shortest
     else:
         least = next((least for longest, least in PERIODS if period <= longest), math.inf)
     if ratio * choose_feedback(loop_delay, period) / MOST_FEEDBACK <= least:
-        late, more = ("", "") if loop_delay == NONE else (" and feedback is late", ", or take controller=drives")
+        late, more = ("", "") if loop_delay == NO_DELAY else (" and feedback is late", ", or take controller=drives")
         light = f"gains by rule fail where a foot feels {ratio:.2g} of the mass of the robot{late}"
         recommended = recommend_period(ratio, loop_delay)
         raise BadInput("sampling_period", period, f"is too long, {light}: use {recommended:g}, or set gains{more}")
@@ -211,23 +224,22 @@ def require_period(ratio: float, period: float, loop_delay: LoopDelay = NONE) ->
 
 @lru_cache(maxsize=16)
 def derive_basis(robot: Robot) -> Basis:
-    """What follows from a robot alone (measured for this project: docs/robots.md)."""
-    mass, foot_mass = robot.mass, compute_foot_mass(robot)
-    stiffness = mass * GRAVITY / LEGS / DEPTH
+    """Derive the quantities that depend on the robot only (measured for this project: docs/robots.md)."""
+    stiffness = robot.mass * GRAVITY / LEGS / DEPTH
     return Basis(
-        mass=mass,
-        foot_mass=foot_mass,
+        mass=robot.mass,
+        foot_mass=compute_foot_mass(robot),
         hip_height=HEIGHT_OF_LINKS * sum(robot.links),
         stiffness=stiffness,
-        damping=math.sqrt(stiffness * mass / LEGS) / 4.0,
+        damping=math.sqrt(stiffness * robot.mass / LEGS) / 4.0,
     )
 
 
-def derive_gains(basis: Basis, sampling_period: float, lead_gain: float, loop_delay: LoopDelay = NONE) -> Gains:
-    """The gains of a robot at a sampling period in s (measured for this project: docs/robots.md).
+def derive_gains(basis: Basis, sampling_period: float, lead_gain: float, loop_delay: LoopDelay = NO_DELAY) -> Gains:
+    """Derive the gains of a robot for a sampling period, s (measured for this project: docs/robots.md).
 
-    ``lead_gain`` is that of the LEAD compensator for the newest error, b0, ``loop_delay`` that of velocity feedback.
-    Raises BadInput, which names a period that works, if the feet are too light for this one.
+    ``lead_gain`` is b0, the gain of the LEAD compensator for the newest error, ``loop_delay`` the delay of velocity
+    feedback. Raises BadInput, with a period that works, if the feet are too light for this one.
     """
     require_period(basis.ratio, sampling_period, loop_delay)
     feedback = choose_feedback(loop_delay, sampling_period)
@@ -237,7 +249,7 @@ def derive_gains(basis: Basis, sampling_period: float, lead_gain: float, loop_de
     return Gains(
         position_gain=position_gain,
         velocity_gain=velocity_gain,
-        # All feet together hold the body as a spring of BODY_RATE^2 m would, damped critically.
+        # All feet together act on the body as a spring of stiffness BODY_RATE^2 m, critically damped.
         posture_gain=max(0.0, BODY_RATE**2 * basis.mass / (LEGS * position_gain) - 1.0),
         posture_rate_gain=max(0.0, 2.0 * BODY_RATE * basis.mass / (LEGS * velocity_gain) - 1.0),
         elasticity=elasticity,
@@ -248,12 +260,13 @@ def derive_gains(basis: Basis, sampling_period: float, lead_gain: float, loop_de
 def find_delay_margin(
     foot_mass: float, gain: float, lead_gain: float, period: float, loop_delay: LoopDelay
 ) -> Margin:
-    """Time by which feedback may be later, beyond ``loop_delay``, before the lightest foot, kg, is unstable.
+    """Find the delay, beyond ``loop_delay``, with which the feedback of the lightest foot, kg, becomes unstable.
 
-    ``gain`` is K_av, N s/m, ``lead_gain`` b0. Raises BadInput, which names a gain that works, if it is unstable
-    already.
+    ``gain`` is K_av, N s/m, ``lead_gain`` b0, ``period`` the sampling period, s. Raises BadInput, with a gain that
+    works, if the feedback exceeds MOST_SHARE of the critical one.
     """
-    feedback, critical = gain * lead_gain * period / foot_mass, loop_delay.find_critical_gain(period)
+    feedback = gain * lead_gain * period / foot_mass
+    critical = loop_delay.find_critical_gain(period)
     if feedback > MOST_SHARE * critical:
         most = gain * choose_feedback(loop_delay, period) / feedback
         words = f"{feedback / critical:.2g} of what makes the lightest foot unstable, with feedback that late"
@@ -264,15 +277,16 @@ def find_delay_margin(
 def find_standing_margin(
     robot: Robot, ground: tuple[float, float], gains: Gains, lead: Lead, period: float, loop_delay: LoopDelay
 ) -> Margin:
-    """Time by which feedback of a robot on four feet may be later, beyond ``loop_delay``, before it is unstable.
+    """Find the delay, beyond ``loop_delay``, with which the feedback of a robot on four feet becomes unstable.
 
     The robot is linear about home, its feet stick to ``ground``, K_n in N/m and damping in N s/m in all directions,
     and control is the combined law with posture control, see :mod:`cmacexp.control.hybrid_kernels`; ``period`` is in
-    s. Of the loop gain L(j w), (12, 12), each eigenvalue of magnitude 1 is at -1 after a delay of its angle from -1
-    over w (generalised Nyquist criterion, MacFarlane & Postlethwaite 1977). Infinite if none has.
+    s. Each eigenvalue of the loop gain L(j w), (12, 12), that has magnitude 1 reaches -1 after a delay of its angle
+    from -1 over w (generalised Nyquist criterion, MacFarlane & Postlethwaite 1977). The delay is infinite if there
+    is none.
 
-    A foot in the air is the other limit, see :func:`find_delay_margin`. Which one is lower depends on the gains:
-    those of the posture grow where those of a foot are small.
+    A foot in the air is the other limit, see :func:`find_delay_margin`. The gains decide which one is lower: those
+    of the posture grow where those of a foot are small.
     """
     standing = linearise(robot)
     feet, moved = (jacobian.reshape(-1, len(standing.inertia)) for jacobian in (standing.feet, standing.moved))

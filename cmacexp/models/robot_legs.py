@@ -1,8 +1,8 @@
-"""The legs of a model by the names of their joints and feet, or why the model is no quadruped of the project.
+"""Legs of a model from the names of their joints and feet, and the checks that the model is a supported quadruped.
 
 A foot touches the ground with a sphere, found by the name of a geom, a site or a body. A sphere is its own foot. Any
-other foot gets a sphere without mass at its point of contact at home: in the lower end of a capsule, of its radius;
-at a site; and elsewhere a point, in the middle of the lowest points of the shape.
+other foot gets a massless sphere at its point of contact at home: for a capsule in its lower end, with its radius;
+at a site; for any other shape a point in the middle of its lowest points.
 """
 
 from collections.abc import Iterable, Sequence
@@ -16,31 +16,35 @@ from cmacexp.errors import BadInput, require
 from cmacexp.typing import Array, Counts
 
 POINT = 0.001
-"""Radius of a foot without one, m."""
+"""Radius of a foot that has none, m."""
 FLAT = 0.02
-"""Points within this part of the height of a shape count as its lowest."""
+"""Fraction of the height of a shape up to which its points count as the lowest ones."""
 Sphere = tuple[int, Array, float]
 """Body, centre (3,) in the world, m, and radius, m."""
 
 
 def place_feet(mujoco: Any, spec: Any, data: Any, feet: Sequence[str]) -> list[str]:
-    """Names of the geoms, all spheres, of the four feet; adds those that are missing to the ``spec`` of a model.
+    """Add a sphere to the ``spec`` of a model for each foot that is not one; return the geom names of the four feet.
 
-    ``feet`` names geoms, sites or bodies; ``data`` has the trunk level, the legs at home. Raises BadInput.
+    ``feet`` names geoms, sites or bodies; ``data`` has the trunk level and the legs at home. Raises BadInput.
     """
-    found = [_find_foot(mujoco, data.model, data, name) for name in feet]
+    spheres = [_find_foot(mujoco, data.model, data, name) for name in feet]
     bodies = {body.id: body for body in spec.bodies}
-    for name, sphere in zip(feet, found, strict=True):
+    for name, sphere in zip(feet, spheres, strict=True):
         if sphere:
             body, centre, radius = sphere
             geom = bodies[body].add_geom(name=f"{name} (foot)", type=mujoco.mjtGeom.mjGEOM_SPHERE, mass=0.0, group=3)
-            geom.pos, geom.size = (centre - data.xpos[body]) @ data.xmat[body].reshape(3, 3), [radius, 0.0, 0.0]
+            geom.pos = (centre - data.xpos[body]) @ data.xmat[body].reshape(3, 3)
+            geom.size = [radius, 0.0, 0.0]
             geom.contype = geom.conaffinity = 0
-    return [f"{name} (foot)" if sphere else name for name, sphere in zip(feet, found, strict=True)]
+    return [f"{name} (foot)" if sphere else name for name, sphere in zip(feet, spheres, strict=True)]
 
 
 def _find_foot(mujoco: Any, model: Any, data: Any, name: str) -> Sphere | None:
-    """What a name means; None for a geom that is a sphere."""
+    """Find the contact sphere of the geom, site or body ``name``; return None for a geom that is a sphere.
+
+    Raises BadInput if the model has no such name.
+    """
     kinds = mujoco.mjtObj
     geom, site, body = (
         int(mujoco.mj_name2id(model, kind, name)) for kind in (kinds.mjOBJ_GEOM, kinds.mjOBJ_SITE, kinds.mjOBJ_BODY)
@@ -57,12 +61,12 @@ def _find_foot(mujoco: Any, model: Any, data: Any, name: str) -> Sphere | None:
         origin = body, data.xpos[body].copy(), POINT
         return min(touching, key=lambda sphere: float(sphere[1][2]) - sphere[2], default=origin)
     named = [model.geom(k).name for k in range(model.ngeom)] + [model.site(k).name for k in range(model.nsite)]
-    known = list_names(filter(None, named)) or list_names(model.body(k).name for k in range(1, model.nbody))
-    raise BadInput("machine.feet", name, f"is no geom, site or body of the model, which has {known}; {HINT}")
+    candidates = list_names(filter(None, named)) or list_names(model.body(k).name for k in range(1, model.nbody))
+    raise BadInput("machine.feet", name, f"is no geom, site or body of the model, which has {candidates}; {HINT}")
 
 
 def _touch(mujoco: Any, model: Any, data: Any, geom: int) -> Sphere:
-    """Where a geom touches level ground."""
+    """Find the sphere with which a geom touches level ground."""
     kind = model.geom_type[geom]
     kinds = mujoco.mjtGeom
     size = model.geom_size[geom]
@@ -88,11 +92,14 @@ def _touch(mujoco: Any, model: Any, data: Any, geom: int) -> Sphere:
     return body, world[low].mean(axis=0), POINT
 
 
-LEGS, JOINTS = 4, 3
+LEGS = 4
+"""Legs of a quadruped."""
+JOINTS = 3
+"""Joints per leg."""
 MOST_NAMES = 16
 """Names that a message lists."""
 LEAST_COSINE = 0.96
-"""Least cosine of the angle between axes of the frame of the trunk and of the robot, about that of 15 degrees."""
+"""Least cosine of the angle between an axis of the trunk frame and that of the robot, about 15 degrees."""
 HINT = "python -m cmacexp.robots FILE finds its legs"
 
 
@@ -101,25 +108,25 @@ class Legs:
     """Indices into MuJoCo's arrays; legs in the order front left, front right, rear left, rear right."""
 
     base: int
-    """Body with the free joint."""
+    """Number of the body with the free joint."""
     base_qpos: int
-    """Address of the first of its seven positions."""
+    """Address of the first of the seven positions of the free joint."""
     base_dof: int
-    """Address of the first of its six velocities."""
+    """Address of the first of the six velocities of the free joint."""
     joint: Counts
-    """(4, 3) joints."""
+    """(4, 3) numbers of the joints."""
     qpos: Counts
     """(4, 3) addresses of the joint angles."""
     dof: Counts
     """(4, 3) addresses of the joint velocities."""
     foot_geom: Counts
-    """(4,) geoms of the feet."""
+    """(4,) numbers of the geoms of the feet."""
     foot_radius: Array
-    """(4,) m."""
+    """(4,) radii of the feet, m."""
 
 
 def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], angles: Array, home: object) -> None:
-    """Require names (4, 3) of joints, and ``angles`` (3,) or (4, 3), rad, at home; raises BadInput."""
+    """Require names of joints (4, 3) and feet (4,), and ``angles`` (3,) or (4, 3), rad, at home; raises BadInput."""
     has_names = len(joints) == LEGS and all(len(leg) == JOINTS for leg in joints)
     require(has_names, "machine.joints", joints, "must be four lists of three names: hip, thigh, calf")
     has_angles = angles.shape in ((JOINTS,), (LEGS, JOINTS))
@@ -133,25 +140,29 @@ def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], angles: 
 
 
 def find_free(mujoco: Any, model: Any, path: Path, joint: Counts) -> int:
-    """Number of the free joint on which the joints (4, 3) hang; raises BadInput if there is none, or more moves."""
+    """Find the number of the free joint that carries the joints (4, 3).
+
+    Raises BadInput if there is none, or if the model has further joints.
+    """
     trunk = int(model.body_rootid[model.jnt_bodyid[joint[0, 0]]])
     free = int(model.body_jntadr[trunk])
     floats = free >= 0 and model.jnt_type[free] == mujoco.mjtJoint.mjJNT_FREE
     require(floats, "machine.path", path, "has no free joint: its trunk must float, <freejoint/>")
-    others = list_names(_name(model.joint(k)) for k in sorted(set(range(model.njnt)) - {free, *joint.ravel()}))
+    extra_joints = list_names(_name(model.joint(k)) for k in sorted(set(range(model.njnt)) - {free, *joint.ravel()}))
     reason = "moves, too: a leg has three joints; weld the others in the model"
-    require(not others, "machine.joints", others, reason)
+    require(not extra_joints, "machine.joints", extra_joints, reason)
     return free
 
 
 def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence[str]) -> Legs:
-    """The legs of an MjModel: numbers of the ``free`` joint, joints (4, 3) and geoms of the feet (4,), spheres.
+    """Find the indices of the legs in an MjModel.
 
-    Raises BadInput if one of ``feet`` does not hang on the trunk by the joints of its leg.
+    ``free`` is the number of the free joint, ``joint`` (4, 3) those of the joints, ``foot`` (4,) those of the feet's
+    geoms, which are spheres. Raises BadInput if one of ``feet`` does not hang on the trunk by the joints of its leg.
     """
     for leg, geom, name in zip(joint, foot, feet, strict=True):
         chain = find_chain(model, int(model.geom_bodyid[geom]))
-        expected, actual = (list_names(_name(model.joint(int(k))) for k in own) for own in (leg, chain[1:]))
+        expected, actual = (list_names(_name(model.joint(int(k))) for k in joints) for joints in (leg, chain[1:]))
         reason = f"must hang on {expected}, but hangs on {actual or 'the trunk alone'}"
         require(chain == [free, *leg], "machine.feet", name, reason)
     return Legs(
@@ -167,29 +178,29 @@ def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence
 
 
 def require_frame(hips: Array, feet: Sequence[str]) -> None:
-    """Require legs in order in the frame of the trunk, x forward, y left, z up; raises BadInput.
+    """Require legs in order in the frame of the trunk, x forward, y left, z up; raise BadInput otherwise.
 
-    ``hips`` (4, 3) are the thigh joints in that frame, m; ``feet`` their names for the message.
+    ``hips`` (4, 3) are the thigh joints in that frame, m; ``feet`` the names of the feet for the message.
     """
     forward, left = hips[:2] - hips[2:], hips[::2] - hips[1::2]
-    cosines = [each[axis] / np.linalg.norm(each) for axis, pair in enumerate((forward, left)) for each in pair]
+    cosines = [v[axis] / np.linalg.norm(v) for axis, vectors in enumerate((forward, left)) for v in vectors]
     order = "front left, front right, rear left, rear right in the frame of the trunk, x forward, y left, z up"
     allowed = f"must be {order}: change the order, or turn the frame"
     require(min(cosines) >= LEAST_COSINE, "machine.feet", ", ".join(feet), allowed)
 
 
 def torque_limits(mujoco: Any, model: Any, joints: Counts, needs_motor: bool) -> Array:
-    """Largest torques (3,) of hip, thigh and calf, the least of all legs, N m; infinite without a limit.
+    """Return torque limits (3,) of hip, thigh and calf, the least of all legs, N m; infinite without a limit.
 
-    With ``needs_motor`` a joint without actuator and limit is BadInput, as one whose actuator gives no torque always
-    is; a URDF has no actuators.
+    With ``needs_motor`` a joint without actuator and limit raises BadInput; a URDF has no actuators. A joint whose
+    actuator gives no torque always raises BadInput.
     """
     limits = [_torque_limit(mujoco, model, int(joint), needs_motor) for joint in joints.ravel()]
     return np.reshape(limits, joints.shape).min(axis=0)
 
 
 def _torque_limit(mujoco: Any, model: Any, joint: int, needs_motor: bool) -> float:
-    """The least of what the actuators of a joint, and the joint itself, allow, N m."""
+    """Return the least torque limit of a joint and of its actuators, N m."""
     name = model.joint(joint).name
     at_joint = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (model.actuator_trnid[:, 0] == joint)
     actuators = np.flatnonzero(at_joint)
@@ -200,7 +211,7 @@ def _torque_limit(mujoco: Any, model: Any, joint: int, needs_motor: bool) -> flo
         gear = abs(model.actuator_gear[k, 0])
         if model.actuator_forcelimited[k]:
             limits.append(_to_both_sides(model.actuator_forcerange[k]) * gear)
-        # Of a servo the control is no force.
+        # The control of a servo is a position or a velocity, so its range is no limit of torque.
         is_motor = model.actuator_biastype[k] == mujoco.mjtBias.mjBIAS_NONE
         if is_motor and model.actuator_ctrllimited[k]:
             limits.append(_to_both_sides(model.actuator_ctrlrange[k]) * abs(model.actuator_gainprm[k, 0]) * gear)
@@ -211,16 +222,16 @@ def _torque_limit(mujoco: Any, model: Any, joint: int, needs_motor: bool) -> flo
 
 
 def _to_both_sides(limits: Array) -> float:
-    """The largest torque that a drive gives to either side; of a range that has one side only, that side's."""
+    """Return the largest torque available in both directions; for a one-sided range, the limit of that side."""
     least, largest = float(limits[0]), float(limits[1])
     return min(-least, largest) if least < 0.0 < largest else max(abs(least), abs(largest))
 
 
 def find_joint(mujoco: Any, model: Any, name: str) -> int:
-    """The number of a joint in a model, which must be a hinge; raises BadInput."""
+    """Find the number of a joint in a model by its name; raise BadInput if it is missing or no hinge."""
     names = [_name(model.joint(k)) for k in range(model.njnt)]
-    known = f"is no joint of the model, which has {list_names(names)}; {HINT}"
-    require(name in names, "machine.joints", name, known)
+    reason = f"is no joint of the model, which has {list_names(names)}; {HINT}"
+    require(name in names, "machine.joints", name, reason)
     index = names.index(name)
     is_hinge = model.jnt_type[index] == mujoco.mjtJoint.mjJNT_HINGE
     require(is_hinge, "machine.joints", name, "must be a hinge: legs have neither wheels nor slides")
@@ -228,7 +239,7 @@ def find_joint(mujoco: Any, model: Any, name: str) -> int:
 
 
 def find_chain(model: Any, body: int) -> list[int]:
-    """The joints on which a body hangs, from the root outwards."""
+    """List the numbers of the joints that carry a body, from the root outwards."""
     chain: list[int] = []
     while body:
         first = int(model.body_jntadr[body])
@@ -242,6 +253,6 @@ def _name(joint: Any) -> str:
 
 
 def list_names(names: Iterable[str]) -> str:
-    """Names for a message, the first ones only."""
-    first, more = (names := list(names))[:MOST_NAMES], len(names) - MOST_NAMES
-    return ", ".join(first) + (f" and {more} more" if more > 0 else "")
+    """Join names for a message, the first MOST_NAMES only."""
+    names = list(names)
+    return ", ".join(names[:MOST_NAMES]) + (f" and {len(names) - MOST_NAMES} more" if names[MOST_NAMES:] else "")

@@ -1,7 +1,7 @@
-"""The file of a robot, MJCF or URDF, as a specification for MuJoCo, and what of it acts on the robot in a run.
+"""Robot files, MJCF or URDF, as specifications for MuJoCo, and checks of what acts on the robot in a run.
 
-A run has its own gravity, medium, time step and torques, so a model's options and actuators do not act. Whatever else
-would push or hold the robot is refused.
+A run has its own gravity, medium, time step and torques, so a model's options and actuators have no effect. Anything
+else that would push or hold the robot is refused.
 """
 
 import re
@@ -16,24 +16,24 @@ from cmacexp.errors import BadInput, require
 from cmacexp.models.leg import GRAVITY
 
 KEPT_OPTIONS = ("cone", "impratio")
-"""Options of contacts with the rigid floor; the run decides all others."""
+"""Options of contacts with the rigid floor that a model keeps; the run sets all others."""
 MESHES = (".stl", ".obj", ".msh")
-"""Files of meshes that MuJoCo reads."""
+"""Suffixes of mesh files that MuJoCo reads."""
 POINT_INERTIA = 1e-6
-"""Moment of inertia over mass of a URDF link that has no size, m^2."""
+"""Moment of inertia over mass of a URDF link without size, m^2."""
 NO_MASS = 1e-9
-"""Mass of a URDF link below which it has none, kg."""
+"""Mass below which a URDF link counts as massless, kg."""
 NO_INERTIA = 1e-12
-"""Least principal moment of inertia, kg m^2; MuJoCo needs one above 1e-15."""
+"""Least principal moment of inertia that is kept, kg m^2; MuJoCo needs one above 1e-15."""
 
 
 def is_urdf(path: Path) -> bool:
-    """Whether a model file is a URDF."""
+    """Return True if a model file is a URDF."""
     return bool(re.search(r"<robot[\s>]", path.read_text(errors="replace")))
 
 
 def read_spec(mujoco: Any, path: Path) -> Any:
-    """The MjSpec of a model file; raises BadInput, and ValueError as MuJoCo does."""
+    """Read a model file as an MjSpec; raise BadInput, or ValueError where MuJoCo does."""
     _check_text(path, path.parent, {path})
     spec = _read_urdf(mujoco, path) if is_urdf(path) else mujoco.MjSpec.from_file(str(path))
     require(not spec.plugins, "machine.path", path, "uses a plugin of MuJoCo, which a run does not have; remove it")
@@ -43,25 +43,19 @@ def read_spec(mujoco: Any, path: Path) -> Any:
 
 
 def _read_urdf(mujoco: Any, path: Path) -> Any:
-    """A robot that floats, with the masses of its links alone and the collision shapes that can be read."""
+    """Read a URDF as a floating robot with only its links' masses and the collision shapes that can be read."""
     try:
         root = ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:
         raise BadInput("machine.path", path, f"is no XML: {error}") from error
     compilers = root.findall("mujoco/compiler")
-    folders = [path.parent, *(path.parent / each.get("meshdir", "") for each in compilers), *path.parents]
+    folders = [path.parent, *(path.parent / item.get("meshdir", "") for item in compilers), *path.parents]
     for link in root.iter("link"):
-        for visual in link.findall("visual"):
-            link.remove(visual)
-        for shape in link.findall("collision"):
-            if (mesh := shape.find("geometry/mesh")) is not None and not _find_mesh(mesh, folders):
-                link.remove(shape)
-        if (inertial := link.find("inertial")) is not None:
-            _make_possible(link, inertial)
-    for own in root.findall("mujoco"):
-        root.remove(own)
-    own = ElementTree.SubElement(root, "mujoco")
-    ElementTree.SubElement(own, "compiler", fusestatic="false", strippath="false", balanceinertia="true")
+        _clean_link(link, folders)
+    for extension in root.findall("mujoco"):
+        root.remove(extension)
+    extension = ElementTree.SubElement(root, "mujoco")
+    ElementTree.SubElement(extension, "compiler", fusestatic="false", strippath="false", balanceinertia="true")
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
     for geom in spec.geoms:
         geom.mass = 0.0  # in a URDF a link without <inertial> has none
@@ -73,11 +67,25 @@ def _read_urdf(mujoco: Any, path: Path) -> Any:
     return spec
 
 
+def _clean_link(link: ElementTree.Element, folders: list[Path]) -> None:
+    """Remove visuals, and collision meshes not found in ``folders``, from a URDF link; make its inertia possible."""
+    for visual in link.findall("visual"):
+        link.remove(visual)
+    for shape in link.findall("collision"):
+        if (mesh := shape.find("geometry/mesh")) is not None and not _find_mesh(mesh, folders):
+            link.remove(shape)
+    if (inertial := link.find("inertial")) is not None:
+        _make_possible(link, inertial)
+
+
 def _find_mesh(mesh: ElementTree.Element, folders: list[Path]) -> bool:
-    """Whether the file of a mesh is on this machine; ``package://NAME/`` is searched in the folders of the model."""
+    """Set the file of a mesh to its path on this machine; return False if it is not found.
+
+    ``package://NAME/`` is searched in ``folders``, those of the model.
+    """
     name = re.sub(r"^(package|model|file)://", "", mesh.get("filename", ""))
     names = [name, name.partition("/")[2]]
-    for file in (folder / each for folder in folders for each in names if each):
+    for file in (folder / candidate for folder in folders for candidate in filter(None, names)):
         if file.suffix.lower() in MESHES and file.is_file():
             mesh.set("filename", str(file.resolve()))
             return True
@@ -85,13 +93,14 @@ def _find_mesh(mesh: ElementTree.Element, folders: list[Path]) -> bool:
 
 
 def _make_possible(link: ElementTree.Element, inertial: ElementTree.Element) -> None:
-    """Make a link without mass one without <inertial>, and an inertia that no body has its diagonal, above zero."""
+    """Remove the <inertial> of a massless URDF link; reduce an inertia that no body has to a positive diagonal."""
 
     def read(name: str, key: str) -> float:
-        found = inertial.find(name)
-        return float(found.get(key, "0")) if found is not None else 0.0
+        element = inertial.find(name)
+        return float(element.get(key, "0")) if element is not None else 0.0
 
-    mass, inertia = read("mass", "value"), inertial.find("inertia")
+    mass = read("mass", "value")
+    inertia = inertial.find("inertia")
     xx, xy, xz, yy, yz, zz = (read("inertia", f"i{axes}") for axes in ("xx", "xy", "xz", "yy", "yz", "zz"))
     if mass < NO_MASS:
         link.remove(inertial)
@@ -101,27 +110,30 @@ def _make_possible(link: ElementTree.Element, inertial: ElementTree.Element) -> 
         inertia.attrib.update(ixx=str(max(xx, least)), iyy=str(max(yy, least)), izz=str(max(zz, least)))
 
 
-def _check_text(path: Path, folder: Path, known: set[Path]) -> None:
-    """Require what MuJoCo does not: that no number is NaN, which it takes for one that is not given, and that all
-    files that a model names are regular: it would wait for a FIFO, or read a device for ever.
+def _check_text(path: Path, folder: Path, checked: set[Path]) -> None:
+    """Require that a model has no number NaN and that all files it names are regular; raise BadInput otherwise.
 
-    ``path`` is that of one of its files, ``folder`` its own; ``known`` are those that have been checked, and grows.
+    MuJoCo does not check either: it takes NaN for a number that is not given, and would wait for a FIFO or read a
+    device for ever. ``path`` is one of the model's files, ``folder`` that of the model; ``checked`` are the files
+    checked so far, to which this adds.
     """
     text = unescape(path.read_text(errors="replace"))
     undefined = re.findall(r"""(\w+)\s*=\s*["'](?:[-+.\de\s]*\s)?nan[\s"']""", text, re.IGNORECASE)
     require(not undefined, "machine.path", path, f"has nan in {', '.join(undefined)}, which must be numbers")
     folders = ["", *re.findall(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"']*)""", text)]
     for name in re.findall(r"""\bfile\s*=\s*["']([^"']+)""", text):
-        for file in {each for inner in folders if (each := folder / inner / name).exists()} - known:
-            known.add(file)
+        for file in {candidate for inner in folders if (candidate := folder / inner / name).exists()} - checked:
+            checked.add(file)
             require(file.is_file(), "machine.path", path, f"names {name}, which is not a regular file")
             if file.suffix.lower() in ("", ".xml", ".mjcf"):
-                _check_text(file, folder, known)
+                _check_text(file, folder, checked)
 
 
 def set_run_options(mujoco: Any, model: Any) -> None:
-    """Give a compiled model the options of a run: gravity, no medium, no actuators, MuJoCo's own solver; and let its
-    trunk float freely, whatever defaults for joints say.
+    """Give a compiled model the options of a run, and let its trunk float freely.
+
+    The options are gravity, no medium, no actuators and MuJoCo's default solver. The free joint loses springs and
+    losses that defaults for joints may have given it.
     """
     default = mujoco.MjOption()
     for name in (name for name in dir(default) if not name.startswith("_") and name not in KEPT_OPTIONS):
@@ -139,19 +151,19 @@ def set_run_options(mujoco: Any, model: Any) -> None:
 
 
 def require_own_forces(path: Path, model: Any) -> None:
-    """Require that gravity, joints and torques alone act on the robot; raises BadInput."""
+    """Require that only gravity, joints and torques act on the robot; raise BadInput otherwise."""
     tendons = model.tendon_stiffness, model.tendon_damping, model.tendon_frictionloss, model.tendon_armature
-    others = {
+    hidden_forces = {
         "an equality constraint": model.eq_active0,
         "a tendon with a spring, losses, inertia or a limit": (model.tendon_limited, *tendons),
         "gravcomp": model.body_gravcomp,
         "a flexible body (flex)": model.nflex,
     }
-    for what, values in others.items():
-        reason = f"has {what}, which would push or hold the robot: remove it"
+    for feature, values in hidden_forces.items():
+        reason = f"has {feature}, which would push or hold the robot: remove it"
         require(not np.any(values), "machine.path", path, reason)
     losses = {"frictionloss": model.dof_frictionloss, "damping": model.dof_damping, "armature": model.dof_armature}
-    for what, values in losses.items():
+    for loss, values in losses.items():
         name = model.joint(int(model.dof_jntid[values.argmin()])).name
-        reason = f"has {what}={values.min():g} at joint {name}, which would push the robot: must be 0 or more"
+        reason = f"has {loss}={values.min():g} at joint {name}, which would push the robot: must be 0 or more"
         require(values.min() >= 0.0, "machine.path", path, reason)

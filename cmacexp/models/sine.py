@@ -14,7 +14,7 @@ from cmacexp.jit.compiler import kernel
 from cmacexp.typing import Array
 
 FURTHEST = 1e6
-"""A larger angle, rad, has no sine here: quarter turns could not be subtracted without loss of precision."""
+"""Largest angle, rad, with a sine here: beyond it quarter turns cannot be subtracted without loss of precision."""
 QUARTERS = 2.0 / math.pi
 """Quarter turns per rad."""
 TO_INTEGER = 1.5 * 2.0**52
@@ -24,16 +24,16 @@ QUARTER_HEAD = 1.57079632673412561417
 QUARTER_TAIL = 6.07710050650619224932e-11
 """A quarter turn less its head, rad."""
 LARGEST_ROTATION = 0.0625
-"""A turn, rad, up to which the power series of :func:`rotate` are long enough."""
+"""Largest rotation, rad, for which the power series of :func:`rotate` are long enough."""
 S3, S5, S7, S9, S11, S13, S15 = ((-1) ** (n // 2) / math.factorial(n) for n in range(3, 16, 2))
 C4, C6, C8, C10, C12, C14, C16 = ((-1) ** (n // 2) / math.factorial(n) for n in range(4, 17, 2))
 
 
 @kernel
 def split_quarters(angle: Any) -> tuple[Any, Any, Any]:
-    """Quarter turns in an angle, rad, or in each of an array, and sine and cosine of the rest.
+    """Return the number of quarter turns in an angle, rad, or an array of them, and sine and cosine of the remainder.
 
-    The rest is at most pi/4, where the power series can end after x^16. Its terms are added in pairs, which the
+    The remainder is at most pi/4, where the power series can end after x^16. Its terms are added in pairs, which the
     processor computes in parallel.
     """
     quarters = (angle * QUARTERS + TO_INTEGER) - TO_INTEGER
@@ -48,7 +48,7 @@ def split_quarters(angle: Any) -> tuple[Any, Any, Any]:
 
 @kernel
 def sine_cosine(angle: float) -> tuple[float, float]:
-    """Sine and cosine of an angle in rad; NaN beyond :data:`FURTHEST` and where it is not finite."""
+    """Return sine and cosine of an angle in rad; NaN beyond :data:`FURTHEST` and where it is not finite."""
     if not abs(angle) < FURTHEST:
         return math.nan, math.nan
     quarters, s, c = split_quarters(angle)
@@ -61,21 +61,22 @@ def sine_cosine(angle: float) -> tuple[float, float]:
 
 
 def sines_cosines(angles: Array) -> tuple[Array, Array]:
-    """:func:`sine_cosine` of an array of angles, rad, with the same bits: two arrays of its shape."""
+    """Return sines and cosines of an array of angles, rad, in its shape and with the bits of :func:`sine_cosine`."""
     quarters, s, c = split_quarters(np.where(np.abs(angles) < FURTHEST, angles, math.nan))
-    odd, half = quarters % 2.0 == 1.0, quarters % 4.0 >= 2.0
+    odd = quarters % 2.0 == 1.0
+    half = quarters % 4.0 >= 2.0
     s, c = np.where(odd, c, s), np.where(odd, -s, c)
     return np.where(half, -s, s), np.where(half, -c, c)
 
 
 @kernel
 def rotate(sine: float, cosine: float, by: float) -> tuple[float, float]:
-    """Turn the sine and cosine of an angle ``by`` at most :data:`LARGEST_ROTATION`, rad, as the angle has moved.
+    """Rotate the sine and cosine of an angle by an increment ``by`` of at most :data:`LARGEST_ROTATION`, rad.
 
-    Each is within 2e-16 of the exact turn of ``sine`` and ``cosine``. The series leave out by^9/9! and by^10/10!, at
-    most 4e-17 and 2.5e-19. The last addition rounds by 1.1e-16 at most; what it adds is at most 1/16, with an error
-    of some 3e-17. All of this is relative to the length of the pair, 1: near its zero a sine has fewer digits than
-    that of :func:`sine_cosine`. Errors of turns in a row add up.
+    Each is within 2e-16 of the exact rotation of ``sine`` and ``cosine``. The series leave out by^9/9! and
+    by^10/10!, at most 4e-17 and 2.5e-19. The last addition rounds by 1.1e-16 at most; the term it adds is at most
+    1/16, with an error of some 3e-17. All of this is relative to the length of the pair, 1: near its zero a sine has
+    fewer digits than that of :func:`sine_cosine`. Errors of successive rotations add up.
     """
     x2 = by * by
     s = by + by * x2 * (S3 + x2 * (S5 + x2 * S7))

@@ -1,13 +1,13 @@
-"""The body in a plan: the load that its feet carry together, and how it sways where two feet carry it at times.
+"""The body in a plan: the load that its feet carry together, and its sway in gaits that at times stand on two feet.
 
 The force of the ground on all feet is given by its magnitude and its centre of pressure, the point of the ground
 where it has no moment about a horizontal axis (Vukobratovic & Borovac 2004, the zero-moment point). The load is a
-weight at the body's centre, or also the inertia of the legs.
+weight at the body's centre, with or without the inertia of the legs.
 
-A level body at a constant speed needs the force of the ground below its centre of mass. Two feet press between them
-only, so that the body would turn about the line between them. It need not where it accelerates away from that line as
-an inverted pendulum does (Kajita et al. 2001): with the height h the centre of pressure is c = d - (h/g) d'' for a
-body that is at d, and for a periodic c there is one periodic d.
+A level body at a constant speed needs the force of the ground below its centre of mass. Two feet press only between
+them, which would turn the body about the line between them, unless the body accelerates away from that line as an
+inverted pendulum does (Kajita et al. 2001): with the height h the centre of pressure is c = d - (h/g) d'' for a body
+that is at d, and for a periodic c there is one periodic d.
 """
 
 import math
@@ -22,31 +22,31 @@ from cmacexp.typing import Array
 
 
 class BodyLoad(NamedTuple):
-    """Force of the ground over a cycle of N samples."""
+    """Force of the ground on all feet over a cycle of N samples."""
 
     force: Array
-    """(N,): N."""
+    """(N,): magnitude, N."""
     centre: Array
     """(N, 2): centre of pressure, forward and left of the body's centre, m."""
 
     @property
     def mean_centre(self) -> Array:
-        """(2,): its mean over the cycle, weighted by force, m."""
+        """(2,): mean of ``centre`` over the cycle, weighted by force, m."""
         mean: Array = (self.force[:, None] * self.centre).mean(axis=0) / self.force.mean()
         return mean
 
 
 def static_load(weight: float, samples: int) -> BodyLoad:
-    """The weight (N) of a body whose legs do not count, as in Lin & Song 1997, section 6."""
+    """Return the constant load of a body of ``weight``, N, with massless legs, as in Lin & Song 1997, section 6."""
     return BodyLoad(np.full(samples, weight), np.zeros((samples, 2)))
 
 
 def dynamic_load(mechanism: Mechanism, body_mass: float, desired: Motion, joints: Motion) -> BodyLoad:
-    """Gravity and inertia of a body and of the point masses of its legs, whose feet and joints move as planned.
+    """Compute the load from gravity and inertia of a body and of the point masses of its legs along a planned motion.
 
     The body, ``body_mass`` kg without legs, its centre in the plane of the hips, stays level and moves at constant
-    speed. What accelerates the legs along x is friction at the feet, whose lever arm is the height of the hips. Jumps
-    in velocity, as at both ends of one cubic, cause no force here.
+    speed. Friction at the feet accelerates the legs along x, with the height of the hips as its lever arm. Jumps in
+    velocity, as at both ends of one cubic, cause no force here.
     """
     legs = mechanism.planar_legs
     angle, rate, acceleration = (values[..., 0] for values in joints)
@@ -72,14 +72,14 @@ def dynamic_load(mechanism: Mechanism, body_mass: float, desired: Motion, joints
 
 
 EASE = 0.1
-"""Length over which feet that hardly press may keep the centre of pressure off the line of the others, m."""
+"""Distance by which feet that hardly press may keep the centre of pressure off the line of the other feet, m."""
 
 
 def find_pressure(feet: Array, weight: Array, wanted: Array) -> Array:
-    """Centre of pressure (N, 2), near the ``wanted`` one (N, 2), that feet (N, L, 2) can give, m.
+    """Find a centre of pressure (N, 2), m, near the ``wanted`` one (N, 2), that feet (N, L, 2), m, can give.
 
-    Each presses with its ``weight`` (N, L), without a unit, times a linear function of its place: with EASE = 0
-    exactly about the wanted centre, if the feet span it.
+    Each foot presses with its ``weight`` (N, L), without a unit, times a linear function of its position: with EASE
+    = 0 exactly about the wanted centre, if the feet span it.
     """
     away = feet - wanted[:, None]
     x = away[..., 0]
@@ -97,9 +97,10 @@ def find_pressure(feet: Array, weight: Array, wanted: Array) -> Array:
 
 
 def _decay(root: float, values: Array) -> Array:
-    """s_k = root s_k-1 + values_k (N, 2) on a ring."""
-    sums, last = np.empty_like(values), np.zeros(2)
-    for _ in range(2):  # the first time round from zero, then from what closes the ring
+    """Compute the periodic sums s_k = root s_k-1 + values_k of ``values`` (N, 2)."""
+    sums = np.empty_like(values)
+    last = np.zeros(2)
+    for _ in range(2):  # the second pass starts from the value that makes the sums periodic
         for k, value in enumerate(values):
             last = root * last + value
             sums[k] = last
@@ -108,14 +109,16 @@ def _decay(root: float, values: Array) -> Array:
 
 
 def find_sway(pressure: Array, height: float, period: float) -> Motion:
-    """The periodic motion of a body whose centre of pressure (N, 2) is off its mean place by that, m.
+    """Find the periodic sway of a body whose centre of pressure moves by ``pressure`` (N, 2), m, about its mean.
 
-    ``height`` is that of the centre of mass, m, ``period`` that of sampling, s.
+    ``height`` is that of the centre of mass, m, ``period`` the sampling period, s. The sway has the unit of
+    ``pressure``.
     """
-    # The periodic solution of (1 + 2 share) place_k - share (place_k+1 + place_k-1) = pressure_k.
+    # The periodic solution of (1 + 2 share) position_k - share (position_k+1 + position_k-1) = pressure_k.
     share = height / GRAVITY / period**2
     root = ((1.0 + 2.0 * share) - math.sqrt(1.0 + 4.0 * share)) / (2.0 * share)
-    ahead, back = _decay(root, pressure), _decay(root, pressure[::-1])[::-1]
-    place: Array = (ahead + back - pressure) / math.sqrt(1.0 + 4.0 * share)
-    after, before = np.roll(place, -1, axis=0), np.roll(place, 1, axis=0)
-    return Motion(place, (after - before) / (2.0 * period), (after - 2.0 * place + before) / period**2)
+    both_ways = _decay(root, pressure) + _decay(root, pressure[::-1])[::-1]
+    position: Array = (both_ways - pressure) / math.sqrt(1.0 + 4.0 * share)
+    after = np.roll(position, -1, axis=0)
+    before = np.roll(position, 1, axis=0)
+    return Motion(position, (after - before) / (2.0 * period), (after - 2.0 * position + before) / period**2)

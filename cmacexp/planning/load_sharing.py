@@ -1,19 +1,20 @@
-"""The share of the weight that each supporting foot should carry."""
+"""Distribution of the weight over the supporting feet."""
 
 import numpy as np
 
 from cmacexp.typing import Array, Mask
 
 LEAST_FRACTION = 1e-9
-"""Least load fraction of a foot that the others cannot balance the load without."""
+"""Least load fraction in the cost of a solution, for a foot that balance requires although its fraction is 0."""
 ROUNDING = 1e-9
-"""A force this much of the weight below zero is rounding."""
+"""Largest negative force, over the weight, that counts as rounding."""
 DEPENDENT = 1e-9
-"""What is left of a condition that follows from the others is rounding, below this share of it."""
+"""Remainder of a condition, over its size, below which the condition follows from the others and the rest is
+rounding."""
 
 
 def _dot(a: Array, b: Array) -> Array:
-    """Scalar products (N,) of rows (N, L), added up in the order of the feet: the same bits on every processor."""
+    """Compute scalar products (N,) of rows (N, L), summed in the order of the feet: same bits on every processor."""
     total = np.zeros(len(a))
     for i in range(a.shape[1]):
         total = total + a[:, i] * b[:, i]
@@ -21,7 +22,7 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _solve(weight: Array, feet: Array, load_fraction: Array) -> Array:
-    """Forces (N, L) that balance the weight (N,) and both moments with the least sum of F^2 / load_fraction.
+    """Compute forces (N, L) that balance weight (N,) and both moments with the least sum of F^2 / load_fraction.
 
     The three conditions are made orthogonal one after the other (Gram-Schmidt, twice against rounding). One that
     follows from those before it, as with two feet, is left out. All of it is elementary arithmetic: numpy's
@@ -29,48 +30,53 @@ def _solve(weight: Array, feet: Array, load_fraction: Array) -> Array:
     """
     root = np.sqrt(load_fraction)
     directions: list[Array] = []
-    parts: list[Array] = []
+    components: list[Array] = []
     for row, wanted in ((root, weight), (root * feet[..., 0], 0.0), (root * feet[..., 1], 0.0)):
-        rest, missing = row, wanted + np.zeros_like(weight)
+        rest = row
+        missing = wanted + np.zeros_like(weight)
         for _ in range(2):
-            for direction, part in zip(directions, parts, strict=True):
+            for direction, component in zip(directions, components, strict=True):
                 share = _dot(rest, direction)
-                rest, missing = rest - share[:, None] * direction, missing - share * part
-        length, size = np.sqrt(_dot(rest, rest)), np.sqrt(_dot(row, row))
-        counts = length > DEPENDENT * size
+                rest = rest - share[:, None] * direction
+                missing = missing - share * component
+        length = np.sqrt(_dot(rest, rest))
+        counts = length > DEPENDENT * np.sqrt(_dot(row, row))
         length = np.where(counts, length, 1.0)
         directions.append(np.where(counts[:, None], rest / length[:, None], 0.0))
-        parts.append(np.where(counts, missing / length, 0.0))
+        components.append(np.where(counts, missing / length, 0.0))
     force = np.zeros_like(load_fraction)
-    for direction, part in zip(directions, parts, strict=True):
-        force = force + root * direction * part[:, None]
+    for direction, component in zip(directions, components, strict=True):
+        force = force + root * direction * component[:, None]
     return force
 
 
 def _solve_without_one(weight: Array, feet: Array, support: Mask, load_fraction: Array) -> tuple[Array, Array]:
-    """The best forces (N, L) that leave one foot out and pull with none, and their cost (N,): F^2 / load_fraction.
+    """Compute the best forces (N, L) that leave one foot out and pull with none, and their cost (N,).
 
-    Three feet have one solution, whatever their load fractions. The cost is infinite where every choice pulls.
+    The cost is the sum of F^2 / load_fraction, infinite where every choice pulls. Three feet have one solution,
+    whatever their load fractions.
     """
-    best, least = np.zeros_like(load_fraction), np.full(len(load_fraction), np.inf)
+    best = np.zeros_like(load_fraction)
+    least = np.full(len(load_fraction), np.inf)
     for left_out in range(load_fraction.shape[1]):
         used = support & (np.arange(load_fraction.shape[1]) != left_out)
         force = _solve(weight, feet, used.astype(float))
         cost = np.where(used, force**2 / np.maximum(load_fraction, LEAST_FRACTION), 0.0).sum(axis=1)
         fits = (force >= -ROUNDING * weight[:, None]).all(axis=1) & (used.sum(axis=1) >= 3) & (cost < least)
-        best[fits], least[fits] = force[fits], cost[fits]
+        best[fits] = force[fits]
+        least[fits] = cost[fits]
     return best, least
 
 
 def share_load(weight: float | Array, feet: Array, support: Mask, load_fraction: Array) -> Array:
-    """Forces (N, L), N, that balance the weight and both of its moments, with the least sum of squares.
+    """Compute forces (N, L), N, that balance ``weight``, N, and both of its moments with the least sum of squares.
 
-    With three feet there is one solution. With four the sum of F^2/load_fraction is least: the smaller that of a
-    foot, (N, L), 0 to 1, the less it carries, down to zero where three feet suffice. Feet cannot pull: where the
-    solution pulls, the best one that leaves a foot out replaces it. Feet (N, L, 2) are in the horizontal plane,
-    relative to where the weight goes through it, m; ``support`` (N, L) says which are down. With fewer than three the
-    weight is balanced, then the moment about the body's y, then that about its x, each if the feet allow it; with the
-    weight outside them, feet pull.
+    With three feet there is one solution. With four the sum of F^2/load_fraction is least: the smaller
+    ``load_fraction`` (N, L), 0 to 1, of a foot, the less it carries, down to zero where three feet suffice. Feet
+    cannot pull: where the solution pulls, the best one that leaves a foot out replaces it. ``feet`` (N, L, 2) are in
+    the horizontal plane, relative to the line of action of the weight, m; ``support`` (N, L) is true for feet that
+    are down. With fewer than three the weight is balanced, then the moment about the body's y, then that about its
+    x, each if the feet allow it; with the weight outside them, feet pull.
     """
     weight = np.broadcast_to(np.asarray(weight, dtype=float), len(feet))
     few = support.sum(axis=1, keepdims=True) <= 3
@@ -78,13 +84,13 @@ def share_load(weight: float | Array, feet: Array, support: Mask, load_fraction:
     force = _solve(weight, feet, np.where(support, load_fraction, 0.0))
     pulls = (force < -ROUNDING * weight[:, None]).any(axis=1)
     if pulls.any():
-        others, cost = _solve_without_one(weight[pulls], feet[pulls], support[pulls], load_fraction[pulls])
-        force[pulls] = np.where(np.isfinite(cost)[:, None], others, force[pulls])
+        best, cost = _solve_without_one(weight[pulls], feet[pulls], support[pulls], load_fraction[pulls])
+        force[pulls] = np.where(np.isfinite(cost)[:, None], best, force[pulls])
     return force
 
 
 def remove_pull(force: Array) -> Array:
-    """Forces (N, L) of the same sum without any below zero: a foot that would pull gets none.
+    """Replace negative forces (N, L) by zero, and scale the others so that the sum stays the same.
 
     The moments are then out of balance by the force that is left out, while the load lies outside the feet.
     """

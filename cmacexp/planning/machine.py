@@ -1,13 +1,13 @@
-"""The machine that a config describes, as the loop sees it: its legs, and of a robot how it stands and its dynamics.
+"""The machine that a config describes: its legs, and for a robot its stance and inverse dynamics.
 
-Frame of the body of a robot: origin above the centre of mass of the robot that stands, at the height of the thigh
-joints; x forward, y left, z up, parallel to the trunk. Origin of a hip's frame: the thigh joint, moved with those of
-all other legs so that the feet, planned about these origins, have the centre of mass in their middle. Legs are chains
-in the frames of their hips.
+Frame of the body of a robot: origin above the centre of mass of the standing robot, at the height of the thigh
+joints; x forward, y left, z up, parallel to the trunk. Origin of a hip's frame: the thigh joint, shifted with those
+of all other legs so that the centre of mass is in the middle of the feet, which are planned about these origins.
+Legs are chains in the frames of their hips.
 
-Inverse dynamics along the plan give what ground and joints must supply. The body stays level and moves at constant
-speed. MuJoCo computes the generalised forces of all masses, with the dry friction, damping and armature of the
-joints; the ground's share of them is what acts on the trunk.
+Inverse dynamics along the plan give the forces that ground and joints must supply. The body stays level and moves at
+constant speed. MuJoCo computes the generalised forces of all masses, with the dry friction, damping and armature of
+the joints; the ground supplies those on the trunk.
 """
 
 import copy
@@ -40,20 +40,21 @@ from cmacexp.models.mechanism import (
     point_mass,
 )
 from cmacexp.models.mujoco_library import load_library, mj_comPos, mj_kinematics
-from cmacexp.models.robot import Robot, load_mujoco, place
+from cmacexp.models.robot import Robot, load_mujoco, set_posture
 from cmacexp.planning.body import BodyLoad
 from cmacexp.planning.reference import Motion
 from cmacexp.typing import Array, Counts
 
 PASSES = 5
-"""The centre of mass depends on the legs, which depend on where it is: each pass reduces the error tenfold."""
+"""Passes of the search for a stance. The centre of mass depends on the legs, which depend on it: each pass reduces
+the error tenfold."""
 
 
 class Stance(NamedTuple):
-    """How a robot stands with its feet below its hips."""
+    """Geometry of a robot that stands with its feet below its hips."""
 
     origin: Array
-    """(3,): of the body's frame in that of the trunk, m."""
+    """(3,): origin of the body frame in the frame of the trunk, m."""
     hips: Array
     """(4, 3): origins of the hips' frames in the frame of the body, m."""
     chains: Array
@@ -62,16 +63,17 @@ class Stance(NamedTuple):
 
 @lru_cache(maxsize=16)
 def find_stance(robot: Robot, hip_height: float) -> Stance:
-    """The stance with the hips ``hip_height`` (m) above the feet; raises BadInput if a leg is too short."""
-    mujoco, thighs = load_mujoco(), robot.hinges[:, 1, :3].copy()
+    """Find the stance with the hips ``hip_height``, m, above the feet; raise BadInput if a leg is too short."""
+    thighs = robot.hinges[:, 1, :3].copy()
     thighs[:, 2] = thighs[:, 2].mean()
-    below, shift = np.array([[0.0, hip_height, 0.0]]), np.zeros(3)
+    below = np.array([[0.0, hip_height, 0.0]])
+    shift = np.zeros(3)
     for _ in range(PASSES):
         chains = make_chains(robot.hinges, robot.feet_at_zero, thighs + shift)
         q = np.concatenate([chain_angles(chain, below, home) for chain, home in zip(chains, robot.home, strict=True)])
         _require_stance(robot, hip_height, q)
         data = robot.at(q)
-        mujoco.mj_comPos(robot.model, data)
+        load_mujoco().mj_comPos(robot.model, data)
         shift[:2] = data.subtree_com[robot.legs.base, :2] - thighs[:, :2].mean(axis=0)
     origin = np.array([*data.subtree_com[robot.legs.base, :2], thighs[0, 2]])
     hips = thighs + shift
@@ -79,7 +81,7 @@ def find_stance(robot: Robot, hip_height: float) -> Stance:
 
 
 def _require_stance(robot: Robot, hip_height: float, q: Array) -> None:
-    """Require joint angles ``q`` (4, 3) that exist and that the joints reach; raises BadInput."""
+    """Require that joint angles ``q`` (4, 3), rad, exist and are within the joints' ranges; raise BadInput if not."""
     if len(lost := np.flatnonzero(np.isnan(q).any(axis=1))):
         if hip_height >= (length := sum(robot.links)):
             reason = f"is out of reach of the legs, whose links are {length:.3g} m long together"
@@ -98,26 +100,25 @@ def _require_stance(robot: Robot, hip_height: float, q: Array) -> None:
 
 
 def make_robot_mechanism(machine: RobotMachine) -> Mechanism:
-    """The machine of a robot; raises BadInput if there is no such model, or it cannot stand like that."""
+    """Make the mechanism of a robot; raise BadInput if the model is missing, or cannot stand at this height."""
     robot = read_model(machine)
     stance = find_stance(robot, machine.hip_height)
-    weight, limits = robot.mass * GRAVITY, tuple(robot.torque_limits.tolist())
     return Mechanism(
         kind=CHAINS_UNDER_BODY,
         legs=stance.chains,
         hip_height=machine.hip_height,
         hips=np.ascontiguousarray(stance.hips[:, :2]),
-        weight=weight,
+        weight=robot.mass * GRAVITY,
         axes=SPACE,
-        torque_limits=limits,
+        torque_limits=tuple(robot.torque_limits.tolist()),
         chains=stance.chains,
     )
 
 
 def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desired: Motion) -> Motion:
-    """Joint motion along the ``desired`` one of the feet; raises BadInput if joints do not reach."""
+    """Plan the joint motion of a robot for the ``desired`` one of its feet; raise BadInput if joints do not reach."""
     assert mechanism.chains is not None
-    home = read_model(machine).home  # which says how legs are bent
+    home = read_model(machine).home  # decides to which side knees bend
     angles, rates, changes = np.empty((3, *desired.position.shape))
     for i, chain in enumerate(mechanism.chains):
         foot, velocity, acceleration = (values[:, i] for values in desired)
@@ -140,9 +141,10 @@ def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desi
 def _compute_centres(
     model: int, data: int, position: Array, joints: Counts, q: Array, centre: Array, centres: Array
 ) -> None:
-    """Fill ``centres`` (N, 3) with the ``centre`` (3,), m, that MuJoCo computes at joint angles ``q`` (N, 12), rad.
+    """Fill ``centres`` (N, 3), m, with MuJoCo's centre of mass at joint angles ``q`` (N, 12), rad.
 
-    Model and data are addresses; ``joints`` (12,) are the places of the angles in the ``position`` of the data.
+    ``model`` and ``data`` are addresses; ``joints`` (12,) are the indices of the angles in ``position``, that of the
+    data; MuJoCo writes to ``centre`` (3,), m.
     """
     for k in range(q.shape[0]):
         for j in range(q.shape[1]):
@@ -153,18 +155,23 @@ def _compute_centres(
 
 
 def find_centres(machine: RobotMachine, q: Array) -> Array:
-    """Centres of mass (3, N) of a robot in the body's frame, m, at joint angles ``q`` (N, 4, 3), rad."""
-    robot, centres = read_model(machine), np.empty((len(q), 3))
-    origin, legs, data = find_stance(robot, machine.hip_height).origin, robot.legs, robot.at(robot.home)
+    """Compute the centres of mass (3, N) of a robot in the body frame, m, at joint angles ``q`` (N, 4, 3), rad."""
+    robot = read_model(machine)
+    origin = find_stance(robot, machine.hip_height).origin
+    data = robot.at(robot.home)
     load_library()
     addresses = robot.model._address, data._address  # the bindings have no public name for them
-    joints, angles = legs.qpos.ravel(), q.reshape(len(q), -1)
-    _compute_centres(*addresses, data.qpos, joints, angles, data.subtree_com[legs.base], centres)
+    centres = np.empty((len(q), 3))
+    centre = data.subtree_com[robot.legs.base]
+    _compute_centres(*addresses, data.qpos, robot.legs.qpos.ravel(), q.reshape(len(q), -1), centre, centres)
     return (centres - origin).T
 
 
 def make_model(robot_model: Any, mass_factor: float = 1.0) -> Any:
-    """A copy of a model without contacts, its masses and inertias times ``mass_factor``; nothing may change it."""
+    """Copy a model without contacts and with its masses and inertias times ``mass_factor``.
+
+    ``robot_model`` is shared and stays as it is.
+    """
     mujoco = load_mujoco()
     model = copy.copy(robot_model)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -175,15 +182,18 @@ def make_model(robot_model: Any, mass_factor: float = 1.0) -> Any:
 
 
 def compute_needs(config: Config, joints: Motion, sway: Motion, mass_factor: float = 1.0) -> tuple[Array, Array]:
-    """What the planned motion of the ``joints`` and of the body needs, with masses that may be wrong.
+    """Compute the force on the body and the joint torques that the planned motion of ``joints`` and body requires.
 
-    Of the body (N, 6): force (N) in the world, and moment about its origin (N m); of the joints (N, 4, 3): torques
-    without contact forces, N m.
+    The result is, for the body (N, 6), force (N) in the world and moment about its origin (N m), and for the joints
+    (N, 4, 3) torques without contact forces, N m. ``sway`` is the planned motion of the body besides its constant
+    speed, ``mass_factor`` the assumed masses over those of the model.
     """
-    mujoco, robot = load_mujoco(), read_model(config.machine)
-    origin, legs = find_stance(robot, config.machine.hip_height).origin, robot.legs
+    mujoco = load_mujoco()
+    robot = read_model(config.machine)
+    origin = find_stance(robot, config.machine.hip_height).origin
+    legs = robot.legs
     model = make_model(robot.model, mass_factor)
-    data = place(model, mujoco.MjData(model), legs.joint, robot.home)
+    data = set_posture(model, mujoco.MjData(model), legs.joint, robot.home)
     rates = sway.velocity + np.array([config.body_speed, 0.0])
     needs = np.empty((len(rates), model.nv))
     for k, sample in enumerate(zip(*joints, strict=True)):
@@ -192,12 +202,12 @@ def compute_needs(config: Config, joints: Motion, sway: Motion, mass_factor: flo
         data.qacc[legs.base_dof : legs.base_dof + 2] = sway.acceleration[k]
         mujoco.mj_inverse(model, data)
         needs[k] = data.qfrc_inverse
-    force, moment = needs[:, legs.base_dof : legs.base_dof + 3], needs[:, legs.base_dof + 3 : legs.base_dof + 6]
+    force, moment = np.split(needs[:, legs.base_dof : legs.base_dof + 6], 2, axis=1)
     return np.concatenate([force, moment - np.cross(origin, force)], axis=1), needs[:, legs.dof]
 
 
 def compute_load(config: Config, joints: Motion, sway: Motion) -> BodyLoad:
-    """The load of the feet along the planned motion of the ``joints`` and of the body.
+    """Compute the load of the feet along the planned motion of the ``joints`` and of the body, ``sway``.
 
     The horizontal force acts at the ground, ``hip_height`` below the body: it moves the centre of pressure.
     """
@@ -217,10 +227,11 @@ def planned_torques(
     pressed: Array,
     mass_factor: float = 1.0,
 ) -> Array:
-    """Joint torques (N, 4, 3), N m, that let the robot move as planned, with masses that may be wrong by a factor.
+    """Compute the joint torques (N, 4, 3), N m, for the planned motion, with masses that are off by ``mass_factor``.
 
-    Planned are ``joints`` and ``sway``; ``load`` (N, 4) are vertical forces on the feet, N, which share the
-    horizontal force alike; ``pressed`` (N, 4) are those that these torques have to give.
+    ``joints`` and ``sway`` are the planned motion; ``load`` (N, 4) are vertical forces on the feet, N, in proportion
+    to which the feet share the horizontal force; ``pressed`` (N, 4) are the vertical forces that these torques
+    supply, N.
     """
     assert mechanism.chains is not None
     trunk, torque = compute_needs(config, joints, sway, mass_factor)
@@ -233,7 +244,7 @@ def planned_torques(
 
 
 def compute_weight_of_masses(machine: QuadrupedMachine) -> float:
-    """Weight of the body and all its legs, N."""
+    """Compute the weight of the body and all its legs, N."""
     legs = 0.0
     for leg in machine.legs.in_order:  # sum() rounds differently from Python 3.12 on
         legs += leg.mass_1 + leg.mass_2
@@ -241,13 +252,13 @@ def compute_weight_of_masses(machine: QuadrupedMachine) -> float:
 
 
 def make_leg(config: LegConfig) -> Leg:
-    """The leg that a config describes."""
+    """Make the leg that a config describes."""
     knee = -1.0 if config.knee == "back" else 1.0
     return Leg(config.length_1, config.length_2, config.mass_1, config.mass_2, knee)
 
 
 def make_mechanism(machine: LegMachine | PointMassMachine | QuadrupedMachine | RobotMachine) -> Mechanism:
-    """The machine that a config describes."""
+    """Make the mechanism of the machine that a config describes."""
     if isinstance(machine, RobotMachine):
         return make_robot_mechanism(machine)
     if isinstance(machine, PointMassMachine):
@@ -260,7 +271,7 @@ def make_mechanism(machine: LegMachine | PointMassMachine | QuadrupedMachine | R
 
 
 def check_load_sharing(config: Config) -> None:
-    """Check that dynamic load sharing has a body whose weight is that of its masses; raises BadInput."""
+    """Check that dynamic load sharing has a body whose weight is that of its masses; raise BadInput otherwise."""
     machine = config.machine
     if config.force_control.load_sharing == "static" or isinstance(machine, RobotMachine):
         return

@@ -1,6 +1,6 @@
 """Desired motion and force of the feet over one cycle: their phases, motion within reach, and share of the load.
 
-Phases are counted in samples instead of seconds, which keeps an event at the same sample in every cycle.
+Phases are counted in samples instead of seconds, so that an event is at the same sample in every cycle.
 """
 
 import math
@@ -27,24 +27,24 @@ class Timing(NamedTuple):
     """Phases over one cycle of N samples, for L legs; half-open: the touch-down sample is support."""
 
     support: Mask
-    """(N, L)"""
+    """(N, L): True in support."""
     sample: NDArray[np.int64]
-    """(N, L): samples since the phase began."""
+    """(N, L): samples since the start of the phase."""
     transfer_samples: int
     support_samples: int
 
     @property
     def progress(self) -> Array:
-        """(N, L): 0 at the beginning of the phase, 1 at its end."""
+        """(N, L): 0 at the start of the phase, 1 at its end."""
         length = np.where(self.support, self.support_samples, max(1, self.transfer_samples))
         return self.sample / length
 
 
 def make_timing(gait: GaitConfig, samples: int) -> Timing:
-    """Phases of every leg over one cycle of ``samples`` samples."""
+    """Compute the phases of every leg over one cycle of ``samples`` samples."""
     support_samples = round(samples * gait.duty_factor)
-    of_pattern = [(start + slope * gait.duty_factor) % 1.0 for start, slope in PATTERNS[gait.pattern].touch_downs]
-    phases = of_pattern if gait.touch_down is None else gait.touch_down
+    pattern = [(start + slope * gait.duty_factor) % 1.0 for start, slope in PATTERNS[gait.pattern].touch_downs]
+    phases = pattern if gait.touch_down is None else gait.touch_down
     since = (np.arange(samples)[:, None] - np.rint(np.array(phases) * samples).astype(np.int64)) % samples
     support = since < support_samples
     return Timing(
@@ -53,39 +53,40 @@ def make_timing(gait: GaitConfig, samples: int) -> Timing:
 
 
 def plan_horizontal(config: Config, timing: Timing) -> Motion:
-    """Desired motion (N, L) of every foot along x in the frame of its hip."""
+    """Plan the motion (N, L) of every foot along x in the frame of its hip."""
     support_time = timing.support_samples * config.sampling_period
     transfer_time = timing.transfer_samples * config.sampling_period
     front, rear = config.gait.stroke / 2.0, -config.gait.stroke / 2.0
     motion = np.zeros((3, *timing.support.shape))
-    support, progress = timing.support, timing.progress
-    motion[:, support] = line(front, rear, progress[support], support_time)
+    support = timing.support
+    motion[:, support] = line(front, rear, timing.progress[support], support_time)
     if timing.transfer_samples:
         speed = (rear - front) / support_time
-        motion[:, ~support] = quintic(rear, front, speed, progress[~support], transfer_time)
+        motion[:, ~support] = quintic(rear, front, speed, timing.progress[~support], transfer_time)
     return Motion(*motion)
 
 
 def plan_load_fraction(config: Config, timing: Timing) -> tuple[Array, Array]:
-    """Share (N, L) of its load that a foot takes along the ramps of the gait, 0 to 1, and its rate, 1/s."""
-    gait, elapsed = config.gait, np.asarray(timing.sample * config.sampling_period, dtype=float)
-    left: Array = timing.support_samples * config.sampling_period - elapsed
+    """Plan the fraction (N, L), 0 to 1, of its load that a foot takes along the gait's ramps, and its rate, 1/s."""
+    gait = config.gait
+    elapsed = np.asarray(timing.sample * config.sampling_period, dtype=float)
+    remaining: Array = timing.support_samples * config.sampling_period - elapsed
     rising, rise_slope = make_ramp(gait.ramp, elapsed, gait.load_ramp)
-    falling, fall_slope = make_ramp(gait.ramp, left, gait.unload_ramp)
+    falling, fall_slope = make_ramp(gait.ramp, remaining, gait.unload_ramp)
     rise_rate = rise_slope * falling / (gait.load_ramp or 1.0)
     fall_rate = fall_slope * rising / (gait.unload_ramp or 1.0)
     return np.where(timing.support, rising * falling, 0.0), np.where(timing.support, rise_rate - fall_rate, 0.0)
 
 
 def plan_force(config: Config, timing: Timing, feet: Array, load: BodyLoad) -> tuple[Array, Array]:
-    """Desired force (N, L), N, and its rate, N/s; it rises and falls along ramps if the gait has them.
+    """Plan the contact force (N, L), N, of every foot and its rate, N/s, along the ramps of the gait, if it has them.
 
-    One leg presses with F_d; under a body the feet (N, L, 2) share the load.
+    One leg presses with F_d; under a body the feet (N, L, 2), m, share the ``load``.
     """
     load_fraction, rate = plan_load_fraction(config, timing)
     force = config.force_control.desired_force
     if force is None:
-        # The rate matters for the path of a soft foot only: the depression of a quadruped's is a few mm.
+        # The rate moves feet on soft ground only; under a quadruped the depression is a few mm.
         shared = share_load(load.force, feet - load.centre[:, None, :], timing.support, load_fraction)
         if config.force_control.load_sharing != "static":
             # A swinging leg may briefly move the load slightly outside the three feet that are down.
@@ -95,7 +96,10 @@ def plan_force(config: Config, timing: Timing, feet: Array, load: BodyLoad) -> t
 
 
 def make_ramp(shape: str, elapsed: Array, duration: float) -> tuple[Array, Array]:
-    """Share of a load, 0 to 1, after ``elapsed`` (N, L) of ``duration``, s, and its rate times the duration."""
+    """Compute the fraction of a load, 0 to 1, ``elapsed`` (N, L), s, after the start of a ramp of ``duration``, s.
+
+    Also returns its rate times the duration.
+    """
     within = elapsed < duration
     s = np.where(within, elapsed / (duration or 1.0), 1.0)
     if shape == COSINE:
@@ -106,33 +110,37 @@ def make_ramp(shape: str, elapsed: Array, duration: float) -> tuple[Array, Array
 def plan_motion(
     config: Config, timing: Timing, mechanism: Mechanism, forward: Motion, force: Array, rate: Array
 ) -> Motion:
-    """Desired motion of every foot, whose way ``forward`` (N, L) is known; in support it presses with ``force``.
+    """Plan the motion of every foot from its motion ``forward`` (N, L) along x; in support it presses with ``force``.
 
-    Force (N, L) is in N, its ``rate`` (N, L) in N/s. Raises BadInput of a gait whose feet lift too little.
+    ``force`` (N, L) is in N, its ``rate`` (N, L) in N/s. Raises BadInput if the gait lifts the feet too little.
     """
-    gait, stiffness = config.gait, config.assumed_stiffness
-    hip_height, axes = mechanism.hip_height, mechanism.shape[1]
+    gait = config.gait
+    stiffness = config.assumed_stiffness
     transfer_time = timing.transfer_samples * config.sampling_period
-    motion = np.zeros((3, *timing.support.shape, axes))
+    motion = np.zeros((3, *timing.support.shape, mechanism.shape[1]))
     motion[..., X] = forward
-    desired, progress = Motion(*motion), timing.progress
+    desired = Motion(*motion)
+    progress = timing.progress
     for i in range(timing.support.shape[1]):
-        support, s = timing.support[:, i], progress[:, i]
-        desired.position[support, i, Y] = hip_height + depression_for(stiffness, force[support, i])
+        support = timing.support[:, i]
+        desired.position[support, i, Y] = mechanism.hip_height + depression_for(stiffness, force[support, i])
         desired.velocity[support, i, Y] = depression_for(stiffness, rate[support, i])
         if timing.transfer_samples:
-            s = s[~support]
-            first, last = timing.sample[:, i] == 0, timing.sample[:, i] == timing.support_samples - 1
-            take_off, touch_down = (desired.position[support & end, i, Y][0] for end in (last, first))
+            s = progress[~support, i]
+            take_off, touch_down = (
+                desired.position[support & (timing.sample[:, i] == k), i, Y][0]
+                for k in (timing.support_samples - 1, 0)
+            )
             check_apex(config, touch_down - take_off)
             motion[:, ~support, i, Y] = VERTICAL[gait.vertical](take_off, touch_down, gait.lift, s, transfer_time)
     return desired
 
 
 def check_apex(config: Config, gap: float) -> None:
-    """Check that a single cubic has its only extreme at mid transfer; raises BadInput.
+    """Check that a single cubic has its only extremum at mid transfer; raise BadInput otherwise.
 
-    ``gap`` is that of the touch-down below the take-off point, m, not 0 where the foot presses differently at both.
+    ``gap`` is the depth of the touch-down point below the take-off point, m; they differ if the foot presses
+    differently at both.
     """
     gait = config.gait
     if gait.vertical == "cubic" and abs(gap) > 1e-12 and gait.lift < 1.25 * abs(gap):
@@ -144,17 +152,20 @@ def check_apex(config: Config, gap: float) -> None:
 
 
 def plan_joints(mechanism: Mechanism, desired: Motion) -> Motion:
-    """Joint motion along the ``desired`` one of the feet; of a point mass the same."""
+    """Plan the joint motion for the ``desired`` motion of the feet; for a point mass both are the same."""
     joints = Motion(*np.array(desired))
     if mechanism.kind != POINT_MASS:
-        with workload(joints.position[..., X].size):  # one run does not repay compiling, many do
+        with workload(joints.position[..., X].size):  # compiling pays off for many runs only
             _plan_samples_now(mechanism, desired, joints)
     return joints
 
 
 @kernel
 def _plan_sample(leg: Leg, foot: Pair, velocity: Pair, acceleration: Pair) -> tuple[Pair, Pair, Pair]:
-    """:func:`plan_joints` for one sample of a leg: angles, rad, velocities, rad/s, and accelerations, rad/s^2."""
+    """Compute angles, rad, velocities, rad/s, and accelerations, rad/s^2, of the joints of a leg in one sample.
+
+    ``foot`` (2,), m, ``velocity``, m/s, and ``acceleration``, m/s^2, are the motion of the foot.
+    """
     q1, q2 = inverse_kinematics(leg, foot[0], foot[1])
     trig = trigonometry(q1, q2)
     dq1, dq2 = joint_velocity(leg, trig, velocity[0], velocity[1])
@@ -163,7 +174,7 @@ def _plan_sample(leg: Leg, foot: Pair, velocity: Pair, acceleration: Pair) -> tu
 
 @kernel
 def _plan_samples(mechanism: Mechanism, desired: Motion, joints: Motion) -> None:
-    """:func:`plan_joints` for planar legs."""
+    """Fill the motion of the ``joints`` of planar legs, see :func:`plan_joints`."""
     for i in range(mechanism.legs.shape[0]):
         leg = get_leg(mechanism, i)
         for k in range(desired.position.shape[0]):
@@ -176,7 +187,7 @@ def _plan_samples(mechanism: Mechanism, desired: Motion, joints: Motion) -> None
 
 
 def _plan_samples_plainly(mechanism: Mechanism, desired: Motion, joints: Motion) -> None:
-    """The same in plain Python, whose own numbers are faster than NumPy's."""
+    """Fill the same as :func:`_plan_samples` in plain Python, the floats of which are faster than NumPy's."""
     for i in range(mechanism.shape[0]):
         leg = Leg(*mechanism.legs[i].tolist())
         rows = zip(*(values[:, i].tolist() for values in desired), strict=True)
@@ -188,19 +199,19 @@ _plan_samples_now = program(_plan_samples, _plan_samples_plainly)
 
 
 STRAIGHT = 1.0 - 1e-6
-"""Largest extension over reach: a straight leg cannot move along itself."""
+"""Largest distance of the foot from the hip over the length of the leg: a straight leg cannot move along itself."""
 FOLDED = 1e-3
-"""Least distance of the foot from its position with folded links, and from the height of the hip, m."""
+"""Least distance of the foot from its position with folded links, and below the hip, m."""
 
 
 def _round_down(value: float) -> str:
-    """``value`` to four digits, rounded towards minus infinity, so that the printed limit is valid itself."""
+    """Format ``value`` with four digits, rounded towards minus infinity, so that the printed limit is valid."""
     scale = 10.0 ** (3 - math.floor(math.log10(abs(value)))) if value else 1.0
     return f"{math.floor(value * scale) / scale:.10g}"
 
 
 def _check_far(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array) -> None:
-    """Check that the path (N,) of leg ``i`` is within its full length."""
+    """Check that the path ``x``, ``y`` (N,), m, of leg ``i`` is within its full length; raise BadInput otherwise."""
     leg = get_leg(mechanism, i)
     reach = (leg.length_1 + leg.length_2) * STRAIGHT
     distance = np.hypot(x, y)
@@ -232,7 +243,10 @@ def _check_far(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array)
 
 
 def _check_near(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array) -> None:
-    """Check that the path (N,) of leg ``i`` is below its hip, and outside the circle of the folded leg."""
+    """Check that the path (N,), m, of leg ``i`` is below its hip and outside the circle of the folded leg.
+
+    Raises BadInput otherwise.
+    """
     leg = get_leg(mechanism, i)
     nearest = float(abs(leg.length_1 - leg.length_2)) + FOLDED
     ground = float(y.max())
@@ -241,16 +255,16 @@ def _check_near(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array
         raise BadInput("machine.hip_height", mechanism.hip_height, allowed)
     k = int(np.argmin(np.where(y < FOLDED, y, np.hypot(x, y))))
     if y[k] < FOLDED or np.hypot(x[k], y[k]) <= nearest:
-        place = f"{abs(y[k]):.3f} m {'above' if y[k] < 0.0 else 'below'} its hip"
+        height = f"{abs(y[k]):.3f} m {'above' if y[k] < 0.0 else 'below'} its hip"
         allowed = (
-            f"leg {i + 1} cannot lift its foot to {place}, as at sample {k}; "
+            f"leg {i + 1} cannot lift its foot to {height}, as at sample {k}; "
             f"must be below {_round_down(ground - nearest)} m"
         )
         raise BadInput("gait.lift", config.gait.lift, allowed)
 
 
 def check_reach(config: Config, mechanism: Mechanism, path: Array) -> None:
-    """Check that the ``path`` (N, L, 2) of the feet, m, is within reach; raises BadInput with a value that is."""
+    """Check that the ``path`` (N, L, 2) of the feet, m, is within reach; else raise BadInput with a valid value."""
     for i in range(mechanism.shape[0]):
         _check_near(config, mechanism, i, *path[:, i].T)
         _check_far(config, mechanism, i, *path[:, i].T)

@@ -1,6 +1,6 @@
 """The plan of a cycle: phases, desired motion and force of every foot, and the reference of the controller.
 
-A :class:`Setup` holds it with all else that components know at the start of a run.
+A :class:`Setup` holds it with all other data that components get at the start of a run.
 """
 
 import copy
@@ -34,49 +34,51 @@ from cmacexp.planning.stability import check_stability, margins
 from cmacexp.typing import Array, Mask, Weights
 
 LOAD_PASSES = 2
-"""Forces depress the feet, which moves the masses that cause them: one pass reduces the error a thousandfold."""
+"""Passes in which the load is computed. Forces depress the feet, which moves the masses that cause them: one pass
+reduces the error a thousandfold."""
 SWAY_PASSES = 8
-"""Each reduces the moments that are out of balance to a third, or to less."""
+"""Passes in which the sway is computed. Each reduces the residual moments to a third, or to less."""
 OUT_OF_BALANCE = 0.005
-"""Mean distance of the centre of pressure from where it should be, over the height of the hips, that is too much."""
+"""Mean error of the centre of pressure, over the height of the hips, from which on a gait is refused."""
 LEAST_LOAD = 0.1
-"""Share of the planned load that the feet always share."""
+"""Least load of the feet over the planned one."""
 
 
 class Plan(NamedTuple):
-    """One cycle of N samples for L legs; it repeats. Frames and signs as in the trace."""
+    """One cycle of N samples for L legs, which repeats, with the frames and signs of the trace."""
 
     support: Mask
-    """(N, L): whether the foot is planned to support."""
+    """(N, L): True where the foot is planned to support."""
     progress: Array
-    """(N, L): 0 to 1 within the phase."""
+    """(N, L): progress within the phase, 0 to 1."""
     desired: Motion
     """Motion of the feet, each in the frame of its hip."""
     joints: Motion
-    """The same motion in joint angles; of a point mass equal to ``desired``."""
+    """The same motion in joint angles; for a point mass equal to ``desired``."""
     force_desired: Array
     """(N, L): desired contact force, N."""
     reference: ControlReference
-    """What the controller follows, per stage."""
+    """Reference of the controller, per stage."""
     load: BodyLoad
-    """What the feet of a body share."""
+    """Load that the feet of a body share."""
     sway: Motion
-    """Motion of a body beside its constant speed, (N, 2), forward and left."""
+    """Motion of a body besides its constant speed, (N, 2), forward and left."""
     margins: Array
-    """(N, 3): stability margin, front and rear margin of a body over its planned support polygon, m; else NaN."""
+    """(N, 3): stability margin, front and rear margin of a body over its planned support polygon, m; NaN without a
+    body."""
     start_step: int
     """First step at which the feedforward learns and acts; beyond any run if there is none."""
 
 
 class LoadEstimate(NamedTuple):
-    """What a body met in a cycle that its plan did not know."""
+    """Estimated difference of load and ground from the plan, over a cycle."""
 
     weight: float
-    """Weight that its feet carried beyond the planned one, N."""
+    """Weight that the feet carried beyond the planned one, N."""
     x: float
-    """How far forward of where the plan has it the centre of the load was, m."""
+    """Distance of the centre of the load forward of the planned one, m."""
     y: float
-    """How far to the left of it, m."""
+    """Distance of the centre of the load to the left of the planned one, m."""
     slope_x: float
     """Rise of the ground forward, m/m."""
     slope_y: float
@@ -87,22 +89,22 @@ NOTHING = LoadEstimate(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class _Walk(NamedTuple):
-    """Where body and feet are over a cycle, before the feet share a load."""
+    """Motion of body and feet over a cycle, before the feet share a load."""
 
     config: Config
     mechanism: Mechanism
     timing: Timing
     forward: Motion
-    """(N, L): of every foot in the frame of its hip, along x."""
+    """(N, L): motion of every foot along x in the frame of its hip."""
     feet: Array
-    """(N, L, 2): forward and left of the body's centre, m."""
+    """(N, L, 2): positions of the feet, forward and left of the body's centre, m."""
     sway: Motion
     margins: Array
-    """(N, 3): of the plan, before the body sways."""
+    """(N, 3): planned margins without the sway of the body, m."""
 
 
 def _start_walk(config: Config, mechanism: Mechanism) -> _Walk:
-    """Start a walk without sway, which follows from machine and gait alone."""
+    """Plan the walk without sway, which depends only on machine and gait."""
     timing = make_timing(config.gait, config.steps_per_cycle)
     forward = plan_horizontal(config, timing)
     feet = np.zeros((*timing.support.shape, 2))
@@ -113,25 +115,28 @@ def _start_walk(config: Config, mechanism: Mechanism) -> _Walk:
 
 
 def _sway(walk: _Walk, load: BodyLoad) -> _Walk:
-    """The body sways so that the feet can give the centre of pressure that the ``load`` needs."""
-    config, sway = walk.config, walk.sway
-    missing = find_pressure(walk.feet, plan_load_fraction(config, walk.timing)[0], load.centre) - load.centre
-    more = find_sway(missing, walk.mechanism.hip_height, config.sampling_period)
-    swaying = Motion(*(old + new for old, new in zip(sway, more, strict=True)))
-    return walk._replace(feet=walk.feet - more.position[:, None], sway=swaying)
+    """Add sway to the body, so that the feet can give the centre of pressure that the ``load`` needs."""
+    weight, _ = plan_load_fraction(walk.config, walk.timing)
+    missing = find_pressure(walk.feet, weight, load.centre) - load.centre
+    added = find_sway(missing, walk.mechanism.hip_height, walk.config.sampling_period)
+    sway = Motion(*(old + new for old, new in zip(walk.sway, added, strict=True)))
+    return walk._replace(feet=walk.feet - added.position[:, None], sway=sway)
 
 
-def _plan_under_load(walk: _Walk, load: BodyLoad, met: LoadEstimate = NOTHING) -> tuple[Motion, Motion, Array]:
-    """Desired motion of feet that share a load, the same of joints, and desired forces (N, L), N."""
+def _plan_under_load(walk: _Walk, load: BodyLoad, estimate: LoadEstimate = NOTHING) -> tuple[Motion, Motion, Array]:
+    """Plan the motion of feet that share ``load``, that of the joints, and the contact forces (N, L), N.
+
+    ``estimate`` is the difference from the nominal load and ground for which the feet are moved.
+    """
     config, mechanism, timing, forward, feet, sway, _ = walk
     force, rate = plan_force(config, timing, feet, load)
     desired = plan_motion(config, timing, mechanism, forward, force, rate)
     horizontal = [X, Z][: mechanism.shape[1] - 1]
     for values, swaying in zip(desired, sway, strict=True):
         values[..., horizontal] -= swaying[:, None, : len(horizontal)]
-    desired.position[..., horizontal] += (met.x, met.y)[: len(horizontal)]
-    desired.position[..., Y] -= met.slope_x * feet[..., 0] + met.slope_y * feet[..., 1]
-    desired.velocity[..., Y] -= met.slope_x * desired.velocity[..., X]
+    desired.position[..., horizontal] += (estimate.x, estimate.y)[: len(horizontal)]
+    desired.position[..., Y] -= estimate.slope_x * feet[..., 0] + estimate.slope_y * feet[..., 1]
+    desired.velocity[..., Y] -= estimate.slope_x * desired.velocity[..., X]
     if isinstance(config.machine, RobotMachine):
         return desired, plan_robot(config, config.machine, mechanism, desired), force
     if mechanism.kind != POINT_MASS:
@@ -140,11 +145,12 @@ def _plan_under_load(walk: _Walk, load: BodyLoad, met: LoadEstimate = NOTHING) -
 
 
 def _moving_load(walk: _Walk, desired: Motion, joints: Motion) -> BodyLoad:
-    """Gravity and inertia of all masses of a machine with a body along its planned motion.
+    """Compute the load from gravity and inertia of all masses of a machine with a body along its planned motion.
 
     Raises BadInput if legs that swing fast would lift it by their inertia.
     """
-    config, machine = walk.config, walk.config.machine
+    config = walk.config
+    machine = config.machine
     if isinstance(machine, RobotMachine):
         load = compute_load(config, joints, walk.sway)
     else:
@@ -156,23 +162,23 @@ def _moving_load(walk: _Walk, desired: Motion, joints: Motion) -> BodyLoad:
 
 
 _READ = ("terrain", "gait", "controller", "force_control", "sampling_period", "reference", "machine")
-_UNREAD: dict[str, Any] = {each.name: None for each in fields(Config) if each.name not in _READ}
-"""Fields of a config that a plan does not follow from."""
+_UNREAD: dict[str, Any] = {item.name: None for item in fields(Config) if item.name not in _READ}
+"""Fields of a config that do not affect a plan, all set to None."""
 MOST_RECALLED = 32
-"""Results that a :class:`Recall` keeps."""
+"""Number of results that a :class:`Recall` keeps."""
 
 
 class Recall:
-    """Results that many runs share, by the inputs that they follow from; nothing may change them.
+    """Cache of results that several runs share, by the inputs of their computation; do not change a cached result.
 
-    Whoever makes many runs, one after the other, keeps it, and hands it to each of them.
+    A caller that makes several runs, one after the other, creates one and passes it to each of them.
     """
 
     def __init__(self) -> None:
         self._results = deque[tuple[Any, Any]](maxlen=MOST_RECALLED)
 
     def get(self, inputs: Any, compute: Callable[[], Any]) -> Any:
-        """Return the result for ``inputs``, as recalled or as ``compute`` gives it now."""
+        """Return the cached result for equal ``inputs``, else call ``compute`` and cache its result."""
         result = next((result for other, result in self._results if other == inputs), None)
         if result is None:
             result = compute()
@@ -184,19 +190,19 @@ class Recall:
 
 
 def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool, recall: Recall | None = None) -> Plan:
-    """Plan one cycle of a config, whose machine is given as ``mechanism``, too.
+    """Plan one cycle of a config for the ``mechanism`` of its machine.
 
-    Without a feedforward that acts it stays in the stage BEFORE. Raises BadInput if a foot path leaves the reach of
-    its leg, or the gait is neither statically stable nor one in which a swaying body keeps its balance.
+    Unless ``feedforward_acts``, the run stays in the stage BEFORE. Raises BadInput if a foot path leaves the reach
+    of its leg, or the gait is neither statically stable nor one in which a swaying body keeps its balance.
     """
     read = [vars(config)[name] for name in _READ]
     plan: Plan = (recall or Recall()).get(read, lambda: _make_plan(replace(config, **_UNREAD), mechanism))
     start = (config.first_learning - 1) * config.steps_per_cycle if feedforward_acts else NEVER
-    return copy.deepcopy(plan)._replace(start_step=start)  # a run, or its user, may change its own
+    return copy.deepcopy(plan)._replace(start_step=start)  # a run, or its user, may change the plan
 
 
 def _make_plan(config: Config, mechanism: Mechanism) -> Plan:
-    """:func:`make_plan` of a config that has nothing but what is read here."""
+    """Make the plan of a config that contains only the fields in ``_READ``; see :func:`make_plan`."""
     walk = _start_walk(config, mechanism)
     timing = walk.timing
     if has_body(mechanism):
@@ -233,59 +239,63 @@ def _make_plan(config: Config, mechanism: Mechanism) -> Plan:
     )
 
 
-def adapt_plan(config: Config, mechanism: Mechanism, plan: Plan, met: LoadEstimate) -> Plan:
-    """The plan of a body that carries and meets what it ``met``, with the same steps; raises BadInput."""
-    shift = np.array([met.x, met.y if mechanism.shape[1] == len(SPACE) else 0.0])
+def adapt_plan(config: Config, mechanism: Mechanism, plan: Plan, estimate: LoadEstimate) -> Plan:
+    """Adapt a plan to the load and ground of an ``estimate``, with the same phases and steps.
+
+    Raises BadInput if the adapted plan is not feasible.
+    """
+    shift = np.array([estimate.x, estimate.y if mechanism.shape[1] == len(SPACE) else 0.0])
     walk = _start_walk(config, mechanism)
     walk = walk._replace(feet=walk.feet + shift - plan.sway.position[:, None], sway=plan.sway)
-    weight = np.maximum(plan.load.force + met.weight, LEAST_LOAD * plan.load.force)
-    centre, planned = plan.load.mean_centre, plan.load.force.mean()
-    added = weight.mean() * (centre + np.array([met.x, met.y])) - planned * centre
+    weight = np.maximum(plan.load.force + estimate.weight, LEAST_LOAD * plan.load.force)
+    centre = plan.load.mean_centre
+    added = weight.mean() * (centre + np.array([estimate.x, estimate.y])) - plan.load.force.mean() * centre
     moment = plan.load.force[:, None] * plan.load.centre + added
-    desired, joints, force = _plan_under_load(walk, BodyLoad(weight, moment / weight[:, None]), met)
+    desired, joints, force = _plan_under_load(walk, BodyLoad(weight, moment / weight[:, None]), estimate)
     reference = plan_reference(config, plan.support, mechanism.hip_height, desired, force)
     forward, left = walk.feet[plan.support].T
-    reference.position[:, plan.support, Y] -= met.slope_x * forward + met.slope_y * left
-    reference.velocity[:, plan.support, Y] -= met.slope_x * desired.velocity[plan.support, X]
+    reference.position[:, plan.support, Y] -= estimate.slope_x * forward + estimate.slope_y * left
+    reference.velocity[:, plan.support, Y] -= estimate.slope_x * desired.velocity[plan.support, X]
     return plan._replace(desired=desired, joints=joints, force_desired=force, reference=reference)
 
 
 @dataclass(frozen=True)
 class Setup:
-    """Config, machine, plan and start of a run; those of the plant are true, all others get what is nominal."""
+    """Config, machine, plan and start of a run; true values for the plant, nominal ones for all other components."""
 
     config: Config
-    """The config; all but the plant use :attr:`Config.nominal` of it."""
+    """The config; all components but the plant use its :attr:`Config.nominal`."""
     mechanism: Mechanism
     plan: Plan
     start: Array
     """(L, 2): joint angles at the start, rad; of a point mass its position, m."""
     learnt: Weights | None = None
-    """Weights of an earlier run that the feedforward starts from, by their names; None: it starts from nothing."""
+    """Weights of an earlier run, by name, with which the feedforward starts; None: it starts from zero."""
     lead: int = 0
-    """``learning.lead`` in samples: feedback trains the cells of so many samples before the last one."""
+    """``learning.lead`` in samples: feedback trains the cells of the sample that lies ``lead`` before the last
+    one."""
     rate: float = 0.0
     """``learning.rate``, beta."""
     recall: Recall = field(default_factory=Recall)
-    """What earlier runs computed."""
+    """Cache of results of earlier runs."""
 
 
 class Reference(NamedTuple):
-    """What the plan prescribes for one step; L is the number of legs."""
+    """Planned values for one step; L is the number of legs."""
 
     step: int
     """Counts from 0 over the whole run."""
     sample: int
     """Counts from 0 within the cycle."""
     acting: bool
-    """Whether the feedforward learns and acts in this step."""
+    """True if the feedforward learns and acts in this step."""
     support: Mask
     """(L,): planned phase, true in support."""
     control: ControlReference
-    """What the built-in controllers follow, (L, J) and (L,)."""
+    """Reference of the built-in controllers, (L, J) and (L,)."""
     foot_motion: Motion
-    """Desired, (L, J)."""
+    """Desired motion of the feet, (L, J)."""
     joint_motion: Motion
-    """The same in joint angles, (L, J)."""
+    """Desired motion of the joints, (L, J)."""
     force_desired: Array
-    """(L,): N."""
+    """(L,): desired contact force, N."""

@@ -18,7 +18,7 @@ from cmacexp.typing import Array, Mask
 X, Y, Z = range(3)
 """Axes of a foot in the frame of its hip: forward, down, and to the left where feet move in space."""
 BEFORE, ACTING = range(2)
-"""Stages of a run, the first axis of a plan's ControlReference: before the feedforward acts, and since."""
+"""Stages of a run, the first axis of a plan's ControlReference: before the feedforward acts, and while it acts."""
 
 
 class Motion(NamedTuple):
@@ -33,7 +33,7 @@ class Motion(NamedTuple):
 
 
 class ControlReference(NamedTuple):
-    """What the controller follows; in one step without the axes of stages and samples, (L, J) and (L,)."""
+    """Reference of the controller; in one step without the axes of stages and samples, (L, J) and (L,)."""
 
     position: Array
     """(2, N, L, J): m; in support NaN along y where the method uses none."""
@@ -49,7 +49,7 @@ class ControlReference(NamedTuple):
 
 @kernel
 def select(plan: ControlReference, stage: int, sample: int) -> ControlReference:
-    """What the controller follows in a ``sample`` of a ``stage``: views (L, J) and (L,)."""
+    """Return the reference of the controller in a ``sample`` of a ``stage``: views (L, J) and (L,)."""
     return ControlReference(
         plan.position[stage, sample],
         plan.velocity[stage, sample],
@@ -60,7 +60,7 @@ def select(plan: ControlReference, stage: int, sample: int) -> ControlReference:
 
 
 class Gains(NamedTuple):
-    """Gains of position and force control, and what the controller knows of the ground."""
+    """Gains of position and force control, and the ground stiffness that the controller assumes."""
 
     position_gain: float
     """K_ap, N/m."""
@@ -77,7 +77,7 @@ class Gains(NamedTuple):
 
 
 def make_gains(config: Config, position_gain: float, velocity_gain: float) -> Gains:
-    """The gains under a config of a controller with these, N/m and N s/m."""
+    """Collect the gains of a config for a controller with ``position_gain``, N/m, and ``velocity_gain``, N s/m."""
     force = config.force_control
     return Gains(
         position_gain, velocity_gain, force.force_gain, force.elasticity, force.admittance, config.assumed_stiffness
@@ -85,7 +85,7 @@ def make_gains(config: Config, position_gain: float, velocity_gain: float) -> Ga
 
 
 class SupportReference(NamedTuple):
-    """Reference per newton of desired force; NaN where the method does not use it."""
+    """Reference in support per newton of desired force; NaN where the method does not use it."""
 
     depression: float
     """D_r, m/N."""
@@ -99,7 +99,7 @@ NOT_USED = float("nan")
 
 
 def compute_support_reference(method: str, gains: Gains, static_load: bool) -> SupportReference:
-    """Reference of a method of force control, with or without its term in 1/K_a.
+    """Compute the reference per newton for a ``method`` of force control, with or without its term in 1/K_a.
 
     Stiffness, damping, combined and explicit control have Lin & Song 1997, eq. 9, 11, 13, 15: in this order each
     solves eq. 8, 10, 12, 14 for the desired force. Eq. 24 is eq. 13 for each leg.
@@ -118,31 +118,31 @@ def compute_support_reference(method: str, gains: Gains, static_load: bool) -> S
 def plan_reference(
     config: Config, support: Mask, hip_height: float, desired: Motion, force: Array
 ) -> ControlReference:
-    """Input of the controller: the ``desired`` motion in transfer, in ``support`` (N, L) the equations above.
+    """Plan the input of the controller: ``desired`` motion in transfer, eq. 9, 11, 13 or 15 in ``support`` (N, L).
 
     ``hip_height`` is in m, the desired ``force`` (N, L) in N.
 
-    Equations have the term in 1/K_a with ``literal`` always, with ``aware`` until a feedforward acts, else never. For
-    a controller without K_ap and K_av they omit it, and that in K_av/K_ap. With ``load_rate`` the reference follows
-    the depression as the desired force changes: the velocity gain would resist that, and on ground with damping the
-    depression lags behind.
+    The equations have the term in 1/K_a always with ``literal``, until a feedforward acts with ``aware``, else
+    never. For a controller without K_ap and K_av they omit it, as well as that in K_av/K_ap. With ``load_rate`` the
+    reference follows the depression as the desired force changes: the velocity gain would resist that, and on ground
+    with damping the depression lags behind.
     """
     method = config.force_control
     gains = make_gains(config, *(config.gains or (math.inf, 0.0)))
     none = np.zeros_like(force)
-    reference = ControlReference(*(np.stack([each, each]) for each in (*desired[:2], none, none, force)))
+    reference = ControlReference(*(np.stack([values, values]) for values in (*desired[:2], none, none, force)))
     for stage in (BEFORE, ACTING):
-        keeps = config.gains is not None and config.reference in ("literal", "aware" if stage == BEFORE else "")
-        per_newton = compute_support_reference(method.method, gains, keeps)
+        static_load = config.gains is not None and config.reference in ("literal", "aware" if stage == BEFORE else "")
+        per_newton = compute_support_reference(method.method, gains, static_load)
         reference.position[stage, support, Y] = hip_height + per_newton.depression * force[support]
         reference.velocity[stage, support, Y] = per_newton.velocity * force[support]
         reference.force_reference[stage, support] = per_newton.force * force[support]
         if config.reference == "force_feedforward":
             reference.force_added[stage, support] = force[support]
     if method.load_rate:
-        period, damping = config.sampling_period, config.terrain.damping
-        depression = damped_depression(gains.stiffness, damping, force, support, period)
-        # The cycle is a ring. Where the depression jumps, so does its rate, for two samples.
+        period = config.sampling_period
+        depression = damped_depression(gains.stiffness, config.terrain.damping, force, support, period)
+        # The cycle repeats. Where the depression jumps, its rate is high for two samples.
         rate = (np.roll(depression, -1, axis=0) - np.roll(depression, 1, axis=0)) / (2.0 * period)
         reference.position[:, support, Y] += (depression - depression_for(gains.stiffness, force))[support]
         reference.velocity[:, support, Y] += rate[support]

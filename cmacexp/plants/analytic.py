@@ -1,4 +1,4 @@
-"""The project's own plant: point mass or legs on elastic ground, by their equations of motion."""
+"""The project's own plant: a point mass or legs on elastic ground, by their equations of motion."""
 
 import math
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ class AnalyticPlant:
 
     @dataclass
     class Config(AsBuiltConfig):
-        """How the equations of motion are integrated."""
+        """Integration of the equations of motion."""
 
         substeps: int = number("", at_least=1, at_most=10000)
         """Runge-Kutta steps per sampling period; 1 as in the paper."""
 
         def check(self, config: Config) -> None:
-            """Check that the legs are planar; raises BadInput."""
+            """Check that the legs are planar; raise BadInput otherwise."""
             if isinstance(config.machine, RobotMachine):
                 raise ask_for_robot(config.machine)
 
@@ -36,15 +36,15 @@ class AnalyticPlant:
     def reset(self, setup: Setup) -> Measurement:
         """Start at the planned joint angles, at rest."""
         setup = self.config.build(setup)
-        mechanism, config = setup.mechanism, setup.config
+        config = setup.config
         payload = make_payload(config.payload, config.sampling_period)
         ground = make_ground(config.terrain, config.sampling_period)
         substeps = self.config.substeps
         step = config.sampling_period / substeps
-        self.params = PlantParams(mechanism, ground, payload, config.body_speed, step, substeps)
-        self.state = new_state(mechanism.shape[0])
+        self.params = PlantParams(setup.mechanism, ground, payload, config.body_speed, step, substeps)
+        self.state = new_state(setup.mechanism.shape[0])
         self.state.q[:] = setup.start
-        self.state.body[0] = mechanism.hip_height
+        self.state.body[0] = setup.mechanism.hip_height
         self.state.stiffness[:] = config.terrain.stiffness
         observe(self.params, self.state, math.inf)
         update_stiffness(self.params, self.state)
@@ -57,9 +57,9 @@ class AnalyticPlant:
         return self.measure()
 
     def measure(self) -> Measurement:
-        """A copy of the present state."""
+        """Return a copy of the current state."""
         return copy_state(self.state)
 
     def kernel_parts(self) -> KernelParts:
-        """Parameters and state."""
+        """Return parameters and state for the compiled loop."""
         return {"plant": self.params, "plant_state": self.state}

@@ -1,6 +1,6 @@
-"""Machine, ground and payload as they are, which the plant alone knows.
+"""Actual machine, ground and payload, which only the plant knows.
 
-A machine differs from its config, and its joints start elsewhere than planned.
+The machine differs from its config, and its joints start at other angles than planned.
 """
 
 from dataclasses import dataclass, replace
@@ -17,19 +17,22 @@ from cmacexp.plants.kernels import Payload
 
 @dataclass(kw_only=True)
 class AsBuiltConfig(ComponentConfig):
-    """What every shipped plant has, and nothing else in the loop knows; by default nothing differs."""
+    """Differences of the actual machine from its config, common to all plants; by default there are none.
+
+    No other component of the loop knows them.
+    """
 
     mass_factor: float = number("", above=0, at_most=10, default=1.0)
-    """Masses and inertias of the machine over those of its config."""
+    """True masses and inertias over the nominal ones; only the plant uses the true ones."""
     start_spread: float = number("rad", at_least=0, at_most=0.5, needs=("machine.kind != 'point_mass'",), default=0.0)
-    """Largest difference of the joint angles at the start from the planned ones."""
+    """Largest random difference of the initial joint angles from the planned ones."""
     start_seed: int = number("", at_least=0, below=2**32, needs=("own.start_spread > 0",), default=0)
-    """Seed of the joint angles at the start."""
+    """Seed of the random initial joint angles."""
     delay: int = number("samples", at_least=0, default=0)
-    """Samples by which torques act later than ``actuator.delay`` says."""
+    """Delay of the torques beyond ``actuator.delay``, which is the declared one."""
 
     def build(self, setup: Setup) -> Setup:
-        """The setup with the mechanism and the joint angles (L, J) of the machine as it is."""
+        """Return the setup with the actual mechanism and the actual initial joint angles (L, J), rad."""
         spread = self.start_spread if setup.mechanism.kind else 0.0
         away = np.random.default_rng(self.start_seed).uniform(-spread, spread, setup.start.shape) if spread else 0.0
         mechanism = setup.mechanism._replace(

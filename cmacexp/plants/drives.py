@@ -1,7 +1,8 @@
-"""Drives of today: between two commands each closes a loop of its own around its joint.
+"""Drives that close a loop of their own around each joint, between two commands.
 
 A command is a torque, an angle, a velocity and two gains; the drive gives torque + K (q_d - q) + D (dq_d - dq), many
-times in a sampling period. Commands arrive late, jitter, or are lost, and a drive follows the newest that it has.
+times in a sampling period. Commands arrive with delay and jitter, or are lost; a drive follows the newest that has
+arrived.
 """
 
 import math
@@ -18,69 +19,71 @@ from cmacexp.models.mix import MASK, mix
 from cmacexp.typing import Array, Clock, Counts, Role, Scratch, State
 
 TORQUE, FEEDFORWARD, ANGLE, VELOCITY, STIFFNESS, DAMPING = range(6)
-"""Parts of a command: torques of controller and feedforward, N m, angle and velocity, rad and rad/s, and the gains,
-N m/rad and N m s/rad."""
+"""Rows of a command: torques of controller and feedforward, N m, angle and velocity, rad and rad/s, and the gains, N
+m/rad and N m s/rad."""
 DRIVE = 2
-"""Part of the torque that acts besides TORQUE and FEEDFORWARD: what the gains make of the errors."""
+"""Row of the torque from gains and errors, which acts in addition to TORQUE and FEEDFORWARD."""
 BUS_SEED = 0x42555321
 """Separates the random numbers of the bus from those of other components under the same seed."""
 
 
 @dataclass(kw_only=True)
 class BusConfig:
-    """How commands reach the drives, and what these measure, as nothing but the plant knows."""
+    """Transmission of commands to the drives and their measurement of velocity, known to the plant only."""
 
     needs: ClassVar[tuple[str, ...]] = ("option.controller != 'hybrid'",)
 
     jitter: float = number("s", at_least=0, at_most=1, default=0.0)
-    """Most by which a command is later than ``actuator.delay`` and ``plant.delay`` say, each at random."""
+    """Largest additional delay of a command beyond ``actuator.delay`` and ``plant.delay``, random for each
+    command."""
     loss: float = number("", at_least=0, below=1, default=0.0)
-    """Probability that a command is lost: the drives follow the one before."""
+    """Probability that a command is lost: the drives then follow the previous one."""
     velocity_lag: float = number("s", at_least=0, at_most=1, default=0.0)
-    """Time constant of the filter by which a drive measures its velocity; 0: none."""
+    """Time constant of the filter in a drive's measurement of velocity; 0: none."""
     seed: int = number("", at_least=0, below=2**32, needs=("own.jitter > 0 or own.loss > 0",), default=0)
-    """Seed of what is late or lost."""
+    """Seed of jitter and loss."""
 
 
 class Drives(NamedTuple):
-    """The drives of L legs with J joints each, the bus to them, and what they did."""
+    """Drives of L legs with J joints each, the bus to them, and the torques that acted."""
 
     command: Scratch
-    """(6, L, J): of this step, its parts in the order and units of TORQUE to DAMPING."""
+    """(6, L, J): command of this step, in the order and units of TORQUE to DAMPING."""
     sent: Annotated[Array, Role("state", ring_axis=0)]
-    """(R, 6, L, J): commands of the last steps, likewise."""
+    """(R, 6, L, J): commands of the last steps, in the same order and units."""
     due: Annotated[Array, Role("clock", ring_axis=0)]
-    """(R,): when each arrives, in inner steps since the start; infinite: never."""
+    """(R,): time of arrival of each, in inner steps since the start; infinite: never."""
     held: State
-    """(6, L, J): command that the drives follow, likewise."""
+    """(6, L, J): command that the drives follow, in the same order and units."""
     used: Clock
-    """(1,): step in which it was sent."""
+    """(1,): step in which that command was sent."""
     clock: Clock
-    """(1,): inner steps since the start."""
+    """(1,): number of inner steps since the start."""
     velocity: State
-    """(L, J): velocities as the drives measure them, rad/s."""
+    """(L, J): velocities as measured by the drives, rad/s."""
     lagged: State
-    """(3, L, J): torque of each part, TORQUE, FEEDFORWARD and DRIVE, that acts now, N m."""
+    """(3, L, J): torques behind the lag, of TORQUE, FEEDFORWARD and DRIVE, N m."""
     acted: Scratch
-    """(3, L, J): its mean over the last sampling period, N m."""
+    """(3, L, J): mean of ``lagged`` over the last sampling period, N m."""
     torque: Scratch
-    """(L, J): the sum that acts now, N m."""
+    """(L, J): total torque, the sum of ``lagged``, N m."""
     limit: tuple[float, ...]
     """(J,): largest absolute torque, N m."""
     share: float
-    """Part of its difference from the law by which a torque changes in an inner step; 1 without a lag."""
+    """Fraction of its difference from the law by which a torque changes in an inner step; 1 without a lag."""
     velocity_share: float
-    """Part of its difference from the true velocity by which a measured one changes in an inner step; 1: all."""
+    """Fraction of its difference from the true velocity by which the measured one changes in an inner step; 1 without
+    a lag."""
     substeps: int
-    """Inner steps of a sampling period."""
+    """Inner steps per sampling period."""
     delay: int
-    """Inner steps from a command to its arrival."""
+    """Delay of a command, inner steps."""
     jitter: float
-    """Most that are added to that."""
+    """Largest additional delay, inner steps."""
     loss: float
-    """Probability that a command does not arrive."""
+    """Probability that a command is lost."""
     key: int
-    """Key of random numbers."""
+    """Key of the random numbers."""
 
 
 def new_drives(
@@ -91,12 +94,15 @@ def new_drives(
     limit: tuple[float, ...],
     legs: int,
 ) -> Drives:
-    """Drives at rest, of so many ``legs`` with joints of these limits (J,), N m; they take the first command at once.
+    """Make drives at rest for ``legs`` legs with joints of torque limits ``limit`` (J,), N m.
 
-    Delay and lag are those of the ``actuator``, whose delay counts samples; ``sampling_period`` in s.
+    They follow the first command at once. Delay, in samples, and lag are those of the ``actuator``;
+    ``sampling_period`` is in s, ``substeps`` the number of inner steps in it.
     """
-    inner, shape = sampling_period / substeps, (legs, len(limit))
-    delay, jitter = actuator.delay * substeps, bus.jitter / inner
+    inner = sampling_period / substeps
+    shape = (legs, len(limit))
+    delay = actuator.delay * substeps
+    jitter = bus.jitter / inner
     kept = math.ceil((delay + jitter) / substeps) + 2
     return Drives(
         command=np.zeros((6, *shape)),
@@ -122,13 +128,13 @@ def new_drives(
 
 @kernel
 def _draw(key: int, step: int, use: int) -> float:
-    """A random number from 0 to below 1, of a ``step``."""
+    """Draw a random number from [0, 1) for a ``step``; different ``use`` gives independent numbers."""
     return mix(mix(key, step), use) / (MASK + 1.0)
 
 
 @kernel
 def send_command(drives: Drives | None, step: int, torque: Array, feedforward: Array) -> None:
-    """Send the command of ``step`` with the torques (L, J), N m; steps must follow each other from 0."""
+    """Send the command of ``step`` with torques (L, J), N m; call it for consecutive steps from 0."""
     if drives is None:
         return
     row = step % drives.sent.shape[0]
@@ -145,22 +151,22 @@ def send_command(drives: Drives | None, step: int, torque: Array, feedforward: A
 
 @kernel
 def _receive(drives: Drives) -> None:
-    """Follow the newest command that has arrived."""
+    """Switch to the newest command that has arrived."""
     now = drives.clock[0]
     newest = int(now) // drives.substeps
     used = int(drives.used[0])
-    taken = used
+    arrived = used
     for step in range(max(used + 1, newest + 1 - drives.due.shape[0]), newest + 1):
         if drives.due[step % drives.due.shape[0]] <= now:
-            taken = step
-    if taken > used:
-        drives.used[0] = taken
-        copy_array(drives.sent[taken % drives.due.shape[0]], drives.held)
+            arrived = step
+    if arrived > used:
+        drives.used[0] = arrived
+        copy_array(drives.sent[arrived % drives.due.shape[0]], drives.held)
 
 
 @kernel
 def drive_joints(drives: Drives, q: Counts, dq: Counts, position: Array, velocity: Array) -> None:
-    """One inner step of all drives: fills ``drives.torque``.
+    """Advance all drives by an inner step and fill ``drives.torque``.
 
     Joints have the rows ``q`` (L, J) of ``position``, rad, and ``dq`` (L, J) of ``velocity``, rad/s.
     """
@@ -179,5 +185,5 @@ def drive_joints(drives: Drives, q: Counts, dq: Counts, position: Array, velocit
             lagged[FEEDFORWARD, i, j] += drives.share * (held[FEEDFORWARD, i, j] - lagged[FEEDFORWARD, i, j])
             lagged[DRIVE, i, j] += drives.share * (law - lagged[DRIVE, i, j])
             drives.torque[i, j] = lagged[TORQUE, i, j] + lagged[FEEDFORWARD, i, j] + lagged[DRIVE, i, j]
-            for part in range(3):
-                drives.acted[part, i, j] += lagged[part, i, j] / drives.substeps
+            for source in range(3):
+                drives.acted[source, i, j] += lagged[source, i, j] / drives.substeps

@@ -1,4 +1,4 @@
-"""What a robot measures by itself, as plants compute it: its encoders, motors and inertial unit."""
+"""Proprioceptive measurements of a robot, as plants simulate them: encoders, motor torques and inertial unit."""
 
 from typing import NamedTuple
 
@@ -14,17 +14,20 @@ from cmacexp.typing import Array, State
 
 
 class Instruments(NamedTuple):
-    """Signals, and what it takes to measure them."""
+    """Signals of a robot, with the data needed to measure them."""
 
     signals: RobotSignals
     period: float
     """Sampling period, s."""
     velocity: State
-    """(3,): of the body in the world at the last measurement, m/s."""
+    """(3,): velocity of the body in the world at the last measurement, m/s."""
 
 
 def new_instruments(legs: int, joints: int, period: float) -> Instruments:
-    """Instruments of ``legs`` legs with ``joints`` joints each before their first measurement; ``period`` in s."""
+    """Make the instruments of ``legs`` legs with ``joints`` joints each before their first measurement.
+
+    ``period`` is the sampling period, s.
+    """
     signals = RobotSignals._make((*np.zeros((3, legs, joints)), *np.zeros((3, 3)), np.zeros(1)))
     return Instruments(signals, period, np.zeros(3))
 
@@ -39,10 +42,10 @@ def read_instruments(
     spin: Array,
     velocity: Vector,
 ) -> None:
-    """Measure a ``machine`` at ``travel`` (3,) whose motors held ``torque`` (L, J), N m; fills signals.
+    """Measure a ``machine`` at world pose ``travel`` (3,) whose motors held ``torque`` (L, J), N m; fill the signals.
 
-    ``rotation`` (9,) turns vectors of its body into the world; ``spin`` (3,), rad/s, is along the axes of the body,
-    ``velocity`` (3,), m/s, along those of the world.
+    ``rotation`` (9,) rotates vectors from body axes to the world; ``spin`` (3,), rad/s, is the angular velocity in
+    body axes, ``velocity`` (3,), m/s, that of the body in the world.
     """
     if instruments is not None and travel is not None:
         signals = instruments.signals
@@ -65,7 +68,7 @@ def read_instruments(
 
 @kernel
 def read_drives(instruments: Instruments | None, drives: Drives | None) -> None:
-    """Measure the torques of ``drives``, their means over the last sampling period; fills signals."""
+    """Measure the torques of ``drives``, averaged over the last sampling period; fill the signals."""
     if instruments is not None and drives is not None:
         torque = instruments.signals.torque
         np.add(drives.acted[0], drives.acted[1], torque)

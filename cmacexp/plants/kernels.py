@@ -34,11 +34,11 @@ NO_TRIG: Trig = (0.0, 1.0, 0.0, 1.0)
 
 
 class Payload(NamedTuple):
-    """A load on the body from some time on."""
+    """A load on the body from a given time on."""
 
     load: Load
     start: int
-    """First sampling period in which it is there."""
+    """First sampling period with the load."""
 
 
 class PlantParams(NamedTuple):
@@ -56,16 +56,16 @@ class PlantParams(NamedTuple):
 
 
 class PlantState(NamedTuple):
-    """State of a plant, measurable quantities that follow from it, and working arrays of the integration."""
+    """State of a plant, quantities computed from it, and working arrays of the integration."""
 
     q: State
     """(L, J): joint angles, rad; of a point mass its position, m."""
     dq: State
-    """(L, J): joint velocities."""
+    """(L, J): joint velocities, rad/s; of a point mass m/s."""
     foot: State
-    """(L, J): foot in the frame of its hip, m."""
+    """(L, J): position of the foot in the frame of its hip, m."""
     velocity: State
-    """(L, J): of the foot, m/s."""
+    """(L, J): velocity of the foot, m/s."""
     force: State
     """(L,): contact force, N."""
     body: State
@@ -94,8 +94,9 @@ class PlantState(NamedTuple):
 
 
 def new_state(legs: int, axes: tuple[int, ...] = PLANE) -> PlantState:
-    """A state of zeros for ``legs`` legs."""
-    motion, kinematics = (legs, len(axes)), (legs, KINEMATICS_FIELDS[axes])
+    """Make a state of zeros for ``legs`` legs."""
+    motion = (legs, len(axes))
+    kinematics = (legs, KINEMATICS_FIELDS[axes])
     return PlantState(
         q=np.zeros(motion),
         dq=np.zeros(motion),
@@ -118,7 +119,10 @@ def new_state(legs: int, axes: tuple[int, ...] = PLANE) -> PlantState:
 
 @kernel
 def stand_force(params: PlantParams, i: int, dq: Array, kinematics: Array, state: PlantState) -> float:
-    """Contact force, N, of foot ``i`` whose hip does not move, at ``dq`` (L, 2), rad/s; ``kinematics`` is (L, 4)."""
+    """Compute the contact force, N, of foot ``i`` under a fixed hip, at ``dq`` (L, 2), rad/s.
+
+    ``kinematics`` is (L, 4).
+    """
     depression = state.foot[i, 1] - params.mechanism.hip_height - state.ground_offset[i]
     if params.ground.damping == 0.0:
         return contact_force(state.stiffness[i], depression)
@@ -131,17 +135,17 @@ def stand_force(params: PlantParams, i: int, dq: Array, kinematics: Array, state
 
 @kernel
 def compute_load(params: PlantParams, step: float) -> Load:
-    """Load of the feet after ``step`` sampling periods: the body, and the payload once it is there."""
-    weight, payload = params.mechanism.weight, params.payload.load
+    """Compute the load of the feet after ``step`` sampling periods: body, and payload from its start on."""
+    payload = params.payload.load
     if step < params.payload.start:
-        return Load(weight, 0.0, 0.0)
-    total = weight + payload.weight
+        return Load(params.mechanism.weight, 0.0, 0.0)
+    total = params.mechanism.weight + payload.weight
     return Load(total, payload.weight * payload.x / total, payload.weight * payload.y / total)
 
 
 @called_kernel
 def update_ground_offset(ground: Ground, hips: Array, foot: Array, x: float, ground_offset: Array) -> None:
-    """Fill ``ground_offset`` (L,): depth at which each foot meets the ground, below that under a body at ``x``, m.
+    """Fill ``ground_offset`` (L,): depth of the ground under each foot below that under a body at ``x``, m.
 
     ``hips`` (L, 2) and ``foot`` (L, J), in the frames of the hips, are in m.
     """
@@ -152,15 +156,19 @@ def update_ground_offset(ground: Ground, hips: Array, foot: Array, x: float, gro
 
 @kernel
 def balance_body(params: PlantParams, state: PlantState, time: float) -> bool:
-    """Balance the body on the feet in ``state``, some time after the start of the Runge-Kutta step."""
+    """Balance the body on the feet in ``state``, ``time``, s, after the start of the Runge-Kutta step.
+
+    Returns False if there is no equilibrium.
+    """
     mechanism = params.mechanism
     stiffness = state.stiffness
     ground_offset = state.ground_offset
     if params.ground.damping != 0.0:
-        stiffness, ground_offset = state.spring[0], state.spring[1]
+        stiffness = state.spring[0]
+        ground_offset = state.spring[1]
         for i in range(stiffness.shape[0]):
-            stiffness[i], rest = damped_spring(state.stiffness[i], params.ground.damping, state.pressed[i], time)
-            ground_offset[i] = state.ground_offset[i] + rest
+            stiffness[i], offset = damped_spring(state.stiffness[i], params.ground.damping, state.pressed[i], time)
+            ground_offset[i] = state.ground_offset[i] + offset
     load = compute_load(params, state.clock[0])
     return balance(mechanism.hips, state.foot, stiffness, ground_offset, load, state.body, state.force)
 
@@ -169,8 +177,8 @@ def balance_body(params: PlantParams, state: PlantState, time: float) -> bool:
 def place_leg(mechanism: Mechanism, i: int, q1: float, q2: float, trig: Trig, kinematics: Array, foot: Array) -> None:
     """Fill row ``i`` of ``foot`` (L, 2), m, and of ``kinematics`` (L, 4), of a leg at angles ``q1``, ``q2``, rad.
 
-    ``trig`` is of these angles; of a point mass, which is at ``q1``, ``q2``, m, it is :data:`NO_TRIG`. Treating that
-    in the callers instead makes a step of one leg half as long again, as measured.
+    ``trig`` belongs to these angles; for a point mass, which is at ``q1``, ``q2``, m, it is :data:`NO_TRIG`.
+    Treating that case in the callers instead was measured to make a step of one leg half as long again.
     """
     if mechanism.kind == POINT_MASS:
         foot[i, 0], foot[i, 1] = q1, q2
@@ -180,11 +188,11 @@ def place_leg(mechanism: Mechanism, i: int, q1: float, q2: float, trig: Trig, ki
 
 
 @kernel
-def bear(params: PlantParams, state: PlantState, time: float, x: float) -> None:
-    """Ground under the feet in ``state``, m, and the forces under a body, N, which depend on all of them.
+def update_contact(params: PlantParams, state: PlantState, time: float, x: float) -> None:
+    """Update the ground under the feet in ``state`` and, under a body, the coupled contact forces, N.
 
-    ``time``, s, has passed since the step began, and the body is at ``x``, m. See :func:`stand_force` for hips that
-    do not move.
+    ``time``, s, has passed since the start of the step, and the body is at ``x``, m. Without equilibrium the height
+    of the body becomes NaN. See :func:`stand_force` for hips that do not move.
     """
     mechanism = params.mechanism
     if params.ground.slope != 0.0:
@@ -212,7 +220,7 @@ def accelerate(
 
 @kernel
 def update_stiffness(params: PlantParams, state: PlantState) -> None:
-    """Set the stiffness under each foot to that of its place and time."""
+    """Set the stiffness under each foot to that of its position and time."""
     hips = params.mechanism.hips
     for i in range(hips.shape[0]):
         x = state.distance[0] + hips[i, 0] + state.foot[i, 0]
@@ -222,7 +230,8 @@ def update_stiffness(params: PlantParams, state: PlantState) -> None:
 @kernel
 def update_depression(params: PlantParams, state: PlantState) -> None:
     """Store the depression of the ground under each foot of a body, for the damping of the next step."""
-    hips, pose = params.mechanism.hips, make_pose(state.body)
+    hips = params.mechanism.hips
+    pose = make_pose(state.body)
     for i in range(hips.shape[0]):
         down = depth(pose, hips[i, 0] + state.foot[i, 0], hips[i, 1], state.foot[i, 1])
         state.pressed[i] = max(0.0, down - state.ground_offset[i])
@@ -230,19 +239,19 @@ def update_depression(params: PlantParams, state: PlantState) -> None:
 
 @kernel
 def observe(params: PlantParams, state: PlantState, time: float) -> None:
-    """Update feet, forces and velocities of ``state`` to its joints, ``time`` (s) after their last update."""
+    """Update feet, forces and velocities of ``state`` to its joints, ``time``, s, after their last update."""
     mechanism = params.mechanism
     for i in range(state.q.shape[0]):
         q1, q2 = state.q[i, 0], state.q[i, 1]
         trig = NO_TRIG if mechanism.kind == POINT_MASS else trigonometry(q1, q2)
         place_leg(mechanism, i, q1, q2, trig, state.kinematics, state.foot)
-    bear(params, state, time, state.distance[0])
+    update_contact(params, state, time, state.distance[0])
     if params.ground.damping != 0.0 and mechanism.kind == LEGS_UNDER_BODY:
         update_depression(params, state)
     for i in range(state.q.shape[0]):
         if mechanism.kind != LEGS_UNDER_BODY:
             state.force[i] = stand_force(params, i, state.dq, state.kinematics, state)
-    # Within the loop above, this makes a step of a quadruped a tenth longer.
+    # In the loop above this would make a step of a quadruped a tenth longer.
     for i in range(state.q.shape[0]):
         if mechanism.kind == POINT_MASS:
             state.velocity[i, 0], state.velocity[i, 1] = state.dq[i, 0], state.dq[i, 1]
@@ -251,18 +260,19 @@ def observe(params: PlantParams, state: PlantState, time: float) -> None:
 
 
 @kernel
-def stage(
+def compute_stage(
     params: PlantParams, state: PlantState, time: float, velocity: Array, acceleration: Array, tau: Array, ddq: Array
 ) -> None:
-    """A stage of a step: accelerations ``time`` (s) after its start, reached at ``velocity`` and ``acceleration``.
+    """Compute a stage of a step: joint accelerations ``ddq``, rad/s^2, ``time``, s, after the start of the step.
 
-    All arrays are (L, 2): velocities, rad/s, accelerations, rad/s^2, and ``tau``, N m. Fills ``ddq``, and
-    ``state.stages[0]``, which may be ``velocity``, with the new velocities.
+    The stage is reached with the given ``velocity``, rad/s, and ``acceleration``, rad/s^2, under ``tau``, N m; all
+    arrays are (L, 2). Fills ``ddq``, and ``state.stages[0]``, which may be ``velocity``, with the new velocities.
 
-    One leg after the other, so that what follows from its angles can stay in registers: with a loop for each quantity
-    a step of one leg took 1.3 times as long.
+    Legs are computed one after the other, so that quantities of a leg can stay in registers: with a loop for each
+    quantity a step of one leg took 1.3 times as long.
     """
-    mechanism, dq = params.mechanism, state.stages[0]
+    mechanism = params.mechanism
+    dq = state.stages[0]
     kinematics = state.stage_kinematics
     for i in range(state.q.shape[0]):
         start_q1, start_q2 = state.q[i, 0], state.q[i, 1]
@@ -271,10 +281,10 @@ def stage(
             dq[i, j] = state.dq[i, j] + time * acceleration[i, j]
         trig = NO_TRIG
         if mechanism.kind != POINT_MASS:
-            # From the sines at the start of the step, which are computed anew in each step: errors do not add up.
+            # Sines at the start of the step are computed again in each step, so that errors do not add up.
             trig = trigonometry_near(q1, q2, get_trig(state.kinematics, i), start_q1, start_q2)
         place_leg(mechanism, i, q1, q2, trig, kinematics, state.foot)
-    bear(params, state, time, state.distance[0] + params.speed * time)
+    update_contact(params, state, time, state.distance[0] + params.speed * time)
     for i in range(state.q.shape[0]):
         if mechanism.kind != LEGS_UNDER_BODY:
             state.force[i] = stand_force(params, i, dq, kinematics, state)
@@ -283,21 +293,22 @@ def stage(
 
 @kernel
 def runge_kutta_step(params: PlantParams, state: PlantState, tau: Array) -> None:
-    """A classical fourth-order step of ``params.step`` under ``tau`` (L, 2), N m; contact forces act in all stages.
+    """Integrate one classical fourth-order step of ``params.step`` under ``tau`` (L, 2), N m.
 
-    Sines, feet and forces in ``state`` must belong to its joints; after the step they do not, until :func:`observe`.
+    Contact forces act in all stages. Sines, feet and forces in ``state`` must belong to its joints; after the step
+    they do not, until :func:`observe` is called.
     """
-    h, s = params.step, state.stages
-    dq = s[0]
-    k1 = s[1]
-    k2 = s[2]
-    k3 = s[3]
-    k4 = s[4]
+    h = params.step
+    dq = state.stages[0]
+    k1 = state.stages[1]
+    k2 = state.stages[2]
+    k3 = state.stages[3]
+    k4 = state.stages[4]
     for i in range(state.q.shape[0]):
         accelerate(params.mechanism, i, state.dq, state.kinematics, tau, state.force[i], k1)
-    stage(params, state, 0.5 * h, state.dq, k1, tau, k2)
-    stage(params, state, 0.5 * h, dq, k2, tau, k3)
-    stage(params, state, h, dq, k3, tau, k4)
+    compute_stage(params, state, 0.5 * h, state.dq, k1, tau, k2)
+    compute_stage(params, state, 0.5 * h, dq, k2, tau, k3)
+    compute_stage(params, state, h, dq, k3, tau, k4)
     for i in range(state.q.shape[0]):
         for j in range(2):
             # The velocities of the stages are dq, dq + h/2 k1, dq + h/2 k2, dq + h k3: their weighted sum is this.
@@ -307,7 +318,7 @@ def runge_kutta_step(params: PlantParams, state: PlantState, tau: Array) -> None
 
 @kernel
 def advance(params: PlantParams, state: PlantState, tau: Array) -> None:
-    """Move the plant over one sampling period under the held torque ``tau`` (L, 2), N m."""
+    """Integrate the plant over one sampling period under the held torque ``tau`` (L, 2), N m."""
     copy_array(state.body, state.body_rate)
     for substep in range(params.substeps):
         runge_kutta_step(params, state, tau)

@@ -1,7 +1,7 @@
-"""Steps of machines in MuJoCo, forces on them, and their measurements, as kernels.
+"""Kernels for machines in MuJoCo: integration steps, external forces and measurements.
 
-What Python calls in every step is a compiled generator: resuming it costs a tenth of a call of a program with as
-many arrays; its caller keeps these alive.
+Python calls a compiled generator in every step: resuming it costs a tenth of a call of a program with as many
+arrays. The caller must keep the arrays alive.
 """
 
 import math
@@ -31,128 +31,130 @@ from cmacexp.typing import Array, Counts
 
 
 class Push(NamedTuple):
-    """A force on the centre of mass of the trunk for some sampling periods."""
+    """Force on the centre of mass of the trunk over some sampling periods."""
 
     force: float = 0.0
     """Force to the left, N."""
     start: int = 0
     """First sampling period in which it acts."""
     end: int = 0
-    """The one after the last."""
+    """End of the push, exclusive: first sampling period without it."""
 
 
 NO_PUSH = Push()
 
 
 class Feet(NamedTuple):
-    """Where the feet of L legs stand in MuJoCo's arrays."""
+    """Indices of the feet of L legs in MuJoCo's arrays."""
 
     point: Counts
     """(L,): row of ``Bodies.place``."""
     body: Counts
-    """(L,): bodies to which they are fixed."""
+    """(L,): numbers of the bodies to which they are fixed."""
     root: Counts
-    """(L,): first bodies of their chains."""
+    """(L,): numbers of the first bodies of their chains."""
     trunk: int
-    """Body with the free joint; that of legs on a stand is 0, the world."""
+    """Number of the body with the free joint; for legs on a stand 0, the world."""
 
 
 class Bodies(NamedTuple):
     """Arrays that MuJoCo fills and reads in place; B is the number of its bodies."""
 
     place: Array
-    """(points, 3): points of bodies in the world, the feet among them, m."""
+    """(points, 3): positions of points of bodies in the world, the feet among them, m."""
     motion: Array
-    """(B, 6): angular velocity, rad/s, and velocity, m/s, of the point of the body that is at ``centre``."""
+    """(B, 6): angular velocity, rad/s, and velocity, m/s, of the point of the body that coincides with ``centre``."""
     centre: Array
-    """(B, 3): of mass of a body and its descendants, m; velocities refer to that of the root of a chain."""
+    """(B, 3): centre of mass of a body and its descendants, m; velocities refer to that of the root of a chain."""
     mass_centre: Array
-    """(B, 3): of mass of each body, m, where its external force acts."""
+    """(B, 3): centre of mass of each body, m, where its external force acts."""
     pull: Array
     """(B, 6): external force (N) and moment (N m)."""
     trunk_place: Array
-    """(3,): of the trunk's frame in the world, m."""
+    """(3,): position of the trunk's frame in the world, m."""
     trunk_rotation: Array
-    """(9,): its rotation matrix, row by row, without a unit."""
+    """(9,): rotation matrix of the trunk's frame, row by row, without a unit."""
     trunk_rate: Array
-    """(6,): its velocity in the world, m/s, and its angular velocity in its own frame, rad/s."""
+    """(6,): velocity of the trunk in the world, m/s, and its angular velocity in its own frame, rad/s."""
 
 
 class Stages(NamedTuple):
-    """What a step of the classical Runge-Kutta method remembers of its stages."""
+    """Intermediate values of a step of the classical Runge-Kutta method."""
 
     step: float
-    """Time of it, s."""
+    """Time step, s."""
     start: Array
-    """(nq,): position at its start, m and rad."""
+    """(nq,): positions at the start of the step, m and rad."""
     mean: Array
     """(nv,): weighted mean of the velocities, m/s and rad/s."""
     velocity: Array
-    """(4, nv): of each stage, m/s and rad/s."""
+    """(4, nv): velocities of the stages, m/s and rad/s."""
     acceleration: Array
-    """(4, nv): likewise, m/s^2 and rad/s^2."""
+    """(4, nv): accelerations of the stages, m/s^2 and rad/s^2."""
 
 
 WEIGHTS = ((0.5, 0.0, 0.0, 0.0), (0.0, 0.5, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6))
-"""Weights of the stages in the mean velocity and acceleration that lead to the next one, and to the step's end."""
+"""Weights of the stages in the mean velocity and acceleration for the next stage, and for the end of the step."""
 
 
 class Engine(NamedTuple):
-    """A machine of L legs in MuJoCo, its surroundings, and where both are in MuJoCo's arrays."""
+    """A machine of L legs in MuJoCo, its environment, and the indices of both in MuJoCo's arrays."""
 
     model: int
     """Address of MuJoCo's model."""
     data: int
-    """Address of its data."""
+    """Address of MuJoCo's data."""
     substeps: int
     """Steps of MuJoCo per sampling period."""
     stages: Stages | None
-    """None: MuJoCo's semi-implicit Euler."""
+    """Stages of Runge-Kutta; None: MuJoCo's semi-implicit Euler."""
     warned: Counts
-    """(warnings,): how often MuJoCo has given each of them."""
+    """(warnings,): number of times that MuJoCo has given each warning."""
     position: Array
-    """(nq,): of all that moves, m, rad, and quaternions; the next two (nv,), m/s and rad/s, m/s^2 and rad/s^2."""
+    """(nq,): positions of all joints, m, rad, and quaternions; the next two (nv,), m/s and rad/s, m/s^2 and
+    rad/s^2."""
     velocity: Array
     acceleration: Array
     """Acceleration without constraints."""
     torque: Array
-    """(nv,): N m, of the trunk's translations N."""
+    """(nv,): applied generalised forces, N m, for the trunk's translations N."""
     q: Counts
-    """(L, J): rows of ``position`` that are joint angles."""
+    """(L, J): indices of the joint angles in ``position``."""
     dq: Counts
-    """(L, J): rows of ``velocity`` and ``torque``."""
+    """(L, J): indices of the joints in ``velocity`` and ``torque``."""
     bodies: Bodies
     feet: Feet
     origin: Array
-    """(3,): of the body's frame in that of the trunk, m."""
+    """(3,): origin of the body frame in the frame of the trunk, m."""
     mechanism: Mechanism
     payload: Payload
     push: Push
     touch: Touch
-    """Contact of a foot with elastic ground, whose surface is the reference of the height of the body."""
+    """Contact of a foot with elastic ground; the height of the body is measured from the surface of that ground."""
     anchor: Array
-    """(L, 2): where each foot sticks in the world, m."""
+    """(L, 2): point in the world to which each foot sticks, m."""
     sensors: Array
-    """(values,): of MuJoCo's sensors, in their units."""
+    """(values,): values of MuJoCo's sensors, in their units."""
     floor: Counts | None
-    """(L,): those that are normal forces of MuJoCo's own contacts, N; None: they do not act, ``touch`` does."""
+    """(L,): indices in ``sensors`` of the normal forces of MuJoCo's own contacts, N; None: ``touch`` acts instead of
+    them."""
     travel: Array | None
-    """(3,): m and rad, as of a Measurement."""
+    """(3,): world pose, m and rad, as in a Measurement."""
     joints: Joints | None
-    """What turns joints beside the actuators; None: what the model says."""
+    """Joint torques in addition to the actuators; None: as in the model."""
     instruments: Instruments | None = None
     """Instruments of a robot."""
 
 
 @kernel
 def foot_velocity(bodies: Bodies, feet: Feet, i: int) -> Vector:
-    """Velocity (3,) of foot ``i`` in the world, m/s."""
-    place = bodies.place[feet.point[i]]
+    """Compute the velocity (3,) of foot ``i`` in the world, m/s."""
+    point = bodies.place[feet.point[i]]
     motion = bodies.motion[feet.body[i]]
     root = bodies.centre[feet.root[i]]
-    dx = place[0] - root[0]
-    dy = place[1] - root[1]
-    dz = place[2] - root[2]
+    dx = point[0] - root[0]
+    dy = point[1] - root[1]
+    dz = point[2] - root[2]
     return (
         motion[3] + motion[1] * dz - motion[2] * dy,
         motion[4] + motion[2] * dx - motion[0] * dz,
@@ -161,34 +163,35 @@ def foot_velocity(bodies: Bodies, feet: Feet, i: int) -> Vector:
 
 
 @kernel
-def pull_at(bodies: Bodies, body: int, place: Array | Vector, force: Vector) -> None:
-    """Let a ``force`` (3,), N, act on ``body`` at ``place`` (3,), m, and nothing else."""
+def pull_at(bodies: Bodies, body: int, point: Array | Vector, force: Vector) -> None:
+    """Set the external force on ``body`` to ``force`` (3,), N, at ``point`` (3,), m; it replaces any other."""
     centre = bodies.mass_centre[body]
-    moment = cross((place[0] - centre[0], place[1] - centre[1], place[2] - centre[2]), force)
+    moment = cross((point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]), force)
     for n in range(3):
-        bodies.pull[body, n], bodies.pull[body, 3 + n] = force[n], moment[n]
+        bodies.pull[body, n] = force[n]
+        bodies.pull[body, 3 + n] = moment[n]
 
 
 @kernel
 def press(touch: Touch, bodies: Bodies, feet: Feet, machine: PlantState, anchors: Array, in_stage: bool) -> None:
-    """Forces of the ground on the feet that stick at ``anchors`` (L, 2), m: fills ``bodies.pull``, and ``machine``.
+    """Apply the ground's forces on feet that stick at ``anchors`` (L, 2), m; fill ``bodies.pull`` and ``machine``.
 
-    Stiffness and the points where feet stick are those of the start of an integration step ``in_stage``.
+    With ``in_stage`` stiffness and anchors stay those of the start of the integration step.
     """
     for i in range(anchors.shape[0]):
-        place, anchor = bodies.place[feet.point[i]], anchors[i]
+        point = bodies.place[feet.point[i]]
         if not in_stage:
-            machine.stiffness[i] = stiffness_under(touch.ground, i, machine.clock[0], place[0], place[1])
-        force = ground_force(touch, machine.stiffness[i], place, foot_velocity(bodies, feet, i), anchor)
+            machine.stiffness[i] = stiffness_under(touch.ground, i, machine.clock[0], point[0], point[1])
+        force = ground_force(touch, machine.stiffness[i], point, foot_velocity(bodies, feet, i), anchors[i])
         machine.force[i] = force[2]
         if not in_stage:
-            slide_anchor(touch, place, machine.force[i], anchor)
-        pull_at(bodies, feet.body[i], place, force)
+            slide_anchor(touch, point, machine.force[i], anchors[i])
+        pull_at(bodies, feet.body[i], point, force)
 
 
 @kernel
 def transform_point(at: Array, rotation: Array, x: float, y: float, z: float) -> Vector:
-    """``at`` (3,) plus the vector (x, y, z), m or m/s, turned by the rotation matrix ``rotation`` (9,)."""
+    """Return ``at`` (3,) plus the vector (x, y, z), m or m/s, rotated by the rotation matrix ``rotation`` (9,)."""
     return (
         at[0] + rotation[0] * x + rotation[1] * y + rotation[2] * z,
         at[1] + rotation[3] * x + rotation[4] * y + rotation[5] * z,
@@ -198,7 +201,7 @@ def transform_point(at: Array, rotation: Array, x: float, y: float, z: float) ->
 
 @kernel
 def load_trunk(payload: Payload, push: Push, origin: Array, bodies: Bodies, feet: Feet, clock: float) -> None:
-    """Let payload and push, N, act on the trunk, in whose frame the body is at ``origin`` (3,), m."""
+    """Apply payload and push, N, to the trunk, in the frame of which the body is at ``origin`` (3,), m."""
     if clock >= payload.start:
         load = payload.load
         point = transform_point(
@@ -216,10 +219,12 @@ def observe_trunk(
 
     Fills (3,) each: ``pose``, m and rad, ``rate``, m/s and rad/s, and ``travel``, m and rad.
     """
-    rotation, spin = bodies.trunk_rotation, bodies.trunk_rate[3:]
+    rotation = bodies.trunk_rotation
+    spin = bodies.trunk_rate[3:]
     pitch, roll = -math.asin(rotation[6]), math.atan2(rotation[7], rotation[8])
     pose[0] = at[2] - height_at(ground.slope, ground.slope_start, at[0])
-    pose[1], pose[2] = pitch, roll
+    pose[1] = pitch
+    pose[2] = roll
     rate[0] = velocity[2] - grade_at(ground, at[0]) * velocity[0]
     rate[1] = spin[1] * math.cos(roll) - spin[2] * math.sin(roll)
     rate[2] = spin[0] + (spin[1] * math.sin(roll) + spin[2] * math.cos(roll)) * math.tan(pitch)
@@ -231,11 +236,11 @@ def observe_trunk(
 
 @kernel
 def observe(engine: Engine, machine: PlantState, torque: Array) -> None:
-    """Measure a machine whose motors held ``torque`` (L, J), N m, where MuJoCo has it now; fills ``machine``."""
-    mechanism = engine.mechanism
+    """Fill ``machine`` with the current state in MuJoCo of a machine whose motors held ``torque`` (L, J), N m."""
     origin = engine.origin
     bodies = engine.bodies
-    rotation, spin = bodies.trunk_rotation, bodies.trunk_rate[3:]
+    rotation = bodies.trunk_rotation
+    spin = bodies.trunk_rate[3:]
     at = transform_point(bodies.trunk_place, rotation, origin[0], origin[1], origin[2])
     velocity = transform_point(
         bodies.trunk_rate,
@@ -251,15 +256,15 @@ def observe(engine: Engine, machine: PlantState, torque: Array) -> None:
     if engine.feet.trunk > 0:
         observe_trunk(engine.touch.ground, bodies, at, velocity, machine.body, machine.body_rate, engine.travel)
         read_instruments(engine.instruments, machine, torque, engine.travel, rotation, spin, velocity)
-    update_kinematics(mechanism, machine.q, machine.kinematics)
+    update_kinematics(engine.mechanism, machine.q, machine.kinematics)
     for i in range(machine.q.shape[0]):
-        compute_foot_position(mechanism, i, machine.kinematics, machine.foot)
-        compute_foot_velocity(mechanism, i, machine.kinematics, machine.dq, machine.velocity)
+        compute_foot_position(engine.mechanism, i, machine.kinematics, machine.foot)
+        compute_foot_velocity(engine.mechanism, i, machine.kinematics, machine.dq, machine.velocity)
 
 
 @kernel
 def read_floor(floor: Counts | None, sensors: Array, force: Array) -> None:
-    """Normal forces of MuJoCo's own contacts in the last step: fills ``force`` (L,), N, with ``sensors[floor]``."""
+    """Fill ``force`` (L,), N, with ``sensors[floor]``, the normal forces of MuJoCo's contacts in the last step."""
     if floor is not None:
         for i in range(force.shape[0]):
             force[i] = sensors[floor[i]]
@@ -267,7 +272,10 @@ def read_floor(floor: Counts | None, sensors: Array, force: Array) -> None:
 
 @kernel
 def apply_forces(floor: Counts | None, engine: Engine, machine: PlantState, in_stage: bool) -> None:
-    """:func:`press`, N, without a ``floor`` (L,) of MuJoCo, and :func:`load_trunk`."""
+    """Apply the ground, unless MuJoCo has a ``floor`` (L,), and the loads of the trunk, N.
+
+    See :func:`press` and :func:`load_trunk`.
+    """
     if floor is None:
         press(engine.touch, engine.bodies, engine.feet, machine, engine.anchor, in_stage)
     load_trunk(engine.payload, engine.push, engine.origin, engine.bodies, engine.feet, machine.clock[0])
@@ -275,41 +283,41 @@ def apply_forces(floor: Counts | None, engine: Engine, machine: PlantState, in_s
 
 @kernel
 def average(values: Array, stage: int, n: int) -> float:
-    """Weighted mean of ``values`` (4, nv), in their unit, in column ``n``: it leads from a ``stage`` to the next."""
+    """Return the mean, in their unit, of column ``n`` of ``values`` (4, nv) with the weights after ``stage``."""
     a, b, c, d = WEIGHTS[stage]
     return a * values[0, n] + b * values[1, n] + c * values[2, n] + d * values[3, n]
 
 
 @kernel
 def integrate(stages: Stages | None, engine: Engine, machine: PlantState) -> None:
-    """One step of MuJoCo: Euler with forces of the ground at its start, or Runge-Kutta with those in every stage.
+    """Integrate one step of MuJoCo: Euler with ground forces at its start, or Runge-Kutta with those in every stage.
 
-    Held over a step of Runge-Kutta they would excite oscillations of the ground.
+    Ground forces held over a step of Runge-Kutta would excite oscillations of the ground.
     """
-    model, data = engine.model, engine.data
     if stages is None:
-        mj_step2(model, data)
+        mj_step2(engine.model, engine.data)
         read_floor(engine.floor, engine.sensors, machine.force)
-        mj_step1(model, data)
+        mj_step1(engine.model, engine.data)
     else:
         copy_array(engine.position, stages.start)
         for stage in range(4):
             if engine.warned.any():
                 break
             apply_forces(engine.floor, engine, machine, True)
-            mj_fwdAcceleration(model, data)
+            mj_fwdAcceleration(engine.model, engine.data)
             for n in range(stages.mean.shape[0]):
-                stages.velocity[stage, n], stages.acceleration[stage, n] = engine.velocity[n], engine.acceleration[n]
+                stages.velocity[stage, n] = engine.velocity[n]
+                stages.acceleration[stage, n] = engine.acceleration[n]
                 stages.mean[n] = average(stages.velocity, stage, n)
                 engine.velocity[n] = stages.velocity[0, n] + average(stages.acceleration, stage, n) * stages.step
             copy_array(stages.start, engine.position)
-            mj_integratePos(model, engine.position.ctypes.data, stages.mean.ctypes.data, stages.step)
-            mj_step1(model, data)
+            mj_integratePos(engine.model, engine.position.ctypes.data, stages.mean.ctypes.data, stages.step)
+            mj_step1(engine.model, engine.data)
 
 
 @kernel
 def advance_engine(engine: Engine, machine: PlantState, torque: Array, drives: Drives | None) -> None:
-    """Hold ``torque`` (L, J), N m, over one sampling period, or what ``drives`` make of their commands instead.
+    """Hold ``torque`` (L, J), N m, over one sampling period; with ``drives``, hold their torques instead.
 
     Joint angles become NaN if MuJoCo warns.
     """
@@ -336,7 +344,7 @@ def advance_engine(engine: Engine, machine: PlantState, torque: Array, drives: D
 
 @program
 def advancing(engine: Engine, machine: PlantState, torque: Array) -> Iterator[int]:
-    """:func:`advance_engine` with the present ``torque`` (L, J), N m, whenever it is resumed."""
+    """Call :func:`advance_engine` with the current ``torque`` (L, J), N m, whenever it is resumed."""
     while True:
         advance_engine(engine, machine, torque, None)
         yield 0

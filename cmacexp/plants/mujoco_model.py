@@ -1,6 +1,7 @@
-"""A machine as a MuJoCo model: links without extent, point masses at knee and foot, no contacts of MuJoCo's own.
+"""A planar machine as a MuJoCo model: links without extent, point masses at knee and foot, no contacts.
 
-World: x forward, y left, z up. A hinge turns about +y, so that joint angles count from +x downwards, as everywhere.
+World: x forward, y left, z up. A hinge turns about +y, so that joint angles count from +x downwards, as in the whole
+project.
 """
 
 from collections.abc import Sequence
@@ -15,7 +16,10 @@ from cmacexp.typing import Array
 
 
 def _link(name: str, length: float, mass: float, at: str, inside: str) -> str:
-    """A link along its own x with a point mass at its end, hinged at ``at`` in its parent's frame."""
+    """Format the XML of a link along its own x with a point mass at its end.
+
+    It is hinged at ``at`` in the frame of its parent and contains the XML ``inside``.
+    """
     return (
         f'<body pos="{at}"><joint name="{name}" type="hinge" axis="0 1 0"/>'
         f'<inertial pos="{length!r} 0 0" mass="{mass!r}"/>{inside}</body>'
@@ -23,7 +27,10 @@ def _link(name: str, length: float, mass: float, at: str, inside: str) -> str:
 
 
 def _leg(number: int, leg: Array, at: str) -> str:
-    """Thigh and shank of a leg, whose row of :class:`Mechanism` is ``leg``, at the hip ``at``; a geom as its foot."""
+    """Format the XML of a leg at the hip ``at``: thigh, shank, and a geom as its foot.
+
+    ``leg`` is its row of :class:`Mechanism`.
+    """
     length_1, length_2, mass_1, mass_2 = (float(value) for value in leg[:4])
     foot = f'<geom size="0.01" pos="{length_2!r} 0 0"/>'
     shank = _link(f"joint 2 of leg {number}", length_2, mass_2, f"{length_1!r} 0 0", foot)
@@ -31,7 +38,7 @@ def _leg(number: int, leg: Array, at: str) -> str:
 
 
 def make_planar(mechanism: Mechanism, body_mass: float | None = None, inertia: Sequence[float] = ()) -> Model:
-    """The model of planar legs on a stand, or under a body that floats, of ``body_mass`` kg without its legs.
+    """Make the model of planar legs on a stand, or under a floating body of ``body_mass``, kg, without its legs.
 
     The centre of the body is in the plane of the hips, ``inertia`` is about its own x, y and z, kg m^2. Raises
     BadInput if MuJoCo refuses a mass or an inertia.
@@ -45,7 +52,7 @@ def make_planar(mechanism: Mechanism, body_mass: float | None = None, inertia: S
             '<body><freejoint name="the body"/>'
             f'<inertial pos="0 0 0" mass="{float(body_mass)!r}" diaginertia="{moments}"/>{machine}</body>'
         )
-    floats, legs = int(body_mass is not None), len(mechanism.legs)
+    trunk = int(body_mass is not None)
     xml = (
         # boundinertia is that of a point mass: the least that MuJoCo accepts, its mjMINVAL
         f'<mujoco><compiler angle="radian" boundinertia="1e-15"/><option integrator="RK4" gravity="0 0 {-GRAVITY!r}">'
@@ -53,4 +60,5 @@ def make_planar(mechanism: Mechanism, body_mass: float | None = None, inertia: S
     )
     with refusals_named("plant", "mujoco") as mujoco:
         model = mujoco.MjModel.from_xml_string(xml)
-    return Model(model, floats, floats + np.arange(2 * legs).reshape(legs, 2), np.arange(legs), origin)
+    legs = np.arange(len(mechanism.legs))
+    return Model(model, trunk, trunk + np.stack([2 * legs, 2 * legs + 1], axis=1), legs, origin)

@@ -1,4 +1,4 @@
-"""A machine in MuJoCo: what one leg, four planar legs and robots have in common."""
+"""Base of the plants in MuJoCo: one leg, four planar legs and robots."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -40,10 +40,10 @@ WARNINGS = {
 
 @dataclass
 class MujocoConfig(AsBuiltConfig):
-    """How MuJoCo integrates a machine."""
+    """Integration of a machine in MuJoCo."""
 
     substeps: int = number("", at_least=1, at_most=10000)
-    """Steps of MuJoCo per sampling period: Runge-Kutta, of a robot semi-implicit Euler."""
+    """Steps of MuJoCo per sampling period: Runge-Kutta, for a robot semi-implicit Euler."""
 
 
 @dataclass
@@ -51,31 +51,31 @@ class FrictionConfig(MujocoConfig):
     """Integration, and friction of the feet."""
 
     friction: float = number("", above=0, at_most=10)
-    """Largest tangential over normal force of a foot (Coulomb)."""
+    """Coulomb friction coefficient of a foot: largest tangential over normal force."""
     friction_stiffness: float = number("N/m", above=0, at_most=1e7)
     """Stiffness of the spring that holds a sticking foot."""
     friction_damping: float = number("N s/m", at_least=0, at_most=1e5)
-    """Damping beside that spring."""
+    """Damping parallel to the spring of a sticking foot."""
 
     def touch(self, setup: Setup) -> Touch:
-        """Contact of a foot with the elastic ground of a run."""
+        """Make the contact of a foot with the elastic ground of a run."""
         ground = make_ground(setup.config.terrain, setup.config.sampling_period)
         return Touch(ground, self.friction, self.friction_stiffness, self.friction_damping)
 
 
 class Model(NamedTuple):
-    """A model of MuJoCo, and where the machine stands in its arrays."""
+    """A model of MuJoCo, and the indices of the machine in its arrays."""
 
     model: Any
     """MjModel; the plant changes it."""
     trunk: int
-    """Body with the free joint; 0, the world, of legs on a stand."""
+    """Number of the body with the free joint; for legs on a stand 0, the world."""
     joint: Counts
-    """(L, J) joints."""
+    """(L, J) numbers of the joints."""
     foot: Counts
-    """(L,) geoms of the feet."""
+    """(L,) numbers of the geoms of the feet."""
     origin: Array
-    """(3,): of the body's frame in that of the trunk, m."""
+    """(3,): origin of the body frame in the frame of the trunk, m."""
 
 
 class MujocoPlant:
@@ -87,31 +87,33 @@ class MujocoPlant:
     def begin(
         self,
         setup: Setup,
-        made: Model,
+        machine: Model,
         touch: Touch,
         floor: Counts | None = None,
         moving: bool = False,
         push: Push = NO_PUSH,
         joints: Joints | None = None,
     ) -> Measurement:
-        """Start with the trunk level, every foot sticking where it is; ``moving`` as planned, else at rest.
+        """Start with the trunk level and the feet sticking, with ``moving`` at the planned velocities, else at rest.
 
-        Values of MuJoCo's sensors at ``floor`` (L,) are normal forces of its own contacts; None: ``touch`` acts.
-        ``joints`` turn beside the actuators; None: as the model says.
+        Each foot sticks where it is at the start. Values of MuJoCo's sensors at ``floor`` (L,) are normal forces of
+        its own contacts; None: ``touch`` acts. ``joints`` adds torques to those of the actuators; None: as in the
+        model.
         """
         config = setup.config
         mechanism = setup.mechanism
         self.mujoco = mujoco = load_mujoco()
-        model, trunk, joint, foot, origin = made
-        data = mujoco.MjData(model)
+        model, trunk, joint, foot, origin = machine
         self.model = model
-        self.data = data
+        self.data = data = mujoco.MjData(model)
         q, dq = (addresses[joint].astype(np.int64) for addresses in (model.jnt_qposadr, model.jnt_dofadr))
         model.opt.timestep = config.sampling_period / self.config.substeps
-        trunk_rate, self._floats = np.zeros(6), int(trunk > 0)
+        trunk_rate = np.zeros(6)
+        self._floats = int(trunk > 0)
         if trunk:
             free = model.body_jntadr[trunk]
-            first, first_rate = model.jnt_qposadr[free], model.jnt_dofadr[free]
+            first = model.jnt_qposadr[free]
+            first_rate = model.jnt_dofadr[free]
             data.qpos[first : first + 3] = np.array([0.0, 0.0, mechanism.hip_height]) - origin
             data.qpos[first + 3 : first + 7] = [1.0, 0.0, 0.0, 0.0]
             trunk_rate = data.qvel[first_rate : first_rate + 6]
@@ -126,8 +128,7 @@ class MujocoPlant:
         self.state.body[0] = mechanism.hip_height
         stages = None
         if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
-            velocity, acceleration = np.zeros((2, 4, model.nv))
-            stages = Stages(model.opt.timestep, np.zeros(model.nq), np.zeros(model.nv), velocity, acceleration)
+            stages = Stages(model.opt.timestep, np.zeros(model.nq), np.zeros(model.nv), *np.zeros((2, 4, model.nv)))
         load_library()
         self.engine = Engine(
             model=model._address,  # the bindings have no public name for it
@@ -167,7 +168,7 @@ class MujocoPlant:
         return self.measure()
 
     def step(self, torque: Array) -> Measurement:
-        """Hold ``torque`` (L, J), N m, over one sampling period; raises Diverged if MuJoCo warns of its state."""
+        """Hold ``torque`` (L, J), N m, over one sampling period; raise Diverged if MuJoCo warns of its state."""
         self._torque[...] = torque
         if self._advancing is None:
             self._advancing = advancing(self.engine, self.state, self._torque)
@@ -177,10 +178,10 @@ class MujocoPlant:
         return copy_state(self.state, self.engine.travel, self.signals)
 
     def hold(self) -> Array:
-        """Remember this step as the one that :meth:`put` returns to; its state, (n,).
+        """Store this step as the one to which :meth:`put` returns; return its state (n,).
 
-        It contains positions, m and rad, velocities, m/s and rad/s, and where feet stick, m; on a floating trunk all
-        are relative to its place.
+        It contains positions, m and rad, velocities, m/s and rad/s, and where feet stick, m; under a floating trunk
+        all are relative to its position.
         """
         kind = self.mujoco.mjtState.mjSTATE_INTEGRATION
         whole = np.empty(self.mujoco.mj_stateSize(self.model, kind))
@@ -189,37 +190,39 @@ class MujocoPlant:
         return self.pack_state()
 
     def pack_state(self) -> Array:
-        """The present state (n,), in units of MuJoCo: m, rad, m/s, rad/s; see :meth:`hold`."""
-        place = self.data.qpos[: 2 * self._floats]
-        anchor = self.engine.anchor - (place if self._floats else 0.0)
+        """Return the current state (n,), in units of MuJoCo: m, rad, m/s, rad/s; see :meth:`hold`."""
+        trunk_position = self.data.qpos[: 2 * self._floats]
+        anchor = self.engine.anchor - (trunk_position if self._floats else 0.0)
         return np.concatenate([self.data.qpos[2 * self._floats :], self.data.qvel, anchor.ravel()])
 
     def put(self, state: Array | None = None) -> Measurement:
-        """Return to the step of :meth:`hold`, with this state (n,); None: with that of then, to the last bit.
+        """Return to the step of :meth:`hold`, with ``state`` (n,); None: with the stored state, to the last bit.
 
         Its units are those of :meth:`pack_state`, m, rad, m/s and rad/s.
         """
-        data, anchor = self.data, self.engine.anchor
+        data = self.data
+        anchor = self.engine.anchor
         whole, self.state.force[...], self.state.clock[...], anchor[...] = self._held
         self.mujoco.mj_setState(self.model, data, whole, self.mujoco.mjtState.mjSTATE_INTEGRATION)
         self.engine.warned[...] = 0
         if state is not None:
-            after = len(data.qpos) - 2 * self._floats, len(data.qpos) - 2 * self._floats + len(data.qvel)
-            data.qpos[2 * self._floats :], data.qvel[:] = state[: after[0]], state[after[0] : after[1]]
-            anchor[...] = state[after[1] :].reshape(anchor.shape)
+            positions = len(data.qpos) - 2 * self._floats
+            data.qpos[2 * self._floats :] = state[:positions]
+            data.qvel[:] = state[positions : positions + len(data.qvel)]
+            anchor[...] = state[positions + len(data.qvel) :].reshape(anchor.shape)
             anchor += data.qpos[:2] if self._floats else 0.0
         self.mujoco.mj_step1(self.model, data)
         apply_forces(self.engine.floor, self.engine, self.state, False)
         return self.measure()
 
     def measure(self) -> Measurement:
-        """The present state of MuJoCo, measured anew, as if it did not change."""
+        """Measure the current state of MuJoCo as if the machine kept its velocity."""
         for _ in range(2):  # an acceleration is the difference of two velocities
             observe(self.engine, self.state, np.zeros(self.state.q.shape))
         return copy_state(self.state, self.engine.travel, self.signals)
 
     def kernel_parts(self) -> KernelParts:
-        """Machine in MuJoCo and state, the place of a body that moves, and what a robot measures."""
+        """Return the machine in MuJoCo, its state, the world pose of a moving body, and signals of the robot."""
         return {
             "plant": self.engine,
             "plant_state": self.state,
@@ -229,14 +232,15 @@ class MujocoPlant:
 
     @property
     def divergence(self) -> str:
-        """The first of MuJoCo's warnings, in one line, with the joint to which the velocity that it names belongs.
+        """First of MuJoCo's warnings, in one line, with the joint that it concerns; empty without a warning.
 
-        Empty if there is none. A singular inertia, number 0, follows from any other: it is named only if it is alone.
+        A singular inertia, number 0, follows from any other: it is reported only if it is the only one.
         """
         if not self.engine.warned.any():
             return ""
         warning = int(min(np.flatnonzero(self.engine.warned), key=lambda number: number == 0))
-        name, velocity = self.mujoco.mjtWarning(warning).name, int(self.data.warning.lastinfo[warning])
+        name = self.mujoco.mjtWarning(warning).name
+        velocity = int(self.data.warning.lastinfo[warning])
         if name == "mjWARN_BADQPOS":  # a body that floats has a position, of its quaternion, more than velocities
             velocity = max(0, velocity - (self.model.nq - self.model.nv))
         joint = self.model.joint(int(self.model.dof_jntid[velocity])).name or "the trunk"
@@ -244,6 +248,6 @@ class MujocoPlant:
 
 
 def require_machine(setup: Setup, kind: str, option: str, scenario: str) -> None:
-    """Check that a plant can move the machine; raises BadInput."""
-    own = setup.config.machine.kind
-    require(own == kind, "machine.kind", own, f"must be {kind} with plant={option}: use scenario={scenario}")
+    """Check that a plant can move the machine; raise BadInput otherwise."""
+    actual = setup.config.machine.kind
+    require(actual == kind, "machine.kind", actual, f"must be {kind} with plant={option}: use scenario={scenario}")

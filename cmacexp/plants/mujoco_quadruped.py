@@ -1,6 +1,6 @@
 """Four legs under a floating body in MuJoCo, which stand on the project's elastic ground by friction.
 
-Lin & Song 1997 balance the body in every instant (section 6); here it has mass, so that it rocks, bounces, and moves
+Lin & Song 1997 balance the body at every instant (section 6); here it has mass, so that it rocks, bounces, and moves
 only as far as the feet push it.
 """
 
@@ -25,7 +25,7 @@ class MujocoQuadruped(MujocoPlant):
         """Integration, friction of the feet, inertia of the body."""
 
         body_inertia: list[float] = number("kg m^2", above=0, at_most=1e3)
-        """Inertia of the body without its legs about its x, y and z."""
+        """Moments of inertia of the body without its legs about its x, y and z."""
 
     config: Config
 
@@ -34,7 +34,7 @@ class MujocoQuadruped(MujocoPlant):
     def reset(self, setup: Setup) -> Measurement:
         """Start near the planned joint angles, at rest, the body at its planned height; raises BadInput."""
         require_machine(setup, "quadruped", "mujoco_quadruped", "quadruped")
-        setup, factor = self.config.build(setup), self.config.mass_factor
-        inertia = [factor * moment for moment in self.config.body_inertia]
-        model = make_planar(setup.mechanism, factor * setup.config.machine.body_mass, inertia)
+        setup = self.config.build(setup)
+        inertia = [self.config.mass_factor * moment for moment in self.config.body_inertia]
+        model = make_planar(setup.mechanism, self.config.mass_factor * setup.config.machine.body_mass, inertia)
         return self.begin(setup, model, self.config.touch(setup))

@@ -9,7 +9,7 @@ from cmacexp.config.fields import read_fields
 from cmacexp.config.machine import RobotMachine
 from cmacexp.data.run import Run
 from cmacexp.errors import require
-from cmacexp.models.robot import Robot, load_mujoco, place
+from cmacexp.models.robot import Robot, load_mujoco, set_posture
 from cmacexp.recording.entities import FINENESS, Entities, round_angles, round_points
 from cmacexp.recording.run_view import RunView, read_robot_of_run
 from cmacexp.recording.scene import MESHES
@@ -95,7 +95,7 @@ def log_meshes(entities: Entities, view: RunView, run: Run) -> None:
     q = view.trace.stack_joints("q{}")
     poses = np.empty((len(q), model.nbody, 7))
     for pose, angles in zip(poses, q, strict=True):
-        place(model, data, robot.legs.joint, angles)
+        set_posture(model, data, robot.legs.joint, angles)
         pose[:, :3], pose[:, 3:] = data.xpos, np.roll(data.xquat, -1, axis=1)
     poses[..., :3] += view.joints[0, 0, 0] - robot.hinges[0, 0, :3]  # from the trunk's frame to the body's
     for body, geoms in shown.items():
