@@ -1,7 +1,7 @@
-"""The table of signals: every column of the tables that a run writes, declared once.
+"""Declaration of all signals, which are the columns of the tables of a run.
 
 The schemas of the files, the layout of the loop's samples, the ``*_measured`` columns, the arrays that components
-exchange and ``docs/files.md`` derive from it.
+exchange and ``docs/files.md`` are derived from it.
 """
 
 from collections.abc import Collection, Sequence
@@ -15,17 +15,17 @@ from cmacexp.config.machine import LEG_NAMES
 CLOCK, PLAN, PLANT, SENSORS, CONTROLLER, FEEDFORWARD, DERIVED = (
     "clock", "plan", "plant", "sensors", "controller", "feedforward", "trace",
 )  # fmt: skip
-"""Who owns a signal; the trace owns what it computes from other signals."""
+"""Owners of signals: the components that produce them; the trace owns those that it computes from others."""
 SAMPLED = (PLANT, SENSORS, CONTROLLER, FEEDFORWARD)
-"""Owners whose signals the loop samples in every step; the others are known before or after the run."""
+"""Owners whose signals the loop samples in every step; others are computed before or after the run."""
 
 ALWAYS, IF_ALTERED, IF_WATCHED = "always", "if altered", "if watched"
-"""When a trace has a column: in every run, where sensors can alter the signal, where force sensors are watched."""
+"""Presence of a column in traces: in every run, if sensors can alter the signal, with fault detection of forces."""
 
 
 @dataclass(frozen=True)
 class Signal:
-    """One column: name, unit, meaning, owner, Arrow type."""
+    """Declaration of a signal, a column of a table."""
 
     name: str
     unit: str
@@ -33,8 +33,9 @@ class Signal:
     owner: str
     type: pa.DataType = pa.float64()
     altered_by: tuple[str, ...] = ()
-    """Sensor signals that can alter this one; a column ``*_measured`` then shows what the controller gets."""
+    """Sensor signals that can alter this one; a column ``*_measured`` then has the value that the controller gets."""
     present: str = ALWAYS
+    """When traces have the column."""
 
 
 PHASES = ["transfer", "support"]
@@ -99,13 +100,13 @@ SPATIAL_SIGNALS = (
         for n in (1, 2, 3)
     ),
 )
-"""Columns of ``trace.parquet`` of a robot, after :data:`LEG_SIGNALS`: what legs that move in space have besides."""
+"""Further columns of ``trace.parquet`` of a robot, whose legs move in space, after :data:`LEG_SIGNALS`."""
 
 MODEL_SIGNALS = tuple(
     Signal(f"tau_model_{n}", "N m", f"part of tau_feedforward_{n} that a model gives, before the actuator", PLAN)
     for n in (1, 2, 3)
 )
-"""Columns of ``trace.parquet`` of a run whose feedforward learns on top of a model, one for each joint of a leg."""
+"""Further columns of ``trace.parquet`` if the feedforward learns on top of a model, one per joint of a leg."""
 
 TRUE_MARGIN_SIGNALS = (
     Signal(
@@ -119,7 +120,7 @@ TRUE_MARGIN_SIGNALS = (
     Signal("true_margin_rear", "m", "likewise to its rear boundary along the body's x", DERIVED),
 )
 TRUE_MARGINS = tuple(signal.name for signal in TRUE_MARGIN_SIGNALS)
-"""Signals that follow from the traces of body and legs: nearest edge, front, rear."""
+"""Names of :data:`TRUE_MARGIN_SIGNALS`, which are computed from the traces of body and legs."""
 BODY_SIGNALS = (
     Signal("step", "", "sampling period, from 0 over the whole run", CLOCK, pa.int32()),
     Signal("time", "s", "start of the step", CLOCK),
@@ -162,12 +163,13 @@ LIVE_SIGNALS = (
     ),
     Signal("states_missed", "", "states that were sent and not received, since the run began; NaN likewise", PLANT),
 )
-"""Columns of ``body.parquet`` of a machine that is not simulated, after :data:`BODY_SIGNALS`.
+"""Further columns of ``body.parquet`` of a real machine, after :data:`BODY_SIGNALS`.
 
-A step whose answer takes longer than a sampling period has overrun.
+A step whose ``answer_time`` exceeds a sampling period is an overrun.
 """
 
 LEARNS, REPEATED, FEEDBACK_ALONE = range(3)
+"""States of the guard of learning in ``memory.parquet``."""
 GUARD_STATES = (
     f"{LEARNS} learning goes on, {REPEATED} the torque of the best cycle acts, {FEEDBACK_ALONE} feedback alone acts"
 )
@@ -198,16 +200,22 @@ ARRAYS = {
     "feedforward": ("tau_feedforward_1", "tau_feedforward_2", "tau_feedforward_3"),
     "reference": ("x_reference", "y_reference", "z_reference"),
 }
-"""Signals in the arrays that components exchange, the third of joints and feet only where these move in space.
+"""Signals by the array in which components exchange them; those of a third joint or axis only if legs move in space.
 
-Those up to ``travel`` are the fields of a measurement.
+The arrays up to ``travel`` are the fields of a measurement.
 """
 
 
 def select_signals(
     table: Sequence[Signal], altered: Collection[str] = (), watched: bool = False
 ) -> tuple[Signal, ...]:
-    """Columns of a run whose sensors can alter some signals, and whose force sensors are ``watched`` or not."""
+    """Select the columns of a run from ``table``, with the ``*_measured`` ones after the true ones.
+
+    Args:
+        table: Declared signals.
+        altered: Sensor signals that the sensors of the run can alter.
+        watched: True if fault detection checks the force sensors.
+    """
 
     def is_altered(signal: Signal) -> bool:
         return any(name in altered for name in signal.altered_by)
@@ -223,20 +231,20 @@ def select_signals(
 
 
 def list_samples(table: Sequence[Signal], wide: bool) -> tuple[str, ...]:
-    """Names of what the loop samples, in the order of the columns; ``wide``: with all that sensors may add."""
+    """List the signals that the loop samples, in column order; if ``wide`` with all optional columns."""
     all_altering = {name for signal in table for name in signal.altered_by}
     columns = select_signals(table, all_altering if wide else (), watched=wide)
     return tuple(signal.name for signal in columns if signal.owner in SAMPLED)
 
 
-def list_units() -> dict[str, str]:
-    """Units of :data:`ARRAYS`: one, or one per column."""
+def list_array_units() -> dict[str, str]:
+    """List the unit of each of :data:`ARRAYS`, or the units of its columns, separated by commas, if they differ."""
     units = {signal.name: signal.unit for signal in (*LEG_SIGNALS, *SPATIAL_SIGNALS, *BODY_SIGNALS)}
-    by_column = {array: [units[name] for name in names] for array, names in ARRAYS.items()}
-    return {array: of[0] if len(set(of)) == 1 else ", ".join(of) for array, of in by_column.items()}
+    columns = {array: [units[name] for name in names] for array, names in ARRAYS.items()}
+    return {array: unit[0] if len(set(unit)) == 1 else ", ".join(unit) for array, unit in columns.items()}
 
 
 @cache
 def make_schema(signals: Sequence[Signal]) -> pa.Schema:
-    """Arrow schema of signals, with unit and meaning in the metadata of each field."""
+    """Make the Arrow schema of signals, with unit and meaning in the metadata of each field."""
     return pa.schema([pa.field(s.name, s.type, metadata={"unit": s.unit, "meaning": s.meaning}) for s in signals])
