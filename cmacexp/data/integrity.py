@@ -56,8 +56,9 @@ def is_finished(folder: Path, config: Config) -> bool:
         return False
     plain = to_plain(config)
     stored_record = manifest["config"].get("record", {})
-    same = manifest["config_hash"] == config_hash(plain)
-    same = same and all(manifest[name] == value for name, value in compute_hashes(config).items())
+    same = manifest["config_hash"] == config_hash(plain) and all(
+        manifest[name] == value for name, value in compute_hashes(config).items()
+    )
     has_steps = all(stored_record.get(key) == plain["record"][key] for key in ("every_nth_step", "cycles"))
     has_trace = (TRACE_FILE in manifest["files"] and has_steps) or not config.record.trace
     has_weights = WEIGHTS in manifest["files"] or not config.record.weights

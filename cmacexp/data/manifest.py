@@ -203,7 +203,7 @@ def require_intact(path: Path) -> Path:
     if manifest is None or manifest.get("kind") == REPORT:
         return path
     listed = path.name in manifest["files"]
-    lean = f"{path}: the run keeps metrics alone (record.trace=false); run it again with record=trace"
+    lean = f"{path}: the run keeps metrics only (record.trace=false); run it again with record=trace"
     BadRun.unless(listed or keeps_trace(manifest), lean)
     cause = manifest.get("cause")
     why = f"it {manifest['status']}: {cause}" if cause else f"its {MANIFEST} does not list it"
@@ -280,7 +280,7 @@ def _require_some(folder: Path, paths: Iterable[Path]) -> list[Path]:
         return ordered
     BadRun.unless(
         not has_tables(folder) and not list_job_parts(folder),
-        f"{folder}: its runs keep metrics alone (record=metrics), without folders; use record=trace",
+        f"{folder}: its runs keep metrics only (record=metrics), without folders; use record=trace",
     )
     raise BadRun(f"{folder}: contains no run; use the folder that a run printed at its end")
 

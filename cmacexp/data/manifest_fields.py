@@ -122,8 +122,7 @@ class RunManifest:
 
 def fill(entries: Mapping[str, Any]) -> dict[str, Any]:
     """Add the defaults of missing entries to the manifest of a run that was checked when it was written."""
-    defaults = {entry.name: [] if entry.default is MISSING else entry.default for entry in fields(RunManifest)}
-    return {**defaults, **entries}
+    return {item.name: [] if item.default is MISSING else item.default for item in fields(RunManifest)} | {**entries}
 
 
 def complete(plain: Any) -> dict[str, Any]:
