@@ -60,6 +60,7 @@ def describe_fields(config: Mapping[str, Any]) -> dict[str, Described]:
 
 
 def _describe(schema: type, node: Mapping[str, Any], before: str) -> Iterator[tuple[str, Described]]:
+    """Yield key, unit and meaning of the fields of ``node``, of class ``schema``; keys begin with ``before``."""
     meanings = read_meanings(schema)
     for name, (declared, inner) in list_declared_fields(schema).items():
         key = before + name

@@ -39,7 +39,7 @@ class LegMachine:
 
     leg: LegConfig
     kind: str = choice("leg")
-    """What the machine is; decides its other fields."""
+    """Kind of machine; determines its other fields."""
     hip_height: float = number("m", above=0)
     """Height of the hip above the undepressed ground."""
 
@@ -87,7 +87,7 @@ class QuadrupedMachine:
     """Links of all legs; ``legs`` overrides them for individual legs."""
     legs: FourLegs
     kind: str = choice("quadruped")
-    """What the machine is; decides its other fields."""
+    """Kind of machine; determines its other fields."""
     hip_height: float = number("m", above=0.25)
     """Planned height of the hips above the undepressed ground, h0 (assumed)."""
     body_mass: float = number("kg", above=0, needs=MASS_COUNTS)
@@ -107,7 +107,7 @@ class PointMassMachine:
     """The leg as a point mass that moves along x and y (Lin & Song 1997, eq. 2-4)."""
 
     kind: str = choice("point_mass")
-    """What the machine is; decides its other fields."""
+    """Kind of machine; determines its other fields."""
     hip_height: float = number("m", above=0)
     """Height of the origin above the undepressed ground."""
     mass: float = number("kg", above=0)
@@ -172,7 +172,7 @@ class RobotMachine(RobotModel):
     """Robot with the masses, geometry, limits and losses of its model."""
 
     kind: str = choice("robot")
-    """What the machine is; decides its other fields."""
+    """Kind of machine; determines its other fields."""
     hip_height: float = number("m", above=0)
     """Planned height of the thigh joints above the undepressed ground, h0."""
     latency: float = number("s", at_least=0, at_most=0.1, default=0.0)

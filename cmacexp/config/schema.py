@@ -172,7 +172,7 @@ class LearningConfig:
     cycle is repeated; refine: it is also improved once per cycle, by the rule of the paper."""
     start_cycle: int = number("", at_least=1, at_most=10**9, needs=("own.start_from is None",))
     """First cycle in which the feedforward learns and acts, with a guard at least the second. With weights of another
-    run the feedforward acts from the first cycle on. If larger than ``cycles``, there is no feedforward."""
+    run the feedforward acts from the first cycle on. If larger than cycles, there is no feedforward."""
     start_from: str | None = field(kw_only=True, metadata={"needs": NEEDS_LEARNING})
     """Folder of a run with record.weights=true, whose weights are the initial ones; null: zero weights."""
     regularisation: float = number("", at_least=0, at_most=1e6)

@@ -48,19 +48,19 @@ LEG_SIGNALS = (
     Signal("leg", "", f"{_NUMBERED}; 1 for one leg", CLOCK, pa.int32()),
     Signal("phase", "", "planned phase", PLAN, pa.dictionary(pa.int8(), pa.string())),
     Signal("progress", "", "0 to 1 within the phase", PLAN),
-    Signal("x_desired", "m", "where the foot should really be, hip frame, x forward", PLAN),
+    Signal("x_desired", "m", "desired position of the foot, hip frame, x forward", PLAN),
     Signal(
         "y_desired",
         "m",
-        "where the foot should really be, hip frame, y down; in support the depression for F_d",
+        "desired position of the foot, hip frame, y down; in support the depression for F_d",
         PLAN,
     ),
-    Signal("x_reference", "m", "what the controller is fed along x", CONTROLLER),
+    Signal("x_reference", "m", "input of the controller along x", CONTROLLER),
     Signal(
-        "y_reference", "m", "what the controller is fed along y (D_r of eq. 9, 13, 24); NaN where unused", CONTROLLER
+        "y_reference", "m", "input of the controller along y (D_r of eq. 9, 13, 24); NaN where unused", CONTROLLER
     ),
-    Signal("x", "m", "foot, hip frame, x forward", PLANT, altered_by=("position",)),
-    Signal("y", "m", "foot, hip frame, y down", PLANT, altered_by=("position",)),
+    Signal("x", "m", "position of the foot, hip frame, x forward", PLANT, altered_by=("position",)),
+    Signal("y", "m", "position of the foot, hip frame, y down", PLANT, altered_by=("position",)),
     Signal("vx", "m/s", "velocity of the foot in the hip frame", PLANT, altered_by=("position", "velocity")),
     Signal("vy", "m/s", "velocity of the foot in the hip frame", PLANT, altered_by=("position", "velocity")),
     Signal("q1", "rad", "joint angle theta1; NaN without joints", PLANT, altered_by=("position",)),
@@ -69,7 +69,7 @@ LEG_SIGNALS = (
     Signal("dq2", "rad/s", "joint velocity", PLANT, altered_by=("velocity",)),
     Signal("force", "N", "contact force, positive pressing on the ground", PLANT, altered_by=("force",)),
     Signal("force_desired", "N", "desired contact force", PLAN),
-    Signal("force_measured", "N", "contact force as the controller saw it", SENSORS),
+    Signal("force_measured", "N", "contact force measured by the controller", SENSORS),
     Signal("tau_feedback_1", "N m", "feedback torque of joint 1 (Cartesian force in N for a point mass)", CONTROLLER),
     Signal("tau_feedback_2", "N m", "feedback torque of joint 2 (Cartesian force in N for a point mass)", CONTROLLER),
     Signal("tau_feedforward_1", "N m", "feedforward torque of joint 1; the plant gets the sum of both", FEEDFORWARD),
@@ -86,9 +86,9 @@ LEG_SIGNALS = (
 """Columns of ``trace.parquet``: one row per step and leg."""
 
 SPATIAL_SIGNALS = (
-    Signal("z_desired", "m", "where the foot should really be, hip frame, z to the left", PLAN),
-    Signal("z_reference", "m", "what the controller is fed along z", CONTROLLER),
-    Signal("z", "m", "foot, hip frame, z to the left", PLANT, altered_by=("position",)),
+    Signal("z_desired", "m", "desired position of the foot, hip frame, z to the left", PLAN),
+    Signal("z_reference", "m", "input of the controller along z", CONTROLLER),
+    Signal("z", "m", "position of the foot, hip frame, z to the left", PLANT, altered_by=("position",)),
     Signal("vz", "m/s", "velocity of the foot in the hip frame", PLANT, altered_by=("position", "velocity")),
     *(Signal(f"q{n}_desired", "rad", f"planned joint angle theta{n}", PLAN) for n in (1, 2, 3)),
     Signal("q3", "rad", "joint angle theta3", PLANT, altered_by=("position",)),
@@ -96,14 +96,14 @@ SPATIAL_SIGNALS = (
     Signal("tau_feedback_3", "N m", "feedback torque of joint 3", CONTROLLER),
     Signal("tau_feedforward_3", "N m", "feedforward torque of joint 3; the plant gets the sum of both", FEEDFORWARD),
     *(
-        Signal(f"tau_force_{n}", "N m", f"part of tau_feedback_{n} that does not teach: J^T F_d", CONTROLLER)
+        Signal(f"tau_force_{n}", "N m", f"part of tau_feedback_{n} that is no learning error: J^T F_d", CONTROLLER)
         for n in (1, 2, 3)
     ),
 )
 """Further columns of ``trace.parquet`` of a robot, whose legs move in space, after :data:`LEG_SIGNALS`."""
 
 MODEL_SIGNALS = tuple(
-    Signal(f"tau_model_{n}", "N m", f"part of tau_feedforward_{n} that a model gives, before the actuator", PLAN)
+    Signal(f"tau_model_{n}", "N m", f"part of tau_feedforward_{n} from a model, before the actuator", PLAN)
     for n in (1, 2, 3)
 )
 """Further columns of ``trace.parquet`` if the feedforward learns on top of a model, one per joint of a leg."""
@@ -116,8 +116,8 @@ TRUE_MARGIN_SIGNALS = (
         "payload included; NaN with fewer than three",
         DERIVED,
     ),
-    Signal("true_margin_front", "m", "likewise to its front boundary along the body's x", DERIVED),
-    Signal("true_margin_rear", "m", "likewise to its rear boundary along the body's x", DERIVED),
+    Signal("true_margin_front", "m", "as true_stability_margin, to the front boundary along the body's x", DERIVED),
+    Signal("true_margin_rear", "m", "as true_stability_margin, to the rear boundary along the body's x", DERIVED),
 )
 TRUE_MARGINS = tuple(signal.name for signal in TRUE_MARGIN_SIGNALS)
 """Names of :data:`TRUE_MARGIN_SIGNALS`, which are computed from the traces of body and legs."""
@@ -158,10 +158,12 @@ LIVE_SIGNALS = (
     Signal(
         "answer_time",
         "s",
-        "from the state of the machine to the command that answers it; NaN if none was sent",
+        "time from the state of the machine to the command computed from it; NaN if none was sent",
         PLANT,
     ),
-    Signal("states_missed", "", "states that were sent and not received, since the run began; NaN likewise", PLANT),
+    Signal(
+        "states_missed", "", "states sent but not received since the run began; NaN if no command was sent", PLANT
+    ),
 )
 """Further columns of ``body.parquet`` of a real machine, after :data:`BODY_SIGNALS`.
 
@@ -170,12 +172,10 @@ A step whose ``answer_time`` exceeds a sampling period is an overrun.
 
 LEARNS, REPEATED, FEEDBACK_ALONE = range(3)
 """States of the guard of learning in ``memory.parquet``."""
-GUARD_STATES = (
-    f"{LEARNS} learning goes on, {REPEATED} the torque of the best cycle acts, {FEEDBACK_ALONE} feedback alone acts"
-)
+GUARD_STATES = f"{LEARNS} learning, {REPEATED} the torque of the best cycle acts, {FEEDBACK_ALONE} feedback only"
 MEMORY_SIGNALS = (
     Signal("cycle", "", "gait cycle, from 1", CLOCK, pa.int32()),
-    Signal("leg", "", "as in the trace", CLOCK, pa.int32()),
+    Signal("leg", "", "leg, as in the trace", CLOCK, pa.int32()),
     Signal("weight_norm", "N m", "Euclidean norm of all weights of the network at the end of the cycle", FEEDFORWARD),
     Signal("weight_largest", "N m", "largest absolute weight at the end of the cycle", FEEDFORWARD),
     Signal("rows_used", "", "rows of memory with a weight other than 0 at the end of the cycle", FEEDFORWARD),
@@ -223,7 +223,7 @@ def select_signals(
     true = [s for s in table if s.present == ALWAYS or (s.present == IF_ALTERED and is_altered(s))]
     names = {signal.name for signal in true}
     measured = [
-        Signal(f"{s.name}_measured", s.unit, f"{s.name} as the controller saw it", SENSORS)
+        Signal(f"{s.name}_measured", s.unit, f"{s.name} measured by the controller", SENSORS)
         for s in true
         if is_altered(s) and f"{s.name}_measured" not in names
     ]
