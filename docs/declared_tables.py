@@ -77,7 +77,7 @@ def arrays_table() -> str:
             *(", ".join(c for c in signals.ARRAYS[name] if (c in spatial) == third) for third in (False, True)),
             unit,
         )
-        for name, unit in signals.list_units().items()
+        for name, unit in signals.list_array_units().items()
     ]
     return table_of(
         ["array", "columns", "third of a robot", "unit"], [(f"`{name}`", *cells) for name, *cells in rows]

@@ -21,7 +21,7 @@ __all__ = [
     "to_config",
     "to_plain",
 ]
-_PLACES = {
+_MODULES = {
     **dict.fromkeys(("ComponentConfig", "FeedforwardConfig", "config_folder"), "component"),
     **dict.fromkeys(("choice", "number", "read_fields"), "fields"),
     **dict.fromkeys(("config_hash", "to_config", "to_plain"), "load"),
@@ -30,7 +30,7 @@ _PLACES = {
 
 
 def __getattr__(name: str) -> Any:
-    """A public name, imported when it is first asked for: :class:`cmacexp.cmac.Cmac` needs no Hydra."""
-    if name in _PLACES:
-        return getattr(import_module(f"cmacexp.config.{_PLACES[name]}"), name)
+    """Import a public name on first access, so that :class:`cmacexp.cmac.Cmac` does not load Hydra."""
+    if name in _MODULES:
+        return getattr(import_module(f"cmacexp.config.{_MODULES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

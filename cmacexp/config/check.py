@@ -13,21 +13,24 @@ from cmacexp.config.schema import Config, read_component
 from cmacexp.errors import BadInput, require
 
 Check = tuple[bool, str, Any, str]
-"""Whether a combination of fields is wrong; the key that the message names, its value, and what it must be."""
-SHORTEST_RAMP = 10
-"""Samples of the shortest ramp of the load: a shorter one is a jump that no sampled motion follows."""
+"""True if a combination of fields is invalid; then the key that the message names, its value, and the requirement."""
+SHORTEST_RAMP_SAMPLES = 10
+"""Duration of the shortest load ramp, samples: a sampled motion cannot follow a shorter one."""
 TOLERANCE = 1e-9
-"""Largest relative distance of an event from its sample."""
+"""Largest relative deviation of the time of an event from that of its sample."""
 MOST_ROWS = 2**24
-"""Steps times legs of the longest cycle, which is held in memory as a whole."""
+"""Largest number of steps times legs of a cycle, which is in memory as a whole."""
 SAMPLE_BYTES = 1000
-"""Memory that the plan, the samples and the traces of each leg take at each sample of a cycle, about."""
-CELL_BYTES, ACTIVATION_BYTES = 12, 10
-"""Memory of an active cell of a sample: its row and what finding it takes; its activation, unless it is 1."""
+"""Approximate memory for plan, samples and trace of a leg, per sample of a cycle, B."""
+CELL_BYTES = 12
+"""Memory for an active cell of a sample, B: its row, and the search for the row."""
+ACTIVATION_BYTES = 10
+"""Memory for the activation of a cell, B; not needed if all activations are 1."""
 DISTANCE_BYTES = 16
-"""Memory of the distance of a sample from a centre along one input: its difference and that squared."""
+"""Memory for the distance of a sample from a centre along one input, B: the difference and its square."""
 MOST_STEPS = 2**31 - 1
-"""Steps of the longest run: the trace counts them in 32 bits."""
+"""Number of steps of the longest run: the trace counts them with 32 bits."""
+GIB = 2**30
 
 
 def _is_whole(ratio: float) -> bool:
@@ -35,7 +38,7 @@ def _is_whole(ratio: float) -> bool:
 
 
 def _near_period(config: Config, divisor: int) -> float:
-    """A short number near the sampling period that divides the cycle into a multiple of ``divisor``."""
+    """Return a short number near the sampling period, s, that gives a multiple of ``divisor`` steps per cycle."""
     ratio = config.gait.cycle_time / config.sampling_period
     counts = [n for n in range(int(0.8 * ratio), int(1.25 * ratio) + 3) if n > 1 and n % divisor == 0]
     periods = [config.gait.cycle_time / n for n in counts or [2 * divisor]]
@@ -43,16 +46,19 @@ def _near_period(config: Config, divisor: int) -> float:
 
 
 def check_timing(config: Config) -> list[Check]:
-    """Every lift-off and touch-down falls on a sample of the cycle."""
-    gait, period, divisor = config.gait, config.sampling_period, PATTERNS[config.gait.pattern].divisor
+    """Check that every lift-off and touch-down falls on a sample of the cycle."""
+    gait = config.gait
+    period = config.sampling_period
+    divisor = PATTERNS[gait.pattern].divisor
     ratio = gait.cycle_time / period
-    steps, support = round(ratio), ratio * gait.duty_factor
+    steps = round(ratio)
+    support = ratio * gait.duty_factor
     divides = _is_whole(ratio) and steps >= 2
     near = "" if divides and steps % divisor == 0 else f"{_near_period(config, divisor):.12g}"
     at_sample = f"must fall on one of the {steps} samples of the cycle"
-    whole_steps = f"must divide gait.cycle_time={gait.cycle_time:g} s into at least 2 whole steps"
     if not divides:
-        return [(True, "sampling_period", period, f"{whole_steps}; {near} does")]
+        allowed = f"must divide gait.cycle_time={gait.cycle_time:g} s into at least 2 whole steps; {near} does"
+        return [(True, "sampling_period", period, allowed)]
     return [
         *(
             (
@@ -79,16 +85,16 @@ def check_timing(config: Config) -> list[Check]:
 
 
 def check_legs(config: Config) -> list[Check]:
-    """Gait and desired force fit the number of legs of the machine."""
-    gait, force, kind = config.gait, config.force_control.desired_force, config.machine.kind
-    legs, with_kind = 4 if config.has_body else 1, f"with machine.kind={config.machine.kind}"
+    """Check that gait and desired force fit the number of legs of the machine."""
+    gait = config.gait
+    force = config.force_control.desired_force
+    legs = 4 if config.has_body else 1
+    with_kind = f"with machine.kind={config.machine.kind}"
     fitting = listed([name for name, pattern in PATTERNS.items() if pattern.legs == legs])
-    is_dynamic = PATTERNS[gait.pattern].is_dynamic and kind != "robot"
-    given = f"must be null {with_kind}: the feet share the weight"
     return [
         (config.legs != legs, "gait.pattern", gait.pattern, f"{with_kind} choose from {fitting}"),
         (
-            is_dynamic,
+            PATTERNS[gait.pattern].is_dynamic and config.machine.kind != "robot",
             "gait.pattern",
             gait.pattern,
             f"needs a body that moves: {with_kind} choose wave, or scenario=robot",
@@ -103,32 +109,48 @@ def check_legs(config: Config) -> list[Check]:
             (force is None) != config.has_body,
             "force_control.desired_force",
             force,
-            given if config.has_body else f"must be a number above 0 (N) {with_kind}",
+            f"must be null {with_kind}: the feet share the weight"
+            if config.has_body
+            else f"must be a number above 0 (N) {with_kind}",
         ),
     ]
 
 
 def check_pattern(config: Config) -> list[Check]:
-    """Duty factor, stroke and load ramps are what the pattern of the gait allows."""
-    gait, pattern, period = config.gait, PATTERNS[config.gait.pattern], config.sampling_period
-    least, duty, given = pattern.least_duty_factor, gait.duty_factor, f"with gait.pattern={gait.pattern}"
+    """Check that duty factor, stroke and load ramps fit the pattern of the gait."""
+    gait = config.gait
+    pattern = PATTERNS[gait.pattern]
+    least = pattern.least_duty_factor
+    duty = gait.duty_factor
+    with_pattern = f"with gait.pattern={gait.pattern}"
     is_stable = not least or least <= duty < 1 or gait.allow_unstable
-    stable = f"must be at least {least:g} and below 1 for a statically stable {gait.pattern} gait"
     speed = gait.stroke / (duty * gait.cycle_time) if gait.speed is None else gait.speed
-    travel, shortest = speed * duty * gait.cycle_time, SHORTEST_RAMP * period
+    travel = speed * duty * gait.cycle_time
+    shortest = SHORTEST_RAMP_SAMPLES * config.sampling_period
     ramps = {
         "gait.load_ramp": (gait.load_ramp, duty * gait.cycle_time - gait.unload_ramp),
         "gait.unload_ramp": (gait.unload_ramp, duty * gait.cycle_time - gait.load_ramp),
     }
     return [
-        (not is_stable, "gait.duty_factor", duty, f"{stable}; or gait.allow_unstable=true"),
-        (pattern.lifts and duty == 1, "gait.duty_factor", duty, f"must be below 1 {given}; or use gait=standing"),
-        (not pattern.lifts and duty != 1, "gait.duty_factor", duty, f"must be 1 {given}"),
+        (
+            not is_stable,
+            "gait.duty_factor",
+            duty,
+            f"must be at least {least:g} and below 1 for a statically stable {gait.pattern} gait; "
+            "or gait.allow_unstable=true",
+        ),
+        (
+            pattern.lifts and duty == 1,
+            "gait.duty_factor",
+            duty,
+            f"must be below 1 {with_pattern}; or use gait=standing",
+        ),
+        (not pattern.lifts and duty != 1, "gait.duty_factor", duty, f"must be 1 {with_pattern}"),
         (
             not pattern.lifts and gait.stroke != 0,
             "gait.stroke",
             gait.stroke,
-            f"must be 0 {given}, which never lifts a foot",
+            f"must be 0 {with_pattern}, which never lifts a foot",
         ),
         (
             abs(gait.stroke - travel) > 1e-4 * max(travel, gait.stroke),
@@ -138,10 +160,11 @@ def check_pattern(config: Config) -> list[Check]:
         ),
         *(
             (
-                ramp > 0 and not shortest <= ramp <= longest - period,
+                ramp > 0 and not shortest <= ramp <= longest - config.sampling_period,
                 key,
                 ramp,
-                f"must be 0, or at least {shortest:g} s ({SHORTEST_RAMP} samples) and below {longest:g} s (support)",
+                f"must be 0, or at least {shortest:g} s ({SHORTEST_RAMP_SAMPLES} samples) "
+                f"and below {longest:g} s (support)",
             )
             for key, (ramp, longest) in ramps.items()
         ),
@@ -149,12 +172,14 @@ def check_pattern(config: Config) -> list[Check]:
 
 
 def check_ground_and_payload(config: Config) -> list[Check]:
-    """A step of the stiffness, a slope and a payload come where feet and body are, during the run."""
-    terrain, payload, machine, legs = config.terrain, config.payload, config.machine, config.legs
-    end, named = config.cycles * config.gait.cycle_time, terrain.step_legs
+    """Check that a stiffness step, a slope and a payload occur during the run, where the feet or the body are."""
+    terrain = config.terrain
+    payload = config.payload
+    machine = config.machine
+    end = config.cycles * config.gait.cycle_time
     hips = machine.hips if isinstance(machine, QuadrupedMachine | RobotMachine) else [(0.0, 0.0)]
     furthest = config.gait.stroke / 2.0 + config.body_speed * end + max(x for x, _ in hips)
-    some_legs = "1" if legs == 1 else f"some of 1 to {legs}, each once"
+    some_legs = "1" if config.legs == 1 else f"some of 1 to {config.legs}, each once"
     has_none = f"must be 0 with machine.kind={machine.kind}: it has no body"
     bounds = [(axis, min(values), max(values)) for axis, values in zip("xy", zip(*hips, strict=True), strict=True)]
     return [
@@ -165,9 +190,10 @@ def check_ground_and_payload(config: Config) -> list[Check]:
             f"must be below {end:g} s, the end of the run",
         ),
         (
-            named is not None and not 0 < len(named) == len(set(named) & set(range(1, legs + 1))),
+            terrain.step_legs is not None
+            and not 0 < len(terrain.step_legs) == len(set(terrain.step_legs) & set(range(1, config.legs + 1))),
             "terrain.step_legs",
-            named,
+            terrain.step_legs,
             f"must be {some_legs}; or null for all",
         ),
         (
@@ -196,9 +222,10 @@ def check_ground_and_payload(config: Config) -> list[Check]:
 
 
 def check_run(config: Config) -> list[Check]:
-    """The cycles fit into memory, trace and run; delays and gains fit the cycle and the method of force control."""
-    steps, record, most = config.steps_per_cycle, config.record, MOST_ROWS // config.legs
-    no_damping = config.gains is not None and config.gains[1] == 0.0
+    """Check the number of steps, the choice of what is recorded, the damping gain and the actuator delay."""
+    steps = config.steps_per_cycle
+    record = config.record
+    most = MOST_ROWS // config.legs
     return [
         (
             steps > most,
@@ -229,7 +256,7 @@ def check_run(config: Config) -> list[Check]:
             "must be false with record.trace=false: a recording is made of the traces",
         ),
         (
-            config.force_control.method == "damping" and no_damping,
+            config.force_control.method == "damping" and config.gains is not None and config.gains[1] == 0.0,
             "controller.velocity_gain",
             0.0,
             "must be above 0 with force_control=damping (eq. 11)",
@@ -251,42 +278,46 @@ def _count_inputs(config: Config, names: list[str]) -> int:
 
 
 def machine_memory() -> int:
-    """Bytes that this process can have: the memory of the machine, or the limit of its address space if less."""
+    """Return the memory available to this process, B: that of the machine or, if less, its address space limit."""
     installed = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     return installed if limit == resource.RLIM_INFINITY else min(installed, limit)
 
 
 def check_memory(config: Config) -> None:
-    """Check that one cycle with its network fits into memory, before anything is planned; raises BadInput.
+    """Check, before anything is planned, that one cycle with its network fits into memory; raises BadInput.
 
-    Not part of :func:`check`: a config that another machine has run is valid, whatever this one has.
+    This is not part of :func:`check`: the config of a stored run is valid even if this machine has less memory.
     """
-    steps, part = config.steps_per_cycle, config.feedforward
-    option = find_option("feedforward", read_component(part)["_target_"])
-    rows, network, key, value = steps * config.legs, 0, "", 0
+    steps = config.steps_per_cycle
+    rows = steps * config.legs
+    feedforward = config.feedforward
+    option = find_option("feedforward", read_component(feedforward)["_target_"])
+    network = 0
     if option in CMACS:
-        key, value = "cmac.layers", config.cmac.layers
-        cell = CELL_BYTES + (config.cmac.receptive_field != "rectangular") * ACTIVATION_BYTES
-        network = rows * value * cell
-    elif option == "rbf":  # leg by leg
-        key, value = "feedforward.centres", part.centres
-        network = steps * value * _count_inputs(config, part.inputs) * DISTANCE_BYTES
-    needed, memory = rows * SAMPLE_BYTES + network, machine_memory()
+        cell_bytes = CELL_BYTES + (config.cmac.receptive_field != "rectangular") * ACTIVATION_BYTES
+        network = rows * config.cmac.layers * cell_bytes
+    elif option == "rbf":  # computed for one leg after the other
+        network = steps * feedforward.centres * _count_inputs(config, feedforward.inputs) * DISTANCE_BYTES
+    needed = rows * SAMPLE_BYTES + network
+    memory = machine_memory()
     if needed > memory:
-        period, gib = f"{config.sampling_period:g}", 2**30
+        period = f"{config.sampling_period:g}"
         size = (
-            f"needs {needed / gib:.1f} GiB, more than the {memory / gib:.1f} GiB of this machine or process: "
+            f"needs {needed / GIB:.1f} GiB, more than the {memory / GIB:.1f} GiB of this machine or process: "
             f"{steps} samples a cycle of each leg"
         )
         if network < needed / 2:
             raise BadInput("sampling_period", period, f"{size}; use a longer one")
+        is_cmac = option in CMACS
+        key = "cmac.layers" if is_cmac else "feedforward.centres"
+        value = config.cmac.layers if is_cmac else feedforward.centres
         raise BadInput(key, value, f"with sampling_period={period} {size}; use fewer, or a longer sampling_period")
 
 
 def check(config: Config) -> None:
-    """Check every combination of fields that can be judged before planning; raises BadInput."""
-    if isinstance(config.machine, RobotMachine):  # it must have four legs, and a model that can be found
+    """Check all combinations of fields that can be checked before planning; raises BadInput."""
+    if isinstance(config.machine, RobotMachine):
         if config.legs == 1 and config.scenario != "robot":
             raise ask_for_robot(config.machine)
         read_model(config.machine)

@@ -1,4 +1,4 @@
-"""Size and shape of the CMAC, and the memory that it needs."""
+"""Size and shape of the CMAC, and the check of its memory."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -8,17 +8,17 @@ from cmacexp.errors import require
 
 PHASE = "phase"
 INPUTS = ("angle", "velocity", "acceleration", PHASE)
-"""Planned joint values that can be inputs of a network; the phase of the cycle, as a point on a circle."""
+"""Inputs of a network: planned joint values, or the phase of the cycle as a point on the unit circle."""
 WORD_BYTES = 8
-"""Bytes of a CMAC weight, a float64."""
+"""Size of a CMAC weight, a float64, B."""
 CMACS = ("cmac", "cmac_on_model")
-"""Feedforwards that are a CMAC."""
+"""Options of ``feedforward`` that contain a CMAC."""
 NEEDS_ACTING = ("learning.start_cycle <= cycles or learning.start_from is not None",)
-"""What a feedforward needs to act in some cycle; what has learnt before acts from the first one on."""
+"""Condition under which a feedforward acts in some cycle; with weights of another run it acts from the first."""
 NEEDS_LEARNING = ("option.feedforward not in ('none', 'inverse_dynamics')", *NEEDS_ACTING)
-"""What fields of learning need, but for the first cycle itself: a late one is how to switch learning off."""
+"""Condition for an effect of the fields of learning, except ``start_cycle``, which can switch learning off."""
 MOST_POSITIONS = 2**63
-"""Most cells of a CMAC that can be numbered with 64 bits."""
+"""Largest number of cells of a CMAC that can be indexed with 64 bits."""
 
 
 @dataclass
@@ -28,25 +28,30 @@ class CmacConfig:
     needs: ClassVar[tuple[str, ...]] = (f"option.feedforward in {CMACS}", *NEEDS_ACTING)
 
     layers: int = number("", at_least=1, at_most=4096, tuned=[8, 32, 128])
-    """C, the number of quantisation functions, which is the generalisation size."""
+    """Number of layers (quantisation functions), C; the generalisation size."""
     resolution_elements: int = number("", at_least=2, at_most=65536, tuned=[9, 17, 33, 65])
-    """Blocks of each quantisation function; (resolution_elements - 1) x layers quanta span an input's range."""
+    """Blocks per layer and input; (resolution_elements - 1) x layers quanta span the range of an input."""
     memory_bytes: int = number("B", at_least=1, at_most=2**30)
-    """Memory of one CMAC; a word is a float64, so rows = memory_bytes / (8 x outputs)."""
+    """Memory of one CMAC, with weights in float64: rows = memory_bytes / (8 x outputs)."""
     addressing: str = choice("hashed", "dense", "visited")
-    """hashed: cells share rows by chance; dense: each has its own; visited: each that the path visits has its own."""
+    """hashed: a random hash maps cells to rows, cells can collide; dense: one row per cell; visited: one row per
+    cell that the planned path visits."""
     displacement: str = choice("diagonal", "odd_lattice", "parks_militzer", needs=("own.layers > 1",))
-    """How the layers are shifted against each other; diagonal: as in the paper."""
+    """Displacement of the layers relative to each other; diagonal: as in the paper."""
     inputs: list[str] = choice(*INPUTS, tuned=[["angle"], ["angle", "velocity"], list(INPUTS[:3]), [PHASE]])
-    """Planned joint values that address the memory (assumed)."""
+    """Inputs of the CMAC: planned joint values, or the phase of the cycle (assumed)."""
     range_factor: float = number("", at_least=1, at_most=1e6, needs=("learning.start_from is None",))
-    """Input range over the planned span, centred on its middle (assumed)."""
+    """Input range divided by the range of the planned values; both have the same centre (assumed)."""
     receptive_field: str = choice("rectangular", "linear", "cubic", needs=("own.layers > 1",))
-    """Activation of a cell over its width: constant, as in the paper, or a B-spline (Lane et al. 1992)."""
+    """Activation of a cell; rectangular: constant, as in the paper; linear, cubic: B-splines (Lane et al. 1992)."""
 
 
 def check_size(cmac: CmacConfig, inputs: int, outputs: int) -> None:
-    """Check that memory holds a weight per layer and output, and all cells if it is dense; raises BadInput."""
+    """Check that memory suffices for a network with this number of inputs and outputs; raises BadInput.
+
+    It must hold one weight per layer and output, with dense addressing the weights of all cells. Visited addressing
+    requires that the cells can be indexed with 64 bits.
+    """
     least = cmac.layers * outputs * WORD_BYTES
     require(
         cmac.memory_bytes >= least,

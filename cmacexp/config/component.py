@@ -1,6 +1,6 @@
-"""Plant, sensors, controller and feedforward in a config: their classes, the fields that these take, and their code.
+"""Plant, sensors, controller and feedforward in a config: their classes, the fields that they accept, and their code.
 
-A ``_target_`` names a shipped component, or a class in a file of the user's own.
+A ``_target_`` names the class of a shipped component, or of a custom one in a file of the user.
 """
 
 import hashlib
@@ -27,7 +27,7 @@ from cmacexp.errors import BadComponent, BadInput, format_install_command, requi
 
 PACKAGE = __name__.partition(".")[0]
 COMPONENTS = ("plant", "sensors", "controller", "feedforward")
-"""Groups that name a class by ``_target_``."""
+"""Groups of the config that name a class as ``_target_``."""
 NEW_NAMES = {
     **{
         f"cmacexp.control.{name}": f"cmacexp.feedforward.{name}"
@@ -38,12 +38,12 @@ NEW_NAMES = {
     "cmacexp.feedforward.cmac_on_model.CmacOnModel": "cmacexp.feedforward.CmacOnModel",
     "cmacexp.wire.unitree.UnitreeRobot": "cmacexp.addons.unitree.unitree.UnitreeRobot",
 }
-"""Targets that have moved, by their old names, which keep working."""
+"""New names of classes that have moved, by their old names, which keep working as targets."""
 
 
 _PACKAGE_FOLDER = Path(__file__).resolve().parents[1]
-_INSIDE, _BESIDE = _PACKAGE_FOLDER / "conf", _PACKAGE_FOLDER.parent / "conf"
-_CONFIGS = _INSIDE if _INSIDE.is_dir() else _BESIDE
+_INSTALLED_CONFIGS = _PACKAGE_FOLDER / "conf"
+_CONFIGS = _INSTALLED_CONFIGS if _INSTALLED_CONFIGS.is_dir() else _PACKAGE_FOLDER.parent / "conf"
 
 
 def config_folder() -> Path:
@@ -53,35 +53,36 @@ def config_folder() -> Path:
 
 @dataclass
 class ComponentConfig:
-    """Fields of a component, converted to their types and checked against their ranges.
+    """Base class for the fields of a component, converted to their types and checked against their ranges.
 
-    Its class carries a subclass of this as ``Config`` and is made with an object of it: ``Class(config=...)``.
+    The class of the component has a subclass of this as attribute ``Config``, and takes an object of it as argument:
+    ``Class(config=...)``.
     """
 
     _target_: str = field(default="", kw_only=True)
     draws: ClassVar[bool] = False
-    """Whether the component draws random numbers, for all that its own fields say."""
+    """True if the component uses the seed, as far as its fields determine that."""
 
     def check(self, config: Config) -> None:
-        """Check what no field shows alone, against each other and the rest of the run; raises BadInput."""
+        """Check combinations of the fields with each other and with the rest of ``config``; raises BadInput."""
 
 
 @dataclass
 class FeedforwardConfig(ComponentConfig):
-    """Fields of a feedforward that acts from ``learning.start_cycle`` on."""
+    """Base class for the fields of a feedforward that acts from ``learning.start_cycle`` on."""
 
     needs: ClassVar[tuple[str, ...]] = NEEDS_ACTING
 
 
 @cache
 def _read_options(folder: str) -> dict[str, dict[str, Any]]:
-    """Read the options in a folder of the shipped configs, as plain values by their names, in order."""
+    """Read the options in a folder of the shipped configs, as plain dictionaries by option name, sorted."""
     files = sorted((config_folder() / folder).glob("*.yaml"))
     return {path.stem: yaml.safe_load(path.read_text(encoding="utf-8")) or {} for path in files}
 
 
 def find_option(group: str, target: str) -> str:
-    """Find the option of a group that makes the class ``target``, else the name of the class."""
+    """Return the option of a group whose class is ``target``; without one the class name without its module."""
     for name, option in _read_options(group).items():
         inner = option.get(group)
         if target in (option.get("_target_"), inner.get("_target_") if isinstance(inner, dict) else None):
@@ -90,28 +91,28 @@ def find_option(group: str, target: str) -> str:
 
 
 def config_class(component: Callable[..., object]) -> type[ComponentConfig] | None:
-    """The config class that a component carries, if only because it inherits it; ``Config = None``: none."""
-    own = getattr(component, "Config", None)
-    return own if inspect.isclass(own) and issubclass(own, ComponentConfig) else None
+    """Return the attribute ``Config`` of a component class, own or inherited; None if it is no config class."""
+    schema = getattr(component, "Config", None)
+    return schema if inspect.isclass(schema) and issubclass(schema, ComponentConfig) else None
 
 
-def _fields_taken(component: Callable[..., object]) -> dict[str, bool] | None:
-    """Names of the fields that a component takes, and whether each is required; None: it may take any."""
+def _list_accepted_fields(component: Callable[..., object]) -> dict[str, bool] | None:
+    """List the fields that a component accepts, by name, True if required; None if it may accept any field."""
     if (schema := config_class(component)) is not None:
-        declared = [each for each in fields(schema) if each.name != "_target_"]
-        return {each.name: each.default is each.default_factory is MISSING for each in declared}
+        declared = [item for item in fields(schema) if item.name != "_target_"]
+        return {item.name: item.default is item.default_factory is MISSING for item in declared}
     try:
         parameters = inspect.signature(component).parameters.values()
     except (TypeError, ValueError):  # a class that is not written in Python
         return None
-    if any(each.kind == each.VAR_KEYWORD for each in parameters):
+    if any(parameter.kind == inspect.Parameter.VAR_KEYWORD for parameter in parameters):
         return None
-    named = [each for each in parameters if each.kind in (each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY)]
-    return {each.name: each.default is each.empty for each in named}
+    by_keyword = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    return {item.name: item.default is item.empty for item in parameters if item.kind in by_keyword}
 
 
 def _fields_of_options(group: str) -> set[str]:
-    """List the fields of ``group`` that some option of it has, or that a scenario, plant or controller sets in it."""
+    """List the fields of ``group`` that any of its options has, or that a scenario, plant or controller sets."""
     names: set[str] = set()
     for folder in (group, "scenario", "for_plant", "for_controller"):
         for option in _read_options(folder).values():
@@ -120,40 +121,41 @@ def _fields_of_options(group: str) -> set[str]:
 
 
 def select_accepted_fields(group: str, node: Mapping[str, Any], component: Callable[..., object]) -> dict[str, Any]:
-    """A config node without the fields of options that its class does not take: it may have replaced an option.
+    """Select the fields of the config node of a component that its class accepts.
 
-    Raises BadInput if a field is of no option and the class does not take it, or if one that it needs is missing.
+    Fields of a shipped option that the class does not accept are dropped: ``_target_`` has replaced the class of that
+    option. Raises BadInput for any other field that it does not accept, and for a required field that is missing.
     """
-    taken = _fields_taken(component)
-    if taken is None:
+    accepted = _list_accepted_fields(component)
+    if accepted is None:
         return dict(node)
-    unknown = [name for name in node if name not in taken and name != "_target_"]
-    takes = f"{node['_target_']} takes {', '.join(taken) or 'no fields'}"
+    unknown = [name for name in node if name not in accepted and name != "_target_"]
+    takes = f"{node['_target_']} takes {', '.join(accepted) or 'no fields'}"
     for name in unknown:
         is_of_an_option = name in _fields_of_options(group)
-        require(is_of_an_option, f"{group}.{name}", node[name], takes + suggest(name, taken))
-    for name, is_required in taken.items():
-        is_given = name in node or not is_required
-        require(is_given, f"{group}.{name}", "(not set)", f"{takes}: give it one with +{group}.{name}=VALUE")
+        require(is_of_an_option, f"{group}.{name}", node[name], takes + suggest(name, accepted))
+    for name, is_required in accepted.items():
+        is_complete = name in node or not is_required
+        require(is_complete, f"{group}.{name}", "(not set)", f"{takes}: give it one with +{group}.{name}=VALUE")
     return {name: value for name, value in node.items() if name not in unknown}
 
 
 @cache
 def find_new_name(target: str) -> str:
-    """Find the present name of a target; one that has moved is named on stderr, once."""
+    """Return the present name of a target; if it has moved, a notice is printed to stderr, once."""
     if target in NEW_NAMES:
         print(f"{target} is now {NEW_NAMES[target]}", file=sys.stderr)
     return NEW_NAMES.get(target, target)
 
 
 def is_shipped(name: str) -> bool:
-    """Check whether a module, or a class as a config names it, is of this package."""
+    """Check whether a module or class, by its full dotted name, belongs to this package."""
     return name.partition(".")[0] == PACKAGE
 
 
 @contextmanager
 def current_folder_importable() -> Iterator[None]:
-    """Make modules of the current folder importable, as ``python -m`` does but console scripts and workers do not."""
+    """Make modules in the current folder importable, as ``python -m`` does but console scripts and workers do not."""
     here = os.getcwd()
     if any(entry in ("", here) for entry in sys.path):
         yield
@@ -166,30 +168,31 @@ def current_folder_importable() -> Iterator[None]:
 
 
 def find_class(key: str, target: object) -> type[Any]:
-    """Import the class that ``target`` names as ``module.Class``; nothing but the import of its module runs code.
+    """Import the class that ``target`` names as ``module.Class``; only the import of the module runs code.
 
-    Raises BadInput; as :class:`BadComponent` with the traceback of what its module raised.
+    Raises BadInput, naming ``key``, if there is no such class; :class:`BadComponent`, with the traceback, if its
+    module raises an error.
     """
     if not isinstance(target, str) or not all(target.split(".")) or "." not in target:
         raise BadInput(key, target, "must name a class as module.Class, e.g. my_file.MyController")
     module_name, _, name = target.rpartition(".")
     module = _import(key, target, module_name)
     if not hasattr(module, name):
-        classes = [
-            each for each, value in inspect.getmembers(module, inspect.isclass) if value.__module__ == module_name
-        ]
+        members = inspect.getmembers(module, inspect.isclass)
+        classes = [member for member, value in members if value.__module__ == module_name]
         has = f"; it has {listed(classes)}" if classes else ""
         where = getattr(module, "__file__", "built in")
         raise BadInput(key, target, f"{module_name} ({where}) has no {name}{has}{suggest(name, classes)}")
-    found = getattr(module, name)
-    require(inspect.isclass(found), key, target, f"must be a class, but is of type {type(found).__name__}")
-    return found  # type: ignore[no-any-return]
+    component = getattr(module, name)
+    require(inspect.isclass(component), key, target, f"must be a class, but is of type {type(component).__name__}")
+    return component  # type: ignore[no-any-return]
 
 
 def require_shipped(plain: Mapping[str, Any], consent: str) -> None:
-    """Require that a stored config names only components of this package, else importing it would run other code.
+    """Require that a stored config names only components of this package; importing others would run foreign code.
 
-    Raises BadInput for the first one, which says how to give ``consent``.
+    Raises BadInput for the first other component; the message says that ``consent`` (an argument or an option)
+    allows it.
     """
     for group in COMPONENTS:
         node = plain.get(group)
@@ -199,9 +202,9 @@ def require_shipped(plain: Mapping[str, Any], consent: str) -> None:
 
 
 def _import(key: str, target: str, name: str) -> ModuleType:
-    """Import a module by its full name; raises BadInput or, with what the module raised, BadComponent."""
+    """Import a module by its full name; raises BadInput if it is missing, BadComponent if it raises an error."""
     if name not in sys.modules:
-        importlib.invalidate_caches()  # a file may have been written a moment ago
+        importlib.invalidate_caches()  # Python may not have noticed a file that has just been written
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
@@ -221,22 +224,22 @@ def _import(key: str, target: str, name: str) -> ModuleType:
 
 
 def custom_code_hash(config: Config, *components: object) -> str | None:
-    """SHA-256 of the code of the custom components of a run, as it was imported; None: all are built in.
+    """Compute the SHA-256 of the code and data of the custom components of a run; None without custom components.
 
-    The code is that of their files, and of the files beside them that they import. Files of data count too: those
-    that a field of the component names, and those that its class lists as ``reads``, absolute or relative to the
-    current folder. Without ``components`` that were made or given, it is that of those that the config names; raises
-    BadInput.
+    The code is that of the files of the components, and of the files beside them that they import. The data are the
+    files that a field of the component names, and those that its class lists as ``reads``, absolute or relative to
+    the current folder. Without ``components``, objects in the order of :data:`COMPONENTS`, the classes are those that
+    the config names; raises BadInput if one cannot be imported.
     """
     hashes = list[str]()
     for index, group in enumerate(COMPONENTS):
         node = read_component(vars(config)[group])
         with current_folder_importable():
-            own = type(components[index]) if components else find_class(f"{group}._target_", node["_target_"])
-        if not is_shipped(own.__module__):
-            named = [name for name in (*getattr(own, "reads", ()), *node.values()) if isinstance(name, str | Path)]
-            data = [Path(name).read_bytes() for name in named if os.path.isfile(name)]
-            hashes += [_hash_code(own.__module__), *(hashlib.sha256(content).hexdigest() for content in data)]
+            kind = type(components[index]) if components else find_class(f"{group}._target_", node["_target_"])
+        if not is_shipped(kind.__module__):
+            names = [name for name in (*getattr(kind, "reads", ()), *node.values()) if isinstance(name, str | Path)]
+            data = [Path(name).read_bytes() for name in names if os.path.isfile(name)]
+            hashes += [_hash_code(kind.__module__), *(hashlib.sha256(content).hexdigest() for content in data)]
     return hashlib.sha256("".join(hashes).encode()).hexdigest() if hashes else None
 
 
@@ -246,18 +249,20 @@ def _hash_code(module: str) -> str:
 
 
 def find_sources(name: str) -> list[Path]:
-    """Files of an imported module and of those beside its top package that it imports, directly or not.
+    """List the files of an imported module, and of modules beside its top package that it imports, also indirectly.
 
-    Not those of this package, and of installed packages not those of others.
+    Files of this package are excluded; for a module of an installed package also those of other installed packages.
     """
     file = Path(vars(importlib.import_module(name)).get("__file__") or ".")
-    if not file.is_file():  # written in a console
+    if not file.is_file():  # defined in a console
         return []
     root = file.parents[name.count(".") + (file.name == "__init__.py")]
-    others = [PACKAGE]
+    excluded = [PACKAGE]
     if str(root) in (sysconfig.get_path("purelib"), sysconfig.get_path("platlib")):
-        others += [path.name.partition(".")[0] for path in root.iterdir()]
-    finder = ModuleFinder([str(root)], excludes=[each for each in others if each != name.partition(".")[0]])
+        excluded += [path.name.partition(".")[0] for path in root.iterdir()]
+    finder = ModuleFinder(
+        [str(root)], excludes=[package for package in excluded if package != name.partition(".")[0]]
+    )
     if name == "__main__":
         finder.run_script(str(file))
     else:

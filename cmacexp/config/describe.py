@@ -1,15 +1,16 @@
-"""What a config says: its fields as flat keys, with unit and meaning, and in which keys several configs differ."""
+"""Description of configs: dotted keys, unit and meaning of each field, and the keys in which configs differ."""
 
 import ast
 import inspect
 import sys
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass
-from itertools import pairwise
-from typing import Any, NamedTuple, get_type_hints
+from dataclasses import is_dataclass
+from itertools import chain, pairwise
+from typing import Any, NamedTuple
 
 from cmacexp.config.component import COMPONENTS, config_class, find_class, find_option, is_shipped
+from cmacexp.config.fields import list_declared_fields
 from cmacexp.config.load import select_effective
 from cmacexp.config.machine import MACHINES
 from cmacexp.config.schema import Config
@@ -17,35 +18,41 @@ from cmacexp.errors import BadInput
 
 
 def flatten_config(config: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    """A config as dotted keys, which begin with ``before``; a ``_target_`` as its group with its option."""
-    found: dict[str, Any] = {}
+    """Flatten a plain config to values by dotted key, e.g. ``terrain.stiffness``; keys begin with ``before``.
+
+    The ``_target_`` of a component becomes its group with the name of its option, e.g. ``feedforward: cmac``.
+    """
+    flat: dict[str, Any] = {}
     for key, value in config.items():
         if isinstance(value, Mapping):
-            found |= flatten_config(value, f"{before}{key}.")
+            flat |= flatten_config(value, f"{before}{key}.")
         elif key == "_target_" and before[:-1] in COMPONENTS:
-            found[before[:-1]] = find_option(before[:-1], value)
+            flat[before[:-1]] = find_option(before[:-1], value)
         else:
-            found[before + key] = value
-    return found
+            flat[before + key] = value
+    return flat
 
 
 def differences(configs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """For each config, the keys in which not all of them agree, with its values; without keys that it lacks."""
+    """List, for each config, its values of the keys in which the configs differ, by dotted key.
+
+    Keys that do not affect results are ignored; a config has no entry for a key that it lacks.
+    """
     flats = [flatten_config(select_effective(config)) for config in configs]
-    keys = list(dict.fromkeys(key for each in flats for key in each))
-    differing = [key for key in keys if any(key not in each or each[key] != flats[0].get(key) for each in flats)]
-    return [{key: each[key] for key in differing if key in each} for each in flats]
+    keys = list(dict.fromkeys(chain.from_iterable(flats)))
+    differing = [key for key in keys if any(key not in flat or flat[key] != flats[0].get(key) for flat in flats)]
+    return [{key: flat[key] for key in differing if key in flat} for flat in flats]
 
 
 class Described(NamedTuple):
-    """What is declared of a field."""
+    """Unit and meaning of a field."""
 
     unit: str
     meaning: str
 
 
 def describe_fields(config: Mapping[str, Any]) -> dict[str, Described]:
-    """Unit and meaning of the fields of a config, by the keys of :func:`cmacexp.config.describe.flatten_config`.
+    """Describe the fields of a plain config, by the keys of :func:`cmacexp.config.describe.flatten_config`.
 
     Fields of a component without a ``Config``, or whose class cannot be imported here, are missing.
     """
@@ -53,12 +60,14 @@ def describe_fields(config: Mapping[str, Any]) -> dict[str, Described]:
 
 
 def _describe(schema: type, node: Mapping[str, Any], before: str) -> Iterator[tuple[str, Described]]:
-    types, meanings = get_type_hints(schema), read_meanings(schema)
-    for each in fields(schema):  # type: ignore[arg-type]
-        key, value, inner = before + each.name, node.get(each.name), types[each.name]
+    """Yield key, unit and meaning of the fields of ``node``, of class ``schema``; keys begin with ``before``."""
+    meanings = read_meanings(schema)
+    for name, (declared, inner) in list_declared_fields(schema).items():
+        key = before + name
+        value = node.get(name)
         if not isinstance(value, Mapping):
-            if each.name != "_target_":
-                yield key, Described(each.metadata.get("unit", ""), meanings.get(each.name, ""))
+            if name != "_target_":
+                yield key, Described(declared.metadata.get("unit", ""), meanings.get(name, ""))
             continue
         if key in COMPONENTS and (component := _find_component(key, str(value.get("_target_")))):
             yield key, Described("", (inspect.getdoc(component) or "").partition("\n")[0])
@@ -70,7 +79,10 @@ def _describe(schema: type, node: Mapping[str, Any], before: str) -> Iterator[tu
 
 
 def _find_component(group: str, target: str) -> type | None:
-    """The class of a component; None if it is neither shipped nor used here: the run may be somebody else's."""
+    """Return the class of a component; None for a custom one whose module this process has not imported.
+
+    The config may be that of a run of another user, whose code must not be executed.
+    """
     if not is_shipped(target) and target.rpartition(".")[0] not in sys.modules:
         return None
     try:
@@ -80,15 +92,15 @@ def _find_component(group: str, target: str) -> type | None:
 
 
 def read_meanings(schema: type) -> dict[str, str]:
-    """The strings that follow the fields of a dataclass and of those that it inherits from."""
-    found: dict[str, str] = {}
+    """Read the docstrings of the fields of a dataclass, inherited ones included, by field name."""
+    meanings: dict[str, str] = {}
     for base in reversed([base for base in schema.__mro__ if is_dataclass(base)]):
         try:
             body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0].body  # type: ignore[attr-defined]
-        except OSError:  # a class that was typed, not read from a file
+        except OSError:  # a class without a source file, as in a console
             continue
         for declared, text in pairwise(body):
             if isinstance(declared, ast.AnnAssign) and isinstance(declared.target, ast.Name):
                 is_text = isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
-                found[declared.target.id] = " ".join(str(text.value.value).split()) if is_text else ""
-    return found
+                meanings[declared.target.id] = " ".join(str(text.value.value).split()) if is_text else ""
+    return meanings

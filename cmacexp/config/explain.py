@@ -1,4 +1,4 @@
-"""Explain in one line, with the names that exist, why a config could not be composed."""
+"""One-line explanations of why a config could not be composed, with the names that exist."""
 
 import json
 import re
@@ -14,15 +14,15 @@ from cmacexp.config.robot_rule import find_mistake
 from cmacexp.errors import format_install_command, format_value, suggest
 
 COMPOSITION_ERRORS = (HydraException, OmegaConfBaseException, YAMLError)
-"""What Hydra raises on purpose when a config cannot be composed; overrides of unforeseen shape raise anything."""
+"""Errors that Hydra raises deliberately for an invalid config; malformed overrides can raise any other error."""
 
 
 def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
-    """The message, in one line, of an error that Hydra raised while it composed a command line."""
+    """Explain in one line an error that Hydra raised while it composed the config of a command line."""
     if (mistake := find_mistake(error)) is not None:
         return str(mistake)
-    text, cause = " ".join(str(error).split()), error.__cause__
-    if unresolved := re.match(r"Error resolving interpolation '\$\{(\w+)\}'", text):  # of conf/config.yaml
+    text = " ".join(str(error).split())
+    if unresolved := re.match(r"Error resolving interpolation '\$\{(\w+)\}'", text):  # written in conf/config.yaml
         return f"{unresolved[1]}=null: must be a group of fields; choose an option of conf/{unresolved[1]}"
     if isinstance(error, MissingConfigException) and error.options is not None:
         path = str(error.missing_cfg_file)
@@ -31,19 +31,15 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
             return f"{group}={name}: is not installed: {command}"
         return f"{group}={name}: choose from {', '.join(error.options)}{suggest(name, error.options)}"
     if isinstance(error, OverrideParseException):
-        reason = str(error).splitlines()[0]
-        if str(error.override) in reason:
-            reason = "it does not have the form of an override"
-        typed, (key, _, value) = format_value(error.override), str(error.override).partition("=")
-        quoted = quote(f"{key}={json.dumps(format_value(value), ensure_ascii=False)}")
-        return f"{typed}: cannot be read ({reason}); write key=value; a text with special characters: {quoted}"
+        return _explain_syntax(error)
     if several := re.match(r"Ambiguous value for argument '(.*?)' ", text):
         return f"{several[1]}: several values need -m: python -m cmacexp -m {several[1]}; a list needs brackets"
-    # A folder that is gone, or two options of which one may be given.
+    # A folder that does not exist any more, or two options that exclude each other.
     if isinstance(error, OSError) or text.startswith("Only one of --"):
         return text
     if not isinstance(error, COMPOSITION_ERRORS):
         return f"a group takes the name of an option (cmac=one_leg), a field takes a value (cmac.layers=8): {text}"
+    cause = error.__cause__
     is_of_run = not (getattr(cause, "full_key", None) or "hydra").startswith("hydra")
     if isinstance(cause, OmegaConfBaseException) and is_of_run and "not in" in str(cause):
         return _explain_key(cause, overrides)
@@ -51,10 +47,25 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
     return text if reason in text else f"{text} ({reason})"
 
 
+def _explain_syntax(error: OverrideParseException) -> str:
+    """Explain why Hydra cannot parse an override, and how to write it."""
+    override = str(error.override)
+    reason = str(error).splitlines()[0]
+    if override in reason:
+        reason = "it does not have the form of an override"
+    key, _, value = override.partition("=")
+    quoted = quote(f"{key}={json.dumps(format_value(value), ensure_ascii=False)}")
+    return (
+        f"{format_value(error.override)}: cannot be read ({reason}); write key=value; "
+        f"a text with special characters: {quoted}"
+    )
+
+
 def _explain_key(error: OmegaConfBaseException, overrides: Sequence[str]) -> str:
-    """Which keys exist where the one of an error does not, which OmegaConf names together with its group."""
+    """List the keys that exist in the group of the missing key of an error."""
     key = str(error.full_key)
-    parent, names = key.rpartition(".")[0], [str(name) for name in error.parent_node or () if name != "hydra"]
+    parent = key.rpartition(".")[0]
+    names = [str(name) for name in error.parent_node or () if name != "hydra"]
     if not names:
         return f"{key}: no such key; {parent} is a value, not a group"
     if any(text.startswith(f"{parent}._target_=") for text in overrides):

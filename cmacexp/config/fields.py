@@ -1,7 +1,7 @@
-"""Fields with their unit and range, and the one function that makes a dataclass of plain values and checks them.
+"""Declaration of fields with unit and range, and conversion of plain values to a checked dataclass.
 
-:func:`read_fields` serves every dataclass whose fields are declared with :func:`number` and :func:`choice`, or
-plainly: the config of a run as YAML holds it, the ``Config`` of a component, and what else is read from a file.
+:func:`read_fields` works for every dataclass, with fields declared by :func:`number`, by :func:`choice`, or without
+either: the config of a run in YAML, the ``Config`` of a component, and other data read from files.
 """
 
 import math
@@ -17,108 +17,121 @@ from cmacexp.errors import BadInput, require
 
 TYPES = {int: "a whole number", float: "a number", bool: "true or false", str: "a word"}
 FLAGS = dict.fromkeys(("true", "yes", "on", "y", "1"), True) | dict.fromkeys(("false", "no", "off", "n", "0"), False)
-"""What can be typed for a flag."""
+"""Texts accepted for a flag, with their values."""
 BOUNDS = {"above": operator.gt, "at least": operator.ge, "below": operator.lt, "at most": operator.le}
-"""What a number must be to each of its bounds."""
+"""Comparison of a number with each kind of bound."""
 T = TypeVar("T")
 Tuned = tuple[float, float] | list[Any] | None
-"""What a field is tuned over: ends of a range, or choices; None: it is not tuned."""
+"""Search space of a field: ends of a range, or a list of choices; None: the field is not tuned."""
 
 
 def number(
     unit: str,
     *,
-    above: float | None = None,
-    at_least: float | None = None,
-    below: float | None = None,
-    at_most: float | None = None,
     words: Sequence[str] = (),
     needs: tuple[str, ...] = (),
     default: Any = MISSING,
     tuned: Tuned = None,
+    **bounds: float,
 ) -> Any:
-    """A dataclass field for a quantity in ``unit`` within the given range, or one of ``words``.
+    """Declare a dataclass field for a quantity.
 
-    Shipped fields have no default: their values stand in ``conf/``. What a field ``needs`` to have an effect, all of
-    it, is written as :mod:`cmacexp.engine.without_effect` describes. Whoever tunes the component draws from
-    ``tuned``: the ends of a range, whose logarithm is drawn evenly, or a list of choices.
+    Args:
+        unit: Unit of the quantity; empty if it has none. With ``samples`` it must be an integer.
+        words: Words that the field accepts besides numbers, e.g. ``auto``.
+        needs: Conditions, all of which must hold for the field to have an effect, written as
+            :mod:`cmacexp.engine.without_effect` describes.
+        default: Default value. Shipped fields have none: their values are in ``conf/``.
+        tuned: Search space for tuning: the ends of a range, in which the logarithm of the value is drawn uniformly,
+            or a list of choices.
+        bounds: ``above``, ``at_least``, ``below`` and ``at_most``, in ``unit``.
     """
-    bounds = {"above": above, "at least": at_least, "below": below, "at most": at_most}
-    given: dict[str, Any] = {name: bound for name, bound in bounds.items() if bound is not None}
-    given["tests"] = [(BOUNDS[name], bound) for name, bound in given.items()]
-    return field(default=default, metadata={"unit": unit, "words": words, "needs": needs, "tuned": tuned, **given})
+    named = {name.replace("_", " "): bound for name, bound in bounds.items()}
+    tests = [(BOUNDS[name], bound) for name, bound in named.items()]
+    metadata = {"unit": unit, "words": words, "needs": needs, "tuned": tuned, **named, "tests": tests}
+    return field(default=default, metadata=metadata)
 
 
 def choice(*names: str, needs: tuple[str, ...] = (), tuned: Tuned = None) -> Any:
-    """A dataclass field for one of ``names``, or a list of at least one of them, each once; ``tuned`` as above."""
+    """Declare a dataclass field for one of ``names``, or for a list of at least one of them without repeats.
+
+    ``needs`` and ``tuned`` are as for :func:`number`.
+    """
     return field(metadata={"choices": names, "needs": needs, "tuned": tuned})
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names in the order and form of an error message."""
+    """Join names in alphabetical order, for error messages."""
     return ", ".join(sorted(names))
 
 
 def describe_range(metadata: Mapping[str, Any]) -> str:
-    """The allowed range in words, e.g. ``must be above 0 and at most 1``."""
+    """Describe the range of a field by its ``metadata``, e.g. ``must be above 0 and at most 1``."""
     parts = [f"{name} {metadata[name]:.15g}" for name in BOUNDS if name in metadata]
     words_too = "".join(f", or {name}" for name in metadata.get("words", ()))
     return "must be " + (" and ".join(parts) if parts else "a finite number") + words_too
 
 
 def read_fields(schema: type[T], node: Mapping[str, Any], key: str = "", texts: bool = True) -> T:
-    """A dataclass of plain values, as YAML or JSON holds them: each is converted to its type, and checked.
+    """Make a dataclass from plain values, as in YAML or JSON: each is converted to the type of its field and checked.
 
-    Numbers and flags may be ``texts``, as they are typed. A field may be a number, a flag, a text, null, another
-    dataclass, a list of these, or a dictionary of them by name. An object that already has the type of its field
-    stays as it is.
+    Args:
+        schema: The dataclass. A field may be a number, a flag, a text, null, another dataclass, a list of these, or a
+            dictionary of them by name.
+        node: Values by field name. An object that already has the type of its field is not converted.
+        key: Dotted key of ``node`` for error messages.
+        texts: True if numbers and flags may be texts, as on the command line.
 
     Raises:
-        BadInput: names the key, below ``key``, of the first name that is of no field, of a field that is missing and
-            has no default, or of a value that is of another type than its field or outside its range.
+        BadInput: A name is that of no field, a field without a default is missing, or a value has another type than
+            its field or lies outside the range; names the key of the first such value.
     """
-    before, declared = f"{key}." if key else "", _list_declared(schema)  # type: ignore[arg-type]
+    before = f"{key}." if key else ""
+    declared = list_declared_fields(schema)  # type: ignore[arg-type]
     for name in node:
         if name not in declared:
             raise BadInput(
                 f"{before}{name}", node[name], f"no such key; {key or 'the config'} has {listed(list(declared))}"
             )
-    for name, (each, _) in declared.items():
-        if name not in node and each.default is MISSING and each.default_factory is MISSING:
+    for name, (item, _) in declared.items():
+        if name not in node and item.default is MISSING and item.default_factory is MISSING:
             raise BadInput(before + name, "(not set)", "must have a value")
-    # Defaults are checked too: those of a component of a user may be wrong.
-    defaults = {name: each.default for name, (each, _) in declared.items() if each.default is not MISSING}
-    given = {**defaults, **node}
-    return schema(**{name: read_field(schema, name, value, before + name, texts) for name, value in given.items()})
+    # Defaults are checked too: those of a custom component may be wrong.
+    defaults = {name: item.default for name, (item, _) in declared.items() if item.default is not MISSING}
+    values = {**defaults, **node}
+    return schema(**{name: read_field(schema, name, value, before + name, texts) for name, value in values.items()})
 
 
 class _OtherType(Exception):
-    """A value, or one in a list, that cannot be converted to the type of its field."""
+    """Raised if a value, or an item of a list, cannot be converted to the type of its field."""
 
 
-def read_field(schema: Any, name: str, given: Any, key: str, texts: bool = True) -> Any:
-    """A plain value as the field ``name`` of a dataclass holds it, see :func:`read_fields`."""
-    each, declared = _list_declared(schema)[name]
+def read_field(schema: Any, name: str, plain: Any, key: str, texts: bool = True) -> Any:
+    """Convert a plain value to the type of the field ``name`` of a dataclass, and check it; see :func:`read_fields`.
+
+    Raises BadInput, which names ``key``.
+    """
+    declared, kind = list_declared_fields(schema)[name]
     try:
-        value = _convert(given, declared, key, texts)
+        value = _convert(plain, kind, key, texts)
     except _OtherType:
-        if isinstance(given, list) and all(get_origin(kind) is not list for kind in _choices_of_type(declared)):
-            allowed = f"must be one value, not a list; for a sweep write -m {key}={','.join(map(str, given))}"
+        if isinstance(plain, list) and all(get_origin(option) is not list for option in _choices_of_type(kind)):
+            allowed = f"must be one value, not a list; for a sweep write -m {key}={','.join(map(str, plain))}"
         else:
-            allowed = _describe_type(declared)
-        raise BadInput(key, given, allowed) from None
-    if "choices" in each.metadata:
-        _check_choice(key, value, each.metadata["choices"])
-    elif "unit" in each.metadata:
-        _check_range(key, value, each.metadata)
+            allowed = _describe_type(kind)
+        raise BadInput(key, plain, allowed) from None
+    if "choices" in declared.metadata:
+        _check_choice(key, value, declared.metadata["choices"])
+    elif "unit" in declared.metadata:
+        _check_range(key, value, declared.metadata)
     return value
 
 
 @cache
-def _list_declared(schema: Any) -> dict[str, tuple[Field[Any], Any]]:
-    """The fields of a dataclass with their types, by name."""
+def list_declared_fields(schema: Any) -> dict[str, tuple[Field[Any], Any]]:
+    """List the fields of a dataclass with their types, by name."""
     types = get_type_hints(schema)
-    return {each.name: (each, types[each.name]) for each in fields(schema)}
+    return {item.name: (item, types[item.name]) for item in fields(schema)}
 
 
 def _choices_of_type(declared: Any) -> tuple[Any, ...]:
@@ -126,18 +139,18 @@ def _choices_of_type(declared: Any) -> tuple[Any, ...]:
 
 
 def _convert(value: Any, declared: Any, key: str, texts: bool) -> Any:
-    """A plain value as a field of type ``declared`` holds it; raises _OtherType if it cannot."""
+    """Convert a plain value to the type ``declared`` of a field; raises _OtherType if that is impossible."""
     kinds = _choices_of_type(declared)
     if Any in kinds or type(value) in kinds:
         return value
     for kind in kinds:
-        origin, inner = get_origin(kind), get_args(kind)
+        origin = get_origin(kind)
         if is_dataclass(kind) and isinstance(value, Mapping):
             return read_fields(kind, value, key, texts)  # type: ignore[arg-type]
         if origin is list and isinstance(value, list):
-            return [_convert(item, inner[0], key, texts) for item in value]
+            return [_convert(item, get_args(kind)[0], key, texts) for item in value]
         if origin is dict and isinstance(value, Mapping):
-            return {name: _convert(item, inner[1], f"{key}.{name}", texts) for name, item in value.items()}
+            return {name: _convert(item, get_args(kind)[1], f"{key}.{name}", texts) for name, item in value.items()}
         if kind is bool and texts and str(value).lower() in FLAGS:
             return FLAGS[str(value).lower()]
         if kind in (int, float) and type(value) in ((int, str) if texts else (int,)):
@@ -147,7 +160,7 @@ def _convert(value: Any, declared: Any, key: str, texts: bool) -> Any:
 
 
 def _describe_type(declared: Any) -> str:
-    """A type in words, e.g. ``must be a list of whole numbers, or null``."""
+    """Describe a type in words, e.g. ``must be a number, or null``."""
     words = []
     for kind in _choices_of_type(declared):
         if get_origin(kind) is list:
@@ -162,21 +175,26 @@ def _check_choice(key: str, value: Any, allowed: Sequence[str]) -> None:
     names = value if isinstance(value, list) else [value]
     for name in names:
         require(name in allowed, key, name, "choose from " + ", ".join(allowed))
-    is_set = names and len(set(names)) == len(names)
-    require(is_set, key, value, f"must name at least one of {', '.join(allowed)}, each once")
+    require(
+        names and len(set(names)) == len(names),
+        key,
+        value,
+        f"must name at least one of {', '.join(allowed)}, each once",
+    )
 
 
 def _check_range(key: str, value: Any, metadata: Mapping[str, Any]) -> None:
-    """Check a number or word, or those in a list, or in lists inside it; numbers of samples are whole."""
+    """Check the range of a number or the choice of a word, also inside nested lists; samples must be integers."""
     if isinstance(value, list):
         for item in value:
             _check_range(key, item, metadata)
         return
-    unit, words = metadata["unit"], metadata["words"]
+    unit = metadata["unit"]
+    words = metadata["words"]
     if isinstance(value, int | float) and not isinstance(value, bool):
-        whole = unit != "samples" or isinstance(value, int)
+        is_whole = unit != "samples" or isinstance(value, int)
         is_allowed = (
-            abs(value) < math.inf and whole and all(holds(value, bound) for holds, bound in metadata["tests"])
+            abs(value) < math.inf and is_whole and all(holds(value, bound) for holds, bound in metadata["tests"])
         )
     else:
         is_allowed = not isinstance(value, str) or not words or value in words

@@ -1,4 +1,4 @@
-"""Gaits: which legs touch down when, and the fields that shape the motion of a foot."""
+"""Gait patterns, and the fields for timing and path of the feet."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -7,28 +7,28 @@ from cmacexp.config.fields import choice, number
 
 
 class GaitPattern(NamedTuple):
-    """When the feet of a gait touch down, and what the gait needs."""
+    """Touch-down times of a gait, and its requirements."""
 
     touch_downs: tuple[tuple[float, float], ...]
-    """(a, b) for each leg: it touches down at a + b x duty factor of the cycle, modulo 1."""
+    """(a, b) for each leg, which touches down at the fraction a + b x duty factor of the cycle, modulo 1."""
     lifts: bool = True
-    """False: the feet support all the time."""
+    """True if the feet lift off; False: they support during the whole cycle."""
     least_duty_factor: float = 0.0
-    """Below it the gait is not statically stable."""
+    """Smallest duty factor of a statically stable gait; 0: the gait is not statically stable, or has one leg."""
     divisor: int = 1
-    """The number of steps of a cycle must be a multiple of this."""
+    """Divisor of the number of steps per cycle, so that all touch-downs fall on samples."""
     cycle_time: float = 0.0
-    """Longest cycle of a robot, s."""
+    """Longest cycle of a robot, s; 0: not for robots."""
     stroke: float = 0.0
-    """Stroke of a robot without `gait.speed`, m."""
+    """Stroke of a robot if ``gait.speed`` is null, m; 0: not for robots."""
     overlap: float = 0.0
-    """Share of the cycle for which a rear foot of a robot is down before the front foot of its side lifts."""
+    """Fraction of the cycle from touch-down of a rear foot to lift-off of the front foot on its side, for robots."""
     gain: float = 0.0
-    """Least feedback gain that a robot needs for it, over the largest one at a sampling period of 1 ms."""
+    """Smallest feedback gain that robots need for this gait, over the largest one at a sampling period of 1 ms."""
 
     @property
     def is_dynamic(self) -> bool:
-        """Whether four legs walk on two feet at times, which no static equilibrium allows."""
+        """True for a gait of four legs with phases on two feet, in which the body has no static equilibrium."""
         return self.lifts and self.legs > 1 and not self.least_duty_factor
 
     @property
@@ -46,48 +46,49 @@ PATTERNS = {
     "trot": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.5, 0.0), (0.0, 0.0)), True, 0.0, 2, 0.4, 0.1, gain=0.9),
     "pace": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.0, 0.0), (0.5, 0.0)), True, 0.0, 2, 0.4, 0.1, gain=1.8),
 }
-"""``transfer_first``: one leg, a cycle begins with lift-off. ``standing``: one leg. ``wave``: four legs; those of one
-side follow those of the other by half a cycle, and a rear foot touches down when the front foot of its side lifts
-(Lin & Song 1997, Fig. 14; the start of the cycle is assumed). The others are those of robots: ``walk`` and ``amble``
-by single feet, with three and two feet down, ``trot`` by diagonal pairs, ``pace`` by those of a side."""
+"""``transfer_first``: one leg, a cycle begins with lift-off. ``standing``: one leg, no transfer. ``wave``: four legs;
+the two sides are half a cycle apart, and a rear foot touches down when the front foot on its side lifts off (Lin &
+Song 1997, Fig. 14; the start of the cycle is assumed). The other gaits are for robots: ``walk`` and ``amble`` lift
+one foot after the other, with three or two feet down; ``trot`` lifts diagonal pairs, ``pace`` those of one side."""
 LINEAR, COSINE = "linear", "cosine"
-"""Shapes of the ramps of the load."""
+"""Shapes of the load ramps."""
 LIFTS = (f"own.pattern in {tuple(name for name, pattern in PATTERNS.items() if pattern.lifts)}",)
-"""What fields of the transfer need."""
+"""Condition for an effect of the fields of transfer."""
 UNSTABLE = " or ".join(
     f"own.pattern == {name!r} and (own.duty_factor < {pattern.least_duty_factor:g} or own.touch_down is not None)"
     for name, pattern in PATTERNS.items()
     if pattern.least_duty_factor
 )
-"""What the permission to run a gait that is not statically stable needs."""
+"""Condition for an effect of ``gait.allow_unstable``."""
 
 
 @dataclass
 class GaitConfig:
-    """When and along which path the feet move."""
+    """Timing and path of the feet."""
 
     pattern: str = choice(*PATTERNS)
-    """transfer_first: one leg, a cycle begins with lift-off; standing: one leg, no transfer; wave: four legs, a
-    statically stable walk; walk, amble, trot, pace: four legs of a robot, two feet down at times."""
+    """transfer_first: one leg, a cycle begins with lift-off; standing: one leg, no transfer; wave: four legs,
+    statically stable; walk, amble, trot, pace: robots, with phases on two feet."""
     touch_down: list[float] | None = number("cycles", at_least=0, below=1)
-    """Touch-down of each leg within the cycle; null: given by the pattern."""
+    """Touch-down time of each leg, as a fraction of the cycle; null: that of the pattern."""
     cycle_time: float = number("s", at_least=1e-3, at_most=1e5)
     """Duration of a gait cycle, T."""
     duty_factor: float = number("", above=0, at_most=1)
-    """Fraction of the cycle in which a foot supports."""
+    """Fraction of the cycle in which a foot is in support."""
     speed: float | None = number("m/s", at_least=0)
-    """Speed of a robot, from which its stroke and cycle follow; null: they determine it."""
+    """Walking speed of a robot, which determines stroke and cycle; null: these determine the speed."""
     stroke: float = number("m", at_least=0)
-    """Travel of the foot on the ground during support (assumed)."""
+    """Travel of a foot relative to the body during support (assumed)."""
     lift: float = number("m", at_least=0, needs=LIFTS)
-    """Apex of the transfer above the take-off point (assumed)."""
+    """Height of the apex of the transfer above the lift-off point (assumed)."""
     vertical: str = choice("cubic", "two_cubics", needs=LIFTS)
-    """cubic: one through both ends and the apex, its speed jumps (assumed); two_cubics: at rest at ends and apex."""
+    """Vertical path in transfer; cubic: one polynomial through both ends and the apex, velocity jumps at the ends
+    (assumed); two_cubics: zero velocity at the ends and the apex."""
     load_ramp: float = number("s", at_least=0)
-    """Time after touch-down over which a foot takes its desired force; 0: a step, as in the paper."""
+    """Time after touch-down over which the desired force rises from 0; 0: a step, as in the paper."""
     unload_ramp: float = number("s", at_least=0)
-    """Time before the end of support over which a foot gives up its desired force; 0: a step, as in the paper."""
+    """Time before lift-off over which the desired force falls to 0; 0: a step, as in the paper."""
     ramp: str = choice(LINEAR, COSINE, needs=("own.load_ramp > 0 or own.unload_ramp > 0",))
-    """Shape of both ramps; cosine: without a jump of the rate at either end."""
+    """Shape of both load ramps; cosine: the rate of the force is continuous."""
     allow_unstable: bool = field(kw_only=True, metadata={"needs": (UNSTABLE,)})
-    """Run a gait of four legs that is not statically stable."""
+    """Allow a wave gait whose duty factor or touch-down times do not make it statically stable."""

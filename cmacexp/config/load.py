@@ -1,4 +1,4 @@
-"""From what Hydra composed to a typed and checked :class:`Config`, and its hash."""
+"""Conversion of a composed config to a typed and checked :class:`Config`, and its hash."""
 
 import hashlib
 import json
@@ -28,30 +28,36 @@ from cmacexp.errors import BadInput, require
 from cmacexp.jit.interrupt import exits_caught
 
 WITHOUT_EFFECT = ("record", "sweep", "optimize", "warn", "hydra")
-"""Root keys that do not change the results of a run, and so stay out of its hash."""
+"""Root keys that do not affect the results of a run, and are not part of its hash."""
 STATED = ("measured_with", "fingerprint")
-"""Keys of a machine that state where results come from, likewise."""
+"""Keys of a machine that record the model of published results; not part of the hash either."""
 
 OmegaConf.register_new_resolver("rule", rule_value, replace=True)
 
 
 def _make_component(group: str, node: Mapping[str, Any]) -> Any:
-    """The config of a component: an object of the class that it carries for it, else its fields."""
+    """Make the config of a component: an object of its config class, or its fields if it has none."""
     target = node.get("_target_")
     if isinstance(target, str):
         node = {**node, "_target_": (target := find_new_name(target))}
     component = find_class(f"{group}._target_", target)
-    taken, schema = select_accepted_fields(group, node, component), config_class(component)
-    return taken if schema is None else read_fields(schema, taken, group)
+    accepted = select_accepted_fields(group, node, component)
+    schema = config_class(component)
+    return accepted if schema is None else read_fields(schema, accepted, group)
 
 
 def _make_machine(node: Mapping[str, Any], target: object) -> Any:
-    """The config of a machine; ``target`` is that of the plant, whose settings may be for another machine."""
+    """Make the config of a machine.
+
+    ``target`` is the class of the plant: an unknown key may come from the settings of a plant for another machine,
+    which the message then says. Raises BadInput.
+    """
     kind = node.get("kind")
     if not isinstance(kind, str) or kind not in MACHINES:
         raise BadInput("machine.kind", kind, "choose from " + ", ".join(MACHINES))
     names = {other: {field.name for field in fields(schema)} for other, schema in MACHINES.items()}
-    unknown, plant = [name for name in node if name not in names[kind]], find_option("plant", str(target))
+    unknown = [name for name in node if name not in names[kind]]
+    plant = find_option("plant", str(target))
     path = config_folder() / "for_plant" / f"{plant}.yaml"
     settings: Any = OmegaConf.load(path) if unknown and path.exists() else {}
     if unknown and unknown[0] in settings.get("machine", {}):
@@ -63,14 +69,14 @@ def _make_machine(node: Mapping[str, Any], target: object) -> Any:
 
 
 GROUPS = tuple(field.name for field in fields(Config)[1:] if (config_folder() / field.name).is_dir())
-"""Groups of fields that have options, but for the scenarios."""
+"""Groups of fields that have options, except ``scenario``."""
 
 
-@exits_caught()  # of the config class of a component, or of its check
+@exits_caught()  # the config class of a component, or its check, may call exit
 def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
-    """Type and check what Hydra composed, or plain values, as the ``config`` of a manifest.
+    """Convert a config that Hydra composed, or plain values as in a manifest, to a typed and checked one.
 
-    Raises BadInput for the first key that is wrong: every value must be in its range, every combination possible.
+    Raises BadInput for the first value that has a wrong type or is out of range, or combination that is invalid.
     """
     plain: Any = composed
     try:
@@ -78,8 +84,9 @@ def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
             plain = OmegaConf.to_container(composed, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
         reason = str(error.msg or error).splitlines()[0]
-        key = str(error.full_key or "config")
-        raise find_mistake(error) or BadInput(key, "?", reason[:1].lower() + reason[1:]) from error
+        raise find_mistake(error) or BadInput(
+            str(error.full_key or "config"), "?", reason[:1].lower() + reason[1:]
+        ) from error
     require(
         not isinstance(plain.get("scenario"), dict),
         "scenario",
@@ -102,7 +109,7 @@ def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
 
 
 def to_plain(config: Any) -> Any:
-    """The config as plain dictionaries and lists, as it stands in the manifest."""
+    """Convert a config to plain dictionaries and lists, as in a manifest."""
     if is_dataclass(config):
         return {name: to_plain(value) for name, value in vars(config).items()}
     if isinstance(config, list):
@@ -111,13 +118,13 @@ def to_plain(config: Any) -> Any:
 
 
 def select_effective(plain: Mapping[str, Any]) -> dict[str, Any]:
-    """What of a config, as :func:`to_plain` gives it, changes the results of a run."""
-    kept = {key: value for key, value in plain.items() if key not in WITHOUT_EFFECT}
-    if isinstance(machine := kept.get("machine"), Mapping):
-        kept["machine"] = {key: value for key, value in machine.items() if key not in STATED}
-    return kept
+    """Select the subset of a plain config that affects the results of a run."""
+    effective = {key: value for key, value in plain.items() if key not in WITHOUT_EFFECT}
+    if isinstance(machine := effective.get("machine"), Mapping):
+        effective["machine"] = {key: value for key, value in machine.items() if key not in STATED}
+    return effective
 
 
 def config_hash(plain: Mapping[str, Any]) -> str:
-    """SHA-256 of all that changes the results of a run, of a config as :func:`to_plain` gives it."""
+    """Compute the SHA-256 of the subset of a plain config that affects the results of a run."""
     return hashlib.sha256(json.dumps(select_effective(plain), sort_keys=True).encode()).hexdigest()

@@ -1,7 +1,7 @@
-"""``${rule:NAME}`` in a config: what the model of a robot and the rule for its gains say, as a number.
+"""``${rule:NAME}`` in a config: a number derived from the model of a robot, such as a gain.
 
-It is resolved wherever the config is read, so that it follows machine, sampling period, LEAD compensator, sensors and
-actuator, and so that whoever types a number instead asks for nothing of the rule.
+It is resolved whenever the config is read, from the machine, sampling period, LEAD compensator, sensors and actuator
+of the run. A number typed on the command line replaces the rule.
 """
 
 import math
@@ -30,32 +30,37 @@ from cmacexp.models.robot_gains import (
 
 PERIOD = "sampling_period"
 READ = frozenset({PERIOD, "machine", "gait", "controller", "sensors", "actuator", "plant"})
-"""Keys and groups from which a rule follows."""
+"""Keys and groups of the config that rules depend on."""
 PERIODS = {PERIOD: math.inf, "rigid_sampling_period": 0.001}
-"""Sampling periods by rule, with the longest for the ground, s."""
+"""Names of the rules for the sampling period, with the longest period for their ground, s."""
 LONGEST_STROKE = 0.6
-"""Stroke that a cycle is shortened for, over the length of a leg."""
-LIFT, HIGHEST_LIFT = 0.117, 0.05
-"""Lift of a foot in the longest cycle of a gait, over the length of a leg, and at most, m; less in a shorter one."""
-CYCLE_STEP, SHORTEST_CYCLE = 0.04, 0.12
-"""Cycles are multiples of this, so that feet touch down at samples, and at least so long, s."""
+"""Longest stroke, over the length of a leg; for a longer one the cycle is shortened."""
+LIFT = 0.117
+"""Lift of a foot in the longest cycle of a gait, over the length of a leg; proportionally less in shorter cycles."""
+HIGHEST_LIFT = 0.05
+"""Largest lift of a foot, m."""
+CYCLE_STEP = 0.04
+"""Cycles are multiples of this, s, so that feet touch down at samples."""
+SHORTEST_CYCLE = 0.12
+"""Duration of the shortest cycle, s."""
 RAMP_SHARE = 0.05
-"""Duration of the ramps of the load over that of the cycle."""
-SHORTEST_RAMP = 0.012
-"""Duration of the shortest ramp of the load, s."""
+"""Duration of the load ramps over that of the cycle."""
+SHORTEST_RAMP_TIME = 0.012
+"""Duration of the shortest load ramp, s."""
 DIGITS = 6
-"""Significant digits of a number by rule: the config, and its hash, are the same with another MuJoCo."""
+"""Significant digits of a derived number: config and hash do not depend on the rounding of a MuJoCo version."""
 
 
 def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
-    """The value of ``${rule:NAME}``: of :data:`PERIODS` or :data:`STRIDE`, or of Basis, Gains or DriveGains.
+    """Compute the value of ``${rule:NAME}`` for the config ``_root_``.
 
-    Raises BadInput if there is no such name, the machine is no robot, or the rule does not serve it.
+    ``name`` is one of :data:`PERIODS` or :data:`STRIDE`, or a field of :class:`Basis`, :class:`Gains` or
+    :class:`DriveGains`. Raises BadInput if there is no such name, the machine is no robot, or the rule does not apply
+    to it.
     """
     if name in STRIDE:
         return STRIDE[name](_root_)
-    names = (*PERIODS, *STRIDE, *Basis._fields, *Gains._fields, *DriveGains._fields)
-    require_name("${rule:...}", name, names)
+    require_name("${rule:...}", name, (*PERIODS, *STRIDE, *Basis._fields, *Gains._fields, *DriveGains._fields))
     robot = read_model(read_machine(_root_))
     basis = derive_basis(robot)
     if name in PERIODS:
@@ -79,23 +84,26 @@ def _find_pattern(root: DictConfig) -> GaitPattern:
 
 
 def _choose_cycle(root: DictConfig) -> float:
-    """The longest cycle of the gait, s, or a shorter one whose stroke the legs can do at the speed."""
-    pattern, longest = _find_pattern(root), sum(read_model(read_machine(root)).links) * LONGEST_STROKE
+    """Choose the duration of the cycle, s: that of the gait, or less if the stroke would be too long at the speed."""
+    pattern = _find_pattern(root)
+    longest = sum(read_model(read_machine(root)).links) * LONGEST_STROKE
     if OmegaConf.select(root, "gait.speed") is None:
         return pattern.cycle_time
-    speed, duty = _read_number(root, "gait.speed", least=0.0), _read_number(root, "gait.duty_factor")
+    speed = _read_number(root, "gait.speed", least=0.0)
+    duty = _read_number(root, "gait.duty_factor")
     fastest = longest / (duty * SHORTEST_CYCLE)
     require(
         speed <= fastest, "gait.speed", speed, f"must be at most {fastest:.3g} m/s, for legs that long and this gait"
     )
-    parts = math.floor(min(pattern.cycle_time, longest / max(speed * duty, 1e-9)) / CYCLE_STEP + 1e-9)
-    return round(parts * CYCLE_STEP, DIGITS)
+    multiple = math.floor(min(pattern.cycle_time, longest / max(speed * duty, 1e-9)) / CYCLE_STEP + 1e-9)
+    return round(multiple * CYCLE_STEP, DIGITS)
 
 
 def _choose_stroke(root: DictConfig) -> float:
     if OmegaConf.select(root, "gait.speed") is None:
         return _find_pattern(root).stroke
-    speed, duty = _read_number(root, "gait.speed", least=0.0), _read_number(root, "gait.duty_factor")
+    speed = _read_number(root, "gait.speed", least=0.0)
+    duty = _read_number(root, "gait.duty_factor")
     return float(f"{speed * duty * _read_number(root, 'gait.cycle_time'):.{DIGITS}g}")
 
 
@@ -105,7 +113,8 @@ def _choose_lift(root: DictConfig) -> float:
 
 
 def _choose_touch_downs(root: DictConfig) -> ListConfig:
-    pattern, duty = _find_pattern(root), _read_number(root, "gait.duty_factor")
+    pattern = _find_pattern(root)
+    duty = _read_number(root, "gait.duty_factor")
     phases = [round((start + slope * (duty - pattern.overlap)) % 1.0, DIGITS) for start, slope in pattern.touch_downs]
     return OmegaConf.create(phases)
 
@@ -115,13 +124,16 @@ STRIDE: dict[str, Callable[[DictConfig], float | ListConfig]] = {
     "stroke": _choose_stroke,
     "lift": _choose_lift,
     "touch_down": _choose_touch_downs,
-    "load_ramp": lambda root: round(max(RAMP_SHARE * _read_number(root, "gait.cycle_time"), SHORTEST_RAMP), DIGITS),
+    "load_ramp": lambda root: round(
+        max(RAMP_SHARE * _read_number(root, "gait.cycle_time"), SHORTEST_RAMP_TIME), DIGITS
+    ),
 }
-"""What follows from the gait, its speed and the length of the legs."""
+"""Functions that derive the fields of the gait from its pattern, its speed and the length of the legs."""
 
 
 def _derive_gains(basis: Basis, root: DictConfig) -> Gains:
-    period, loop_delay = _read_number(root, PERIOD), _read_loop_delay(root)
+    period = _read_number(root, PERIOD)
+    loop_delay = _read_loop_delay(root)
     if OmegaConf.select(root, "controller.lead_omega") is None:  # a custom controller without a compensator
         return derive_gains(basis, period, 1.0, loop_delay)
     omega, alpha = (_read_number(root, f"controller.lead_{name}") for name in ("omega", "alpha"))
@@ -137,21 +149,21 @@ def _read_number(root: DictConfig, key: str, least: float = 1e-9) -> float:
 
 
 def _read_loop_delay(root: DictConfig) -> LoopDelay:
-    """The delay and lag of the velocity feedback, by actuator, sensors and ``machine.latency``.
+    """Read delay and lag of the velocity feedback loop: those of actuator and sensors, and ``machine.latency``.
 
-    Custom sensors may lack these fields.
+    Fields that custom sensors lack count as 0.
     """
 
     def read(key: str) -> float:
         return 0.0 if OmegaConf.select(root, key) is None else _read_number(root, key, least=0.0)
 
     stages = ("actuator", "sensors.velocity")
-    late = ((round(read(f"{stage}.delay")), read(f"{stage}.lag")) for stage in stages)
-    return add_delays(*late, latency=read("machine.latency"))
+    delays = ((round(read(f"{stage}.delay")), read(f"{stage}.lag")) for stage in stages)
+    return add_delays(*delays, latency=read("machine.latency"))
 
 
 def read_machine(root: DictConfig) -> RobotModel:
-    """The fields of a config that say which robot it is, of the types that they must have; raises BadInput."""
+    """Read the fields of a config that define the model of its robot; raises BadInput if they do not."""
     kind = OmegaConf.select(root, "machine.kind")
     require(
         kind == "robot",
@@ -159,18 +171,19 @@ def read_machine(root: DictConfig) -> RobotModel:
         kind,
         "must be robot where settings follow from its model: use scenario=robot",
     )
-    given = {field.name: root.machine[field.name] for field in fields(RobotModel) if field.name in root.machine}
-    lists = {
-        name: OmegaConf.to_container(value, resolve=True) for name, value in given.items() if OmegaConf.is_list(value)
+    values = {field.name: root.machine[field.name] for field in fields(RobotModel) if field.name in root.machine}
+    plain = {
+        name: OmegaConf.to_container(value, resolve=True) if OmegaConf.is_list(value) else value
+        for name, value in values.items()
     }
-    model = read_fields(RobotModel, {**given, **lists}, "machine")
+    model = read_fields(RobotModel, plain, "machine")
     if find_option("plant", str(OmegaConf.select(root, "plant._target_"))) == "analytic":
-        raise ask_for_robot(model)  # before the model is looked up, which may not be installed
+        raise ask_for_robot(model)  # before the model is read, which may not be installed
     return model
 
 
 def find_mistake(error: BaseException | None) -> BadInput | None:
-    """The mistake of the user among the causes of an error that OmegaConf raised while it resolved a rule, if any."""
+    """Return the BadInput among the causes of an error that OmegaConf raised while it resolved a rule, else None."""
     while error is not None and not isinstance(error, BadInput):
         error = error.__cause__ or error.__context__
     return error

@@ -1,1 +1,1 @@
-"""A run on disk: signals, tables, manifest, atomic files, discovery, integrity."""
+"""Stored runs: signals, tables, manifest, atomic files, search for runs, integrity."""

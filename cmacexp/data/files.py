@@ -1,4 +1,4 @@
-"""Files that others may have made are read with care: only regular ones, never through a link; ours appear whole."""
+"""Safe file access: only regular files are read, never through a link; files are written atomically."""
 
 import errno
 import fcntl
@@ -14,43 +14,45 @@ from pathlib import Path
 from secrets import token_hex
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-"""Errors of a disk without room, of a quota, and of a limit on the size of files."""
+"""Error numbers for a full disk, an exceeded quota, and an exceeded limit on the file size."""
 PART = re.compile(r"\..+\.[0-9a-f]{8}\.(part|new)")
 TIME_RESOLUTION = 20_000_000
-"""Two changes of a file within so many nanoseconds may leave it the same times."""
+"""Resolution of file times, ns: two changes of a file within this time may leave it the same times."""
 
 
 def open_file(path: Path) -> BufferedReader:
-    """Open a regular file for reading; raises OSError.
+    """Open a regular file for reading.
 
-    A device or a FIFO could block or be endless; a link could lead anywhere.
+    Raises OSError for anything else: a device or a FIFO could block or be endless, a link could lead anywhere.
     """
     if not stat.S_ISREG(path.lstat().st_mode):
         raise OSError(errno.EINVAL, "not a regular file", str(path))
-    safe = os.O_NOFOLLOW | os.O_NONBLOCK  # it may have been replaced since
+    safe = os.O_NOFOLLOW | os.O_NONBLOCK  # the file may have been replaced since the check
     return open(path, "rb", opener=lambda name, flags: os.open(name, flags | safe))
 
 
 def file_signature(path: Path) -> tuple[int, ...]:
-    """What changes whenever a file changes, unless it has just been written: device, inode, size and times.
+    """Return device, inode, size and times of a file, which together differ after every change of the file.
 
-    Of one that has just been written it is never the same twice. Raises OSError if there is none.
+    For a file written within :data:`TIME_RESOLUTION`, whose times could miss another change, the current time is
+    added, so that two signatures of it are never equal. Raises OSError if the file is missing.
     """
-    status, now = path.lstat(), time.time_ns()
+    status = path.lstat()
+    now = time.time_ns()
     times = status.st_mtime_ns, status.st_ctime_ns
     just_written = now - max(times) < TIME_RESOLUTION
     return status.st_dev, status.st_ino, status.st_size, *times, now if just_written else 0
 
 
 def sha256(path: Path) -> str:
-    """SHA-256 of a file; raises OSError as :func:`open_file`."""
+    """Compute the SHA-256 of a file, in hexadecimal; raises OSError as :func:`open_file`."""
     with open_file(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @contextmanager
 def full_disk_named(path: Path) -> Iterator[None]:
-    """Name what is written in the error of a full disk, and say what helps; raises OSError."""
+    """Add ``path`` and a remedy to the error of a full disk; raises OSError."""
     try:
         yield
     except OSError as error:
@@ -61,20 +63,21 @@ def full_disk_named(path: Path) -> Iterator[None]:
 
 
 def name_part(path: Path) -> Path:
-    """Return a new hidden name beside ``path``, for what is going to take its place."""
+    """Return a new hidden path beside ``path``, for the file or folder that is going to replace it."""
     return path.with_name(f".{path.name[:40]}.{token_hex(4)}.part")
 
 
 def is_part(name: str) -> bool:
-    """Check whether a name is one of :func:`name_part`; no other program makes such names."""
+    """Check whether a file name was made by :func:`name_part`; no other program makes such names."""
     return PART.fullmatch(name) is not None
 
 
 def lock(path: Path) -> int:
-    """Open a file, made if missing, and hold its lock; the lock ends with the process, or when the file is closed.
+    """Open a file, created if missing, lock it, and return its descriptor.
 
-    Returns its descriptor. Raises BlockingIOError if another process holds the lock, on any machine if the file
-    system passes locks on; OSError if the file cannot be opened. A file system without locks holds nothing.
+    The lock is released when the descriptor is closed or the process ends. Raises BlockingIOError if another process
+    holds the lock, also one on another machine if the file system supports that; OSError if the file cannot be
+    opened. On a file system without locks nothing is locked.
     """
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
     try:
@@ -84,14 +87,14 @@ def lock(path: Path) -> int:
         raise
     except OSError:
         pass
-    if not os.fstat(descriptor).st_nlink:  # who held it has just removed the file
+    if not os.fstat(descriptor).st_nlink:  # its last holder has just removed the file
         os.close(descriptor)
         raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN), str(path))
     return descriptor
 
 
 def sync(path: Path) -> None:
-    """Wait until a file, or the names in a folder, are on the disk; raises OSError."""
+    """Wait until a file, or the list of names in a folder, is on the disk; raises OSError."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
     try:
         os.fsync(descriptor)
@@ -103,7 +106,7 @@ def sync(path: Path) -> None:
 def write_atomically(path: Path, durable: bool = True) -> Iterator[Path]:
     """Yield a temporary path beside ``path``; rename it to ``path`` when the block succeeds, else remove it.
 
-    A ``durable`` file is on the disk before it has its name.
+    With ``durable`` the content is on the disk before the file is renamed: a power failure cannot cut it short.
     """
     temporary = name_part(path)
     with full_disk_named(path):

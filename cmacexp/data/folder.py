@@ -1,9 +1,10 @@
-"""Results that appear whole: written to a hidden folder beside their place, and put there by one rename.
+"""Result folders that appear complete: written to a hidden folder beside the target, then renamed to it.
 
-A file that this project did not write is never moved or removed: a folder that holds one is refused by name before
-anything is simulated, and what is removed is removed by its own names. An earlier result is renamed to
-``NAME.earlier``, the new one takes its place, then the earlier one goes: a kill in between leaves it there, whole.
-What may not take its place stands beside it: a run that failed as ``NAME.failed`` beside one with a result.
+A file that this project did not write is never moved or removed: a target folder that contains one is refused, with
+the name of that file, before anything is simulated; only files that a result of this project has are removed. An
+earlier result is renamed to ``NAME.earlier``, the new one to ``NAME``, then the earlier one is removed: if the
+process is killed in between, it stays there, complete. A result that may not replace the earlier one is stored beside
+it: a failed run as ``NAME.failed`` beside a run with a result.
 """
 
 import errno
@@ -28,48 +29,52 @@ from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.typing import RESULTS, Status
 
 TABLE, TABLE_CSV, SETTINGS, SEARCH = "sweep.parquet", "sweep.csv", "multirun.yaml", "optimization_results.yaml"
-"""What a sweep writes: its table, its config, and what Hydra's sweeper of the extra ``optuna`` found."""
-RUN_KEY, GIVEN_KEY, OUT_KEY = "hydra.run.dir", "DIR", "--out"
-"""What names a folder on the command line: of a run, of commands over runs, of a report."""
+"""Files of a sweep: its table, its config, and the optimum found by Hydra's sweeper (extra ``optuna``)."""
+RUN_KEY = "hydra.run.dir"
+"""Override that sets the folder of a run."""
+RUN_ARGUMENT = "DIR"
+"""Argument of the commands that read a run: its folder."""
+OUT_KEY = "--out"
+"""Option that sets the folder of a report."""
 SWEEP_FILES = (TABLE, TABLE_CSV, SETTINGS, SEARCH, manifests.RUNS_FILE, METRICS_FILE, manifests.JOBS_FOLDER)
-"""What a sweep writes into its folder besides its manifest."""
+"""Files and folders of a sweep besides its manifest."""
 LOCK_FILE = ".cmacexp.lock"
-"""The file in the folder of a sweep whose lock the sweep holds while it runs."""
+"""Name of the file in the folder of a sweep that the sweep keeps locked while it runs."""
 LOCK, RESULT, EARLIER = "lock", "result", "earlier"
-"""In the hidden folder of a result that is written: the file whose lock its writer holds, the new result, and the one
-that it has replaced."""
+"""Names in the hidden folder of a result that is being written: the file that its writer keeps locked, the new
+result, and the result that it has replaced."""
 OTHERS = "holds {}, which is of no earlier result; move it, or choose another folder"
 OCCUPIED = {errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR}
 
 
 @dataclass
 class ResultWriter:
-    """A result while it is written."""
+    """A result that is being written."""
 
     folder: Path
-    """Where it appears; at the end where it stands, which is beside that if it may not take its place."""
+    """Target folder; after the writing the actual folder, which differs if the target must not be replaced."""
     part: Path
-    """The hidden folder that its files are written to."""
+    """Hidden folder that the files are written to."""
     status: str = Status.COMPLETED
-    """How it ended; one that failed or was interrupted does not replace one that did not."""
+    """How the run ended; a failed or interrupted one never replaces a completed, fallen or diverged one."""
     overtook: bool = False
-    """Whether it replaced a result that was not there when it began."""
+    """True if it replaced a result that another process had written since the start."""
 
     def write_text(self, name: str, text: str) -> None:
-        """Write a file of text."""
+        """Write a text file to ``name``, a path relative to the result folder."""
         path = self.part / name
         path.parent.mkdir(exist_ok=True)
         path.write_text(text, encoding="utf-8")
 
     def list_files(self) -> list[str]:
-        """List all files written so far, relative to the folder."""
+        """List all files written so far, as paths relative to the result folder, sorted."""
         return sorted(path.relative_to(self.part).as_posix() for path in self.part.rglob("*") if path.is_file())
 
 
 def _find_kind(folder: Path, key: str) -> str | None:
-    """Return the kind of the result in a folder, ``run`` if it has none, None without a result.
+    """Return the kind of the result in a folder: ``run``, ``report`` or ``sweep``; None without a result.
 
-    Raises BadInput, in the name of ``key``, if its manifest is damaged or of another program.
+    Raises BadInput, naming ``key``, if the manifest is damaged or was written by another program.
     """
     if not os.path.lexists(folder / manifests.MANIFEST):
         return None
@@ -82,9 +87,10 @@ def _find_kind(folder: Path, key: str) -> str | None:
 
 
 def check_place(folder: Path, key: str, kind: str | None = None) -> None:
-    """Raise BadInput if a result cannot take the place of ``folder``, which ``key`` names on the command line.
+    """Raise BadInput if ``folder`` cannot be replaced by a result of a kind (None: a run).
 
-    It may be missing, empty, or hold an earlier result of the same kind and nothing else.
+    It can be if it is missing, is empty, or contains an earlier result of the same kind and nothing else. ``key`` is
+    the option or override that named the folder on the command line.
     """
     manifests.require_place(key, folder)
     shell = Path(os.environ.get("PWD", os.sep)).resolve()
@@ -94,14 +100,14 @@ def check_place(folder: Path, key: str, kind: str | None = None) -> None:
         folder,
         "is a mount point or the current folder, which cannot be replaced as a whole; name a folder in it",
     )
-    found, wanted = _find_kind(folder, key), kind or "run"
-    require(found in (None, wanted), key, folder, f"holds a {found}; choose another folder")
+    present_kind = _find_kind(folder, key)
+    require(present_kind in (None, kind or "run"), key, folder, f"holds a {present_kind}; choose another folder")
     for name in find_others(folder.resolve(), kind):
         raise BadInput(key, folder, OTHERS.format(name))
 
 
 def _identify(folder: Path) -> tuple[int, int] | None:
-    """Return what distinguishes a result from any other in its place; None without one."""
+    """Return inode and time of the manifest in ``folder``, which identify a result; None without one."""
     try:
         status = (folder / manifests.MANIFEST).lstat()
     except OSError:
@@ -110,7 +116,7 @@ def _identify(folder: Path) -> tuple[int, int] | None:
 
 
 def _may_replace(folder: Path, kind: str | None, status: str) -> bool:
-    """Check whether a folder holds a result of this kind, nothing else, and none better than one of this status."""
+    """Check whether a folder contains only a result of this kind, which a result of this status may replace."""
     try:
         earlier = manifests.read_file(folder / manifests.MANIFEST)
     except BadRun:
@@ -120,126 +126,135 @@ def _may_replace(folder: Path, kind: str | None, status: str) -> bool:
 
 
 def _number(folder: Path, word: str) -> Iterator[Path]:
-    """Yield the names beside ``folder`` that add ``word`` to its own: NAME.word, NAME.word.2, ..."""
+    """Yield the paths NAME.word, NAME.word.2, NAME.word.3, ... beside the folder NAME."""
     yield folder.with_name(f"{folder.name}.{word}")
     yield from (folder.with_name(f"{folder.name}.{word}.{number}") for number in count(2))
 
 
-def _list_places(folder: Path, status: str) -> Iterator[Path]:
-    """Yield the places in which a result of this status may stand, the best one first."""
+def _list_targets(folder: Path, status: str) -> Iterator[Path]:
+    """Yield the folders to which a result of this status may be moved, in order of preference."""
     yield folder
     yield from _number(folder, status)
 
 
 def _put(written: Path, folder: Path, kind: str | None, status: str) -> tuple[Path, Path | None]:
-    """Put a whole result in its place, or beside it if something there must stay; raises OSError.
+    """Move a complete result to ``folder``, or beside it if the content of the folder must not be replaced.
 
-    Returns where it stands, and where the result stands that it replaced, if any.
+    Returns the new folder of the result, and the folder to which a replaced result was moved, or None. Raises
+    OSError.
     """
-    for place in _list_places(folder, status):
+    for target in _list_targets(folder, status):
         earlier = None
-        if os.path.lexists(place) and (place.is_symlink() or not place.is_dir() or any(place.iterdir())):
-            if not _may_replace(place, kind, status):
+        if os.path.lexists(target) and (target.is_symlink() or not target.is_dir() or any(target.iterdir())):
+            if not _may_replace(target, kind, status):
                 continue
-            earlier = next(path for path in _number(place, EARLIER) if not os.path.lexists(path))
-            place.rename(earlier)
+            earlier = next(path for path in _number(target, EARLIER) if not os.path.lexists(path))
+            target.rename(earlier)
         try:
-            written.rename(place)
-            return place, earlier
+            written.rename(target)
+            return target, earlier
         except OSError as error:
-            if earlier is not None and not os.path.lexists(place):
-                earlier.rename(place)
-            if error.errno not in OCCUPIED:  # else another writer was there first
+            if earlier is not None and not os.path.lexists(target):
+                earlier.rename(target)
+            if error.errno not in OCCUPIED:  # else another process has just written to the target
                 raise
     raise AssertionError("there is always another name")
 
 
-def _finish(result: ResultWriter, part: Path, place: Path, kind: str | None, before: tuple[int, int] | None) -> None:
-    """Put a result in its place, and remove the earlier one there."""
-    is_current = place.exists() and os.path.samefile(place, os.curdir)
-    stands, earlier = _put(result.part, place, kind, result.status)
-    if stands != place:
-        text = f"warning: {result.folder} stays as it was; the {result.status} result is in {stands}"
+def _finish(
+    result: ResultWriter, hidden: Path, target: Path, kind: str | None, before: tuple[int, int] | None
+) -> None:
+    """Move a result from its ``hidden`` folder to ``target``, and remove the earlier result of that folder.
+
+    ``before`` is what :func:`_identify` returned for the target when the writing began.
+    """
+    is_current = target.exists() and os.path.samefile(target, os.curdir)
+    folder, earlier = _put(result.part, target, kind, result.status)
+    if folder != target:
+        text = f"warning: {result.folder} stays as it was; the {result.status} result is in {folder}"
         print(in_one_line(text), file=sys.stderr)
-        result.folder = stands if result.folder.is_symlink() else result.folder.with_name(stands.name)
+        result.folder = folder if result.folder.is_symlink() else result.folder.with_name(folder.name)
     elif is_current:
-        os.chdir(place)
+        os.chdir(target)
     if earlier is not None:
         result.overtook = _identify(earlier) not in (None, before)
         with suppress(OSError):
             if not find_others(earlier, kind):
-                earlier.rename(part / EARLIER)  # where nobody looks: a kill leaves no half of a result
+                earlier.rename(hidden / EARLIER)  # so that no partly removed result is visible
                 return
         print(in_one_line(f"warning: the earlier result of {result.folder} stays in {earlier}"), file=sys.stderr)
 
 
-def _as_input(error: OSError, given: Path, key: str) -> BadInput:
-    """Return an error of the system as one of the folder ``given``, which cannot be written."""
+def _as_input(error: OSError, folder: Path, key: str) -> BadInput:
+    """Return a system error as the input error that ``folder``, named by ``key``, cannot be written."""
     reason = str(error.strerror or error).lower()
-    return BadInput(key, given, f"cannot be written ({reason}); choose another folder")
+    return BadInput(key, folder, f"cannot be written ({reason}); choose another folder")
 
 
 @contextmanager
-def _make_part(place: Path, kind: str | None) -> Iterator[Path]:
-    """Make a hidden folder beside ``place`` for what is going to take its place; remove what is left at the end.
+def _make_part(target: Path, kind: str | None) -> Iterator[Path]:
+    """Make a hidden folder beside ``target`` for the result that will replace it; remove its remains at the end.
 
-    While this process lives it holds the lock of a file in it, so that no other takes it for abandoned.
+    A file in it stays locked while this process lives, so that no other process takes the folder for abandoned.
     """
-    part = name_part(place)
-    unlocked = part.with_suffix(".new")  # nobody looks for this name: the folder has no lock yet
+    hidden = name_part(target)
+    unlocked = hidden.with_suffix(".new")  # not locked yet: under this name no process takes it for abandoned
     unlocked.mkdir(parents=True)
     try:
         descriptor = lock(unlocked / LOCK)
         try:
-            unlocked.rename(part)
-            yield part
+            unlocked.rename(hidden)
+            yield hidden
         finally:
             os.close(descriptor)
     finally:
-        for folder in (unlocked, part):
+        for folder in (unlocked, hidden):
             _clear_part(folder, kind)
 
 
-def _clear_part(part: Path, kind: str | None) -> None:
-    """Remove the hidden folder of a result that is not written any more; nothing of others, if anything is there."""
-    shutil.rmtree(part / RESULT, ignore_errors=True)  # a name that only its writer knows
+def _clear_part(hidden: Path, kind: str | None) -> None:
+    """Remove the hidden folder of a result that nothing writes any more, except for files of other programs in it."""
+    shutil.rmtree(hidden / RESULT, ignore_errors=True)  # only its writer writes under this name
     with suppress(OSError):
-        remove_own(part / EARLIER, kind)
-        (part / LOCK).unlink(missing_ok=True)
-        part.rmdir()
+        remove_own(hidden / EARLIER, kind)
+        (hidden / LOCK).unlink(missing_ok=True)
+        hidden.rmdir()
 
 
 def remove_dead_parts(folder: Path, kind: str | None, name: str | None = None) -> None:
-    """Remove what killed writers of results of a kind left in a folder, beside the result ``name`` or beside any.
+    """Remove the hidden folders that killed processes left in ``folder`` while they wrote results of a kind.
 
-    What has no lock, or one that cannot be tried here, may belong to a process that lives, and stays.
+    With ``name`` only those of the result of this name. A hidden folder without a lock file, or on a file system
+    where locks cannot be tested, stays: it may belong to a running process.
     """
-    beside = "*" if name is None else escape(name[:40])
-    for part in folder.glob(f".{beside}.????????.part"):
-        with suppress(OSError), open(part / LOCK, "rb+") as file:
+    result_name = "*" if name is None else escape(name[:40])
+    for hidden in folder.glob(f".{result_name}.????????.part"):
+        with suppress(OSError), open(hidden / LOCK, "rb+") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            _clear_part(part, kind)
+            _clear_part(hidden, kind)
 
 
 @contextmanager
 def new_result(folder: Path, key: str, kind: str | None = None, durable: bool = True) -> Iterator[ResultWriter]:
-    """Write a result, which takes the place of ``folder`` when the block has succeeded; else nothing changes.
+    """Yield the writer of a result that replaces ``folder`` when the block succeeds; else nothing changes.
 
-    The files are written to ``part``, the manifest too. ``key`` names the folder on the command line. Where the
-    result may not take its place (it is worse than the one there, or others have written to the folder meanwhile) it
-    stands beside it, by a name that says how it ended. A power failure can cut short what is not ``durable``, whose
-    manifest then is none, or has hashes that do not fit. Such a result is one of a :func:`collection`, which has
-    removed what was left beside it: to look for that beside each of many results takes longer the more there are.
+    The block writes all files, the manifest included, to :attr:`ResultWriter.part`. ``key`` is the option or override
+    that named the folder. If the result may not replace the folder (its status is worse than that of the result
+    there, or other files have been written to the folder meanwhile), it is stored beside it under a name that
+    contains its status. A power failure can cut short a result that is not ``durable``: its manifest is then missing
+    or has wrong hashes. Such results are written into a :func:`collection`, which removes hidden folders itself: to
+    search for them beside each of n results would take time of order n^2.
+
     Raises BadInput before the block as :func:`check_place`, or if nothing can be written beside the folder; OSError
-    if the disk refuses a file.
+    if a file cannot be written.
     """
     check_place(folder, key, kind)
-    place = folder.resolve()
-    before = _identify(place)
+    target = folder.resolve()
+    before = _identify(target)
     with full_disk_named(folder), ExitStack() as stack:
         try:
-            part = stack.enter_context(_make_part(place, kind))
-            result = ResultWriter(folder, part / RESULT)
+            hidden = stack.enter_context(_make_part(target, kind))
+            result = ResultWriter(folder, hidden / RESULT)
             result.part.mkdir()
         except OSError as error:
             raise _as_input(error, folder, key) from error
@@ -247,49 +262,49 @@ def new_result(folder: Path, key: str, kind: str | None = None, durable: bool = 
         for path in (*result.part.rglob("*"), result.part) if durable else ():
             sync(path)
         with interrupt_held_back():
-            _finish(result, part, place, kind, before)
+            _finish(result, hidden, target, kind, before)
             if durable:
-                sync(place.parent)
-                remove_dead_parts(place.parent, kind, place.name)
+                sync(target.parent)
+                remove_dead_parts(target.parent, kind, target.name)
 
 
 @contextmanager
 def collection(folder: Path, key: str) -> Iterator[Path]:
-    """Yield a folder for the results of a sweep, made if missing, and removed if it stays empty.
+    """Yield the folder of a sweep, created if missing, and removed at the end if no result was written to it.
 
-    No other sweep can use it meanwhile. What killed sweeps left in it is removed, and at the end what killed workers
-    left. A manifest marks it as the folder of a sweep before anything else is written.
+    The folder is locked against other sweeps. Hidden folders that killed sweeps left in it are removed at the start,
+    those that killed workers left at the end. Its manifest, which marks it as that of a sweep, is written first.
 
-    Raises BadInput if it cannot be written, another sweep runs there, or it holds another result, or files with the
-    names of a sweep's that none wrote.
+    Raises BadInput if the folder cannot be written, if another sweep uses it, or if it contains another result or,
+    without being that of a sweep, a file with the name of one of :data:`SWEEP_FILES`.
     """
-    made = not folder.exists()
+    is_new = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise _as_input(error, folder, key) from error
-    found = _find_kind(folder, key)
-    require(found in (None, manifests.SWEEP), key, folder, f"holds a {found}; choose another folder")
+    kind = _find_kind(folder, key)
+    require(kind in (None, manifests.SWEEP), key, folder, f"holds a {kind}; choose another folder")
     for name in SWEEP_FILES:
-        require(found or not os.path.lexists(folder / name), key, folder, OTHERS.format(name))
+        require(kind or not os.path.lexists(folder / name), key, folder, OTHERS.format(name))
     with _lock_folder(folder, key):
-        if found is None:
+        if kind is None:
             manifests.write(folder, make_sweep_manifest(Status.UNFINISHED))
         remove_dead_parts(folder, None)
         try:
             yield folder
         finally:
             remove_dead_parts(folder, None)
-            is_empty = made and set(os.listdir(folder)) == {manifests.MANIFEST, LOCK_FILE}
+            is_empty = is_new and set(os.listdir(folder)) == {manifests.MANIFEST, LOCK_FILE}
             if is_empty:
                 (folder / manifests.MANIFEST).unlink()
-    if made and is_empty:
+    if is_empty:
         folder.rmdir()
 
 
 @contextmanager
 def _lock_folder(folder: Path, key: str) -> Iterator[None]:
-    """Hold the lock of a file in the folder of a sweep; raises BadInput if another process holds it."""
+    """Keep the folder of a sweep locked during the block; raises BadInput if another process has locked it."""
     path = folder / LOCK_FILE
     try:
         descriptor = lock(path)
@@ -300,7 +315,7 @@ def _lock_folder(folder: Path, key: str) -> Iterator[None]:
     try:
         yield
     finally:
-        if not os.fstat(descriptor).st_size:  # else somebody has written into it
+        if not os.fstat(descriptor).st_size:  # else another program has written to the file
             path.unlink(missing_ok=True)
         os.close(descriptor)
 
@@ -308,9 +323,13 @@ def _lock_folder(folder: Path, key: str) -> Iterator[None]:
 def make_sweep_manifest(
     status: str, files: Mapping[str, str] | None = None, is_lean: bool = False, sweeps: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Make the manifest of a sweep, with the hashes of its tables; lean if some of its jobs have no folders.
+    """Make the manifest of a sweep.
 
-    ``sweeps`` are the names of the sweep and of those that it resumes, whose parts of tables count while it runs.
+    Args:
+        status: Status of the sweep.
+        files: SHA-256 of its tables, by file name.
+        is_lean: True if some of its jobs have no folders of their own, so that they keep metrics only.
+        sweeps: Names of the sweep and of those that it resumes; readers take their parts while it runs.
     """
     return {
         "kind": manifests.SWEEP,
@@ -323,40 +342,39 @@ def make_sweep_manifest(
 
 
 def update_run(folder: Path, write: Callable[[Path], list[str]], **entries: Any) -> None:
-    """Write some files of a run anew, and other entries of its manifest, which follows them.
+    """Replace some files of a stored run, then update its manifest with their hashes and with ``entries``.
 
-    ``write`` is called with the folder that they are written to, and returns the names of those with a hash in the
-    manifest. Each file is replaced in one step: a kill between two of them leaves hashes that do not fit, until the
-    same command has run again. Raises BadRun if there is no run, BadInput if its folder cannot be written.
+    ``write`` is called with a temporary folder to which it writes the files; it returns the names of those whose
+    hashes belong in the manifest. Each file is replaced atomically: after a kill between two replacements hashes are
+    wrong until the same command runs again. Raises BadRun without a run, BadInput if its folder cannot be written.
     """
     manifest = manifests.read(folder)
-    part = name_part(folder / "update")
+    temporary = name_part(folder / "update")
     try:
-        part.mkdir()
+        temporary.mkdir()
     except OSError as error:
-        raise _as_input(error, folder, GIVEN_KEY) from error
+        raise _as_input(error, folder, RUN_ARGUMENT) from error
     try:
         with full_disk_named(folder):
-            names = write(part)
-            hashes = {name: sha256(part / name) for name in names}
-            for path in part.iterdir():
+            hashes = {name: sha256(temporary / name) for name in write(temporary)}
+            for path in temporary.iterdir():
                 sync(path)
                 path.replace(folder / path.name)
             manifests.write(folder, {**manifest, **entries, "files": {**manifest["files"], **hashes}})
     finally:
-        shutil.rmtree(part, ignore_errors=True)
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def require_no_link(folder: Path) -> Path:
-    """``folder``, by default inside that of a run; raises BadInput if it is a link, which could lead out."""
+    """Return ``folder``, the default output folder inside a run; raises BadInput if it is a symbolic link."""
     require(not folder.is_symlink(), OUT_KEY, folder, "is a link, which is not followed; name a folder")
     return folder
 
 
 def choose_page_folder(out: Path | None, default: Path) -> Path:
-    """The folder of a page: ``out`` if it is given, else the default one, which is no link.
+    """Return the folder of a report page: ``out`` unless None, else ``default``.
 
-    Raises BadInput if a page cannot take its place.
+    Raises BadInput if the folder cannot be replaced, see :func:`check_place`, or if ``default`` is a symbolic link.
     """
     folder = require_no_link(default) if out is None else out
     check_place(folder, OUT_KEY, manifests.REPORT)

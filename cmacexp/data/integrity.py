@@ -1,4 +1,4 @@
-"""Whether a run on disk is complete, unchanged, and the result of a given config."""
+"""Integrity of stored runs: completeness, unchanged files, and the match with a given config."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -21,17 +21,19 @@ from cmacexp.errors import BadRun
 from cmacexp.jit.sources import code_hash
 from cmacexp.typing import RESULTS
 
-VIEWS = (METRICS_CSV, RECORDING_FILE)
-"""Files that can be made from the others: manifests of earlier versions list them."""
+DERIVED_FILES = (METRICS_CSV, RECORDING_FILE)
+"""Files that can be computed from the others and are not checked; manifests of earlier versions list them."""
 
 
 def compute_hashes(config: Config, *components: object) -> dict[str, str | None]:
-    """Entries of the manifest: hashes of what a result depends on besides its config.
+    """Compute the hashes, as entries of the manifest, of everything besides the config that a result depends on.
 
-    They are of the code, that of custom components, whether made or named by the config, the weights that the run
-    starts from, unless they are gone, and the model of a robot.
+    These are the code of this package, the code of custom components (of the objects ``components``, else of the
+    classes that the config names), the weights that the run starts from, and the model of a robot. None stands for
+    one that does not apply, and for weights whose file is missing.
     """
-    machine, start = config.machine, config.learning.start_from
+    machine = config.machine
+    start = config.learning.start_from
     weights = Path(start) / WEIGHTS if start is not None else None
     return {
         "code_hash": code_hash(),
@@ -42,27 +44,29 @@ def compute_hashes(config: Config, *components: object) -> dict[str, str | None]
 
 
 def is_finished(folder: Path, config: Config) -> bool:
-    """Whether ``folder`` holds the whole result of ``config``, made by the code as it is now.
+    """Check whether ``folder`` contains the complete result of ``config``, computed by the present code.
 
     A run is finished if its manifest has the status of a result and the same hashes of config and code, every file
     that it lists exists unchanged, its traces have the requested rows, its weights are stored if requested, and
-    neither the weights that it started from, nor a robot's model, nor the code of custom components have changed.
+    neither the weights that it started from, nor the model of a robot, nor the code of custom components has changed.
     """
     try:
         manifest = manifests.read(folder)
     except BadRun:
         return False
-    plain, kept = to_plain(config), manifest["config"].get("record", {})
-    same = manifest["config_hash"] == config_hash(plain)
-    same = same and all(manifest[name] == value for name, value in compute_hashes(config).items())
-    as_thin = all(kept.get(key) == plain["record"][key] for key in ("every_nth_step", "cycles"))
-    has_trace = (TRACE_FILE in manifest["files"] and as_thin) or not config.record.trace
+    plain = to_plain(config)
+    stored_record = manifest["config"].get("record", {})
+    same = manifest["config_hash"] == config_hash(plain) and all(
+        manifest[name] == value for name, value in compute_hashes(config).items()
+    )
+    has_steps = all(stored_record.get(key) == plain["record"][key] for key in ("every_nth_step", "cycles"))
+    has_trace = (TRACE_FILE in manifest["files"] and has_steps) or not config.record.trace
     has_weights = WEIGHTS in manifest["files"] or not config.record.weights
     return same and has_trace and has_weights and manifest["status"] in RESULTS and not list_faults(folder, manifest)
 
 
 def _list_missing(manifest: manifests.Manifest) -> list[str]:
-    """Files that a run with a result must have, and that its manifest does not list; a sweep must have none."""
+    """List, as faults, the mandatory files that a manifest does not list; only runs with a result have such files."""
     if "kind" in manifest or manifest["status"] not in RESULTS:
         return []
     walks = MACHINES.get(manifest["config"]["machine"]["kind"]) in get_args(BodyMachine)
@@ -73,7 +77,7 @@ def _list_missing(manifest: manifests.Manifest) -> list[str]:
 
 
 def faults(folder: Path) -> list[str]:
-    """Reasons why a run, or a sweep whose jobs have no folders, is not intact; empty if it is."""
+    """List why a run, or a sweep whose jobs have no folders, is not intact; empty if it is."""
     try:
         return list_faults(folder, manifests.read_file(folder / manifests.MANIFEST))
     except BadRun as error:
@@ -81,23 +85,23 @@ def faults(folder: Path) -> list[str]:
 
 
 def list_faults(folder: Path, manifest: manifests.Manifest) -> list[str]:
-    """:func:`faults` of a run whose manifest has been read."""
+    """List why a run or a sweep with this manifest is not intact, as :func:`faults`."""
     changed = (
         f"{name}: {fault}"
         for name, expected in manifest["files"].items()
-        if name not in VIEWS and (fault := manifests.check_file(folder, name, expected)) is not None
+        if name not in DERIVED_FILES and (fault := manifests.check_file(folder, name, expected)) is not None
     )
     return [*_list_missing(manifest), *changed, *_list_changed_parts(folder, manifest)]
 
 
 def _list_changed_parts(folder: Path, manifest: manifests.Manifest) -> list[str]:
-    """List the parts of the tables of a running sweep that are not as a job left them."""
-    parts = manifests.list_job_parts(folder) if manifest.get("kind") == manifests.SWEEP else []
-    return [f"{part.relative_to(folder)}: changed since it was written" for part in parts if not is_whole_part(part)]
+    """List the table parts in the folder of a sweep that have changed since its jobs wrote them, as faults."""
+    paths = manifests.list_job_parts(folder) if manifest.get("kind") == manifests.SWEEP else []
+    return [f"{path.relative_to(folder)}: changed since it was written" for path in paths if not is_whole_part(path)]
 
 
 def is_whole_part(path: Path) -> bool:
-    """Check whether a part of the tables of a running sweep is as a job left it."""
+    """Check whether a table part of a running sweep is unchanged: its name contains the hash of its content."""
     with suppress(OSError):
         return manifests.current_hash(path) == path.name.partition("-")[2]
     return False

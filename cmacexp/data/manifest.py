@@ -1,7 +1,7 @@
-"""The manifest of a run: config, versions, how it ended, and hashes of its files; written last.
+"""The manifest of a run: config, versions, outcome, and hashes of its files; written last.
 
-Everything that reads a file of a run asks here first whether that is as the run wrote it. Folders
-that hold a run are found by it.
+All code that reads a file of a run first checks here that the file is unchanged. The folders of runs are found by
+their manifests.
 """
 
 import hashlib
@@ -27,27 +27,29 @@ from cmacexp.errors import BadInput, BadRun, require
 from cmacexp.models.robot_file import DISTRIBUTION
 
 MANIFEST = "manifest.json"
-MAX_BYTES, MOST_CACHED = 16 << 20, 64 << 10
-"""Sizes of the largest manifest that is read, and of the largest one that is kept in memory."""
+MAX_BYTES = 16 << 20
+"""Size of the largest manifest that is read, B."""
+MOST_CACHED = 64 << 10
+"""Size of the largest manifest that is cached, B."""
 PACKAGES = ("numpy", "numba", "scipy", "pyarrow", "pandas", "hydra-core", "rerun-sdk", "mujoco", DISTRIBUTION)
-"""Packages on whose versions results can depend, those of robots included."""
+"""Packages on whose versions results can depend; the last one contains the models of robots."""
 
 Manifest = dict[str, Any]
-"""Entries by name, those of :class:`cmacexp.data.manifest_fields.RunManifest`, perhaps of a sweep or a report."""
+"""Entries by name: those of :class:`cmacexp.data.manifest_fields.RunManifest`, or those of a sweep or a report."""
 
 
 class Environment(NamedTuple):
-    """What this process runs, of which results can depend."""
+    """Versions of the software of this process, on which results can depend."""
 
     versions: dict[str, str]
-    """Of this package, Python, and everything installed that results can depend on."""
+    """Versions of this package, of Python, and of the installed :data:`PACKAGES`, by name."""
     git_commit: str | None
-    """Commit of the checkout that this code runs from; None outside one."""
+    """Commit of the Git checkout that contains this code; None if it is installed."""
 
 
 @cache
 def read_environment() -> Environment:
-    """Read what this process runs, which does not change."""
+    """Read the versions of the software of this process, once."""
     versions = {"cmacexp": __version__, "python": platform.python_version()}
     for package in PACKAGES:
         with suppress(PackageNotFoundError):
@@ -60,18 +62,25 @@ def _find_commit() -> str | None:
     if not (checkout / ".git").exists():
         return None
     try:
-        answer = subprocess.run(
+        git = subprocess.run(
             ["git", "-C", str(checkout), "rev-parse", "HEAD"], capture_output=True, text=True, timeout=10, check=False
         )
     except (OSError, subprocess.TimeoutExpired):
         return None
-    return answer.stdout.strip() if answer.returncode == 0 else None
+    return git.stdout.strip() if git.returncode == 0 else None
 
 
 def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: Any) -> Manifest:
-    """The manifest of a run of a plain ``config``; without ``entries`` that of one that took no step."""
-    config = json.loads(json.dumps(config))  # keys become text, as they will be read: the hash must be the same
-    given: Manifest = {
+    """Make the manifest of a run.
+
+    Args:
+        config: Config as plain dictionaries.
+        status: Outcome of the run.
+        cause: Why it did not complete; empty if it did.
+        entries: Other entries; without them those of a run that took no step.
+    """
+    config = json.loads(json.dumps(config))  # keys become text, as when the file is read: the hash must be the same
+    manifest: Manifest = {
         "status": str(status),
         "cause": cause,
         "seed": config.get("seed"),
@@ -84,20 +93,20 @@ def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: An
         "wall_seconds": 0.0,
         "files": {},
     }
-    return vars(RunManifest(**given | entries))
+    return vars(RunManifest(**manifest | entries))
 
 
 def write(folder: Path, manifest: Manifest, durable: bool = True) -> None:
-    """Write the manifest of a result, in one step; one that is not ``durable`` may be lost in a power failure."""
+    """Write the manifest of a result atomically; without ``durable`` a power failure may lose it."""
     with write_atomically(folder / MANIFEST, durable) as temporary:
         temporary.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
 
 
 def read(folder: Path) -> Manifest:
-    """The manifest of a run, checked.
+    """Read and check the manifest of the run in ``folder``.
 
-    Raises BadRun if there is none, it cannot be read, it is one of a report or a sweep, or an entry is missing or not
-    what it must be.
+    Raises BadRun if it is missing, cannot be read or belongs to a report or a sweep, or if an entry is missing or
+    invalid.
     """
     manifest = read_file(folder / MANIFEST)
     BadRun.unless(
@@ -107,7 +116,7 @@ def read(folder: Path) -> Manifest:
 
 
 def read_file(path: Path) -> Manifest:
-    """The manifest in a file, of a run, a report or a sweep; raises BadRun as :func:`read`."""
+    """Read the manifest of a run, a report or a sweep from a file; raises BadRun as :func:`read`."""
     try:
         signature = file_signature(path)
         read = _read_checked if signature[2] <= MOST_CACHED else _read_checked.__wrapped__
@@ -118,13 +127,13 @@ def read_file(path: Path) -> Manifest:
     except (OSError, UnicodeDecodeError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
         raise BadRun(f"{path}: cannot be read ({reason.splitlines()[0]})") from None
-    manifest.pop("checksum", None)  # of earlier versions
+    manifest.pop("checksum", None)  # written by earlier versions
     return manifest
 
 
-@lru_cache(2048)  # whoever looks for runs, or reads a table of one, reads its manifest too
+@lru_cache(2048)  # the search for runs and every access to a table read the manifest too
 def _read_checked(path: Path, signature: tuple[int, ...]) -> str:
-    """A manifest as text, with all its entries, whose file has this signature."""
+    """Read a manifest, completed with default entries, as JSON text; ``signature`` of the file is the cache key."""
     with open_file(path) as file:
         BadRun.unless(
             os.fstat(file.fileno()).st_size <= MAX_BYTES,
@@ -134,10 +143,10 @@ def _read_checked(path: Path, signature: tuple[int, ...]) -> str:
 
 
 def parse(text: str, path: Path) -> Manifest:
-    """Read the text of a manifest, with all its entries; raises BadRun in the name of the file ``path``."""
+    """Parse and check the text of a manifest and add default entries; raises BadRun, which names ``path``."""
     try:
         manifest = json.loads(text)
-        if "\\ud" in text.lower():  # half of a character, which no file and no terminal takes
+        if "\\ud" in text.lower():  # a lone surrogate, which cannot be encoded for files and terminals
             json.dumps(manifest, ensure_ascii=False).encode()
         return complete(manifest)
     except BadInput as error:
@@ -153,18 +162,18 @@ def _cached_hash(path: Path, signature: tuple[int, ...]) -> str:
 
 
 def current_hash(path: Path) -> str:
-    """SHA-256 of a file as it is now; computed once while the file does not change."""
+    """Compute the SHA-256 of a file; cached until the file changes."""
     return _cached_hash(path, file_signature(path))
 
 
 def _read_manifest(folder: Path) -> Manifest | None:
-    """The manifest of a run; None while it is written, when it has none yet."""
+    """Read the manifest in ``folder``; None if it is missing, as while a run is being written."""
     path = folder / MANIFEST
     return read_file(path) if os.path.lexists(path) else None
 
 
 def check_file(folder: Path, name: str, expected: str) -> str | None:
-    """Why the file ``name`` of a folder is not the one with the hash ``expected``; None: it is."""
+    """Explain why the file ``name`` in ``folder`` does not have the SHA-256 ``expected``; None if it has."""
     try:
         return None if current_hash(folder / name) == expected else "changed since it was written"
     except (FileNotFoundError, NotADirectoryError):
@@ -174,28 +183,27 @@ def check_file(folder: Path, name: str, expected: str) -> str | None:
 
 
 def was_written(path: Path) -> bool:
-    """Whether the run in whose folder ``path`` lies wrote that file; raises BadRun if its manifest is damaged."""
+    """Check whether the run in the folder of ``path`` wrote that file; raises BadRun if its manifest is damaged."""
     manifest = _read_manifest(path.parent)
     return path.is_file() if manifest is None else path.name in manifest["files"]
 
 
 def keeps_trace(manifest: Manifest) -> bool:
-    """Whether a run stores more than its metrics, as far as is known: one that failed can have any config."""
+    """Check whether a run stores traces; True if its config does not say, as that of a failed run may."""
     record = manifest["config"].get("record")
     return not isinstance(record, dict) or record.get("trace") is not False
 
 
 def require_intact(path: Path) -> Path:
-    """``path``, if this file of a run is as the run wrote it, else raises BadRun.
+    """Return ``path`` if this file of a run has not changed since it was written; raises BadRun otherwise.
 
-    The files of a run that is still being written, and those of a report, have nothing that they could be compared
-    with.
+    Files of a run that is still being written, and those of a report, are not checked: no hash of them is stored.
     """
     manifest = _read_manifest(path.parent)
     if manifest is None or manifest.get("kind") == REPORT:
         return path
     listed = path.name in manifest["files"]
-    lean = f"{path}: the run keeps metrics alone (record.trace=false); run it again with record=trace"
+    lean = f"{path}: the run keeps metrics only (record.trace=false); run it again with record=trace"
     BadRun.unless(listed or keeps_trace(manifest), lean)
     cause = manifest.get("cause")
     why = f"it {manifest['status']}: {cause}" if cause else f"its {MANIFEST} does not list it"
@@ -207,12 +215,12 @@ def require_intact(path: Path) -> Path:
 
 HYDRA_FOLDER = ".hydra"
 RUNS_FILE, JOBS_FOLDER = "runs.parquet", ".jobs"
-"""Tables of a sweep: its jobs beside their metrics; and parts of both while it runs."""
+"""Table of the jobs of a sweep, and the hidden folder for parts of its tables while it runs."""
 JOB_PART = re.compile("[0-9a-f]{8}-[0-9a-f]{64}")
 
 
 def is_run(folder: Path) -> bool:
-    """Whether ``folder`` is the folder of a run, complete or not."""
+    """Check whether ``folder`` is the folder of a run, complete or not."""
     try:
         manifest = _read_manifest(folder)
     except BadRun:
@@ -223,45 +231,45 @@ def is_run(folder: Path) -> bool:
 
 
 def read_sweep(folder: Path) -> Manifest | None:
-    """Read the manifest of the sweep in a folder; None without one. Raises BadRun if it is damaged."""
+    """Read the manifest of the sweep in ``folder``; None if there is no sweep. Raises BadRun if it is damaged."""
     manifest = _read_manifest(folder)
     return manifest if manifest is not None and manifest.get("kind") == SWEEP else None
 
 
 def has_tables(folder: Path) -> bool:
-    """Check whether a folder holds the tables of a sweep that has ended, as :func:`read_sweep`."""
+    """Check whether ``folder`` contains the tables of a finished sweep; raises BadRun as :func:`read_sweep`."""
     return RUNS_FILE in (read_sweep(folder) or {"files": ()})["files"]
 
 
 def name_job_part(sweep: str, content: bytes | memoryview) -> str:
-    """Name a part of the tables of a running sweep by what it holds, so that a changed one is found."""
+    """Return the file name of a table part of a running sweep, which contains the hash of its content."""
     return f"{sweep}-{hashlib.sha256(content).hexdigest()}"
 
 
 def list_job_parts(folder: Path, sweep: str = "") -> list[Path]:
-    """List the parts that the jobs of a sweep have left in its folder, or those of all sweeps; the newest first."""
+    """List the table parts in the folder of a sweep, newest first; with ``sweep`` only those with this prefix."""
     named = [path for path in (folder / JOBS_FOLDER).glob(f"{sweep}*") if JOB_PART.fullmatch(path.name)]
     return sorted(named, key=lambda path: path.lstat().st_mtime_ns, reverse=True)
 
 
 def _holds_jobs(folder: Path) -> bool:
-    """Check whether a folder holds what jobs of a sweep left, in tables or parts of them."""
+    """Check whether ``folder`` contains results of the jobs of a sweep, as tables or as parts of them."""
     manifest = read_sweep(folder)
     return manifest is not None and bool(manifest["files"] or list_job_parts(folder))
 
 
 def walk(folder: Path, skipped: Callable[[OSError], None] | None = None) -> Iterator[Path]:
-    """``folder`` and all folders below it, but for hidden ones; links are not followed.
+    """Yield ``folder`` and all folders below it except hidden ones, in order; links are not followed.
 
-    ``skipped`` is called with the error of a folder that cannot be read.
+    ``skipped`` is called with the error of every folder that cannot be read.
     """
-    for place, inside, _ in os.walk(folder, onerror=skipped):
-        inside[:] = sorted(name for name in inside if name[0] != ".")
-        yield Path(place)
+    for path, names, _ in os.walk(folder, onerror=skipped):
+        names[:] = sorted(name for name in names if name[0] != ".")
+        yield Path(path)
 
 
 def name_of(folder: Path) -> str:
-    """The name of the folder of a run; that of a job of a sweep includes the name of the sweep."""
+    """Return the name of the folder of a run, for a job of a sweep as SWEEP_JOB."""
     path = folder.resolve()
     return f"{path.parent.name}_{path.name}" if path.name.isdecimal() else path.name
 
@@ -272,7 +280,7 @@ def _require_some(folder: Path, paths: Iterable[Path]) -> list[Path]:
         return ordered
     BadRun.unless(
         not has_tables(folder) and not list_job_parts(folder),
-        f"{folder}: its runs keep metrics alone (record=metrics), without folders; use record=trace",
+        f"{folder}: its runs keep metrics only (record=metrics), without folders; use record=trace",
     )
     raise BadRun(f"{folder}: contains no run; use the folder that a run printed at its end")
 
@@ -282,24 +290,24 @@ def _refuse(error: OSError) -> None:
 
 
 def runs_below(folder: Path) -> list[Path]:
-    """``folder`` if it is a run, else all runs below it, in order; raises BadRun if there is none to be read."""
+    """List the runs below ``folder``, sorted, or only ``folder`` if it is a run; raises BadRun if there is none."""
     if not folder.is_dir() or is_run(folder):
         return _require_some(folder, [folder])
     return _require_some(folder, filter(is_run, walk(folder, _refuse)))
 
 
 def everything_below(folder: Path) -> list[Path]:
-    """All that can be verified: runs from ``folder`` on, inside of runs too, in order.
+    """List all folders at and below ``folder`` that can be verified, sorted: runs, also inside runs, and sweeps.
 
-    A folder that cannot be read is one of them. Raises BadRun if there is nothing.
+    Folders that cannot be read are included, so that they are reported. Raises BadRun if there is none.
     """
     unreadable: list[OSError] = []
-    runs = {place for place in walk(folder, unreadable.append) if is_run(place) or _holds_jobs(place)}
+    runs = {path for path in walk(folder, unreadable.append) if is_run(path) or _holds_jobs(path)}
     return _require_some(folder, runs.union(Path(error.filename) for error in unreadable))
 
 
 def require_place(key: str, folder: Path) -> Path:
-    """``folder`` if it is a folder or can be created; raises BadInput if it or a parent is a file."""
+    """Return ``folder`` if it is a folder or can be created; raises BadInput if it or a parent is a file."""
     nearest = next(path for path in (folder, *folder.parents) if path.exists())
     require(nearest.is_dir(), key, folder, f"must be a folder, which is created if missing; {nearest} is a file")
     return folder

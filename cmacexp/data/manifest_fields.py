@@ -1,4 +1,4 @@
-"""What a manifest holds: its entries, declared as the fields of a config are, and what readers use of its config."""
+"""Entries of a manifest, declared like the fields of a config, and the check of the config in a manifest."""
 
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
@@ -16,7 +16,7 @@ from cmacexp.models.chain import CHAIN_FIELDS
 from cmacexp.typing import ENDS, RESULTS
 
 REPORT, SWEEP = "report", "sweep"
-"""Kinds of manifests that name a report and its runs, or a sweep and how it ended; a run has no kind."""
+"""Kinds of manifests other than that of a run, which has no entry ``kind``."""
 MAX_STEPS_PER_CYCLE = 1 << 32
 READ = (
     "scenario",
@@ -32,17 +32,17 @@ READ = (
     "record.cycles",
     *(f"{group}._target_" for group in COMPONENTS),
 )
-"""Fields of a config that are read without simulating; all that its machine has are, too."""
+"""Keys of the config of a stored run that views and tables read, besides all fields of its machine."""
 
 
 @dataclass
 class RobotGeometry:
-    """Geometry of the legs of a robot, for views of its trace; raises BadInput unless there are four."""
+    """Geometry of the legs of a robot, for views of its trace; raises BadInput unless it is for four legs."""
 
     chains: list[list[float]] = number("m")
-    """Chain of each leg, see :mod:`cmacexp.models.chain`."""
+    """Kinematic chain of each leg, lengths in m, see :mod:`cmacexp.models.chain`."""
     hips: list[list[float]] = number("m")
-    """Hips in the body frame, forward and left."""
+    """Position of each hip in the body frame, (forward, left)."""
     foot_radius: float = number("m")
 
     def __post_init__(self) -> None:
@@ -53,111 +53,112 @@ class RobotGeometry:
 
 @dataclass
 class SweepManifest:
-    """How a sweep ended."""
+    """Manifest of a sweep."""
 
     status: str
     config: dict[str, Any]
-    """Only whether its jobs keep traces, ``record.trace``; empty if they do."""
+    """``record.trace`` only, which is false if some jobs keep no traces; empty otherwise."""
     files: dict[str, str]
-    """SHA-256 of the tables of jobs that have no folders, by name."""
+    """SHA-256 of the tables of the jobs without folders, by file name."""
 
 
 @dataclass(kw_only=True)
 class RunManifest:
-    """What a run says of itself; entries with a default were not in those of all earlier versions."""
+    """Manifest of a run; manifests of earlier versions can lack the entries that have a default."""
 
     status: str = choice(*ENDS)
     cause: str | None
     """Why it did not complete; empty if it did."""
     seed: Any
     config: dict[str, Any]
-    """Its config as plain dictionaries; whatever could be composed, if it took no step."""
+    """Config as plain dictionaries; if the run took no step, possibly incomplete."""
     config_hash: str
-    """Hash of what changes the results, see :func:`cmacexp.config.config_hash`."""
+    """Hash of the fields of the config that affect results, see :func:`cmacexp.config.config_hash`."""
     versions: dict[str, str]
-    """Versions of this package, Python, and all that results can depend on."""
+    """Versions of this package, of Python, and of the packages on which results can depend."""
     git_commit: str | None
-    """Commit of the checkout that ran it; None outside one."""
+    """Commit of the Git checkout that ran it; None if the package was installed."""
     steps: int = number("", at_least=0, at_most=MOST)
-    """Steps that it took."""
+    """Number of sampling periods simulated."""
     rollout_seconds: float = number("s", at_least=0)
-    """Time of the closed loop alone, without compiling."""
+    """Wall time of the closed loop only, without compilation."""
     wall_seconds: float = number("s", at_least=0)
-    """Time of the whole run."""
+    """Wall time of the whole run."""
     files: dict[str, str]
-    """SHA-256 of the files that it wrote, by name."""
+    """SHA-256 of the files of the run, by file name."""
     dropped: list[DroppedSensor] = field(default_factory=list)
+    """Force sensors that fault detection switched off."""
     memory: list[MemoryUse] = field(default_factory=list)
-    """Use of memory by each leg; empty if nothing learns."""
+    """Memory use of the network of each leg; empty if nothing learns."""
     drift: Drift | None = None
-    """The first drift, with the growth in the last cycle."""
+    """First drift detected, with the growth of the feedback in the last cycle."""
     processor_seconds: float | None = number("s", at_least=0, default=None)
-    """Time that the closed loop took of all cores."""
+    """Processor time of the closed loop, summed over all cores."""
     guard: list[GuardEvent] = field(default_factory=list)
     lead_estimates: list[LeadEstimate] = field(default_factory=list)
     learning_lead: int | None = number("samples", default=None)
-    """What ``learning.lead`` gave."""
+    """Lead of learning that resulted from ``learning.lead``."""
     learning_rate: float | None = number("", default=None)
-    """What ``learning.rate`` gave."""
+    """Learning rate that resulted from ``learning.rate``."""
     carried: list[CarriedLoad] = field(default_factory=list)
     code_hash: str | None = None
-    """Hash of this package's code on which results depend."""
+    """Hash of the code of this package on which results depend."""
     custom_code: str | None = None
-    """Hash of the code of components of the user's own; None if there are none."""
+    """Hash of the code of custom components; None without any."""
     start_weights: str | None = None
-    """SHA-256 of the weights that it started from."""
+    """SHA-256 of the weights that learning started from; None if they were zero."""
     model_hash: str | None = None
-    """Hash of the model of a robot."""
+    """Hash of the model of the robot; None for other machines."""
     robot: RobotGeometry | None = None
     plant: Any = None
-    """What the plant said of the run, see :class:`cmacexp.protocols.Plant`."""
+    """Report of the plant on the run, see :class:`cmacexp.protocols.Plant`."""
     overrides: list[str] | None = None
-    """Overrides from which its config was composed; None if it came whole."""
+    """Overrides that the config was composed from; None if the run was started with a complete config."""
     traceback: str = ""
-    """Traceback of an error that is no mistake of the input."""
+    """Traceback of an error other than bad input; else empty."""
     bad_input: bool | None = None
-    """Whether the input is why the config gave no run; None: it gave one."""
+    """True if bad input prevented the run, False if another error did; None if it ran."""
 
 
 def fill(entries: Mapping[str, Any]) -> dict[str, Any]:
-    """Entries of a manifest that was checked when it was written, with the defaults of those that it lacks."""
-    return {**{each.name: [] if each.default is MISSING else each.default for each in fields(RunManifest)}, **entries}
+    """Add the defaults of missing entries to the manifest of a run that was checked when it was written."""
+    return {item.name: [] if item.default is MISSING else item.default for item in fields(RunManifest)} | {**entries}
 
 
 def complete(plain: Any) -> dict[str, Any]:
-    """A manifest, as read from its file, with all entries of :class:`RunManifest`, and those of later versions.
+    """Check the manifest ``plain``, as read from its file, and add the defaults of missing entries.
 
-    That of a sweep has the entries of :class:`SweepManifest` at least. Raises BadInput if an entry is missing or not
-    what it must be.
+    The entries are those of :class:`RunManifest`, or of :class:`SweepManifest` for a sweep; unknown ones, as of later
+    versions, are kept. Raises BadInput if an entry is missing or invalid.
     """
     require(isinstance(plain, dict), "manifest", plain, "must be an object")
     kind = plain.get("kind")
-    if kind == REPORT:  # for people: nothing else of it is read
+    if kind == REPORT:  # only its files are read
         require(isinstance(plain.get("files", {}), dict), "files", plain.get("files"), "must be an object")
         return dict(plain)
     schema = SweepManifest if kind == SWEEP else RunManifest
-    names = [each.name for each in fields(schema)]
+    names = [entry.name for entry in fields(schema)]
     manifest: Any = read_fields(schema, {name: plain[name] for name in names if name in plain}, texts=False)
     for name in manifest.files:
         is_inside = name and PurePosixPath(name).name == name and "\0" not in name
         require(is_inside, "files", name, "must be names of files in its folder")
     if isinstance(manifest, RunManifest):
-        is_own = manifest.config_hash == config_hash(manifest.config)
-        require(is_own, "config", "(changed)", "is not the one of its config_hash")
-        if manifest.files or manifest.steps or manifest.status in RESULTS:  # else its config can be anything
+        is_unchanged = manifest.config_hash == config_hash(manifest.config)
+        require(is_unchanged, "config", "(changed)", "is not the one of its config_hash")
+        if manifest.files or manifest.steps or manifest.status in RESULTS:  # else the config may be incomplete
             _check_config(manifest.config)
     return {**plain, **to_plain(manifest)}
 
 
 def _check_config(config: Mapping[str, Any]) -> None:
-    """Check what readers use of a config by the fields that it has in this version; raises BadInput."""
+    """Check the values of a config that are read without simulating, see :data:`READ`; raises BadInput."""
     machine: Any = config.get("machine")
     kind: Any = machine.get("kind") if isinstance(machine, dict) else machine
     require_name("config.machine.kind", kind, tuple(MACHINES))
-    schemas = {each.name: each.type for each in fields(Config)} | dict.fromkeys(COMPONENTS, ComponentConfig)
+    schemas = {group.name: group.type for group in fields(Config)} | dict.fromkeys(COMPONENTS, ComponentConfig)
     schemas |= {"": Config, "machine": MACHINES[kind]}
-    geometry = [f"machine.{each.name}" for each in fields(MACHINES[kind]) if each.name in machine]
-    for key in (*READ, *geometry):
+    machine_keys = [f"machine.{item.name}" for item in fields(MACHINES[kind]) if item.name in machine]
+    for key in (*READ, *machine_keys):
         group, _, name = key.rpartition(".")
         node: Any = config.get(group) if group else config
         require(isinstance(node, dict) and name in node, f"config.{key}", "(not set)", "must have a value")

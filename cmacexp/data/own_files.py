@@ -1,4 +1,4 @@
-"""Which files of a folder are a result's own: nothing else in it is ever moved or removed."""
+"""The files that belong to a result; no other file in its folder is ever moved or removed."""
 
 import os
 from collections.abc import Iterator
@@ -19,8 +19,10 @@ from cmacexp.data.tables import (
 )
 from cmacexp.errors import BadInput, BadRun
 
-HTML, FIGURES = "report.html", "figures"
-"""The page of a report, and the folder of its figures."""
+HTML = "report.html"
+"""Page of a report."""
+FIGURES = "figures"
+"""Folder of the figures of a report."""
 RUN_FILES = (
     manifests.MANIFEST,
     TRACE_FILE,
@@ -33,28 +35,29 @@ RUN_FILES = (
     RECORDING_FILE,
     *(f"{manifests.HYDRA_FOLDER}/{name}.yaml" for name in ("config", "hydra", "overrides")),
 )
-"""All files that a run can consist of, besides the reports in :data:`VIEWS`."""
-VIEWS = ("report", "stability")
-"""Folders of reports in that of a run; a new run replaces them too."""
+"""All files that a run can have, besides the reports in :data:`REPORT_FOLDERS`."""
+REPORT_FOLDERS = ("report", "stability")
+"""Folders of reports in the folder of a run; a new run replaces them too."""
 UNLISTED = (f"{FIGURES}/*.svg", "*.json", "*.yaml", "*.parquet")
-"""Files of a report of earlier versions, whose manifest does not list them; they are older than it."""
+"""Patterns for the files of a report of an earlier version, whose manifest, written last, does not list them."""
 
 
 def list_own(folder: Path, kind: str | None) -> set[str]:
-    """List the files that a result of a kind (None: a run) consists of, relative to its folder; none without one."""
+    """List the files of the result of a kind (None: a run) in ``folder``, relative to it; empty without one."""
     with suppress(BadRun):
         manifest = manifests.read_file(folder / manifests.MANIFEST)
         if manifest.get("kind") != kind:
             return set()
         if kind is None:
-            views = {f"{view}/{name}" for view in VIEWS for name in list_own(folder / view, manifests.REPORT)}
-            return {*RUN_FILES, *views}
+            return set(RUN_FILES).union(
+                *({f"{name}/{file}" for file in list_own(folder / name, manifests.REPORT)} for name in REPORT_FOLDERS)
+            )
         return {manifests.MANIFEST, HTML, *(manifest.get("files") or _list_unlisted(folder))}
     return set()
 
 
 def _list_unlisted(report: Path) -> Iterator[str]:
-    """List the files of a report of an earlier version: what is older than its manifest and has such a name."""
+    """Yield the files of a report of an earlier version: those of :data:`UNLISTED` written before its manifest."""
     written = (report / manifests.MANIFEST).lstat().st_mtime_ns
     for pattern in UNLISTED:
         for path in report.glob(pattern):
@@ -63,28 +66,30 @@ def _list_unlisted(report: Path) -> Iterator[str]:
 
 
 def find_others(folder: Path, kind: str | None) -> list[str]:
-    """List what is in a folder but of no result of this kind: files, links and folders, relative to it.
+    """List the files, links and folders in ``folder`` that belong to no result of a kind, relative to it, sorted.
 
     A folder that cannot be read is listed too.
     """
-    own, others, unread = list_own(folder, kind), list[str](), list[OSError]()
-    known = own | {parent.as_posix() for name in own for parent in PurePosixPath(name).parents}
+    result_files = list_own(folder, kind)
+    result_paths = result_files | {str(parent) for name in result_files for parent in PurePosixPath(name).parents}
+    foreign_paths: list[str] = []
+    errors: list[OSError] = []
 
-    def name_of(path: Path) -> str:
-        return path.relative_to(folder).as_posix()
+    def is_foreign(path: Path) -> bool:
+        return path.is_symlink() or path.relative_to(folder).as_posix() not in result_paths
 
-    for place, folders, files in os.walk(folder, onerror=unread.append):
-        paths = [Path(place, name) for name in (*folders, *files) if not is_part(name)]
-        others += [name_of(path) for path in paths if path.is_symlink() or name_of(path) not in known]
-        folders[:] = [path.name for path in paths if path.name in folders and name_of(path) not in others]
-    others += [str(error.filename) for error in unread if not isinstance(error, FileNotFoundError)]
-    return sorted(others)
+    for parent, folders, files in os.walk(folder, onerror=errors.append):
+        paths = [Path(parent, name) for name in (*folders, *files) if not is_part(name)]
+        foreign_paths += [path.relative_to(folder).as_posix() for path in paths if is_foreign(path)]
+        folders[:] = [path.name for path in paths if path.name in folders and not is_foreign(path)]
+    foreign_paths += [str(error.filename) for error in errors if not isinstance(error, FileNotFoundError)]
+    return sorted(foreign_paths)
 
 
 def require_own_file(path: Path, mark: bytes, key: str) -> None:
-    """Require that a file which is going to be replaced is missing, or of this project, since it contains ``mark``.
+    """Require that the file ``path`` can be replaced: it is missing or, as it contains ``mark``, of this project.
 
-    Raises BadInput in the name of ``key``. A file that the user names is replaced without this.
+    Raises BadInput, naming ``key``. A file that the user names is replaced without this check.
     """
     if os.path.lexists(path):
         with suppress(OSError), open_file(path) as file:
@@ -94,15 +99,15 @@ def require_own_file(path: Path, mark: bytes, key: str) -> None:
 
 
 def remove_own(folder: Path, kind: str | None) -> None:
-    """Remove a result by the names of its files, the manifest last, and the folders that are empty then.
+    """Remove the files of a result of a kind, the manifest last, then the folders that are empty.
 
-    A name counts only if the folder holds it: that of a stranger could lead out.
+    Only files found in the folder are removed: a name in a forged manifest could lead out of it.
     """
-    own = list_own(folder, kind)
-    held = [Path(place, name).relative_to(folder) for place, _, files in os.walk(folder) for name in files]
-    for path in sorted(held, key=lambda path: path.as_posix() == manifests.MANIFEST):
-        if path.as_posix() in own or any(map(is_part, path.parts)):  # or of a command that was killed
+    result_files = list_own(folder, kind)
+    paths = [Path(parent, name).relative_to(folder) for parent, _, files in os.walk(folder) for name in files]
+    for path in sorted(paths, key=lambda path: path.as_posix() == manifests.MANIFEST):
+        if path.as_posix() in result_files or any(map(is_part, path.parts)):  # or left by a killed command
             (folder / path).unlink(missing_ok=True)
-    for place, _, _ in os.walk(folder, topdown=False):
-        with suppress(OSError):  # it is not empty
-            os.rmdir(place)
+    for parent, _, _ in os.walk(folder, topdown=False):
+        with suppress(OSError):  # the folder is not empty
+            os.rmdir(parent)

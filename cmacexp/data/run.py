@@ -1,4 +1,4 @@
-"""A run on disk: how it ended, of what config, its tables, and its views."""
+"""A stored run: its outcome, config, tables and views."""
 
 import math
 import os
@@ -37,25 +37,25 @@ from cmacexp.errors import BadRun, CmacexpError, in_one_line, require_extra, req
 from cmacexp.typing import RESULTS, Array, DataFrame, Dataset, Status
 
 NO_VALUES = ("step", "time", "cycle", "leg", "phase")
-"""Signals that say where a value belongs."""
+"""Signals that index the others, such as time and leg."""
 
 
 class Run:
-    """A run that has ended, by its folder; what :func:`cmacexp.run` and :func:`cmacexp.load` return.
+    """A stored run that has ended, as :func:`cmacexp.run` and :func:`cmacexp.load` return it.
 
-    Nothing is read before it is asked for. ``repr`` gives one line; ``str`` and a notebook also show the main metrics
-    of each cycle.
+    Files are read on first access. ``repr`` gives one line; ``str`` and a notebook also show the main metrics of each
+    cycle.
 
     Args:
-        folder: of the run.
-        manifest: as it has just been written; None: it is read.
+        folder: Folder of the run.
+        manifest: Its manifest, if it has just been written; None: it is read from the folder.
 
     Raises:
-        BadRun: on first use of a file that is missing, has changed or cannot be read.
+        BadRun: On first access to a file that is missing, has changed or cannot be read.
     """
 
     is_checked = True
-    """Whether it has files, by which it is intact or not."""
+    """True if the run has files whose hashes are checked."""
 
     def __init__(self, folder: str | Path, manifest: manifests.Manifest | None = None):
         self.folder = Path(folder)
@@ -64,12 +64,12 @@ class Run:
 
     @cached_property
     def manifest(self) -> manifests.Manifest:
-        """How it ended, of what config, versions, and the hashes of its files: ``manifest.json``."""
+        """Content of ``manifest.json``: outcome, config, versions, and hashes of the files."""
         return manifests.read(self.folder)
 
     @property
     def config(self) -> dict[str, Any]:
-        """Its config as plain dictionaries; ``cmacexp.run(run.config)`` runs it again.
+        """Config of the run as plain dictionaries; ``cmacexp.run(run.config)`` repeats the run.
 
         A config that names code outside this package, as with a custom controller, needs ``trust=True`` there.
         """
@@ -77,7 +77,7 @@ class Run:
 
     @cached_property
     def settings(self) -> dict[str, Any]:
-        """The config by dotted keys; empty if it cannot be read."""
+        """Config with dotted keys, e.g. ``terrain.stiffness``; empty if it cannot be read."""
         try:
             return flatten_config(self.config)
         except BadRun:
@@ -85,24 +85,24 @@ class Run:
 
     @property
     def status(self) -> str:
-        """``completed``, ``fell``, ``diverged``, ``failed`` or ``interrupted``."""
+        """Outcome: ``completed``, ``fell``, ``diverged``, ``failed`` or ``interrupted``."""
         return str(self.manifest["status"])
 
     @property
     def ending(self) -> str:
-        """Status and cause in one line."""
+        """Status and cause of the end of the run, in one line."""
         return f"{self.status} {self.manifest['cause'] or ''}".rstrip()
 
     @property
     def steps_per_cycle(self) -> int:
-        """Samples of one cycle."""
+        """Number of samples of one gait cycle."""
         return count_steps(self.config["gait"]["cycle_time"], self.config["sampling_period"])
 
     @property
     def whole_cycles(self) -> int:
         """Number of cycles that the run completed."""
         steps = int(self.manifest["steps"])
-        return steps // self.steps_per_cycle if steps else 0  # else its config may be of any kind
+        return steps // self.steps_per_cycle if steps else 0  # a run without a step may have an invalid config
 
     @property
     def last_cycle(self) -> int:
@@ -111,60 +111,65 @@ class Run:
         return -(-steps // self.steps_per_cycle) if steps else 0
 
     def select_whole(self, kept: Iterable[int]) -> list[int]:
-        """Those of the cycles in the trace that are whole there, but for the thinning of their steps.
+        """Select, of the cycles ``kept``, those that the trace contains completely, apart from thinned steps.
 
-        ``kept`` are those of which the trace has a step: a run that did not complete keeps its last steps.
+        ``kept`` are the cycles with at least one step in the trace: if a run did not complete, its trace also has the
+        last steps of cycles that ``record.cycles`` excludes.
         """
-        asked, whole = self.config["record"]["cycles"], self.whole_cycles
-        return [cycle for cycle in kept if cycle <= whole and (asked is None or cycle in asked)]
+        recorded = self.config["record"]["cycles"]
+        whole = self.whole_cycles
+        return [cycle for cycle in kept if cycle <= whole and (recorded is None or cycle in recorded)]
 
     def wrote(self, name: str) -> bool:
-        """Whether a file is one of the run."""
+        """Check whether the run wrote the file ``name``."""
         return name in self.manifest["files"]
 
     @property
     def walks(self) -> bool:
-        """Whether there is a body on legs."""
+        """True if the machine has a body on legs."""
         return self.wrote(BODY_METRICS_FILE)
 
     def _table(self, name: str) -> DataFrame:
-        _ = self.manifest  # without one there is nothing that the table could be compared with
+        _ = self.manifest  # raises BadRun without one: the table could not be checked
         return to_frame(read_table(self.folder / name))
 
     @cached_property
     def trace(self) -> DataFrame:
-        """One row per step and leg."""
+        """Signals of the legs, one row per step and leg."""
         return self._table(TRACE_FILE)
 
     @cached_property
     def metrics(self) -> DataFrame:
-        """One row per cycle and leg."""
+        """Metrics of the legs, one row per cycle and leg."""
         return self._table(METRICS_FILE)
 
     @cached_property
     def body(self) -> DataFrame:
-        """One row per step; only of a run that :attr:`walks`."""
+        """Signals of the body, one row per step; only if the run :attr:`walks`."""
         return self._table(BODY_FILE)
 
     @cached_property
     def body_metrics(self) -> DataFrame:
-        """One row per cycle; only of a run that :attr:`walks`."""
+        """Metrics of the body, one row per cycle; only if the run :attr:`walks`."""
         return self._table(BODY_METRICS_FILE)
 
     @cached_property
     def units(self) -> dict[str, str]:
-        """Units of all columns of these tables, by name; empty where a column has none."""
+        """Unit of every column of the tables of the run, by column name; empty for a column without a unit."""
         names = [name for name in TABLES if self.wrote(name)]
         return {key: unit for name in names for key, unit in list_units(read_schema(self.folder / name)).items()}
 
     def read_trace(self, cycles: Collection[int] | None = None, every: int = 1) -> Trace:
-        """The trace as arrays (steps, legs) by name: of all cycles or of some, one step in ``every``."""
+        """Read the trace as arrays (steps, legs) by name.
+
+        Only the steps of ``cycles``, if not None, and of these one in ``every``.
+        """
         _ = self.manifest
         return read_trace(self.folder, cycles, every)
 
     @cached_property
     def scores(self) -> Scores:
-        """The metrics of every cycle, as Arrow tables; raises BadRun unless they have those of all cycles."""
+        """Metrics of all cycles, as Arrow tables; raises BadRun if the metrics of a cycle are missing."""
         path = self.folder / METRICS_FILE
         cycles = np.arange(1, self.last_cycle + 1)
         legs = Trace(read_table(path))
@@ -177,87 +182,88 @@ class Run:
 
     @cached_property
     def _summary(self) -> tuple[RunEnd, dict[str, Array], int]:
-        """How it ended, its metrics in whole cycles, pooled over the legs, and the number of legs."""
+        """Outcome, metrics of the whole cycles pooled over the legs, and number of legs."""
         try:
-            manifest, pooled, legs = self.manifest, {}, 1
+            manifest = self.manifest
             checked = self.is_checked and (manifest["files"] or self.status in RESULTS)
-            found = list_faults(self.folder, manifest) if checked else []
-            wrong = [fault for fault in found if fault.split(":")[0] in TABLES]
-            if wrong:
-                return RunEnd(Status.NOT_INTACT, "; ".join(wrong)), {}, 1
-            if self.wrote(METRICS_FILE):
-                scores, cycles = self.scores, self.whole_cycles
-                pooled = {name: values[:cycles] for name, values in load_view("pool")(scores).items()}
-                legs = int(as_array(scores.legs, "leg").max(initial=1))
+            faults = list_faults(self.folder, manifest) if checked else []
+            table_faults = [fault for fault in faults if fault.split(":")[0] in TABLES]
+            if table_faults:
+                return RunEnd(Status.NOT_INTACT, "; ".join(table_faults)), {}, 1
+            end = RunEnd(self.status, manifest["cause"] or "")
+            if not self.wrote(METRICS_FILE):
+                return end, {}, 1
+            pooled = {name: values[: self.whole_cycles] for name, values in load_view("pool")(self.scores).items()}
+            return end, pooled, int(as_array(self.scores.legs, "leg").max(initial=1))
         except (BadRun, OSError, ValueError) as error:
             status = Status.NOT_INTACT if os.path.lexists(self.folder / manifests.MANIFEST) else Status.UNFINISHED
             return RunEnd(status, str(error).splitlines()[0].removeprefix(f"{self.folder}: ")), {}, 1
-        return RunEnd(self.status, manifest["cause"] or ""), pooled, legs
 
     @property
     def outcome(self) -> RunEnd:
-        """How it ended; of a run that is not intact the reason. It never raises: a table of runs lists all."""
+        """Outcome of the run, or why it is not intact. Never raises, so that tables can list damaged runs."""
         return self._summary[0]
 
     @property
     def completed(self) -> bool:
-        """Whether it is intact and reached its end."""
+        """True if the run is intact and reached its last step."""
         return self.outcome.status == Status.COMPLETED
 
     @property
     def pooled(self) -> dict[str, Array]:
-        """All metrics by name, (whole cycles,) each, in SI units, pooled over the legs.
+        """Metrics by name, each an array (whole cycles,) in SI units, pooled over the legs.
 
-        Empty of a run that has none, or that is not intact.
+        Empty if the run has no metrics or is not intact.
         """
         return self._summary[1]
 
     @property
     def legs(self) -> int:
-        """Number of legs that have metrics."""
+        """Number of legs with metrics."""
         return self._summary[2]
 
     @property
     def cycles_done(self) -> int:
-        """Number of whole cycles that have metrics."""
+        """Number of whole cycles with metrics."""
         return len(next(iter(self.pooled.values()), ()))
 
     def final(self, name: str) -> float:
-        """A metric of the last whole cycle, pooled over the legs; NaN if the run has none.
+        """Return a metric of the last whole cycle, pooled over the legs; NaN if the run lacks it.
 
-        Raises BadInput if there is no such metric.
+        Raises BadInput if no metric has this name.
         """
         require_name("metric", name, self.pooled if name in self.pooled else load_view("metrics"))
         return float(self.pooled[name][-1]) if self.cycles_done and name in self.pooled else math.nan
 
     def report(self) -> Path:
-        """Write the report of the run, as ``python -m cmacexp.report`` with its folder; returns the page."""
+        """Write the report of the run, as ``python -m cmacexp.report FOLDER`` does; returns the path of its page."""
         return load_view("report")(self)
 
     def to_xarray(self) -> Dataset:
-        """The trace as a Dataset with units: signals of the legs over (step, leg), of the body over (step).
+        """Convert the trace to a Dataset with units: leg signals over (step, leg), body signals over (step).
 
-        ``support`` takes the place of ``phase``. Needs the extra ``xarray``; raises CmacexpError without it.
+        The boolean ``support`` replaces ``phase``. Raises CmacexpError if the extra ``xarray`` is not installed.
         """
         require_extra("xarray")
         import xarray
 
-        trace, signals = self.read_trace(), dict[str, Any]()
-        for own in filter(None, (trace, trace.body)):
-            dimensions = ("step", "leg") if own.legs else ("step",)
-            for name in [name for name in own.names if name not in NO_VALUES]:
-                signals[name] = (dimensions, own[name], {"units": trace.units[name]})
+        trace = self.read_trace()
+        signals: dict[str, Any] = {}
+        for table in filter(None, (trace, trace.body)):
+            dimensions = ("step", "leg") if table.legs else ("step",)
+            for name in [name for name in table.names if name not in NO_VALUES]:
+                signals[name] = (dimensions, table[name], {"units": trace.units[name]})
         signals["support"] = (("step", "leg"), trace.support)
         coordinates: dict[str, Any] = {name: ("step", trace.shared(name)) for name in ("step", "time", "cycle")}
         coordinates["leg"] = ("leg", np.arange(1, trace.legs + 1))
         return xarray.Dataset(signals, coordinates, {"folder": str(self.folder), "status": self.status})
 
     def view(self) -> None:
-        """Show the run in Rerun's viewer: in a notebook below the cell, else in a window, until that is closed."""
+        """Show the run in the Rerun viewer: in a notebook below the cell, else in a window until it is closed."""
         load_view("view")(self)
 
     def __repr__(self) -> str:
-        """Folder, scenario, and how it ended, in one line; of a damaged run the reason, without an error."""
+        """Describe the run in one line: folder, scenario and outcome; for a damaged run the fault. Never raises."""
         try:
             text = f"{self.config.get('scenario')}, {self.ending}, {self.manifest['steps']} steps"
         except Exception as error:
@@ -265,7 +271,7 @@ class Run:
         return in_one_line(f"Run({str(self.folder)!r}: {' '.join(text.split())})")
 
     def __str__(self) -> str:
-        """The same, and below it the main metrics per cycle."""
+        """Describe the run in one line, followed by a table of the main metrics per cycle."""
         try:
             lines = load_view("format")(self.scores)
         except Exception:
@@ -273,29 +279,29 @@ class Run:
         return "\n".join([repr(self), *lines])
 
     def _repr_html_(self) -> str:
-        """The same for a notebook."""
+        """Describe the run and its main metrics per cycle as HTML, for notebooks."""
         import pandas as pd
 
         try:
-            main, rows = load_view("tabulate")(self.scores)
+            columns, rows = load_view("tabulate")(self.scores)
         except Exception:
-            main, rows = {}, []
-        titles = ["cycle", *(f"{shown.title} {shown.unit}" for shown in main.values())]
+            return f"<p>{escape(repr(self))}</p>"
+        titles = ["cycle", *(f"{column.title} {column.unit}" for column in columns.values())]
         table = pd.DataFrame(rows, columns=titles).to_html(index=False) if rows else ""
         return f"<p>{escape(repr(self))}</p>{table}"
 
 
 def sort_folders(folders: Iterable[Path]) -> list[Path]:
-    """Folders without repeats, in the order of the numbers in their names: job 2 before job 10."""
+    """Sort folders, without duplicates, by the numbers in their names: job 2 before job 10."""
     unique = {folder.resolve() for folder in folders}
     return sorted(unique, key=lambda path: [(p.isdigit() and int(p), p) for p in re.split(r"(\d+)", str(path))])
 
 
 def read_config(run: Run, trust: bool = False, consent: str = "trust=True") -> Config:
-    """Read the typed config of a stored run, which imports the classes that it names.
+    """Read the typed config of a stored run; this imports the classes that the config names.
 
-    Raises BadInput if one is no class of this package, unless there is ``trust`` in the run, with how to give
-    ``consent``; BadRun if another version with other fields wrote the config.
+    Raises BadInput if a class is not of this package, unless ``trust`` is true; the message says that ``consent``
+    (an argument or an option) allows it. Raises BadRun if the config was written by a version with other fields.
     """
     plain = run.config
     if not trust:

@@ -1,7 +1,7 @@
-"""The table of signals: every column of the tables that a run writes, declared once.
+"""Declaration of all signals, which are the columns of the tables of a run.
 
 The schemas of the files, the layout of the loop's samples, the ``*_measured`` columns, the arrays that components
-exchange and ``docs/files.md`` derive from it.
+exchange and ``docs/files.md`` are derived from it.
 """
 
 from collections.abc import Collection, Sequence
@@ -15,17 +15,17 @@ from cmacexp.config.machine import LEG_NAMES
 CLOCK, PLAN, PLANT, SENSORS, CONTROLLER, FEEDFORWARD, DERIVED = (
     "clock", "plan", "plant", "sensors", "controller", "feedforward", "trace",
 )  # fmt: skip
-"""Who owns a signal; the trace owns what it computes from other signals."""
+"""Owners of signals: the components that produce them; the trace owns those that it computes from others."""
 SAMPLED = (PLANT, SENSORS, CONTROLLER, FEEDFORWARD)
-"""Owners whose signals the loop samples in every step; the others are known before or after the run."""
+"""Owners whose signals the loop samples in every step; others are computed before or after the run."""
 
 ALWAYS, IF_ALTERED, IF_WATCHED = "always", "if altered", "if watched"
-"""When a trace has a column: in every run, where sensors can alter the signal, where force sensors are watched."""
+"""Presence of a column in traces: in every run, if sensors can alter the signal, with fault detection of forces."""
 
 
 @dataclass(frozen=True)
 class Signal:
-    """One column: name, unit, meaning, owner, Arrow type."""
+    """Declaration of a signal, a column of a table."""
 
     name: str
     unit: str
@@ -33,8 +33,9 @@ class Signal:
     owner: str
     type: pa.DataType = pa.float64()
     altered_by: tuple[str, ...] = ()
-    """Sensor signals that can alter this one; a column ``*_measured`` then shows what the controller gets."""
+    """Sensor signals that can alter this one; a column ``*_measured`` then has the value that the controller gets."""
     present: str = ALWAYS
+    """When traces have the column."""
 
 
 PHASES = ["transfer", "support"]
@@ -47,19 +48,19 @@ LEG_SIGNALS = (
     Signal("leg", "", f"{_NUMBERED}; 1 for one leg", CLOCK, pa.int32()),
     Signal("phase", "", "planned phase", PLAN, pa.dictionary(pa.int8(), pa.string())),
     Signal("progress", "", "0 to 1 within the phase", PLAN),
-    Signal("x_desired", "m", "where the foot should really be, hip frame, x forward", PLAN),
+    Signal("x_desired", "m", "desired position of the foot, hip frame, x forward", PLAN),
     Signal(
         "y_desired",
         "m",
-        "where the foot should really be, hip frame, y down; in support the depression for F_d",
+        "desired position of the foot, hip frame, y down; in support the depression for F_d",
         PLAN,
     ),
-    Signal("x_reference", "m", "what the controller is fed along x", CONTROLLER),
+    Signal("x_reference", "m", "input of the controller along x", CONTROLLER),
     Signal(
-        "y_reference", "m", "what the controller is fed along y (D_r of eq. 9, 13, 24); NaN where unused", CONTROLLER
+        "y_reference", "m", "input of the controller along y (D_r of eq. 9, 13, 24); NaN where unused", CONTROLLER
     ),
-    Signal("x", "m", "foot, hip frame, x forward", PLANT, altered_by=("position",)),
-    Signal("y", "m", "foot, hip frame, y down", PLANT, altered_by=("position",)),
+    Signal("x", "m", "position of the foot, hip frame, x forward", PLANT, altered_by=("position",)),
+    Signal("y", "m", "position of the foot, hip frame, y down", PLANT, altered_by=("position",)),
     Signal("vx", "m/s", "velocity of the foot in the hip frame", PLANT, altered_by=("position", "velocity")),
     Signal("vy", "m/s", "velocity of the foot in the hip frame", PLANT, altered_by=("position", "velocity")),
     Signal("q1", "rad", "joint angle theta1; NaN without joints", PLANT, altered_by=("position",)),
@@ -68,7 +69,7 @@ LEG_SIGNALS = (
     Signal("dq2", "rad/s", "joint velocity", PLANT, altered_by=("velocity",)),
     Signal("force", "N", "contact force, positive pressing on the ground", PLANT, altered_by=("force",)),
     Signal("force_desired", "N", "desired contact force", PLAN),
-    Signal("force_measured", "N", "contact force as the controller saw it", SENSORS),
+    Signal("force_measured", "N", "contact force measured by the controller", SENSORS),
     Signal("tau_feedback_1", "N m", "feedback torque of joint 1 (Cartesian force in N for a point mass)", CONTROLLER),
     Signal("tau_feedback_2", "N m", "feedback torque of joint 2 (Cartesian force in N for a point mass)", CONTROLLER),
     Signal("tau_feedforward_1", "N m", "feedforward torque of joint 1; the plant gets the sum of both", FEEDFORWARD),
@@ -85,9 +86,9 @@ LEG_SIGNALS = (
 """Columns of ``trace.parquet``: one row per step and leg."""
 
 SPATIAL_SIGNALS = (
-    Signal("z_desired", "m", "where the foot should really be, hip frame, z to the left", PLAN),
-    Signal("z_reference", "m", "what the controller is fed along z", CONTROLLER),
-    Signal("z", "m", "foot, hip frame, z to the left", PLANT, altered_by=("position",)),
+    Signal("z_desired", "m", "desired position of the foot, hip frame, z to the left", PLAN),
+    Signal("z_reference", "m", "input of the controller along z", CONTROLLER),
+    Signal("z", "m", "position of the foot, hip frame, z to the left", PLANT, altered_by=("position",)),
     Signal("vz", "m/s", "velocity of the foot in the hip frame", PLANT, altered_by=("position", "velocity")),
     *(Signal(f"q{n}_desired", "rad", f"planned joint angle theta{n}", PLAN) for n in (1, 2, 3)),
     Signal("q3", "rad", "joint angle theta3", PLANT, altered_by=("position",)),
@@ -95,17 +96,17 @@ SPATIAL_SIGNALS = (
     Signal("tau_feedback_3", "N m", "feedback torque of joint 3", CONTROLLER),
     Signal("tau_feedforward_3", "N m", "feedforward torque of joint 3; the plant gets the sum of both", FEEDFORWARD),
     *(
-        Signal(f"tau_force_{n}", "N m", f"part of tau_feedback_{n} that does not teach: J^T F_d", CONTROLLER)
+        Signal(f"tau_force_{n}", "N m", f"part of tau_feedback_{n} that is no learning error: J^T F_d", CONTROLLER)
         for n in (1, 2, 3)
     ),
 )
-"""Columns of ``trace.parquet`` of a robot, after :data:`LEG_SIGNALS`: what legs that move in space have besides."""
+"""Further columns of ``trace.parquet`` of a robot, whose legs move in space, after :data:`LEG_SIGNALS`."""
 
 MODEL_SIGNALS = tuple(
-    Signal(f"tau_model_{n}", "N m", f"part of tau_feedforward_{n} that a model gives, before the actuator", PLAN)
+    Signal(f"tau_model_{n}", "N m", f"part of tau_feedforward_{n} from a model, before the actuator", PLAN)
     for n in (1, 2, 3)
 )
-"""Columns of ``trace.parquet`` of a run whose feedforward learns on top of a model, one for each joint of a leg."""
+"""Further columns of ``trace.parquet`` if the feedforward learns on top of a model, one per joint of a leg."""
 
 TRUE_MARGIN_SIGNALS = (
     Signal(
@@ -115,11 +116,11 @@ TRUE_MARGIN_SIGNALS = (
         "payload included; NaN with fewer than three",
         DERIVED,
     ),
-    Signal("true_margin_front", "m", "likewise to its front boundary along the body's x", DERIVED),
-    Signal("true_margin_rear", "m", "likewise to its rear boundary along the body's x", DERIVED),
+    Signal("true_margin_front", "m", "as true_stability_margin, to the front boundary along the body's x", DERIVED),
+    Signal("true_margin_rear", "m", "as true_stability_margin, to the rear boundary along the body's x", DERIVED),
 )
 TRUE_MARGINS = tuple(signal.name for signal in TRUE_MARGIN_SIGNALS)
-"""Signals that follow from the traces of body and legs: nearest edge, front, rear."""
+"""Names of :data:`TRUE_MARGIN_SIGNALS`, which are computed from the traces of body and legs."""
 BODY_SIGNALS = (
     Signal("step", "", "sampling period, from 0 over the whole run", CLOCK, pa.int32()),
     Signal("time", "s", "start of the step", CLOCK),
@@ -157,23 +158,24 @@ LIVE_SIGNALS = (
     Signal(
         "answer_time",
         "s",
-        "from the state of the machine to the command that answers it; NaN if none was sent",
+        "time from the state of the machine to the command computed from it; NaN if none was sent",
         PLANT,
     ),
-    Signal("states_missed", "", "states that were sent and not received, since the run began; NaN likewise", PLANT),
+    Signal(
+        "states_missed", "", "states sent but not received since the run began; NaN if no command was sent", PLANT
+    ),
 )
-"""Columns of ``body.parquet`` of a machine that is not simulated, after :data:`BODY_SIGNALS`.
+"""Further columns of ``body.parquet`` of a real machine, after :data:`BODY_SIGNALS`.
 
-A step whose answer takes longer than a sampling period has overrun.
+A step whose ``answer_time`` exceeds a sampling period is an overrun.
 """
 
 LEARNS, REPEATED, FEEDBACK_ALONE = range(3)
-GUARD_STATES = (
-    f"{LEARNS} learning goes on, {REPEATED} the torque of the best cycle acts, {FEEDBACK_ALONE} feedback alone acts"
-)
+"""States of the guard of learning in ``memory.parquet``."""
+GUARD_STATES = f"{LEARNS} learning, {REPEATED} the torque of the best cycle acts, {FEEDBACK_ALONE} feedback only"
 MEMORY_SIGNALS = (
     Signal("cycle", "", "gait cycle, from 1", CLOCK, pa.int32()),
-    Signal("leg", "", "as in the trace", CLOCK, pa.int32()),
+    Signal("leg", "", "leg, as in the trace", CLOCK, pa.int32()),
     Signal("weight_norm", "N m", "Euclidean norm of all weights of the network at the end of the cycle", FEEDFORWARD),
     Signal("weight_largest", "N m", "largest absolute weight at the end of the cycle", FEEDFORWARD),
     Signal("rows_used", "", "rows of memory with a weight other than 0 at the end of the cycle", FEEDFORWARD),
@@ -198,16 +200,22 @@ ARRAYS = {
     "feedforward": ("tau_feedforward_1", "tau_feedforward_2", "tau_feedforward_3"),
     "reference": ("x_reference", "y_reference", "z_reference"),
 }
-"""Signals in the arrays that components exchange, the third of joints and feet only where these move in space.
+"""Signals by the array in which components exchange them; those of a third joint or axis only if legs move in space.
 
-Those up to ``travel`` are the fields of a measurement.
+The arrays up to ``travel`` are the fields of a measurement.
 """
 
 
 def select_signals(
     table: Sequence[Signal], altered: Collection[str] = (), watched: bool = False
 ) -> tuple[Signal, ...]:
-    """Columns of a run whose sensors can alter some signals, and whose force sensors are ``watched`` or not."""
+    """Select the columns of a run from ``table``, with the ``*_measured`` ones after the true ones.
+
+    Args:
+        table: Declared signals.
+        altered: Sensor signals that the sensors of the run can alter.
+        watched: True if fault detection checks the force sensors.
+    """
 
     def is_altered(signal: Signal) -> bool:
         return any(name in altered for name in signal.altered_by)
@@ -215,7 +223,7 @@ def select_signals(
     true = [s for s in table if s.present == ALWAYS or (s.present == IF_ALTERED and is_altered(s))]
     names = {signal.name for signal in true}
     measured = [
-        Signal(f"{s.name}_measured", s.unit, f"{s.name} as the controller saw it", SENSORS)
+        Signal(f"{s.name}_measured", s.unit, f"{s.name} measured by the controller", SENSORS)
         for s in true
         if is_altered(s) and f"{s.name}_measured" not in names
     ]
@@ -223,20 +231,20 @@ def select_signals(
 
 
 def list_samples(table: Sequence[Signal], wide: bool) -> tuple[str, ...]:
-    """Names of what the loop samples, in the order of the columns; ``wide``: with all that sensors may add."""
+    """List the signals that the loop samples, in column order; if ``wide`` with all optional columns."""
     all_altering = {name for signal in table for name in signal.altered_by}
     columns = select_signals(table, all_altering if wide else (), watched=wide)
     return tuple(signal.name for signal in columns if signal.owner in SAMPLED)
 
 
-def list_units() -> dict[str, str]:
-    """Units of :data:`ARRAYS`: one, or one per column."""
+def list_array_units() -> dict[str, str]:
+    """List the unit of each of :data:`ARRAYS`, or the units of its columns, separated by commas, if they differ."""
     units = {signal.name: signal.unit for signal in (*LEG_SIGNALS, *SPATIAL_SIGNALS, *BODY_SIGNALS)}
-    by_column = {array: [units[name] for name in names] for array, names in ARRAYS.items()}
-    return {array: of[0] if len(set(of)) == 1 else ", ".join(of) for array, of in by_column.items()}
+    columns = {array: [units[name] for name in names] for array, names in ARRAYS.items()}
+    return {array: unit[0] if len(set(unit)) == 1 else ", ".join(unit) for array, unit in columns.items()}
 
 
 @cache
 def make_schema(signals: Sequence[Signal]) -> pa.Schema:
-    """Arrow schema of signals, with unit and meaning in the metadata of each field."""
+    """Make the Arrow schema of signals, with unit and meaning in the metadata of each field."""
     return pa.schema([pa.field(s.name, s.type, metadata={"unit": s.unit, "meaning": s.meaning}) for s in signals])

@@ -1,4 +1,4 @@
-"""The signals of a run, step by step: arrays by name, on a table from the loop or from Parquet."""
+"""Traces: the signals of a run at each step, as arrays by name, from the loop or from Parquet files."""
 
 from collections import deque
 from collections.abc import Collection, Iterator, Sequence
@@ -32,30 +32,30 @@ from cmacexp.errors import BadRun
 from cmacexp.typing import Array, Mask
 
 LAST_STEPS = 100
-"""Steps before the end of a run that did not complete, which a thinned trace keeps too: they show what went wrong."""
+"""Number of last steps that a thinned trace keeps of a run that did not complete, to show why."""
 THIRD_AXIS = "z"
-"""A signal that a trace has if its legs move in space: those of a robot."""
+"""Signal that only traces of legs that move in space have, those of a robot."""
 
 
 @dataclass(frozen=True)
 class Trace:
     """Signals of some steps of a run, as arrays by name: ``trace["force"]`` is (steps, legs).
 
-    The body and the memory are traces of their own: ``trace.body["height"]`` is (steps,), and
+    Signals of the body and of the memory are in separate traces: ``trace.body["height"]`` is (steps,), and
     ``trace.memory["weight_norm"]`` (cycles, legs). Names and units are those of :mod:`cmacexp.data.signals`.
     Arrays are read-only views of the columns of a table, whose rows are in the order of steps, then of legs.
     """
 
     table: pa.Table
-    """One row per step and leg; of a body one per step, of memory one per cycle and leg."""
+    """Table with one row per step and leg; for a body one per step, for memory one per cycle and leg."""
     body: "Trace | None" = None
-    """None without a body."""
+    """Signals of the body; None without a body."""
     memory: "Trace | None" = None
-    """Signals of the memory at the end of each cycle; None without weights."""
+    """Signals of the network memory at the end of each cycle; None if nothing learns."""
 
     @cached_property
     def legs(self) -> int:
-        """Number of legs; 0 of a body; raises BadRun if not all of them have equally many rows."""
+        """Number of legs; 0 for a body; raises BadRun if the legs have different numbers of rows."""
         if "leg" not in self.table.column_names:
             return 0
         legs = int(as_array(self.table, "leg").max(initial=1))
@@ -65,68 +65,71 @@ class Trace:
 
     @property
     def steps(self) -> int:
-        """Number of steps; of memory, of cycles."""
+        """Number of steps; for memory, number of cycles."""
         return int(self.table.num_rows) // max(self.legs, 1)
 
     @property
     def names(self) -> list[str]:
-        """Names of the signals, in the order of their columns."""
+        """Names of the signals, in column order."""
         return list(self.table.column_names)
 
     @property
     def units(self) -> dict[str, str]:
-        """The unit of each signal, of the body too; empty where it has none."""
+        """Unit of each signal, those of the body included; empty for a signal without a unit."""
         return list_units(self.table.schema) | ({} if self.body is None else self.body.units)
 
     @property
     def axes(self) -> str:
-        """Those in which a foot moves: x and y and, of a robot, z; a leg has as many joints."""
+        """Axes along which a foot moves: ``xyz`` for a robot, else ``xy``; a leg has as many joints."""
         return "xyz" if THIRD_AXIS in self.names else "xy"
 
     def __getitem__(self, name: str) -> Array:
-        """A signal, (steps, legs) or of a body (steps,); raises BadRun if the trace lacks it."""
+        """Return a signal, (steps, legs), or (steps,) of a body; raises BadRun if the trace lacks it."""
         values = as_array(self.table, name)
         return values.reshape(-1, self.legs) if self.legs else values
 
     @cached_property
     def support(self) -> Mask:
-        """Whether each leg is planned to support, (steps, legs)."""
+        """True where the planned phase of a leg is support, (steps, legs)."""
         return is_support(self.table).reshape(-1, self.legs)
 
     def stack_joints(self, name: str) -> Array:
-        """Signals of all joints side by side, (steps, legs, joints); ``name`` has {} where their numbers are."""
+        """Stack the signals of all joints: (steps, legs, joints).
+
+        ``name`` contains {} for the number of the joint, e.g. ``tau_feedback_{}``.
+        """
         return np.stack([self[name.format(joint + 1)] for joint in range(len(self.axes))], axis=2)
 
     def shared(self, name: str) -> Array:
-        """A signal that all legs and the body have in common, such as ``time``: (steps,)."""
+        """Return a signal that is equal for all legs and the body, such as ``time``: (steps,)."""
         values = self[name]
         return values[:, 0] if self.legs else values
 
     def select(self, steps: Mask | slice) -> "Trace":
-        """Some of its steps, with those of the body; the memory is left out."""
+        """Select ``steps`` of the legs and of the body; the new trace has no memory."""
         rows = np.arange(self.table.num_rows).reshape(self.steps, -1)[steps].ravel()
         return Trace(select_rows(self.table, rows), None if self.body is None else self.body.select(steps))
 
 
 def concat_traces(traces: Sequence[Trace]) -> Trace:
-    """Parts of a run one after the other, of which there must be one; the memory is left out."""
+    """Concatenate the traces of consecutive parts of a run, at least one; the new trace has no memory."""
     bodies = [trace.body.table for trace in traces if trace.body is not None]
     table = pa.concat_tables([trace.table for trace in traces]).combine_chunks()
     return Trace(table, Trace(pa.concat_tables(bodies).combine_chunks()) if bodies else None)
 
 
 def count_steps_by_cycle(folder: Path) -> dict[int, int]:
-    """Number of steps of each cycle in the trace of a run; raises BadRun if that is not as it was written."""
+    """Count the steps of each cycle in the stored trace of a run; raises BadRun if the trace has changed."""
     steps: dict[int, int] = {}
-    for part in read_parts(folder / TRACE_FILE, ["cycle", "leg"]):
-        cycles, counts = np.unique(Trace(part).shared("cycle"), return_counts=True)
+    for table in read_parts(folder / TRACE_FILE, ["cycle", "leg"]):
+        cycles, counts = np.unique(Trace(table).shared("cycle"), return_counts=True)
         for cycle, count in zip(cycles.tolist(), counts.tolist(), strict=True):
             steps[cycle] = steps.get(cycle, 0) + count
     return steps
 
 
 def _check(path: Path, trace: Trace) -> Trace:
-    """Raise BadRun unless a table has a row for each step and leg, in their order."""
+    """Return ``trace``; raises BadRun unless it has a row for each step and leg, ordered by step, then leg."""
     in_order = trace.legs and (trace["leg"] == np.arange(1, trace.legs + 1)).all()
     if in_order and np.isfinite(trace["time"]).all():
         return trace
@@ -134,9 +137,9 @@ def _check(path: Path, trace: Trace) -> Trace:
 
 
 def stream_trace(folder: Path, cycles: Collection[int] | None = None) -> Iterator[Trace]:
-    """The trace of a run part by part, without its memory; of all cycles, or of some. Raises BadRun.
+    """Yield the trace of a run in parts, each of some cycles, so that a long run needs little memory.
 
-    A long run is never wholly in memory: a part is what was written at once, some cycles.
+    With ``cycles`` only the steps of these cycles. The traces have no signals of the memory. Raises BadRun.
     """
     names = [TRACE_FILE, BODY_FILE] if was_written(folder / BODY_FILE) else [TRACE_FILE]
     for tables in zip_longest(*(read_parts(folder / name, cycles=cycles) for name in names)):
@@ -152,34 +155,35 @@ def stream_trace(folder: Path, cycles: Collection[int] | None = None) -> Iterato
 
 
 def read_trace(folder: Path, cycles: Collection[int] | None = None, every: int = 1) -> Trace:
-    """The trace of a run, of all cycles or of some, one step in ``every``; raises BadRun.
+    """Read the trace of a run: only the steps of ``cycles``, if not None, and of these one in ``every``.
 
-    It is read part by part, so that only the steps that are kept are in memory.
+    It is read in parts, so that only the selected steps are in memory. Raises BadRun.
     """
-    kept: list[Trace] = []
+    selected: list[Trace] = []
     steps = 0
-    for part in stream_trace(folder, cycles):
-        kept.append(part.select((np.arange(part.steps) + steps) % every == 0))
-        steps += part.steps
-    if not kept:
+    for trace in stream_trace(folder, cycles):
+        selected.append(trace.select((np.arange(trace.steps) + steps) % every == 0))
+        steps += trace.steps
+    if not selected:
         raise BadRun(f"{folder / TRACE_FILE}: holds no step")
-    return concat_traces(kept)
+    return concat_traces(selected)
 
 
 def read_memory(folder: Path) -> Trace | None:
-    """The memory of the networks at the end of each cycle; None if the run has none. Raises BadRun."""
+    """Read the signals of the network memory at the end of each cycle; None without them. Raises BadRun."""
     return Trace(read_table(folder / MEMORY_FILE)) if was_written(folder / MEMORY_FILE) else None
 
 
 class TraceWriter:
-    """Writes the trace of a run, of legs and body, some cycles at a time."""
+    """Writer of the traces of legs and body of a run, some cycles at a time."""
 
     def __init__(self, writers: Sequence[pq.ParquetWriter], record: RecordConfig):
-        self._writers, self._record = writers, record
+        self._writers = writers
+        self._record = record
         self._held: deque[Trace] = deque()
 
     def write(self, trace: Trace) -> None:
-        """Write the next cycles; a thinned trace holds back the last steps."""
+        """Write the trace of the next cycles; if traces are thinned, the last steps are held back."""
         if not self._record.thins:
             self._put(trace)
         elif trace.steps:
@@ -189,18 +193,18 @@ class TraceWriter:
                 self._put_selected(self._held.popleft())
 
     def finish(self, completed: bool) -> None:
-        """Write what was held back: of a run that did not complete, every one of its last steps."""
+        """Write the steps held back; if the run did not complete, all of its last :data:`LAST_STEPS`."""
         last = None if completed or not self._held else self._end - LAST_STEPS
         while self._held:
             self._put_selected(self._held.popleft(), last)
 
     @property
     def _end(self) -> int:
-        """The step after the last one held."""
+        """Number of steps up to the end of the traces held back."""
         return int(self._held[-1].shared("step")[-1]) + 1
 
     def _put_selected(self, trace: Trace, last: int | None = None) -> None:
-        """Write the steps that go into a thinned trace; all from step ``last`` on, if there is one."""
+        """Write the steps of a thinned trace, and all steps from ``last`` on if it is not None."""
         step = trace.shared("step")
         selected = step % self._record.every_nth_step == 0
         if self._record.cycles is not None:
@@ -211,20 +215,28 @@ class TraceWriter:
             self._put(trace.select(selected))
 
     def _put(self, trace: Trace) -> None:
-        for writer, own in zip(self._writers, (trace, trace.body), strict=False):
-            if own is not None and own.steps:
-                writer.write_table(own.table)
+        for writer, written in zip(self._writers, (trace, trace.body), strict=False):
+            if written is not None and written.steps:
+                writer.write_table(written.table)
 
 
 @contextmanager
 def trace_writer(
     folder: Path, record: RecordConfig, legs: Sequence[Signal], body: Sequence[Signal] | None
 ) -> Iterator[TraceWriter]:
-    """A writer of the traces of legs and of a body, if there is one; the files can be read when the block has ended.
+    """Yield a writer of the traces of legs and body; the files can be read after the block.
 
-    Without ``record.trace`` nothing is written.
+    Args:
+        folder: Folder of the files.
+        record: Which steps are written; without ``record.trace`` none.
+        legs: Signals of the legs.
+        body: Signals of the body; None without a body.
     """
-    columns = {TRACE_FILE: legs, BODY_FILE: body} if record.trace else {}
+    tables = {TRACE_FILE: legs, BODY_FILE: body} if record.trace else {}
     with ExitStack() as stack:
-        files = [table_writer(folder / name, make_schema(own)) for name, own in columns.items() if own is not None]
+        files = [
+            table_writer(folder / name, make_schema(signals))
+            for name, signals in tables.items()
+            if signals is not None
+        ]
         yield TraceWriter([stack.enter_context(file) for file in files], record)

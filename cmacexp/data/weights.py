@@ -1,4 +1,4 @@
-"""Learnt weights of a feedforward, as a file from which another run can start."""
+"""Learnt weights of a feedforward, stored in a file from which another run can start."""
 
 from pathlib import Path
 
@@ -14,11 +14,14 @@ from cmacexp.errors import BadInput, BadRun
 from cmacexp.typing import Weights
 
 MAX_BYTES = 4 << 30
-"""Largest size of all arrays together: four networks of the largest memory, see :mod:`cmacexp.config.cmac`."""
+"""Largest total size of the arrays, B: four networks with the largest memory, see :mod:`cmacexp.config.cmac`."""
 
 
 def read_weights(config: Config) -> Weights | None:
-    """The weights that a feedforward starts from, None without ``learning.start_from``; raises BadInput."""
+    """Read the weights that a feedforward starts from, by array name; None without ``learning.start_from``.
+
+    Raises BadInput if the run there stored no weights, or if they are of another network than that of ``config``.
+    """
     if config.learning.start_from is None:
         return None
     folder = Path(config.learning.start_from)
@@ -31,7 +34,7 @@ def read_weights(config: Config) -> Weights | None:
                 "cmac": plain["cmac"],
             }
             for plain in (Run(folder).config, to_plain(config))
-        ]  # on which the meaning of weights depends
+        ]  # weights mean nothing to another machine or network
         if differing := differences(networks)[0]:
             there = " ".join(f"{key}={value}" for key, value in differing.items())
             raise BadRun(f"its weights were learnt with {there}; give the same here")
@@ -45,8 +48,8 @@ def read_weights(config: Config) -> Weights | None:
 
 
 def load_weights(folder: Path) -> Weights:
-    """The weights that the run in a folder stored; raises BadRun."""
-    _ = Run(folder).manifest  # without one there is nothing that they could be compared with
+    """Read the weights that the run in ``folder`` stored, by array name; raises BadRun."""
+    _ = Run(folder).manifest  # raises BadRun without one: the weights could not be checked
     path = require_intact(folder / WEIGHTS)
     try:
         with open_file(path) as file, np.load(file, allow_pickle=False) as arrays:
@@ -55,6 +58,6 @@ def load_weights(folder: Path) -> Weights:
             weights = dict(arrays)
         if other := [name for name, array in weights.items() if array.dtype.kind not in "fiu"]:
             raise ValueError(f"{other[0]} holds no numbers")
-    except Exception as error:  # whatever zipfile, zlib and numpy raise for a file that nobody wrote with them
+    except Exception as error:  # zipfile, zlib and numpy raise many kinds for a foreign file
         raise BadRun(f"{path}: cannot be read ({error}); run it again") from None
     return weights

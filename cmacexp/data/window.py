@@ -1,4 +1,4 @@
-"""Which steps of a run its recording shows: a window of its cycles, thinned if it is long."""
+"""Windows of a recording: the cycles of a run that it shows, thinned if they have many steps."""
 
 import re
 from collections.abc import Mapping
@@ -7,7 +7,7 @@ from typing import NamedTuple
 from cmacexp.errors import BadInput, require
 
 MOST_STEPS = 20_000
-"""Steps that a recording shows at most by default; of a longer run it shows one step in so many."""
+"""Largest number of steps in a recording by default; longer runs are thinned."""
 CYCLES = re.compile(r"(?P<first>\d+)(?:-(?P<last>\d+))?|last(?P<number>\d*)")
 
 
@@ -17,10 +17,11 @@ class Window(NamedTuple):
     first: int
     """First cycle shown, from 1."""
     last: int
+    """Last cycle shown."""
     every: int
-    """One step in so many is shown."""
+    """Thinning factor: one step in ``every`` is shown."""
     steps: int
-    """All steps of those cycles."""
+    """Number of steps of these cycles in the trace, shown or not."""
 
     def __str__(self) -> str:
         cycles = f"cycles {self.first} to {self.last}" if self.last > self.first else f"cycle {self.first}"
@@ -35,22 +36,23 @@ class Window(NamedTuple):
 
 
 def choose_every(steps: int, sharing: int = 1) -> int:
-    """One step in how many is shown of a run of so many steps, of which so many share a recording."""
+    """Compute the thinning factor for a recording of ``sharing`` runs with ``steps`` steps each."""
     return -(-steps * sharing // MOST_STEPS)
 
 
 def read_cycles(text: str, cycles: int) -> tuple[int, int]:
-    """First and last cycle that ``3-5``, ``7``, ``last`` or ``last5`` mean, of so many that a run, or all, completed.
+    """Parse a range of cycles, ``3-5``, ``7``, ``last`` or ``last5``, and return its first and last cycle.
 
-    Raises BadInput if the text cannot be read, or the run does not have these cycles.
+    ``cycles`` is the number of cycles that the run, or each of several runs, took. Raises BadInput if the text cannot
+    be parsed or the range exceeds these cycles.
     """
-    found = CYCLES.fullmatch(text)
-    if not found:
+    match = CYCLES.fullmatch(text)
+    if not match:
         raise BadInput("--cycles", text, "write 3-5, 7, last or last5")
-    if found["first"] is None:
-        first, last = cycles + 1 - int(found["number"] or 1), cycles
+    if match["first"] is None:
+        first, last = cycles + 1 - int(match["number"] or 1), cycles
     else:
-        first, last = int(found["first"]), int(found["last"] or found["first"])
+        first, last = int(match["first"]), int(match["last"] or match["first"])
     require(
         1 <= first <= last <= cycles,
         "--cycles",
@@ -63,9 +65,16 @@ def read_cycles(text: str, cycles: int) -> tuple[int, int]:
 def make_window(
     kept: Mapping[int, int], cycles: tuple[int, int] | None = None, every: int | None = None, sharing: int = 1
 ) -> Window:
-    """The window of a run of which the trace has ``kept`` so many steps of each cycle.
+    """Choose the window that a recording shows of a run.
 
-    By default it shows all cycles, and so many steps that ``sharing`` runs fit into one recording. Raises BadInput.
+    Args:
+        kept: Number of steps in the trace, by cycle.
+        cycles: First and last cycle; None: all cycles in the trace.
+        every: Thinning factor; None: chosen so that ``sharing`` such runs fit into one recording.
+        sharing: Number of runs in the recording.
+
+    Raises:
+        BadInput: The trace has no step of these cycles, or ``every`` is not from 1 to their number of steps.
     """
     first, last = cycles or (min(kept), max(kept))
     steps = sum(count for cycle, count in kept.items() if first <= cycle <= last)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.data.signals import list_units
+from cmacexp.data.signals import list_array_units
 from cmacexp.errors import BadOutput
 from cmacexp.protocols import STATE, Action, Drive, Measurement, RobotSignals, get_state
 from cmacexp.typing import Array
@@ -13,7 +13,7 @@ from cmacexp.typing import Array
 DRIVE_NAMES = [f"drive.{name}" for name in Drive._fields]
 SIGNAL_NAMES = [f"signals.{name}" for name in RobotSignals._fields]
 UNITS = {
-    **list_units(),
+    **list_array_units(),
     **dict.fromkeys(("torque", "learning_error"), "N m"),
     **dict(zip(DRIVE_NAMES, ("rad", "rad/s", "N m/rad", "N m s/rad"), strict=True)),
     **dict(zip(SIGNAL_NAMES, ("rad", "rad/s", "N m", "rad", "rad/s", "m/s^2", "samples"), strict=True)),
