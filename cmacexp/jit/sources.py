@@ -48,8 +48,8 @@ def cache_folder() -> Path:
     """
     root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     temporary = Path(tempfile.gettempdir()) / f"cmacexp-{os.getuid()}"
-    has_home = not root.startswith("~")  # else expanduser returned the path unchanged
-    candidates = [Path(root).resolve() / "cmacexp", temporary] if has_home else [temporary]
+    # Without a home folder expanduser returns the path unchanged.
+    candidates = [temporary] if root.startswith("~") else [Path(root).resolve() / "cmacexp", temporary]
     folder = next(filter(is_private, candidates), None) or Path(tempfile.mkdtemp(prefix="cmacexp-"))
     return folder / sources_hash(KERNEL_ROOMS)
 
