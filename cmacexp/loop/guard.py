@@ -182,10 +182,10 @@ class Guard:
             self._measure_baseline(sums)
         if chatters:
             self._revert_to_best(step, Cause.CHATTER)
-        elif step // self.period > 1 and self.probe.begin(self.baseline_effort):
-            return
-        elif self.probe.is_idle and step >= self.start_step:
-            self._learn()
+        else:
+            begins_probe = step // self.period > 1 and self.probe.begin(self.baseline_effort)
+            if not begins_probe and self.probe.is_idle and step >= self.start_step:
+                self._learn()
 
     def _compare(self, step: int, score: Score) -> None:
         """Store the last cycle as the best one, revert to the best one, or do neither, by its ``score``."""

@@ -212,9 +212,8 @@ def resolve_lead(config: Config, loop_delay: LoopDelay, controller: Controller) 
     """
     if isinstance(config.learning.lead, str):
         response = controller.response if offers(controller, Answers) else 0
-        response = (
-            response if isinstance(response, int) else 0
-        )  # a custom controller may use the name for something else
+        if not isinstance(response, int):  # a custom controller may use the name for something else
+            response = 0
         return 1 + response + loop_delay.count_samples(config.sampling_period)
     return int(config.learning.lead)
 
