@@ -1,7 +1,7 @@
-"""What components must do, what they may do besides, and what they exchange.
+"""Protocols of components: required methods, optional abilities, and the data that components exchange.
 
 A run has a plant, sensors, a controller and a feedforward. Each is an object of any class that has the methods of its
-protocol here. What it may do besides has a protocol of its own, which the loop looks for by :func:`offers`.
+protocol. Every optional ability has a separate protocol, which the loop looks for with :func:`offers`.
 """
 
 from inspect import get_annotations
@@ -16,22 +16,22 @@ Ability = TypeVar("Ability")
 
 
 def offers(component: object, ability: type[Ability]) -> TypeGuard[Ability]:
-    """Return whether a component has the methods and attributes of a protocol of what it may do besides.
+    """Return True if ``component`` has all public methods and attributes of the protocol ``ability``.
 
-    ``isinstance`` would not find them in a wrapper that hands attributes on by ``__getattr__``: since Python 3.12 it
-    looks only at what the class and the object themselves hold.
+    ``isinstance`` would miss attributes that a wrapper forwards by ``__getattr__``: since Python 3.12 it looks only
+    at the class and the instance dictionary.
     """
     names = {*vars(ability), *get_annotations(ability)}
     return all(hasattr(component, name) for name in names if not name.startswith("_"))
 
 
-# What components exchange
+# Data exchanged between components
 
 
 class RobotSignals(NamedTuple):
-    """What plants give to sensors of a robot of L legs with J joints, at the start of a step, without imperfections.
+    """Ideal onboard signals of a robot of L legs with J joints at the start of a step, from plant to sensors.
 
-    The frame of the inertial unit is that of the body: x forward, y left, z up.
+    The frame of the inertial unit coincides with the body frame: x forward, y left, z up.
     """
 
     q: State
@@ -41,188 +41,206 @@ class RobotSignals(NamedTuple):
     torque: State
     """(L, J): torque that the motors held over the last sampling period, N m."""
     attitude: State
-    """(3,): pitch, roll and yaw, rad, signs as those of a body."""
+    """(3,): pitch, roll and yaw, rad; pitch positive nose down, roll right side down, yaw to the left."""
     gyroscope: State
-    """(3,): angular velocity about the axes of the body, rad/s."""
+    """(3,): angular velocity about the body axes, rad/s."""
     accelerometer: State
-    """(3,): mean acceleration of the body over the last sampling period, less gravity, along its axes, m/s^2."""
+    """(3,): mean specific force (acceleration minus gravity) over the last sampling period, body axes, m/s^2."""
     tick: Clock
     """(1,): number of sampling periods since the start."""
 
 
 class Measurement(NamedTuple):
-    """State of a machine at the start of a step, of L legs with J joints each, whose feet move along J axes."""
+    """State of a machine with L legs of J joints at the start of a step; feet move along J axes."""
 
     q: Array
-    """(L, J): joint angles, rad; of a point mass its position, m."""
+    """(L, J): joint angles, rad; the position of a point mass, m."""
     dq: Array
     """(L, J): joint velocities, rad/s."""
     foot: Array
-    """(L, J): foot in the frame of its hip, x forward, y down, where J = 3 z to the left, m."""
+    """(L, J): position of the foot in its hip frame, m: x forward, y down, and z to the left if J = 3."""
     velocity: Array
-    """(L, J): of the foot in the frame of its hip, m/s."""
+    """(L, J): velocity of the foot in its hip frame, m/s."""
     force: Array
     """(L,): contact force, N, positive pressing on the ground."""
     body: Array
     """(3,): height of the body above the undepressed ground, m; pitch and roll, rad."""
     body_rate: Array
-    """(3,): rates of height, m/s, of pitch and roll, rad/s; zero without a body."""
+    """(3,): rates of height, m/s, and of pitch and roll, rad/s; zero without a body."""
     travel: Array | None = None
-    """(3,): position in the world of a body that the plant moves, x and y, m, and its yaw, rad, positive to the left;
-    None if the body moves as planned."""
+    """(3,): position x and y of the body in the world, m, and its yaw, rad, positive to the left; None if the plant
+    does not move the body, which then follows the plan."""
     signals: RobotSignals | None = None
-    """What a robot measures by itself; None of plants that do not give it."""
+    """Onboard signals of a robot; None if the plant does not provide them."""
 
 
 STATE = Measurement._fields[:7]
-"""Fields that every plant measures; only a plant that moves the body measures its travel, that of a robot signals."""
+"""Names of the fields that every plant measures; ``travel`` and ``signals`` are optional."""
 
 
 def get_state(state: tuple[Any, ...]) -> tuple[Array, ...]:
-    """The arrays, with their shapes and units, in the order of STATE of a state whose first fields are these."""
+    """Return the first fields of ``state``, which are those named by STATE, with their shapes and units.
+
+    For a Measurement, and for states of plant and sensors that begin with the same fields.
+    """
     return state[: len(STATE)]
 
 
 def view_state(state: tuple[Any, ...], travel: Array | None = None) -> Measurement:
-    """A measurement of the arrays of ``state`` that STATE names, and of ``travel`` (3,), m and rad, themselves."""
+    """Make a Measurement that shares the STATE arrays of ``state`` and ``travel`` (3,), m and rad, without copies."""
     return Measurement._make((*get_state(state), travel, None))
 
 
 def copy_state(state: Any, travel: Array | None = None, signals: RobotSignals | None = None) -> Measurement:
-    """A measurement of copies of what :func:`view_state` has, ``travel`` (3,), m and rad, too, and of ``signals``."""
-    own_signals = None if signals is None else RobotSignals(*map(np.ndarray.copy, signals))
-    own_travel = None if travel is None else travel.copy()
-    return Measurement._make((*map(np.ndarray.copy, get_state(state)), own_travel, own_signals))
+    """Make a Measurement of copies of the STATE arrays of ``state``, ``travel`` (3,), m and rad, and ``signals``."""
+    copied_signals = None if signals is None else RobotSignals(*map(np.ndarray.copy, signals))
+    copied_travel = None if travel is None else travel.copy()
+    return Measurement._make((*map(np.ndarray.copy, get_state(state)), copied_travel, copied_signals))
 
 
 def new_measurement(legs: int, axes: int = 2) -> Measurement:
-    """A measurement of zeros of ``legs`` legs."""
+    """Make a Measurement of zeros for ``legs`` legs whose feet move along ``axes`` axes."""
     return Measurement._make((*np.zeros((4, legs, axes)), np.zeros(legs), *np.zeros((2, 3)), None, None))
 
 
 class Drive(NamedTuple):
-    """What drives with loops of their own are to do until the next command: torque + K (q - q_true) + D (...)."""
+    """Command to motor drives with local PD loops, held until the next one.
+
+    A drive applies torque + K (q - q_true) + D (dq - dq_true); the torque is that of the :class:`Action`.
+    """
 
     q: Array
-    """(L, J): angles, rad."""
+    """(L, J): joint angle setpoints, rad."""
     dq: Array
-    """(L, J): velocities, rad/s."""
+    """(L, J): joint velocity setpoints, rad/s."""
     stiffness: Array
-    """(L, J): K, N m/rad."""
+    """(L, J): position gains K, N m/rad."""
     damping: Array
-    """(L, J): D, N m s/rad."""
+    """(L, J): velocity gains D, N m s/rad."""
 
 
 class Action(NamedTuple):
-    """Joint torques of feedback and feedforward, apart, so that the trace shows the share of each."""
+    """Joint torques of one step; feedback and feedforward are separate so that the trace shows the share of each."""
 
     feedback: Array
-    """(L, J), N m."""
+    """(L, J): feedback torque, N m."""
     feedforward: Array
-    """(L, J), N m."""
+    """(L, J): feedforward torque, N m."""
     reference: Array | None = None
-    """(L, J): position that the controller used, m; None: those of the plan."""
+    """(L, J): position reference that the controller used, m; None: the planned one."""
     drive: Drive | None = None
-    """What drives get from a controller with ``sends_drives``, beside its torques; None: torques alone."""
+    """Command to the drives, from a controller with ``sends_drives``; None: torques only."""
     learning_error: Array | None = None
-    """(L, J): what teaches, for the guard of learning, N m; None: the feedback."""
+    """(L, J): error signal that trains the feedforward, N m, which the guard evaluates; None: the feedback torque."""
 
 
-# What components must do
+# Required methods of components
 
 
 class Plant(Protocol):
-    """A machine on its ground; it may also be :class:`Live`, :class:`Described`, :class:`TakesDrives`."""
+    """A machine on its ground.
+
+    Optional abilities: :class:`Live`, :class:`ListsSteps`, :class:`Described`, :class:`TakesDrives`.
+    """
 
     def reset(self, setup: Setup) -> Measurement:
         """Put the machine at the start of the plan and measure it."""
         ...
 
     def step(self, torque: Array) -> Measurement:
-        """Hold ``torque`` (L, J), N m, over one sampling period; measure the state after it.
+        """Hold ``torque`` (L, J), N m, over one sampling period, then measure the state.
 
         Raises:
-            Diverged: the engine of the plant reports that it has diverged (:class:`cmacexp.errors.Diverged`).
+            Diverged: the simulation has diverged (:class:`cmacexp.errors.Diverged`).
         """
         ...
 
 
 class Sensors(Protocol):
-    """Measure the true state; the measurement is the input of the controller.
+    """Sensors between plant and controller.
 
-    A measurement without ``travel`` leaves place and heading as they are. Sensors may also be :class:`Altering`,
-    :class:`DelaysFeedback` and :class:`LagsFeedback`.
+    A measurement without ``travel`` leaves position and heading of the body unaltered. Optional abilities:
+    :class:`Altering`, :class:`DelaysFeedback`, :class:`LagsFeedback`.
     """
 
     def reset(self, setup: Setup) -> None:
-        """Start a run."""
+        """Prepare for a new run."""
         ...
 
     def measure(self, true: Measurement) -> Measurement:
-        """The measurement of the state ``true``."""
+        """Return the measurement of the state ``true``, which the controller gets."""
         ...
 
 
 class Feedforward(Protocol):
-    """Torque known from the plan, and improved by the feedback that is still needed."""
+    """Feedforward torque along the plan, improved by learning from the remaining feedback.
+
+    Optional abilities: :class:`Observes`, :class:`Plays`, :class:`Learns`.
+    """
 
     acts: bool
-    """False if its torque is always zero, so that references need not allow for it."""
+    """False if its torque is always zero; the references then need no correction for it."""
 
     def reset(self, setup: Setup) -> None:
-        """Start a run: forget everything, prepare for the plan."""
+        """Discard the learnt state and prepare for the plan of a new run."""
         ...
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
-        """Learn from the last step's feedback (L, J), N m, then return this step's torque (L, J), N m."""
+        """Learn from the ``learning_error`` of the last step; return the torque of this step, (L, J) each, N m."""
         ...
 
 
 class Controller(Protocol):
-    """Computes joint torques from reference and measurement; it may be :class:`SendsDrives` or :class:`Answers`."""
+    """A controller, which computes joint torques from reference and measurement.
+
+    Optional abilities: :class:`SendsDrives`, :class:`Answers`, :class:`WatchesForce`.
+    """
 
     def reset(self, setup: Setup, feedforward: Feedforward) -> None:
-        """Start a run."""
+        """Prepare for a new run with ``feedforward``."""
         ...
 
     def act(self, reference: Reference, measurement: Measurement) -> Action:
-        """Torques of one step, held over the sampling period."""
+        """Compute the torques of one step, which are held over the sampling period."""
         ...
 
 
-# What plants may do besides
+# Optional abilities of plants
 
 
 class Live(Protocol):
-    """A plant that is not simulated: it must not wait for files, which are written after the run."""
+    """A machine in real time, not simulated: files are written after the run, so that it never waits for them."""
 
     def end_run(self, is_safe: bool) -> None:
-        """Come to rest, however the run has ended.
+        """Bring the machine to rest after any outcome of the run.
 
-        It is safe if the run has completed, or the user has interrupted it. Else a component has failed, the machine
-        fell, or a limit was passed.
+        ``is_safe`` is True if the run has completed or the user has interrupted it; False if a component failed, the
+        machine fell or a limit was exceeded.
         """
         ...
 
 
 class ListsSteps(Protocol):
-    """A plant that knows how each step was answered."""
+    """A plant that records the timing of its communication in each step."""
 
     def list_steps(self, start: int, stop: int) -> dict[str, Array]:
-        """List LIVE_SIGNALS of the body's trace, (stop - start,) by name, in the units of the table of signals."""
+        """Return the LIVE_SIGNALS of steps ``start`` to ``stop``, exclusive, for the trace of the body.
+
+        Arrays (stop - start,) by name, in the units of the table of signals (:mod:`cmacexp.data.signals`).
+        """
         ...
 
 
 class Described(Protocol):
-    """A plant that says something of the run in its manifest."""
+    """A plant that adds an entry to the manifest of a run."""
 
     def describe(self) -> Any:
-        """Describe the run that has ended, as JSON can hold it."""
+        """Return a JSON-serialisable description of the run that has ended."""
         ...
 
 
 class TakesDrives(Protocol):
-    """A plant whose ``step(torque, drive)`` also gets the :class:`Drive` of a controller that sends drives."""
+    """A plant with drives: ``step(torque, drive)`` also takes the :class:`Drive` of the controller."""
 
     takes_drives: bool
 
@@ -231,103 +249,103 @@ class HasSubsteps(Protocol):
     """The config of a plant that integrates in smaller steps than the sampling period."""
 
     substeps: int
-    """Steps in a sampling period."""
+    """Integration steps per sampling period."""
 
 
 class HasEstimator(Protocol):
-    """The config of a plant that estimates its state by itself."""
+    """The config of a plant with an internal state estimator."""
 
     estimator: Any
-    """Config of the estimator, as of ``sensors=proprioceptive``."""
+    """Config of the estimator, with the fields of ``sensors=proprioceptive``."""
 
 
-# What sensors may do besides
+# Optional abilities of sensors
 
 
 SIGNALS = ("force", "position", "velocity", "height", "tilt", "height_rate", "tilt_rate")
-"""What sensors can alter: the first three of every leg, the rest of a body."""
+"""Signals that sensors can alter: the first three of each leg, the others of the body."""
 TRAVEL = "travel"
-"""Place and heading of a body that the plant moves: what an estimator, or external sensors, can alter besides."""
+"""Position and heading of a body that the plant moves: estimators and external sensors can alter it."""
 
 
 class Altering(Protocol):
-    """Sensors that say what they can change; others may change all SIGNALS."""
+    """Sensors that declare the signals they alter; without this, sensors are assumed to alter all SIGNALS."""
 
     alters: Any
-    """Names of the ``SIGNALS`` that they can change, and ``TRAVEL`` if they do; these get ``*_measured`` columns."""
+    """Names of altered signals, of ``SIGNALS`` and ``TRAVEL``; each gets ``*_measured`` columns in the trace."""
 
 
 class DelaysFeedback(Protocol):
-    """Sensors that say by how much they delay the feedback, which ``learning.lead=auto`` counts."""
+    """Sensors that declare their delay, which ``learning.lead=auto`` counts."""
 
     def feedback_delay(self, uses_velocity: bool) -> int:
-        """Return the samples by which the feedback is delayed, of a controller that uses velocities or not."""
+        """Return the delay of the feedback in samples; ``uses_velocity``: the controller uses measured velocities."""
         ...
 
 
 class LagsFeedback(Protocol):
-    """Sensors that say by how much they filter the feedback, which ``learning.lead=auto`` counts."""
+    """Sensors that declare the lag of their filters, which ``learning.lead=auto`` counts."""
 
     def feedback_lag(self, uses_velocity: bool) -> float:
-        """Return the time constant by which the feedback lags, s, of a controller that uses velocities or not."""
+        """Return the time constant of the lag, s; ``uses_velocity``: the controller uses measured velocities."""
         ...
 
 
-# What controllers may do besides
+# Optional abilities of controllers
 
 
 class SendsDrives(Protocol):
-    """A controller whose actions have a :class:`Drive`."""
+    """A controller that commands drives: its actions contain a :class:`Drive`."""
 
     sends_drives: bool
 
 
 class Answers(Protocol):
-    """A controller that says how late its answer shows."""
+    """A controller that declares its response time, which ``learning.lead=auto`` counts."""
 
     response: Any
-    """Samples that pass beyond delays and lags until a torque shows in what teaches."""
+    """Samples, beyond delays and lags, until a torque shows in the learning error."""
 
 
 class WatchesForce(Protocol):
-    """A controller that supervises its force sensors."""
+    """A controller with fault detection for the force sensors."""
 
     force_trusted: Array
-    """(L,): 1, or 0 since the force sensor of the leg is no longer trusted."""
+    """(L,): 1; 0 from the step at which the force sensor of the leg is considered faulty."""
 
 
-# What feedforwards may do besides
+# Optional abilities of feedforwards
 
 
 class Observes(Protocol):
-    """A feedforward that is shown every step of a run, before it predicts and also where it does not act."""
+    """A feedforward that observes every step, before its prediction, including steps in which it does not act."""
 
     def observe(self, reference: Reference, measurement: Measurement, torque: Array) -> bool | None:
-        """See what the sensors show, and the torque (L, J), N m, that the plant took in the last step.
+        """Observe the measurement, and the ``torque`` (L, J), N m, applied to the plant in the last step.
 
-        A cycle begins where ``reference.sample`` is 0. After False it is shown no more of this run.
+        A cycle begins where ``reference.sample`` is 0. Return False to observe no further steps of this run.
         """
         ...
 
 
 class Plays(Protocol):
-    """A feedforward that knows its torque some samples ahead: it is asked for that instead of :meth:`predict`."""
+    """A feedforward that computes its torque in blocks: the loop calls :meth:`play` per block, not ``predict``."""
 
     block: int
-    """Samples from one call to the next; the first block of a cycle begins with it."""
+    """Samples per block; the first block of a cycle begins at sample 0."""
 
     def play(self, sample: int, feedback: Array) -> Array:
-        """The torque (N, L, J), N m, of all samples of the cycle, of which those of this block are played.
+        """Return the torque (N, L, J) of a whole cycle, N m, of which the loop applies the samples of this block.
 
-        ``sample`` is the first one of the block; ``feedback`` (N, L, J), N m, that of the last N steps by sample, is
-        read-only, and the loop goes on filling it.
+        ``sample`` is the first sample of the block. ``feedback`` (N, L, J), N m, holds the last N steps, indexed by
+        sample of the cycle; it is a read-only view of an array that the loop updates.
         """
         ...
 
 
 class Learns(Protocol):
-    """A feedforward whose weights can be saved, and started from: ``reset`` finds them in ``Setup.learnt``."""
+    """A feedforward whose weights can be saved and reused: ``reset`` finds saved ones in ``Setup.learnt``."""
 
     def learnt(self) -> Weights:
-        """A copy of its weights, with all that defines which inputs they belong to."""
+        """Return a copy of the weights, with everything that defines the inputs they belong to."""
         ...

@@ -1,1 +1,1 @@
-"""Compiled kernels: what numba compiles, when, and where machine code is cached; interrupts that wait for it."""
+"""Just-in-time compilation by numba: kernels, programs, the cache of machine code, and deferred interrupts."""

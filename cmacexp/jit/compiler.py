@@ -1,8 +1,8 @@
 """Kernels and programs: kernels are plain Python functions; programs are compiled, with the kernels that they call.
 
-Called from Python a kernel runs as it stands. A program is compiled when a run is long enough to repay it, and read
-from the cache by later runs of any length; else it runs as plain Python too, as always with ``NUMBA_DISABLE_JIT=1``.
-All give the same bits.
+Called from Python, a kernel runs uncompiled. A program is compiled if the run is long enough to repay the time of
+compiling; later runs of any length read the machine code from the cache. Otherwise, and always with
+``NUMBA_DISABLE_JIT=1``, a program runs as plain Python. Compiled and plain code give the same bits.
 """
 
 import contextlib
@@ -25,30 +25,35 @@ from cmacexp.jit.kernels import kernel as kernel
 from cmacexp.jit.sources import cache_folder
 from cmacexp.typing import Array
 
-WORTH_LOADING, WORTH_COMPILING = 4_000, 40_000
-"""Steps, times legs, that take as long in plain Python as reading a program from the cache, and as compiling it."""
+WORTH_LOADING = 4_000
+"""Workload, steps times legs, that takes as long in plain Python as reading a program from the cache."""
+WORTH_COMPILING = 40_000
+"""Workload, steps times legs, that takes as long in plain Python as compiling a program."""
 
 
 @dataclass(eq=False)
 class _Workload:
-    """What is going on: a run."""
+    """Workload of the current run, which decides if compiling pays off."""
 
     size: float
-    """Steps, times legs, of all runs that are like it."""
+    """Steps times legs, summed over all runs of the same kind."""
     compiling: float = 0.0
-    """Seconds that it has taken to compile for it."""
+    """Time spent compiling for this workload so far, s."""
 
 
 _runs = ContextVar("runs", default=1.0)
-"""Number of runs that this process makes, or several together."""
+"""Number of runs that this process makes, or that several processes make together."""
 _UNKNOWN = _Workload(math.inf)
-"""Outside of runs: whatever is called is compiled."""
+"""Workload outside of runs: infinite, so that every program called is compiled."""
 _workload = ContextVar("workload", default=_UNKNOWN)
 
 
 @contextlib.contextmanager
 def workload(leg_steps: float) -> Iterator[None]:
-    """A run of so many steps, times legs: programs that are called in it are compiled if that repays it."""
+    """Declare a run of ``leg_steps`` (steps times legs) for the enclosed block.
+
+    Programs called in the block are compiled if the workload repays the time of compiling.
+    """
     token = _workload.set(_Workload(_runs.get() * leg_steps))
     try:
         yield
@@ -57,7 +62,7 @@ def workload(leg_steps: float) -> Iterator[None]:
 
 
 def repays_compiling() -> bool:
-    """Whether what is going on is long enough to repay compiling, if anything is compiled."""
+    """Return True if the current workload repays compiling, and compiling is not disabled."""
     return _workload.get().size >= WORTH_COMPILING and _is_allowed()
 
 
@@ -66,22 +71,30 @@ def _is_allowed() -> bool:
 
 
 def expect_runs(runs: float) -> None:
-    """Announce that this process, or several together, make so many runs; infinite: many."""
+    """Declare the number of ``runs`` of this process, or of several processes together.
+
+    It multiplies the workload of each run; ``math.inf`` stands for an unknown large number.
+    """
     _runs.set(runs)
 
 
 def program(function: Function, plain: Callable[..., object] | None = None, is_timed: bool = False) -> Function:
-    """Compile a kernel as a program, without fastmath, so that it gives the bits of plain Python.
+    """Make a program of a kernel, compiled without fastmath so that it gives the same bits as plain Python.
 
-    Where compiling does not pay off, ``plain`` runs, or ``function`` itself; it gives the same bits. One that
-    ``is_timed`` is compiled however short the run is, as it must be for a machine that is not simulated.
+    Args:
+        function: the kernel to compile.
+        plain: uncompiled implementation with the same bits, for runs that do not repay compiling; None: ``function``.
+        is_timed: compile for any length of run, since real time matters (a machine that is not simulated).
     """
     return cast(Function, _Program(function, plain or function, is_timed))
 
 
 @kernel
 def copy_array(source: Array, target: Array) -> None:
-    """Copy an array to one of its shape and unit; for ``target[...] = source`` numba would allocate a third."""
+    """Copy ``source`` to ``target``, which has the same shape and unit.
+
+    For ``target[...] = source`` numba would allocate a temporary array.
+    """
     np.positive(source, target)
 
 
@@ -97,13 +110,13 @@ _one_at_a_time = RLock()
 
 
 class _Program:
-    """A function that runs as plain Python, or in a compiled form that is made or read from the cache when needed."""
+    """A function that runs as plain Python or in a compiled form, made or read from the cache on demand."""
 
     def __init__(self, function: Callable[..., object], plain: Callable[..., object], is_timed: bool):
         self.function, self.plain, self.is_timed = function, plain, is_timed
         self.name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
         self.forms: dict[tuple[object, ...], Callable[..., object]] = {}
-        """Compiled forms by the types of their arguments."""
+        """Compiled forms, by numba types of their arguments."""
         self.last = _Choice(plain, [], None)
         """The last choice; one object, so that threads see a whole one."""
         update_wrapper(self, function)
@@ -111,11 +124,11 @@ class _Program:
     def __call__(self, *arguments: object) -> object:
         last, work, classes = self.last, _workload.get(), [*map(type, arguments)]
         is_outdated = last.chosen is self.plain and last.work is not work
-        if is_outdated or last.classes != classes:  # numba would convert a number to the type that the form takes
+        if is_outdated or last.classes != classes:  # numba would silently convert numbers
             self.last = last = _Choice(self._choose(work, arguments), classes, work)
         try:
             return last.chosen(*arguments)
-        except TypeError:  # of a compiled form, before it does anything: it is for other types
+        except TypeError:  # a compiled form rejects other types before it runs any of its code
             if last.chosen is self.plain:
                 raise
             self.last = last = _Choice(self._choose(work, arguments), classes, work)
@@ -127,7 +140,7 @@ class _Program:
         return self.last.chosen
 
     def _choose(self, work: _Workload, arguments: tuple[object, ...]) -> Callable[..., object]:
-        """Return the form for these arguments if it is stored, or if compiling it is repaid; else what is plain."""
+        """Return the compiled form for ``arguments`` if it is stored or worth compiling, else plain Python."""
         is_long = repays_compiling() or (self.is_timed and _is_allowed())
         if not is_long and not self._is_worth_loading(work):
             return self.plain
@@ -148,7 +161,7 @@ class _Program:
             return self.forms[types]
 
     def _is_worth_loading(self, work: _Workload) -> bool:
-        """Whether the cache holds a form, and reading it takes less time than it saves."""
+        """Return True if the cache holds forms of this program and reading one saves time for this workload."""
         saves = bool(self.forms) or (work.size >= WORTH_LOADING and _is_allowed())
         return saves and (cache_folder() / self.name).is_dir()
 
@@ -157,7 +170,7 @@ _announcers: list[Callable[[], None]] = []
 
 
 def call_before_compiling(call: Callable[[], None]) -> None:
-    """Have ``call`` called once if something has to be compiled, before it is."""
+    """Register ``call``, which is called once, before the first compilation of this process."""
     _announcers[:] = [call]
 
 
@@ -167,7 +180,7 @@ def _announce() -> None:
 
 
 def read_longest_compiling() -> float | None:
-    """How long compiling took at most for one run, s; None if that is not known."""
+    """Read the longest time that compiling took for one run, s; None if none is recorded."""
     with contextlib.suppress(OSError, ValueError):
         return float(_seconds_file().read_text())
     return None
@@ -181,4 +194,4 @@ def _note_seconds(seconds: float) -> None:
 
 
 def _seconds_file() -> Path:
-    return cache_folder().parent / "seconds"  # beside the folders of all states of the sources
+    return cache_folder().parent / "seconds"  # beside the folders per state of the sources: it outlives edits

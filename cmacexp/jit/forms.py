@@ -1,8 +1,8 @@
-"""Forms: programs compiled for arguments of some types; how numba makes them, and where they are stored.
+"""Forms: programs compiled by numba for specific argument types, and their storage on disk.
 
-Each form has a folder of its own, which appears by one rename and is not written to afterwards. In one folder for all
-forms, numba's index would be shared: of two processes that save at once, each can take the name of the other's file,
-and load its code.
+Each form is stored in a separate folder, which is created by a single rename and never written to afterwards. In one
+folder for all forms, processes would share numba's index: if two of them save at once, each can take the file name of
+the other, and load its code.
 """
 
 import contextlib
@@ -18,7 +18,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 import numba
-import numba.experimental.function_type  # which knows the type of a hook
+import numba.experimental.function_type  # registers the type of hooks with numba
 from numba import types
 from numba.core import event
 from numba.extending import overload, register_jitable
@@ -28,9 +28,9 @@ from cmacexp.jit.interrupt import raise_if_interrupted
 from cmacexp.jit.kernels import c_functions, choices, kernels
 
 DIGEST = "sha256"
-"""File of a folder: the digest of its other files."""
-# Counting references to the arrays in tuples would take longer than the arithmetic. A kernel cannot make an array,
-# so that none has to be counted. Nothing calls programs from C.
+"""Name of the file that holds the digest of the other files of its folder."""
+# Counting references to the arrays in tuples would take longer than the arithmetic. Kernels cannot allocate arrays,
+# so counting is not needed (_nrt). Programs are never called from C (no_cfunc_wrapper).
 OPTIONS: Any = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
 
 njit: Any = numba.njit
@@ -39,13 +39,15 @@ types.WrapperAddressProtocol.register(Hook)
 
 
 class Form:
-    """A program for arguments of some types; ``folder`` holds all its forms.
+    """A program compiled for arguments of the given ``types``; ``folder`` holds all forms of the program.
 
-    The name of its own folder follows from all that numba compares: it would write into one that it does not accept.
+    The name of its subfolder is a hash of everything that numba compares before it accepts stored code (types,
+    versions, processor, source file): numba would write into a folder whose code it rejects.
     """
 
     def __init__(self, function: Callable[..., object], types: tuple[Any, ...], folder: Path):
-        self.function, self.types = function, types
+        self.function = function
+        self.types = types
         source = os.stat(inspect.getfile(function))
         processor = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
         versions = numba.__version__, sys.implementation.cache_tag
@@ -53,30 +55,30 @@ class Form:
         self.folder = folder / hashlib.sha256(key.encode()).hexdigest()[:16]
 
     def load(self) -> Callable[..., object] | None:
-        """Return the stored form; None if there is none, or one that is not as it was saved.
+        """Return the stored form; None if it is absent or its files do not match their digest.
 
-        Machine code with a flipped bit could end the process by a signal.
+        Corrupted machine code could crash the process.
         """
         return self._make(self.folder) if self._is_whole() else None
 
     def compile(self) -> Callable[..., object]:
-        """Compile the form, and store it if the disk allows; an interrupt ends it."""
+        """Compile the form and store it if the disk permits; an interrupt ends compiling."""
         register_kernels()
         compiled = None
         with event.install_listener("numba:run_pass", _Interrupt()):
             with contextlib.suppress(OSError):
                 self.folder.parent.mkdir(parents=True, exist_ok=True)
                 with TemporaryDirectory(dir=self.folder.parent) as temporary:
-                    made = Path(temporary) / "form"
-                    compiled = self._make(made)
-                    (made / DIGEST).write_bytes(_digest(made))
+                    new_folder = Path(temporary) / "form"
+                    compiled = self._make(new_folder)
+                    (new_folder / DIGEST).write_bytes(_digest(new_folder))
                     if not self._is_whole():
                         shutil.rmtree(self.folder, ignore_errors=True)
-                    made.rename(self.folder)  # fails if another process has been faster
+                    new_folder.rename(self.folder)  # fails if another process has been faster
             return compiled or njit(self.types, **OPTIONS)(self.function)
 
     def _make(self, folder: Path) -> Any:
-        """Let numba read the form from a folder, or compile it and write it there."""
+        """Let numba read the form from ``folder``, or compile it and write it there."""
         before = config.CACHE_DIR
         config.CACHE_DIR = str(folder)
         try:
@@ -91,7 +93,7 @@ class Form:
 
 
 def find_types(arguments: Iterable[object]) -> tuple[Any, ...]:
-    """List numba's types of arguments."""
+    """Return the numba types of ``arguments``."""
     return tuple(map(numba.typeof, arguments))
 
 
@@ -101,7 +103,7 @@ def _digest(folder: Path) -> bytes:
 
 
 def register_kernels() -> None:
-    """Let compiled code call the kernels and C functions that it names."""
+    """Register all new kernels and C functions with numba, so that compiled code can call them."""
     while kernels:
         function, inlined = kernels.pop()
         register_jitable(**OPTIONS, forceinline=inlined)(function)
@@ -114,7 +116,7 @@ def register_kernels() -> None:
 def _register_choice(function: Callable[..., object], cases: Mapping[type, Callable[..., object]]) -> None:
     @overload(function, jit_options=OPTIONS, strict=False)
     def find(params: Any, *_: object) -> Callable[..., object]:
-        if isinstance(params, types.NoneType):  # in a branch that only a field of a tuple excludes
+        if isinstance(params, types.NoneType):  # numba compiles a branch that only a field of a tuple excludes
             return lambda params, *arguments: None
         case = cases[params.instance_class]
         return lambda params, *arguments: case(params, *arguments)
@@ -131,11 +133,11 @@ def _register_c_function(function: Callable[..., object]) -> None:
 
 
 class _Interrupt(event.Listener):
-    """Raises an interrupt between two passes of the compiler."""
+    """A listener that raises a pending interrupt between two passes of the compiler."""
 
     def on_start(self, event: event.Event) -> None:
-        """End compiling before a pass if that is asked for."""
+        """Raise a pending interrupt before a compiler pass, which ends compiling."""
         raise_if_interrupted()
 
     def on_end(self, event: event.Event) -> None:
-        """Do nothing after a pass."""
+        """Do nothing after a compiler pass."""

@@ -1,7 +1,7 @@
-"""Hooks: functions of Python that compiled code calls, with one integer.
+"""Hooks: Python functions that compiled code calls with one integer argument.
 
-Compiled code has no exceptions of Python. A hook returns a status instead, and keeps what its function raised until
-:meth:`Hook.raise_error`.
+Compiled code cannot handle Python exceptions. A hook returns a status instead and stores the exception that its
+function raised until :meth:`Hook.raise_error`.
 """
 
 import ctypes
@@ -9,22 +9,23 @@ from collections.abc import Callable, Generator
 from typing import Any
 
 DONE, FAILED = range(2)
-"""Statuses: the function returned, or raised."""
+"""Status of a call: the function returned, or raised an exception."""
 
 Numbered = Callable[[int], object]
 
 
 def _answer(function: Numbered, errors: list[BaseException]) -> Generator[int, int, None]:
-    """Call ``function`` with every number that is sent, and give the status; what it raises is added to ``errors``.
+    """Call ``function`` with every number sent, and yield the status of each call.
 
-    A generator, since it resumes inside ``try``: a signal that arrives while compiled code runs is handled as soon as
-    Python runs again, and what a handler raises outside ``try`` would be lost between Python and compiled code.
+    An exception is appended to ``errors``. This is a generator because it resumes inside ``try``: the handler of a
+    signal that arrives during compiled code runs as soon as Python does, and an exception that the handler raises
+    outside ``try`` would be lost between Python and compiled code.
     """
     try:
         while True:
             number = yield DONE
             function(number)
-    except GeneratorExit:  # nobody asks any more
+    except GeneratorExit:  # the hook was deleted
         return
     except BaseException as error:
         errors.append(error)
@@ -32,7 +33,7 @@ def _answer(function: Numbered, errors: list[BaseException]) -> Generator[int, i
 
 
 class Hook:
-    """A function that a program can call; it follows numba's ``WrapperAddressProtocol``."""
+    """A Python function that a program can call; it implements numba's ``WrapperAddressProtocol``."""
 
     def __init__(self, function: Numbered):
         self._errors: list[BaseException] = []
@@ -42,24 +43,24 @@ class Hook:
         self._pointer = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)(self._send)
 
     def __call__(self, number: int) -> int:
-        """DONE, or FAILED, after which it must not be called again."""
+        """Call the function with ``number``; return DONE or FAILED, after which a hook must not be called again."""
         return self._send(number)
 
     def raise_error(self) -> None:
-        """Raise what the function raised, if it did."""
+        """Raise the exception of the function, if it raised one."""
         if self._errors:
             raise self._errors.pop()
 
     def __wrapper_address__(self) -> int | None:
-        """Address of the function for compiled code.
+        """Return the address of the function for compiled code.
 
-        Without ``ctypes.cast``, by which the pointer would refer to itself: with a run that has ended, all that its
-        hooks call would be kept until Python looks for garbage.
+        ``ctypes.cast`` would make the pointer refer to itself: after the end of a run, everything that its hooks
+        call would stay in memory until the next garbage collection.
         """
         return ctypes.c_void_p.from_buffer(self._pointer).value
 
     def signature(self) -> Any:
-        """numba's signature: from one integer to another."""
+        """Return the numba signature: one integer argument, integer result."""
         from numba import types
 
         return types.int64(types.int64)

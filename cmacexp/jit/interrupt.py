@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and SIGHUP: they end what is going on at once, or wait where something must be done as a whole."""
+"""Handling of Ctrl-C, SIGTERM and SIGHUP: at once, or deferred while an operation must not be cut short."""
 
 import signal
 import threading
@@ -12,7 +12,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class _State:
-    """What is known of the main thread, which alone is interrupted."""
+    """Interrupt state of the main thread (Python handles signals only there)."""
 
     held_back = waiting = raised = False
     number = int(signal.SIGINT)
@@ -23,38 +23,41 @@ _state = _State()
 
 
 def _handle(number: int, frame: object) -> None:
-    """Note a signal that has to wait; a second one does not."""
-    _state.number, was_waiting = number, _state.waiting
-    _state.waiting = _state.held_back and not was_waiting
+    """Raise ``KeyboardInterrupt``, or defer a first signal while interrupts are held back."""
+    _state.number = number
+    _state.waiting = _state.held_back and not _state.waiting
     if not _state.waiting:
         _state.raised = True
         raise KeyboardInterrupt
 
 
 def raise_if_interrupted() -> None:
-    """At a safe place, raise an interrupt that has been held back."""
+    """Raise an interrupt that has been held back; to be called at points where it is safe to stop."""
     if _state.waiting:
         _state.waiting = False
         raise KeyboardInterrupt
 
 
 def is_interrupt(error: BaseException) -> bool:
-    """Whether an error is an interrupt, or comes after one, of which libraries make errors such as AttributeError."""
+    """Return True if ``error`` is an interrupt or follows one.
+
+    Libraries turn interrupts into other errors, such as AttributeError.
+    """
     return isinstance(error, KeyboardInterrupt) or _state.raised
 
 
 def _comes_from_handler(error: SystemExit) -> bool:
-    """Whether a signal handler of the caller's program raised it, as one that calls ``sys.exit`` at SIGTERM."""
+    """Return True if a signal handler of the calling program raised ``error``, for example at SIGTERM."""
     handlers = {getattr(signal.getsignal(number), "__code__", None) for number in signal.valid_signals()}
     return any(frame.f_code in handlers for frame, _ in walk_tb(error.__traceback__))
 
 
 @contextmanager
 def exits_caught() -> Iterator[None]:
-    """Raise a ``SystemExit`` of custom code as :class:`ComponentExit`: no component ends the program that runs it.
+    """Convert a ``SystemExit`` of custom code to :class:`ComponentExit`, so that no component ends the program.
 
-    One that a signal handler of the program raises passes; one that a library has made of an interrupt is raised as
-    the interrupt.
+    A ``SystemExit`` raised by a signal handler of the program passes unchanged. One that a library raised because of
+    an interrupt becomes ``KeyboardInterrupt``.
     """
     try:
         yield
@@ -67,13 +70,16 @@ def exits_caught() -> Iterator[None]:
 
 
 def interrupted_exit_code() -> int:
-    """The exit code of a command that was interrupted: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP."""
+    """Return the exit code of an interrupted command: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP."""
     return 128 + _state.number
 
 
 @contextmanager
 def handled(signals: tuple[int, ...] = SIGNALS) -> Iterator[None]:
-    """Raise ``KeyboardInterrupt`` at signals, except those that this process ignores as after ``nohup``."""
+    """Raise ``KeyboardInterrupt`` at ``signals`` within the block.
+
+    Signals that the process ignores (after ``nohup``) or handles itself are left as they are.
+    """
     defaults = (signal.SIG_DFL, signal.default_int_handler)
     before = {number: signal.getsignal(number) for number in signals if signal.getsignal(number) in defaults}
     _state.raised = _state.raised and not before
@@ -88,12 +94,15 @@ def handled(signals: tuple[int, ...] = SIGNALS) -> Iterator[None]:
 
 @contextmanager
 def interrupt_held_back() -> Iterator[None]:
-    """Hold back an interrupt until the end, or until :func:`raise_if_interrupted`; a second one is raised at once."""
+    """Defer an interrupt to the end of the block, or to a call of :func:`raise_if_interrupted` in it.
+
+    A second interrupt is raised at once.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     before = _state.held_back
-    with handled((signal.SIGINT,)):  # in a notebook, where no command handles it
+    with handled((signal.SIGINT,)):  # in a notebook no command has installed a handler
         _state.held_back = True
         try:
             yield
@@ -104,15 +113,17 @@ def interrupt_held_back() -> Iterator[None]:
 
 
 def interruptible(function: Callable[[int], object]) -> Callable[[int], object]:
-    """``function``, which may take any time: an interrupt is not held back at its start and in it.
+    """Wrap ``function`` so that interrupts are raised at its start and while it runs, not held back.
 
-    It must be called in the thread that asks for it; only the main thread is interrupted.
+    For functions of unknown duration. The wrapper must be called in the thread that made it; outside of the main
+    thread, which gets no interrupts, ``function`` is returned unchanged.
     """
     if threading.current_thread() is not threading.main_thread():
         return function
 
     def call(number: int) -> None:
-        before, _state.held_back = _state.held_back, False
+        before = _state.held_back
+        _state.held_back = False
         try:
             raise_if_interrupted()
             function(number)

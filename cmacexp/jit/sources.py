@@ -1,4 +1,4 @@
-"""Hashes of the sources, which identify their state; and the folder for compiled code of that state."""
+"""Hashes that identify the state of the sources, and the cache folder for machine code of that state."""
 
 import hashlib
 import os
@@ -14,14 +14,17 @@ KERNEL_ROOMS = (
     "jit", "data/signals.py", "models", "cmac", "planning", "protocols.py", "plants", "sensors", "feedforward",
     "control", "loop",
 )  # fmt: skip
-"""Rooms and files with kernels, and with constants that kernels use."""
+"""Folders and files of the package with kernels, or with constants that kernels use."""
 RESULT_ROOMS = (*KERNEL_ROOMS, "typing.py", "config", "data", "metrics", "engine/run.py")
-"""Rooms that can change the result of a run; not those that only read it."""
-PRIVATE, OTHERS_WRITE = 0o700, stat.S_IWGRP | stat.S_IWOTH
+"""Folders and files of the package that can change the result of a run."""
+PRIVATE = 0o700
+"""Mode of a folder that only its owner can access."""
+OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+"""Mode bits that let other users write."""
 
 
 def sources_hash(rooms: Sequence[str]) -> str:
-    """Hash of every Python file of ``rooms`` (folders or files of the package), 16 hexadecimal digits."""
+    """Return the hash of all Python files of ``rooms`` (folders or files of the package), 16 hexadecimal digits."""
     digest = hashlib.sha256()
     for room in rooms:
         path = PACKAGE / room
@@ -32,42 +35,44 @@ def sources_hash(rooms: Sequence[str]) -> str:
 
 @cache
 def code_hash() -> str:
-    """Hash of all code that can change the result of a run of built-in components."""
+    """Return the hash of all code that can change the result of a run of built-in components."""
     return sources_hash(RESULT_ROOMS)
 
 
 @cache
 def cache_folder() -> Path:
-    """Folder for compiled code of these sources: in the user's cache, else a temporary folder.
+    """Return the folder for machine code of the present sources: in the user's cache, else a temporary folder.
 
-    numba keys a cached program by its own file alone, and would still use it after an edit of a kernel that it calls;
-    a folder per state of the sources is never stale.
+    numba identifies a cached program only by the file that defines it, and would still use it after an edit of a
+    kernel that it calls; a folder per state of the sources is never stale.
     """
     root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     temporary = Path(tempfile.gettempdir()) / f"cmacexp-{os.getuid()}"
-    places = (
-        [Path(root).resolve() / "cmacexp", temporary] if not root.startswith("~") else [temporary]
-    )  # no home folder
-    place = next(filter(is_private, places), None) or Path(tempfile.mkdtemp(prefix="cmacexp-"))
-    return place / sources_hash(KERNEL_ROOMS)
+    # Without a home folder expanduser returns the path unchanged.
+    candidates = [temporary] if root.startswith("~") else [Path(root).resolve() / "cmacexp", temporary]
+    folder = next(filter(is_private, candidates), None) or Path(tempfile.mkdtemp(prefix="cmacexp-"))
+    return folder / sources_hash(KERNEL_ROOMS)
 
 
 def _can_be_replaced(folder: Path) -> bool:
-    """Check whether somebody else than the user and root can rename what a folder holds."""
+    """Return True if a user other than the present one and root can rename entries of ``folder``."""
     status = folder.stat()
-    is_sticky = status.st_mode & stat.S_ISVTX  # as /tmp: only the owner of what is in it renames that
+    is_sticky = status.st_mode & stat.S_ISVTX  # like /tmp: only the owner of an entry can rename it
     return status.st_uid not in (0, os.getuid()) or bool(status.st_mode & OTHERS_WRITE and not is_sticky)
 
 
 def is_private(folder: Path) -> bool:
-    """Make a folder if it is absent; check whether its user alone can write to it: what is in it will be run."""
+    """Create ``folder`` if it is absent; return True if only the present user can write to it.
+
+    Its files will be executed. A folder that is not private is reported on stderr.
+    """
     try:
         folder.mkdir(PRIVATE, parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             status = folder.lstat()
         is_own = status.st_uid == os.getuid() and stat.S_ISDIR(status.st_mode) and not status.st_mode & OTHERS_WRITE
         if is_own and not any(map(_can_be_replaced, folder.resolve().parents)):
-            folder.chmod(PRIVATE)  # numba makes folders in it that anybody may write to if the umask says so
+            folder.chmod(PRIVATE)  # with a lax umask numba makes subfolders that others can write to
             return True
     except OSError:
         return False

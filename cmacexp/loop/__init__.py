@@ -1,4 +1,4 @@
-"""The closed loop: a scenario, and the run of it, cycle by cycle."""
+"""The closed loop: scenarios, and runs cycle by cycle."""
 
 from cmacexp.loop.run import run_cycles
 

@@ -1,4 +1,4 @@
-"""The plan of a run follows the load that its feet carried and the slope that they met, from cycle to cycle."""
+"""Adaptation of the plan, from cycle to cycle, to the load on the feet and the slope of the ground."""
 
 import copy
 import math
@@ -13,69 +13,79 @@ from cmacexp.planning.plan import NOTHING, LoadEstimate, Setup, adapt_plan
 from cmacexp.typing import Array
 
 LEAST = LoadEstimate(weight=0.002, x=0.0002, y=0.0002, slope_x=0.0005, slope_y=0.0005)
-"""Changes from which on the plan is made anew; the weight over the planned one."""
+"""Smallest changes that cause a new plan; weight relative to the planned weight."""
 SMOOTHING = 2.0
-"""Time over which cycles are averaged, s."""
+"""Time constant of the filter over cycles, s."""
 LEAST_BORNE, MOST_BORNE = 0.5, 3.0
-"""Load of the feet in the first cycle over the planned one; beyond, the model is of another robot."""
+"""Accepted ratios of measured to planned load in the first cycle; outside, the model does not fit the robot."""
 MOST = LoadEstimate(weight=math.inf, x=0.002, y=0.002, slope_x=0.02, slope_y=0.02)
-"""Changes from one cycle to the next that the plan follows."""
+"""Largest changes of the plan from one cycle to the next."""
 
 
 class Adaptation:
-    """Makes the plan of a run anew, in place, wherever its feet have met something else."""
+    """Estimator of load and slope, which replaces the plan of a run in place if they have changed."""
 
     def __init__(self, setup: Setup, meter: LoadMeter):
-        self.setup, self.meter = setup, meter
+        self.setup = setup
+        self.meter = meter
         self.nominal = copy.deepcopy(setup.plan)
-        self.known = self.new = NOTHING
+        self.planned_load = self.new_load = NOTHING
+        """Load of the present plan, and of the next one, as differences from the nominal plan."""
         cycle = setup.config.gait.cycle_time
-        self.gain, self.begun = cycle / (cycle + SMOOTHING), False
-        """``begun``: a cycle has ended. The first one starts from rest, which moves the centre of the load."""
+        self.gain = cycle / (cycle + SMOOTHING)
+        self.is_first = True
+        """True in the first cycle, which starts from rest: this shifts the centre of the load."""
         self.measured = 0.0
-        """All that the feet carried in the cycle that has ended, N."""
+        """Total load on the feet in the last cycle, N."""
         self.carried: list[CarriedLoad] = []
-        """What the plan used, its weight that of the whole load."""
+        """Record of all adapted plans, with total weights."""
 
     def reset(self) -> None:
-        """Return to the start of the run, of which nothing is known."""
-        if self.known != NOTHING:
+        """Restore the nominal plan and discard all estimates."""
+        if self.planned_load != NOTHING:
             copy_arrays(self.nominal, self.setup.plan)
-        self.known = self.new = NOTHING
-        self.begun = False
+        self.planned_load = self.new_load = NOTHING
+        self.is_first = True
         self.carried.clear()
 
     def end_cycle(self) -> bool:
-        """Whether what was met in the cycle that has ended asks for another plan; :meth:`update_plan` makes it.
+        """Read the load meter after a cycle; return True if the plan has to change, by :meth:`update_plan`.
 
-        Raises BadInput if in the first cycle the feet carried what no robot of that model weighs.
+        Raises BadInput if the load in the first cycle is implausible for the model.
         """
-        met, planned = read_meter(self.meter, self.nominal), self.nominal.load.force.mean()
-        self.measured = float(planned) + met.weight
-        if not self.begun:
-            share, limits = met.weight / planned + 1.0, f"{LEAST_BORNE:g} to {MOST_BORNE:g}"
-            carried = f"in the first cycle its feet carried {share:.2g} of its weight, not {limits}"
-            reason = f"{carried}: use m, kg and rad in the model, or a lighter payload"
-            fits = LEAST_BORNE <= share <= MOST_BORNE
-            require(fits, "machine.kind", self.setup.config.machine.kind, reason)
-            self.new, self.begun = NOTHING._replace(weight=met.weight), True
+        load = read_meter(self.meter, self.nominal)
+        planned_weight = self.nominal.load.force.mean()
+        self.measured = float(planned_weight) + load.weight
+        if self.is_first:
+            share = load.weight / planned_weight + 1.0
+            carried = f"in the first cycle its feet carried {share:.2g} of its weight"
+            limits = f"not {LEAST_BORNE:g} to {MOST_BORNE:g}: use m, kg and rad in the model, or a lighter payload"
+            require(
+                LEAST_BORNE <= share <= MOST_BORNE,
+                "machine.kind",
+                self.setup.config.machine.kind,
+                f"{carried}, {limits}",
+            )
+            self.new_load = NOTHING._replace(weight=load.weight)
+            self.is_first = False
         else:
-            change, least = np.subtract(met, self.known), LEAST._replace(weight=LEAST.weight * planned)
-            if (np.abs(change) > least).any():
-                known: Array = np.add(self.known, np.clip(self.gain * change, np.negative(MOST), MOST))
-                self.new = LoadEstimate(*known.tolist())
-        return self.new != self.known
+            change = np.subtract(load, self.planned_load)
+            if (np.abs(change) > LEAST._replace(weight=LEAST.weight * planned_weight)).any():
+                limited_change = np.clip(self.gain * change, np.negative(MOST), MOST)
+                new_load: Array = np.add(self.planned_load, limited_change)
+                self.new_load = LoadEstimate(*new_load.tolist())
+        return self.new_load != self.planned_load
 
     def update_plan(self, cycle: int) -> None:
-        """Let the plan follow what was met before ``cycle``, unless the legs cannot reach there."""
-        if self.new == self.known:
+        """Adapt the plan, from ``cycle`` on, to the last estimate; keep the present plan if the legs cannot reach."""
+        if self.new_load == self.planned_load:
             return
         try:
-            plan = adapt_plan(self.setup.config, self.setup.mechanism, self.nominal, self.new)
+            plan = adapt_plan(self.setup.config, self.setup.mechanism, self.nominal, self.new_load)
         except BadInput:
-            self.new = self.known
+            self.new_load = self.planned_load
             return
-        copy_arrays(plan, self.setup.plan)  # which the loop and its components hold
-        self.known = self.new
-        whole = self.new._replace(weight=float(self.nominal.load.force.mean()) + self.new.weight)
-        self.carried.append(CarriedLoad(cycle=cycle, measured_weight=self.measured, **whole._asdict()))
+        copy_arrays(plan, self.setup.plan)  # in place, since the loop and its components share these arrays
+        self.planned_load = self.new_load
+        total_load = self.new_load._replace(weight=float(self.nominal.load.force.mean()) + self.new_load.weight)
+        self.carried.append(CarriedLoad(cycle=cycle, measured_weight=self.measured, **total_load._asdict()))

@@ -1,4 +1,4 @@
-"""The built-in components of a scenario, and the loop made of them."""
+"""Assembly of the loop of a scenario from its built-in components; choice of guard and drives."""
 
 import copy
 from dataclasses import replace
@@ -50,31 +50,33 @@ COMPILED: tuple[type[Any], ...] = (
     HybridController,
     DriveController,
 )
-"""Classes whose steps the loop has compiled."""
+"""Classes of built-in components, whose steps the compiled loop contains."""
 
 
 class External(NamedTuple):
-    """Which components are external."""
+    """Flags of the external components of a scenario, which the loop has to call."""
 
     plant: bool
     sensors: bool
     controller: bool
     feedforward: bool
-    """Whether that of a built-in controller is; an external controller calls its feedforward itself."""
+    """False with an external controller, which calls the feedforward itself."""
 
 
 def find_external(scenario: Scenario) -> External:
-    """The components that the loop has to call.
+    """Find the components of a scenario that the loop has to call.
 
-    It runs those of :data:`COMPILED` by itself; a subclass may do something else in a step. Of a built-in feedforward
-    a subclass may declare other params, but not another ``predict``.
+    Components of the classes in :data:`COMPILED` are built in; their subclasses, which may change the step, are
+    external. A subclass of a built-in feedforward is external if it overrides ``predict``; other parameters are fine.
     """
     plant, sensors, controller = (
         type(component) not in COMPILED for component in (scenario.plant, scenario.sensors, scenario.controller)
     )
     feedforward = scenario.feedforward
-    known = isinstance(feedforward, BuiltInFeedforward) and type(feedforward).predict is BuiltInFeedforward.predict
-    return External(plant, sensors, controller, feedforward=not controller and not known)
+    is_built_in = (
+        isinstance(feedforward, BuiltInFeedforward) and type(feedforward).predict is BuiltInFeedforward.predict
+    )
+    return External(plant, sensors, controller, feedforward=not controller and not is_built_in)
 
 
 def _get_parts(component: Any) -> KernelParts:
@@ -82,48 +84,55 @@ def _get_parts(component: Any) -> KernelParts:
 
 
 def make_guard(scenario: Scenario) -> Guard | None:
-    """The guard of learning of a scenario, None if nothing learns or nothing is to be guarded.
+    """Make the guard of learning for a scenario; None if nothing learns or ``learning.guard`` is ``none``.
 
-    Raises BadInput if it is to improve the torque of a feedforward whose weights it does not know, or to estimate the
-    lead of one whose lead it cannot set, or in a run that ends before.
+    Raises BadInput if ``learning.guard=refine`` or ``learning.lead=estimate`` is set for custom components, which
+    support neither, if the lead is to be estimated without a guard, or if the run is too short for the estimate.
     """
-    setup, feedforward, external = scenario.setup, scenario.feedforward, find_external(scenario)
-    config = setup.config
+    feedforward = scenario.feedforward
+    external = find_external(scenario)
+    config = scenario.setup.config
     mode = config.learning.guard
     estimates = config.learning.lead == ESTIMATE
-    known = isinstance(feedforward, BuiltInFeedforward) and not (external.controller or external.feedforward)
+    is_built_in = isinstance(feedforward, BuiltInFeedforward) and not (external.controller or external.feedforward)
     if not feedforward.acts or (isinstance(feedforward, BuiltInFeedforward) and feedforward.params.kind == TABLE):
         return None
     if estimates:
-        is_guarded = mode != NONE
-        require(is_guarded, "learning.lead", ESTIMATE, "needs learning.guard=freeze or refine; use that, or auto")
-        require(known, "learning.lead", ESTIMATE, f"{BUILT_IN}; use that, or auto")
+        require(
+            mode != NONE,
+            "learning.lead",
+            ESTIMATE,
+            "needs learning.guard=freeze or refine; use that, or auto",
+        )
+        require(is_built_in, "learning.lead", ESTIMATE, f"{BUILT_IN}; use that, or auto")
         least = f"must be at least {FIRST_LEARNING} with learning.lead=estimate, which learns from that cycle on"
         require(config.cycles >= FIRST_LEARNING, "cycles", config.cycles, f"{least}; use that, or learning.lead=auto")
     if mode == NONE:
         return None
-    require(known or mode != REFINE, "learning.guard", mode, f"{BUILT_IN}; use that, or freeze")
+    require(is_built_in or mode != REFINE, "learning.guard", mode, f"{BUILT_IN}; use that, or freeze")
     weights = SavedWeights()
-    if known and isinstance(feedforward, BuiltInFeedforward):
+    if is_built_in and isinstance(feedforward, BuiltInFeedforward):
         weights = NetworkWeights(feedforward.params)
     elif config.record.weights and offers(feedforward, Learns):
         weights = CustomWeights(scenario)
-    return Guard(setup, weights)
+    return Guard(scenario.setup, weights)
 
 
 def _make_drives(scenario: Scenario, external: External, actuator: ActuatorConfig) -> Drives | None:
-    """The drives that a controller commands, with the delay and lag of ``actuator``; None: it gives torques.
+    """Make the drives that a controller commands, with delay and lag of ``actuator``; None if it gives torques only.
 
-    An external plant with ``takes_drives`` has drives of its own: these hold what is sent to it.
+    An external plant with ``takes_drives`` contains the drives; those made here only hold the commands sent to it.
 
-    Raises BadInput if the plant has none.
+    Raises BadInput if the plant has no drives.
     """
-    controller, plant = scenario.controller, scenario.plant
+    controller = scenario.controller
+    plant = scenario.plant
     if not (offers(controller, SendsDrives) and controller.sends_drives):
         return None
     built = scenario.setup.config.plant
-    mechanism, period = scenario.setup.mechanism, scenario.setup.config.sampling_period
-    limits, legs = mechanism.torque_limits, mechanism.shape[0]
+    period = scenario.setup.config.sampling_period
+    limits = scenario.setup.mechanism.torque_limits
+    legs = scenario.setup.mechanism.shape[0]
     if external.plant and offers(plant, TakesDrives) and plant.takes_drives:
         return new_drives(replace(actuator, delay=0, lag=0.0), BusConfig(), period, 1, limits, legs)
     has_drives = isinstance(built, MujocoRobot.Config) and not external.plant
@@ -133,9 +142,11 @@ def _make_drives(scenario: Scenario, external: External, actuator: ActuatorConfi
 
 
 def make_loop(scenario: Scenario, external: External, guard: Guard | None = None) -> Loop:
-    """The loop of a scenario: states of built-in components; of external ones only new states for their output.
+    """Make the loop of a scenario.
 
-    Raises BadInput if controller or sensors need drives or signals that the plant does not have.
+    It contains the parameters and states of built-in components; external ones get new arrays for their output.
+
+    Raises BadInput if the controller needs drives, or the sensors need signals, that the plant does not have.
     """
     setup = scenario.setup
     mechanism = setup.mechanism
@@ -144,27 +155,31 @@ def make_loop(scenario: Scenario, external: External, guard: Guard | None = None
     if isinstance(built, AsBuiltConfig):
         actuator = replace(actuator, delay=actuator.delay + built.delay)
     drives = _make_drives(scenario, external, actuator)
-    if drives is not None:  # which delay their commands themselves
+    if drives is not None:  # these contain delay and lag
         actuator = replace(actuator, delay=0, lag=0.0)
-    if external.plant:  # a state for its output, as it measured itself at the start
-        machine, first = new_state(mechanism.shape[0], mechanism.axes), scenario.first
+    if external.plant:
+        first = copy.deepcopy(scenario.first)
+        machine = new_state(mechanism.shape[0], mechanism.axes)
         for values, start in zip(get_state(machine), get_state(first), strict=True):
             values[...] = start
-        signals = copy.deepcopy(first.signals)
-        parts: dict[str, Any] = {"plant_state": machine, "travel": copy.copy(first.travel), "signals": signals}
+        parts: dict[str, Any] = {"plant_state": machine, "travel": first.travel, "signals": first.signals}
     else:
         parts = dict(_get_parts(scenario.plant))
     if external.sensors:
         parts["observation"] = new_observation(mechanism.shape[0], mechanism.axes)._replace(
             travel=copy.copy(parts.get("travel"))
         )
-    else:  # with perfect sensors the controller sees the arrays of the plant
+    else:  # with perfect sensors the controller reads the arrays of the plant
         machine = parts["plant_state"]
         parts["observation"] = Observation._make((*get_state(machine), machine.kinematics, None))
         parts |= _get_parts(scenario.sensors)
         has_signals = not isinstance(parts.get("sensing"), Proprioception) or parts.get("signals") is not None
-        reason = "needs a plant that gives RobotSignals; use plant=mujoco_robot"
-        require(has_signals, "sensors", "proprioceptive", reason)
+        require(
+            has_signals,
+            "sensors",
+            "proprioceptive",
+            "needs a plant that gives RobotSignals; use plant=mujoco_robot",
+        )
         if TRAVEL not in scenario.altered:
             parts["observation"] = parts["observation"]._replace(travel=parts.get("travel"))
     parts["control_state"] = new_hybrid_state(*mechanism.shape)

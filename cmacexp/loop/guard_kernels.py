@@ -1,4 +1,4 @@
-"""What the guard of learning does in every step, as kernels: sums over the cycle, the torque that acts, the alarm."""
+"""Kernels of the guard of learning for every step: sums over the cycle, torque selection, alarm."""
 
 from enum import IntEnum
 from typing import Annotated, NamedTuple
@@ -16,85 +16,93 @@ Flag = Annotated[Counts, CLOCK]
 
 
 class Phase(IntEnum):
-    """What acts besides the feedback."""
+    """Source of the torque that acts in addition to the feedback."""
 
     BASELINE = 0
-    """Nothing yet: feedback only, with which learning is compared."""
+    """None yet: feedback only, the reference for learning."""
     LEARNING = 1
-    """The feedforward, which learns."""
+    """The learning feedforward."""
     FROZEN = 2
-    """The torque of the best cycle, repeated."""
+    """The repeated torque of the best cycle."""
     REFINING = 3
-    """The same, improved once a cycle."""
+    """The repeated torque of the best cycle, corrected once per cycle."""
     FEEDBACK_ONLY = 4
-    """Nothing any more, since nothing else held."""
+    """None any more, after everything else has failed."""
 
 
 BASELINE = int(Phase.BASELINE)
 LEARNING = int(Phase.LEARNING)
 FEEDBACK_ONLY = int(Phase.FEEDBACK_ONLY)
 EFFORT_LIMIT, SPEED_LIMIT, TILT_LIMIT = range(3)
-"""Limits of one step, as squares: of the effort, the joint velocities and the tilt of the body."""
+"""Indices of the limits of one step, which are squares: effort, joint velocities, tilt of the body."""
 HIGHEST = (3.0, 4.0, 1.4)
-"""Ratios of these limits to the peaks with feedback only."""
+"""Ratios of the limits, before squaring, to the peaks with feedback only."""
 
 
 class CycleSums(NamedTuple):
     """Sums of squares over a cycle."""
 
     effort: float
-    """The learning error, (N m)^2."""
+    """Learning error, (N m)^2."""
     error: float
-    """The errors of feet and body, m^2."""
+    """Errors of feet and body, m^2."""
     motion: float
-    """The joint velocities, (rad/s)^2."""
+    """Joint velocities, (rad/s)^2."""
     demand: float
-    """Learning error and feedforward together, (N m)^2; only in a first cycle with learnt weights."""
+    """Sum of learning error and feedforward, (N m)^2; only in a first cycle with learnt weights."""
 
 
 EFFORT, ERROR, MOTION, DEMAND = range(len(CycleSums._fields))
 
 
 class GuardState(NamedTuple):
-    """What the loop and the guard of one run share, of L legs with J joints over a cycle of N samples."""
+    """State shared by the loop and the guard of a run, for L legs with J joints and cycles of N samples."""
 
     phase: Flag
-    """(1,): one of :class:`Phase`."""
+    """(1,): a value of :class:`Phase`."""
     infers: Flag
-    """(1,): 1 in a first cycle with learnt weights, from which that of feedback only is inferred."""
+    """(1,): 1 in a first cycle with learnt weights, from which the baseline is inferred."""
     alarm: Flag
-    """(1,): 1 after a step beyond a limit, until the guard has seen it."""
+    """(1,): 1 after a step beyond a limit, until the guard has handled it."""
     corrects: Flag
-    """(1,): 1 if ``torque`` is to be corrected by ``errors`` before this cycle."""
+    """(1,): 1 if ``torque`` must be corrected by ``errors`` before this cycle."""
     sums: Clock
-    """(4,): of squares over this cycle, in the order of :class:`CycleSums`."""
+    """(4,): sums of squares over this cycle, in the order and units of :class:`CycleSums`."""
     limits: Clock
-    """(3,): limits of one step, (N m)^2, (rad/s)^2 and rad^2; learning ends at once beyond them."""
+    """(3,): limits of one step, (N m)^2, (rad/s)^2 and rad^2; a step beyond them ends learning at once."""
     lever: float
-    """Weight of the tilt, squared, in the error: the sum of half the squared distances of the hips, m^2."""
+    """Weight of the squared tilt in the error: half the sum of the squared hip distances, m^2."""
     torque: Clock
-    """(N, L, J): feedforward torque of this cycle, N m: recorded while it learns, then repeated."""
+    """(N, L, J): feedforward torque of this cycle, N m; recorded during learning, repeated afterwards."""
     errors: Clock
     """(N, L, J): learning errors of this cycle, N m; empty unless the guard refines."""
     output: Scratch
-    """(J,): of one network, N m."""
+    """(J,): workspace for the output of one network, N m."""
     probe: ProbeState | None
-    """Probe of the delay of the feedback; None: nothing estimates the lead."""
+    """Probe of the feedback delay; None if the lead is not estimated."""
 
 
 def new_guard_state(
     samples: int, shape: tuple[int, int], refines: bool, lever: float, probe: ProbeState | None
 ) -> GuardState:
-    """The state of a guard before a run of cycles of so many ``samples``; ``shape`` (L, J)."""
+    """Make the state of a guard at the start of a run.
+
+    Args:
+        samples: samples per cycle, N.
+        shape: (L, J), legs and joints per leg.
+        refines: True with ``learning.guard=refine``, which needs the errors of a whole cycle.
+        lever: weight of the squared tilt in the error, m^2.
+        probe: probe of the feedback delay, if any.
+    """
     phase, infers, alarm, corrects = (np.zeros(1, dtype=np.int64) for _ in range(4))
-    sums, torque = np.zeros(len(CycleSums._fields)), np.zeros((samples, *shape))
+    torque = np.zeros((samples, *shape))
     errors = np.zeros_like(torque) if refines else np.zeros((0, *shape))
     return GuardState(
         phase=phase,
         infers=infers,
         alarm=alarm,
         corrects=corrects,
-        sums=sums,
+        sums=np.zeros(len(CycleSums._fields)),
         limits=np.zeros(3),
         lever=lever,
         torque=torque,
@@ -106,7 +114,7 @@ def new_guard_state(
 
 @kernel
 def lets_act(guard: GuardState | None, start_step: int, step: int) -> bool:
-    """Whether the feedforward acts in ``step``."""
+    """Return True if the feedforward acts in ``step``."""
     if guard is None:
         return step >= start_step
     return BASELINE < guard.phase[0] < FEEDBACK_ONLY
@@ -114,15 +122,15 @@ def lets_act(guard: GuardState | None, start_step: int, step: int) -> bool:
 
 @kernel
 def lets_learn(guard: GuardState | None) -> bool:
-    """Whether the feedforward itself learns and gives the torque, where it acts."""
+    """Return True if the feedforward, where it acts, learns and supplies the torque (no repeated torque)."""
     return guard is None or guard.phase[0] == LEARNING
 
 
 @kernel
 def raise_limits(limits: Array, effort: float, speed: float, tilt: float) -> None:
-    """Raise the limits (3,) to what a step of feedback only, of these squares, allows.
+    """Raise the ``limits`` (3,) as required by the squares of a step with feedback only.
 
-    They are in (N m)^2, (rad/s)^2 and rad^2, as ``effort``, ``speed`` and ``tilt``.
+    ``effort``, ``speed`` and ``tilt`` are in (N m)^2, (rad/s)^2 and rad^2, as the limits.
     """
     for n, peak in enumerate((effort, speed, tilt)):
         limits[n] = max(limits[n], HIGHEST[n] ** 2 * peak)
@@ -132,9 +140,10 @@ def raise_limits(limits: Array, effort: float, speed: float, tilt: float) -> Non
 def accumulate_cycle(
     guard: GuardState | None, sample: int, support: Mask, control: HybridState, observation: Observation
 ) -> None:
-    """Add effort and errors of ``sample``, a step with ``support`` (L,), before the plant moves on; check its limits.
+    """Add effort and errors of a step to the sums of its cycle, and check the limits of a step.
 
-    Arrays that were written a moment before would be read slowly.
+    ``sample`` is the step within the cycle; ``support`` (L,) is True for supporting legs. To be called before the
+    plant advances, since arrays that were just written are slow to read.
     """
     if guard is None:
         return
@@ -167,10 +176,14 @@ def accumulate_cycle(
 
 @kernel
 def record_torque(guard: GuardState | None, sample: int, torque: Array) -> None:
-    """Record the feedforward ``torque`` (L, J) of a step, N m; where it does not learn, replace it."""
+    """Record the feedforward ``torque`` (L, J) of a step, N m, during learning; else replace it by the repeated one.
+
+    The torque of a probe is added.
+    """
     if guard is None:
         return
-    phase, recorded = guard.phase[0], guard.torque[sample]
+    phase = guard.phase[0]
+    recorded = guard.torque[sample]
     for i in range(torque.shape[0]):
         for j in range(torque.shape[1]):
             if phase == LEARNING:
@@ -182,7 +195,7 @@ def record_torque(guard: GuardState | None, sample: int, torque: Array) -> None:
 
 @kernel
 def correct_torque(guard: GuardState | None, params: FeedforwardParams | None) -> None:
-    """Correct the torque of the cycle that begins by the errors of the last one, if the guard asks for that."""
+    """Correct the torque of the coming cycle by the errors of the last one, if the guard has requested it."""
     if guard is not None and params is not None and guard.corrects[0] != 0:
         guard.corrects[0] = 0
         correct(params, guard.errors, guard.output, guard.torque)

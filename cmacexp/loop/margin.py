@@ -1,4 +1,4 @@
-"""How much more delay the feedback of a robot under hybrid control bears, and whether that is little."""
+"""Delay margin of a robot under hybrid control, with a warning if it is small."""
 
 from cmacexp.config import Config
 from cmacexp.config.machine import read_model
@@ -8,20 +8,23 @@ from cmacexp.models.loop_delay import LoopDelay, Margin
 from cmacexp.models.robot_gains import Gains, derive_basis, find_delay_margin, find_standing_margin
 
 SMALL_MARGIN = 0.004
-"""Delay that feedback should bear beyond what is counted, s: buses of robots have it."""
+"""Delay margin below which a warning is given, s: typical delay of the buses of robots."""
 
 
 def find_margin(
     config: Config, control: HybridController.Config, loop_delay: LoopDelay, stands: bool = True
 ) -> Margin:
-    """By how much a robot's feedback may be later before it shakes, a foot in the air or all of it as it ``stands``.
+    """Compute the delay margin of a robot: the additional feedback delay at which it becomes unstable.
 
-    How it stands is known under the combined law alone. Raises BadInput if a foot shakes already.
+    It is the margin of a foot in the air or, if ``stands`` is True, the smaller one of that and of the linearised
+    standing robot. The latter exists only for ``force_control.method=combined``. ``loop_delay`` is the delay counted
+    so far. Raises BadInput if a foot is already unstable.
     """
     lead = discretise(control.lead_omega, control.lead_alpha, config.sampling_period)
-    robot, force = read_model(config.machine), config.force_control
-    foot_mass, gain = derive_basis(robot).foot_mass, control.velocity_gain
-    margin = find_delay_margin(foot_mass, gain, lead.b0, config.sampling_period, loop_delay)
+    robot = read_model(config.machine)
+    force = config.force_control
+    foot_mass = derive_basis(robot).foot_mass
+    margin = find_delay_margin(foot_mass, control.velocity_gain, lead.b0, config.sampling_period, loop_delay)
     if not stands or force.method != "combined":
         return margin
     gains = Gains(
@@ -32,15 +35,21 @@ def find_margin(
         force.elasticity,
         force.admittance,
     )
-    ground = (config.terrain.stiffness, config.terrain.damping)
-    standing = find_standing_margin(robot, ground, gains, lead, config.sampling_period, loop_delay)
+    standing = find_standing_margin(
+        robot,
+        (config.terrain.stiffness, config.terrain.damping),
+        gains,
+        lead,
+        config.sampling_period,
+        loop_delay,
+    )
     return min(margin, standing, key=lambda margin: margin.delay)
 
 
 def check_margin(config: Config, control: HybridController.Config, loop_delay: LoopDelay) -> str:
-    """Why the margin of late feedback is small; empty if it is not, or nobody wants to hear it.
+    """Return a warning if the delay margin is below SMALL_MARGIN; else, or with ``warn=false``, an empty text.
 
-    Raises BadInput if a foot shakes.
+    A robot with no delay at all (``loop_delay``) gets no warning. Raises BadInput if a foot is unstable.
     """
     warns = config.warn and loop_delay != LoopDelay()
     margin = find_margin(config, control, loop_delay, stands=warns).delay

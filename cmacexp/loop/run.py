@@ -1,4 +1,4 @@
-"""Run a scenario from its first step to its last, or until it stops."""
+"""Execution of a scenario, some cycles at a time, until it completes or stops."""
 
 import math
 import time
@@ -31,52 +31,51 @@ from cmacexp.protocols import ListsSteps, Live, SendsDrives, offers
 from cmacexp.typing import Array, Status
 
 MOST_ROWS = 1 << 15
-"""Rows of leg samples in memory: a long run needs no more than a short one.
+"""Largest number of rows of leg samples in memory, so that long runs need no more memory than short ones.
 
-Entering the compiled program costs some 20 us, as much as dozens of steps.
+A much smaller number would cost time: to enter the compiled program takes some 20 us, as much as dozens of steps.
 """
 MOST_CYCLES = 64
-"""Cycles whose samples are in memory, where cycles are short."""
+"""Largest number of cycles whose samples are in memory; it limits short cycles."""
 LONGEST_CALL = 0.3
-"""Seconds that one call of a driver is to take: progress is shown, and Ctrl-C heeded, between two calls."""
+"""Target duration of one call of the driver, s; between calls progress is shown and Ctrl-C is handled."""
 FIRST_STEPS = 1 << 12
-"""Steps of the first call of a compiled program, in which even a robot takes less time."""
+"""Steps of the first call of a compiled program; even for a robot they take less than LONGEST_CALL."""
 JOINTS = (*ARRAYS["q"], *ARRAYS["dq"])
-"""Signals that are undefined for a point mass, measured or not."""
+"""Joint signals, which are undefined for a point mass."""
 
 
 def _samples_measured(scenario: Scenario) -> bool:
-    """Whether sensors, or their supervision, add columns to the samples."""
+    """Return True if altering sensors or force fault detection add columns to the samples."""
     return scenario.setup.config.plausibility.enabled or bool(scenario.altered - {"force"})
 
 
 class _Cycles:
-    """A scenario under way, with arrays for the samples of some cycles; arguments as of :func:`run_cycles`."""
+    """A running scenario with arrays for the samples of some cycles; arguments as for :func:`run_cycles`."""
 
     def __init__(self, scenario: Scenario, on_progress: Callable[[float], None]):
         setup = scenario.setup
-        config, mechanism = setup.config, setup.mechanism
+        config = setup.config
         self.scenario = scenario
         self.config = config
-        self.point_mass = mechanism.kind == POINT_MASS
+        self.point_mass = setup.mechanism.kind == POINT_MASS
         self.on_progress = on_progress
         self.guard = make_guard(scenario)
         self.driver = Driver(scenario, self.guard)
         meter = self.driver.loop.meter
         self.adaptation = None if meter is None else Adaptation(setup, meter)
         self.steps_per_call = FIRST_STEPS if repays_compiling() and self.driver.components is None else 1
-        """Steps of the next call of the driver."""
-        fit = MOST_ROWS // (config.steps_per_cycle * config.legs)
-        cycles = min(config.cycles, max(1, fit), MOST_CYCLES)
-        if scenario.is_live:  # handing samples over takes longer than a step, so that it waits for the end
+        """Number of steps of the next call of the driver."""
+        cycles = min(config.cycles, max(1, MOST_ROWS // (config.steps_per_cycle * config.legs)), MOST_CYCLES)
+        if scenario.is_live:  # traces are made after the end, since that takes longer than a step
             cycles = config.cycles
-        wide = _samples_measured(scenario)
-        legs, joints = mechanism.shape
-        self.samples, self.body = make_samples(cycles * config.steps_per_cycle, legs, wide, joints)
+        legs, joints = setup.mechanism.shape
+        steps = cycles * config.steps_per_cycle
+        self.samples, self.body = make_samples(steps, legs, _samples_measured(scenario), joints)
         if scenario.is_live:
-            self.samples.fill(0.0)  # else the system would find memory for them while the machine moves
-        names = ALL_SAMPLES[: len(self.samples)]
-        self.joints = [i for i, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
+            self.samples.fill(0.0)  # makes the system allocate the pages before the machine moves
+        names = enumerate(ALL_SAMPLES[: len(self.samples)])
+        self.joints = [i for i, name in names if name.removesuffix("_measured") in JOINTS]
         self.columns = select_columns(scenario)
         self.end = scenario.end
         if self.guard is not None:
@@ -86,37 +85,45 @@ class _Cycles:
 
     @property
     def is_running(self) -> bool:
-        """Whether steps are left and nothing has ended the run."""
+        """True if steps are left and nothing has ended the run."""
         steps = self.config.cycles * self.config.steps_per_cycle
         return self.end.status == Status.COMPLETED and self.driver.taken < steps
 
     def fail(self, where: str, raised: Exception) -> None:
-        """Let the run fail by what a component raised, unless it has failed before; ``where``: in which method."""
-        end = self.end
-        if end.error is None:
-            end.status, end.error = Status.FAILED, raised
-            end.cause = f"{where}after step {self.driver.taken}: {describe_failure(raised)}"
+        """Record that the exception ``raised`` of a component ended the run; only the first failure counts.
+
+        ``where`` is the prefix of the recorded cause: the name of a method, or empty.
+        """
+        if self.end.error is None:
+            self.end.status = Status.FAILED
+            self.end.error = raised
+            self.end.cause = f"{where}after step {self.driver.taken}: {describe_failure(raised)}"
 
     def advance(self) -> int:
-        """Run until the arrays are full or the run ends, as at an interrupt or an error; returns the first step.
+        """Run until the arrays are full, the plan changes or the run ends; return the first step.
 
-        The driver is called for a moment at a time: between two calls an interrupt is heeded, progress is shown, and
-        the plan may change.
+        Interrupts and errors also end the run. Each call of the driver takes about LONGEST_CALL; between two calls an
+        interrupt is handled, progress is shown, and the plan may change.
         """
-        config, driver, end = self.config, self.driver, self.end
+        config = self.config
+        driver = self.driver
+        end = self.end
         start = driver.taken
         if self.adaptation is not None:
             self.adaptation.update_plan(start // config.steps_per_cycle + 1)
         steps = min(self.samples.shape[1], config.cycles * config.steps_per_cycle - start)
-        self.body[TRAVEL[0] : TRAVEL[-1] + 1] = 0.0  # a body goes straight ahead unless the plant moves it
+        self.body[TRAVEL[0] : TRAVEL[-1] + 1] = 0.0  # the body moves straight ahead unless the plant moves it
         self.body[TRAVEL[0], :steps] = np.arange(start, start + steps) * config.sampling_period * config.body_speed
-        began, worked = time.perf_counter(), time.process_time()
-        stop, changes_plan = RUNNING, False
+        began = time.perf_counter()
+        processor_began = time.process_time()
+        stop = RUNNING
+        changes_plan = False
         try:
             with exits_caught():
                 while stop == RUNNING and driver.taken < start + steps and not changes_plan:
                     raise_if_interrupted()
-                    called, done = time.perf_counter(), driver.taken - start
+                    called = time.perf_counter()
+                    done = driver.taken - start
                     count = min(self._most_steps(), steps - done)
                     stop = driver.run(self.samples, self.body, done, count)
                     changes_plan = self._end_call(stop)
@@ -124,56 +131,64 @@ class _Cycles:
             if stop != RUNNING:
                 self._note_stop(stop)
         except KeyboardInterrupt:
-            end.status, end.cause = Status.INTERRUPTED, f"after step {driver.taken}"
+            end.status = Status.INTERRUPTED
+            end.cause = f"after step {driver.taken}"
         except Exception as raised:
             self.fail("", raised)
         end.rollout_seconds += time.perf_counter() - began
-        end.processor_seconds += time.process_time() - worked
+        end.processor_seconds += time.process_time() - processor_began
         end.steps = driver.taken
         return start
 
     def _end_call(self, stop: int) -> bool:
-        """Do what is due after a call of the driver; returns whether the plan changes before the next one."""
-        taken, period, adaptation = self.driver.taken, self.config.steps_per_cycle, self.adaptation
-        ends_cycle = taken % period == 0
-        if ends_cycle:
+        """Update lead and load estimates after a call of the driver; return True if the plan has to change."""
+        changes_plan = False
+        if self.driver.taken % self.config.steps_per_cycle == 0:
             self._apply_estimate()
-        changes_plan = stop == RUNNING and ends_cycle and adaptation is not None and adaptation.end_cycle()
-        self.on_progress(taken / period)
+            changes_plan = stop == RUNNING and self.adaptation is not None and self.adaptation.end_cycle()
+        self.on_progress(self.driver.taken / self.config.steps_per_cycle)
         return changes_plan
 
     def _note_stop(self, stop: int) -> None:
-        """Note why the loop stopped, DIVERGED or FELL."""
-        driver, plant = self.driver, self.scenario.plant
+        """Record status and cause of a stop, DIVERGED or FELL."""
+        driver = self.driver
+        plant = self.scenario.plant
         reported = driver.divergence or (plant.divergence if isinstance(plant, MujocoPlant) else "")
-        period, state = self.config.sampling_period, driver.state
         self.end.status = STATUSES[stop]
-        self.end.cause = describe_stop(driver.loop.limits, stop, driver.taken, period, state, reported)
+        self.end.cause = describe_stop(
+            driver.loop.limits, stop, driver.taken, self.config.sampling_period, driver.state, reported
+        )
 
     def _most_steps(self) -> int:
-        """Steps of the next call of the driver; lead and plan can change only between calls, where a cycle starts."""
+        """Return the number of steps of the next call of the driver.
+
+        A call ends with the cycle if lead or plan can change, which happens only between calls.
+        """
         if self.config.learning.lead != ESTIMATE and self.adaptation is None:
             return self.steps_per_call
         return min(self.steps_per_call, self.config.steps_per_cycle - self.driver.taken % self.config.steps_per_cycle)
 
     def _apply_estimate(self) -> None:
-        """Learn with the lead that a probe has given; after a retreat with a longer one than has failed.
+        """Start learning with the estimated lead if a probe has ended with this cycle.
 
-        On drives the lead stays as it is estimated, and each retreat halves the rate.
+        After a reversion the lead is at least one sample longer than the one that failed. With drives the estimate is
+        used unchanged, and each reversion halves the learning rate.
         """
-        params, guard, end = self.driver.loop.feedforward, self.guard, self.end
+        params = self.driver.loop.feedforward
+        guard = self.guard
         if guard is None or guard.probe.state is None or params is None or not guard.probe.end_cycle():
             return
         learning = params.learning
         controller = self.scenario.controller
         on_drives = offers(controller, SendsDrives) and controller.sends_drives
         lead = estimate_lead(guard.probe.state, on_drives) or learning.lead
-        if end.lead_estimates and not on_drives:  # too short a lead does harm more often than one that is too long
+        if self.end.lead_estimates and not on_drives:  # too short a lead does harm more often than too long a one
             lead = max(lead, learning.lead + 1)
         rate = resolve_rate(self.config, LoopDelay(lead - 1), lead)
         if on_drives:
-            rate *= 0.5 ** len(end.lead_estimates)
-        end.learning_rate, end.learning_lead = rate, lead
+            rate *= 0.5 ** len(self.end.lead_estimates)
+        self.end.learning_rate = rate
+        self.end.learning_lead = lead
         guard.learns_again = True
         learning = learning._replace(
             lead=lead,
@@ -182,51 +197,52 @@ class _Cycles:
             start_step=self.driver.taken,
         )
         self.driver.loop = self.driver.loop._replace(feedforward=params._replace(learning=learning))
-        end.lead_estimates.append(LeadEstimate(self.driver.taken // self.config.steps_per_cycle + 1, lead))
+        self.end.lead_estimates.append(LeadEstimate(self.driver.taken // self.config.steps_per_cycle + 1, lead))
 
     def collect(self, start: int) -> Trace:
-        """Make the trace of the steps since ``start``, which nothing changes from here on."""
+        """Make the trace of the steps since ``start``; later steps do not change it."""
         steps = self.driver.taken - start
         if self.point_mass:
             self.samples[self.joints] = np.nan
         legs, body = self.samples[:, :steps], self.body[:, :steps]
-        if self.is_running:  # and fills them again
+        if self.is_running:  # the next steps overwrite the arrays
             legs, body = legs.copy(), body.copy()
-        return make_trace(
-            self.scenario, self.columns, start, legs, body, self._collect_memory(start), self._list_live(start)
-        )
+        memory = self._collect_memory(start)
+        return make_trace(self.scenario, self.columns, start, legs, body, memory, self._list_live(start))
 
     def _collect_memory(self, start: int) -> dict[str, Array] | None:
-        """Collect the signals of networks since step ``start``, (cycles, L) by name; None without weights."""
-        feedforward, steps = self.scenario.feedforward, self.driver.taken - start
+        """Collect the memory signals of networks since step ``start``, (cycles, L) by name; None without networks."""
+        feedforward = self.scenario.feedforward
         if not isinstance(feedforward, BuiltInFeedforward):
             return None
+        steps = self.driver.taken - start
         memory = feedforward.collect_memory(-(-steps // self.config.steps_per_cycle))
         if memory is not None:
             memory["guard"] = self._guard_states(start, memory["rows"].shape)
         return memory
 
     def _list_live(self, start: int) -> dict[str, Array]:
-        """List LIVE_SIGNALS of the steps since ``start`` if the plant has them, (steps,) each; NaN if that fails."""
-        plant, steps = self.scenario.plant, self.driver.taken - start
+        """Get LIVE_SIGNALS (steps,) since step ``start`` from a plant that has them; NaN if its method fails."""
+        plant = self.scenario.plant
         if not offers(plant, ListsSteps):
             return {}
-        columns = {signal.name: np.full(steps, np.nan) for signal in LIVE_SIGNALS}
+        columns = {signal.name: np.full(self.driver.taken - start, np.nan) for signal in LIVE_SIGNALS}
         try:
             with exits_caught():
-                listed = plant.list_steps(start, self.driver.taken)
+                signals = plant.list_steps(start, self.driver.taken)
             for name, values in columns.items():
-                values[:] = listed[name]
+                values[:] = signals[name]
         except Exception as raised:
             self.fail("list_steps, ", raised)
         return columns
 
     def _guard_states(self, start: int, shape: tuple[int, int]) -> Array:
-        """List states of the guard of learning at the end of the cycles from step ``start`` on, as ``shape``.
+        """Return the state of the guard at the end of each cycle from step ``start`` on.
 
-        That is (cycles, L).
+        An array of ``shape`` (cycles, L): LEARNS, REPEATED or FEEDBACK_ALONE.
         """
-        cycles, states = start // self.config.steps_per_cycle + 1 + np.arange(shape[0]), np.zeros(shape)
+        cycles = start // self.config.steps_per_cycle + 1 + np.arange(shape[0])
+        states = np.zeros(shape)
         changes = [(estimate.cycle, LEARNS) for estimate in self.end.lead_estimates]
         changes += [(event.cycle, REPEATED if event.restored else FEEDBACK_ALONE) for event in self.end.guard]
         for cycle, state in sorted(changes, key=itemgetter(0)):
@@ -235,7 +251,7 @@ class _Cycles:
 
 
 def _trace_nothing(scenario: Scenario) -> Trace:
-    """Make the trace of a run that takes no step, since a component raised when it was reset."""
+    """Make the empty trace of a run that takes no step because the reset of a component failed."""
     legs, joints = scenario.setup.mechanism.shape
     none = dict.fromkeys((signal.name for signal in LIVE_SIGNALS), np.empty(0))
     samples, body = make_samples(0, legs, _samples_measured(scenario), joints)
@@ -243,27 +259,28 @@ def _trace_nothing(scenario: Scenario) -> Trace:
 
 
 def run_cycles(scenario: Scenario, on_progress: Callable[[float], None] = lambda cycles: None) -> Iterator[Trace]:
-    """Run a scenario, whose components are reset, some cycles at a time.
+    """Run a scenario and yield its traces, some cycles at a time.
 
     Args:
-        scenario: it must not have run before.
-        on_progress: called several times a second with the number of cycles done so far.
+        scenario: new scenario, whose components are reset.
+        on_progress: called several times per second with the number of completed cycles, a fraction included.
 
     Yields:
-        The trace of the next cycles; the last one may be short. ``scenario.end`` says how the run ended, whether it
-        completed, diverged, failed or was interrupted; of a machine that is not simulated nothing is yielded before.
+        The trace of the next cycles; the last cycle may be incomplete. Afterwards ``scenario.end`` contains the
+        outcome. For a machine that is not simulated, all traces are yielded after the end of the run.
 
     Raises:
         CmacexpError: the scenario has run before.
     """
     scenario.begin()
     if scenario.fault is not None:
-        scenario.end.status, scenario.end.error = Status.FAILED, scenario.fault
+        scenario.end.status = Status.FAILED
+        scenario.end.error = scenario.fault
         scenario.end.cause = f"before the first step: {describe_failure(scenario.fault)}"
         yield _trace_nothing(scenario)
         return
     plant = scenario.plant
-    traces: list[Trace] = []  # of a machine that must not wait for the files
+    traces: list[Trace] = []  # of a machine that is not simulated, which must not wait for files
     status: str = Status.FAILED
     fault: Exception | None = None
     try:
@@ -297,7 +314,7 @@ def run_cycles(scenario: Scenario, on_progress: Callable[[float], None] = lambda
 
 @contextmanager
 def _at_work(scenario: Scenario) -> Iterator[None]:
-    """Run steps of a scenario: what it calls is compiled if that repays it; an interrupt waits for the next call."""
+    """Set up the context for running steps: the workload for compiling, deferred interrupts, and caught exits."""
     config = scenario.setup.config
     leg_steps = math.inf if scenario.is_live else config.cycles * config.steps_per_cycle * config.legs
     with workload(leg_steps), interrupt_held_back(), exits_caught():

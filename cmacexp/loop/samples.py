@@ -1,4 +1,4 @@
-"""Samples of every step, in the columns of the table of signals."""
+"""Samples of every step, ordered by the table of signals (:mod:`cmacexp.data.signals`)."""
 
 from collections.abc import Sequence
 
@@ -13,15 +13,18 @@ from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array
 
 SAMPLES, BODY_SAMPLES = (list_samples(table, wide=False) for table in (LEG_SIGNALS, BODY_SIGNALS))
-"""Columns that every run samples of each leg, and of a body."""
+"""Names of the columns that every run samples, per leg and for the body."""
 WIDE_SAMPLES, WIDE_BODY_SAMPLES = (list_samples(table, wide=True) for table in (LEG_SIGNALS, BODY_SIGNALS))
-"""The same, followed by those that sensors may add."""
+"""Names of the columns with those that altering sensors add at the end."""
 ALL_SAMPLES = WIDE_SAMPLES + list_samples(SPATIAL_SIGNALS, wide=True)
-"""The same, followed by those of legs that move in space."""
+"""Names of the leg columns with those of legs with three joints at the end."""
 
 
 def _find_columns(table: Sequence[str], array: str, end: str = "") -> tuple[int, ...]:
-    """Columns of an array, x, y and z or joint by joint; ``end`` is that of their names."""
+    """Find the indices in ``table`` of the columns of ``array``: by axis x, y and z, or by joint.
+
+    ``end`` is the suffix of their names.
+    """
     return tuple(table.index(f"{name}{end}") for name in ARRAYS[array])
 
 
@@ -35,21 +38,25 @@ FOOT_MEASURED, VELOCITY_MEASURED, Q_MEASURED, DQ_MEASURED = (
 FORCE, FORCE_MEASURED, FORCE_TRUSTED = map(ALL_SAMPLES.index, ("force", "force_measured", "force_trusted"))
 TAU_FORCE = tuple(ALL_SAMPLES.index(f"tau_force_{joint}") for joint in (1, 2, 3))
 BODY, BODY_RATE, TRAVEL = (_find_columns(WIDE_BODY_SAMPLES, array) for array in ("body", "body_rate", "travel"))
-"""Columns of the body; its position in the world is that of the plan unless the plant measures it."""
+"""Column indices of the body; its position in the world is the planned one unless the plant measures it."""
 BODY_MEASURED, BODY_RATE_MEASURED, TRAVEL_MEASURED = (
     _find_columns(WIDE_BODY_SAMPLES, array, "_measured") for array in ("body", "body_rate", "travel")
 )
 
 
 def name_samples(samples: Array, names: tuple[str, ...] = ALL_SAMPLES) -> dict[str, Array]:
-    """Columns (...) of samples (columns, ...) by name, in their units; ``names`` of a body are WIDE_BODY_SAMPLES."""
+    """Map column names to the columns of ``samples`` (columns, ...), in their units.
+
+    ``names`` is ALL_SAMPLES for legs and WIDE_BODY_SAMPLES for the body; extra names are ignored.
+    """
     return dict(zip(names, samples, strict=False))
 
 
 def make_samples(steps: int, legs: int, wide: bool, joints: int = 2) -> tuple[Array, Array]:
-    """Zeros for the samples of legs (columns, steps, L) and body (columns, steps); with a third joint always wide.
+    """Allocate zeros for the samples of legs (columns, steps, L) and body (columns, steps).
 
-    Each column is in one piece, as all that reads them reads it.
+    ``wide`` adds the columns of altering sensors; legs with three joints always have them. Each column is contiguous,
+    since readers process whole columns.
     """
     spatial = joints > 2
     columns = ALL_SAMPLES if spatial else WIDE_SAMPLES if wide else SAMPLES
@@ -72,17 +79,20 @@ def write_samples(
 ) -> None:
     """Write step ``k`` of samples (columns, steps, L) and body samples (columns, steps).
 
-    The torques are those that act: of ``control`` and ``feedforward`` (L, J), N m, after the actuator.
+    The torques of ``control`` and ``feedforward`` (L, J), N m, are those that act, after the actuator.
     """
     for n in range(3):
         body_samples[BODY[n], k] = machine.body[n]
         if travel is not None:
             body_samples[TRAVEL[n], k] = travel[n]
     for i in range(samples.shape[2]):
-        samples[FORCE, k, i], samples[FORCE_MEASURED, k, i] = machine.force[i], observation.force[i]
+        samples[FORCE, k, i] = machine.force[i]
+        samples[FORCE_MEASURED, k, i] = observation.force[i]
         for j in range(machine.q.shape[1]):
-            samples[FOOT[j], k, i], samples[VELOCITY[j], k, i] = machine.foot[i, j], machine.velocity[i, j]
-            samples[Q[j], k, i], samples[DQ[j], k, i] = machine.q[i, j], machine.dq[i, j]
+            samples[FOOT[j], k, i] = machine.foot[i, j]
+            samples[VELOCITY[j], k, i] = machine.velocity[i, j]
+            samples[Q[j], k, i] = machine.q[i, j]
+            samples[DQ[j], k, i] = machine.dq[i, j]
             samples[REFERENCE[j], k, i] = control.reference[i, j]
             samples[TAU_FEEDBACK[j], k, i] = control.feedback[i, j]
             samples[TAU_FEEDFORWARD[j], k, i] = feedforward[i, j]
@@ -102,9 +112,10 @@ def write_measured(
     observation: Observation,
     control: HybridState,
 ) -> None:
-    """Write the columns that sensors and their supervision add, of step ``k``, as :func:`write_samples`.
+    """Write the columns of step ``k`` that altering sensors and force fault detection add.
 
-    Like all columns they are in the units of :mod:`cmacexp.data.signals`; ``travel`` (3,) is what is measured of it.
+    Units are those of :mod:`cmacexp.data.signals`; ``travel`` (3,) is the measured one, m and rad. Other arguments
+    are as for :func:`write_samples`.
     """
     for n in range(3):
         body_samples[BODY_RATE[n], k] = machine.body_rate[n]
@@ -117,14 +128,16 @@ def write_measured(
         for j in range(machine.q.shape[1]):
             samples[FOOT_MEASURED[j], k, i] = observation.foot[i, j]
             samples[VELOCITY_MEASURED[j], k, i] = observation.velocity[i, j]
-            samples[Q_MEASURED[j], k, i], samples[DQ_MEASURED[j], k, i] = observation.q[i, j], observation.dq[i, j]
+            samples[Q_MEASURED[j], k, i] = observation.q[i, j]
+            samples[DQ_MEASURED[j], k, i] = observation.dq[i, j]
 
 
 @kernel
 def write_drives(samples: Array, k: int, drives: Drives | None) -> None:
-    """Write what ``drives`` gave in step ``k`` of samples (columns, steps, L), in their mean, N m.
+    """Write the mean torques that ``drives`` applied in step ``k`` to samples (columns, steps, L), N m.
 
-    Their feedback is the torque that the controller sent, which does not teach, and what the gains add.
+    The feedback is the torque that the controller sent, which does not train the feedforward, plus the torque of the
+    gains of the drives.
     """
     if drives is None:
         return

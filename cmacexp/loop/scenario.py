@@ -1,4 +1,4 @@
-"""The components of one run, made from its config: of the class that each names by ``_target_``, with its fields."""
+"""Scenarios: the components of one run, made from its config by the class and the fields that each group names."""
 
 import copy
 import inspect
@@ -52,10 +52,11 @@ from cmacexp.sensors.perfect import find_altered
 from cmacexp.typing import Array, Status, Weights
 
 PROTOCOLS = {"plant": Plant, "sensors": Sensors, "controller": Controller, "feedforward": Feedforward}
+"""Protocol of each group of components, by key of the config."""
 
 
 def require_members(group: str, target: object, component: object, members: Sequence[str] = ()) -> None:
-    """Require that a component has ``members``, or all that its protocol names; raises BadInput."""
+    """Check that a component has ``members``, or all members of the protocol of its group; raises BadInput."""
     protocol = PROTOCOLS[group]
     members = members or [name for name in (*vars(protocol), *protocol.__annotations__) if name[0] != "_"]
     missing = [name for name in members if not hasattr(component, name)]
@@ -63,29 +64,34 @@ def require_members(group: str, target: object, component: object, members: Sequ
     require(not missing, f"{group}._target_", target, reason)
 
 
-def require_class(group: str, target: object, component: type[Any], given: tuple[str, ...]) -> None:
-    """Require, before anything of a class is called, that it has the methods of its protocol; raises BadInput."""
-    protocol, key = PROTOCOLS[group], f"{group}._target_"
+def require_class(group: str, target: object, component: type[Any], fields: tuple[str, ...]) -> None:
+    """Check a component class before any of its code runs; raises BadInput.
+
+    Its methods must have the signatures of the protocol of ``group``, and its constructor must accept ``fields`` as
+    keyword arguments. ``target`` is its name for messages.
+    """
+    protocol = PROTOCOLS[group]
+    key = f"{group}._target_"
     methods = [name for name, value in vars(protocol).items() if inspect.isfunction(value) and name[0] != "_"]
     require_members(group, target, component, methods)
     for name in methods:
-        taken = list(inspect.signature(vars(protocol)[name]).parameters)
-        fits = _takes(component, name, taken)
-        require(fits, key, target, f"is not a {group}: {name} must take ({', '.join(taken[1:])})")
+        parameters = list(inspect.signature(vars(protocol)[name]).parameters)
+        fits = _accepts(component, name, parameters)
+        require(fits, key, target, f"is not a {group}: {name} must take ({', '.join(parameters[1:])})")
     try:
-        inspect.signature(component).bind(**dict.fromkeys(given))
+        inspect.signature(component).bind(**dict.fromkeys(fields))
     except TypeError as error:
         raise BadInput(key, target, f"cannot be made of its fields: {error}") from error
     except ValueError:  # a class that is not written in Python
         return
 
 
-def _takes(component: type[Any], name: str, given: list[str]) -> bool:
-    """Whether a method can be called with ``given``, of which the first is the object itself."""
+def _accepts(component: type[Any], name: str, parameters: list[str]) -> bool:
+    """Return True if method ``name`` accepts ``parameters`` by position, the first of which is ``self``."""
     declared = inspect.getattr_static(component, name)
     is_bound = hasattr(declared, "__get__") and not isinstance(declared, staticmethod | classmethod)
     try:
-        inspect.signature(getattr(component, name)).bind(*(given if is_bound else given[1:]))
+        inspect.signature(getattr(component, name)).bind(*(parameters if is_bound else parameters[1:]))
     except TypeError:
         return False
     except ValueError:  # it is not written in Python
@@ -94,22 +100,24 @@ def _takes(component: type[Any], name: str, given: list[str]) -> bool:
 
 
 def make_component(group: str, node: ComponentConfig | dict[str, Any]) -> Any:
-    """Make a component: with its ``Config``, if its class carries one, else with its fields as keyword arguments.
+    """Make the component of ``group`` that ``node`` of the config describes.
 
-    Raises BadInput; as :class:`BadComponent` with the traceback of what its own code raised.
+    Its class gets the keyword argument ``config`` if the node is a ComponentConfig, else the fields of the node.
+
+    Raises BadInput; if the code of the component raised an exception, as :class:`BadComponent` with its traceback.
     """
-    if isinstance(node, ComponentConfig):
-        target, given = node._target_, {"config": node}
-    else:
-        target, given = node["_target_"], {name: value for name, value in node.items() if name != "_target_"}
+    fields: dict[str, Any] = (
+        {"_target_": node._target_, "config": node} if isinstance(node, ComponentConfig) else dict(node)
+    )
+    target = fields.pop("_target_")
     key = f"{group}._target_"
     with current_folder_importable():
-        component = find_class(key, target)
-        if not is_shipped(component.__module__):
-            require_class(group, target, component, tuple(given))
+        component_class = find_class(key, target)
+        if not is_shipped(component_class.__module__):
+            require_class(group, target, component_class, tuple(fields))
         try:
             with exits_caught():
-                made = component(**given)
+                component = component_class(**fields)
         except BadInput:
             raise
         except Exception as error:
@@ -117,17 +125,17 @@ def make_component(group: str, node: ComponentConfig | dict[str, Any]) -> Any:
                 raise BadInput(key, target, f"needs {error.name}, which is not installed: {command}") from error
             reason = f"cannot be made: {type(error).__name__}: {' '.join(str(error).split())}"
             raise BadComponent(key, target, reason, error) from error
-    require_members(group, target, made)
-    return made
+    require_members(group, target, component)
+    return component
 
 
 GUARDED_SHARE = 0.3
-"""Share of its critical gain that learning has at most which is guarded."""
+"""Largest learning rate of guarded learning relative to the critical gain."""
 
 
 @dataclass
 class Scenario:
-    """One run, ready to start: every component is reset. A scenario runs once."""
+    """The components of one run, reset and ready to start. A scenario can run only once."""
 
     setup: Setup
     plant: Plant
@@ -135,20 +143,21 @@ class Scenario:
     controller: Controller
     feedforward: Feedforward
     first: Measurement
-    """What the plant measures at the start."""
+    """Measurement of the plant at the start."""
     fault: Exception | None = None
-    """Raised by a component when it was reset: the run fails before its first step."""
+    """Exception that a component raised when it was reset: the run fails before its first step."""
     warning: str = ""
-    """Says that feedback bears little delay beyond what is counted; empty if it bears more."""
+    """Warning of a small delay margin; empty if the margin is sufficient."""
     is_live: bool = field(init=False)
-    """Whether the plant is not simulated."""
+    """True if the plant is not simulated."""
     altered: frozenset[str] = field(init=False)
-    """Signals that the sensors may change."""
+    """Names of the signals that the sensors may alter."""
     end: RunEnd = field(init=False)
-    """How the run ended; before it has, as if it ended now."""
+    """Outcome of the run; during the run, the outcome if it ended now."""
     kept: dict[int, Weights] = field(default_factory=dict, init=False)
-    """Weights of an external feedforward at the end of the best cycle, by its number, and at the start, by 0."""
+    """Weights of an external feedforward by cycle: at the end of the best cycle, and at the start of the run (0)."""
     used: bool = field(default=False, init=False)
+    """True once the run has begun."""
 
     def __post_init__(self) -> None:
         self.is_live = offers(self.plant, Live)
@@ -156,54 +165,65 @@ class Scenario:
         self.end = RunEnd(Status.COMPLETED, learning_lead=self.setup.lead, learning_rate=self.setup.rate)
 
     def begin(self) -> None:
-        """Note that the run begins; raises CmacexpError if it has run: components hold their last states."""
+        """Mark the scenario as used; raises CmacexpError if it has run, since its components keep their states."""
         if self.used:
             raise CmacexpError("this scenario has run, its components hold their last states: make a new one")
         self.used = True
 
 
 def count_loop_delay(config: Config, sensors: Sensors) -> LoopDelay:
-    """What delays the feedback: the actuator, the sensors, and what a robot declares besides.
+    """Add up the declared delays and lags of the loop: actuator, sensors, and latency of a robot.
 
-    Raises BadInput if sensors declare what is no delay.
+    Raises BadInput if the sensors declare an invalid delay or lag.
     """
     uses_velocity = config.gains is None or config.gains[1] > 0.0
     name = type(sensors).__name__
-    delay, lag = 0, 0.0
+    delay = 0
+    lag = 0.0
     if offers(sensors, DelaysFeedback):
         declared: Any = sensors.feedback_delay(uses_velocity)
         is_valid = isinstance(declared, Integral) and 0 <= int(declared) <= config.steps_per_cycle
-        allowed = f"declares {declared!r}: must be a whole number from 0 to {config.steps_per_cycle}"
-        require(is_valid, "sensors", f"{name}.feedback_delay", allowed)
+        require(
+            is_valid,
+            "sensors",
+            f"{name}.feedback_delay",
+            f"declares {declared!r}: must be a whole number from 0 to {config.steps_per_cycle}",
+        )
         delay = int(declared)
     if offers(sensors, LagsFeedback):
         declared = sensors.feedback_lag(uses_velocity)
         is_valid = isinstance(declared, Real) and 0.0 <= float(declared) <= config.gait.cycle_time
-        allowed = f"declares {declared!r}: must be a number from 0 to {config.gait.cycle_time:g}"
-        require(is_valid, "sensors", f"{name}.feedback_lag", allowed)
+        require(
+            is_valid,
+            "sensors",
+            f"{name}.feedback_lag",
+            f"declares {declared!r}: must be a number from 0 to {config.gait.cycle_time:g}",
+        )
         lag = float(declared)
     latency = config.machine.latency if isinstance(config.machine, RobotMachine) else 0.0
     return add_delays((config.actuator.delay, config.actuator.lag), (delay, lag), latency=latency)
 
 
 def resolve_lead(config: Config, loop_delay: LoopDelay, controller: Controller) -> int:
-    """``learning.lead`` in samples; ``auto`` is their number from a torque to the feedback that it causes.
+    """Return ``learning.lead`` as a number of samples.
 
-    Until the first estimate of ``estimate``, that is the same. A controller may have a ``response``, samples that
-    pass besides.
+    ``auto`` counts the samples from a torque to the feedback that it causes, by the declared delays and the
+    ``response`` of the controller, if it has one. ``estimate`` starts with the same value.
     """
     if isinstance(config.learning.lead, str):
         response = controller.response if offers(controller, Answers) else 0
-        response = response if isinstance(response, int) else 0  # an external one may use the name otherwise
+        if not isinstance(response, int):  # a custom controller may use the name for something else
+            response = 0
         return 1 + response + loop_delay.count_samples(config.sampling_period)
     return int(config.learning.lead)
 
 
 def resolve_rate(config: Config, loop_delay: LoopDelay, lead: int) -> float:
-    """``learning.rate``; ``auto`` follows from the lead in samples, and the guard of learning limits it.
+    """Return ``learning.rate`` as a number.
 
-    Neighbouring samples share weights: within a cycle learning is a sampled integrator behind the lateness of the
-    feedback. Above its critical gain it escapes in a few samples, too few to return.
+    ``auto`` derives it from ``lead``, in samples; a guard limits any rate to GUARDED_SHARE of the critical gain.
+    Neighbouring samples share weights, so that learning within a cycle acts as a sampled integrator with the delay of
+    the feedback. Above its critical gain it diverges within a few samples, too fast for the guard.
     """
     rate = derive_rate(lead) if config.learning.rate == AUTO else float(config.learning.rate)
     if config.learning.guard == NONE:
@@ -215,25 +235,29 @@ def resolve_rate(config: Config, loop_delay: LoopDelay, lead: int) -> float:
 
 
 def _start(config: Config, plan: Plan) -> Array:
-    """Planned joint angles; a point mass starts where its config says, above the ground."""
+    """Return the initial joint angles (L, J), rad: the planned ones; a point mass starts at its clearance, m."""
     start: Array = plan.joints.position[0].copy()
     if isinstance(config.machine, PointMassMachine):
         start[:, 1] = config.machine.hip_height - config.machine.start_clearance
     return start
 
 
-def _own(setup: Setup, component: object) -> Setup:
-    """The setup for a component: a copy if it is external, so that it can change nothing for the others."""
+def _isolate(setup: Setup, component: object) -> Setup:
+    """Return the setup for a component: a copy for an external one, which could modify it."""
     return setup if is_shipped(type(component).__module__) else copy.deepcopy(setup)
 
 
 @exits_caught()
 def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
-    """Reset all components, the plant at the start; raises BadInput, BadOutput, and whatever a component raises."""
+    """Reset all components and return the first measurement of the plant.
+
+    Components other than the plant get the nominal config. Raises BadInput, BadOutput, and any exception of a
+    component.
+    """
     plant, sensors, controller, feedforward = (components[group] for group in PROTOCOLS)
     nominal = replace(setup, config=setup.config.nominal)
     try:
-        feedforward.reset(_own(nominal, feedforward))
+        feedforward.reset(_isolate(nominal, feedforward))
     except BadInput:
         raise
     except (LookupError, TypeError, ValueError) as error:
@@ -241,12 +265,12 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
             raise
         reason = f"its weights do not fit this feedforward ({type(error).__name__}: {error})"
         raise BadInput("learning.start_from", setup.config.learning.start_from, reason) from error
-    controller.reset(_own(nominal, controller), feedforward)
-    sensors.reset(_own(nominal, sensors))
+    controller.reset(_isolate(nominal, controller), feedforward)
+    sensors.reset(_isolate(nominal, sensors))
     first = new_measurement(*setup.mechanism.shape)
-    measured = plant.reset(_own(setup, plant))
+    measured = plant.reset(_isolate(setup, plant))
     copy_measurement(plant, "reset", measured, make_measurement_targets(first))
-    if not isinstance(plant, AnalyticPlant):  # its body may have no equilibrium: it has fallen, which is a result
+    if not isinstance(plant, AnalyticPlant):  # without an equilibrium its body has fallen: a valid result
         require_finite_state(plant, "reset", first)
     signals = None
     if measured.signals is not None:
@@ -256,17 +280,17 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     return first._replace(travel=measured.travel, signals=signals)
 
 
-def _make_components(config: Config, given: dict[str, Any]) -> dict[str, Any]:
-    """Components by the key of their group, those that are ``given`` and those that the config names.
+def _make_components(config: Config, objects: dict[str, Any]) -> dict[str, Any]:
+    """Return all components by group: ``objects`` passed by the caller, and the others made from the config.
 
-    Raises BadInput if one cannot be made, or is to keep or to start from weights and learns none.
+    Raises BadInput if one cannot be made, or if weights are to be recorded or loaded for a feedforward without any.
     """
-    for group, component in given.items():
+    for group, component in objects.items():
         if inspect.isclass(component):
             raise BadInput(group, component.__qualname__, f"is a class: give an object, {component.__name__}(...)")
         require_members(group, type(component).__qualname__, component)
-    made = {group: make_component(group, vars(config)[group]) for group in PROTOCOLS if group not in given}
-    components = {**made, **given}
+    groups = [group for group in PROTOCOLS if group not in objects]
+    components = {group: make_component(group, vars(config)[group]) for group in groups} | objects
     if not offers(feedforward := components["feedforward"], Learns):
         learns = f"{type(feedforward).__name__} learns no weights"
         require(not config.record.weights, "record.weights", True, f"must be false: {learns}")
@@ -275,37 +299,44 @@ def _make_components(config: Config, given: dict[str, Any]) -> dict[str, Any]:
     return components
 
 
-@exits_caught()  # of what is asked of components besides
+@exits_caught()  # of the optional methods of components
 def make_scenario(
-    config: Config, learnt: Weights | None = None, recall: Recall | None = None, **given: Any
+    config: Config, learnt: Weights | None = None, recall: Recall | None = None, **objects: Any
 ) -> Scenario:
-    """Plan the run, make its components, but for those that are ``given`` by the key of their group, and reset them.
+    """Plan a run, make its components and reset them.
 
-    The feedforward starts from what is ``learnt``; None: from ``learning.start_from``, if that names a run.
-    ``recall`` has what earlier runs computed. Raises BadInput if a component cannot be made, there are no weights to
-    start from, or the machine cannot follow the plan.
+    Args:
+        config: config of the run.
+        learnt: initial weights of the feedforward; None: those of the run that ``learning.start_from`` names, if any.
+        recall: cache of plans and other results of earlier runs.
+        objects: components by the key of their group; the others are made from the config.
+
+    Raises:
+        BadInput: a component cannot be made, the initial weights do not exist, or the machine cannot follow the plan.
     """
     with workload(config.cycles * config.steps_per_cycle * config.legs):
-        find_rule(config.learning.rule)  # also if no feedforward uses it
+        find_rule(config.learning.rule)  # to refuse a bad rule, even if no feedforward uses it
         check_load_sharing(config)
         check_memory(config)
-        mechanism, components = make_mechanism(config.machine), _make_components(config, given)
-        sensors, controller = components["sensors"], components["controller"]
+        mechanism = make_mechanism(config.machine)
+        components = _make_components(config, objects)
+        controller = components["controller"]
         recall = recall or Recall()
         plan = make_plan(config.nominal, mechanism, components["feedforward"].acts, recall)
-        loop_delay = count_loop_delay(config, sensors)
+        loop_delay = count_loop_delay(config, components["sensors"])
         lead = resolve_lead(config, loop_delay, controller)
         warning = ""
         if isinstance(config.machine, RobotMachine) and isinstance(controller, HybridController):
             warning = check_margin(config, controller.config, loop_delay)
-        known = read_weights(config) if learnt is None else learnt
+        weights = read_weights(config) if learnt is None else learnt
         rate = resolve_rate(config, loop_delay, lead)
-        setup = Setup(config, mechanism, plan, _start(config, plan), known, lead, rate, recall)
-        first, fault = new_measurement(*mechanism.shape), None
+        setup = Setup(config, mechanism, plan, _start(config, plan), weights, lead, rate, recall)
+        fault = None
         try:
             first = _reset(setup, components)
         except BadInput:
             raise
         except Exception as error:
+            first = new_measurement(*mechanism.shape)
             fault = error
         return Scenario(setup, **components, first=first, fault=fault, warning=warning)

@@ -1,4 +1,4 @@
-"""The arrays of a loop, by the role that their components declare in :mod:`cmacexp.typing`, and copies of them."""
+"""Arrays of a loop with their roles, which components declare by :mod:`cmacexp.typing`; copies and snapshots."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple, get_args, get_type_hints
@@ -9,17 +9,17 @@ from cmacexp.typing import Role
 
 
 class Declared(NamedTuple):
-    """An array of the loop as its component declares it."""
+    """An array of the loop with its declaration."""
 
     name: str
-    """Fields on the path to it."""
+    """Path of field names, joined by dots."""
     array: Any
     role: Role | None
-    """None: the loop does not change it."""
+    """Role in the loop; None if the loop does not change the array."""
 
 
 def _read_roles(kind: Any) -> dict[str, Role | None]:
-    """Read the declared roles of the fields of a tuple, by name."""
+    """Return the declared roles of the fields of a NamedTuple class, by name."""
     hints = get_type_hints(kind, include_extras=True)
     declared = {name: get_args(hints[name])[1:] for name in kind._fields}
     return {name: role[0] if role and isinstance(role[0], Role) else None for name, role in declared.items()}
@@ -35,15 +35,18 @@ def _arrays_below(node: Any, path: str, role: Role | None) -> Iterator[Declared]
 
 
 def list_arrays(loop: Any) -> list[Declared]:
-    """All arrays of a loop, each once: components may share them, and the first one declares the role."""
+    """List all arrays of a loop without duplicates.
+
+    Components may share arrays; the first component that has an array declares its role.
+    """
     arrays: dict[int, Declared] = {}
-    for each in _arrays_below(loop, "", None):
-        arrays.setdefault(id(each.array), each)
+    for declared in _arrays_below(loop, "", None):
+        arrays.setdefault(id(declared.array), declared)
     return list(arrays.values())
 
 
 def copy_arrays(source: Any, target: Any) -> None:
-    """Copy the arrays of a tuple, and of those in it, into those of another one of its type and shapes."""
+    """Copy all arrays of a nested tuple into those of another one with the same types and shapes."""
     for value, into in zip(source, target, strict=True):
         if isinstance(value, np.ndarray):
             into[...] = value
@@ -52,13 +55,13 @@ def copy_arrays(source: Any, target: Any) -> None:
 
 
 class Snapshot:
-    """Copies of arrays, to return to."""
+    """Saved values of arrays, which can be restored."""
 
     def __init__(self, arrays: Iterable[Any]):
         self.arrays = list(arrays)
         self.copies = [array.copy() for array in self.arrays]
 
     def restore(self) -> None:
-        """Give the arrays the values that they had."""
+        """Restore the saved values of the arrays."""
         for array, held in zip(self.arrays, self.copies, strict=True):
             array[...] = held

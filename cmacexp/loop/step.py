@@ -1,7 +1,7 @@
-"""One step of the closed loop: guard, sensors, feedforward, controller, actuator, samples, plant, in this order.
+"""One step of the closed loop: guard, sensors, feedforward, controller, actuator, samples and plant, in this order.
 
 A step has two halves, :func:`sense` and :func:`act`. :func:`take_steps` runs both, compiled or as plain Python with
-the same bits; :mod:`cmacexp.loop.stepwise` pauses between them. External components are called by hooks.
+the same bits; :mod:`cmacexp.loop.stepwise` pauses between them. Hooks call the external components.
 """
 
 from typing import NamedTuple
@@ -37,7 +37,7 @@ from cmacexp.sensors.kernels import Observation, Sensing, read_sensors
 from cmacexp.typing import Array, Mask, Scratch
 
 FAILED_COMPONENT = -1
-"""Why the loop stopped: an external component raised, or gave a value that is not finite."""
+"""Reason of a stop: an external component raised an exception or returned a value that is not finite."""
 
 
 class Torques(NamedTuple):
@@ -48,62 +48,64 @@ class Torques(NamedTuple):
 
 
 class Loop(NamedTuple):
-    """Parameters and states of the components of a loop; parameters of external ones are None.
+    """Parameters and states of all components of a loop; the parameters of external ones are None.
 
-    Components give their own by ``kernel_parts``, by the names of these fields.
+    Built-in components return their entries, named as these fields, from ``kernel_parts``.
     """
 
     support: Mask
-    """(N, L): of the plan, as the next two."""
+    """(N, L): planned phase by sample of the cycle, True in support."""
     reference: ControlReference
+    """Planned references of the controller by sample of the cycle."""
     start_step: int
+    """First step in which the feedforward acts."""
     mechanism: Mechanism
     plant_state: PlantState
     observation: Observation
-    """Input of the controller: the arrays of the plant itself where no sensor alters anything."""
+    """Input of the controller; with sensors that alter nothing it shares the arrays of the plant."""
     control_state: HybridState
     actuator: Actuator
     torques: Torques
     limits: StopLimits
     shows: Flag
-    """(1,): 0 once the observer has seen all that it asks for."""
+    """(1,): 1 while the observer requests further steps, else 0."""
     guard: GuardState | None
-    """Guard of learning; None: nothing guards it."""
+    """State of the guard of learning; None without a guard."""
     meter: LoadMeter | None
-    """Meter of the load of a body; None: its plan does not adapt."""
+    """Load meter; None if the plan does not adapt to the load."""
     plant: PlantParams | Engine | None = None
     signals: RobotSignals | None = None
-    """What a robot measures by itself."""
+    """Onboard signals of a robot."""
     travel: Array | None = None
-    """(3,): true, of a body that the plant moves, m and rad, as of a Measurement."""
+    """(3,): true position and yaw of a body that the plant moves, m and rad, as in a Measurement."""
     sensing: Sensing | Proprioception | None = None
-    """None also of sensors that alter nothing."""
+    """Parameters of the sensors; None also if they alter nothing."""
     control: HybridParams | DriveParams | None = None
     drives: Drives | None = None
-    """None where the plant gets torques."""
+    """Drives between controller and plant; None if the plant is commanded by torques."""
     feedforward: FeedforwardParams | None = None
 
 
 class Hooks(NamedTuple):
-    """What Python does in a step, called with its number; None of built-in components."""
+    """Hooks into Python, called with the number of the step; None for built-in components."""
 
     guard: Hook | None = None
     """The guard of learning, at the start of a cycle and after an alarm."""
     sensors: Hook | None = None
-    """Fills ``observation``."""
+    """External sensors, which fill ``observation``."""
     observer: Hook | None = None
-    """Shows the step to a feedforward that asks for it."""
+    """External feedforward that observes the steps."""
     controller: Hook | None = None
-    """Fills the torques of feedback and feedforward; an external controller calls its feedforward itself."""
+    """External controller, which fills the torques of feedback and feedforward (it calls its feedforward itself)."""
     feedforward: Hook | None = None
-    """Fills the torque of the feedforward, or of its next block; called where it acts and learns."""
+    """External feedforward, which fills the torque of a step or of a block; called where it acts and learns."""
     plant: Hook | None = None
-    """Fills ``plant_state``."""
+    """External plant, which fills ``plant_state``."""
 
 
 @kernel
 def call(hook: Hook | None, step: int) -> bool:
-    """Let Python do its part of a step; False if it raised."""
+    """Call a hook, if there is one, for ``step``; return False if it raised an exception."""
     return hook is None or hook(step) == DONE
 
 
@@ -111,7 +113,7 @@ def call(hook: Hook | None, step: int) -> bool:
 def begin(
     hook: Hook | None, guard: GuardState | None, feedforward: FeedforwardParams | None, step: int, sample: int
 ) -> bool:
-    """The guard of learning, before a step; False if it raised."""
+    """Run the guard of learning at the start of a cycle or after an alarm; return False if its hook raised."""
     if guard is not None and (sample == 0 or guard.alarm[0] != 0):
         if not call(hook, step):
             return False
@@ -129,7 +131,7 @@ def read_true_state(
     support: Mask,
     observation: Observation,
 ) -> None:
-    """Sensors that know the true state."""
+    """Run sensors that measure the true state of the machine."""
     read_sensors(sensing, mechanism, step, machine, observation)
 
 
@@ -143,7 +145,7 @@ def read_own_signals(
     support: Mask,
     observation: Observation,
 ) -> None:
-    """Sensors of a robot, which know its ``signals`` and the feet planned in ``support`` (L,)."""
+    """Run the state estimator of a robot on its onboard ``signals`` and the planned ``support`` (L,)."""
     if signals is not None:
         estimate(sensing.estimator, sensing.sensing, mechanism, signals, step, support, observation)
 
@@ -162,7 +164,7 @@ def observe(
     support: Mask,
     observation: Observation,
 ) -> bool:
-    """The sensors; False if external ones failed: they raised, or gave a value that is not finite."""
+    """Run the sensors; return False if external ones raised an exception or gave values that are not finite."""
     if hook is not None:
         return hook(step) == DONE and observes_finite(observation)
     if sensing is not None:
@@ -174,7 +176,7 @@ def observe(
 def update_given_joints(
     plant: Hook | None, sensors: Hook | None, mechanism: Mechanism, observation: Observation
 ) -> None:
-    """Compute what follows from joint angles that an external component gave."""
+    """Update the kinematics if an external plant or external sensors supplied the joint angles."""
     if plant is not None or sensors is not None:
         update_kinematics(mechanism, observation.q, observation.kinematics)
 
@@ -183,9 +185,9 @@ def update_given_joints(
 def predict(
     params: FeedforwardParams | None, guard: GuardState | None, step: int, sample: int, error: Array, torque: Array
 ) -> None:
-    """The built-in feedforward, before the feedback: where it learns it fills ``torque`` (L, J), N m.
+    """Run the built-in feedforward before the feedback: while learning it fills ``torque`` (L, J), N m.
 
-    ``error`` (L, J), N m, is the learning error of the last step.
+    ``error`` (L, J), N m, is the learning error of the last step. While a torque is repeated, only logs are written.
     """
     if params is not None:
         if lets_learn(guard):
@@ -205,7 +207,7 @@ def control_hybrid(
     reference: ControlReference,
     observation: Observation,
 ) -> None:
-    """Hybrid position/force control: ``support`` (L,) and ``reference`` are the plan's of this ``sample``."""
+    """Run hybrid position/force control with planned ``support`` (L,) and ``reference`` of this ``sample``."""
     steer(params.steering, observation.travel, step, sample, support)
     hybrid_feedback(params, state, support, reference, observation)
 
@@ -221,7 +223,7 @@ def control_drives(
     reference: ControlReference,
     observation: Observation,
 ) -> None:
-    """Control by drives that close loops of their own, with arguments as of :func:`control_hybrid`."""
+    """Compute commands for drives with local loops; arguments as for :func:`control_hybrid`."""
     if drives is not None:
         steer(params.steering, observation.travel, step, sample, support)
         command_drives(params, state, drives.command, sample, support, reference, observation)
@@ -232,19 +234,19 @@ control = by_type({HybridParams: control_hybrid, DriveParams: control_drives})
 
 @kernel
 def begins_block(params: FeedforwardParams | None, sample: int) -> bool:
-    """Whether an external feedforward is to give torque: in every step unless it :class:`Plays`."""
+    """Return True if an external feedforward is called in this step: in every step unless it plays blocks."""
     return params is None or params.block == 0 or sample % params.block == 0
 
 
 @kernel
 def ask_feedforward(hook: Hook | None, step: int, torque: Array) -> bool:
-    """An external feedforward, where it acts and learns; False if it failed."""
+    """Call an external feedforward; return False if it raised an exception or its torque is not finite."""
     return hook is None or (call(hook, step) and is_finite(torque))
 
 
 @kernel
 def advance_analytic(params: PlantParams, machine: PlantState, torque: Array, drives: Drives | None) -> None:
-    """The project's own plant, which takes torques."""
+    """Advance the analytic plant by one sampling period under ``torque`` (L, J), N m."""
     advance(params, machine, torque)
 
 
@@ -260,7 +262,7 @@ def advance_plant(
     torque: Array,
     drives: Drives | None,
 ) -> bool:
-    """The plant under ``torque`` (L, J), N m, or under ``drives``; False if an external one raised."""
+    """Advance the plant under ``torque`` (L, J), N m, or under ``drives``; return False if an external one raised."""
     if hook is not None:
         return hook(step) == DONE
     if params is not None:
@@ -270,7 +272,10 @@ def advance_plant(
 
 @kernel
 def check(hook: Hook | None, limits: StopLimits, sample: int, machine: PlantState) -> int:
-    """RUNNING, or why the run stops at the start of a step; velocities of an external plant may be wrong too."""
+    """Return RUNNING, or the reason to stop at the start of a step.
+
+    With an external plant (``hook``) the velocities are checked too.
+    """
     status = stop_reason(limits, sample, machine)
     if hook is not None and status == RUNNING and not moves_finite(machine):
         return DIVERGED
@@ -279,7 +284,7 @@ def check(hook: Hook | None, limits: StopLimits, sample: int, machine: PlantStat
 
 @kernel
 def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
-    """The first half of a step, before any torque is known: guard and sensors; False if a component failed."""
+    """Run the first half of a step, before the torques: guard and sensors; return False if a component failed."""
     sensors = hooks.sensors
     plant = hooks.plant
     observer = hooks.observer
@@ -292,16 +297,7 @@ def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
     shows = loop.shows
     if not begin(hooks.guard, loop.guard, loop.feedforward, step, sample):
         return False
-    if not observe(
-        sensors,
-        sensing,
-        mechanism,
-        step=step,
-        machine=machine,
-        signals=signals,
-        support=support[sample],
-        observation=observation,
-    ):
+    if not observe(sensors, sensing, mechanism, step, machine, signals, support[sample], observation):
         return False
     update_given_joints(plant, sensors, mechanism, observation)
     return shows[0] == 0 or call(observer, step)
@@ -309,9 +305,9 @@ def sense(loop: Loop, hooks: Hooks, step: int, sample: int) -> bool:
 
 @kernel
 def act(loop: Loop, hooks: Hooks, step: int, sample: int, k: int, samples: Array, body_samples: Array) -> bool:
-    """The second half of a step: torques, their samples, the plant; False if a component failed.
+    """Run the second half of a step: torques, samples and plant; return False if a component failed.
 
-    The samples are step ``k`` of ``samples`` (columns, K, L) and ``body_samples`` (columns, K).
+    It fills step ``k`` of ``samples`` (columns, K, L) and ``body_samples`` (columns, K).
     """
     machine = loop.plant_state
     observation = loop.observation
@@ -370,11 +366,11 @@ def act(loop: Loop, hooks: Hooks, step: int, sample: int, k: int, samples: Array
 def take_steps(
     loop: Loop, hooks: Hooks, start: int, steps: int, samples: Array, body_samples: Array, first: int
 ) -> tuple[int, int]:
-    """Take so many ``steps`` from ``start`` on.
+    """Run up to ``steps`` steps of the loop from step ``start`` on.
 
-    Fills ``samples`` (columns, K, L) and ``body_samples`` (columns, K), with columns as in
-    :mod:`cmacexp.loop.samples`, from their place ``first`` on. Returns the number of steps whose torque the plant has
-    taken, and RUNNING or why the loop stopped: DIVERGED, FELL, or FAILED_COMPONENT.
+    It fills ``samples`` (columns, K, L) and ``body_samples`` (columns, K), with columns as in
+    :mod:`cmacexp.loop.samples`, from index ``first`` of axis K on. Returns the number of steps whose torque was
+    applied to the plant, and RUNNING or the reason of a stop: DIVERGED, FELL or FAILED_COMPONENT.
     """
     limits = loop.limits
     machine = loop.plant_state
@@ -386,8 +382,8 @@ def take_steps(
     if start == 0 and steps > 0:
         status = stop_reason(limits, sample, machine)
     while status == RUNNING and step < start + steps:
-        place = first + step - start
-        if not (sense(loop, hooks, step, sample) and act(loop, hooks, step, sample, place, samples, body_samples)):
+        k = first + step - start
+        if not (sense(loop, hooks, step, sample) and act(loop, hooks, step, sample, k, samples, body_samples)):
             return step - start, FAILED_COMPONENT
         step += 1
         sample = sample + 1 if sample + 1 < period else 0

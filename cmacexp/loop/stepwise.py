@@ -1,7 +1,7 @@
-"""A loop that is stepped from outside: whoever steps it gives the feedforward torque of every step.
+"""A loop that is stepped from outside: the caller supplies the feedforward torque of every step.
 
-A compiled generator pauses between the halves of a step: resuming it takes a tenth of the time of entering a program.
-Returning to the start restores the state and makes nothing anew.
+A compiled generator pauses between the halves of a step: resuming it is ten times as fast as entering a program. A
+reset restores the initial state and reuses all objects.
 """
 
 from collections.abc import Iterator
@@ -29,79 +29,80 @@ from cmacexp.sensors.real import make_keys
 from cmacexp.typing import Array, Mask, Status
 
 BUILT_IN = Hooks()
-"""None, of built-in components."""
+"""No hooks, since all components are built in."""
 OUTSIDE = External(plant=False, sensors=False, controller=False, feedforward=True)
+"""Flags of a loop whose feedforward torque comes from the caller."""
 
 
 @kernel
 def pause_in_steps(loop: Loop, start: int, samples: Array, body_samples: Array) -> Iterator[tuple[int, int]]:
-    """:func:`cmacexp.loop.step.take_steps` of built-in components, with a pause in each step before the torques.
+    """Run built-in components like :func:`cmacexp.loop.step.take_steps`, but pause in each step before its torques.
 
-    It fills ``samples`` (columns, K, L) and ``body_samples`` (columns, K). It yields the number of steps taken and
-    RUNNING at each pause; at the end once more, with why the loop stopped.
+    It fills ``samples`` (columns, K, L) and ``body_samples`` (columns, K). Each pause yields the number of completed
+    steps and RUNNING; the last one yields the reason of the stop instead.
     """
     # No local variable holds arrays: each pause would save them, which doubles the time of compiling.
     period = loop.support.shape[0]
     sample = start % period
-    taken = 0
+    step_count = 0
     status = RUNNING
     if start == 0:
         status = stop_reason(loop.limits, 0, loop.plant_state)
-    while status == RUNNING and taken < samples.shape[1]:
-        sense(loop, BUILT_IN, start + taken, sample)
-        yield taken, RUNNING
-        act(loop, BUILT_IN, start + taken, sample, taken, samples, body_samples)
-        taken += 1
+    while status == RUNNING and step_count < samples.shape[1]:
+        sense(loop, BUILT_IN, start + step_count, sample)
+        yield step_count, RUNNING
+        act(loop, BUILT_IN, start + step_count, sample, step_count, samples, body_samples)
+        step_count += 1
         sample = sample + 1 if sample + 1 < period else 0
         status = check(None, loop.limits, sample, loop.plant_state)
-    yield taken, status
+    yield step_count, status
 
 
 pausing_loop = program(pause_in_steps)
 
 
 class LoopState(NamedTuple):
-    """What is known at the start of a step. The arrays are those of the loop, which the next step overwrites."""
+    """State of the loop at the start of a step. Its arrays belong to the loop; the next step overwrites them."""
 
     step: int
-    """Counts from 0 over the run."""
+    """Number of the step in the run, from 0."""
     sample: int
-    """Counts from 0 within the cycle; 0 to N - 1."""
+    """Number of the step in its cycle, 0 to N - 1."""
     status: str
-    """``running``, ``completed``, ``fell`` or ``diverged``; steps follow only while it runs."""
+    """``running``, ``completed``, ``fell`` or ``diverged``; further steps are possible only while running."""
     cause: str
-    """Why it fell or diverged, with step and time; else empty."""
+    """Cause of a fall or divergence, with step and time; else empty."""
     state: Measurement
-    """The machine as it is."""
+    """True state of the machine."""
     observed: Measurement
-    """What the controller sees of it; after the last step still what it saw before."""
+    """Measured state, the input of the controller; not updated after the last step."""
     support: Mask
-    """(L,): planned phase, true in support."""
+    """(L,): planned phase, True in support."""
     control: ControlReference
-    """What the controller follows, (L, J) and (L,)."""
+    """Reference of the controller, (L, J) and (L,)."""
     foot_motion: Motion
-    """Where the feet should be, (L, J)."""
+    """Desired motion of the feet, (L, J)."""
     force_desired: Array
-    """(L,): N."""
+    """(L,): desired contact force, N."""
     learning_error: Array
-    """(L, J): what a feedforward would learn from, J^T U of the last step, N m."""
+    """(L, J): learning error J^T U of the last step, N m, from which a feedforward would learn."""
     feedback: Array
-    """(L, J): torque of the controller in the last step, as it acted, or as it was sent to drives, N m."""
+    """(L, J): feedback torque of the last step, N m, as applied to the plant or as sent to drives."""
 
 
 class OpenLoop:
-    """A scenario without feedforward, at its start; :func:`cmacexp.open_loop` makes one of built-in components.
+    """A loop without feedforward, stepped by the caller; :func:`cmacexp.open_loop` makes one from overrides.
 
-    Raises CmacexpError if a component is external, and whatever a component raised at its start.
+    Raises CmacexpError if a component is external, and the exception of a component whose reset failed.
 
     Attributes:
         setup: config, machine and plan.
-        shape: (L, J), legs and joints of each, the shape of a torque.
-        moment: the present one.
-        sampling_period: s.
-        period: steps of a cycle, N.
-        steps: of the whole run.
-        torque_limits: (J,): largest torque of the joints of a leg, N m; infinite where nothing limits it.
+        shape: (L, J), legs and joints per leg: the shape of a torque.
+        moment: present state of the loop.
+        sampling_period: sampling period, s.
+        period: steps per cycle, N.
+        steps: steps of the whole run.
+        torque_limits: (J,): largest torque of the joints of a leg, N m; infinite for unlimited joints.
     """
 
     def __init__(self, scenario: Scenario):
@@ -113,7 +114,8 @@ class OpenLoop:
         self.setup = setup = scenario.setup
         config = setup.config
         self.shape = setup.mechanism.shape
-        self.sampling_period, self.period = config.sampling_period, config.steps_per_cycle
+        self.sampling_period = config.sampling_period
+        self.period = config.steps_per_cycle
         self.steps = config.cycles * self.period
         self._loop = make_loop(scenario, OUTSIDE)
         self.torque_limits = self._loop.actuator.limit
@@ -124,18 +126,21 @@ class OpenLoop:
         observation = self._loop.observation
         self._observed = view_state(observation, observation.travel)
         self._samples = make_samples(self.period, self.shape[0], False, self.shape[1])
-        self._start = Snapshot(each.array for each in list_arrays(self._loop) if each.role is not None)
+        self._start = Snapshot(item.array for item in list_arrays(self._loop) if item.role is not None)
         if self._plant is not None:
             self._plant.hold()
         self.moment = self.reset()
 
     _pauses: Iterator[tuple[int, int]]
-    """Its pauses, in the steps of the present cycle."""
+    """Generator that pauses in each step of the present cycle."""
 
     def reset(self, seed: int | None = None) -> LoopState:
-        """Return to the start of the run; ``seed`` of the noise of the sensors, None: as before; raises BadInput."""
+        """Return to the start of the run.
+
+        ``seed``, below 2^32, selects the sensor noise; None keeps the present seed. Raises BadInput for other seeds.
+        """
         require(seed is None or 0 <= seed < 2**32, "seed", seed, "must be at least 0 and below 2^32")
-        with interrupt_held_back():  # MuJoCo would drop an interrupt in a function that it calls
+        with interrupt_held_back():  # MuJoCo would lose an interrupt raised in one of its callbacks
             if self._plant is not None:
                 self._plant.put()
             self._start.restore()
@@ -154,26 +159,26 @@ class OpenLoop:
         """Take a step with a feedforward ``torque`` (L, J), N m; raises BadOutput, or CmacexpError after the end."""
         if self.moment.status != "running":
             raise CmacexpError(f"the run has {self.moment.status}: reset() starts it again")
-        given = np.asarray(torque, dtype=float)
-        if given.shape != self.shape or not np.isfinite(given).all():
-            raise BadOutput(f"torque {given}: must be finite numbers of shape {self.shape}")
-        self._loop.torques.feedforward[...] = given
+        values = np.asarray(torque, dtype=float)
+        if values.shape != self.shape or not np.isfinite(values).all():
+            raise BadOutput(f"torque {values}: must be finite numbers of shape {self.shape}")
+        self._loop.torques.feedforward[...] = values
         if self._plant is None:
             return self._pause()
         with interrupt_held_back():  # as above
             return self._pause()
 
     def _pause(self) -> LoopState:
-        """Run to the start of the next step, or to the end."""
-        taken, stop = next(self._pauses)
-        step = self._cycle * self.period + taken
+        """Run to the start of the next step, or to the end, and return the state."""
+        step_count, stop = next(self._pauses)
+        step = self._cycle * self.period + step_count
         if stop != RUNNING:
             reported = "" if self._plant is None else self._plant.divergence
             cause = describe_stop(self._loop.limits, stop, step, self.sampling_period, self._state, reported)
             return self._note(step, STATUSES[stop], cause)
         if step == self.steps:
             return self._note(step, Status.COMPLETED)
-        if taken == self.period:
+        if step_count == self.period:
             self._cycle += 1
             self._begin_cycle()
             return self._pause()
@@ -188,7 +193,7 @@ class OpenLoop:
         self._pauses = pausing_loop(self._loop, start, *self._samples)
 
     def _note(self, step: int, status: str, cause: str = "") -> LoopState:
-        sample, control = step % self.period, self._loop.control_state
+        sample = step % self.period
         support, reference, foot_motion, _, force_desired = self._planned[sample]
         self.moment = LoopState(
             step=step,
@@ -201,7 +206,7 @@ class OpenLoop:
             control=reference,
             foot_motion=foot_motion,
             force_desired=force_desired,
-            learning_error=control.learning_error,
-            feedback=control.feedback,
+            learning_error=self._loop.control_state.learning_error,
+            feedback=self._loop.control_state.feedback,
         )
         return self.moment

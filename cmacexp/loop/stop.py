@@ -1,4 +1,4 @@
-"""Checks that stop a run before its end: it diverges, its machine falls, or components give what is not finite."""
+"""Checks that stop a run early: divergence, a fall of the machine, or values of components that are not finite."""
 
 import math
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from cmacexp.typing import Array, Clock, Status
 
 @kernel
 def is_finite(values: Array) -> bool:
-    """Whether all of ``values``, of any shape and unit, are finite."""
+    """Return True if all ``values``, of any shape and unit, are finite."""
     for value in values.flat:  # noqa: SIM110  # numba knows no all() of a generator
         if not math.isfinite(value):
             return False
@@ -25,7 +25,7 @@ def is_finite(values: Array) -> bool:
 
 @kernel
 def observes_finite(observation: Observation) -> bool:
-    """Whether all values of an observation are finite."""
+    """Return True if all values of an observation are finite."""
     return (
         is_finite(observation.force)
         and is_finite(observation.body)
@@ -39,27 +39,29 @@ def observes_finite(observation: Observation) -> bool:
 
 @kernel
 def moves_finite(machine: PlantState) -> bool:
-    """Whether the velocities of body and feet are finite."""
+    """Return True if the velocities of body and feet are finite."""
     return is_finite(machine.body_rate) and is_finite(machine.velocity)
 
 
 RUNNING, DIVERGED, FELL = range(3)
+"""Status of the loop after a step: it continues, or stops for one of two reasons."""
 STATUSES = {DIVERGED: Status.DIVERGED, FELL: Status.FELL}
+"""Status of a run, by the reason of a stop."""
 
 FASTEST_JOINT = 100.0
-"""A joint faster than this has diverged, rad/s (m/s for a point mass)."""
+"""Joint speed above which a run has diverged, rad/s (m/s for a point mass)."""
 STEEPEST = 0.5
-"""A body pitched or rolled further has fallen, rad."""
+"""Pitch or roll beyond which a body has fallen, rad."""
 LOWEST_HIP = 0.25
-"""A hip of the paper's machine below this has fallen, m above the undepressed ground."""
+"""Hip height above the undepressed ground below which the paper's machine has fallen, m."""
 LOWEST_SHARE = 0.5
-"""A hip of a robot below this share of its planned height has fallen."""
+"""Ratio of hip height to planned height below which a robot has fallen."""
 LONGEST_UNSTABLE = 0.25
-"""A body whose planned stability margin is negative, or that no foot bears, for longer has fallen, s."""
+"""Time without support, or with a negative planned stability margin, after which a body has fallen, s."""
 
 
 class StopLimits(NamedTuple):
-    """Limits, and the counter that one of them needs."""
+    """Limits at which a run stops, and their counters."""
 
     mechanism: Mechanism
     margin: Array
@@ -67,12 +69,16 @@ class StopLimits(NamedTuple):
     lowest_hip: float
     """Height below which a hip has fallen, m."""
     longest_unstable: int
+    """Largest value of the counters, steps."""
     unstable: Clock
-    """(2,): steps for which the margin has been negative, and for which no foot has borne the body."""
+    """(2,): consecutive steps with a negative margin, and without any foot on the ground."""
 
 
 def new_limits(mechanism: Mechanism, margin: Array, sampling_period: float) -> StopLimits:
-    """The limits of a run, at its start; ``margin`` (N,): planned stability margin, m; ``sampling_period`` in s."""
+    """Make the limits of a run, with counters at zero.
+
+    ``margin`` (N,) is the planned stability margin over a cycle, m; ``sampling_period`` is in s.
+    """
     lowest_hip = LOWEST_HIP if mechanism.chains is None else LOWEST_SHARE * mechanism.hip_height
     longest_unstable = round(LONGEST_UNSTABLE / sampling_period)
     return StopLimits(mechanism, np.ascontiguousarray(margin), lowest_hip, longest_unstable, np.zeros(2))
@@ -80,7 +86,10 @@ def new_limits(mechanism: Mechanism, margin: Array, sampling_period: float) -> S
 
 @kernel
 def has_diverged(mechanism: Mechanism, q: Array, dq: Array, foot: Array) -> bool:
-    """Whether an angle ``q``, a rate ``dq`` or a ``foot``, (L, J) each, is not finite, or a joint too fast, rad/s."""
+    """Return True if a value is not finite or a joint is faster than FASTEST_JOINT.
+
+    ``q``, rad, ``dq``, rad/s, and the feet ``foot``, m, are of shape (L, J).
+    """
     for i in range(q.shape[0]):
         for j in range(len(mechanism.axes)):
             if not (math.isfinite(q[i, j]) and math.isfinite(foot[i, j]) and abs(dq[i, j]) <= FASTEST_JOINT):
@@ -90,10 +99,14 @@ def has_diverged(mechanism: Mechanism, q: Array, dq: Array, foot: Array) -> bool
 
 @kernel
 def has_fallen(limits: StopLimits, body: Array) -> bool:
-    """Whether the ``body`` (3,), m and rad, has no equilibrium, is too steep or low, or was unstable for too long."""
+    """Return True if the ``body`` (3,), height in m, pitch and roll in rad, has fallen.
+
+    It has no equilibrium (NaN), is too steep or too low, or was unstable for too long.
+    """
     if not (math.isfinite(body[0]) and abs(body[1]) <= STEEPEST and abs(body[2]) <= STEEPEST):
         return True
-    hips, pose = limits.mechanism.hips, make_pose(body)
+    hips = limits.mechanism.hips
+    pose = make_pose(body)
     for i in range(hips.shape[0]):
         if -depth(pose, hips[i, 0], hips[i, 1], 0.0) < limits.lowest_hip:
             return True
@@ -102,7 +115,7 @@ def has_fallen(limits: StopLimits, body: Array) -> bool:
 
 @kernel
 def count_unborne(limits: StopLimits, force: Array) -> None:
-    """Count a step in which no foot bears the body; ``force`` (L,), N."""
+    """Count consecutive steps in which no foot carries load; ``force`` (L,) is the contact force, N."""
     limits.unstable[1] += 1
     for i in range(force.shape[0]):
         if force[i] > 0.0:
@@ -111,7 +124,7 @@ def count_unborne(limits: StopLimits, force: Array) -> None:
 
 @kernel
 def stop_reason(limits: StopLimits, sample: int, state: PlantState | Measurement) -> int:
-    """RUNNING, DIVERGED or FELL at the start of a step, the ``sample`` of its cycle."""
+    """Check the state at the start of a step, ``sample`` of its cycle; return RUNNING, DIVERGED or FELL."""
     if has_diverged(limits.mechanism, state.q, state.dq, state.foot):
         return DIVERGED
     if has_body(limits.mechanism):
@@ -154,7 +167,10 @@ def _explain_fall(limits: StopLimits, body: Array) -> str:
 def describe_stop(
     limits: StopLimits, status: int, step: int, sampling_period: float, state: Measurement, reported: str = ""
 ) -> str:
-    """Step, time and cause of a stop at the start of ``step``; a cause that the plant ``reported`` comes first."""
+    """Describe a stop at the start of ``step``: step, time in s and cause.
+
+    ``status`` is DIVERGED or FELL; a cause that the plant ``reported`` takes precedence over one found in ``state``.
+    """
     why = reported or (
         _explain_divergence(limits, state.q, state.dq) if status == DIVERGED else _explain_fall(limits, state.body)
     )

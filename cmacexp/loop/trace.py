@@ -1,4 +1,4 @@
-"""From the plan and the samples of the loop to the trace of a run: columns, legs, body, memory."""
+"""Traces of a run, made from its plan and the samples of the loop: tables of legs, body and network memory."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -39,15 +39,15 @@ from cmacexp.typing import Array
 
 
 class TraceColumns(NamedTuple):
-    """Columns of the traces of a run."""
+    """Columns of the tables of a trace."""
 
     legs: tuple[Signal, ...]
     body: tuple[Signal, ...] | None
-    """None without a body."""
+    """Columns of the body; None for a machine without one."""
 
 
 def select_columns(scenario: Scenario) -> TraceColumns:
-    """Select the columns of the traces of a run; sensors that alter a signal, or are supervised, add some."""
+    """Select the columns of a trace; altering sensors and force fault detection add columns."""
     mechanism = scenario.setup.mechanism
     legs = LEG_SIGNALS if mechanism.shape[1] == len(PLANE) else (*LEG_SIGNALS, *SPATIAL_SIGNALS)
     if _find_model_torque(scenario) is not None:
@@ -60,13 +60,13 @@ def select_columns(scenario: Scenario) -> TraceColumns:
 
 
 def _find_model_torque(scenario: Scenario) -> Array | None:
-    """Find the torque (N, L, J), N m, of a model that a built-in feedforward learns on top of, if any."""
+    """Return the model torque (N, L, J), N m, that a built-in feedforward improves by learning, if it has one."""
     feedforward = scenario.feedforward
     return feedforward.model_torque if isinstance(feedforward, BuiltInFeedforward) else None
 
 
 def _keeps_course(scenario: Scenario) -> bool:
-    """Check whether the controller keeps a course: feet should then be where its reference is."""
+    """Return True if the controller steers; the desired feet are then its reference, not the plan."""
     controller = scenario.controller
     if scenario.fault is not None or not isinstance(controller, HybridController | DriveController):
         return False
@@ -82,15 +82,15 @@ def make_trace(
     memory: Mapping[str, Array] | None = None,
     live: Mapping[str, Array] | None = None,
 ) -> Trace:
-    """Make the trace of the steps of a run from step ``start`` on.
+    """Make the trace of K steps of a run from step ``start`` on.
 
     Args:
-        scenario: what runs.
-        columns: of :func:`select_columns`.
-        start: first step.
-        samples: of the legs (columns, K, L), as :mod:`cmacexp.loop.samples` orders them.
-        body_samples: of the body (columns, K).
-        memory: signals of networks at the end of each cycle, (cycles, L) by name.
+        scenario: the scenario that runs.
+        columns: columns chosen by :func:`select_columns`.
+        start: number of the first step.
+        samples: leg samples (columns, K, L), ordered as in :mod:`cmacexp.loop.samples`.
+        body_samples: body samples (columns, K).
+        memory: memory signals of networks at the end of each cycle, (cycles, L) by name.
         live: LIVE_SIGNALS of a machine that is not simulated, (K,) by name.
     """
     setup = scenario.setup
@@ -107,14 +107,13 @@ def make_trace(
         sample = planned["step"][:, 0] % len(torque)
         for joint, signal in enumerate(MODEL_SIGNALS[: torque.shape[2]]):
             planned[signal.name] = np.where(acting, torque[sample, :, joint], 0.0)
-    cycles = None
-    if memory is not None:
-        cycles = _make_memory_trace(memory, start // setup.config.steps_per_cycle + 1)
+    first_cycle = start // setup.config.steps_per_cycle + 1
+    cycles = None if memory is None else _make_memory_trace(memory, first_cycle)
     return Trace(_make_table(columns.legs, {**legs, **planned}, samples.shape[1:]), body, cycles)
 
 
 def _make_table(columns: Sequence[Signal], values: Mapping[str, NDArray[Any]], shape: tuple[int, ...]) -> pa.Table:
-    """Make a table from values by name, which broadcast to ``shape``; ``phase`` is whether it is support."""
+    """Make a table of ``values`` by name, which broadcast to ``shape``; ``phase`` is True in support."""
     arrays = []
     for signal in columns:
         column = values[signal.name]
@@ -127,11 +126,12 @@ def _make_table(columns: Sequence[Signal], values: Mapping[str, NDArray[Any]], s
 
 
 def _list_planned(setup: Setup, start: int, steps: int) -> dict[str, NDArray[Any]]:
-    """List the signals that are known before the run, by name, which broadcast to (steps, L)."""
-    plan, config = setup.plan, setup.config
+    """Return the planned signals of ``steps`` steps from ``start`` on, by name; they broadcast to (steps, L)."""
+    plan = setup.plan
+    config = setup.config
     step = np.arange(start, start + steps, dtype=np.int32)[:, None]
     sample = step[:, 0] % config.steps_per_cycle
-    foot = plan.desired.position.take(sample, 0)  # which takes an eighth of the time of an index
+    foot = plan.desired.position.take(sample, 0)  # eight times as fast as indexing
     planned: dict[str, NDArray[Any]] = {
         "step": step,
         "time": step * config.sampling_period,
@@ -158,11 +158,13 @@ def _make_body_table(
     legs: Mapping[str, Array],
     is_moved: bool,
 ) -> pa.Table:
-    """Make the table of a body, one row a step, from ``samples`` (K,) and those of the ``legs`` (K, L) by name.
+    """Make the table of the body, one row per step, from ``samples`` (K,) and leg samples (K, L) by name.
 
-    The legs load the body where the plant moves it (``is_moved``), else its weight acts at its centre.
+    ``is_moved``: the plant moves the body, whose centre of gravity then includes the legs; else the whole weight acts
+    at the centre of the body.
     """
-    config, force = setup.config, legs["force"]
+    config = setup.config
+    force = legs["force"]
     step = np.arange(start, start + len(force), dtype=np.int32)
     planned = setup.plan.margins[step % config.steps_per_cycle]
     payload = make_payload(config.payload, config.sampling_period)
@@ -187,7 +189,7 @@ def _make_body_table(
 
 
 def _make_memory_trace(memory: Mapping[str, Array], first_cycle: int) -> Trace:
-    """Make the trace of the memory of networks, (cycles, L) by name from ``first_cycle``: a row a cycle and leg."""
+    """Make the table of ``memory`` signals, (cycles, L) by name, with one row per cycle and leg."""
     cycles, legs = next(iter(memory.values())).shape
     index = {"cycle": np.arange(first_cycle, first_cycle + cycles)[:, None], "leg": np.arange(1, legs + 1)}
     return Trace(_make_table(MEMORY_SIGNALS, {**memory, **index}, (cycles, legs)))

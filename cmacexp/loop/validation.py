@@ -1,4 +1,4 @@
-"""Validation of the output of external components; errors name the component, in the step of its mistake."""
+"""Validation of the outputs of external components, in every step; errors name the component and the output."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -19,16 +19,16 @@ UNITS = {
     **dict(zip(SIGNAL_NAMES, ("rad", "rad/s", "N m", "rad", "rad/s", "m/s^2", "samples"), strict=True)),
     "force_trusted": "",
 }
-"""Units of all outputs, by name."""
+"""Unit of each output, by name."""
 EXPECTED = {
     Measurement: f"cmacexp.plants.Measurement({', '.join(Measurement._fields)})",
     RobotSignals: f"cmacexp.plants.RobotSignals({', '.join(RobotSignals._fields)})",
     Action: "cmacexp.control.Action(feedback, feedforward[, reference])",
     Drive: f"cmacexp.control.Drive({', '.join(Drive._fields)}), or None",
 }
-"""What components return as a tuple, as a message describes it."""
+"""Descriptions of the tuples that components return, for error messages."""
 OPTIONAL = ("reference", "travel")
-"""What may be None in such a tuple; its target keeps its values."""
+"""Fields of these tuples that may be None; the target then keeps its values."""
 
 FLOAT = np.dtype(np.float64)
 
@@ -38,25 +38,28 @@ def _method(component: object, name: str) -> str:
 
 
 Target = tuple[str, Array, tuple[int, ...]]
-"""What a component's output is copied to: its name, a key of UNITS, an array, and the shape of that.
+"""Target of an output: its name (a key of UNITS), an array of the loop, and the shape of that array.
 
-To ask an array for its shape takes as long as half a copy of a few numbers.
+The shape is stored, since reading it from an array takes half as long as copying a few numbers.
 """
 
 
 def make_targets(names: Iterable[str], arrays: Iterable[Array]) -> list[Target]:
-    """Targets of outputs with these names, in the units of UNITS."""
+    """Make the targets of outputs with the given names, in the units of UNITS."""
     return [(name, array, array.shape) for name, array in zip(names, arrays, strict=True)]
 
 
 def make_measurement_targets(state: Measurement) -> list[Target]:
-    """Targets of a measurement; a travel that the loop does not have is checked all the same."""
+    """Make the targets of a measurement; ``travel`` is checked even if ``state`` has none."""
     travel = np.empty(3) if state.travel is None else state.travel
     return make_targets((*STATE, "travel"), (*get_state(state), travel))
 
 
 def copy_outputs(component: object, method: str, outputs: Iterable[Any], targets: Iterable[Target]) -> None:
-    """Copy arrays that a component returned, the first ones if there are fewer targets; raises BadOutput."""
+    """Copy the arrays that ``method`` of a component returned to their targets; raises BadOutput.
+
+    Outputs without a target, after the last one, are ignored.
+    """
     for output, (name, array, shape) in zip(outputs, targets, strict=False):
         if isinstance(output, np.ndarray) and output.dtype is FLOAT and output.shape == shape:
             array[...] = output
@@ -65,7 +68,7 @@ def copy_outputs(component: object, method: str, outputs: Iterable[Any], targets
 
 
 def _convert(component: object, method: str, name: str, output: Any, shape: tuple[int, ...]) -> Array:
-    """Numbers of a ``shape`` that a component returned, in the unit of their name, as an array; raises BadOutput."""
+    """Convert an output of a component to an array of ``shape``; raises BadOutput if it is not one of numbers."""
     sides = "(3,)" if shape == (3,) else ["(L,)", "(L, J)", "(N, L, J)"][len(shape) - 1]
     size = "" if sides == str(shape) else f" = {shape}"
     expected = f"expected {sides}{size} float64, {UNITS[name]}"
@@ -81,7 +84,7 @@ def _convert(component: object, method: str, name: str, output: Any, shape: tupl
 
 
 def require_finite(component: object, method: str, name: str, values: Array) -> None:
-    """Check that ``values``, of any shape and unit, are finite; raises BadOutput that names the first that is not."""
+    """Check that ``values``, of any shape and unit, are finite; raises BadOutput with the first that is not."""
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
         where = ", ".join(map(str, bad[0]))
@@ -99,32 +102,35 @@ def copy_parts(
     targets: Iterable[Target],
     name: str = "",
 ) -> None:
-    """Copy what a component returned, or its part ``name``, a tuple of EXPECTED, to its targets; raises BadOutput."""
+    """Copy a tuple of type ``kind``, which a component returned, to its targets; raises BadOutput.
+
+    ``name`` is the prefix in messages for a tuple that is a field of the returned one, such as ``drive=``.
+    """
     if not isinstance(output, kind):
-        is_array = isinstance(output, np.ndarray)
-        found = f"an array of shape {output.shape}" if is_array else f"a {type(output).__name__}"
-        found = "None" if output is None else found
-        raise BadOutput(f"{_method(component, method)} returned {name}{found}: expected {EXPECTED[kind]}")
+        description = "None" if output is None else f"a {type(output).__name__}"
+        if isinstance(output, np.ndarray):
+            description = f"an array of shape {output.shape}"
+        raise BadOutput(f"{_method(component, method)} returned {name}{description}: expected {EXPECTED[kind]}")
     copy_outputs(component, method, output, targets)
 
 
 def require_finite_state(component: object, method: str, measurement: Measurement) -> None:
-    """Check that the state of a measurement is finite; raises BadOutput that names the first value that is not."""
+    """Check that the state of a measurement is finite; raises BadOutput with the first value that is not."""
     for name, values in zip(STATE, get_state(measurement), strict=True):
         require_finite(component, method, name, values)
 
 
 def copy_measurement(component: object, method: str, output: Any, targets: list[Target]) -> None:
-    """Copy a measurement that a plant or sensors returned to the targets of one; raises BadOutput."""
+    """Copy a measurement that a plant or sensors returned to its targets; raises BadOutput."""
     copy_parts(component, method, output, Measurement, targets)
     if output.travel is not None:
         require_finite(component, method, "travel", targets[-1][1])
 
 
 def copy_drive(component: object, drive: Any, targets: list[Target]) -> None:
-    """Copy what a controller sends to drives beside its torques to its targets; raises BadOutput.
+    """Copy the drive command of a controller to its targets; raises BadOutput.
 
-    None: torques alone, with gains of 0.
+    None means torques only, with gains of 0.
     """
     if drive is None:
         for _, array, _ in targets:
