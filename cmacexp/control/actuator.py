@@ -75,10 +75,8 @@ def apply_delay(actuator: Actuator, step: int, feedback: Array, feedforward: Arr
     delayed = actuator.delay_buffer[(step - actuator.delay) % actuator.delay_buffer.shape[0]]
     for i in range(feedback.shape[0]):
         for j in range(len(actuator.limit)):
-            now[0, i, j] = feedback[i, j]
-            now[1, i, j] = feedforward[i, j]
-            feedback[i, j] = delayed[0, i, j]
-            feedforward[i, j] = delayed[1, i, j]
+            now[0, i, j], now[1, i, j] = feedback[i, j], feedforward[i, j]
+            feedback[i, j], feedforward[i, j] = delayed[0, i, j], delayed[1, i, j]
 
 
 @kernel
@@ -108,8 +106,7 @@ def apply_lag(lagged: Array | None, share: float, feedback: Array, feedforward: 
             for j in range(torque.shape[1]):
                 lagged[0, i, j] += share * (feedback[i, j] - lagged[0, i, j])
                 lagged[1, i, j] += share * (feedforward[i, j] - lagged[1, i, j])
-                feedback[i, j] = lagged[0, i, j]
-                feedforward[i, j] = lagged[1, i, j]
+                feedback[i, j], feedforward[i, j] = lagged[0, i, j], lagged[1, i, j]
                 torque[i, j] = feedback[i, j] + feedforward[i, j]
 
 
@@ -117,8 +114,8 @@ def apply_lag(lagged: Array | None, share: float, feedback: Array, feedforward: 
 def actuate(actuator: Actuator, step: int, feedback: Array, feedforward: Array, torque: Array) -> None:
     """Apply delay, limit, rate limit and lag, in this order, to the torques commanded in ``step``.
 
-    Call it once per step, with steps counted from 0. ``feedback`` and ``feedforward`` (L, J), N m, are replaced by the
-    torques that act; ``torque`` (L, J), N m, is filled with their sum, the input of the plant.
+    Call it once per step, with steps counted from 0. ``feedback`` and ``feedforward`` (L, J), N m, are replaced by
+    the torques that act; ``torque`` (L, J), N m, is filled with their sum, the input of the plant.
     """
     if actuator.delay > 0:
         apply_delay(actuator, step, feedback, feedforward)

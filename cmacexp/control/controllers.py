@@ -158,12 +158,13 @@ class DriveController:
         if setup.mechanism.chains is None:
             kind = setup.config.machine.kind
             raise BadInput("machine.kind", kind, "must be robot with controller=drives: use scenario=robot")
-        sensors = setup.config.sensors
-        if offers(setup.config.plant, HasEstimator):
-            sensors = setup.config.plant.estimator
-        delays = [0, 0]
-        if isinstance(sensors, RealSensorsConfig | ProprioceptiveConfig):
-            delays = [sensors.position.delay, sensors.velocity.delay]
+        plant = setup.config.plant
+        sensors = plant.estimator if offers(plant, HasEstimator) else setup.config.sensors
+        delays = (
+            [sensors.position.delay, sensors.velocity.delay]
+            if isinstance(sensors, RealSensorsConfig | ProprioceptiveConfig)
+            else [0, 0]
+        )
         force_lag = sensors.force_lag if isinstance(sensors, ProprioceptiveConfig) else 0.0
         self.params = DriveParams(
             hips=setup.mechanism.hips,
@@ -196,9 +197,14 @@ class DriveController:
         last: Array = self.state.learning_error.copy()
         observation = Observation._make((*get_state(measurement), self.kinematics, measurement.travel))
         steer(self.params.steering, observation.travel, reference.step, reference.sample, reference.support)
-        control = reference.control
         command_drives(
-            self.params, self.state, self.command, reference.sample, reference.support, control, observation
+            self.params,
+            self.state,
+            self.command,
+            reference.sample,
+            reference.support,
+            reference.control,
+            observation,
         )
         feedforward = self.feedforward.predict(reference, last) if reference.acting else np.zeros_like(last)
         drive = Drive(*(self.command[quantity].copy() for quantity in (ANGLE, VELOCITY, STIFFNESS, DAMPING)))

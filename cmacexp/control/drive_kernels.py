@@ -89,15 +89,13 @@ def command_drives(
         at = chain_kinematics(chains[i], q1, q2, q3)
         rates = joint_velocity(at, velocity)
         down = (at.hip[1], at.thigh[1], at.calf[1])
-        remainder = (1.0 - params.force_share) * params.force_due[i]
-        params.force_due[i] = params.force_share * reference.force_desired[i] + remainder
+        force_share = params.force_share
+        params.force_due[i] = force_share * reference.force_desired[i] + (1.0 - force_share) * params.force_due[i]
         force_error = params.force_due[i] - observation.force[i]
         weighted_error = params.force_weight * force_error if support[i] else 0.0
         for j, angle in enumerate((q1, q2, q3)):
-            command[ANGLE, i, j] = angle
-            command[VELOCITY, i, j] = rates[j]
-            command[STIFFNESS, i, j] = stiffness
-            command[DAMPING, i, j] = damping
+            command[ANGLE, i, j], command[VELOCITY, i, j] = angle, rates[j]
+            command[STIFFNESS, i, j], command[DAMPING, i, j] = stiffness, damping
             angle_error = angle - params.ahead * rates[j] - behind[0, j] - observation.q[i, j]
             feedback = stiffness * angle_error + damping * (rates[j] - behind[1, j] - observation.dq[i, j])
             state.learning_error[i, j] = feedback + down[j] * weighted_error

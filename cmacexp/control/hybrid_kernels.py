@@ -234,10 +234,10 @@ def hybrid_feedback(
     for i in range(support.shape[0]):
         x_reference, vx_reference = steer_longitudinal(params.steering, params.mechanism.hips, i, reference)
         x_error = position_error(params, x_reference, vx_reference, foot[i, 0], velocity[i, 0])
-        y_reference = reference.position[i, Y]
-        vy_reference = reference.velocity[i, Y]
-        desired_force = reference.force_desired[i]
-        force = control_force(params, state.fault_status, i, observation.force[i], desired_force, foot, pose)
+        y_reference, vy_reference = reference.position[i, Y], reference.velocity[i, Y]
+        force = control_force(
+            params, state.fault_status, i, observation.force[i], reference.force_desired[i], foot, pose
+        )
         if support[i]:
             y_reference += posture_term(params, i, pose)
             vy_reference += posture_rate_term(params, i, pose, observation.body_rate)

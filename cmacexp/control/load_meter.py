@@ -75,8 +75,7 @@ def _find_slopes(sums: Array) -> tuple[float, float]:
     """Return forward and leftward slope of the least-squares plane through the feet, m/m; 0 if they span no plane."""
     x, y, xx, xy, yy, depth, x_depth, y_depth = sums[FEET + 1 :] / max(1.0, sums[FEET])
     xx, xy, yy = xx - x * x, xy - x * y, yy - y * y
-    longitudinal = x_depth - x * depth
-    lateral = y_depth - y * depth
+    longitudinal, lateral = x_depth - x * depth, y_depth - y * depth
     determinant = xx * yy - xy * xy
     if determinant < LEAST_SPREAD**2:
         return 0.0, 0.0

@@ -113,13 +113,12 @@ def steer(steering: Steering | None, travel: Array | None, step: int, sample: in
     """
     if steering is not None and travel is not None:
         command = steering.command
-        gain = steering.course_gain
         speed = steering.speed
         longitudinal = step * steering.period * speed + steering.sway[sample, 0] - travel[0]
-        command[LONGITUDINAL] = gain * longitudinal / speed
+        command[LONGITUDINAL] = steering.course_gain * longitudinal / speed
         lateral = travel[1] - steering.sway[sample, 1]
         place_feet(steering, support, lateral)
-        command[LATERAL] = -gain * lateral / speed
+        command[LATERAL] = -steering.course_gain * lateral / speed
         command[TURN] = -steering.heading_gain * travel[2] * steering.radius / speed
         for n in range(3):
             command[n] = min(max(command[n], -steering.most), steering.most)

@@ -149,6 +149,10 @@ class RealSensorsConfig(ChannelsConfig):
         """Check that no body signal of a machine without a body is altered, then each signal; raises BadInput."""
         for name, signal in self.signals.items():
             fits = not signal.alters or config.has_body or isinstance(signal, LegSignalConfig)
-            allowed = f"must be unaltered with machine.kind={config.machine.kind}, which has no body"
-            require(fits, f"sensors.{name}", "altered", allowed)
+            require(
+                fits,
+                f"sensors.{name}",
+                "altered",
+                f"must be unaltered with machine.kind={config.machine.kind}, which has no body",
+            )
         super().check(config)

@@ -131,8 +131,8 @@ def read_attitude(
         phase = math.pi * constant_error(sensing, first + k, 1.0)
         bias = errors.tilt_bias * sine_cosine(errors.tilt_rate * step * period + phase)[0]
         pose[1 + k] = read_channel(sensing, first + k, step, signals.attitude[k] + bias)
-    drift = errors.heading_drift * step * period
-    return read_channel(sensing, first + HEADING, step, signals.attitude[2] + drift)
+    heading = signals.attitude[2] + errors.heading_drift * step * period
+    return read_channel(sensing, first + HEADING, step, heading)
 
 
 @kernel
@@ -141,10 +141,11 @@ def read_vector(sensing: Sensing, first: int, step: int, values: Array, bias: fl
 
     Each has a constant error of at most ``bias``, in the same unit.
     """
-    x = read_channel(sensing, first, step, values[0] + constant_error(sensing, first, bias))
-    y = read_channel(sensing, first + 1, step, values[1] + constant_error(sensing, first + 1, bias))
-    z = read_channel(sensing, first + 2, step, values[2] + constant_error(sensing, first + 2, bias))
-    return x, y, z
+    return (
+        read_channel(sensing, first, step, values[0] + constant_error(sensing, first, bias)),
+        read_channel(sensing, first + 1, step, values[1] + constant_error(sensing, first + 1, bias)),
+        read_channel(sensing, first + 2, step, values[2] + constant_error(sensing, first + 2, bias)),
+    )
 
 
 @kernel
@@ -196,8 +197,11 @@ def compute_momentum_torque(estimator: Estimator, i: int, rates: Array, begins: 
         momentum[j] += share * (now - momentum[j])
     if begins:
         return 0.0, 0.0, 0.0
-    period = estimator.period
-    return (momentum[0] - x) / period, (momentum[1] - y) / period, (momentum[2] - z) / period
+    return (
+        (momentum[0] - x) / estimator.period,
+        (momentum[1] - y) / estimator.period,
+        (momentum[2] - z) / estimator.period,
+    )
 
 
 @kernel
@@ -233,8 +237,7 @@ def estimate_leg(
     cosine of roll, pitch and yaw; ``spin`` (3,) is the angular velocity of the body in its own frame, rad/s. Joints
     and feet of ``observation`` must be those of this step; its force, N, is filled.
     """
-    q = observation.q[i]
-    dq = observation.dq[i]
+    q, dq = observation.q[i], observation.dq[i]
     turns = (sine_cosine(q[0]), sine_cosine(q[1]), sine_cosine(q[2]))
     (sr, cr), (sp, cp), _ = attitude
     up = (-sp, cp * sr, cp * cr)

@@ -131,8 +131,7 @@ def step_filters(places: PlaceFilter, period: float, acceleration: tuple[float, 
         predict_axis(places, d, period, acceleration[d])
         for i in range(places.trust.shape[0]):
             factor = variance_factor(places.trust[i])
-            speed = places.rolling[i, d] - places.passing[i, d]
             update_axis(places, d, FEET + i, POSITION, places.reach[i, d], REACH_VARIANCE)
-            update_axis(places, d, SPEED, -1, speed, SPEED_VARIANCE * factor)
+            update_axis(places, d, SPEED, -1, places.rolling[i, d] - places.passing[i, d], SPEED_VARIANCE * factor)
             if d == 2:
                 update_axis(places, d, FEET + i, -1, -depth[i], REACH_VARIANCE * factor)

@@ -42,8 +42,11 @@ def _channel(signal: SignalConfig, leg: int, sampling_period: float) -> tuple[An
             "drops_to_zero": signal.dropout_reads == "zero",
         }
     if _applies(fault, leg):
-        start = round(fault.start / sampling_period)
-        row |= {"fault": FAULTS[fault.kind], "fault_start": start, "fault_value": fault.value}
+        row |= {
+            "fault": FAULTS[fault.kind],
+            "fault_start": round(fault.start / sampling_period),
+            "fault_value": fault.value,
+        }
     row["alters"] = any(row[name] for name in IMPERFECTIONS) or row["fault"] != NO_FAULT
     return tuple(row.values())
 
