@@ -107,7 +107,7 @@ class Cmac:
         self.receptive_field = RECEPTIVE_FIELDS[config.receptive_field]
         self.clipped = 0
         self._outputs = outputs
-        self._weights: Array | None = None  # made when needed: a feedforward replaces them
+        self._weights: Array | None = None  # made on first use, because a feedforward assigns its own array
         self._single: Single | None = None
 
     @classmethod
@@ -267,7 +267,7 @@ class Cmac:
     def _read(cls, saved: Any) -> "Cmac":
         """Make a CMAC from the arrays of a file.
 
-        Raises OSError, LookupError, TypeError or ValueError for the arrays of any other file.
+        Raises OSError, EOFError, LookupError, TypeError, ValueError or BadZipFile for any other file.
         """
         cmac = cls.__new__(cls)
         elements, rows, hashed, seed, cmac.clipped, cmac.receptive_field = (int(value) for value in saved["law"])
