@@ -1,4 +1,4 @@
-"""The cerebellar model articulation controller: quantiser, displacement, addressing, memory."""
+"""Cerebellar model articulation controller (CMAC): quantiser, displacement, addressing, memory."""
 
 from cmacexp.cmac.network import Cmac
 

@@ -1,6 +1,7 @@
-"""The addressing of a CMAC: inputs to quanta, and quanta to cells of layers that are displaced; dense or hashed.
+"""Addressing of a CMAC: from inputs to quanta, and from quanta to cells of displaced layers; dense or hashed.
 
-A receptive field gives the activation of a cell by the place of the input in it (Lane, Handelman & Gelfand 1992).
+The receptive field gives the activation of a cell as a function of the position of the input in it (Lane, Handelman &
+Gelfand 1992).
 """
 
 import math
@@ -18,24 +19,24 @@ from cmacexp.typing import Array, Cells
 Vector = NDArray[np.int64]
 
 MOST_CANDIDATES = 400_000
-"""Largest number of vectors in the search for the best lattice, with 32 layers."""
+"""Largest number of vectors in the search for the best displacement with 32 layers."""
 
 
 def diagonal(layers: int, inputs: int) -> Vector:
-    """(1, 1, ..., 1) of shape (n,), quanta: all layers along the diagonal (Albus 1975), as in the paper."""
+    """Return the displacement (1, 1, ..., 1) of shape (n,), quanta: diagonal (Albus 1975), as in the paper."""
     return np.ones(inputs, dtype=np.int64)
 
 
 def odd_lattice(layers: int, inputs: int) -> Vector:
-    """(1, 3, 5, ...) of shape (n,), quanta: the first odd numbers (Miller & Glanz 1996, UNH CMAC)."""
+    """Return the displacement (1, 3, 5, ...) of shape (n,), quanta, modulo ``layers`` (Miller & Glanz 1996)."""
     vector = 2 * np.arange(inputs, dtype=np.int64) + 1
     return vector % layers if layers > 1 else np.ones(inputs, dtype=np.int64)
 
 
 def least_distance(vectors: Vector, layers: int) -> NDArray[np.int64]:
-    """Squared least distance (V,) between two cell corners of the lattice that each of ``vectors`` (V, n) spans.
+    """Compute the squared least distance (V,), quanta^2, between cell corners for each displacement vector.
 
-    The vectors are in quanta, the squares in quanta^2.
+    The corners of all layers form a lattice spanned by one of ``vectors`` (V, n), in quanta.
     """
     shifts = np.arange(1, layers)[None, :, None] * vectors[:, None, :] % layers
     folded = np.minimum(shifts, layers - shifts)
@@ -44,11 +45,11 @@ def least_distance(vectors: Vector, layers: int) -> NDArray[np.int64]:
 
 
 def parks_militzer(layers: int, inputs: int) -> Vector:
-    """The vector (n,), quanta, whose lattice has the largest least distance (Parks & Militzer 1991), found by search.
+    """Find the displacement (n,), quanta, whose lattice has the largest least distance (Parks & Militzer 1991).
 
-    Mirroring an input and exchanging inputs do not change the distance, so the search is limited to non-decreasing
-    vectors that begin with 1, of numbers coprime with the number of layers and at most half of it. Raises BadInput if
-    there are too many of them.
+    Mirroring an input and exchanging inputs do not change the distance, so the search covers non-decreasing vectors
+    that begin with 1 and consist of numbers coprime with ``layers`` and at most half of it. Raises BadInput if there
+    are too many.
     """
     if layers <= 2:
         return diagonal(layers, inputs)
@@ -62,18 +63,19 @@ def parks_militzer(layers: int, inputs: int) -> Vector:
         raise BadInput("cmac.displacement", "parks_militzer", allowed)
     rest = np.array(list(combinations_with_replacement(coprime, inputs - 1)), dtype=np.int64)
     vectors = np.concatenate([np.ones((len(rest), 1), dtype=np.int64), rest.reshape(len(rest), inputs - 1)], axis=1)
-    parts = np.array_split(vectors, max(1, len(vectors) // 4096))
-    chosen: Vector = vectors[np.concatenate([least_distance(part, layers) for part in parts]).argmax()]
-    return chosen
+    blocks = np.array_split(vectors, max(1, len(vectors) // 4096))
+    best: Vector = vectors[np.concatenate([least_distance(block, layers) for block in blocks]).argmax()]
+    return best
 
 
 DISPLACEMENTS = {"diagonal": diagonal, "odd_lattice": odd_lattice, "parks_militzer": parks_militzer}
 
 
 def displacement(name: str, layers: int, inputs: int) -> NDArray[np.int64]:
-    """Shift (C, n) of each of C layers along each of n inputs, 0 to C - 1 quanta, by one of :data:`DISPLACEMENTS`.
+    """Compute the shift (C, n) of each of C layers along each of n inputs, 0 to C - 1 quanta.
 
-    Raises BadInput if a component of the vector shares a factor with the number of layers.
+    ``name`` is one of :data:`DISPLACEMENTS`. Raises BadInput if a component of the vector shares a factor with the
+    number of layers.
     """
     vector = DISPLACEMENTS[name](layers, inputs)
     shared = [int(c) for c in vector if math.gcd(int(c), layers) != 1]
@@ -87,26 +89,26 @@ def displacement(name: str, layers: int, inputs: int) -> NDArray[np.int64]:
 
 
 Values: TypeAlias = Any
-"""A number, or an array of numbers, each of which is treated alike."""
+"""A number, or an array of numbers that is processed elementwise."""
 Quanta: TypeAlias = Any
-"""An integer, or as many as there are values."""
+"""An integer, or an integer array with one quantum per value."""
 
 
 class InputRange(NamedTuple):
-    """Range of every input of a CMAC; n is the number of inputs."""
+    """Ranges of the n inputs of a CMAC."""
 
     low: Array
-    """(n,): lower end, in the unit of each input."""
+    """(n,): lower limits, in the unit of each input."""
     high: Array
-    """(n,): upper end, above ``low``, likewise."""
+    """(n,): upper limits, above ``low``, in the unit of each input."""
 
 
 def spanning(values: Array, factor: float) -> InputRange:
-    """Ranges of ``factor`` times the span of each column of ``values`` (samples, n), in its unit, about its middle.
+    """Make input ranges of ``factor`` times the span of each column of ``values`` (samples, n), about its middle.
 
     An input that does not vary gets a range of width 1, which has no effect on the output.
     """
-    columns = np.ascontiguousarray(values.T)  # of which the extremes are found in a tenth of the time
+    columns = np.ascontiguousarray(values.T)  # contiguous columns make the search for extremes ten times faster
     lowest, highest = columns.min(axis=1), columns.max(axis=1)
     span = np.where(highest > lowest, factor * (highest - lowest), 1.0)
     middle = (lowest + highest) / 2.0
@@ -115,8 +117,8 @@ def spanning(values: Array, factor: float) -> InputRange:
 
 @kernel
 def quantise(value: Values, low: float, high: float, quanta: int) -> Quanta:
-    """Quantum 0 to ``quanta - 1`` of a value, or of each of an array; outside [low, high] it is clipped."""
-    inside = np.minimum(np.maximum(value, low), high)  # before the floor: far outside it would overflow an integer
+    """Return the quantum, 0 to ``quanta - 1``, of a ``value`` or of each array element, clipped to [low, high]."""
+    inside = np.minimum(np.maximum(value, low), high)  # clip first: a value far outside would overflow the integer
     return np.minimum(np.int64(np.floor((inside - low) / (high - low) * quanta)), quanta - 1)
 
 
@@ -124,24 +126,28 @@ class Address(NamedTuple):
     """Parameters of the addressing of a CMAC with C layers and n inputs."""
 
     ranges: InputRange
+    """Input ranges; inputs outside are clipped."""
     displacement: NDArray[np.int64]
     """(C, n): shift of every layer along every input, 0 to C - 1 quanta."""
     resolution_elements: int
+    """Cells of a layer along each input; (resolution_elements - 1) x C quanta span a range."""
     rows: int
+    """Rows of the memory."""
     hashed: bool
+    """True: cells are hashed to rows; False: every cell has its own row."""
     seed: int
     """Seed of the hash, 32 bits."""
 
 
 @kernel
 def address(params: Address, inputs: Array, cells: Cells) -> None:
-    """Fill ``cells`` (C,) with the row of each layer that one input (n,), clipped to its range, activates.
+    """Fill ``cells`` (C,) with the active row of each layer for one input vector (n,), clipped to its ranges.
 
-    Or (C, samples) with those of a batch of inputs (n, samples).
+    For a batch, ``inputs`` are (n, samples) and ``cells`` (C, samples).
     """
     layers, dimensions = params.displacement.shape
     quanta = (params.resolution_elements - 1) * layers
-    # Dense: mixed radix over layer and blocks. Hashed: the same numbers mixed into 32 bits.
+    # Dense: mixed-radix number of layer and blocks. Hashed: layer and blocks mixed into 32 bits.
     for j in range(layers):
         cells[j] = mix(mix(params.seed, j), dimensions) if params.hashed else j
     for d in range(dimensions):
@@ -167,25 +173,28 @@ def _address_each(params: Address, inputs: Array, cells: Cells) -> None:
 
 
 address_batch = program(_address_each, plain=_address_together)
-"""``address_batch(params, inputs, cells)``: rows of inputs (samples, n); fills ``cells`` (samples, C)."""
+"""Program ``address_batch(params, inputs, cells)``: :func:`address` for a batch.
+
+Its ``inputs`` are (samples, n), and it fills ``cells`` (samples, C).
+"""
 
 
 def count_outside(ranges: InputRange, inputs: Array) -> int:
-    """Number of inputs (samples, n) outside their range."""
+    """Count the values of ``inputs`` (samples, n) that lie outside their range."""
     return int(np.count_nonzero((inputs < ranges.low) | (inputs > ranges.high)))
 
 
 RECTANGULAR, LINEAR, CUBIC = range(3)
 RECEPTIVE_FIELDS = {"rectangular": RECTANGULAR, "linear": LINEAR, "cubic": CUBIC}
-"""B-splines of order 1, 2 and 4 over a block: constant, a triangle, and smooth to the second derivative."""
+"""Receptive fields over a cell: B-splines of order 1 (constant), 2 (triangle) and 4 (twice differentiable)."""
 
 
 @kernel
-def spline(kind: int, place: float) -> float:
-    """Height, at most 1, of the B-spline over a block at ``place`` from 0 to 1; 0 at both ends unless RECTANGULAR."""
+def spline(kind: int, position: float) -> float:
+    """Evaluate the B-spline over a cell at ``position`` 0 to 1: at most 1, and 0 at both ends unless RECTANGULAR."""
     if kind == RECTANGULAR:
         return 1.0
-    off = abs(2.0 * place - 1.0)
+    off = abs(2.0 * position - 1.0)
     if kind == LINEAR:
         return max(0.0, 1.0 - off)
     off *= 2.0
@@ -197,11 +206,11 @@ def spline(kind: int, place: float) -> float:
 
 @kernel
 def activate(params: Address, kind: int, inputs: Array, activation: Array) -> None:
-    """Activations, without a unit, of the cells of one input (n,): products of splines, normalised to the sum C.
+    """Fill ``activation`` (C,) with the activations of the cells of one input vector (n,): products of splines.
 
-    The sum is C as in the paper, because a product of many splines is small almost everywhere. As long as that sum is
-    not 0 the output is continuous: the input leaves a cell where its activation is 0. Outside its range an input is
-    clipped. Fills ``activation`` (C,), with ones if all products are 0.
+    They have no unit and are normalised to the sum C, as in the paper, because a product of many splines is small
+    almost everywhere; they are all 1 if every product is 0. As long as the sum of products is not 0 the output is
+    continuous, because the activation of a cell is 0 where the input leaves it. Inputs are clipped to their ranges.
     """
     layers, dimensions = params.displacement.shape
     quanta = (params.resolution_elements - 1) * layers
@@ -221,6 +230,6 @@ def activate(params: Address, kind: int, inputs: Array, activation: Array) -> No
 
 @program
 def activate_batch(params: Address, kind: int, inputs: Array, activation: Array) -> None:
-    """:func:`activate` for a batch of inputs (samples, n); fills ``activation`` (samples, C)."""
+    """Fill ``activation`` (samples, C) for a batch of inputs (samples, n), see :func:`activate`."""
     for k in range(inputs.shape[0]):
         activate(params, kind, inputs[k], activation[k])

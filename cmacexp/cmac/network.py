@@ -1,4 +1,4 @@
-"""The CMAC as an object: addressing and weights, for one leg or any other function."""
+"""CMAC as an object: addressing and weights, for one leg or any other function."""
 
 import copy
 import math
@@ -30,33 +30,46 @@ from cmacexp.errors import BadInput, require
 from cmacexp.models.mix import MASK
 from cmacexp.typing import Array, Cells, Counts
 
+DEFAULT_OPTIONS: dict[str, Any] = {
+    "memory_bytes": 2**24,
+    "addressing": None,
+    "displacement": "parks_militzer",
+    "receptive_field": "rectangular",
+}
+"""Default values of the options of a :class:`Cmac`."""
+
 
 class Cmac:
-    """A cerebellar model articulation controller (Lin & Song 1997, section 4), of any function.
+    """A cerebellar model articulation controller (Lin & Song 1997, section 4) that approximates any function.
 
-    Inputs are a batch (samples, n) or one input (n,), outputs likewise. An object is for one thread at a time.
+    Inputs are a batch (samples, n) or one vector (n,); outputs are (samples, outputs) or (outputs,). An object must
+    not be used by several threads at the same time.
 
     Args:
-        low: (n,): lower end of the range of each input; inputs beyond it are clipped, and counted.
-        high: (n,): upper end.
-        outputs: outputs on one address.
-        layers: C, the number of weights that each input activates; their generalisation is one cell wide.
+        low: (n,): lower limit of each input; inputs outside their range are clipped and counted.
+        high: (n,): upper limit of each input.
+        outputs: number of outputs.
+        layers: C, the number of weights that each input activates; generalisation extends over one cell.
         cells: cells of each layer along each input; (cells - 1) x layers quanta span a range.
-        memory_bytes: most memory for weights, B.
-        addressing: ``dense``: a row for each cell; ``hashed``: cells share rows by chance; ``visited``: a row for
-            each cell met so far; None: dense if that fits into the memory, else hashed.
-        displacement: of the layers against each other: ``parks_militzer``, found by search, ``diagonal``, as in the
-            paper, or ``odd_lattice``, which needs a power of two of layers.
-        receptive_field: activation of a cell over its width: ``rectangular``, as in the paper, ``linear``, ``cubic``.
-        seed: of the hash, 32 bits.
+        seed: seed of the hash, 32 bits.
+        **options: any of these:
+
+            memory_bytes: largest memory for weights, B; default 2^24.
+            addressing: ``dense``: one row per cell; ``hashed``: cells share rows at random; ``visited``: one row per
+                cell visited so far; None (default): dense if that fits into the memory, else hashed.
+            displacement: shift of the layers against each other: ``parks_militzer`` (default; by search),
+                ``diagonal``, as in the paper, or ``odd_lattice``, which needs a power of two of layers.
+            receptive_field: activation of a cell over its width: ``rectangular`` (default; as in the paper),
+                ``linear`` or ``cubic``.
 
     Raises:
         BadInput: a value is out of its range, or the memory is too small.
-        ValueError: a range is empty, or not one-dimensional.
+        ValueError: a range is empty or not one-dimensional.
+        TypeError: an option has another name.
 
     Attributes:
-        clipped: number of values so far that were outside their range.
-        visited: the cells that have a row, with ``addressing="visited"``; else None.
+        clipped: number of input values so far that were outside their range.
+        visited: table of the cells that have a row, with ``addressing="visited"``; else None.
     """
 
     def __init__(
@@ -67,42 +80,39 @@ class Cmac:
         layers: int = 32,
         cells: int = 33,
         *,
-        memory_bytes: int = 2**24,
-        addressing: str | None = None,
-        displacement: str = "parks_militzer",
-        receptive_field: str = "rectangular",
         seed: int = 0,
+        **options: Any,
     ):
         ranges = InputRange(np.array(low, dtype=float), np.array(high, dtype=float))
-        inputs, dense_rows = ranges.low.size, layers * cells**ranges.low.size
+        inputs = ranges.low.size
+        dense_rows = layers * cells**inputs
         _require_ranges(ranges)
         require(outputs >= 1, "outputs", outputs, "must be at least 1")
-        if addressing is None:
-            addressing = "dense" if dense_rows * outputs * WORD_BYTES <= memory_bytes else "hashed"
-        given = CmacConfig(
+        config = CmacConfig(
             layers=layers,
             resolution_elements=cells,
-            memory_bytes=memory_bytes,
-            addressing=addressing,
-            displacement=displacement,
             inputs=[PHASE],
             range_factor=1.0,
-            receptive_field=receptive_field,
+            **(DEFAULT_OPTIONS | options),
         )
-        check_size(read_fields(CmacConfig, vars(given), "cmac"), inputs, outputs)
-        rows = dense_rows if addressing == "dense" else memory_bytes // (WORD_BYTES * outputs)
+        if config.addressing is None:
+            fits = dense_rows * outputs * WORD_BYTES <= config.memory_bytes
+            config.addressing = "dense" if fits else "hashed"
+        check_size(read_fields(CmacConfig, vars(config), "cmac"), inputs, outputs)
+        rows = dense_rows if config.addressing == "dense" else config.memory_bytes // (WORD_BYTES * outputs)
         # Column-major, since all layers of one input are read together.
-        shifts = np.asfortranarray(find_displacement(displacement, layers, inputs))
-        self.address = Address(ranges, shifts, cells, rows, addressing == "hashed", seed & MASK)
-        self.visited = Visited(rows, WORD_BYTES * outputs) if addressing == "visited" else None
-        self.receptive_field = RECEPTIVE_FIELDS[receptive_field]
-        self._outputs, self.clipped = outputs, 0
-        self._weights: Array | None = None  # a network of many runs has weights of its own
+        shifts = np.asfortranarray(find_displacement(config.displacement, layers, inputs))
+        self.address = Address(ranges, shifts, cells, rows, config.addressing == "hashed", seed & MASK)
+        self.visited = Visited(rows, WORD_BYTES * outputs) if config.addressing == "visited" else None
+        self.receptive_field = RECEPTIVE_FIELDS[config.receptive_field]
+        self.clipped = 0
+        self._outputs = outputs
+        self._weights: Array | None = None  # made on first use, because a feedforward assigns its own array
         self._single: Single | None = None
 
     @classmethod
     def from_config(cls, config: CmacConfig, ranges: InputRange, outputs: int = 2, seed: int = 0) -> "Cmac":
-        """The CMAC of a config; its ``inputs`` and ``range_factor`` are not used here."""
+        """Make the CMAC of a config for inputs with ``ranges``; its ``inputs`` and ``range_factor`` are ignored."""
         return cls(
             *ranges,
             outputs,
@@ -116,7 +126,7 @@ class Cmac:
         )
 
     def copy_empty(self) -> "Cmac":
-        """Copy it, with what it has visited and clipped, but as yet without weights."""
+        """Return a copy with the same addressing, visited cells and clipped count, but with zero weights."""
         other = copy.copy(self)
         other.visited = None if self.visited is None else replace(self.visited)
         other._weights = other._single = None
@@ -124,28 +134,33 @@ class Cmac:
 
     @property
     def weights(self) -> Array:
-        """(rows, outputs), in the units of the outputs, zero at first; an array of the same shape may replace it."""
+        """Weights (rows, outputs), float64, in the units of the outputs; initially zero, and assignable."""
         if self._weights is None:
             self._weights = np.zeros((self.address.rows, self._outputs))
         return self._weights
 
     @weights.setter
     def weights(self, weights: Array) -> None:
-        shape = self.address.rows, self._outputs  # kernels do not look beyond it
+        shape = self.address.rows, self._outputs  # kernels do not check bounds
         if not isinstance(weights, np.ndarray) or weights.shape != shape or weights.dtype != np.float64:
             raise ValueError(f"weights must be an array of shape {shape}, float64")
-        self._weights, self._single = weights, None
+        self._weights = weights
+        self._single = None
 
     def __getstate__(self) -> dict[str, Any]:
         return vars(self) | {"_single": None}  # a generator cannot be copied
 
     @property
     def layers(self) -> int:
-        """C, the number of rows that every input activates."""
+        """Number C of rows that every input activates."""
         return int(self.address.displacement.shape[0])
 
     def cells(self, inputs: Array) -> Cells:
-        """Active rows (samples, C) of inputs (samples, n); counts those clipped; raises ValueError or BadInput."""
+        """Return the active rows (samples, C) for a batch of ``inputs`` (samples, n), and count clipped values.
+
+        Raises ValueError for inputs of another shape or that are not finite, BadInput if visited cells fill the
+        memory.
+        """
         batch = self._checked(inputs)
         self.clipped += count_outside(self.address.ranges, batch)
         cells: Any = np.empty((len(batch), self.layers), dtype=np.uint32 if self.visited is None else np.uint64)
@@ -153,7 +168,10 @@ class Cmac:
         return cells if self.visited is None else self.visited.assign_rows(cells)
 
     def activation(self, inputs: Array) -> Array:
-        """Activation (samples, C) of the cells of a batch of inputs (samples, n); raises ValueError."""
+        """Compute the activations (samples, C) of the active cells for a batch of ``inputs`` (samples, n).
+
+        Raises ValueError for inputs of another shape or that are not finite.
+        """
         batch = self._checked(inputs)
         activation = np.ones((len(batch), self.layers))
         if self.receptive_field != RECTANGULAR:
@@ -168,14 +186,15 @@ class Cmac:
         return batch
 
     def _serve(self, inputs: Array, rate: float, error: Array | None = None) -> Single:
-        """Predict at one input (n,) with rate 0, else train there."""
+        """Predict at one input vector (n,) if the ``rate`` is 0, else train there with ``error`` (outputs,)."""
         single = self._single = self._single or Single(self.address, self.receptive_field, self.weights)
         request = single.request
         if inputs.shape != request.inputs.shape or (error is not None and error.shape != request.error.shape):
-            given = f"{inputs.shape}" if error is None else f"{inputs.shape} and {error.shape}"
+            actual = f"{inputs.shape}" if error is None else f"{inputs.shape} and {error.shape}"
             shapes = f"an input has the shape {request.inputs.shape}, its error {request.error.shape}"
-            raise ValueError(f"{given}: {shapes}")
-        request.inputs[:], request.rate[0] = inputs, rate
+            raise ValueError(f"{actual}: {shapes}")
+        request.inputs[:] = inputs
+        request.rate[0] = rate
         if error is not None:
             request.error[:] = error
         if clipped := single.resume():
@@ -185,7 +204,10 @@ class Cmac:
         return single
 
     def predict(self, inputs: ArrayLike) -> Array:
-        """Outputs (samples, outputs) for inputs (samples, n), or (outputs,) for one (n,); raises as :meth:`cells`."""
+        """Compute outputs (samples, outputs) for inputs (samples, n), or (outputs,) for one input vector (n,).
+
+        Raises the errors of :meth:`cells`.
+        """
         x = np.asarray(inputs, dtype=float)
         if x.ndim == 1:
             return self.predict(x[None])[0] if self.visited else self._serve(x, 0.0).request.output.copy()
@@ -194,11 +216,13 @@ class Cmac:
         return output
 
     def update(self, inputs: ArrayLike, error: ArrayLike, rate: float) -> None:
-        """Train with ``error`` (samples, outputs), one sample after the other (eq. 20); raises ValueError.
+        """Train with ``error`` (samples, outputs), one sample after the other (eq. 20).
 
-        A sample moves the output at its input by ``rate`` times ``error``.
+        A sample moves the output at its input by ``rate`` times ``error``. One input vector (n,) takes an error
+        (outputs,). Raises ValueError for arrays of another shape or that are not finite.
         """
-        x, errors = np.asarray(inputs, dtype=float), np.ascontiguousarray(error, dtype=float)
+        x = np.asarray(inputs, dtype=float)
+        errors = np.ascontiguousarray(error, dtype=float)
         if not math.isfinite(rate):
             raise ValueError(f"rate {rate}: expected a finite number")
         if x.ndim == 1:
@@ -212,8 +236,8 @@ class Cmac:
         train_batch(PAPER, self.weights, self.cells(x), self.activation(x), errors, rate)
 
     def save(self, path: str | Path) -> None:
-        """Save addressing and weights in one ``.npz`` file."""
-        from cmacexp.data.files import write_atomically  # which takes longer to import than the rest
+        """Save addressing and weights to a ``.npz`` file."""
+        from cmacexp.data.files import write_atomically  # takes longer to import than the rest
 
         a = self.address
         visited = {} if self.visited is None else {"visited": self.visited.positions}
@@ -232,7 +256,7 @@ class Cmac:
 
     @classmethod
     def load(cls, path: str | Path) -> "Cmac":
-        """The CMAC of a file of :meth:`save`, bit for bit; raises BadInput of any other file."""
+        """Load a CMAC from a file of :meth:`save`, bit for bit; raises BadInput for any other file."""
         try:
             with np.load(path, allow_pickle=False) as saved:
                 return cls._read(saved)
@@ -241,17 +265,21 @@ class Cmac:
 
     @classmethod
     def _read(cls, saved: Any) -> "Cmac":
-        """The CMAC of what a file holds; raises whatever a file of something else leads to."""
+        """Make a CMAC from the arrays of a file.
+
+        Raises OSError, EOFError, LookupError, TypeError, ValueError or BadZipFile for any other file.
+        """
         cmac = cls.__new__(cls)
         elements, rows, hashed, seed, cmac.clipped, cmac.receptive_field = (int(value) for value in saved["law"])
-        ranges, shifts, cmac.visited = InputRange(saved["low"], saved["high"]), saved["displacement"], None
+        ranges = InputRange(saved["low"], saved["high"])
+        shifts = saved["displacement"]
         _require_ranges(ranges)
         cmac.address = Address(ranges, shifts, elements, rows, bool(hashed), seed)
         cmac._outputs = len(saved["weights"].T)
         cmac.weights = saved["weights"]
-        (layers, inputs), positions = shifts.shape, saved.get("visited")
-        if positions is not None:
-            cmac.visited = Visited(rows, WORD_BYTES * cmac._outputs, positions)
+        layers, inputs = shifts.shape
+        positions = saved.get("visited")
+        cmac.visited = None if positions is None else Visited(rows, WORD_BYTES * cmac._outputs, positions)
         needed = 1 if hashed else layers * elements**inputs if positions is None else len(positions)
         is_whole = elements > 1 and inputs == len(ranges.low) and ((shifts >= 0) & (shifts < layers)).all()
         if not (rows >= needed and is_whole and cmac.receptive_field in RECEPTIVE_FIELDS.values()):
@@ -260,7 +288,7 @@ class Cmac:
 
 
 def _require_ranges(ranges: InputRange) -> None:
-    """Require a range for each input; raises ValueError."""
+    """Check that lower and upper limits are finite arrays (n,) with low < high; raises ValueError."""
     low, high = ranges
     if (
         low.ndim != 1
@@ -271,9 +299,10 @@ def _require_ranges(ranges: InputRange) -> None:
 
 
 def find_visited(cmac: Cmac, inputs: Array) -> Counts | None:
-    """Where a path of inputs (samples, n) first enters each cell, as indices into its (samples, C) active cells.
+    """Find where a path of ``inputs`` (samples, n) first enters each cell: flat indices into (samples, C).
 
-    That is before hashing, so it does not depend on the seed. None if positions of cells do not fit into 64 bits.
+    Cells are those before hashing, so the result does not depend on the seed. Returns None if the numbers of the
+    cells do not fit into 64 bits.
     """
     if cmac.layers * cmac.address.resolution_elements ** inputs.shape[1] > MOST_POSITIONS:
         return None
@@ -285,11 +314,12 @@ def find_visited(cmac: Cmac, inputs: Array) -> Counts | None:
 
 
 def memory_use(cmac: Cmac, inputs: Array, cells: Cells, visited: Counts | None) -> MemoryUse:
-    """Use of the memory of ``cmac`` by a path of inputs (samples, n), whose rows are ``cells`` (samples, C).
+    """Compute the memory use of ``cmac`` by a path of ``inputs`` (samples, n) with rows ``cells`` (samples, C).
 
-    ``visited`` are the cells that :func:`find_visited` finds on it.
+    ``visited`` is the result of :func:`find_visited` for the path.
     """
-    rows, clipped = cmac.address.rows, count_outside(cmac.address.ranges, inputs)
+    rows = cmac.address.rows
+    clipped = count_outside(cmac.address.ranges, inputs)
     if visited is None:
         return MemoryUse(rows, len(find_distinct(cells)), None, None, clipped)
     used, sharing = np.unique(cells.ravel()[visited], return_counts=True)

@@ -1,9 +1,9 @@
-"""Learning rules for any network that is linear in its weights: what teaches x divisor x goal.
+"""Learning rules for networks that are linear in their weights: combinations of learning error, divisor and goal.
 
-Every rule changes only the active weights. To each it adds beta e a_j / d, with e what teaches and d the divisor, and
-it moves the weight a fraction of the way to the goal. The paper's rule (Lin & Song 1997, eq. 20) is the feedback
-torque U over sum a_i^2, without a goal; the others are listed in :data:`RULES`. Where the error at neighbouring steps
-teaches too, a low-pass without phase filters it over time.
+Every rule changes only the active weights. It adds beta e a_j / d to each, where e is the learning error and d the
+divisor, and moves the weight a fraction of the way to the goal. The paper's rule (Lin & Song 1997, eq. 20) has the
+feedback torque U as error and sum a_i^2 as divisor, without a goal; the others are listed in :data:`RULES`. A rule
+that also trains neighbouring steps filters the error over time by a zero-phase low-pass.
 """
 
 import math
@@ -17,14 +17,14 @@ from cmacexp.jit.compiler import called_kernel, kernel, program
 from cmacexp.typing import Array, Cells
 
 MOST_ENTRIES = 2**27
-"""Largest number of active weights, over all steps of a cycle and their neighbours, in :func:`spread_shares`."""
+"""Largest number of active weights in :func:`spread_shares`, over all steps of a cycle and their neighbours."""
 
 
 def binomial(window: int) -> Array:
-    """Taps (2 x window + 1,), without a unit, of the binomial filter; their sum is 1.
+    """Compute the taps (2 x window + 1,), without a unit, of the binomial filter; their sum is 1.
 
-    Its gain at frequency f is cos(pi f T_s)^(2 x window), which is never negative and has no side lobes: it reverses
-    no error and attenuates fast ones.
+    Its gain at frequency f is cos(pi f T_s)^(2 x window), never negative and without side lobes: it inverts the sign
+    of no error component and attenuates fast ones.
     """
     taps = np.ones(1)
     for _ in range(2 * window):
@@ -33,12 +33,13 @@ def binomial(window: int) -> Array:
 
 
 def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, Array]:
-    """Weights that learn from the error of each sample, and their shares, (N, L, K) each.
+    """Compute the rows of weights that learn from the error of each sample, and their shares, (N, L, K) each.
 
-    ``cells`` (N, L, C) are the active weights of each sample of the cycle, with their ``activation``; ``window`` is
-    that of samples on each side. The share of a weight is the sum of g_m a_j / sum a_i^2 over the neighbouring
-    samples in which it is active; zeros follow the last one. Raises BadInput if the window is wider than the cycle,
-    or gives too many weights.
+    ``cells`` (N, L, C) are the active rows at each sample of the cycle, ``activation`` (N, L, C) their activations;
+    ``window`` is the number of neighbouring samples on each side. The share of a weight is the sum of
+    g_m a_j / sum a_i^2 over the neighbouring samples in which it is active, with g_m the taps of :func:`binomial`;
+    unused entries at the end are 0. Raises BadInput if the window is wider than the cycle, or if it leads to too many
+    weights.
     """
     samples, legs, active = cells.shape
     require(
@@ -53,28 +54,28 @@ def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, 
     power = (activation**2).sum(axis=2, keepdims=True)
     share = np.divide(activation, power, out=np.zeros_like(activation), where=power > 0.0)
     taps = np.repeat(binomial(window), active)
-    found = []
-    for k in range(samples):
+    spread = {}
+    for k, i in np.ndindex(samples, legs):
         around = np.arange(k - window, k + window + 1) % samples
-        for i in range(legs):
-            rows, place = np.unique(cells[around, i], return_inverse=True)
-            total = np.bincount(place.ravel(), taps * share[around, i].ravel())
-            found.append((rows[total > 0.0], total[total > 0.0]))
-    most = max(1, *(len(rows) for rows, _ in found))
-    shape = (samples * legs, most)
-    spread_cells, shares = np.zeros(shape, dtype=cells.dtype), np.zeros(shape)
-    for n, (rows, total) in enumerate(found):
-        spread_cells[n, : len(rows)], shares[n, : len(rows)] = rows, total
-    return spread_cells.reshape(samples, legs, most), shares.reshape(samples, legs, most)
+        rows, index = np.unique(cells[around, i], return_inverse=True)
+        total = np.bincount(index.ravel(), taps * share[around, i].ravel())
+        spread[k, i] = rows[total > 0.0], total[total > 0.0]
+    shape = samples, legs, max(1, *(len(rows) for rows, _ in spread.values()))
+    spread_cells = np.zeros(shape, dtype=cells.dtype)
+    shares = np.zeros(shape)
+    for sample_leg, (rows, total) in spread.items():
+        spread_cells[sample_leg][: len(rows)] = rows
+        shares[sample_leg][: len(rows)] = total
+    return spread_cells, shares
 
 
 @called_kernel
 def train_spread(weights: Array, cells: Cells, share: Array, error: Array, rate: float, leakage: float) -> None:
-    """Add beta s_j (U - leakage W_j) to every weight that learns from the error.
+    """Add beta s_j (U - leakage W_j) to every weight that learns from the error of a sample.
 
-    Changes the rows ``cells`` (K,) of ``weights`` (rows, outputs) by their ``share`` (K,), s_j, of which the first
-    zero marks the end, of ``error`` (outputs,), U, N m. ``leakage`` is that of one weight: C times that of an output,
-    which is the sum of C equal weights.
+    Changes the rows ``cells`` (K,) of ``weights`` (rows, outputs). ``share`` (K,) is s_j, whose first zero marks the
+    end; ``error`` (outputs,) is U, N m; ``rate`` is beta. ``leakage`` is that of one weight: C times that of an
+    output, which is the sum of C equal weights.
     """
     for j in range(cells.shape[0]):
         if share[j] == 0.0:
@@ -88,7 +89,7 @@ if TYPE_CHECKING:
     from cmacexp.config.schema import LearningConfig
 
 ERROR, OUTSIDE_DEAD_ZONE, NEIGHBOURS = range(3)
-"""What teaches: U; U where abs(U) > strength; U, also at neighbouring steps."""
+"""Learning errors: U; U where abs(U) > strength; U, also of neighbouring steps."""
 POWER, REGULARISED = range(2)
 """Divisors: sum a_i^2; sum a_i^2 + strength x its mean."""
 NO_GOAL, ZERO, ZERO_BY_ERROR, MEAN = range(4)
@@ -98,25 +99,27 @@ CONSTANT, DECAYING = range(2)
 
 
 class RuleParams(NamedTuple):
-    """A combination of choices, and the strength of what differs from the paper's rule."""
+    """Learning rule as a combination of choices, with the strength of its difference from the paper's rule."""
 
     teaches: int = ERROR
-    """What teaches: ERROR, OUTSIDE_DEAD_ZONE or NEIGHBOURS."""
+    """Learning error: ERROR, OUTSIDE_DEAD_ZONE or NEIGHBOURS."""
     divisor: int = POWER
-    """POWER or REGULARISED."""
+    """Divisor: POWER or REGULARISED."""
     goal: int = NO_GOAL
-    """NO_GOAL, ZERO, ZERO_BY_ERROR or MEAN: where the weights are drawn, by beta times the strength in each step."""
+    """Goal to which weights decay, by a fraction beta x strength per step: NO_GOAL, ZERO, ZERO_BY_ERROR or MEAN."""
     rate: int = CONSTANT
-    """CONSTANT or DECAYING."""
+    """Learning rate: CONSTANT or DECAYING."""
     strength: float = 0.0
+    """Strength of the rule, in the unit of its field of :class:`LearningConfig`."""
 
 
 class Rule(NamedTuple):
-    """A learning rule as data."""
+    """Learning rule with its source."""
 
     source: str
+    """Publication that proposes it."""
     strength: str = ""
-    """Field of :class:`LearningConfig` that holds its strength; empty: none."""
+    """Field of :class:`LearningConfig` with its strength; empty: none."""
     params: RuleParams = RuleParams()
 
 
@@ -136,7 +139,10 @@ PAPER = RULES["paper"].params
 
 
 def strength_needs(key: str) -> tuple[str, ...]:
-    """What a field of :class:`LearningConfig` that is the strength of rules needs to have an effect."""
+    """Return the conditions under which a field of :class:`LearningConfig` has an effect as the strength of a rule.
+
+    ``key`` is the name of the field, with or without ``learning.``. Empty if it is not the strength of any rule.
+    """
     field = key.removeprefix("learning.")
     names = tuple(
         name
@@ -147,13 +153,17 @@ def strength_needs(key: str) -> tuple[str, ...]:
 
 
 def find_rule(name: str) -> Rule:
-    """The rule of that name; raises BadInput."""
+    """Return the rule with a ``name`` of RULES; raises BadInput for another name."""
     require_name("learning.rule", name, RULES)
     return RULES[name]
 
 
 def make_rule(config: "LearningConfig", activation: Array) -> RuleParams:
-    """The rule of a config, for a network with ``activation`` (N, L, C) along the plan; raises BadInput."""
+    """Make the parameters of the rule of a config, for a network with ``activation`` (N, L, C) along the plan.
+
+    The strength of rules that divide by the power of the activations is scaled by its mean. Raises BadInput if the
+    network has only one active weight at a time and the rule draws weights to their mean.
+    """
     rule = find_rule(config.rule)
     strength = float(vars(config)[rule.strength]) if rule.strength else 0.0
     if rule.params.goal == MEAN and activation.shape[2] == 1:
@@ -169,41 +179,46 @@ def make_rule(config: "LearningConfig", activation: Array) -> RuleParams:
 
 
 PAPER_RATE = 50 / 256
-"""beta of Lin & Song 1997."""
+"""Learning rate beta of Lin & Song 1997."""
 
 
 def derive_rate(lead: int) -> float:
-    """``learning.rate=auto``: the paper's at a lead of up to one sample; then rate x (lead - 1/2) stays the same.
+    """Compute the learning rate of ``learning.rate=auto`` from the ``lead`` in samples.
 
-    Neighbouring samples share weights, so that within a cycle learning acts as a sampled integrator. Its phase lag
-    where its gain is 1 is 90 degrees and rate x (lead + 1/2) rad: 17 degrees with lead 1, less with more.
+    It is the paper's rate up to a lead of one sample; beyond, rate x (lead - 1/2) is constant. Neighbouring samples
+    share weights, so within a cycle learning acts as a sampled integrator. At its crossover frequency the phase lag
+    is 90 degrees plus rate x (lead + 1/2) rad, which is 17 degrees with lead 1 and less with a larger lead.
     """
     return PAPER_RATE / max(1, 2 * lead - 1)
 
 
 @kernel
 def rate_after(rule: RuleParams, rate: float, cycles: int) -> float:
-    """The rate after ``cycles`` cycles; the sum of a decaying one diverges, that of its squares converges."""
+    """Return the learning rate after ``cycles`` cycles, from its initial ``rate``.
+
+    For a DECAYING rate the sum over cycles diverges and the sum of squares converges (Robbins & Monro).
+    """
     return rate / (1.0 + cycles / rule.strength) if rule.rate == DECAYING else rate
 
 
 @kernel
 def compute_learning_error(rule: RuleParams, error: float) -> float:
-    """The part of ``error``, N m, that teaches."""
+    """Return the learning error for a feedback ``error``, N m: 0 in the dead zone of a rule with one."""
     return 0.0 if rule.teaches == OUTSIDE_DEAD_ZONE and abs(error) <= rule.strength else error
 
 
 @kernel
 def compute_divisor(rule: RuleParams, power: float) -> float:
-    """The divisor for ``power``, sum a_i^2; with regularisation, weights that are hardly active learn slowly."""
+    """Return the divisor of a rule for a ``power``, sum a_i^2; regularisation slows learning at low power."""
     return power + rule.strength if rule.divisor == REGULARISED else power
 
 
 @kernel
 def compute_goal(rule: RuleParams, weights: Array, cells: Cells, activation: Array, power: float, o: int) -> float:
-    """The goal of the weights (rows, J) of output ``o``, N m, that are active: at ``cells`` (C,).
+    """Compute the goal of the active weights of output ``o``, N m: 0, or their mean with goal MEAN.
 
-    A mean weighs by a_i^2, so that drawing keeps the output.
+    ``cells`` (C,) are the active rows of ``weights`` (rows, J), ``power`` is sum a_i^2. The mean is weighted by
+    a_i^2, so that moving weights towards it does not change the output.
     """
     goal = 0.0
     if rule.goal == MEAN:
@@ -215,7 +230,7 @@ def compute_goal(rule: RuleParams, weights: Array, cells: Cells, activation: Arr
 
 @kernel
 def pull(rule: RuleParams, rate: float, error: float) -> float:
-    """Fraction of the way to the goal that the most active weight moves in one step, 0 to 1."""
+    """Return the fraction, 0 to 1, of its distance to the goal that the most active weight moves in one step."""
     if rule.goal == NO_GOAL:
         return 0.0
     return min(1.0, rate * rule.strength * (abs(error) if rule.goal == ZERO_BY_ERROR else 1.0))
@@ -225,12 +240,12 @@ def pull(rule: RuleParams, rate: float, error: float) -> float:
 def train_by_rule(
     rule: RuleParams, weights: Array, cells: Cells, activation: Array, error: Array, rate: float
 ) -> None:
-    """One step of learning: every active weight changes in proportion to its ``activation`` (C,), 0 or more.
+    """Train the active weights by one step, each in proportion to its ``activation`` (C,), 0 or more.
 
-    Changes the rows ``cells`` (C,) of ``weights`` (rows, outputs) by ``error`` (outputs,), U, the output of the
-    feedback controller, N m. For rules that teach neighbouring steps see :func:`cmacexp.cmac.rules.train_spread`.
+    Changes the rows ``cells`` (C,) of ``weights`` (rows, outputs); ``error`` (outputs,) is U, the feedback torque,
+    N m, and ``rate`` is beta. For rules that train neighbouring steps see :func:`train_spread`.
     """
-    power, largest = 0.0, 0.0
+    power = largest = 0.0
     for j in range(cells.shape[0]):
         power += activation[j] * activation[j]
         largest = max(largest, activation[j])
@@ -246,9 +261,9 @@ def train_by_rule(
 
 @program
 def train_batch(rule: RuleParams, weights: Array, cells: Cells, activation: Array, error: Array, rate: float) -> None:
-    """:func:`train_by_rule` for a batch, one sample after the other.
+    """Train ``weights`` (rows, J) with a batch, one sample after the other, see :func:`train_by_rule`.
 
-    ``weights`` (rows, J) change; ``cells`` and ``activation`` are (samples, C), ``error`` is (samples, J), N m.
+    ``cells`` and ``activation`` are (samples, C), ``error`` is (samples, J), N m.
     """
     for k in range(cells.shape[0]):
         train_by_rule(rule, weights, cells[k], activation[k], error[k], rate)

@@ -1,4 +1,4 @@
-"""One input at a time, from Python: a compiled generator that is resumed, since calling a program takes 10 us."""
+"""CMAC for one input at a time from Python: resuming a compiled generator avoids the 10 us of calling a program."""
 
 import math
 from collections.abc import Iterator
@@ -13,30 +13,34 @@ from cmacexp.jit.compiler import kernel, program
 from cmacexp.typing import Array, Cells
 
 NOT_FINITE = -1
-"""What :func:`serving` yields for an input or error that is not finite; else the number of clipped inputs."""
+"""Yielded by :func:`serving` if an input or error is not finite, instead of the number of clipped inputs."""
 
 
 class Request(NamedTuple):
-    """Arrays through which Python and the generator exchange one sample."""
+    """Arrays through which Python and the compiled generator exchange one sample."""
 
     inputs: Array
-    """(n,): in the units of their ranges."""
+    """(n,): inputs, in the units of their ranges."""
     error: Array
-    """(outputs,): what teaches, in their units."""
+    """(outputs,): learning error, in the units of the outputs."""
     rate: Array
-    """(1,): beta; 0 asks for the output and trains nothing."""
+    """(1,): learning rate beta; 0: predict without training."""
     output: Array
-    """(outputs,): filled, in their units."""
+    """(outputs,): outputs filled by a prediction, in their units."""
     cells: Cells
-    """(C,): scratch."""
+    """(C,): working array of active rows."""
     activation: Array
-    """(C,): scratch; ones with rectangular receptive fields."""
+    """(C,): working array of activations; ones with rectangular receptive fields."""
 
 
 @kernel
 def serve(params: Address, receptive_field: int, rule: RuleParams, weights: Array, request: Request) -> int:
-    """Predict or train ``weights`` (rows, outputs) at one input (n,); returns as :data:`NOT_FINITE` says."""
-    clipped, trains = 0, request.rate[0] != 0.0
+    """Predict with ``weights`` (rows, outputs) at one input vector, or train them if the rate is not 0.
+
+    Returns the number of clipped inputs, or NOT_FINITE if an input or error is not finite.
+    """
+    clipped = 0
+    trains = request.rate[0] != 0.0
     for d in range(request.inputs.shape[0]):
         value = request.inputs[d]
         if not math.isfinite(value):
@@ -59,13 +63,13 @@ def serve(params: Address, receptive_field: int, rule: RuleParams, weights: Arra
 def serving(
     params: Address, receptive_field: int, rule: RuleParams, weights: Array, request: Request
 ) -> Iterator[int]:
-    """:func:`serve` whenever it is resumed, on the same ``weights`` (rows, outputs)."""
+    """Yield the result of :func:`serve` each time it is resumed, on the same ``weights`` (rows, outputs)."""
     while True:
         yield serve(params, receptive_field, rule, weights, request)
 
 
 class Single:
-    """A CMAC that takes one input at a time, with the bits of a batch of one."""
+    """CMAC that takes one input vector at a time; its results have the bits of a batch of one."""
 
     def __init__(self, params: Address, receptive_field: int, weights: Array):
         layers = len(params.displacement)
@@ -77,5 +81,5 @@ class Single:
             cells=np.zeros(layers, dtype=np.uint32),
             activation=np.ones(layers),
         )
-        self.arrays = params, weights  # which compiled code does not keep alive
+        self.arrays = params, weights  # compiled code does not keep them alive
         self.resume = serving(params, receptive_field, PAPER, weights, self.request).__next__

@@ -1,4 +1,4 @@
-"""The actuators: delay, limit, rate limit and lag of the commanded torques."""
+"""Actuators: delay, limit, rate limit and first-order lag of the commanded torques."""
 
 import math
 from typing import Annotated, NamedTuple
@@ -12,35 +12,35 @@ from cmacexp.typing import STATE, Array, Role, State
 
 
 class Actuator(NamedTuple):
-    """Limits, delay and lag of the torques of all joints, and their state."""
+    """Parameters and state of the actuators of L legs with J joints each."""
 
     limit: tuple[float, ...]
-    """(J,): largest absolute torque of each joint of a leg, N m; infinite for none."""
+    """(J,): largest absolute torque of each joint of a leg, N m; infinite: no limit."""
     change: float
-    """Largest change of a torque from one step to the next, N m; infinite for none."""
+    """Largest change of a torque from one step to the next, N m; infinite: no limit."""
     delay: int
-    """Samples from command to action."""
+    """Delay from command to torque, samples."""
     delay_buffer: Annotated[Array, Role("state", ring_axis=0)]
     """(delay + 1, 2, L, J): commanded feedback and feedforward of the last steps, N m; empty without a delay."""
     last: State
-    """(L, J): torque of the last step, N m, before the lag."""
+    """(L, J): torque of the last step before the lag, N m."""
     share: float
-    """Part of its difference from the command by which a torque changes in a step; 1 without a lag."""
+    """Lag gain: fraction of (command - torque) added per step; 1 without a lag."""
     lagged: Annotated[Array | None, STATE]
-    """(2, L, J): feedback and feedforward that acted in the last step, N m; None without a lag, since a test in each
-    step would take a fifth of its time."""
+    """(2, L, J): feedback and feedforward after the lag in the last step, N m; None without a lag, because a test in
+    each step would take a fifth of its time."""
 
 
 def new_actuator(
     config: ActuatorConfig, sampling_period: float, legs: int, motors: tuple[float, ...] = (math.inf, math.inf)
 ) -> Actuator:
-    """Actuators at rest: until the first command arrives the torque is zero.
+    """Make the actuators of ``legs`` legs at rest: the torque is zero until the first command arrives.
 
-    ``motors`` (J,) are the largest absolute torques of each joint of a leg, N m, which the config can only lower.
+    ``motors`` (J,) holds the torque limit of each joint's motor, N m, which the config can only lower.
     """
     joints = len(motors)
     return Actuator(
-        tuple(min(config.limit, own) for own in motors),
+        tuple(min(config.limit, motor_limit) for motor_limit in motors),
         float("inf") if config.rate_limit is None else config.rate_limit * sampling_period,
         config.delay,
         np.zeros((config.delay + 1 if config.delay else 0, 2, legs, joints)),
@@ -54,8 +54,8 @@ def new_actuator(
 def saturate(limit: tuple[float, ...], feedback: Array, feedforward: Array, torque: Array) -> None:
     """Limit the torque of every joint to its ``limit`` (J,), N m; the feedback is reduced first.
 
-    ``feedback`` (L, J) is reduced in place, and ``feedforward`` (L, J) where it alone exceeds the limit. ``torque``
-    (L, J) is filled with their sum, the input of the plant; all in N m.
+    ``feedback`` (L, J) is reduced in place, and ``feedforward`` (L, J) only where it exceeds the limit by itself.
+    ``torque`` (L, J) is filled with their sum, the input of the plant; all in N m.
     """
     for i in range(torque.shape[0]):
         for j in range(len(limit)):
@@ -69,19 +69,22 @@ def saturate(limit: tuple[float, ...], feedback: Array, feedforward: Array, torq
 
 
 @kernel
-def postpone(actuator: Actuator, step: int, feedback: Array, feedforward: Array) -> None:
-    """Replace the torques of ``step`` by those of ``delay`` steps ago, zero before the first; all (L, J), N m."""
-    delay_buffer = actuator.delay_buffer
-    now, then = step % delay_buffer.shape[0], (step - actuator.delay) % delay_buffer.shape[0]
+def apply_delay(actuator: Actuator, step: int, feedback: Array, feedforward: Array) -> None:
+    """Replace the commands of ``step`` by those of ``delay`` steps before, 0 before the first; (L, J), N m."""
+    now = actuator.delay_buffer[step % actuator.delay_buffer.shape[0]]
+    delayed = actuator.delay_buffer[(step - actuator.delay) % actuator.delay_buffer.shape[0]]
     for i in range(feedback.shape[0]):
         for j in range(len(actuator.limit)):
-            delay_buffer[now, 0, i, j], delay_buffer[now, 1, i, j] = feedback[i, j], feedforward[i, j]
-            feedback[i, j], feedforward[i, j] = delay_buffer[then, 0, i, j], delay_buffer[then, 1, i, j]
+            now[0, i, j], now[1, i, j] = feedback[i, j], feedforward[i, j]
+            feedback[i, j], feedforward[i, j] = delayed[0, i, j], delayed[1, i, j]
 
 
 @kernel
-def slow_down(actuator: Actuator, feedback: Array, feedforward: Array, torque: Array) -> None:
-    """Limit the change of every torque, (L, J), N m, to ``change``; the difference is attributed to the feedback."""
+def limit_rate(actuator: Actuator, feedback: Array, feedforward: Array, torque: Array) -> None:
+    """Limit the change of every torque to ``actuator.change``; the feedback absorbs the difference.
+
+    ``feedback`` and ``torque`` (L, J), N m, change in place; ``feedforward`` (L, J) does not.
+    """
     for i in range(torque.shape[0]):
         for j in range(len(actuator.limit)):
             lowest, highest = actuator.last[i, j] - actuator.change, actuator.last[i, j] + actuator.change
@@ -93,8 +96,11 @@ def slow_down(actuator: Actuator, feedback: Array, feedforward: Array, torque: A
 
 
 @kernel
-def follow(lagged: Array | None, share: float, feedback: Array, feedforward: Array, torque: Array) -> None:
-    """Replace the torques, (L, J), N m, by those of first-order lags, which are linear: each part has its own."""
+def apply_lag(lagged: Array | None, share: float, feedback: Array, feedforward: Array, torque: Array) -> None:
+    """Pass feedback and feedforward (L, J), N m, through first-order lags; fill ``torque`` with their sum.
+
+    The lags are linear, so filtering the two separately keeps the sum right. ``lagged`` None: no lag.
+    """
     if lagged is not None:
         for i in range(torque.shape[0]):
             for j in range(torque.shape[1]):
@@ -106,14 +112,14 @@ def follow(lagged: Array | None, share: float, feedback: Array, feedforward: Arr
 
 @kernel
 def actuate(actuator: Actuator, step: int, feedback: Array, feedforward: Array, torque: Array) -> None:
-    """Compute the torques of the plant from those commanded in ``step``: delayed, limited, limited in rate, lagging.
+    """Apply delay, limit, rate limit and lag, in this order, to the torques commanded in ``step``.
 
-    Steps count from 0 and must follow each other. ``feedback`` and ``feedforward`` (L, J), N m, are replaced by those
-    that act; ``torque`` (L, J) is filled with their sum, the input of the plant.
+    Call it once per step, with steps counted from 0. ``feedback`` and ``feedforward`` (L, J), N m, are replaced by
+    the torques that act; ``torque`` (L, J), N m, is filled with their sum, the input of the plant.
     """
     if actuator.delay > 0:
-        postpone(actuator, step, feedback, feedforward)
+        apply_delay(actuator, step, feedback, feedforward)
     saturate(actuator.limit, feedback, feedforward, torque)
     if actuator.change < np.inf:
-        slow_down(actuator, feedback, feedforward, torque)
-    follow(actuator.lagged, actuator.share, feedback, feedforward, torque)
+        limit_rate(actuator, feedback, feedforward, torque)
+    apply_lag(actuator.lagged, actuator.share, feedback, feedforward, torque)

@@ -1,6 +1,6 @@
-"""The controllers: hybrid position/force feedback, and drives that close loops of their own.
+"""Controllers: hybrid position/force feedback, and commands to joint drives that close their own loops.
 
-Drives are sent angles, velocities, gains and torques.
+Joint drives receive angles, velocities, gains and torques.
 """
 
 import math
@@ -34,31 +34,31 @@ from cmacexp.typing import Array, KernelParts
 
 
 class HybridController:
-    """Position control, and force control of the feet that the plan has in support (Lin & Song 1997, eq. 21)."""
+    """Hybrid controller: position control in transfer, force control of feet in support (Lin & Song 1997, eq. 21)."""
 
     @dataclass
     class Config(ComponentConfig):
-        """Position control and the LEAD compensator (eq. 5-7, 21)."""
+        """Gains of position control and corner frequencies of the LEAD compensator (eq. 5-7, 21)."""
 
         position_gain: float = number("N/m", above=0, at_most=1e9)
-        """K_ap."""
+        """Position gain K_ap."""
         velocity_gain: float = number("N s/m", at_least=0, at_most=1e9)
-        """K_av."""
+        """Velocity gain K_av."""
         lead_omega: float = number("rad/s", above=0, at_most=1e6)
-        """Lower corner frequency omega (assumed; see pipelines/lead_design.py)."""
+        """Lower corner frequency omega of the LEAD (assumed; see pipelines/lead_design.py)."""
         lead_alpha: float = number("", above=0, at_most=1e6)
-        """Upper over lower corner frequency, alpha (assumed)."""
+        """Ratio alpha of upper to lower corner frequency of the LEAD (assumed)."""
 
     params: HybridParams
     state: HybridState = new_hybrid_state(0)
-    """State of no legs until the controller is reset."""
+    """LEAD and fault detection states; no legs until the controller is reset."""
     feedforward: Feedforward
 
     def __init__(self, config: Config):
         self.config = config
 
     def reset(self, setup: Setup, feedforward: Feedforward) -> None:
-        """Set the states of the LEAD compensators to zero."""
+        """Prepare the controller for a run, with the LEAD states at zero; it trains and uses ``feedforward``."""
         self.params = HybridParams(
             mechanism=setup.mechanism,
             method=METHODS[setup.config.force_control.method],
@@ -74,22 +74,25 @@ class HybridController:
         self.feedforward = feedforward
 
     def kernel_parts(self) -> KernelParts:
-        """Parameters and state."""
+        """Return the parameters and the state of the controller."""
         return {"control": self.params, "control_state": self.state}
 
     @property
     def force_trusted(self) -> Array:
-        """(L,): 1, or 0 since the force sensor of the leg was excluded; without a unit."""
+        """(L,): 1 if the force sensor of the leg is trusted, 0 after its exclusion; without a unit."""
         return self.state.fault_status.trusted
 
     @property
     def dropped(self) -> dict[int, int]:
-        """Legs whose force sensor was excluded, and the step in which it was."""
+        """Step in which a force sensor was excluded, by leg number from 1."""
         status = self.state.fault_status
         return {i + 1: int(status.steps[i]) for i in np.flatnonzero(status.trusted == 0.0).tolist()}
 
     def act(self, reference: Reference, measurement: Measurement) -> Action:
-        """Feedback from this step's errors; feedforward from the plan, trained by the last step's feedback."""
+        """Compute feedback from the errors of this step, and feedforward trained by the feedback of the last step.
+
+        The feedforward is zero outside the cycles in which it acts.
+        """
         last: Array = self.state.learning_error.copy()
         update_kinematics(self.params.mechanism, measurement.q, self.kinematics)
         observation = Observation._make((*get_state(measurement), self.kinematics, measurement.travel))
@@ -100,24 +103,28 @@ class HybridController:
 
 
 class DriveController:
-    """Sends drives the planned motion of their joints, and in support J^T F_d; the drives give K (q_d - q) + D (...).
+    """Controller of joint drives: sends the planned joint motion, and J^T F_d in support.
 
-    The force that is missing in support enters what teaches, and no feedback: the law reads no force in between.
+    The drives compute the feedback K (q_d - q) + D (dq_d - dq). The force error in support enters the learning error
+    only: there is no force feedback.
     """
 
     @dataclass
     class Config(ComponentConfig):
-        """Gains of the drives, and what teaches."""
+        """Gains of the joint drives, and weight of the force in the learning error."""
 
         stiffness: float = number("N m/rad", above=0, at_most=1e6)
-        """K of every joint, which its drive applies."""
+        """Position gain K of every joint drive."""
         damping: float = number("N m s/rad", above=0, at_most=1e5)
-        """D of every joint; above ``actuator.lag`` times the stiffness."""
+        """Velocity gain D of every joint drive; above ``actuator.lag`` times the stiffness."""
         force_weight: float = number("", at_least=0, at_most=10)
-        """Weight of J^T (F_d - F) in support, in what teaches, beside what the drives' law gives; 0: that alone."""
+        """Weight of J^T (F_d - F) in support in the learning error; 0: feedback torque of the drives only."""
 
         def check(self, config: Config) -> None:
-            """Check that drives are stable behind their lag (Routh, a joint without friction); raises BadInput."""
+            """Check that the drives are stable with their lag, and that the method needs no force feedback.
+
+            Stability follows from Routh's criterion for a joint without friction. Raises BadInput.
+            """
             least = config.actuator.lag * self.stiffness
             require(
                 self.damping > least,
@@ -138,7 +145,7 @@ class DriveController:
 
     sends_drives = True
     response = 1
-    """Samples that pass beyond delays and lags until a torque shows in what teaches: the law answers a motion."""
+    """Samples from torque to learning error besides delays and lags: the drives respond to motion, not to torque."""
     state: HybridState = new_hybrid_state(0)
     params: DriveParams
     feedforward: Feedforward
@@ -147,27 +154,27 @@ class DriveController:
         self.config = config
 
     def reset(self, setup: Setup, feedforward: Feedforward) -> None:
-        """Prepare the commands of a robot; raises BadInput of another machine."""
+        """Prepare the commands for a run; raises BadInput if the machine is not a robot."""
         if setup.mechanism.chains is None:
             kind = setup.config.machine.kind
             raise BadInput("machine.kind", kind, "must be robot with controller=drives: use scenario=robot")
-        planned = setup.plan.joints[:2]
-        sensors = setup.config.sensors
-        if offers(setup.config.plant, HasEstimator):
-            sensors = setup.config.plant.estimator
-        late = [0, 0]
-        if isinstance(sensors, RealSensorsConfig | ProprioceptiveConfig):
-            late = [sensors.position.delay, sensors.velocity.delay]
-        lag = sensors.force_lag if isinstance(sensors, ProprioceptiveConfig) else 0.0
+        plant = setup.config.plant
+        sensors = plant.estimator if offers(plant, HasEstimator) else setup.config.sensors
+        delays = (
+            [sensors.position.delay, sensors.velocity.delay]
+            if isinstance(sensors, RealSensorsConfig | ProprioceptiveConfig)
+            else [0, 0]
+        )
+        force_lag = sensors.force_lag if isinstance(sensors, ProprioceptiveConfig) else 0.0
         self.params = DriveParams(
             hips=setup.mechanism.hips,
             chains=setup.mechanism.chains,
-            angles=setup.plan.joints.position.copy(),  # a plan that adapts changes its own
-            behind=np.stack([v - np.roll(v, n, axis=0) for v, n in zip(planned, late, strict=True)]),
+            angles=setup.plan.joints.position.copy(),  # an adaptive plan changes its own array
+            behind=np.stack([v - np.roll(v, n, axis=0) for v, n in zip(setup.plan.joints[:2], delays, strict=True)]),
             stiffness=self.config.stiffness,
             damping=self.config.damping,
             force_weight=self.config.force_weight,
-            force_share=first_order_share(lag, setup.config.sampling_period),
+            force_share=first_order_share(force_lag, setup.config.sampling_period),
             force_due=np.zeros(setup.mechanism.chains.shape[0]),
             ahead=setup.config.sampling_period / 2.0,
             steering=new_steering(setup),
@@ -179,17 +186,27 @@ class DriveController:
         self.feedforward = feedforward
 
     def kernel_parts(self) -> KernelParts:
-        """Parameters and state."""
+        """Return the parameters and the state of the controller."""
         return {"control": self.params, "control_state": self.state}
 
     def act(self, reference: Reference, measurement: Measurement) -> Action:
-        """The command of this step; feedforward from the plan, trained by the last step's learning error."""
+        """Compute the drive command of this step, and feedforward trained by the learning error of the last step.
+
+        The feedforward is zero outside the cycles in which it acts.
+        """
         last: Array = self.state.learning_error.copy()
         observation = Observation._make((*get_state(measurement), self.kinematics, measurement.travel))
         steer(self.params.steering, observation.travel, reference.step, reference.sample, reference.support)
-        control, sample = reference.control, reference.sample
-        command_drives(self.params, self.state, self.command, sample, reference.support, control, observation)
+        command_drives(
+            self.params,
+            self.state,
+            self.command,
+            reference.sample,
+            reference.support,
+            reference.control,
+            observation,
+        )
         feedforward = self.feedforward.predict(reference, last) if reference.acting else np.zeros_like(last)
-        drive = Drive(*(self.command[part].copy() for part in (ANGLE, VELOCITY, STIFFNESS, DAMPING)))
+        drive = Drive(*(self.command[quantity].copy() for quantity in (ANGLE, VELOCITY, STIFFNESS, DAMPING)))
         state = self.state
         return Action(state.feedback.copy(), feedforward, state.reference.copy(), drive, state.learning_error.copy())

@@ -1,12 +1,12 @@
-"""Hybrid position/force control of one step, as kernels, with fault detection of its force sensors.
+"""Kernels of hybrid position/force control in one step, with fault detection of the force sensors.
 
 Equation 21 adds two LEAD compensators, one over position and one over velocity errors. Both have the same corner
 frequencies, so one LEAD over K_ap E + K_av E' is the same controller, and keeps its state when the planned phase
 switches between position and force control.
 
-Fault detection compares each reading with the force expected at the measured depth of the foot. Normalised deviations
-are summed from 0 upwards (a cumulative sum: Page 1954, Continuous inspection schemes, Biometrika 41), so that neither
-spikes nor noise exclude a healthy sensor.
+Fault detection compares each reading with the force expected at the measured depth of the foot. The statistic is a
+one-sided cumulative sum of normalised deviations (CUSUM: Page 1954, Continuous inspection schemes, Biometrika 41), so
+that neither spikes nor noise exclude a healthy sensor.
 """
 
 from typing import NamedTuple
@@ -24,41 +24,43 @@ from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array, Clock, Mask, Scratch, State
 
 LARGEST_INCREMENT = 1.0
+"""Largest increment of the cumulative sum in one sample, so that a spike counts no more than a moderate deviation."""
 
 
 class FaultDetection(NamedTuple):
-    """Parameters of fault detection: the fields of :class:`cmacexp.config.schema.PlausibilityConfig`."""
+    """Parameters of fault detection; fields as in :class:`cmacexp.config.schema.PlausibilityConfig`."""
 
     enabled: bool
     tolerance: float
     """Allowed difference from the expected force, N."""
     relative_tolerance: float
-    """Allowed difference over the expected force."""
+    """Additional allowed difference, relative to the expected force."""
     patience: int
-    """Statistic above which a sensor is excluded: samples with twice the allowed difference."""
+    """Threshold of the cumulative sum; a sample with twice the allowed difference adds 1."""
 
 
 class FaultStatus(NamedTuple):
-    """Status of the force sensors; L is the number of legs."""
+    """Fault status of the force sensors of L legs."""
 
     statistic: State
-    """(L,): cumulative sum, at least 0."""
+    """(L,): cumulative sum of normalised deviations, at least 0."""
     trusted: Clock
-    """(L,): 1, or 0 since the sensor was excluded."""
+    """(L,): 1 if the sensor is trusted, 0 after its exclusion."""
     steps: Clock
-    """(L,): steps for which it was trusted."""
+    """(L,): number of steps in which the sensor was trusted."""
 
 
 def new_fault_status(legs: int) -> FaultStatus:
-    """All sensors are trusted."""
+    """Make the fault status of ``legs`` legs, with all sensors trusted."""
     return FaultStatus(np.zeros(legs), np.ones(legs), np.zeros(legs))
 
 
 @kernel
 def expected_force(stiffness: float, mechanism: Mechanism, i: int, foot: Array, pose: Pose) -> float:
-    """Contact force that flat ground of K_n ``stiffness`` N/m gives foot ``i`` at its measured depth, N (eq. 1).
+    """Compute the contact force of foot ``i`` on flat ground at its measured depth, N (eq. 1).
 
-    ``foot`` (L, J) is in the frames of the hips, ``pose`` is that of the body.
+    ``stiffness`` is that of the ground, K_n, N/m; ``foot`` (L, J), m, is in the frames of the hips, ``pose`` is the
+    pose of the body.
     """
     if has_body(mechanism):
         hips = mechanism.hips
@@ -68,7 +70,10 @@ def expected_force(stiffness: float, mechanism: Mechanism, i: int, foot: Array, 
 
 @kernel
 def update_status(params: FaultDetection, status: FaultStatus, i: int, measured: float, expected: float) -> bool:
-    """Update the status by one sample of leg ``i``, N; True while its sensor is trusted."""
+    """Update the fault status with one sample of leg ``i``; return True if its sensor is still trusted.
+
+    ``measured`` and ``expected`` are forces, N.
+    """
     if status.trusted[i] == 0.0:
         return False
     allowed = params.tolerance + params.relative_tolerance * expected
@@ -86,11 +91,11 @@ METHODS = {"stiffness": STIFFNESS, "damping": DAMPING, "combined": COMBINED, "ex
 
 
 class HybridParams(NamedTuple):
-    """Parameters of the controller."""
+    """Parameters of the hybrid controller."""
 
     mechanism: Mechanism
     method: int
-    """One of METHODS."""
+    """Force control method, one of METHODS."""
     gains: Gains
     lead: Lead
     posture_gain: float
@@ -99,42 +104,42 @@ class HybridParams(NamedTuple):
     """Gain of the posture term in the velocity reference; 0 as in the paper."""
     fault_detection: FaultDetection
     steering: Steering | None = None
-    """None where nothing is steered."""
+    """Course feedback; None without one."""
 
 
 class HybridState(NamedTuple):
-    """LEAD states and results of the last step, of L legs with J axes and joints each."""
+    """LEAD states and results of the last step, for L legs with J axes and joints each."""
 
     error: State
     """(L, J): weighted error of the last step, N."""
     output: State
-    """(L, J): LEAD output of the last step, U without the desired force, N."""
+    """(L, J): LEAD output U of the last step, without the desired force, N."""
     feedback: Scratch
     """(L, J): feedback torque J^T (U + F_d), N m."""
     learning_error: State
     """(L, J): learning error of a feedforward, J^T U, N m."""
     reference: Scratch
-    """(L, J): position of the reference in the last step, with posture control, m."""
+    """(L, J): reference position of the last step, including posture control, m."""
     fault_status: FaultStatus
 
 
 def new_hybrid_state(legs: int, axes: int = len(PLANE)) -> HybridState:
-    """LEAD states of zero."""
+    """Make the state of ``legs`` legs with ``axes`` axes each: all zero, all force sensors trusted."""
     error, output, feedback, learning_error, reference = (np.zeros((legs, axes)) for _ in range(5))
     return HybridState(error, output, feedback, learning_error, reference, new_fault_status(legs))
 
 
 @kernel
 def position_error(params: HybridParams, reference: float, reference_rate: float, value: float, rate: float) -> float:
-    """K_ap E + K_av E' without force terms, N (Lin & Song 1997, eq. 21)."""
+    """Compute the weighted position error K_ap E + K_av E', N, without force terms (Lin & Song 1997, eq. 21)."""
     return params.gains.position_gain * (reference - value) + params.gains.velocity_gain * (reference_rate - rate)
 
 
 @kernel
 def posture_term(params: HybridParams, i: int, pose: Pose) -> float:
-    """Posture term of the reference of a supporting foot, gain x (h0 - h_i), m (section 6.2).
+    """Compute the posture term of the y reference of supporting foot ``i``, gain x (h0 - h_i), m (section 6.2).
 
-    ``pose`` is that of the body; h_i is the height of hip i.
+    ``pose`` is the pose of the body; h0 is the nominal height of the hips, h_i that of hip i.
     """
     if not has_body(params.mechanism) or params.posture_gain == 0.0:
         return 0.0
@@ -144,10 +149,10 @@ def posture_term(params: HybridParams, i: int, pose: Pose) -> float:
 
 @kernel
 def posture_rate_term(params: HybridParams, i: int, pose: Pose, rate: Array) -> float:
-    """Posture term of the velocity reference of a supporting foot, -gain x dh_i/dt, m/s.
+    """Compute the posture term of the vy reference of supporting foot ``i``, -gain x dh_i/dt, m/s.
 
-    With the gain of :func:`posture_term` it is the derivative of that term, which the paper leaves out: a body with
-    inertia rocks without it. ``rate`` (3,) is that of height, m/s, pitch and roll, rad/s.
+    With the gain of :func:`posture_term` it is the derivative of that term. The paper omits it, but a body with
+    inertia rocks without it. ``rate`` (3,) holds the rates of height, m/s, pitch and roll, rad/s.
     """
     if not has_body(params.mechanism) or params.posture_rate_gain == 0.0:
         return 0.0
@@ -166,9 +171,10 @@ def force_error(
     vy: float,
     force: float,
 ) -> float:
-    """Weighted error of the force control method, N (Lin & Song 1997, Fig. 2 to 5 and eq. 21).
+    """Compute the weighted error of the force control method, N (Lin & Song 1997, Fig. 2 to 5 and eq. 21).
 
-    References of the force, N, of y, m, and of vy, m/s, those with posture control.
+    ``force`` and its reference are in N, ``y`` in m, ``vy`` in m/s; the references of ``y`` and ``vy`` include
+    posture control.
     """
     if params.method == EXPLICIT:
         return params.gains.force_gain * (force_reference - force)
@@ -185,11 +191,12 @@ def force_error(
 def control_force(
     params: HybridParams, status: FaultStatus, i: int, measured: float, desired: float, foot: Array, pose: Pose
 ) -> float:
-    """The force that control uses, N: the ``measured`` one unless the sensor of leg ``i`` is excluded.
+    """Return the force used by control, N: the ``measured`` force unless the sensor of leg ``i`` is excluded.
 
-    The ``desired`` force in its place cancels the terms of P_fn and V_fn in the error against those in the reference
-    (eq. 9, 13, 24). Damping and explicit control have no other information about the ground: they use the force
-    expected at the measured depth. ``foot`` (L, J), m, is in the frames of the hips.
+    With an excluded sensor, stiffness and combined control use the ``desired`` force: its terms P_fn and V_fn in the
+    error then cancel those in the reference (eq. 9, 13, 24). Damping and explicit control have no other information
+    about the ground; they use the force expected at the measured depth. ``foot`` (L, J), m, is in the frames of the
+    hips.
     """
     if not params.fault_detection.enabled:
         return measured
@@ -201,7 +208,7 @@ def control_force(
 
 @kernel
 def filter_error(lead: Lead, state: HybridState, i: int, axis: int, reference: float, error: float) -> None:
-    """Pass the weighted ``error``, N, of leg ``i`` along an ``axis`` through its LEAD; note the ``reference``, m."""
+    """Filter the weighted ``error``, N, of leg ``i`` along ``axis`` by its LEAD; store the ``reference``, m."""
     state.output[i, axis] = lead_step(lead, error, state.error[i, axis], state.output[i, axis])
     state.error[i, axis] = error
     state.reference[i, axis] = reference
@@ -215,10 +222,10 @@ def hybrid_feedback(
     reference: ControlReference,
     observation: Observation,
 ) -> None:
-    """Feedback torques (L, J), N m, of all legs; ``state`` of the last step becomes that of this one.
+    """Compute the feedback torques (L, J), N m, of all legs, and advance ``state`` by one step.
 
-    A leg with ``support`` (L,) is under force control along y, else under position control; ``reference`` is that of
-    this step.
+    Legs with ``support`` (L,) True are under force control along y, the others under position control. ``reference``
+    and ``observation`` are those of this step.
     """
     foot = observation.foot
     velocity = observation.velocity
@@ -228,8 +235,9 @@ def hybrid_feedback(
         x_reference, vx_reference = steer_longitudinal(params.steering, params.mechanism.hips, i, reference)
         x_error = position_error(params, x_reference, vx_reference, foot[i, 0], velocity[i, 0])
         y_reference, vy_reference = reference.position[i, Y], reference.velocity[i, Y]
-        force, desired = observation.force[i], reference.force_desired[i]
-        pressed = control_force(params, state.fault_status, i, force, desired, foot, pose)
+        force = control_force(
+            params, state.fault_status, i, observation.force[i], reference.force_desired[i], foot, pose
+        )
         if support[i]:
             y_reference += posture_term(params, i, pose)
             vy_reference += posture_rate_term(params, i, pose, observation.body_rate)
@@ -241,7 +249,7 @@ def hybrid_feedback(
                 vy_reference=vy_reference,
                 y=foot[i, 1],
                 vy=velocity[i, 1],
-                force=pressed,
+                force=force,
             )
         else:
             y_error = position_error(params, y_reference, vy_reference, foot[i, 1], velocity[i, 1])

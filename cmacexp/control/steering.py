@@ -1,9 +1,10 @@
-"""A robot keeps its course: supporting feet walk along a stroke that turns the body back and moves it aside.
+"""Course feedback of a robot: the strokes of the feet are changed to correct position and heading of the body.
 
-After a push, feet touch down where they catch the body.
+After a lateral push, feet touch down where they catch the body.
 
-A body that moves with (v + dv, v_y) and turns with w moves its supporting feet by -(v + dv) + w y_hip along x and by
--v_y - w x_hip along z. The planned x of a foot falls by v: scaled, it is the path of all of these, in transfer too.
+A body with velocity (v + dv, v_y) and yaw rate w moves its supporting feet with -(v + dv) + w y_hip along x and
+-v_y - w x_hip along z, relative to the body. The planned x of a foot in support decreases at v, so scaling it gives
+both paths, in transfer too.
 """
 
 import math
@@ -19,67 +20,69 @@ from cmacexp.planning.plan import Setup
 from cmacexp.planning.reference import ControlReference, X, Z
 from cmacexp.typing import Array, Mask, Scratch
 
-MOST, MOST_STATIC = 0.1, 0.02
-"""Largest command, over the planned speed; a statically stable gait has margins of some millimetres."""
+LARGEST_COMMAND = 0.1
+"""Largest steering command, relative to the planned speed."""
+LARGEST_STATIC_COMMAND = 0.02
+"""Largest steering command in a statically stable gait, whose stability margin is only some millimetres."""
 PUSHED = 0.2
-"""Speed aside from which on feet are placed, m/s: where they always are, walks sway, and learning fails."""
+"""Lateral speed above which foot placement acts, m/s: if it always acts, the body sways and learning fails."""
 EASE = 0.03
-"""Time in which a foot takes to another place, s."""
+"""Time constant with which a foot in transfer moves to its new target, s."""
 LONGITUDINAL, LATERAL, TURN = range(3)
-"""Parts of the command: dv / v, v_y / v, and the arc of the farthest hip, w r / v."""
+"""Indices of the command: dv / v, v_y / v, and yaw as the speed of the farthest hip, w r / v."""
 
 
 class Steering(NamedTuple):
-    """Feedback of place and heading."""
+    """Parameters and state of the course feedback of a robot with L legs."""
 
     course_gain: float
-    """Speed towards the planned place over the distance from it, 1/s."""
+    """Gain from position error to velocity command, 1/s."""
     heading_gain: float
-    """Rate towards the planned heading over the angle from it, 1/s."""
+    """Gain from heading error to yaw rate command, 1/s."""
     speed: float
-    """Planned, v, m/s."""
+    """Planned speed v, m/s."""
     period: float
     """Sampling period, s."""
     radius: float
-    """Distance r of the farthest hip from the body's centre, m."""
+    """Distance r of the farthest hip from the body centre, m."""
     sway: Array
-    """(N, 2): planned place of the body beside its constant speed, m."""
+    """(N, 2): planned body position relative to motion at constant speed, m."""
     most: float
+    """Largest command, relative to the planned speed."""
     command: Scratch
-    """(3,): LONGITUDINAL, LATERAL and TURN, without a unit."""
+    """(3,): LONGITUDINAL, LATERAL and TURN command, relative to the planned speed."""
     capture: float
-    """How far aside feet touch down over the speed aside, s; 0: as planned."""
+    """Gain from lateral speed to lateral foot offset, s; 0: no foot placement."""
     farthest: float
-    """How far aside they do at most, m."""
+    """Largest lateral foot offset, m."""
     lateral: Scratch
-    """(1,): distance of the body from its course in the step before, m."""
+    """(1,): lateral position error of the body in the last step, m."""
     offset: Scratch
-    """(L,): of every foot from its planned place, to the left, m."""
+    """(L,): lateral offset of every foot from its planned position, to the left, m."""
 
 
 def new_steering(setup: Setup) -> Steering | None:
-    """Steering of a robot; None where nothing is steered."""
+    """Make the course feedback of a robot; return None without speed or gains, or for another machine."""
     config = setup.config
     hips = setup.mechanism.hips
-    place = setup.plan.sway.position
-    posture, speed = config.posture, config.body_speed
-    gains = posture.course_gain, posture.heading_gain
-    if not isinstance(config.machine, RobotMachine) or speed == 0.0 or not any(gains):
+    speed = config.body_speed
+    course_gain = config.posture.course_gain
+    heading_gain = config.posture.heading_gain
+    if not isinstance(config.machine, RobotMachine) or speed == 0.0 or not (course_gain or heading_gain):
         return None
-    place = np.ascontiguousarray(place - place[0])  # the body starts at its place of the first sample
+    sway = setup.plan.sway.position
     dynamic = PATTERNS[config.gait.pattern].is_dynamic
     height = setup.mechanism.hip_height
-    radius = np.hypot(*hips.T)
-    # The body passes its foot for half the support, and falls like an inverted pendulum (Raibert 1986; Pratt 2006).
+    # Half the support and the time constant of the inverted pendulum (Raibert 1986; Pratt 2006).
     capture = config.gait.duty_factor * config.gait.cycle_time / 2.0 + math.sqrt(height / GRAVITY) if dynamic else 0.0
     return Steering(
-        course_gain=posture.course_gain,
-        heading_gain=posture.heading_gain,
+        course_gain=course_gain,
+        heading_gain=heading_gain,
         speed=speed,
         period=config.sampling_period,
-        radius=float(radius.max()),
-        sway=place,
-        most=MOST if dynamic else MOST_STATIC,
+        radius=float(np.hypot(*hips.T).max()),
+        sway=np.ascontiguousarray(sway - sway[0]),  # the body starts at its position of the first sample
+        most=LARGEST_COMMAND if dynamic else LARGEST_STATIC_COMMAND,
         command=np.zeros(3),
         capture=capture,
         farthest=height,
@@ -90,30 +93,32 @@ def new_steering(setup: Setup) -> Steering | None:
 
 @kernel
 def place_feet(steering: Steering, support: Mask, lateral: float) -> None:
-    """Feet not in ``support`` (L,) go to where they catch a body that leaves its course, ``lateral`` m from it."""
-    rate, share = (lateral - steering.lateral[0]) / steering.period, min(1.0, steering.period / EASE)
-    place = min(max(steering.capture * rate, -steering.farthest), steering.farthest) if abs(rate) > PUSHED else 0.0
+    """Move feet that are not in ``support`` (L,) sideways to where they catch a pushed body.
+
+    ``lateral`` is the lateral position error of the body, m; its rate determines the foot offset.
+    """
+    rate = (lateral - steering.lateral[0]) / steering.period
+    target = min(max(steering.capture * rate, -steering.farthest), steering.farthest) if abs(rate) > PUSHED else 0.0
     steering.lateral[0] = lateral
     for i in range(support.shape[0]):
         if not support[i]:
-            steering.offset[i] += share * (place - steering.offset[i])
+            steering.offset[i] += min(1.0, steering.period / EASE) * (target - steering.offset[i])
 
 
 @kernel
 def steer(steering: Steering | None, travel: Array | None, step: int, sample: int, support: Mask) -> None:
-    """Set the command and the places of feet of a ``step``, the ``sample`` of its cycle.
+    """Compute the steering command and the foot offsets of a ``step``, at ``sample`` of its cycle.
 
-    The body is at ``travel`` (3,): x, y (m) and heading (rad).
+    ``travel`` (3,) is the measured body position x, y, m, and heading, rad. Does nothing without steering or travel.
     """
     if steering is not None and travel is not None:
         command = steering.command
-        gain = steering.course_gain
         speed = steering.speed
         longitudinal = step * steering.period * speed + steering.sway[sample, 0] - travel[0]
-        command[LONGITUDINAL] = gain * longitudinal / speed
+        command[LONGITUDINAL] = steering.course_gain * longitudinal / speed
         lateral = travel[1] - steering.sway[sample, 1]
         place_feet(steering, support, lateral)
-        command[LATERAL] = -gain * lateral / speed
+        command[LATERAL] = -steering.course_gain * lateral / speed
         command[TURN] = -steering.heading_gain * travel[2] * steering.radius / speed
         for n in range(3):
             command[n] = min(max(command[n], -steering.most), steering.most)
@@ -123,7 +128,7 @@ def steer(steering: Steering | None, travel: Array | None, step: int, sample: in
 def steer_longitudinal(
     steering: Steering | None, hips: Array, i: int, reference: ControlReference
 ) -> tuple[float, float]:
-    """x, m, and vx, m/s, of foot ``i`` in the ``reference`` of a step; ``hips`` (L, 2), m."""
+    """Return the steered reference x, m, and vx, m/s, of foot ``i``; ``hips`` (L, 2), m, are in the body frame."""
     scale = 1.0
     if steering is not None:
         scale = 1.0 + steering.command[LONGITUDINAL] - steering.command[TURN] * hips[i, 1] / steering.radius
@@ -132,9 +137,9 @@ def steer_longitudinal(
 
 @kernel
 def steer_lateral(steering: Steering | None, hips: Array, i: int, reference: ControlReference) -> tuple[float, float]:
-    """z, m, and vz, m/s, of foot ``i`` likewise, where feet move in space; ``hips`` (L, 2), m.
+    """Return the steered reference z, m, and vz, m/s, of foot ``i``; ``hips`` (L, 2), m, are in the body frame.
 
-    A share of the planned x is added to z.
+    A fraction of the planned x is added to z. Only for machines whose feet move in three dimensions.
     """
     scale = offset = 0.0
     if steering is not None:

@@ -1,4 +1,4 @@
-"""Feedforwards: torque that is known from the plan, or learnt from the feedback."""
+"""Feedforwards: torque known from the plan, or learnt from the feedback."""
 
 from cmacexp.feedforward.cmac import CmacFeedforward, CmacOnModel
 from cmacexp.feedforward.identified import IdentifiedModel

@@ -1,4 +1,4 @@
-"""One CMAC per leg as a feedforward; it learns all of the torque, or what a model of the machine lacks."""
+"""Feedforward with one CMAC per leg, which learns the whole torque or only the error of a model."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -18,38 +18,42 @@ from cmacexp.typing import Array, Cells, Weights
 
 
 class _Path(NamedTuple):
-    """What CMACs, one for each leg, find along planned inputs; nothing changes it, since many runs share it."""
+    """Addresses of one CMAC per leg along its planned inputs; read-only, because many runs share it."""
 
     cmacs: list[Cmac]
-    """Without weights."""
+    """One per leg, without weights."""
     activation: Array | None
-    """(N, L, C): of the active cells; None if all are 1."""
+    """(N, L, C): activations of the active cells; None if all are 1."""
     cells: Cells
     """(N, L, C): active rows."""
     memory: list[MemoryUse]
+    """Memory use of each leg."""
     log: WeightLog
+    """Empty log of the weights in these rows."""
 
 
-def _follow(setup: Setup, inputs: Sequence[Array], seed: int, key: tuple[Any, ...]) -> _Path:
-    """Follow inputs (N, n) of each leg, which span the ranges of its CMAC unless these have been learnt.
+def _address_path(setup: Setup, inputs: Sequence[Array], seed: int, key: tuple[Any, ...]) -> _Path:
+    """Compute the active rows of one CMAC per leg along its planned ``inputs`` (N, n).
 
-    What follows from ``key`` alone, whatever the ``seed`` of the hash is, is recalled.
+    The input ranges span the inputs, unless an earlier run has stored its ranges. Cells before hashing depend on
+    ``key`` but not on the ``seed`` of the hash, so they are shared by runs with an equal key.
     """
-    config, learnt, joints = setup.config.cmac, setup.learnt, setup.mechanism.shape[1]
-    ranges = [spanning(own, config.range_factor) for own in inputs]
-    if learnt is not None:
+    config = setup.config.cmac
+    learnt = setup.learnt
+    if learnt is None:
+        ranges = [spanning(leg_inputs, config.range_factor) for leg_inputs in inputs]
+    else:
         ranges = [InputRange(*ends) for ends in learnt["ranges"]]
-    cmacs = [Cmac.from_config(config, own, joints, seed) for own in ranges]
+    cmacs = [Cmac.from_config(config, leg_range, setup.mechanism.shape[1], seed) for leg_range in ranges]
     for leg, cmac in enumerate(cmacs):
         if learnt is not None and cmac.visited is not None:
             cmac.visited.positions = learnt[f"visited_{leg + 1}"]
-    of_legs = list(zip(cmacs, inputs, strict=True))
-    cells = np.stack([cmac.cells(own) for cmac, own in of_legs], axis=1)
-    activation = None
-    if cmacs[0].receptive_field != RECTANGULAR:
-        activation = np.stack([cmac.activation(own) for cmac, own in of_legs], axis=1)
-    visited = setup.recall.get(key, lambda: [find_visited(*leg) for leg in of_legs])
-    memory = [memory_use(*leg, cells[:, i], visited[i]) for i, leg in enumerate(of_legs)]
+    legs = list(zip(cmacs, inputs, strict=True))
+    cells = np.stack([cmac.cells(leg_inputs) for cmac, leg_inputs in legs], axis=1)
+    is_binary = cmacs[0].receptive_field == RECTANGULAR
+    activation = None if is_binary else np.stack([cmac.activation(path) for cmac, path in legs], axis=1)
+    visited = setup.recall.get(key, lambda: [find_visited(*leg) for leg in legs])
+    memory = [memory_use(*leg, cells[:, i], visited[i]) for i, leg in enumerate(legs)]
     return _Path(cmacs, activation, cells, memory, find_rows(cells))
 
 
@@ -57,25 +61,26 @@ class CmacFeedforward(BuiltInFeedforward):
     """One CMAC per leg, addressed by planned joint values, trained by the feedback (Lin & Song 1997, section 4)."""
 
     def reset(self, setup: Setup) -> None:
-        """Compute the cells of every sample; start with empty memories, or with those of an earlier run."""
-        config, learnt = setup.config, setup.learnt
+        """Compute the active cells of every sample; start with zero weights, or with those of an earlier run."""
+        config = setup.config
+        learnt = setup.learnt
         inputs = [planned_inputs(setup, i, config.cmac.inputs) for i in range(setup.mechanism.shape[0])]
         self.seed = config.seed if learnt is None else int(learnt["seed"])
         ranges = None if learnt is None else np.asarray(learnt["ranges"]).tobytes()
-        key = [own.tobytes() for own in inputs], setup.mechanism.shape, config.cmac, ranges
-        with workload(len(inputs) * len(inputs[0])):  # one run does not repay compiling, many do
-            follow = partial(_follow, setup, inputs, self.seed, key)
-            path: _Path = setup.recall.get((*key, self.seed), follow) if learnt is None else follow()
+        key = [leg_inputs.tobytes() for leg_inputs in inputs], setup.mechanism.shape, config.cmac, ranges
+        with workload(len(inputs) * len(inputs[0])):  # compiling pays off for many runs, not for one
+            address_path = partial(_address_path, setup, inputs, self.seed, key)
+            path: _Path = setup.recall.get((*key, self.seed), address_path) if learnt is None else address_path()
         self.cmacs = [cmac.copy_empty() for cmac in path.cmacs]
         self.memory = path.memory
         self.params = network(setup, path.cells, self.cmacs[0].address.rows, path.activation, log=path.log)
-        for cmac, own in zip(self.cmacs, self.params.weights, strict=True):
-            cmac.weights = own
+        for cmac, weights in zip(self.cmacs, self.params.weights, strict=True):
+            cmac.weights = weights
 
     def learnt(self) -> Weights:
-        """``weights`` (L, rows, J), N m; ``ranges`` (L, 2, n) of the inputs, low and high; ``seed`` of the hash.
+        """Return ``weights`` (L, rows, J), N m; input ``ranges`` (L, 2, n), low and high; ``seed`` of the hash.
 
-        With visited addressing also ``visited_1`` and so on, the cells of each leg in the order of their rows.
+        With visited addressing also ``visited_1`` to ``visited_L``: the cells of each leg in the order of their rows.
         """
         ranges = np.stack([np.stack(cmac.address.ranges) for cmac in self.cmacs])
         visited = {
@@ -83,14 +88,18 @@ class CmacFeedforward(BuiltInFeedforward):
             for i, cmac in enumerate(self.cmacs)
             if cmac.visited is not None
         }
-        seed = np.array(self.seed, dtype=float)
-        return {"weights": self.params.weights.copy(), "ranges": ranges, "seed": seed, **visited}
+        return {
+            "weights": self.params.weights.copy(),
+            "ranges": ranges,
+            "seed": np.array(self.seed, dtype=float),
+            **visited,
+        }
 
 
 class CmacOnModel(CmacFeedforward):
-    """Inverse dynamics with a model that may be wrong, plus a CMAC that learns what feedback is still needed.
+    """Inverse dynamics with a model that may have errors, plus a CMAC that learns the remaining feedback torque.
 
-    The torque of the model acts from the first step that the feedforward acts in.
+    The torque of the model acts from the first step in which the feedforward acts.
     """
 
     Config = InverseDynamics.Config
@@ -100,7 +109,7 @@ class CmacOnModel(CmacFeedforward):
         self.model = InverseDynamics(config)
 
     def reset(self, setup: Setup) -> None:
-        """Compute the torque of the model; start with empty memories, or with those of an earlier run."""
+        """Compute the torque of the model; start with zero weights, or with those of an earlier run."""
         super().reset(setup)
         self.model_torque = self.model.compute_torque(setup)
         self.params = self.params._replace(torque=self.model_torque)

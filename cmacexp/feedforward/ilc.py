@@ -1,4 +1,4 @@
-"""Iterative learning control: a torque for every sample of the cycle, improved from cycle to cycle."""
+"""Iterative learning control: one torque per sample of the cycle, updated from cycle to cycle."""
 
 import math
 from dataclasses import dataclass, replace
@@ -12,23 +12,28 @@ from cmacexp.planning.plan import Setup
 from cmacexp.typing import Array, Weights
 
 REACH = 4.0
-"""Standard deviations of the Gaussian that its taps cover."""
+"""Half-width of the taps in standard deviations of the Gaussian."""
 WIDEST = 2.0
-"""Cycles of standard deviation above which a Gaussian over a ring is a mean: 1e-34 is left of the first harmonic."""
+"""Standard deviation in cycles above which a periodic Gaussian is replaced by the mean over the cycle.
+
+The gain of the first harmonic is 1e-34 there.
+"""
 
 
 def gaussian_taps(cutoff: float, sampling_period: float, samples: int) -> Array:
-    """Taps (K,) of a Gaussian low-pass, from the middle outwards; its gain at ``cutoff`` Hz is 1/sqrt(2).
+    """Compute the taps (K,) of a symmetric Gaussian low-pass filter, from the centre outwards.
 
-    Above a fifth of the sampling rate, where a sample is wider than the Gaussian, it is larger. No tap is negative
-    and all of them, both sides taken, sum up to 1: no frequency is amplified. Much wider than a cycle of ``samples``,
-    which it filters as a ring, it is the mean over the cycle.
+    Its gain is 1/sqrt(2) at ``cutoff``, Hz; above a fifth of the sampling rate, where the Gaussian is narrower than a
+    sample, the gain there is larger.
+    No tap is negative, and the taps of both sides sum to 1, so no frequency is amplified. The filter is applied
+    periodically to a cycle of ``samples``; if it is much wider than the cycle, it is the mean over the cycle.
+    ``sampling_period`` is in s.
     """
     deviation = math.sqrt(math.log(2.0)) / (2.0 * math.pi * cutoff * sampling_period)
     if deviation > WIDEST * samples:
         mean = np.full(samples // 2 + 1, 1.0 / samples)
         if samples % 2 == 0:
-            mean[-1] /= 2.0  # the sample opposite, which both sides reach
+            mean[-1] /= 2.0  # both sides reach the opposite sample
         return mean
     taps: Array = exponential(-0.5 * (np.arange(1 + int(REACH * deviation)) / deviation) ** 2)
     return taps / (2.0 * math.fsum(taps) - taps[0])
@@ -37,22 +42,22 @@ def gaussian_taps(cutoff: float, sampling_period: float, samples: int) -> Array:
 class IterativeLearning(BuiltInFeedforward):
     """u_{j+1}(k) = Q [u_j(k) + beta U_j(k + lead)], cycle j, sample k (Bristow, Tharayil & Alleyne 2006).
 
-    One weight per sample and joint; Q is a zero-phase low-pass filter over the cycle as a ring: each cycle continues
-    where the last one ended, as in repetitive control. What is learnt belongs to a sample of the cycle, whatever the
-    path there.
+    One weight per sample and joint. Q is a zero-phase low-pass filter, periodic over the cycle: each cycle continues
+    where the last one ended, as in repetitive control. The weights belong to samples of the cycle and do not transfer
+    to another path.
     """
 
     @dataclass
     class Config(FeedforwardConfig):
-        """The low-pass filter Q."""
+        """Low-pass filter Q."""
 
         cutoff: float | None = number("Hz", above=0, at_most=1e6, tuned=(3.0, 40.0))
-        """Frequency at which the gain of Q is 1/sqrt(2); null: Q = 1."""
+        """Cutoff frequency of Q, where its gain is 1/sqrt(2); null: Q = 1."""
 
     config: Config
 
     def reset(self, setup: Setup) -> None:
-        """Start with no torque at any sample, or with that of an earlier run at the same phase of its cycle."""
+        """Start with zero torque, or with the torque of an earlier run, resampled at equal phases of the cycle."""
         samples, legs = setup.plan.support.shape
         if setup.learnt is not None:
             setup = replace(setup, learnt={"weights": resample(setup.learnt["weights"], samples, axis=1)})
@@ -63,5 +68,5 @@ class IterativeLearning(BuiltInFeedforward):
         self.memory = [MemoryUse(samples, samples, samples, 0, 0)] * legs
 
     def learnt(self) -> Weights:
-        """``weights`` (L, N, J), N m."""
+        """Return ``weights`` (L, N, J), the torque of every sample, N m."""
         return {"weights": self.params.weights.copy()}

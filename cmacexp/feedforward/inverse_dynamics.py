@@ -1,4 +1,4 @@
-"""Inverse dynamics along the desired path, with a model that may be wrong."""
+"""Feedforward by inverse dynamics along the desired path, with a model that may have errors."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,8 @@ from cmacexp.typing import Array
 class InverseDynamics(BuiltInFeedforward):
     """Inverse dynamics along the desired path (Lin & Song 1997, eq. 16, 17).
 
-    The contact force is that of the desired depression, in transfer too: the path leaves the ground on the way up.
+    The contact force is that of the desired depression, also in transfer, because the path leaves the ground only on
+    its way up.
     """
 
     @dataclass
@@ -29,9 +30,9 @@ class InverseDynamics(BuiltInFeedforward):
         mass_factor: float = number(
             "", above=0, at_most=1e3, needs=("machine.kind != 'point_mass' or gait.pattern != 'standing'",)
         )
-        """Masses of the model over the true ones."""
+        """Masses of the model / true masses."""
         length_factor: float = number("", above=0, at_most=1e3, needs=("machine.kind != 'point_mass'",))
-        """Lengths of the model's links over the true ones; joint angles are planned with the true ones."""
+        """Link lengths of the model / true lengths; joint angles are planned with the true lengths."""
 
     config: Config
 
@@ -40,11 +41,13 @@ class InverseDynamics(BuiltInFeedforward):
         self.params = known_torque(setup, self.compute_torque(setup))
 
     def compute_torque(self, setup: Setup) -> Array:
-        """Torque (N, L, J) of every sample of the cycle, N m; without J^T F_d where the controller adds it.
+        """Compute the torque (N, L, J) of every sample of the cycle, N m.
 
-        Raises BadInput of a robot, whose model cannot have links of another length.
+        It excludes J^T F_d if the controller adds that torque. Raises BadInput for a robot with a length factor
+        other than 1: the link lengths of its model are fixed.
         """
-        adds, plan = setup.config.reference == "force_feedforward", setup.plan
+        plan = setup.plan
+        controller_adds_force = setup.config.reference == "force_feedforward"
         if isinstance(setup.config.machine, RobotMachine):
             require(
                 self.config.length_factor == 1.0,
@@ -52,11 +55,11 @@ class InverseDynamics(BuiltInFeedforward):
                 self.config.length_factor,
                 "must be 1 with machine.kind=robot, whose links are those of its model",
             )
-            forces = plan.force_desired, np.zeros_like(plan.force_desired) if adds else plan.force_desired
-            motion = plan.joints, plan.sway
-            return planned_torques(setup.config, setup.mechanism, *motion, *forces, self.config.mass_factor)
+            force = np.zeros_like(plan.force_desired) if controller_adds_force else plan.force_desired
+            motion = plan.joints, plan.sway, plan.force_desired
+            return planned_torques(setup.config, setup.mechanism, *motion, force, self.config.mass_factor)
         factors = [self.config.length_factor] * 2 + [self.config.mass_factor] * 2 + [1.0]
-        added = np.where(plan.support, plan.force_desired, 0.0) if adds else np.zeros(plan.support.shape)
+        added = np.where(plan.support & controller_adds_force, plan.force_desired, 0.0)
         mechanism = setup.mechanism._replace(legs=setup.mechanism.legs * np.array(factors))
         depression = plan.desired.position[..., Y] - mechanism.hip_height
         force = np.vectorize(contact_force, otypes=[float])(setup.config.assumed_stiffness, depression) - added

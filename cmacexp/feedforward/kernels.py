@@ -1,4 +1,4 @@
-"""Feedforwards as kernels: a known torque, a regressor, or a network that learns, with a log of its weights."""
+"""Kernels of feedforwards: a known torque, an adaptive regressor, or a learning network with a log of its weights."""
 
 import math
 from typing import Annotated, NamedTuple
@@ -12,36 +12,37 @@ from cmacexp.jit.compiler import called_kernel, copy_array, kernel, program
 from cmacexp.typing import CLOCK, Array, Cells, Clock, Counts, Scratch, State
 
 LOGGED = tuple(signal.name for signal in MEMORY_SIGNALS if signal.owner == FEEDFORWARD)
+"""Columns of the weight log; units as in :data:`cmacexp.data.signals.MEMORY_SIGNALS`."""
 NORM, LARGEST, ROWS_USED = (LOGGED.index(name) for name in ("weight_norm", "weight_largest", "rows_used"))
 
 
 class WeightLog(NamedTuple):
-    """Log of L networks over the cycles begun since it was last taken."""
+    """Log of the weights of L networks over the cycles begun since it was last collected."""
 
     rows: Cells
-    """(L, M): the rows that the plan uses, each once; padded."""
+    """(L, M): distinct rows that the plan uses, padded."""
     used: Counts
-    """(L,): number of these rows."""
+    """(L,): number of distinct rows."""
     values: Clock
-    """(cycles that it holds, L, 3): as LOGGED, at the start of each of these cycles."""
+    """(capacity in cycles, L, 3): columns LOGGED at the start of each cycle."""
     begun: Annotated[Counts, CLOCK]
-    """(1,): number of these cycles."""
+    """(1,): number of cycles begun since the last collection."""
 
 
 def find_rows(cells: Cells) -> WeightLog:
-    """Find the rows that networks use whose active rows are ``cells`` (N, L, C); a log of them without room."""
-    legs = [find_distinct(own) for own in np.moveaxis(cells, 1, 0)]
-    rows = np.zeros((len(legs), max(map(len, legs))), dtype=np.uint32)
-    for own, found in zip(rows, legs, strict=True):
-        own[: len(found)] = found
-    counts = np.array([len(found) for found in legs], dtype=np.int64)
+    """Make a weight log, without capacity, of the rows used by networks with active rows ``cells`` (N, L, C)."""
+    distinct = [find_distinct(leg_cells) for leg_cells in np.moveaxis(cells, 1, 0)]
+    counts = np.array([len(leg_rows) for leg_rows in distinct], dtype=np.int64)
+    rows = np.zeros((len(distinct), counts.max()), dtype=np.uint32)
+    for i, leg_rows in enumerate(distinct):
+        rows[i, : len(leg_rows)] = leg_rows
     return make_room(WeightLog(rows, counts, np.zeros(0), np.zeros(0, dtype=np.int64)), 0)
 
 
 def make_room(log: WeightLog, cycles: int) -> WeightLog:
-    """Make a log of the same rows that has room for so many cycles.
+    """Make an empty log of the same rows with a capacity of ``cycles``.
 
-    All of a run have room: a machine on a wire cannot wait for the log to be taken.
+    The capacity covers a whole run, because a real robot cannot wait for the log to be collected.
     """
     values = np.zeros((cycles, len(log.used), len(LOGGED)))
     return log._replace(values=values, begun=np.zeros(1, dtype=np.int64))
@@ -49,7 +50,7 @@ def make_room(log: WeightLog, cycles: int) -> WeightLog:
 
 @kernel
 def log_weights(log: WeightLog, weights: Array, entry: Array) -> None:
-    """Fill ``entry`` (L, 3) with the columns LOGGED of ``weights`` (L, rows, J), N m, now."""
+    """Fill ``entry`` (L, 3) with the columns LOGGED of the current ``weights`` (L, rows, J), N m."""
     for i in range(weights.shape[0]):
         power = largest = 0.0
         count = 0
@@ -69,7 +70,7 @@ def log_weights(log: WeightLog, weights: Array, entry: Array) -> None:
 
 @kernel
 def log_cycle(log: WeightLog, weights: Array) -> None:
-    """Log the weights (L, rows, J), N m, at the start of a cycle."""
+    """Log the ``weights`` (L, rows, J), N m, at the start of a cycle; count the cycle if the log is full."""
     if log.begun[0] < log.values.shape[0]:
         log_weights(log, weights, log.values[log.begun[0]])
     log.begun[0] += 1
@@ -79,14 +80,14 @@ log_weights_now = program(log_weights)
 
 
 def collect_log(log: WeightLog, weights: Array, cycles: int) -> Array:
-    """Take and empty the log of the last ``cycles`` cycles, the last of which may be short.
+    """Return the log (cycles, L, 3) of the last ``cycles`` cycles, with columns LOGGED, and empty it.
 
-    Returns (cycles, L, 3), as LOGGED, at the end of each, whether networks acted in it or not; 0 before they learn.
-    ``weights`` (L, rows, J) are as the last of these cycles left them.
+    The entries are those at the end of each cycle, the last of which may be incomplete; 0 before the networks learn.
+    ``weights`` (L, rows, J), N m, are those at the end of the last cycle.
     """
     entries = np.zeros((cycles, *log.values.shape[1:]))
     begun = int(log.begun[0])
-    if begun and cycles:  # a run may end before the first step of a cycle is kept
+    if begun and cycles:  # a run may end before the first step of a cycle is logged
         entries[cycles - begun : cycles - 1] = log.values[1:begun]
         log_weights_now(log, weights, entries[-1])
     log.begun[0] = 0
@@ -94,71 +95,73 @@ def collect_log(log: WeightLog, weights: Array, cycles: int) -> Array:
 
 
 TABLE, CMAC, WEIGHTED, REGRESSOR = range(4)
+"""Kinds of feedforward, see :class:`FeedforwardParams`."""
 
 EMPTY_CELLS: Cells = np.zeros((1, 1, 1), dtype=np.uint32)
 EMPTY: Array = np.zeros((1, 1, 1))
 
 
 class LearningParams(NamedTuple):
-    """How the weights of a network learn from the feedback."""
+    """Parameters with which the weights of L networks learn from the feedback."""
 
     rate: Array
-    """(L,): beta."""
+    """(L,): learning rate beta."""
     lead: int
-    """U(k-1) trains the cells of step k-1-lead."""
+    """Samples from torque to learning error: U(k-1) trains the cells of step k-1-lead."""
     rule: RuleParams = PAPER
     is_paper_rule: bool = False
-    """True for the paper's rule of two joints where all activations are 1, so that it needs none."""
+    """True for the paper's rule with two joints and activations of 1; activations are then not stored."""
     start_step: int = 0
     """First step of the run in which the network learns."""
     cells: Cells = EMPTY_CELLS
-    """(N, L, K): rows that learn from the error of each sample; only of ``zero_phase``."""
+    """(N, L, K): rows that learn from the error of each sample; only with rule ``zero_phase``."""
     share: Array = EMPTY
-    """(N, L, K): their shares, see :func:`cmacexp.cmac.rules.spread_shares`; of a regressor (N, L, P J), see
-    :func:`adapt`."""
+    """(N, L, K): shares of these rows in the error, see :func:`cmacexp.cmac.rules.spread_shares`; for a REGRESSOR
+    (N, L, P J), see :func:`adapt`."""
     cycle_rate: float = 0.0
-    """beta / |K| of updates once a cycle, see :func:`correct`; 0 unless the guard of learning refines."""
+    """beta / |K| of updates once per cycle, see :func:`correct`; 0 unless ``learning.guard=refine``."""
 
 
 class Smoothing(NamedTuple):
-    """A symmetric filter of weights, one per sample, applied at the start of every cycle."""
+    """Symmetric filter over weights, one per sample of the cycle, applied at the start of every cycle."""
 
     taps: Array
-    """(K,): from the middle outwards; empty: none."""
+    """(K,): taps from the centre outwards; empty: no filter."""
     room: Scratch
     """(rows,): working array."""
 
 
 class FeedforwardParams(NamedTuple):
-    """Parameters of a built-in feedforward over a cycle of N samples; those that it does not use are empty.
+    """Parameters of a built-in feedforward over a cycle of N samples; unused arrays are empty.
 
-    A network is linear in its weights: at every sample C of them are active, with activations fixed by the plan.
+    A network is linear in its weights. At every sample C of its weights are active, with activations fixed by the
+    plan.
     """
 
     kind: int
-    """TABLE (torque known in advance), CMAC (two joints, activations of 1), WEIGHTED (by their activations) or
-    REGRESSOR, see :func:`adapt`."""
+    """TABLE (torque known in advance), CMAC (network with two joints and activations of 1), WEIGHTED (any other
+    network) or REGRESSOR, see :func:`adapt`."""
     torque: Array
-    """(N, L, J): known torque, N m: all of a table's, or what a network adds to; (1, L, J) of a network alone."""
+    """(N, L, J): torque known in advance, N m, to which a network adds its output; (1, L, J) for a network only."""
     cells: Cells
-    """(N, L, C): active rows of the networks at the planned inputs."""
+    """(N, L, C): active rows of the networks along the plan."""
     activation: Array
-    """(N, L, C): their activations; of WEIGHTED, and of a CMAC whose rule is not the paper's. Of a regressor its
-    columns, (N, L, P J), N m per unit of each parameter."""
+    """(N, L, C): activations of these rows; for WEIGHTED, and for a CMAC whose rule is not the paper's. For a
+    REGRESSOR its columns, (N, L, P J), N m per unit of each parameter."""
     weights: State
-    """(L, rows, J): weights of the networks, one per leg; of a regressor its parameters, (L, P, 1)."""
+    """(L, rows, J): weights of the networks, one per leg, N m; for a REGRESSOR its parameters, (L, P, 1)."""
     learning: LearningParams
     smoothing: Smoothing
     log: WeightLog
     feedback: Clock = EMPTY
-    """(N, L, J): learning error of each sample, N m; only of a table with blocks."""
+    """(N, L, J): learning error of each sample, N m; only for a TABLE with ``block`` above 0."""
     block: int = 0
-    """Samples for which a hook gives the torque of a table; 0: it is known for the whole run."""
+    """Number of samples for which a hook computes the torque of a TABLE at a time; 0: the torque never changes."""
 
 
 @kernel
 def smooth(weights: Array, smoothing: Smoothing) -> None:
-    """Filter ``weights`` (rows, J) along their rows, the last of which is a neighbour of the first."""
+    """Filter ``weights`` (rows, J), N m, along their rows, periodically."""
     taps, room = smoothing
     rows = weights.shape[0]
     for o in range(weights.shape[1]):
@@ -178,20 +181,26 @@ def learn(params: FeedforwardParams, i: int, step: int, sample: int, learning_er
     """
     weights = params.weights[i]
     cells = params.cells[sample, i]
-    how = params.learning
-    if how.is_paper_rule:
-        train(weights, cells, learning_error, how.rate[i])
-    elif how.rule.teaches == NEIGHBOURS:
-        share = how.share[sample, i]
-        train_spread(weights, how.cells[sample, i], share, learning_error, how.rate[i], how.rule.strength)
+    learning = params.learning
+    if learning.is_paper_rule:
+        train(weights, cells, learning_error, learning.rate[i])
+    elif learning.rule.teaches == NEIGHBOURS:
+        train_spread(
+            weights,
+            learning.cells[sample, i],
+            learning.share[sample, i],
+            learning_error,
+            learning.rate[i],
+            learning.rule.strength,
+        )
     else:
-        rate = rate_after(how.rule, how.rate[i], (step - how.start_step) // params.cells.shape[0])
-        train_by_rule(how.rule, weights, cells, params.activation[sample, i], learning_error, rate)
+        rate = rate_after(learning.rule, learning.rate[i], (step - learning.start_step) // params.cells.shape[0])
+        train_by_rule(learning.rule, weights, cells, params.activation[sample, i], learning_error, rate)
 
 
 @kernel
 def read_sample(params: FeedforwardParams, i: int, sample: int, output: Array) -> None:
-    """The output (J,) of the network of leg ``i`` at ``sample``, N m (eq. 18)."""
+    """Fill ``output`` (J,) with the torque of the network of leg ``i`` at ``sample``, N m (eq. 18)."""
     if params.kind == CMAC:
         read(params.weights[i], params.cells[sample, i], output)
     else:
@@ -200,12 +209,13 @@ def read_sample(params: FeedforwardParams, i: int, sample: int, output: Array) -
 
 @kernel
 def adapt(params: FeedforwardParams, i: int, sample: int, learning_error: Array, output: Array) -> None:
-    """Change the P parameters a that the joints of leg ``i`` share, then fill ``output`` (J,), N m: a += S U, Y a.
+    """Update the P parameters a of the regressor of leg ``i``, a += S U, and fill ``output`` (J,) with Y a, N m.
 
-    The ``learning_error`` U (J,), N m, is that of the sample before. S and Y (P, J) are rows of ``learning.share``
-    and ``activation``, in one piece.
+    The ``learning_error`` U (J,), N m, is that of the last sample. S and Y (P, J) are rows of ``learning.share`` and
+    ``activation``, flattened.
     """
-    parameters, columns = params.weights[i], params.activation[sample, i]
+    parameters = params.weights[i]
+    columns = params.activation[sample, i]
     steps = params.learning.share[(sample - 1 - params.learning.lead) % params.activation.shape[0], i]
     joints = output.shape[0]
     output[...] = 0.0
@@ -220,9 +230,9 @@ def adapt(params: FeedforwardParams, i: int, sample: int, learning_error: Array,
 
 @kernel
 def feedforward_step(params: FeedforwardParams, step: int, sample: int, learning_error: Array, output: Array) -> None:
-    """Learn from the last step's ``learning_error``, then fill ``output`` of this step (eq. 18, 20, 21); (L, J), N m.
+    """Learn from the ``learning_error`` of the last step, then fill the ``output`` of this step (eq. 18, 20, 21).
 
-    ``step`` counts from 0 over the run, ``sample`` over the cycle; weights change in place.
+    Both are (L, J), N m. ``step`` counts from 0 over the run, ``sample`` over the cycle; weights change in place.
     """
     if sample == 0:
         log_cycle(params.log, params.weights)
@@ -244,27 +254,35 @@ def feedforward_step(params: FeedforwardParams, step: int, sample: int, learning
                     output[i, j] += params.torque[sample, i, j]
 
 
+@kernel
+def add_output(params: FeedforwardParams, i: int, sign: float, output: Array, torque: Array) -> None:
+    """Add ``sign`` times the output of the network of leg ``i`` at every sample to ``torque`` (N, L, J), N m.
+
+    ``output`` (J,) is a working array.
+    """
+    for k in range(torque.shape[0]):
+        read_sample(params, i, k, output)
+        for j in range(output.shape[0]):
+            torque[k, i, j] += sign * output[j]
+
+
 @called_kernel
 def correct(params: FeedforwardParams, errors: Array, output: Array, torque: Array) -> None:
-    """Update a torque once a cycle: u += beta K / |K| e, K = A A^T / sum a_i^2, e the errors shifted by the lead.
+    """Update a torque once per cycle: u += beta K / |K| e, K = A A^T / sum a_i^2, e the errors shifted by the lead.
 
-    The weights change by beta / |K| A^T e / sum a_i^2, and ``torque`` (N, L, J), N m, by what that changes in their
+    The weights change by beta / |K| A^T e / sum a_i^2, and ``torque`` (N, L, J), N m, by the change of the network
     output. ``errors`` (N, L, J), N m, are the learning errors of the last cycle, ``output`` (J,) is a working array.
     """
     samples = errors.shape[0]
+    rate = params.learning.cycle_rate
     for i in range(errors.shape[1]):
-        for sign in (-1.0, 1.0):
-            for k in range(samples):
-                read_sample(params, i, k, output)
-                for j in range(output.shape[0]):
-                    torque[k, i, j] += sign * output[j]
-            if sign < 0.0:
-                for k in range(samples):
-                    sample = (k - params.learning.lead) % samples
-                    if params.kind == CMAC:
-                        train(params.weights[i], params.cells[sample, i], errors[k, i], params.learning.cycle_rate)
-                    else:
-                        train_by_rule(
-                            PAPER, params.weights[i], params.cells[sample, i],
-                            params.activation[sample, i], errors[k, i], params.learning.cycle_rate,
-                        )  # fmt: skip
+        add_output(params, i, -1.0, output, torque)
+        weights = params.weights[i]
+        for k in range(samples):
+            sample = (k - params.learning.lead) % samples
+            cells = params.cells[sample, i]
+            if params.kind == CMAC:
+                train(weights, cells, errors[k, i], rate)
+            else:
+                train_by_rule(PAPER, weights, cells, params.activation[sample, i], errors[k, i], rate)
+        add_output(params, i, 1.0, output, torque)

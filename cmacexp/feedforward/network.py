@@ -1,4 +1,4 @@
-"""The base class of the feedforwards that the compiled loop knows, and the params that they set."""
+"""Base class of the built-in feedforwards, which the compiled loop runs, and functions that make their parameters."""
 
 import math
 from abc import ABC, abstractmethod
@@ -34,38 +34,39 @@ from cmacexp.planning.plan import Reference, Setup
 from cmacexp.typing import Array, Cells, KernelParts, Weights
 
 NO_SMOOTHING = Smoothing(np.zeros(0), np.zeros(1))
+"""Filter without taps: weights are not filtered."""
 
 exponential = np.vectorize(math.exp, otypes=[float])
-"""e^x of each element, by the C library: numpy's own gives other bits where the processor has AVX-512."""
+"""e^x of each element by the C library: the bits of np.exp depend on whether the processor has AVX-512."""
 
 
 class BuiltInFeedforward(ABC):
-    """A feedforward that the compiled loop knows; ``params`` define all that it does.
+    """Base class of feedforwards that the compiled loop runs; ``params`` define their behaviour completely.
 
-    A subclass sets them in :meth:`reset`, by :func:`known_torque`, :func:`network` or :func:`regressor`.
+    A subclass sets ``params`` in :meth:`reset`, by :func:`known_torque`, :func:`network` or :func:`regressor`.
     """
 
     Config: type[ComponentConfig] = FeedforwardConfig
     acts = True
     params: FeedforwardParams
     model_torque: Array | None = None
-    """(N, L, J): torque of a model that a network adds to, N m; None: there is none."""
+    """(N, L, J): torque of a model to which a network adds, N m; None: no model."""
     memory: Sequence[MemoryUse] = ()
-    """How the memory of each leg is used; empty without memory."""
+    """Memory use of each leg; empty without memory."""
 
     def __init__(self, config: Any):
         self.config = config
 
     def learnt(self) -> Weights:
-        """A copy of what it has learnt; nothing unless a subclass says so."""
+        """Return a copy of the learnt arrays by name, for ``Setup.learnt`` of a later run; empty by default."""
         return {}
 
     @abstractmethod
     def reset(self, setup: Setup) -> None:
-        """Compute everything that the plan determines."""
+        """Set ``params`` for the plan of a run, starting from arrays learnt in an earlier run if there are any."""
 
     def collect_memory(self, cycles: int) -> dict[str, Array] | None:
-        """Columns (cycles, L) of ``memory.parquet``, by name, for the last ``cycles``; None without weights."""
+        """Return columns (cycles, L) of ``memory.parquet`` for the last ``cycles``; None without a network."""
         if self.params.kind not in (CMAC, WEIGHTED):
             return None
         log = collect_log(self.params.log, self.params.weights, cycles)
@@ -78,18 +79,18 @@ class BuiltInFeedforward(ABC):
         }
 
     def kernel_parts(self) -> KernelParts:
-        """The params."""
+        """Return the parameters of the feedforward."""
         return {"feedforward": self.params}
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
-        """Learn from the last step's feedback (L, J), N m, then give this step's torque (L, J), N m."""
+        """Learn from the feedback of the last step (L, J), N m; return the torque of this step (L, J), N m."""
         output = np.zeros_like(learning_error)
         feedforward_step(self.params, reference.step, reference.sample, learning_error, output)
         return output
 
 
 class NoFeedforward(BuiltInFeedforward):
-    """Zero torque: feedback alone."""
+    """Zero feedforward torque: control by feedback only."""
 
     Config = ComponentConfig
     acts = False
@@ -100,21 +101,22 @@ class NoFeedforward(BuiltInFeedforward):
 
 
 def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
-    """Inputs (N, columns) of the networks of leg ``i``.
+    """Compute the planned inputs (N, n) of the network of leg ``i`` at every sample of the cycle.
 
-    Planned angles of the J joints, rad, velocities, rad/s, accelerations, rad/s^2; of the phase cosine and sine.
+    ``names`` selects from ``angle``, rad, ``velocity``, rad/s, ``acceleration``, rad/s^2, of the J joints, and
+    ``phase``, which adds cosine and sine of the cycle phase as the last two columns.
     """
     samples = len(setup.plan.support)
     by_name = dict(zip(("angle", "velocity", "acceleration"), setup.plan.joints, strict=True))
     inputs = [by_name[name][:, i] for name in names if name != PHASE]
     if PHASE in names:
-        turn = [2.0 * math.pi * k / samples for k in range(samples)]
-        inputs.append(np.array([[math.cos(angle), math.sin(angle)] for angle in turn]))
+        phases = [2.0 * math.pi * k / samples for k in range(samples)]
+        inputs.append(np.array([[math.cos(phase), math.sin(phase)] for phase in phases]))
     return np.concatenate(inputs, axis=1)
 
 
 def kernel_norm(cells: Cells, activation: Array) -> float:
-    """|K|, without a unit, of K = A A^T / sum a_i^2 over a cycle: its largest sum over a row, of all legs.
+    """Compute the infinity norm |K| of K = A A^T / sum a_i^2 over a cycle, the largest of all legs; without a unit.
 
     ``cells`` (N, L, C) are the active rows of each sample, ``activation`` (N, L, C) the entries of A.
     """
@@ -125,13 +127,13 @@ def kernel_norm(cells: Cells, activation: Array) -> float:
 
 
 def known_torque(setup: Setup, torque: Array) -> FeedforwardParams:
-    """Params of a feedforward whose ``torque`` (N, L, J), N m, is known in advance."""
+    """Make the parameters of a feedforward whose ``torque`` (N, L, J), N m, is known in advance."""
     legs, joints = setup.mechanism.shape
     cells = np.zeros((1, legs, 1), np.uint32)
     return FeedforwardParams(
         kind=TABLE,
         torque=torque,
-        # One compiled loop serves all feedforwards: arrays that one does not use are minimal.
+        # One compiled loop serves all feedforwards, so unused arrays have minimal size.
         cells=cells,
         activation=np.zeros((1, legs, 1)),
         weights=np.zeros((legs, 1, joints)),
@@ -142,16 +144,16 @@ def known_torque(setup: Setup, torque: Array) -> FeedforwardParams:
 
 
 def regressor(setup: Setup, columns: Array, steps: Array, parameters: Array) -> FeedforwardParams:
-    """Params of a torque Y a, with parameters a that the joints of a leg share and that learn: a += S U.
+    """Make the parameters of an adaptive regressor: torque Y a, with a += S U.
 
-    ``columns`` are Y (N, L, J, P), N m per unit of each parameter, ``steps`` S (N, L, P, J) those by which the
-    feedback U that a sample caused changes them, ``parameters`` (L, P) a at first. Raises BadInput if the guard is to
-    improve a network once a cycle.
+    The joints of a leg share the parameters a. ``columns`` (N, L, J, P) is Y, N m per unit of each parameter;
+    ``steps`` (N, L, P, J) is S, the gain from the feedback U caused by a sample to the parameter change;
+    ``parameters`` (L, P) is the initial a. Raises BadInput with ``learning.guard=refine``, which needs a network.
     """
     require(setup.config.learning.guard != REFINE, "learning.guard", REFINE, "needs a network; use freeze")
-    torque, flat = np.zeros((1, *setup.mechanism.shape)), (*columns.shape[:2], -1)
+    flat = (*columns.shape[:2], -1)
     rows = np.broadcast_to(np.arange(parameters.shape[1], dtype=np.uint32), (1, *parameters.shape))
-    return known_torque(setup, torque)._replace(
+    return known_torque(setup, np.zeros((1, *setup.mechanism.shape)))._replace(
         kind=REGRESSOR,
         activation=np.ascontiguousarray(columns.swapaxes(2, 3)).reshape(flat),
         weights=parameters[..., None].copy(),
@@ -163,26 +165,27 @@ def regressor(setup: Setup, columns: Array, steps: Array, parameters: Array) -> 
 
 
 def resample(cycle: Array, samples: int, axis: int = 0) -> Array:
-    """Values over a ``cycle`` (..., N, ...), along ``axis``, at as many ``samples``, in the same unit.
+    """Resample the values over a ``cycle`` (..., N, ...) along ``axis`` to ``samples`` samples, in the same unit.
 
-    They are linear in the phase between the values given, and periodic.
+    Interpolation is linear in the phase and periodic.
     """
-    known = cycle.shape[axis]
-    if known == samples:
+    length = cycle.shape[axis]
+    if length == samples:
         return cycle
-    place = np.arange(samples) * (known / samples)
-    before = place.astype(int)
-    share = np.expand_dims(place - before, [other for other in range(cycle.ndim) if other != axis])
-    after: Array = np.take(cycle, (before + 1) % known, axis)
+    position = np.arange(samples) * (length / samples)
+    before = position.astype(int)
+    share = np.expand_dims(position - before, [other for other in range(cycle.ndim) if other != axis])
+    after: Array = np.take(cycle, (before + 1) % length, axis)
     return after * share + np.take(cycle, before, axis) * (1.0 - share)
 
 
 def _start_weights(setup: Setup, shape: tuple[int, ...], log: WeightLog) -> Array:
-    """Weights of zero, or those of an earlier run."""
+    """Return zero weights, or those of an earlier run; raises BadInput if its ``shape`` (L, rows, J) differs."""
     if setup.learnt is None:
         weights = np.zeros(shape)
-        for own, rows in zip(weights, log.rows, strict=True):
-            own[rows] = 0.0  # the loop would read before it writes: two page faults a page, a third of a short run
+        # A first write here avoids page faults at first reads in the loop, which took a third of a short run.
+        for leg_weights, rows in zip(weights, log.rows, strict=True):
+            leg_weights[rows] = 0.0
         return weights
     weights = np.array(setup.learnt["weights"], dtype=float)
     require(
@@ -202,20 +205,20 @@ def network(
     taps: Array | None = None,
     log: WeightLog | None = None,
 ) -> FeedforwardParams:
-    """Params of one network per leg, linear in its weights, which are zero at first or those of an earlier run.
+    """Make the parameters of one network per leg, with weights that start at zero or from an earlier run.
 
-    ``cells`` (N, L, C) are the rows of the weights that are active at each sample of the cycle, ``rows`` the number
-    of weights of one leg for each of its joints, ``activation`` (N, L, C) those of the cells, 0 or more; None: all 1,
-    as in a CMAC. ``taps`` (K,) are of a symmetric filter along the rows, once a cycle, from the middle outwards.
-    ``log`` has the rows that ``cells`` use, if they are known.
+    A network is linear in its weights. ``cells`` (N, L, C) are their active rows at each sample of the cycle, and
+    ``rows`` is the number of weights per leg and joint. ``activation`` (N, L, C) holds the activations of the cells,
+    0 or more; None: all 1, as in a CMAC. ``taps`` (K,), from the centre outwards, filter the weights along the rows
+    once per cycle. ``log`` is the result of :func:`find_rows` for these cells, if it is available.
 
-    Raises BadInput if the learning rule or the earlier weights do not fit the network.
+    Raises BadInput if the learning rule or the weights of an earlier run do not fit the network.
     """
     legs, joints = setup.mechanism.shape
     cells = np.ascontiguousarray(cells, dtype=np.uint32)
-    # The paper's law is written for the two joints of a planar leg.
+    # The kernels of the paper's rule are written for the two joints of a planar leg.
     binary = joints == 2 and (activation is None or bool((activation == 1.0).all()))
-    counts = np.broadcast_to(1.0, cells.shape) if activation is None else activation  # which takes no memory
+    counts = np.broadcast_to(1.0, cells.shape) if activation is None else activation  # takes no memory
     config = setup.config.learning
     rule = make_rule(config, counts)
     learning = LearningParams(

@@ -1,9 +1,9 @@
-"""What a robot can know of itself, as kernels: height, place, speed and contact forces from its own signals.
+"""Kernels of the state estimator of a robot: height, position, velocity and contact forces from onboard signals.
 
-Signals pass channels with their imperfections; attitude and heading are those of the inertial unit. Forces follow
-from the torques of the motors, less what holds the links and what changes the momentum of their joints (De Luca &
-Mattone 2003); contact from the planned phase and the force; height and place from
-:mod:`cmacexp.sensors.place_filter`. Only what the designer believes of robot and ground is used.
+Every signal passes a channel with its imperfections; attitude and heading are read from the inertial unit. Contact
+forces are computed from the motor torques, minus those that hold the links against gravity and those that change the
+momentum of the joints (De Luca & Mattone 2003). Contact is decided by planned phase and force; height and position
+come from :mod:`cmacexp.sensors.place_filter`. The estimator uses nominal parameters of robot and ground only.
 """
 
 import math
@@ -16,39 +16,41 @@ from cmacexp.models.mechanism import Mechanism, compute_foot_position, compute_f
 from cmacexp.models.sine import sine_cosine
 from cmacexp.protocols import RobotSignals
 from cmacexp.sensors.kernels import Observation, Sensing, read_channel, uniform
-from cmacexp.sensors.place_filter import PLACE, SPEED, PlaceFilter, locate, start_filter
+from cmacexp.sensors.place_filter import POSITION, SPEED, PlaceFilter, start_filter, step_filters
 from cmacexp.typing import Array, Mask, Scratch, State
 
 FULL_TRUST = 0.15
-"""Force over the weight of the robot from which on a foot that should stand is trusted to stand."""
+"""Contact force, relative to the robot weight, above which a foot planned in support is fully trusted to stand."""
 LEAST_CONTACT = 0.15
-"""Force over the weight below which a foot that should be in the air is not in contact."""
-OF_A_JOINT = ("position", "velocity", "torque")
+"""Contact force, relative to the robot weight, below which a foot planned in transfer is not in contact."""
+JOINT_CHANNELS = ("position", "velocity", "torque")
 """Channels of each joint, in this order."""
-VELOCITY, TORQUE = 1, 2
-OF_A_BODY = ("tilt", "tilt", "heading", *["gyroscope"] * 3, *["accelerometer"] * 3)
-"""Channels after those of the joints."""
-TILT, HEADING, GYROSCOPE, ACCELEROMETER = 0, 2, 3, 6
-"""Where those of the body begin."""
-OWN = -1
-"""Step from whose random number the constant error of a channel follows."""
+VELOCITY, TORQUE = (JOINT_CHANNELS.index(name) for name in ("velocity", "torque"))
+BODY_CHANNELS = ("tilt", "tilt", "heading", *["gyroscope"] * 3, *["accelerometer"] * 3)
+"""Channels of the inertial unit, after those of all joints."""
+TILT, HEADING, GYROSCOPE, ACCELEROMETER = map(BODY_CHANNELS.index, ("tilt", "heading", "gyroscope", "accelerometer"))
+"""First channel of each signal of the inertial unit."""
+BEFORE_START = -1
+"""Step whose random number determines the constant error of a channel."""
 Turns = tuple[Turn, Turn, Turn]
+"""Sines and cosines of three angles."""
 STILL = (0.0, 1.0)
+"""Sine and cosine of the angle 0."""
 
 
 class Errors(NamedTuple):
-    """Errors of sensors that stay, or change slowly; those of one run follow from its seed."""
+    """Amplitudes of constant and slow sensor errors; the seed of a run determines their values."""
 
     encoder_offset: float
     """Largest offset of a joint angle, rad."""
     torque_gain: float
-    """Largest error of a torque, over its value."""
+    """Largest relative error of a torque."""
     tilt_bias: float
-    """Amplitude, of pitch and roll, rad."""
+    """Amplitude of the slow error of pitch and roll, rad."""
     tilt_rate: float
-    """Its angular frequency, rad/s."""
+    """Angular frequency of that error, rad/s."""
     heading_drift: float
-    """Rate of the error of the heading, rad/s."""
+    """Drift rate of the heading, rad/s."""
     accelerometer_bias: float
     """Largest bias of the accelerometer, m/s^2."""
 
@@ -61,58 +63,58 @@ class Estimator(NamedTuple):
     weight: float
     """Weight of the robot, N."""
     stiffness: float
-    """K_n of the ground that the designer assumes, N/m."""
+    """Nominal ground stiffness K_n, N/m."""
     radius: float
-    """Radius of feet that roll, m; 0: they stick at their centres."""
+    """Radius of spherical feet that roll, m; 0: feet stick at their centres."""
     hips: Array
-    """(L, 2): m, as of a Mechanism."""
+    """(L, 2): hip positions in the body frame, x forward and y left, m."""
     links: Array
-    """(3, L, 21): m, chains whose feet are the centres of mass of hip, thigh and calf."""
+    """(3, L, 21): chains that end at the centres of mass of hip, thigh and calf, m."""
     link_masses: Array
-    """(3, L): of these links, kg."""
+    """(3, L): masses of hip, thigh and calf, kg."""
     force_share: float
-    """Part of its difference from the measurement by which a force changes in a step; 1: not filtered."""
+    """Gain of the force filter: fraction of (measured - filtered) added per step; 1: not filtered."""
     inertia: Array
-    """(L, 3, 3): of the joints at home, with their rotors, kg m^2; 0: their momentum does not count."""
+    """(L, 3, 3): joint inertia in the home pose, with rotors, kg m^2; 0: the momentum is neglected."""
     momentum: State
-    """(L, 3): of the joints, through the filter of the forces, N m s."""
+    """(L, 3): joint momentum after the force filter, N m s."""
     errors: Errors
     places: PlaceFilter
     force: State
-    """(L,): filtered contact force before the decision on contact, N."""
+    """(L,): filtered contact force before the contact decision, N."""
     torque: Scratch
-    """(L, J): as measured, N m."""
+    """(L, J): measured motor torque, N m."""
     depth: Scratch
-    """(L,): of the feet in the ground, m."""
+    """(L,): depth of the feet in the ground, m."""
 
 
 class Proprioception(NamedTuple):
-    """Sensors of a robot and the estimator on them, which know the true state no better than a robot does."""
+    """Onboard sensors of a robot and the state estimator that uses their readings."""
 
     sensing: Sensing
     estimator: Estimator
 
 
 @kernel
-def own_constant(sensing: Sensing, c: int, largest: float) -> float:
-    """The constant error of channel ``c`` of this run, at most ``largest``, of its unit."""
-    return largest * (2.0 * uniform(int(sensing.keys[c, 1]), OWN) - 1.0)
+def constant_error(sensing: Sensing, c: int, largest: float) -> float:
+    """Return the constant error of channel ``c`` in this run: between -``largest`` and ``largest``, in its unit."""
+    return largest * (2.0 * uniform(int(sensing.keys[c, 1]), BEFORE_START) - 1.0)
 
 
 @kernel
 def read_joints(
     estimator: Estimator, sensing: Sensing, signals: RobotSignals, step: int, observation: Observation
 ) -> None:
-    """Read encoders and torques of a ``step``; fills joints of ``observation`` and the torques of ``estimator``."""
+    """Read joint angles and velocities into ``observation``, motor torques into ``estimator``, in a ``step``."""
     joints = signals.q.shape[1]
     for i in range(signals.q.shape[0]):
         for j in range(joints):
             c = 3 * joints * i + j
-            offset = own_constant(sensing, c, estimator.errors.encoder_offset)
+            offset = constant_error(sensing, c, estimator.errors.encoder_offset)
             observation.q[i, j] = read_channel(sensing, c, step, signals.q[i, j] + offset)
             observation.dq[i, j] = read_channel(sensing, c + joints * VELOCITY, step, signals.dq[i, j])
             c += joints * TORQUE
-            gain = 1.0 + own_constant(sensing, c, estimator.errors.torque_gain)
+            gain = 1.0 + constant_error(sensing, c, estimator.errors.torque_gain)
             estimator.torque[i, j] = read_channel(sensing, c, step, gain * signals.torque[i, j])
 
 
@@ -120,30 +122,37 @@ def read_joints(
 def read_attitude(
     errors: Errors, period: float, sensing: Sensing, signals: RobotSignals, step: int, pose: Array
 ) -> float:
-    """The heading in a ``step``, rad; fills pitch and roll, rad, of the ``pose`` (3,)."""
-    first = len(OF_A_JOINT) * signals.q.size + TILT
+    """Read the inertial unit in a ``step``: fill pitch and roll of the ``pose`` (3,), return the heading; all rad.
+
+    ``period`` is the sampling period, s.
+    """
+    first = len(JOINT_CHANNELS) * signals.q.size + TILT
     for k in range(2):
-        phase = math.pi * own_constant(sensing, first + k, 1.0)
+        phase = math.pi * constant_error(sensing, first + k, 1.0)
         bias = errors.tilt_bias * sine_cosine(errors.tilt_rate * step * period + phase)[0]
         pose[1 + k] = read_channel(sensing, first + k, step, signals.attitude[k] + bias)
-    drift = errors.heading_drift * step * period
-    return read_channel(sensing, first + HEADING, step, signals.attitude[2] + drift)
+    heading = signals.attitude[2] + errors.heading_drift * step * period
+    return read_channel(sensing, first + HEADING, step, heading)
 
 
 @kernel
 def read_vector(sensing: Sensing, first: int, step: int, values: Array, bias: float) -> Vector:
-    """Three channels from ``first`` on, which read ``values`` (3,) with errors of at most ``bias``, of any unit."""
-    x = read_channel(sensing, first, step, values[0] + own_constant(sensing, first, bias))
-    y = read_channel(sensing, first + 1, step, values[1] + own_constant(sensing, first + 1, bias))
-    z = read_channel(sensing, first + 2, step, values[2] + own_constant(sensing, first + 2, bias))
-    return x, y, z
+    """Read the vector ``values`` (3,), in any unit, by three channels from ``first`` on.
+
+    Each has a constant error of at most ``bias``, in the same unit.
+    """
+    return (
+        read_channel(sensing, first, step, values[0] + constant_error(sensing, first, bias)),
+        read_channel(sensing, first + 1, step, values[1] + constant_error(sensing, first + 1, bias)),
+        read_channel(sensing, first + 2, step, values[2] + constant_error(sensing, first + 2, bias)),
+    )
 
 
 @kernel
-def turn_world(attitude: Turns, vector: Vector) -> Vector:
-    """``vector`` (3,), of any unit, of the body's frame in the world.
+def rotate_to_world(attitude: Turns, vector: Vector) -> Vector:
+    """Rotate a ``vector`` (3,), in any unit, from the body frame to the world frame.
 
-    ``attitude`` are sines and cosines of roll, pitch and yaw.
+    ``attitude`` holds sine and cosine of roll, pitch and yaw.
     """
     (sr, cr), (sp, cp), (sy, cy) = attitude
     x, y, z = vector
@@ -153,10 +162,10 @@ def turn_world(attitude: Turns, vector: Vector) -> Vector:
 
 
 @kernel
-def link_torque(estimator: Estimator, i: int, turns: Turns, up: Vector) -> Vector:
-    """Torques (3,), N m, that hold the links of leg ``i`` against gravity.
+def compute_link_torque(estimator: Estimator, i: int, turns: Turns, up: Vector) -> Vector:
+    """Compute the joint torques (3,), N m, that hold the links of leg ``i`` against gravity.
 
-    ``turns`` are sines and cosines of its joint angles; ``up`` (3,), of length 1, is in the frame of the hip.
+    ``turns`` holds sine and cosine of its joint angles; ``up`` (3,) is the unit vector upwards, in the hip frame.
     """
     total = (0.0, 0.0, 0.0)
     for m in range(3):
@@ -173,12 +182,14 @@ def link_torque(estimator: Estimator, i: int, turns: Turns, up: Vector) -> Vecto
 
 
 @kernel
-def change_momentum(estimator: Estimator, i: int, rates: Array, begins: bool) -> Vector:
-    """Torque (3,), N m, by which the momentum of leg ``i``, whose joints turn at ``rates`` (3,), rad/s, grows.
+def compute_momentum_torque(estimator: Estimator, i: int, rates: Array, begins: bool) -> Vector:
+    """Compute the torque (3,), N m, that changes the joint momentum of leg ``i``: its filtered time derivative.
 
-    It is filtered as forces are.
+    The joints turn at ``rates`` (3,), rad/s. The filter is that of the forces; ``begins`` is True in the first step,
+    which starts it.
     """
-    inertia, momentum = estimator.inertia[i], estimator.momentum[i]
+    inertia = estimator.inertia[i]
+    momentum = estimator.momentum[i]
     share = 1.0 if begins else estimator.force_share
     x, y, z = momentum[0], momentum[1], momentum[2]
     for j in range(3):
@@ -186,15 +197,19 @@ def change_momentum(estimator: Estimator, i: int, rates: Array, begins: bool) ->
         momentum[j] += share * (now - momentum[j])
     if begins:
         return 0.0, 0.0, 0.0
-    period = estimator.period
-    return (momentum[0] - x) / period, (momentum[1] - y) / period, (momentum[2] - z) / period
+    return (
+        (momentum[0] - x) / estimator.period,
+        (momentum[1] - y) / estimator.period,
+        (momentum[2] - z) / estimator.period,
+    )
 
 
 @kernel
-def press_down(kinematics: Array, i: int, torque: Vector, up: Vector) -> float:
-    """Force down of foot ``i`` on the ground, N, by ``torque`` (3,), N m: J^-T tau.
+def compute_vertical_force(kinematics: Array, i: int, torque: Vector, up: Vector) -> float:
+    """Compute the vertical force of foot ``i`` on the ground, N, from joint ``torque`` (3,), N m: J^-T tau.
 
-    ``kinematics`` (L, 12) has foot and Jacobian, m and m/rad; ``up`` (3,) is as of :func:`link_torque`.
+    ``kinematics`` (L, 12) holds foot and Jacobian, m and m/rad; ``up`` (3,) is the unit vector upwards, in the hip
+    frame. Positive forces press on the ground.
     """
     row = kinematics[i]
     hip, thigh, calf = (row[3], row[4], row[5]), (row[6], row[7], row[8]), (row[9], row[10], row[11])
@@ -216,48 +231,51 @@ def estimate_leg(
     spin: Vector,
     observation: Observation,
 ) -> None:
-    """Force, place and velocity of foot ``i``, which by the plan ``stands`` or not; fills all of ``estimator``.
+    """Estimate the contact force of leg ``i`` and fill the inputs of the position filters.
 
-    ``attitude`` are sines and cosines of roll, pitch and yaw; ``spin`` (3,) is the angular velocity of the body along
-    its own axes, rad/s. Fills the force of ``observation``, N, whose joints and feet are those of this step.
+    ``stands`` is True if the plan has the foot in support, ``begins`` in the first step. ``attitude`` holds sine and
+    cosine of roll, pitch and yaw; ``spin`` (3,) is the angular velocity of the body in its own frame, rad/s. Joints
+    and feet of ``observation`` must be those of this step; its force, N, is filled.
     """
     q, dq = observation.q[i], observation.dq[i]
     turns = (sine_cosine(q[0]), sine_cosine(q[1]), sine_cosine(q[2]))
     (sr, cr), (sp, cp), _ = attitude
     up = (-sp, cp * sr, cp * cr)
     up_of_hip = (up[0], -up[2], up[1])
-    held = link_torque(estimator, i, turns, up_of_hip)
+    held = compute_link_torque(estimator, i, turns, up_of_hip)
     torque = estimator.torque[i]
     left = (torque[0] - held[0], torque[1] - held[1], torque[2] - held[2])
-    down = press_down(observation.kinematics, i, left, up_of_hip)
+    down = compute_vertical_force(observation.kinematics, i, left, up_of_hip)
     if begins:
         estimator.force[i] = down
     estimator.force[i] += estimator.force_share * (down - estimator.force[i])
-    grows = change_momentum(estimator, i, dq, begins)
-    force = max(estimator.force[i] - press_down(observation.kinematics, i, grows, up_of_hip), 0.0)
+    grows = compute_momentum_torque(estimator, i, dq, begins)
+    force = max(estimator.force[i] - compute_vertical_force(observation.kinematics, i, grows, up_of_hip), 0.0)
     if not stands and force < LEAST_CONTACT * estimator.weight:
         force = 0.0
     observation.force[i] = force
     estimator.depth[i] = force / estimator.stiffness
     places = estimator.places
     places.trust[i] = min(1.0, force / (FULL_TRUST * estimator.weight)) if stands else 0.0
-    foot, velocity = observation.foot[i], observation.velocity[i]
-    place = (estimator.hips[i, 0] + foot[0], estimator.hips[i, 1] + foot[2], -foot[1])
-    moved = cross(spin, place)
+    foot = observation.foot[i]
+    velocity = observation.velocity[i]
+    reach = (estimator.hips[i, 0] + foot[0], estimator.hips[i, 1] + foot[2], -foot[1])
+    moved = cross(spin, reach)
     passing = (velocity[0] + moved[0], velocity[2] + moved[1], moved[2] - velocity[1])
-    places.passing[i, 0], places.passing[i, 1], places.passing[i, 2] = turn_world(attitude, passing)
+    places.passing[i, 0], places.passing[i, 1], places.passing[i, 2] = rotate_to_world(attitude, passing)
     if estimator.radius > 0.0:
         r = estimator.radius
-        rolling = cross(turn_of_calf(mechanism, i, turns, dq, spin), (r * up[0], r * up[1], r * up[2]))
-        places.rolling[i, 0], places.rolling[i, 1], places.rolling[i, 2] = turn_world(attitude, rolling)
-    places.reach[i, 0], places.reach[i, 1], places.reach[i, 2] = turn_world(attitude, place)
+        rolling = cross(compute_calf_rate(mechanism, i, turns, dq, spin), (r * up[0], r * up[1], r * up[2]))
+        places.rolling[i, 0], places.rolling[i, 1], places.rolling[i, 2] = rotate_to_world(attitude, rolling)
+    places.reach[i, 0], places.reach[i, 1], places.reach[i, 2] = rotate_to_world(attitude, reach)
 
 
 @kernel
-def turn_of_calf(mechanism: Mechanism, i: int, turns: Turns, dq: Array, spin: Vector) -> Vector:
-    """Angular velocity (3,), rad/s, of calf ``i`` in the frame of the body, which turns with ``spin`` (3,), rad/s.
+def compute_calf_rate(mechanism: Mechanism, i: int, turns: Turns, dq: Array, spin: Vector) -> Vector:
+    """Compute the angular velocity (3,), rad/s, of the calf of leg ``i``, in the body frame.
 
-    Its joints turn at ``dq`` (3,), rad/s.
+    ``turns`` holds sine and cosine of its joint angles, ``dq`` (3,) their rates, rad/s; ``spin`` (3,) is the angular
+    velocity of the body in its own frame, rad/s.
     """
     if mechanism.chains is None:
         return spin
@@ -282,14 +300,16 @@ def estimate(
     support: Mask,
     observation: Observation,
 ) -> None:
-    """Fill ``observation`` with what the ``signals`` of a ``step`` say; steps must follow each other from 0.
+    """Fill ``observation`` with the state estimated from the ``signals`` of a ``step``.
 
-    ``support`` (L,) are the feet that the plan has on the ground.
+    Call it once per step, with steps counted from 0. ``support`` (L,) is True for feet that the plan has on the
+    ground.
     """
     read_joints(estimator, sensing, signals, step, observation)
-    pose, rate = observation.body, observation.body_rate
+    pose = observation.body
+    rate = observation.body_rate
     heading = read_attitude(estimator.errors, estimator.period, sensing, signals, step, pose)
-    first = len(OF_A_JOINT) * signals.q.size
+    first = len(JOINT_CHANNELS) * signals.q.size
     spin = read_vector(sensing, first + GYROSCOPE, step, signals.gyroscope, 0.0)
     pushed = read_vector(
         sensing, first + ACCELEROMETER, step, signals.accelerometer, estimator.errors.accelerometer_bias
@@ -313,17 +333,17 @@ def estimate(
     places = estimator.places
     if step == 0:
         start_filter(places)
-    x, y, z = turn_world(attitude, pushed)
-    locate(places, estimator.period, (x, y, z - GRAVITY), estimator.depth)
-    pose[0] = places.state[2, PLACE]
+    x, y, z = rotate_to_world(attitude, pushed)
+    step_filters(places, estimator.period, (x, y, z - GRAVITY), estimator.depth)
+    pose[0] = places.state[2, POSITION]
     rate[0] = places.state[2, SPEED]
     rate[1] = spin[1] * cr - spin[2] * sr
     rate[2] = spin[0] + (spin[1] * sr + spin[2] * cr) * sp / cp
-    set_travel(observation.travel, places.state[0, PLACE], places.state[1, PLACE], heading)
+    set_travel(observation.travel, places.state[0, POSITION], places.state[1, POSITION], heading)
 
 
 @kernel
 def set_travel(travel: Array | None, x: float, y: float, heading: float) -> None:
-    """Fill ``travel`` (3,) with a place, m, and a heading, rad."""
+    """Fill ``travel`` (3,) with position ``x`` and ``y``, m, and ``heading``, rad; do nothing if it is None."""
     if travel is not None:
         travel[0], travel[1], travel[2] = x, y, heading

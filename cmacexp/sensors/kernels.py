@@ -1,4 +1,4 @@
-"""Sensors as kernels: one channel, from the true value to its reading, and all sensors of a machine in one step."""
+"""Kernels of imperfect sensors: the reading of one channel, and all readings of a machine in one step."""
 
 import math
 from typing import Annotated, NamedTuple
@@ -24,61 +24,62 @@ from cmacexp.typing import SCRATCH, Array, Counts, Role, Scratch, State
 NO_FAULT, ZERO, LAST, VALUE, BIAS, NOISE = range(6)
 FAULTS = {"none": NO_FAULT, "zero": ZERO, "last": LAST, "value": VALUE, "bias": BIAS, "noise": NOISE}
 WITHOUT_VALUE = ("none", "zero", "last")
-"""Faults that take no value."""
+"""Kinds of fault without a value."""
 SUMMED = 12
-"""Uniform 16-bit numbers whose sum is one normal number: their variances sum up to 1."""
+"""Number of uniform 16-bit numbers summed to one approximately normal number; their variances sum to 1."""
 
 CHANNEL = np.dtype(
     [
         ("alters", np.bool_),  # False: the reading is the true value
-        ("start", np.int64),  # first step of the imperfections that follow
+        ("start", np.int64),  # first step in which the imperfections act
         ("noise", np.float64),  # standard deviation of added white noise
-        ("noise_relative", np.float64),  # likewise, over the value
+        ("noise_relative", np.float64),  # standard deviation relative to the value
         ("bias", np.float64),
-        ("quantum", np.float64),  # readings are multiples of it; 0: none
+        ("quantum", np.float64),  # quantisation step; 0: none
         ("delay", np.int64),  # samples
-        ("lag", np.float64),  # part of its difference from the input that a filtered reading changes by; 0: no filter
+        ("lag", np.float64),  # filter gain: fraction of (input - output) added per step; 0: no filter
         ("dropout", np.float64),  # probability that a sample is lost
-        ("drops_to_zero", np.bool_),  # a lost sample reads 0 instead of the last good value
+        ("drops_to_zero", np.bool_),  # a lost sample reads 0 instead of the last valid reading
         ("fault", np.int64),  # one of FAULTS
         ("fault_start", np.int64),  # first step of the fault
-        ("fault_value", np.float64),  # stuck value, added value, or standard deviation of the noise
+        ("fault_value", np.float64),  # stuck reading, bias, or standard deviation of the noise
     ],
     align=True,
 )
-"""Settings of one channel."""
+"""Imperfections and fault of one channel, in the unit of its signal."""
 Channels = NDArray[np.void]
-"""(C,) of CHANNEL."""
+"""Array (C,) of CHANNEL rows."""
 
 
 class Sensing(NamedTuple):
-    """All channels of the sensors of a machine, and their memory; C is their number."""
+    """Parameters and states of the C sensor channels of a machine."""
 
     kinematics_follow: tuple[bool, bool]
-    """Whether joint angles, and whether joint velocities are altered: the foot is then computed from them."""
+    """True if joint angles, and if joint velocities, are altered: the foot is then computed from the readings."""
     channels: Channels
+    """(C,): imperfections and faults."""
     keys: Counts
-    """(C, 3): seeds of noise, drop-out and fault of a channel."""
+    """(C, 3): integer seeds of noise, drop-out and fault."""
     delay_buffer: Annotated[Array, Role("state", ring_axis=1)]
-    """(C, longest delay + 1): true values of the last steps, in the unit of each channel."""
+    """(C, longest delay + 1): true values of the last steps, in the unit of each signal."""
     held: State
-    """(C, 3): last good reading, reading at the start of the fault, and output of the filter, likewise."""
+    """(C, 3): last valid reading, reading at the start of the fault, filter output, in the unit of each signal."""
 
 
-# White noise is computed from counters: equal in every process, in any order, compiled or not.
+# Counter-based random numbers give the same noise in every process, in any order, compiled or not.
 
 
 @kernel
 def uniform(key: int, step: int) -> float:
-    """A number from 0 to 1, determined by ``key`` and ``step``."""
+    """Return a pseudo-random number from 0 to 1, determined by the seed ``key`` and the ``step``."""
     return mix(mix(mix(key, step), step), 1) / MASK
 
 
 @kernel
 def normal(key: int, step: int) -> float:
-    """A number of mean 0 and variance 1, determined by ``key`` and ``step``.
+    """Return a pseudo-random, nearly normal number of mean 0 and variance 1, determined by seed ``key`` and ``step``.
 
-    It is the sum of twelve uniform numbers, so it stays within 6 standard deviations. A logarithm is avoided, since
+    It is the sum of twelve uniform numbers and stays within 6 standard deviations. A logarithm is avoided, because
     its last bit differs between platforms.
     """
     state = mix(mix(key, step), step)
@@ -91,9 +92,12 @@ def normal(key: int, step: int) -> float:
 
 @kernel
 def imperfect_reading(sensing: Sensing, c: int, step: int) -> float:
-    """The reading of a channel without fault: delayed, noisy, biased, quantised, filtered, sometimes lost."""
+    """Compute the reading of channel ``c`` in ``step`` without its fault, in the unit of the signal.
+
+    Delay, noise, bias, quantisation, lag and drop-out act in this order.
+    """
     channel = sensing.channels[c]
-    delayed = max(step - channel["delay"], 0)  # before the first step nothing moved
+    delayed = max(step - channel["delay"], 0)  # before the first step the machine was at rest
     value = sensing.delay_buffer[c, delayed % sensing.delay_buffer.shape[1]]
     if channel["noise"] != 0.0 or channel["noise_relative"] != 0.0:
         scale = channel["noise"] + channel["noise_relative"] * abs(value)
@@ -111,9 +115,10 @@ def imperfect_reading(sensing: Sensing, c: int, step: int) -> float:
 
 @kernel
 def faulty_reading(kind: int, amount: float, value: float, last: float, key: int, step: int) -> float:
-    """The reading of a channel with one of FAULTS, instead of the ``value`` without it, in a ``step`` of the run.
+    """Compute the reading of a channel with a fault in ``step``, in the unit of the signal.
 
-    ``last`` is the reading at the start of the fault, ``key`` the seed of its noise.
+    ``kind`` is one of FAULTS and ``amount`` its ``fault_value``; ``value`` is the reading without the fault, ``last``
+    the reading at the start of the fault, ``key`` the seed of its noise.
     """
     if kind == ZERO:
         return 0.0
@@ -128,7 +133,10 @@ def faulty_reading(kind: int, amount: float, value: float, last: float, key: int
 
 @kernel
 def read_channel(sensing: Sensing, c: int, step: int, true: float) -> float:
-    """The reading of channel ``c`` for the value ``true``; steps must follow each other from 0."""
+    """Return the reading of channel ``c`` in ``step`` for the true value ``true``, in its unit.
+
+    Call it once per step, with steps counted from 0.
+    """
     channel = sensing.channels[c]
     if not channel["alters"]:
         return true
@@ -141,14 +149,14 @@ def read_channel(sensing: Sensing, c: int, step: int, true: float) -> float:
         return value
     if step == channel["fault_start"]:
         sensing.held[c, 1] = value
-    last, key = sensing.held[c, 1], int(sensing.keys[c, 2])
-    return faulty_reading(channel["fault"], channel["fault_value"], value, last, key, step)
+    last = sensing.held[c, 1]
+    return faulty_reading(channel["fault"], channel["fault_value"], value, last, int(sensing.keys[c, 2]), step)
 
 
 class Observation(NamedTuple):
-    """Input of the controller: the fields of :class:`Measurement`, and what the Jacobians follow from.
+    """Input of the controller: the measured state and the kinematic terms of the legs.
 
-    Shapes and units of the former are those of a measurement.
+    Fields without a description have the shape and unit of those of :class:`cmacexp.protocols.Measurement`.
     """
 
     q: Scratch
@@ -159,13 +167,14 @@ class Observation(NamedTuple):
     body: Scratch
     body_rate: Scratch
     kinematics: Scratch
-    """(L, 4) of planar legs, (L, 12), m and m/rad, of chains: :func:`cmacexp.models.mechanism.update_kinematics`."""
+    """(L, 4) for planar legs, (L, 12) for chains, m and m/rad: foot and Jacobian terms, see
+    :func:`cmacexp.models.mechanism.update_kinematics`."""
     travel: Annotated[Array | None, SCRATCH] = None
-    """(3,): m and rad, as of a Measurement; the array of the plant itself where the sensors do not alter it."""
+    """(3,): position, m, and yaw, rad, in the world; the array of the plant itself if the sensors do not alter it."""
 
 
 def new_observation(legs: int, axes: tuple[int, ...] = PLANE) -> Observation:
-    """An observation of zeros of ``legs`` legs."""
+    """Make an observation of zeros for ``legs`` legs whose feet move along ``axes``, without travel."""
     kinematics = np.zeros((legs, KINEMATICS_FIELDS[axes]))
     return Observation._make((*get_state(new_measurement(legs, len(axes))), kinematics, None))
 
@@ -174,14 +183,18 @@ def new_observation(legs: int, axes: tuple[int, ...] = PLANE) -> Observation:
 def compute_feet(
     sensing: Sensing, mechanism: Mechanism, true: Measurement | PlantState, observation: Observation
 ) -> None:
-    """Foot and velocity that follow from measured joints; the true ones where no sensor alters a joint."""
+    """Fill foot position and velocity of ``observation``, in m and m/s, from its joint angles and velocities.
+
+    They are copied from the state ``true`` where no sensor alters the joints. For a point mass they are the readings
+    of its position and velocity.
+    """
     position, velocity = sensing.kinematics_follow
     update_kinematics(mechanism, observation.q, observation.kinematics)
     for i in range(observation.force.shape[0]):
         for j in range(len(mechanism.axes)):
-            observation.foot[i, j], observation.velocity[i, j] = true.foot[i, j], true.velocity[i, j]
-            if mechanism.kind == POINT_MASS:
-                observation.foot[i, j], observation.velocity[i, j] = observation.q[i, j], observation.dq[i, j]
+            is_point = mechanism.kind == POINT_MASS
+            observation.foot[i, j] = observation.q[i, j] if is_point else true.foot[i, j]
+            observation.velocity[i, j] = observation.dq[i, j] if is_point else true.velocity[i, j]
         if mechanism.kind != POINT_MASS:
             if position:
                 compute_foot_position(mechanism, i, observation.kinematics, observation.foot)
@@ -193,8 +206,12 @@ def compute_feet(
 def read_sensors(
     sensing: Sensing, mechanism: Mechanism, step: int, true: Measurement | PlantState, observation: Observation
 ) -> None:
-    """Fill ``observation`` with the readings for the state ``true``; steps must follow each other from 0."""
-    legs, joints = observation.force.shape[0], len(mechanism.axes)
+    """Fill ``observation`` with the readings of the state ``true`` in ``step``.
+
+    Call it once per step, with steps counted from 0.
+    """
+    legs = observation.force.shape[0]
+    joints = len(mechanism.axes)
     of_a_leg = 1 + 2 * joints  # channels: contact force, joint angles, joint velocities
     for i in range(legs):
         c = of_a_leg * i

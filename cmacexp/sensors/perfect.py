@@ -1,4 +1,4 @@
-"""Perfect sensors, and what sensors say that they alter."""
+"""Perfect sensors, and the lookup of the signals that sensors may alter."""
 
 from collections.abc import Collection, Iterable
 
@@ -10,7 +10,7 @@ from cmacexp.typing import KernelParts
 
 
 class PerfectSensors:
-    """Sensors that measure the true state."""
+    """Perfect sensors: the measurement is the true state."""
 
     Config = ComponentConfig
     alters: Collection[str] = ()
@@ -19,19 +19,22 @@ class PerfectSensors:
         self.config = config
 
     def reset(self, setup: Setup) -> None:
-        """Nothing to prepare."""
+        """Do nothing: perfect sensors have no state."""
 
     def kernel_parts(self) -> KernelParts:
-        """Nothing: the controller sees the arrays of the plant."""
+        """Return no parts: the controller reads the arrays of the plant directly."""
         return {}
 
     def measure(self, true: Measurement) -> Measurement:
-        """The true state, unchanged."""
+        """Return the true state, unchanged."""
         return true
 
 
 def find_altered(sensors: Sensors) -> frozenset[str]:
-    """Find the ``SIGNALS`` that ``sensors`` may change, and TRAVEL; raises BadInput of another name."""
+    """Return the names of the signals that ``sensors`` may alter: a subset of ``SIGNALS`` and TRAVEL.
+
+    Sensors that do not list them may alter all ``SIGNALS``. Raises BadInput for an unknown name.
+    """
     altered = sensors.alters if offers(sensors, Altering) else SIGNALS
     names = frozenset([altered] if isinstance(altered, str) or not isinstance(altered, Iterable) else altered)
     if unknown := sorted(map(str, names - {*SIGNALS, TRAVEL})):

@@ -1,7 +1,7 @@
-"""A Kalman filter along one axis of the world, as kernels: place and speed of a body, and where its feet are.
+"""Kernels of three Kalman filters, one per world axis: position and velocity of the body, positions of the feet.
 
-Legs measure where feet are and, where they stand, how fast the body moves over them (Bledt et al. 2018, MIT Cheetah
-3: Design and Control of a Robust, Dynamic Quadruped Robot).
+Leg kinematics measure the feet relative to the body and, for feet in stance, the velocity of the body (Bledt et al.
+2018, MIT Cheetah 3: Design and Control of a Robust, Dynamic Quadruped Robot).
 """
 
 from typing import NamedTuple
@@ -11,41 +11,46 @@ import numpy as np
 from cmacexp.jit.compiler import kernel
 from cmacexp.typing import Array, Scratch, State
 
-PLACE, SPEED, FEET = range(3)
-"""Rows of the state; those of the feet follow from FEET on."""
+POSITION, SPEED, FEET = range(3)
+"""Indices of the state vector; the positions of the L feet start at FEET."""
 START_VARIANCE = 1e-4
-"""Variance of every state at the start, in its unit squared."""
-PLACE_RATE, SPEED_RATE, FOOT_RATE = 0.001, 0.0098, 0.002
-"""Rates at which the variances of place (m^2/s), speed (m^2/s^3) and standing feet (m^2/s) grow, those of the
-software of the Mini Cheetah."""
-REACH_VARIANCE, SPEED_VARIANCE = 0.001, 0.1
-"""Variances of a foot's measured distance from the body, m^2, and of the measured speed over it, m^2/s^2."""
+"""Initial variance of every state, in its unit squared."""
+POSITION_RATE = 0.001
+"""Process noise of the body position, m^2/s; this and the next two are those of the Mini Cheetah software."""
+SPEED_RATE = 0.0098
+"""Process noise of the body velocity, m^2/s^3."""
+FOOT_RATE = 0.002
+"""Process noise of the position of a foot in stance, m^2/s."""
+REACH_VARIANCE = 0.001
+"""Variance of the measured position of a foot relative to the body, m^2."""
+SPEED_VARIANCE = 0.1
+"""Variance of the body velocity measured by a foot in stance, m^2/s^2."""
 LEAST_TRUST = 0.01
-"""Square root of what divides variances of a foot in the air: a hundredth of them would move the body by 2 % of the
-way of feet that swing."""
+"""Lower bound of the trust in a foot, without a unit: at 0.1 a foot in swing would still drag the body by 2 % of its
+path."""
 
 
 class PlaceFilter(NamedTuple):
-    """State of the filters along x, y and z, of L legs."""
+    """State and inputs of the filters along x, y and z, for L legs."""
 
     state: State
-    """(3, 2 + L): place and speed of the body, places of the feet, m and m/s."""
+    """(3, 2 + L): position, m, and velocity, m/s, of the body, positions of the feet, m."""
     covariance: State
-    """(3, 2 + L, 2 + L): of the state, m^2, m^2/s and m^2/s^2."""
+    """(3, 2 + L, 2 + L): covariance of the state, m^2, m^2/s and m^2/s^2."""
     row: Scratch
-    """(2 + L,): of the covariance, in an update, in its units."""
+    """(2 + L,): working array of an update, H P, in the units of the covariance."""
     trust: Scratch
-    """(L,): 0 to 1, in that a foot stands."""
+    """(L,): trust that a foot is in stance, 0 to 1."""
     reach: Scratch
-    """(L, 3): foot less body in the world, m."""
+    """(L, 3): position of the foot relative to the body, in the world frame, m."""
     passing: Scratch
-    """(L, 3): velocity of the foot relative to the body, in the world, m/s."""
+    """(L, 3): velocity of the foot relative to the body, in the world frame, m/s."""
     rolling: Scratch
-    """(L, 3): velocity in the world of the centre of a sphere that rolls there, m/s; zero of feet that stick."""
+    """(L, 3): velocity of the centre of a spherical foot that rolls, in the world frame, m/s; 0 if feet stick."""
 
 
 def new_filter(legs: int) -> PlaceFilter:
-    """Filters of ``legs`` legs before their start."""
+    """Make the filters for ``legs`` legs, not started yet."""
     n = FEET + legs
     reach, passing, rolling = (np.zeros((legs, 3)) for _ in range(3))
     return PlaceFilter(np.zeros((3, n)), np.zeros((3, n, n)), np.zeros(n), np.zeros(legs), reach, passing, rolling)
@@ -53,49 +58,57 @@ def new_filter(legs: int) -> PlaceFilter:
 
 @kernel
 def start_filter(places: PlaceFilter) -> None:
-    """Start at the origin, the lowest foot at the height 0, at rest."""
+    """Set the initial state: body at rest at x = y = 0, lowest foot at height 0."""
     legs = places.trust.shape[0]
     height = 0.0
     for i in range(legs):
         height = max(height, -places.reach[i, 2])
     for d in range(3):
-        state, covariance = places.state[d], places.covariance[d]
-        state[PLACE], state[SPEED] = (height if d == 2 else 0.0), 0.0
+        state = places.state[d]
+        state[POSITION] = height if d == 2 else 0.0
+        state[SPEED] = 0.0
         for i in range(legs):
-            state[FEET + i] = state[PLACE] + places.reach[i, d]
+            state[FEET + i] = state[POSITION] + places.reach[i, d]
         for n in range(FEET + legs):
             for m in range(FEET + legs):
-                covariance[n, m] = START_VARIANCE if n == m else 0.0
+                places.covariance[d, n, m] = START_VARIANCE if n == m else 0.0
 
 
 @kernel
-def doubt(trust: float) -> float:
-    """What multiplies variances of a foot that is trusted, 0 to 1, to stand."""
+def variance_factor(trust: float) -> float:
+    """Return the factor on the variances of a foot with ``trust`` 0 to 1 in its stance: 1 / trust^2, at most 10^4."""
     share = max(trust, LEAST_TRUST)
     return 1.0 / (share * share)
 
 
 @kernel
 def predict_axis(places: PlaceFilter, d: int, period: float, acceleration: float) -> None:
-    """Move along axis ``d`` for a sampling ``period``, s, with an ``acceleration``, m/s^2."""
-    state, covariance = places.state[d], places.covariance[d]
-    state[PLACE] += period * (state[SPEED] + 0.5 * period * acceleration)
+    """Predict the state along axis ``d`` one sampling ``period``, s, ahead, from the body ``acceleration``, m/s^2."""
+    state = places.state[d]
+    covariance = places.covariance[d]
+    state[POSITION] += period * (state[SPEED] + 0.5 * period * acceleration)
     state[SPEED] += period * acceleration
     for n in range(state.shape[0]):
-        covariance[PLACE, n] += period * covariance[SPEED, n]
+        covariance[POSITION, n] += period * covariance[SPEED, n]
     for n in range(state.shape[0]):
-        covariance[n, PLACE] += period * covariance[n, SPEED]
-    covariance[PLACE, PLACE] += period * PLACE_RATE
+        covariance[n, POSITION] += period * covariance[n, SPEED]
+    covariance[POSITION, POSITION] += period * POSITION_RATE
     covariance[SPEED, SPEED] += period * SPEED_RATE
     for i in range(places.trust.shape[0]):
         state[FEET + i] += period * places.rolling[i, d]
-        covariance[FEET + i, FEET + i] += period * FOOT_RATE * doubt(places.trust[i])
+        covariance[FEET + i, FEET + i] += period * FOOT_RATE * variance_factor(places.trust[i])
 
 
 @kernel
 def update_axis(places: PlaceFilter, d: int, a: int, b: int, value: float, variance: float) -> None:
-    """Take into account that state ``a`` less state ``b``, none if negative, was measured as ``value``."""
-    state, covariance, row = places.state[d], places.covariance[d], places.row
+    """Update the filter along axis ``d`` with a measured ``value`` of state ``a`` minus state ``b``.
+
+    A negative ``b`` stands for a measurement of state ``a``. ``value`` is in m or m/s, ``variance`` in its unit
+    squared.
+    """
+    state = places.state[d]
+    covariance = places.covariance[d]
+    row = places.row
     expected = state[a] - state[b] if b >= 0 else state[a]
     for n in range(state.shape[0]):
         row[n] = covariance[a, n] - covariance[b, n] if b >= 0 else covariance[a, n]
@@ -108,14 +121,17 @@ def update_axis(places: PlaceFilter, d: int, a: int, b: int, value: float, varia
 
 
 @kernel
-def locate(places: PlaceFilter, period: float, acceleration: tuple[float, float, float], depth: Array) -> None:
-    """One step of all filters, with the body's ``acceleration`` (3,), m/s^2, and feet ``depth`` (L,) m deep."""
+def step_filters(places: PlaceFilter, period: float, acceleration: tuple[float, float, float], depth: Array) -> None:
+    """Advance all filters by one sampling ``period``, s: predict, then update with the kinematics of the legs.
+
+    ``acceleration`` (3,), m/s^2, is the body acceleration in the world frame, without gravity; ``depth`` (L,), m, the
+    depth of the feet in the ground.
+    """
     for d in range(3):
         predict_axis(places, d, period, acceleration[d])
         for i in range(places.trust.shape[0]):
-            factor = doubt(places.trust[i])
-            speed = places.rolling[i, d] - places.passing[i, d]
-            update_axis(places, d, FEET + i, PLACE, places.reach[i, d], REACH_VARIANCE)
-            update_axis(places, d, SPEED, -1, speed, SPEED_VARIANCE * factor)
+            factor = variance_factor(places.trust[i])
+            update_axis(places, d, FEET + i, POSITION, places.reach[i, d], REACH_VARIANCE)
+            update_axis(places, d, SPEED, -1, places.rolling[i, d] - places.passing[i, d], SPEED_VARIANCE * factor)
             if d == 2:
                 update_axis(places, d, FEET + i, -1, -depth[i], REACH_VARIANCE * factor)

@@ -1,4 +1,4 @@
-"""Sensors of a robot that measures its joints, its motors' torques and its attitude, and estimates all else."""
+"""Onboard sensors of a robot: joints, motor torques and inertial unit, with a state estimator for the rest."""
 
 import math
 from collections.abc import Callable
@@ -17,62 +17,63 @@ from cmacexp.planning.machine import Stance, find_stance
 from cmacexp.planning.plan import Setup
 from cmacexp.protocols import SIGNALS, TRAVEL, Measurement, RobotSignals, copy_state
 from cmacexp.sensors.config import ChannelsConfig, LegSignalConfig, SignalConfig
-from cmacexp.sensors.estimator import OF_A_BODY, OF_A_JOINT, Errors, Estimator, Proprioception, estimate
+from cmacexp.sensors.estimator import BODY_CHANNELS, JOINT_CHANNELS, Errors, Estimator, Proprioception, estimate
 from cmacexp.sensors.kernels import new_observation
 from cmacexp.sensors.place_filter import new_filter
 from cmacexp.sensors.real import JointSensors, make_sensing
 from cmacexp.typing import Array, KernelParts
 
-ELASTIC, RIGID = "elastic", "mujoco"
+ELASTIC = "elastic"
+RIGID = "mujoco"
 
 
 @dataclass
 class ProprioceptiveConfig(ChannelsConfig):
-    """Imperfections of what a robot measures, and what its estimator assumes."""
+    """Imperfections of the onboard sensors, and parameters of the state estimator."""
 
     position: LegSignalConfig
-    """Encoders, rad."""
+    """Joint angles from encoders, rad."""
     velocity: LegSignalConfig
     """Joint velocities, rad/s."""
     torque: LegSignalConfig
-    """Torques of the motors, N m; from them follow the contact forces."""
+    """Motor torques, N m; contact forces are estimated from them."""
     tilt: SignalConfig
-    """Pitch and roll by the inertial unit, rad."""
+    """Pitch and roll from the inertial unit, rad."""
     heading: SignalConfig
-    """Yaw likewise, rad."""
+    """Yaw from the inertial unit, rad."""
     gyroscope: SignalConfig
-    """rad/s."""
+    """Angular velocity of the body from the inertial unit, rad/s."""
     accelerometer: SignalConfig
-    """m/s^2."""
+    """Acceleration of the body from the inertial unit, m/s^2."""
     encoder_offset: float = number("rad", at_least=0, at_most=1)
-    """Largest constant error of a joint angle; that of each joint follows from the seed."""
+    """Largest constant error of a joint angle; the seed determines the error of each joint."""
     torque_gain_error: float = number("", at_least=0, below=1)
-    """Largest constant error of a torque over its value, likewise."""
+    """Largest constant relative error of a motor torque; the seed determines the error of each motor."""
     tilt_bias: float = number("rad", at_least=0, at_most=0.5)
-    """Amplitude of a slow error of pitch and roll, whose phases follow from the seed."""
+    """Amplitude of a slow sinusoidal error of pitch and roll; the seed determines the phases."""
     tilt_bias_period: float = number("s", above=0, at_most=1e6, needs=("own.tilt_bias > 0",))
-    """Its period."""
+    """Period of the slow error of pitch and roll."""
     heading_drift: float = number("rad/s", at_least=-1, at_most=1)
-    """Rate of the error of the heading."""
+    """Drift rate of the heading."""
     accelerometer_bias: float = number("m/s^2", at_least=0, at_most=10)
-    """Largest constant error of an acceleration, as of a joint angle."""
+    """Largest constant error of an acceleration; the seed determines the error of each axis."""
     force_lag: float = number("s", at_least=0, at_most=1)
     """Time constant of a first-order low-pass filter of the estimated forces; 0: not filtered."""
     momentum: bool = field(kw_only=True)
-    """Whether estimated forces count what changes the momentum of the joints, with their inertia at home."""
+    """True: subtract the torque that changes the joint momentum from force estimates (inertia of the home pose)."""
     contact: str = choice(ELASTIC, RIGID)
-    """What the estimator assumes of the ground: elastic, feet stick at their centres and sink by their force over the
-    assumed K_n; mujoco, it is rigid, and feet roll."""
+    """Ground model of the estimator. elastic: feet stick at their centres and sink by force / nominal stiffness K_n;
+    mujoco: the ground is rigid and spherical feet roll on it."""
 
     @property
     def draws(self) -> bool:  # type: ignore[override]
-        """Whether anything follows from the seed."""
+        """True if the seed affects a reading: noise, drop-outs or constant and slow errors."""
         return super().draws or any(
             (self.encoder_offset, self.torque_gain_error, self.tilt_bias, self.accelerometer_bias)
         )
 
     def check(self, config: Config) -> None:
-        """Check that the machine is a robot, and each signal against it and the run; raises BadInput."""
+        """Check that the machine is a robot without fault detection, then each signal; raises BadInput."""
         kind = config.machine.kind
         require(
             kind == "robot", "machine.kind", kind, "must be robot with sensors=proprioceptive: use scenario=robot"
@@ -87,22 +88,25 @@ class ProprioceptiveConfig(ChannelsConfig):
 
 
 class ProprioceptiveSensors(JointSensors):
-    """What a robot knows of itself: encoders and inertial unit measure, an estimator does the rest.
+    """Onboard sensors of a robot: encoders, motor torques and inertial unit, with a state estimator for the rest.
 
-    The true state does not reach it: height, place, speed and contact follow from :class:`RobotSignals` alone.
+    Height, position, velocity and contact forces are estimated from :class:`RobotSignals` only, never the true state.
     """
 
     Config = ProprioceptiveConfig
     alters = (*SIGNALS, TRAVEL)
 
     def reset(self, setup: Setup) -> None:
-        """Begin to estimate anew, by what the designer believes of robot and ground."""
-        config, machine, mechanism = self.config, setup.config.machine, setup.mechanism
+        """Restart the estimator, with the nominal parameters of robot and ground."""
+        config = self.config
+        machine = setup.config.machine
+        mechanism = self.mechanism = setup.mechanism
         assert isinstance(machine, RobotMachine)
         legs, joints = mechanism.shape
-        self.mechanism, self.support, self.step = mechanism, setup.plan.support, 0
-        channels = [(name, leg + 1) for leg in range(legs) for name in OF_A_JOINT for _ in range(joints)]
-        self.sensing = make_sensing(config, [*channels, *((name, 0) for name in OF_A_BODY)], setup)
+        self.support = setup.plan.support
+        self.step = 0
+        channels = [(name, leg + 1) for leg in range(legs) for name in JOINT_CHANNELS for _ in range(joints)]
+        self.sensing = make_sensing(config, [*channels, *((name, 0) for name in BODY_CHANNELS)], setup)
         robot = read_model(machine)
         links, masses = find_links(robot, find_stance(robot, machine.hip_height))
         period = setup.config.sampling_period
@@ -133,17 +137,17 @@ class ProprioceptiveSensors(JointSensors):
         self.observation = new_observation(legs, mechanism.axes)._replace(travel=np.zeros(3))
 
     def kernel_parts(self) -> KernelParts:
-        """Channels, estimator, and the observation that it fills."""
+        """Return channels and estimator, and the observation that they fill."""
         return {"sensing": Proprioception(self.sensing, self.estimator), "observation": self.observation}
 
     def measure(self, true: Measurement) -> Measurement:
-        """What the robot knows by the signals of ``true``; raises CmacexpError if there are none."""
+        """Return the estimate from the signals of ``true``; raises CmacexpError if it has no RobotSignals."""
         if true.signals is None:
             raise CmacexpError("sensors=proprioceptive needs a plant that gives RobotSignals: use plant=mujoco_robot")
         return self.observe(true.signals)
 
     def observe(self, signals: RobotSignals, run: Callable[..., None] = estimate) -> Measurement:
-        """What the robot knows by ``signals``; ``run`` is the estimator, or the program that was made of it."""
+        """Return the estimate from ``signals``; ``run`` is :func:`estimate` or a program compiled from it."""
         support = self.support[self.step % len(self.support)]
         run(self.estimator, self.sensing, self.mechanism, signals, self.step, support, self.observation)
         self.step += 1
@@ -151,16 +155,18 @@ class ProprioceptiveSensors(JointSensors):
 
 
 def find_links(robot: Robot, stance: Stance) -> tuple[Array, Array]:
-    """Chains (3, 4, 21) whose feet are the centres of mass of hips, thighs and calves, and masses (3, 4), kg.
+    """Return chains (3, 4, 21), m, that end at the centres of mass of hips, thighs and calves, and masses (3, 4), kg.
 
-    A link has what is welded to it.
+    Bodies welded to a link count as part of it.
     """
-    model, legs = robot.model, robot.legs
+    model = robot.model
+    joints = robot.legs.joint
     data = robot.at(np.zeros(3))
     load_mujoco().mj_comPos(model, data)
-    links, masses = np.stack([stance.chains] * 3), np.zeros((3, len(stance.chains)))
-    for i, n in np.ndindex(legs.joint.shape):
-        welded = model.body_weldid == model.body_weldid[model.jnt_bodyid[legs.joint[i, n]]]
+    links = np.stack([stance.chains] * 3)
+    masses = np.zeros((3, len(stance.chains)))
+    for i, n in np.ndindex(joints.shape):
+        welded = model.body_weldid == model.body_weldid[model.jnt_bodyid[joints[i, n]]]
         masses[n, i] = model.body_mass[welded].sum()
         centre = model.body_mass[welded] @ data.xipos[welded] / masses[n, i]
         links[n, i, FOOT:] = to_hip(centre - stance.hips[i] - stance.origin)

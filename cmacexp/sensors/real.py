@@ -1,4 +1,4 @@
-"""Imperfect sensors: noisy, biased, quantised, delayed, filtered, losing samples, faulty."""
+"""Imperfect sensors: noise, bias, quantisation, delay, lag, drop-outs and faults."""
 
 from typing import Any
 
@@ -21,48 +21,54 @@ from cmacexp.sensors.kernels import CHANNEL, FAULTS, NO_FAULT, Sensing, new_obse
 from cmacexp.typing import Counts, KernelParts
 
 SENSOR_SEED = 0x53454E53
-"""Separates the random numbers of sensors from those of other components under the same seed."""
+"""Constant mixed into the run seed, so that sensors and other components draw different random numbers."""
 
 
 def _applies(setting: SignalConfig | FaultConfig, leg: int) -> bool:
-    """Whether a setting applies to ``leg``, 0 for the body."""
+    """Return True if imperfections or a fault apply to ``leg``, a leg number from 1; 0 for the body."""
     legs = setting.legs if isinstance(setting, LegSignalConfig | LegFaultConfig) else None
     return legs is None or leg in legs
 
 
 def _channel(signal: SignalConfig, leg: int, sampling_period: float) -> tuple[Any, ...]:
-    """The fields of CHANNEL of a signal of ``leg``, 0 for the body."""
+    """Return the fields of a CHANNEL row for one signal of ``leg``, a leg number from 1; 0 for the body."""
     fault = signal.fault
     row: dict[str, Any] = dict.fromkeys(CHANNEL.names or (), 0)
     if _applies(signal, leg):
         row |= {
-            **{each: vars(signal)[each] for each in IMPERFECTIONS},
+            **{name: vars(signal)[name] for name in IMPERFECTIONS},
             "lag": first_order_share(signal.lag, sampling_period) if signal.lag else 0.0,
             "start": round(signal.start / sampling_period),
             "drops_to_zero": signal.dropout_reads == "zero",
         }
     if _applies(fault, leg):
-        start = round(fault.start / sampling_period)
-        row |= {"fault": FAULTS[fault.kind], "fault_start": start, "fault_value": fault.value}
-    row["alters"] = any(row[each] for each in IMPERFECTIONS) or row["fault"] != NO_FAULT
+        row |= {
+            "fault": FAULTS[fault.kind],
+            "fault_start": round(fault.start / sampling_period),
+            "fault_value": fault.value,
+        }
+    row["alters"] = any(row[name] for name in IMPERFECTIONS) or row["fault"] != NO_FAULT
     return tuple(row.values())
 
 
 def _layout(legs: int, joints: int) -> list[tuple[str, int]]:
-    """Signal and leg, 0 for the body, of every channel, in the order in which ``read_sensors`` reads them."""
+    """List signal name and leg number (0 for the body) of every channel, in the order used by ``read_sensors``."""
     of_a_leg = ["force", *["position"] * joints, *["velocity"] * joints]
     of_the_body = ["height", "tilt", "tilt", "height_rate", "tilt_rate", "tilt_rate"]
     return [(name, leg + 1) for leg in range(legs) for name in of_a_leg] + [(name, 0) for name in of_the_body]
 
 
 def make_keys(channels: int, seed: int) -> Counts:
-    """(C, 3): a seed, a whole number, for each source of randomness of each of C ``channels``."""
+    """Derive integer seeds (C, 3) for noise, drop-out and fault of C ``channels`` from the ``seed`` of the run."""
     start = mix(SENSOR_SEED, seed)
     return np.array([[mix(mix(start, c), use) for use in range(3)] for c in range(channels)], dtype=np.int64)
 
 
 def make_sensing(config: ChannelsConfig, layout: list[tuple[str, int]], setup: Setup) -> Sensing:
-    """Channels, one for each signal and leg, 0 for the body, of the ``layout``, before their first reading."""
+    """Make the channels of sensors, before their first reading.
+
+    The ``layout`` lists signal name and leg number (0 for the body) of each channel.
+    """
     period = setup.config.sampling_period
     channels = np.array([_channel(vars(config)[name], leg, period) for name, leg in layout], CHANNEL)
     altered = {name for (name, _), alters in zip(layout, channels["alters"], strict=True) if alters}
@@ -76,48 +82,50 @@ def make_sensing(config: ChannelsConfig, layout: list[tuple[str, int]], setup: S
 
 
 class JointSensors:
-    """Sensors of joint angles and velocities, which delay the feedback.
+    """Base class for sensors of joint angles and velocities whose delay and lag act on the feedback.
 
-    With velocity feedback the delay of positions does not count: velocities outweigh them at the frequencies that
-    a wrong lead amplifies.
+    With velocity feedback the delay of the positions is ignored: at the frequencies that a wrong lead amplifies, the
+    velocity terms dominate.
     """
 
     def __init__(self, config: Any):
         self.config = config
 
     def feedback_delay(self, uses_velocity: bool) -> int:
-        """Samples by which the feedback is delayed."""
+        """Return the delay in samples of velocities if the feedback ``uses_velocity``, else of positions."""
         return int((self.config.velocity if uses_velocity else self.config.position).delay)
 
     def feedback_lag(self, uses_velocity: bool) -> float:
-        """Time constant by which the feedback lags, s, likewise."""
+        """Return the lag time constant, s, of velocities if the feedback ``uses_velocity``, else of positions."""
         return float((self.config.velocity if uses_velocity else self.config.position).lag)
 
 
 class RealSensors(JointSensors):
-    """Sensors that alter their readings, each signal in its own way; see ``conf/sensors/real.yaml``.
+    """Sensors with noise, bias, quantisation, delay, lag, drop-outs and faults, set separately for each signal.
 
-    Joint angles and velocities are measured; the foot and its velocity follow from them.
+    Joint angles and velocities are measured; foot position and velocity are computed from them. See
+    ``conf/sensors/real.yaml``.
     """
 
     Config = RealSensorsConfig
     alters: tuple[str, ...] = ()
     sensing: Sensing | None
-    """None if no signal is altered."""
+    """Channels of the sensors; None if no signal is altered."""
 
     def reset(self, setup: Setup) -> None:
-        """Prepare every channel; forget earlier readings."""
+        """Prepare all channels for a run and discard earlier readings."""
         self.alters = tuple(name for name in SIGNALS if vars(self.config)[name].alters)
-        self.mechanism, self.step = setup.mechanism, 0
+        self.mechanism = setup.mechanism
+        self.step = 0
         self.observation = new_observation(setup.mechanism.shape[0], setup.mechanism.axes)
         self.sensing = make_sensing(self.config, _layout(*setup.mechanism.shape), setup) if self.alters else None
 
     def kernel_parts(self) -> KernelParts:
-        """The channels, and the observation that they fill; nothing if no signal is altered."""
+        """Return the channels and the observation they fill; empty if no signal is altered."""
         return {} if self.sensing is None else {"sensing": self.sensing, "observation": self.observation}
 
     def measure(self, true: Measurement) -> Measurement:
-        """The readings for the state ``true``."""
+        """Return the sensor readings of the ``true`` state."""
         if self.sensing is None:
             return true
         read_sensors(self.sensing, self.mechanism, self.step, true, self.observation)

@@ -8,10 +8,10 @@ from numpy.testing import assert_allclose
 from support.doors import RobotMachine
 
 from cmacexp.control.steering import (
+    LARGEST_COMMAND,
+    LARGEST_STATIC_COMMAND,
     LATERAL,
     LONGITUDINAL,
-    MOST,
-    MOST_STATIC,
     TURN,
     Steering,
     new_steering,
@@ -24,7 +24,7 @@ SUPPORT = np.array([True, False, False, True])
 
 
 def make_steering():
-    shape = (0.5, 0.001, 0.25, np.zeros((10, 2)), MOST, np.zeros(3))
+    shape = (0.5, 0.001, 0.25, np.zeros((10, 2)), LARGEST_COMMAND, np.zeros(3))
     return Steering(1.0, 1.0, *shape, 0.3, 0.2, np.zeros(1), np.zeros(4))
 
 
@@ -34,10 +34,10 @@ def make_steering():
 def test_a_body_off_its_course_is_moved_back(travel, which):
     steering = make_steering()
     steer(steering, np.array(travel, dtype=float), 0, 0, SUPPORT)
-    assert 0.0 < steering.command[which] <= MOST
+    assert 0.0 < steering.command[which] <= LARGEST_COMMAND
     assert np.count_nonzero(steering.command) == 1
     steer(steering, 100.0 * np.array(travel), 0, 0, SUPPORT)
-    assert steering.command[which] == MOST
+    assert steering.command[which] == LARGEST_COMMAND
 
 
 @pytest.mark.parametrize(("rate", "place"), [(0.5, 0.15), (-0.5, -0.15), (0.9, 0.2), (0.1, 0.0)])
@@ -64,7 +64,8 @@ def test_a_turning_body_moves_its_feet_round_its_centre():
 
 
 @pytest.mark.parametrize(
-    ("pattern", "capture", "most"), [("trot", 0.15 + (0.3 / 9.81) ** 0.5, MOST), ("wave", 0.0, MOST_STATIC)]
+    ("pattern", "capture", "most"),
+    [("trot", 0.15 + (0.3 / 9.81) ** 0.5, LARGEST_COMMAND), ("wave", 0.0, LARGEST_STATIC_COMMAND)],
 )
 def test_a_robot_is_caught_half_a_support_and_the_time_of_its_pendulum_ahead(pattern, capture, most):
     """Raibert 1986, Pratt 2006: feet that catch it lie aside by its speed times this time; a slow gait needs none."""
