@@ -41,7 +41,7 @@ def draw_metrics(run: Run) -> Drawing:
 
 
 def find_support(view: RunView, leg: int) -> list[tuple[float, float]]:
-    """Return begin and end of each planned support of a leg in the first cycle, s after its begin.
+    """Return start and end of each planned support of a leg in the first cycle, s after the start of the cycle.
 
     Empty if the leg supports all the time, and for the body (``leg`` is 0).
     """

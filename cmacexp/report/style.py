@@ -139,7 +139,7 @@ def in_travel(view: RunView, points: Array) -> Array:
 
     Its origin is the projection of the body on the plane z = 0.
     """
-    travel = (view.way() * [1.0, 1.0, 0.0]).reshape(-1, *[1] * (points.ndim - 2), 3)
+    travel = (view.compute_position() * [1.0, 1.0, 0.0]).reshape(-1, *[1] * (points.ndim - 2), 3)
     return MM * (view.in_world(points) - travel)
 
 
