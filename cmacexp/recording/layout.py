@@ -51,12 +51,9 @@ def widen_range(low: float, high: float) -> Range:
 
 def find_ranges(views: Sequence[RunView]) -> dict[str, Range]:
     """Find the range of the vertical axis of each plot, by its path; runs side by side share it."""
-    spans: dict[str, list[Range]] = {}
-    for view in views:
-        for path, plot in list_plots(view).items():
-            if span := plot.find_range():
-                spans.setdefault(path, []).append(span)
-    return {path: widen_range(min(low for low, _ in s), max(high for _, high in s)) for path, s in spans.items()}
+    ranges = [(path, plot.find_range()) for view in views for path, plot in list_plots(view).items()]
+    spans = {path: [span for other, span in ranges if span and other == path] for path, _ in ranges}
+    return {path: widen_range(min(s)[0], max(high for _, high in s)) for path, s in spans.items() if s}
 
 
 class Panels:

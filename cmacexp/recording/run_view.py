@@ -206,10 +206,7 @@ class RunView:
         It is composed of roll about x, then pitch about y, then yaw about z.
         """
         a, p, r = (self.body[name] / 2.0 for name in ("yaw", "pitch", "roll"))
-        x = np.cos(p) * np.sin(r)
-        y = np.sin(p) * np.cos(r)
-        z = -np.sin(p) * np.sin(r)
-        w = np.cos(p) * np.cos(r)
+        x, y, z, w = np.cos(p) * np.sin(r), np.sin(p) * np.cos(r), -np.sin(p) * np.sin(r), np.cos(p) * np.cos(r)
         c, s = np.cos(a), np.sin(a)
         return np.stack([c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z], axis=1)
 
@@ -223,8 +220,8 @@ class RunView:
         per_step = (slice(None), *[None] * (points.ndim - 2))
         quaternion = self.compute_orientation()[per_step]
         twice = 2.0 * np.cross(quaternion[..., :3], points)
-        rotated = points + quaternion[..., 3:] * twice + np.cross(quaternion[..., :3], twice)
-        return rotated + self.compute_position()[per_step]
+        position = self.compute_position()[per_step]
+        return points + quaternion[..., 3:] * twice + np.cross(quaternion[..., :3], twice) + position
 
     def ground_height(self, x: Array) -> Array:
         """Compute the z of the centre of a foot that touches the undepressed ground at ``x`` in the world, m.

@@ -29,13 +29,12 @@ DIGITS = 3
 def draw_metrics(run: Run) -> Drawing:
     """Draw the main metrics over the cycles, pooled over the legs; for several legs also those of each leg."""
     pooled = pool_legs(run.scores)
-    table = run.scores.legs
     count = count_legs(run.scores)
     panels = []
     for name in select_main(pooled, count):
         lines = {"all legs": [pooled[name]]}
-        if count > 1 and name in table.column_names:
-            lines |= {LEG_NAMES[leg]: [as_array(table, name)[leg::count]] for leg in range(count)}
+        if count > 1 and name in run.scores.legs.column_names:
+            lines |= {LEG_NAMES[leg]: [as_array(run.scores.legs, name)[leg::count]] for leg in range(count)}
         panels.append(over_cycles(name, lines))
     return Drawing("metrics", draw(panels, height=2.1), "Metrics of each cycle.")
 

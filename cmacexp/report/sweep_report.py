@@ -168,8 +168,8 @@ def make_sweep_report(runs: Sequence[Run], title: str, resume: str = "") -> Repo
     final = Table(*format_runs(runs, keys), "Metrics of the last whole cycle, pooled over the legs")
     base = os.path.commonpath([run.folder.resolve().parent for run in runs])
     are_several = len(runs) > 1
-    have_folders = any(run.folder.is_dir() for run in runs)
-    pages = [f"Runs are folders below {base}. {HOW_TO_REPORT}"] if are_several and have_folders else []
+    has_pages = are_several and any(run.folder.is_dir() for run in runs)
+    pages = [f"Runs are folders below {base}. {HOW_TO_REPORT}"] if has_pages else []
     sections: dict[str, Sequence[PageElement]] = {
         "The runs": [*_list_differences(runs, swept), final, *pages, *_list_stopped(runs)],
         "Metrics over the swept keys": [
