@@ -83,8 +83,10 @@ def _find_legs(path: Path) -> list[str]:
             raise
     names = find_names(path)
     homes = names.home if isinstance(names.home[0], list) else [names.home] * len(names.feet)
-    legs = zip(LEG_NAMES, names.joints, names.feet, homes, strict=True)
-    rows = [[leg, ", ".join(joints), foot, str(home)] for leg, joints, foot, home in legs]
+    rows = [
+        [leg, ", ".join(joints), foot, str(home)]
+        for leg, joints, foot, home in zip(LEG_NAMES, names.joints, names.feet, homes, strict=True)
+    ]
     print_table(["leg", "joints", "foot", "home, rad"], rows)
     return [f"machine.{key}={quote_value(value)}" for key, value in names._asdict().items()]
 
@@ -168,9 +170,8 @@ def main(arguments: Arguments) -> None:
     config = compose_config(overrides)
     robot = read_model(config.machine)
     basis = derive_basis(robot)
-    length_1, length_2 = robot.links
     print_line(str(robot.path))
-    print(f"mass {format_number(basis.mass, 'kg')}, links {length_1:.3g} m and {length_2:.3g} m")
+    print(f"mass {format_number(basis.mass, 'kg')}, links {robot.links[0]:.3g} m and {robot.links[1]:.3g} m")
     print(f"fingerprint {robot.fingerprint}")
     warn_of_models([config.machine])
     print(f"effective mass at a foot at least {format_number(basis.foot_mass, 'kg')}, {basis.ratio:.3g} of the mass")

@@ -165,7 +165,7 @@ def read_drift_entry(entry: Mapping[str, Any] | None) -> Drift | None:
 
 def format_event(event: Mapping[str, Any]) -> str:
     """Format an event of the guard: the torque that acts from then on, and the cause."""
-    acts = f"the torque of cycle {event['restored']} acts" if event["restored"] else "feedback alone acts"
+    acts = f"the torque of cycle {event['restored']} acts" if event["restored"] else "only the feedback acts"
     return f"{acts} ({event['cause']})"
 
 

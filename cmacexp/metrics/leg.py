@@ -73,7 +73,7 @@ SPATIAL: dict[str, Metric[Block]] = {
 }
 
 
-# Contact force; a support is the response to a step from no force to the desired one
+# Contact force: each support is a step response from 0 to the desired force
 
 
 def force_steady_state_error(block: Block) -> Array:
@@ -180,7 +180,7 @@ FORCE: dict[str, Metric[Block]] = {
 }
 
 
-# Torques: how large they are, and the share of the feedforward
+# Torques: their size, and the share of the feedforward
 
 
 def _reduce_joints(by: np.ufunc, torque: Array) -> Array:

@@ -188,7 +188,9 @@ def make_rows(runs: Sequence[Run], keys: Sequence[str]) -> list[dict[str, Any]]:
     The status is in ``status``, ``cause`` and ``cycles_done`` (complete cycles). Metrics are in SI units under
     ``final_NAME`` (last complete cycle) and ``best_NAME`` (over all complete cycles), NaN where undefined.
     """
-    absent = {name for name in SPATIAL if not any(name in run.pooled for run in runs)}  # none of them is of a robot
+    absent = {
+        name for name in SPATIAL if not any(name in run.pooled for run in runs)
+    }  # metrics of robots, if there is no robot
     main, ranked = ([name for name in names if name not in absent] for names in (MAIN, RANKED))
     rows = []
     for run in runs:

@@ -51,9 +51,12 @@ def widen_range(low: float, high: float) -> Range:
 
 def find_ranges(views: Sequence[RunView]) -> dict[str, Range]:
     """Find the range of the vertical axis of each plot, by its path; runs side by side share it."""
-    ranges = [(path, plot.find_range()) for view in views for path, plot in list_plots(view).items()]
-    spans = {path: [span for other, span in ranges if span and other == path] for path, _ in ranges}
-    return {path: widen_range(min(s)[0], max(high for _, high in s)) for path, s in spans.items() if s}
+    spans: dict[str, list[Range]] = {}
+    for view in views:
+        for path, plot in list_plots(view).items():
+            if span := plot.find_range():
+                spans.setdefault(path, []).append(span)
+    return {path: widen_range(min(low for low, _ in s), max(high for _, high in s)) for path, s in spans.items()}
 
 
 class Panels:
@@ -204,7 +207,7 @@ def describe_key(views: Sequence[RunView]) -> str:
         "**foot** supporting yellow, in transfer light blue",
         *(walking if any(view.walks for view in views) else []),
         *(deeper if scales != [1] else []),
-        "**moments** a foot lifts or touches down, a cycle begins: a click on a time goes there",
+        "**events** a foot lifts off or touches down, a cycle begins: a click on a time jumps to it",
     ]
     return " · ".join(entries)
 
@@ -233,7 +236,7 @@ def _lay_out_run(panels: Panels) -> Panel:
         tabs += [walk, rrb.Vertical(*legs, name="whole run")]
     else:
         tabs.append(panels.stack(names, "whole run"))
-    tabs.append(panels.stack(("events",), "moments"))
+    tabs.append(panels.stack(("events",), "events"))
     scenes = _add_key(panels.stack(("scene", "sides") if view.walks else ("scene",)))
     return rrb.Horizontal(scenes, rrb.Tabs(*tabs), column_shares=[1.15 if view.walks else 0.77, 1.0])
 

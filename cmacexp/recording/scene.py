@@ -144,7 +144,7 @@ def log_machine(entities: Entities, view: RunView) -> None:
 def _log_dents(entities: Entities, view: RunView, feet: Array) -> None:
     """Log the surface of the ground in the plane of each leg, with the dent below its foot."""
     x, y, z = np.moveaxis(feet, 2, 0)[..., None]
-    # As the plant, evaluate the slope below the foot of a level body, which is some mm off on a steep slope.
+    # Like the plant, evaluate the slope below the foot of a level body, which is some mm off on a steep slope.
     foot_x = view.body["cog_x"][:, None] + view.hips[:, 0] + view.trace["x"]
     depth = np.maximum(view.ground_height(foot_x)[..., None] - z, 0.0) * view.depression_scale
     along = x + np.array([-DENT, 0.0, DENT])

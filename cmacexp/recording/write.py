@@ -195,5 +195,5 @@ def ensure_recording(run: Run, rebuild: bool = False) -> str:
     See :func:`is_current`. Raises the errors of :func:`make_recording`, and OSError.
     """
     if is_current(run) and not rebuild:
-        return "as it was built; --rebuild builds it anew"
+        return "current, not rebuilt; --rebuild forces it"
     return write_recording([run], run.folder / RECORDING_FILE)

@@ -148,8 +148,13 @@ def draw_panel(axes: Axes, panel: Panel, names: Sequence[str]) -> None:
 
     _draw_series(axes, panel, names)
     if panel.crosses:
-        heights = [0.0] * len(panel.crosses)
-        axes.plot(panel.crosses, heights, transform=axes.get_xaxis_transform(), label="fell or diverged", **STOPPED)
+        axes.plot(
+            panel.crosses,
+            [0.0] * len(panel.crosses),
+            transform=axes.get_xaxis_transform(),
+            label="fell or diverged",
+            **STOPPED,
+        )
     for limit in panel.y_limits:
         axes.axhline(limit, **LIMIT)
     for limit in panel.x_limits:
@@ -167,8 +172,7 @@ def draw_panel(axes: Axes, panel: Panel, names: Sequence[str]) -> None:
         axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True))  # no tick between two cycles
     _set_ranges(axes, panel)
     if panel.ticks:
-        characters = sum(map(len, panel.ticks))
-        turned: dict[str, Any] = {"rotation": 30, "ha": "right"} if characters > 50 else {}
+        turned: dict[str, Any] = {"rotation": 30, "ha": "right"} if sum(map(len, panel.ticks)) > 50 else {}
         axes.set_xticks(range(len(panel.ticks)), list(map(as_plain, panel.ticks)), **turned)
 
 

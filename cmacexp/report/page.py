@@ -105,7 +105,7 @@ class Renderer:
         """Save a figure as SVG; return its pieces for the page."""
         (self.folder / FIGURES).mkdir(parents=True, exist_ok=True)
         if engine := drawing.figure.get_layout_engine():
-            engine.execute(drawing.figure)  # for which savefig would draw the whole figure once more
+            engine.execute(drawing.figure)  # else savefig draws the figure once more for it
             drawing.figure.set_layout_engine(None)
         path = self.folder / FIGURES / f"{drawing.name}.{SVG}"
         drawing.figure.savefig(path, format=SVG, metadata={"Date": None})
@@ -293,7 +293,7 @@ def find_insertions(template: Path, page: str) -> list[tuple[str, str, int]]:
 
 
 def _format_cell(value: Any) -> str:
-    if value is None or type(value).__name__ == "NAType":  # of pandas
+    if value is None or type(value).__name__ == "NAType":  # the missing value of pandas
         return "-"
     return format_number(float(value)) if isinstance(value, float) else str(value)
 

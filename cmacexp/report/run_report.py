@@ -59,8 +59,10 @@ def list_settings(run: Run) -> list[PageElement]:
     rows = [[k, format_setting(value), fields[k].unit, fields[k].meaning] for k, value in run.settings.items()]
     overrides = " ".join(run.manifest["overrides"] or ())
     set_for_run = f"Set for this run: {overrides}" if overrides else "Its manifest lists no overrides."
-    titles = ["setting", "value", "unit", "meaning"]
-    return [set_for_run, Table(titles, rows, cards=True, folded=f"All {len(rows)} settings")]
+    return [
+        set_for_run,
+        Table(["setting", "value", "unit", "meaning"], rows, cards=True, folded=f"All {len(rows)} settings"),
+    ]
 
 
 def choose_cycles(run: Run) -> list[int]:

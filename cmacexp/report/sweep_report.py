@@ -134,7 +134,6 @@ def draw_over_key(runs: Sequence[Run], key: str, keys: Sequence[str]) -> list[Dr
     stopped: list[Any] = [run.settings.get(key) for run in runs if not run.completed]
     labels = _read_names(runs[0], keys)
     numeric = is_numeric(values)
-    kind = "lines" if numeric else "scatter"
     panels = []
     for name in JUDGED:
         finals = np.array([value for run in completed if np.isfinite(value := run.final(name))])
@@ -143,11 +142,17 @@ def draw_over_key(runs: Sequence[Run], key: str, keys: Sequence[str]) -> list[Dr
             continue
         groups = {line: _read_finals(group, key, name) for line, group in lines.items()}
         display = MAIN[name]
-        label = f"{display.title}, {display.unit}"
-        panel = over_setting(groups, labels[key], label, kind=kind, log=None, order=values)
+        panel = over_setting(
+            groups,
+            labels[key],
+            f"{display.title}, {display.unit}",
+            kind="lines" if numeric else "scatter",
+            log=None,
+            title=f"{display.title} ({name})",
+            order=values,
+        )
         crosses = stopped if numeric else [panel.ticks.index(format_setting(value)) for value in stopped]
-        title = f"{display.title} ({name})"
-        panels.append(replace(panel, title=title, from_zero=display.from_zero, crosses=crosses))
+        panels.append(replace(panel, from_zero=display.from_zero, crosses=crosses))
     if not panels:
         return []
     caption = f"Metrics of the last cycle over {key}" + (f", a line for each {second}" if second else "")
