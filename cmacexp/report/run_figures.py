@@ -98,7 +98,7 @@ def _list_lines(view: RunView, x: Array, y: Array, planned: tuple[str, Array, Ar
         in_cycle = view.cycle == cycle
         if planned is not None:
             plan = np.array([values[in_cycle] for values in planned[1:]])
-            desired[np.round(plan, DIGITS).tobytes()] = Series(planned[0], *plan, style=DESIRED_LINE)
+            desired[np.round(plan, DIGITS).tobytes()] = Series(planned[0], plan[0], plan[1], style=DESIRED_LINE)
         lines.append(Series(f"cycle {cycle}", x[in_cycle], y[in_cycle], style=_style(view, cycle)))
     return [*desired.values(), *lines]
 
