@@ -29,7 +29,7 @@ __all__ = [
     "run_many",
     "write_many",
 ]
-_PLACES = {
+_MODULES = {
     **dict.fromkeys(("BadInput", "BadRun", "CmacexpError"), "errors"),
     **dict.fromkeys(("Run", "load", "open_loop", "run"), "engine.api"),
     **dict.fromkeys(("run_many", "write_many"), "engine.batch"),
@@ -39,19 +39,19 @@ _PLACES = {
     "Plant": "protocols",
     "Sensors": "protocols",
 }
-"""The module of each name that is imported when it is first asked for: ``import cmacexp`` alone takes no time."""
-_ROOMS = ("cmac", "control", "feedforward", "gym", "plants", "sensors", "study")
-"""Modules that users name, imported likewise."""
+"""Module of each public name; it is imported on first use, so that ``import cmacexp`` is fast."""
+_SUBMODULES = ("cmac", "control", "feedforward", "gym", "plants", "sensors", "study")
+"""Public modules, also imported on first use."""
 
 
 def __getattr__(name: str) -> Any:
-    if name in _PLACES:
-        return getattr(import_module(f"cmacexp.{_PLACES[name]}"), name)
-    if name in _ROOMS:
+    if name in _MODULES:
+        return getattr(import_module(f"cmacexp.{_MODULES[name]}"), name)
+    if name in _SUBMODULES:
         return import_module(f"cmacexp.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    """All public names, also those that are not imported yet."""
-    return sorted([*__all__, *_ROOMS])
+    """List all public names, including those that are not imported yet."""
+    return sorted([*__all__, *_SUBMODULES])

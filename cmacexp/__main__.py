@@ -1,6 +1,6 @@
-"""``cmacexp COMMAND ...`` and ``python -m cmacexp COMMAND ...``: the command of that name, with the words after it.
+"""``cmacexp COMMAND ...`` and ``python -m cmacexp COMMAND ...``: run a command with the arguments that follow.
 
-Without a name of a command the words are overrides of a run, or with ``-m`` of a sweep.
+Without a command the arguments are overrides of a run or, with ``-m``, of a sweep.
 """
 
 import signal
@@ -11,28 +11,28 @@ from typing import cast
 
 COMMANDS = {
     "run": "simulates a scenario: cmacexp run scenario=one_leg cycles=3",
-    "sweep": "simulates variants: cmacexp sweep cmac.layers=8,16,32",
-    "report": "writes a page of figures and tables of runs, or of a sweep",
+    "sweep": "simulates all combinations of values: cmacexp sweep cmac.layers=8,16,32",
+    "report": "writes a page with figures and tables of runs or of a sweep",
     "replay": "shows a run in the Rerun viewer",
-    "score": "computes the metrics of runs again from their traces",
-    "verify": "checks which runs are intact",
-    "robots": "shows what the model of a robot holds, and what follows from it",
-    "warm": "compiles what usual runs need, before they need it",
+    "score": "recomputes the metrics of runs from their traces",
+    "verify": "checks that the files of runs are present and unchanged",
+    "robots": "prints a robot model, its delay margin and the derived settings",
+    "warm": "compiles the control loop of common runs ahead of time",
 }
-"""What the commands of the core do; all but the first two have a module of their own. Add-ons have more."""
+"""Core commands and what they do; all except the first two are modules of :mod:`cmacexp.commands`."""
 RUNS = {"run": [], "sweep": ["-m"]}
-"""Commands that take overrides, and the option that they stand for."""
+"""Commands that take overrides, with the options of Hydra that they stand for."""
 HELP = """cmacexp: learned feedforward for hybrid position/force control of legs
 
 {commands}
 
 cmacexp COMMAND --help explains a command; cmacexp run --help lists the groups and fields that overrides change.
-Without a command the words are overrides of a run: cmacexp scenario=one_leg
+Without a command the arguments are overrides of a run: cmacexp scenario=one_leg
 """
 
 
 def main() -> int:
-    """Run the console script ``cmacexp``: as :func:`run_words`, but ``--help`` alone lists the commands."""
+    """Run the console script ``cmacexp``: list the commands for a sole ``--help``, else call :func:`run_words`."""
     if sys.argv[1:] in (["--help"], ["-h"], ["help"]):
         from cmacexp.entry_points import describe_command, list_commands
 
@@ -44,7 +44,7 @@ def main() -> int:
 
 
 def run_named(name: str) -> int:
-    """Run the command of a name, of the core or of an add-on, with the words of the command line; its exit code."""
+    """Run the command ``name`` of the core or an add-on with the arguments of this process; return its exit code."""
     if name in COMMANDS:
         return cast(int, import_module(f"cmacexp.commands.{name}").main())
     from cmacexp.entry_points import list_commands
@@ -54,15 +54,15 @@ def run_named(name: str) -> int:
     if name in commands:
         return cast(int, commands[name].load()())
     names = [*COMMANDS, *commands]
-    known = f"no such command; choose from {', '.join(names)}"
-    print(f"error: {name}: {known}{suggest(name, names)}", file=sys.stderr)
+    reason = f"no such command; choose from {', '.join(names)}"
+    print(f"error: {name}: {reason}{suggest(name, names)}", file=sys.stderr)
     return 2
 
 
 def run_words() -> int:
-    """Run the command that the words of the command line name; its exit code.
+    """Run the command, run or sweep of the command line and return its exit code.
 
-    Ctrl-C while its modules are imported ends the process without a traceback; from then on the command handles it.
+    Ctrl-C during the import of its modules ends the process without a traceback; afterwards the command handles it.
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -75,8 +75,8 @@ def run_words() -> int:
     if {"-m", "--multirun"} & set(sys.argv):
         from cmacexp.engine.workers import make_context
 
-        with suppress(OSError):  # which the sweep raises again
-            make_context()  # what workers need is imported while this process imports what it needs
+        with suppress(OSError):  # the sweep will raise it again
+            make_context()  # workers import their modules while this process imports its own
     from cmacexp.commands.command import run_command
     from cmacexp.commands.main import run_or_sweep
 

@@ -1,4 +1,4 @@
-"""The mistakes that users can make, one exception each; every message is one line that says how to correct it."""
+"""Exceptions for the mistakes of users; every message is one line that says how to correct the mistake."""
 
 import difflib
 import importlib
@@ -24,14 +24,14 @@ EXTRAS = {
     "hydra/launcher/submitit_local": "cluster",
     "hydra/launcher/submitit_slurm": "cluster",
 }
-"""Extras of this package, by the module or the option of Hydra that each installs."""
+"""Extra of this package that installs a module or an option of Hydra, by its name."""
 LONGEST_VALUE = 240
-"""Characters of the longest value that a message quotes in full."""
+"""Most characters of a value that a message quotes in full."""
 
 
-def format_install_command(wanted: str) -> str:
-    """The command that installs a module or an option of Hydra; empty if no extra of this package contains it."""
-    extra = EXTRAS.get(wanted) or EXTRAS.get(wanted.partition(".")[0])
+def format_install_command(requirement: str) -> str:
+    """Format the command that installs a module or an option of Hydra; empty if it belongs to no extra."""
+    extra = EXTRAS.get(requirement) or EXTRAS.get(requirement.partition(".")[0])
     package = '-e ".' if (Path(__file__).parents[1] / "pyproject.toml").is_file() else '"cmacexp'
     return f'python -m pip install {package}[{extra}]"' if extra else ""
 
@@ -45,13 +45,13 @@ def require_extra(module: str) -> None:
 
 
 def suggest(name: str, names: Iterable[str], prefix: str = "") -> str:
-    """The nearest of ``names``, as the end of a message; empty if none is near."""
+    """Suggest the most similar of ``names`` as the end of a message; empty if none is similar."""
     near = difflib.get_close_matches(name, list(names), 1)
     return f"; did you mean {prefix}{near[0]}?" if near else ""
 
 
 def format_value(value: object) -> str:
-    """A value as it is typed in a config; the middle of a long one, such as a number of 400 digits, is left out."""
+    """Format a value as it is typed in a config; the middle of a long one, such as 400 digits, is omitted."""
     text = "null" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
     if len(text) <= LONGEST_VALUE:
         return text
@@ -59,15 +59,15 @@ def format_value(value: object) -> str:
 
 
 def in_one_line(text: str) -> str:
-    """A text with line breaks and whatever else a terminal cannot show written as in Python, e.g. ``\\n``."""
-    return "".join(each if each.isprintable() else ascii(each)[1:-1] for each in text)
+    """Escape line breaks and other unprintable characters of a text as in Python, e.g. ``\\n``."""
+    return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)
 
 
 def _is_user_code(frame: TracebackType) -> bool:
     file = Path(frame.tb_frame.f_code.co_filename)
     hydra = getattr(sys.modules.get("hydra"), "__file__", None)
     other_code = [Path(origin).parent for origin in (__file__, importlib.__file__, hydra) if origin]
-    if "<frozen" in str(file) or file.name == "contextlib.py":  # which calls what a context manager decorates
+    if "<frozen" in str(file) or file.name == "contextlib.py":  # it calls functions decorated by context managers
         return False
     return not any(file.is_relative_to(folder) for folder in other_code)
 
@@ -80,7 +80,7 @@ def _find_user_frame(error: BaseException) -> TracebackType | None:
 
 
 def describe_exit(error: SystemExit) -> str:
-    """Which function of the user's own raised ``SystemExit``, or called what did, with its file and line."""
+    """Describe the function of the user that raised ``SystemExit``, directly or in a call, with file and line."""
     frame = _find_user_frame(error) or error.__traceback__
     assert frame is not None  # it has been raised
     code = frame.tb_frame.f_code
@@ -89,10 +89,10 @@ def describe_exit(error: SystemExit) -> str:
 
 
 def format_user_traceback(error: BaseException) -> str:
-    """The traceback of an error, starting at the first frame of the user's own code.
+    """Format the traceback of an error, starting at the first frame of user code.
 
-    Frames of this project, Hydra and the import system that come before are left out. If no frame is the user's,
-    the traceback is complete, but for a file with a syntax error, which has no frame of its own, none is shown.
+    The frames of this project, Hydra and the import system before it are omitted. Without a frame of user code the
+    traceback is complete, except for a syntax error in a file, which has no frame: then there are no frames.
     """
     frame = _find_user_frame(error)
     if frame is None and not isinstance(error, SyntaxError):
@@ -101,11 +101,11 @@ def format_user_traceback(error: BaseException) -> str:
 
 
 class CmacexpError(Exception):
-    """Base class: its message is meant for the user and is shown in one line, without a stack trace."""
+    """Base class of errors whose message is for the user, printed in one line without a stack trace."""
 
     @classmethod
     def unless(cls, holds: object, *args: object) -> None:
-        """Raise this mistake unless something ``holds``."""
+        """Raise this error with ``args`` unless ``holds`` is true."""
         if not holds:
             raise cls(*args)
 
@@ -114,18 +114,18 @@ class CmacexpError(Exception):
 
 
 class BadInput(CmacexpError, ValueError):
-    """A configuration that cannot be run; raised before anything is simulated (exit code 2).
+    """A config that cannot be run; raised before anything is simulated (exit code 2).
 
-    It is also a ``ValueError``, which code that uses this package as a library may catch.
+    It is also a ``ValueError``, which programs that use this package as a library may catch.
 
     Args:
         key: the config key as typed on the command line, e.g. ``cmac.layers``.
         value: its value.
-        allowed: what is allowed, and how to correct it.
+        allowed: allowed values, and how to correct this one.
     """
 
     def __init__(self, key: str, value: object, allowed: str):
-        super().__init__(key, value, allowed)  # all arguments, so that pickling between processes preserves the error
+        super().__init__(key, value, allowed)  # pickling between processes needs all arguments
         self.key = key
 
     def __str__(self) -> str:
@@ -134,19 +134,19 @@ class BadInput(CmacexpError, ValueError):
 
 
 def require(holds: object, key: str, value: object, allowed: str) -> None:
-    """Require of an input that something ``holds``; raises BadInput with its key, its value and what is allowed."""
+    """Require that a condition on an input ``holds``; raises BadInput with key, value and allowed values."""
     if not holds:
         raise BadInput(key, value, allowed)
 
 
 def require_name(key: str, name: str, names: Collection[str]) -> None:
-    """Require of an input that it is one of ``names``; raises BadInput, which lists them and suggests a near one."""
+    """Require that an input is one of ``names``; raises BadInput, which lists them and suggests a similar one."""
     if name not in names:
         raise BadInput(key, name, f"choose from {', '.join(names) or 'none'}{suggest(str(name), names)}")
 
 
 class BadComponent(BadInput):
-    """A component whose own code ``raised`` when it was imported or constructed; ``reason`` is that as text."""
+    """A component whose code ``raised`` an error at import or construction; ``reason`` is this error as text."""
 
     def __init__(self, key: str, value: object, reason: str, raised: BaseException):
         super().__init__(key, value, " ".join(reason.split()))
@@ -155,34 +155,34 @@ class BadComponent(BadInput):
 
 
 class WithoutEffect(UserWarning):
-    """An override has no effect: declared so in :func:`cmacexp.run`, seen in results by :func:`cmacexp.run_many`."""
+    """An override without effect, as declared (:func:`cmacexp.run`) or seen in results (:func:`cmacexp.run_many`)."""
 
 
 class OtherModel(UserWarning):
-    """The model of a robot is not the one that results were measured with. Issued by :func:`cmacexp.run`."""
+    """A robot model other than the one with which results were measured. Issued by :func:`cmacexp.run`."""
 
 
 class SmallMargin(UserWarning):
-    """Feedback of a robot bears less further delay than its bus may have. Issued by :func:`cmacexp.run`."""
+    """A delay margin of a robot's feedback below the delay that its bus may have. Issued by :func:`cmacexp.run`."""
 
 
 class BadOutput(CmacexpError):
-    """A component returned what the loop cannot use; the message names class, method, and what was expected."""
+    """An invalid return value of a component; the message names class, method and the expected value."""
 
 
 class ComponentExit(RuntimeError):
-    """A component raised ``SystemExit``, which would end the program: its run fails, as with any other error."""
+    """A ``SystemExit`` of a component; its run fails, as with any other error, but the program continues."""
 
 
 class Diverged(CmacexpError):
-    """Raised by a plant whose own engine reports that it has diverged: the run ends as one, with this cause."""
+    """Divergence that the simulation engine of a plant reports; the run ends as diverged, with this cause."""
 
 
 class BadRun(CmacexpError):
-    """A folder that does not contain a readable run."""
+    """A folder without a readable run."""
 
 
 def describe_failure(raised: Exception) -> str:
-    """Why a run failed, in one line; errors of this project and of the system need no class name."""
+    """Describe why a run failed, in one line, with the class of the error if it is neither ours nor the system's."""
     message = str(raised) if isinstance(raised, CmacexpError | OSError) else f"{type(raised).__name__}: {raised}"
     return " ".join(message.split())

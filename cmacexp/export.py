@@ -1,4 +1,4 @@
-"""``python -m cmacexp.export``: the command of that name, which is an add-on."""
+"""``python -m cmacexp.export``: runs the command ``export``, which is an add-on."""
 
 from cmacexp.__main__ import run_named
 

@@ -1,4 +1,4 @@
-"""``python -m cmacexp.gap``: the command of that name, which is an add-on."""
+"""``python -m cmacexp.gap``: runs the command ``gap``, which is an add-on."""
 
 from cmacexp.__main__ import run_named
 

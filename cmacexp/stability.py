@@ -1,4 +1,4 @@
-"""``python -m cmacexp.stability``: the command of that name, which is an add-on."""
+"""``python -m cmacexp.stability``: runs the command ``stability``, which is an add-on."""
 
 from cmacexp.__main__ import run_named
 

@@ -1,4 +1,4 @@
-"""The names of :mod:`cmacexp.addons.study`, by which studies import them; and ``python -m cmacexp.study``."""
+"""Public names of :mod:`cmacexp.addons.study` for studies; and ``python -m cmacexp.study``."""
 
 from cmacexp.addons.study import *  # noqa: F403
 from cmacexp.addons.study import __all__ as __all__

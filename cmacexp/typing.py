@@ -1,4 +1,4 @@
-"""Types that the whole project shares: arrays, and how a run ended."""
+"""Types of the whole project: arrays, and the status of a run."""
 
 from collections.abc import Mapping
 from enum import StrEnum
@@ -14,40 +14,44 @@ if TYPE_CHECKING:
     from xarray import Dataset as Dataset
 else:
     Axes = Figure = DataFrame = Dataset = Any
-    """For annotations alone: their libraries are imported where they are needed."""
+    """Only for annotations; their libraries are imported where they are needed."""
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Counts = NDArray[np.int64]
 Cells = NDArray[np.unsignedinteger[Any]]
-"""Rows of CMAC memory; without a sign, so that compiled code need not look for rows that count from the end."""
+"""Row indices of CMAC memory; unsigned, so that compiled code need not handle indices from the end."""
 
 
 class Role(NamedTuple):
-    """What an array that the loop changes means for the steps that follow; declared where the array is."""
+    """The role of an array that the loop changes, declared with the array."""
 
     name: str
     ring_axis: int | None = None
-    """Axis of the samples of a ring buffer: that of step k is at k % length."""
+    """Axis of the samples of a ring buffer; the sample of step k has index k % length."""
 
 
-STATE, CLOCK, SCRATCH = Role("state"), Role("clock"), Role("scratch")
+STATE = Role("state")
+CLOCK = Role("clock")
+SCRATCH = Role("scratch")
 State = Annotated[Array, STATE]
-"""Carried from step to step; learning can amplify it."""
+"""State that is carried from step to step, and that learning can amplify."""
 Clock = Annotated[Array, CLOCK]
-"""Carried from step to step, but the same for all states: time, distance, flags, logs."""
+"""Values that are carried from step to step but do not depend on the state: time, distance, flags, logs."""
 Scratch = Annotated[Array, SCRATCH]
-"""Computed in each step before it is read."""
+"""Values that every step computes before it reads them."""
 
 KernelParts = Mapping[str, Any]
-"""Parameters and states by which the loop runs a component without calling it: what ``kernel_parts()`` of the
-component returns after its reset, by the names of the fields of :class:`cmacexp.loop.step.Loop`."""
+"""Parameters and states with which compiled code runs a component, by field of :class:`cmacexp.loop.step.Loop`.
+
+The method ``kernel_parts()`` of the component returns them after its reset.
+"""
 Weights = Mapping[str, NDArray[Any]]
-"""What a feedforward has learnt, and the law by which it is addressed: arrays by name."""
+"""Learned weights of a feedforward and the parameters of their addressing: arrays by name."""
 
 
 class Status(StrEnum):
-    """How a run, or a sweep, ended; a member is equal to its text."""
+    """The status of a run or a sweep; a member equals its text."""
 
     COMPLETED = "completed"
     FELL = "fell"
@@ -55,14 +59,14 @@ class Status(StrEnum):
     FAILED = "failed"
     INTERRUPTED = "interrupted"
     BAD_INPUT = "bad input"
-    """No job of a sweep could be run."""
+    """A sweep of which no job could be run."""
     NOT_INTACT = "not intact"
-    """Manifest or tables of a run, in a table of runs, are missing or changed."""
+    """A run in a table of runs whose manifest or tables are missing or changed."""
     UNFINISHED = "unfinished"
-    """Likewise: it was killed before it had any."""
+    """A run in a table of runs that was killed before it wrote a manifest."""
 
 
 RESULTS = (Status.COMPLETED, Status.FELL, Status.DIVERGED)
-"""Statuses of runs that have a result, which can be compared with others."""
+"""Statuses of runs with a result, which can be compared with other runs."""
 ENDS = (*RESULTS, Status.FAILED, Status.INTERRUPTED)
-"""What the manifest of a run can say."""
+"""Statuses that the manifest of a run can have."""

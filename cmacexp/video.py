@@ -1,4 +1,4 @@
-"""``python -m cmacexp.video``: the command of that name, which is an add-on."""
+"""``python -m cmacexp.video``: runs the command ``video``, which is an add-on."""
 
 from cmacexp.__main__ import run_named
 

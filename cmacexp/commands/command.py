@@ -1,4 +1,4 @@
-"""What the commands share: their arguments, their exit codes, and how an error or an interrupt ends them."""
+"""Common parts of the commands: arguments, exit codes, and the handling of errors and interrupts."""
 
 import argparse
 import sys
@@ -12,33 +12,33 @@ from cmacexp.jit.interrupt import handled, interrupted_exit_code, is_interrupt
 from cmacexp.terminal.output import keep_outputs, print_line, write_output
 
 Arguments = argparse.Namespace
-"""Those of a command, by the names of its options."""
+"""Parsed arguments of a command, as attributes."""
 Work = Callable[[Arguments], int | None]
-"""What a command does; its exit code, 0 if it returns none."""
+"""Function of the arguments of a command that returns its exit code; None counts as 0."""
 OptionTable = Mapping[str, Mapping[str, Any]]
-"""What a command takes: arguments and options by their names, each with what ``add_argument`` takes of it."""
+"""Arguments and options of a command by name, each with the keyword arguments of ``add_argument``."""
 FOLDERS: OptionTable = {
     "folders": {"nargs": "+", "type": Path, "metavar": "DIR", "help": "a run, or a folder of runs"}
 }
 OVERRIDES: OptionTable = {
-    "overrides": {"nargs": "*", "metavar": "KEY=VALUE", "help": "overrides as of python -m cmacexp"},
+    "overrides": {"nargs": "*", "metavar": "KEY=VALUE", "help": "overrides of the config, as in cmacexp run"},
 }
 COMPLETED, FAILED, BAD_INPUT, STOPPED, NOT_INTACT = range(5)
-"""Exit codes; that of an interrupted command is :func:`cmacexp.jit.interrupt.interrupted_exit_code`."""
+"""Exit codes; :func:`cmacexp.jit.interrupt.interrupted_exit_code` gives that of an interrupted command."""
 
 
 def report_usage(parser: argparse.ArgumentParser, message: str) -> NoReturn:
-    """Print what is wrong with the arguments of a command, in one line as all errors are, and exit."""
+    """Print an error in the arguments of a command, in one line like all errors, and exit."""
     parser.exit(BAD_INPUT, f"error: {in_one_line(message)}; {parser.prog} --help shows how it is used\n")
 
 
 def make_flag(meaning: str) -> dict[str, Any]:
-    """An option without a value, off unless given; ``meaning`` is its line of the help."""
+    """Make an option without a value, False by default; ``meaning`` is its line in the help."""
     return {"action": "store_true", "help": meaning}
 
 
 class Parser(argparse.ArgumentParser):
-    """Reads the arguments of a command, of the module ``name``."""
+    """Parser of the arguments of the command ``python -m name``."""
 
     error = report_usage
 
@@ -49,14 +49,17 @@ class Parser(argparse.ArgumentParser):
             self.add_argument(option, **described)
 
     def run(self, work: Work, hint: str = "") -> int:
-        """Read the arguments of this process, and do the ``work`` of the command; see :func:`run_command`."""
+        """Parse the arguments of this process, do the ``work`` of the command, and return the exit code.
+
+        See :func:`run_command` for ``hint`` and errors.
+        """
         return run_command(lambda: work(self.parse_intermixed_args()), hint)
 
 
 def command(name: str, description: str, options: OptionTable) -> Callable[[Work], Callable[[], int]]:
-    """Make the ``main`` of a command, which reads the arguments of this process and returns the exit code.
+    """Make a decorator that turns the work of the command ``name`` into its ``main``.
 
-    It decorates the function that does the work of the command of this name.
+    ``main`` parses the arguments of this process and returns the exit code.
     """
 
     def make_main(work: Work) -> Callable[[], int]:
@@ -66,17 +69,17 @@ def command(name: str, description: str, options: OptionTable) -> Callable[[Work
 
 
 def run_command(work: Callable[[], int | None], hint: str = "") -> int:
-    """Do the work of a command; its exit code, 0 if it returns none. ``hint`` says what to do after an interrupt.
+    """Do the work of a command and return its exit code.
 
-    Errors of this project are about its input. Errors of the operating system, such as a full disk, need no stack
-    trace; any other error is raised.
+    Errors of this project mean bad input; they and errors of the operating system, such as a full disk, are printed
+    in one line without a stack trace. Any other error is raised. ``hint`` is printed after an interrupt.
     """
     keep_outputs()
     try:
         with handled():
             try:
                 return work() or COMPLETED
-            except BrokenPipeError:  # who reads the output needs no more of it
+            except BrokenPipeError:  # the reader of the output has stopped
                 return FAILED
             except (KeyboardInterrupt, Exception) as error:
                 return _report(error, hint)
@@ -86,15 +89,15 @@ def run_command(work: Callable[[], int | None], hint: str = "") -> int:
 
 
 def _report(error: BaseException, hint: str) -> int:
-    """Report what ended a command in a line; its exit code. Raises an error that is none of the input or system."""
+    """Print the error that ended a command in one line, and return the exit code; raises any unexpected error."""
     if is_interrupt(error):
         print_line(f"interrupted{hint}", error=True)
         return interrupted_exit_code()
     if not isinstance(error, CmacexpError | OSError | MemoryError):
         raise error
-    if isinstance(error, BadComponent):  # what its own code raised
+    if isinstance(error, BadComponent):  # with the traceback of the user's code
         print(format_user_traceback(error.raised), file=sys.stderr, end="")
-    if isinstance(error, FileNotFoundError) and error.filename is None:  # that of the current folder
+    if isinstance(error, FileNotFoundError) and error.filename is None:  # the current folder
         error = CmacexpError("the current folder is gone: change to another one")
     print_line(f"error: {str(error).strip() or type(error).__name__}", error=True)
     return BAD_INPUT if isinstance(error, CmacexpError) else FAILED

@@ -1,4 +1,4 @@
-"""``GROUP=help``: the options of a group of the config, and its fields with unit, allowed values and meaning."""
+"""``GROUP=help``: the options of a config group, and its fields with allowed values, unit and meaning."""
 
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -19,11 +19,11 @@ from cmacexp.errors import CmacexpError, in_one_line
 
 HELP = "=help"
 NAMES = {"rule": RULES}
-"""Names that a field takes, where they are a table of the code and not of the config."""
+"""Allowed names of fields that are listed in code instead of the config schema, by field name."""
 
 
 def describe_allowed(field: "Field[Any]") -> str:
-    """The values that a field takes, in words; names in backquotes."""
+    """Describe the allowed values of a config field in words, with names in backquotes."""
     if names := field.metadata.get("choices") or NAMES.get(field.name):
         words = ", ".join(f"`{name}`" for name in names)
     elif "unit" in field.metadata:
@@ -34,52 +34,57 @@ def describe_allowed(field: "Field[Any]") -> str:
 
 
 def format_typed(value: object) -> str:
-    """A value as it is typed."""
+    """Format a value as it is typed on the command line."""
     return yaml.safe_dump(value, default_flow_style=True, width=1000).splitlines()[0]
 
 
 def describe_option(path: Path) -> str:
-    """What the comment at the beginning of an option says."""
+    """Return the comment at the top of the YAML file of an option, as one line."""
     lines = [line.removeprefix("# ") for line in path.read_text().splitlines() if line.startswith("#")]
     return " ".join(line for line in lines if not line.startswith("@"))
 
 
 def find_group(arguments: Sequence[str]) -> str | None:
-    """The group that ``GROUP=help`` among the arguments of a command line names; None without it."""
-    named = (text.removesuffix(HELP) for text in arguments if text.endswith(HELP))
-    return next((name for name in named if name and (config_folder() / name).is_dir()), None)
+    """Find the config group in an argument ``GROUP=help``; None without such an argument."""
+    names = (text.removesuffix(HELP) for text in arguments if text.endswith(HELP))
+    return next((name for name in names if name and (config_folder() / name).is_dir()), None)
 
 
 def _list_fields(node: Any, prefix: str) -> Iterator[tuple[str, str]]:
-    """The fields of a node as they are typed, and what is known of each; of nodes inside it likewise."""
+    """Yield the fields of a config node and its sub-nodes: ``KEY=VALUE`` as typed, and a description.
+
+    The description consists of the allowed values, the unit and the meaning.
+    """
     schema: Any = type(node)
     for field in fields(node):
-        value, key = vars(node)[field.name], f"{prefix}.{field.name}"
+        key = f"{prefix}.{field.name}"
+        value = vars(node)[field.name]
         if is_dataclass(value):
             yield from _list_fields(value, key)
         elif field.name != "_target_":
-            allowed, unit = describe_allowed(field).replace("`", ""), field.metadata.get("unit", "")
-            known = (f"{allowed}, in {unit}" if unit else allowed, read_meanings(schema).get(field.name, ""))
-            yield f"{key}={format_typed(value)}", ". ".join(filter(None, known))
+            allowed = describe_allowed(field).replace("`", "")
+            unit = f", in {field.metadata['unit']}" if field.metadata.get("unit") else ""
+            described = (f"{allowed}{unit}", read_meanings(schema).get(field.name, ""))
+            yield f"{key}={format_typed(value)}", ". ".join(filter(None, described))
 
 
 def format_help(group: str, arguments: Sequence[str]) -> str:
-    """Options and fields of a group; values are those of the run that the other ``arguments`` describe."""
+    """Format the options and fields of a config group, with the values of the run that ``arguments`` describe."""
     width = max(60, get_terminal_size().columns - 1)
 
-    def fill(text: str, indent: str) -> str:
+    def wrap(text: str, indent: str) -> str:
         return textwrap.fill(in_one_line(text), width, initial_indent=indent, subsequent_indent=indent)
 
     lines = [f"{group}=OPTION, one of"]
     for path in sorted((config_folder() / group).glob("*.yaml")):
-        lines += [f"  {path.stem}", fill(describe_option(path), "      ")]
-    others = [text for text in arguments if not text.startswith(("-", "hydra")) and not text.endswith(HELP)]
+        lines += [f"  {path.stem}", wrap(describe_option(path), "      ")]
+    overrides = [text for text in arguments if not text.startswith(("-", "hydra")) and not text.endswith(HELP)]
     try:
-        node = vars(compose_config(others)).get(group)
+        node = vars(compose_config(overrides)).get(group)
     except CmacexpError as error:
         return "\n".join([*lines, f"fields: docs/config.md; they cannot be listed here: {error}"])
     if is_dataclass(node):
-        own = " of another option: add GROUP=OPTION" if group in (*COMPONENTS, "machine") else ""
-        found = [f"  {typed}\n{fill(known, '      ')}" for typed, known in _list_fields(node, group)]
-        lines += [f"{group}.FIELD=VALUE, values as in this run;{own}".rstrip(";"), *found] if found else []
+        hint = "; for the fields of another option add GROUP=OPTION" if group in (*COMPONENTS, "machine") else ""
+        described = [f"  {field}\n{wrap(text, '      ')}" for field, text in _list_fields(node, group)]
+        lines += [f"{group}.FIELD=VALUE, with the values of this run{hint}", *described] if described else []
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""``python -m cmacexp``: compose a config with Hydra, run it, report how it ended."""
+"""``python -m cmacexp``: compose a config with Hydra, run it, and print the outcome."""
 
 import argparse
 import contextlib
@@ -39,29 +39,30 @@ EXIT_CODES: dict[str, int] = {
     Status.FELL: STOPPED,
     Status.DIVERGED: STOPPED,
 }
-"""Exit codes by the status of a run, or how a sweep ended."""
+"""Exit codes by the status of a run or a sweep."""
 
 OPTIONS = (
     *("-h", "--help", "--hydra-help", "--version", "-c", "--cfg", "--resolve", "-p", "--package", "-i", "--info"),
     *("-r", "--run", "-m", "--multirun", "-sc", "--shell-completion", "--experimental-rerun"),
     *("-cp", "--config-path", "-cn", "--config-name", "-cd", "--config-dir"),
 )
-"""Those of Hydra's command line, which answers to any other in nine lines."""
+"""Options of Hydra's command line; any other is refused here in one line, by Hydra in nine."""
 
 
 def main() -> int:
-    """Run the command line; its exit code."""
+    """Run the command line and return the exit code."""
     return run_command(run_or_sweep)
 
 
 def run_or_sweep() -> int:
-    """Run what the words of the command line say, a run or a sweep; its exit code."""
+    """Execute the run or the sweep of the command line, or answer a question for help; return the exit code."""
     words = sys.argv[1:]
     if text := _answer(words):
         print(text)
         return COMPLETED
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions reach the lines below, instead of Hydra's own printing
-    task, (options, overrides) = _Task(), _parse(words)
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions reach the lines below; else Hydra prints them
+    task = _Task()
+    options, overrides = _parse(words)
     mode = RunMode.MULTIRUN if options.multirun else RunMode.RUN
     try:
         composes = not any(text.startswith(("-", "hydra.mode")) for text in overrides)
@@ -72,7 +73,7 @@ def run_or_sweep() -> int:
                     task.sweep(config, context)
                 elif composes:
                     run_job(task, config, "hydra.run.dir", None, context)
-        if not composes:  # but something else, or with callbacks
+        if not composes:  # Hydra does the rest: options such as --cfg, and callbacks
             hydra_main(config_path=str(config_folder()), config_name="config", version_base="1.3")(task)()
     except Exception as error:
         task.error = error
@@ -82,7 +83,7 @@ def run_or_sweep() -> int:
 
 
 def _answer(words: list[str]) -> str:
-    """Answer words that ask for no run; empty if they ask for one. Raises CmacexpError of an option that is none."""
+    """Answer ``--version`` and ``GROUP=help``, else return an empty text; raises CmacexpError for a bad option."""
     if "--version" in words:
         return f"cmacexp {__version__}"
     if group := find_group(words):
@@ -96,7 +97,7 @@ def _answer(words: list[str]) -> str:
 
 
 def _parse(words: list[str]) -> tuple[argparse.Namespace, list[str]]:
-    """Parse the options of a run or a sweep; the other words are overrides, or options of Hydra."""
+    """Parse the options of a run or a sweep; return them, and the other words: overrides and options of Hydra."""
     parser = argparse.ArgumentParser(add_help=False)
     parser.add_argument("-m", "--multirun", action="store_true")
     parser.add_argument("-cp", "--config-path", default=config_folder())
@@ -109,7 +110,7 @@ def _parse(words: list[str]) -> tuple[argparse.Namespace, list[str]]:
 def _compose(
     options: argparse.Namespace, overrides: list[str], mode: RunMode
 ) -> Iterator[tuple[DictConfig, HydraContext]]:
-    """Compose the config of a run or of a sweep."""
+    """Compose the config of a run or of a sweep; yield it with the context for its jobs."""
     if options.config_dir:
         require(Path(options.config_dir).is_dir(), "--config-dir", options.config_dir, "is no folder")
         overrides.append(f"hydra.searchpath=[file://{Path(options.config_dir).resolve()}]")
@@ -121,14 +122,15 @@ def _compose(
 
 
 class _Task:
-    """What Hydra calls with the composed config of a run, or of a sweep.
+    """The task that Hydra calls with the composed config of a run or a sweep.
 
-    ``called`` says whether all that can be composed is; ``status`` is that of the run, or how the sweep ended:
-    ``completed`` where Hydra calls nothing, as for ``--help``; ``error`` is what the run raised.
+    ``called`` is True once the config is composed; ``status`` is that of the run or the sweep, ``completed`` where
+    Hydra does not call the task, as for ``--help``; ``error`` is the exception of the run.
     """
 
     def __init__(self) -> None:
-        self.called, self.status = False, str(Status.COMPLETED)
+        self.called = False
+        self.status = str(Status.COMPLETED)
         self.error: Exception | None = None
 
     def __call__(self, composed: DictConfig) -> None:
@@ -144,15 +146,15 @@ class _Task:
             with show_progress(config.scenario, config.cycles, "cycles") as watch:
                 run = run_scenario(config, folder, watch, scenario, _warn_of_drift, record, hydra.overrides.task)
             self.status = _report(run)
-        except Exception as error:  # of which Hydra would print more than a line
+        except Exception as error:  # Hydra would print it in many lines
             self.error = error
         finally:
             if folder.resolve() != Path.cwd():
                 with contextlib.suppress(OSError):
-                    folder.rmdir()  # that Hydra made, if the run left nothing in it
+                    folder.rmdir()  # which Hydra made, if the run left it empty
 
     def sweep(self, config: DictConfig, context: HydraContext) -> None:
-        """Run a sweep."""
+        """Execute a sweep."""
         with interrupt_held_back():  # some libraries cannot be imported partially
             from cmacexp.engine.sweep import Sweep
         sweep = Sweep(config, context)
@@ -160,7 +162,7 @@ class _Task:
         self.status = sweep.run()
 
     def explain(self, error: Exception) -> Exception:
-        """The error that says what is wrong with the command line, if that is the cause of ``error``."""
+        """Return an error that explains the mistake in the command line; ``error`` itself if it has another cause."""
         if isinstance(error, COMPOSITION_ERRORS) or not (self.called or isinstance(error, CmacexpError | OSError)):
             return CmacexpError(explain_composition(error, sys.argv[1:]))
         if (
@@ -175,7 +177,7 @@ class _Task:
 
 
 def _prepare(composed: DictConfig, hydra: Any) -> tuple[Config, "Scenario"]:
-    """Check a config, and plan its run; prints warnings of what has no effect, or little margin."""
+    """Check a config and plan its run; print warnings of idle overrides, a small delay margin and other models."""
     config = to_config(composed)
     resumes = "only a sweep can be resumed: add -m and hydra.sweep.dir=DIR"
     require(not config.sweep.resume, "sweep.resume", True, resumes)
@@ -206,7 +208,7 @@ def _warn_of_drift(drift: "Drift") -> None:
 
 
 def _report(run: "Run") -> str:
-    """Print what a run gave; its status. Raises KeyboardInterrupt if it was interrupted."""
+    """Print the results of a run and return its status; raises KeyboardInterrupt if the run was interrupted."""
     from cmacexp.terminal.messages import print_summary
     from cmacexp.terminal.output import print_line
 

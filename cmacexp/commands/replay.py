@@ -15,16 +15,20 @@ from cmacexp.terminal.messages import select_traced
 from cmacexp.terminal.output import print_line, show_activity
 
 COMPARISONS = Path("outputs", "comparisons")
+"""Folder of recordings of several runs."""
 LONGEST_NAME = 120
-"""Most characters in the name of the file of a comparison."""
+"""Most characters in the file name of a comparison."""
 
 
-def _show(shown: Path | str, arguments: Arguments) -> int:
-    return 0 if arguments.no_viewer else serve_web(shown) if arguments.web else open_window(shown)
+def _show(recording: Path | str, arguments: Arguments) -> int:
+    """Show a recording, a file or an address, as the options say; return the exit code of the viewer."""
+    if arguments.no_viewer:
+        return 0
+    return serve_web(recording) if arguments.web else open_window(recording)
 
 
 def _show_table(runs: Sequence[Run], arguments: Arguments) -> int:
-    """Show runs as a table whose rows open their recordings."""
+    """Show a table of runs whose rows open their recordings; return the exit code of the viewer."""
     for name in ("cycles", "every", "meshes", "out"):
         value = vars(arguments)[name]
         require(not value, f"--{name}", value, "must be left out with --table, which shows what is recorded")
@@ -34,39 +38,39 @@ def _show_table(runs: Sequence[Run], arguments: Arguments) -> int:
 
 @command(
     "replay",
-    "Show a run in the Rerun viewer, or several side by side. A recording that is missing, or of another run or "
-    "version, is built from the trace; --cycles, --every and --meshes build it anew.",
+    "Show a run in the Rerun viewer, or several side by side. A recording that is missing, or was made from another "
+    "run or by another version, is rebuilt from the trace, as it is with --cycles, --every or --meshes.",
     {
         **FOLDERS,
-        "--no-viewer": make_flag("only build the recording"),
-        "--web": make_flag(
-            "serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window"
+        "--no-viewer": make_flag("build the recording without opening the viewer"),
+        "--web": make_flag("serve the viewer to a browser on this machine until Ctrl-C, instead of opening a window"),
+        "--table": make_flag(
+            "show a table of the runs, with filters by config and metrics; a row opens its recording"
         ),
-        "--table": make_flag("show a table of the runs, to filter by config and metrics; a row opens its recording"),
-        "--rebuild": make_flag("build the recording of a run even if it exists, with all cycles"),
-        "--meshes": make_flag("draw robots as their models show them, if these are still those of the runs"),
+        "--rebuild": make_flag("rebuild the recording of a run, with all cycles, even if it is current"),
+        "--meshes": make_flag("draw robots with the meshes of their models, which must be those of the runs"),
         "--cycles": {
             "metavar": "CYCLES",
-            "help": "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all "
-            "runs took)",
+            "help": "range of cycles that all runs have: 3-5 (third to fifth), 7 (only the seventh), last, last5 "
+            "(last five)",
         },
         "--every": {
             "metavar": "N",
             "type": int,
-            "help": "show one step in N; unless given, all of a short run, fewer of a long one",
+            "help": "show every N-th step (default: all steps of a short run, fewer of a long one)",
         },
         "--out": {
             "metavar": "FILE.rrd",
             "type": Path,
-            "help": f"where the recording goes; unless given, {RECORDING_FILE} in the folder of a run, or in "
-            f"{COMPARISONS}",
+            "help": f"file of the recording (default: {RECORDING_FILE} in the folder of the run; for several runs a "
+            f"file in {COMPARISONS})",
         },
     },
 )
 def main(arguments: Arguments) -> int:
-    """Build what is to be shown, and show it; the exit code of the viewer."""
+    """Build a recording if needed and show it; return the exit code of the viewer."""
     require(not (arguments.web and arguments.no_viewer), "--web", True, "leave out --no-viewer to show the recording")
-    folders = {run.resolve(): run for given in arguments.folders for run in runs_below(given)}
+    folders = {run.resolve(): run for folder in arguments.folders for run in runs_below(folder)}
     runs = [Run(folder) for folder in select_traced(folders.values())]
     if not (arguments.web or arguments.no_viewer):
         require_display()
@@ -84,9 +88,9 @@ def main(arguments: Arguments) -> int:
         require_place("--out", path.parent)
         in_run = any(is_run(parent) for parent in path.resolve().parents)
         require(not in_run, "--out", path, "must lie outside the folders of runs")
-    is_own = len(runs) == 1 and arguments.out is None and options == DEFAULT
+    is_default = len(runs) == 1 and arguments.out is None and options == DEFAULT
     path.parent.mkdir(parents=True, exist_ok=True)
     with show_activity(f"building {path}"):
-        shown = ensure_recording(runs[0], arguments.rebuild) if is_own else write_recording(runs, path, options)
-    print_line(f"{path}: {shown}")
+        text = ensure_recording(runs[0], arguments.rebuild) if is_default else write_recording(runs, path, options)
+    print_line(f"{path}: {text}")
     return _show(path, arguments)

@@ -1,4 +1,4 @@
-"""``python -m cmacexp.robots go1``: what the model of a robot holds, and what follows from it by rule."""
+"""``python -m cmacexp.robots go1``: parameters of a robot model, and the settings that are derived from it."""
 
 import json
 import math
@@ -41,16 +41,16 @@ SETTINGS = (
     "gait.cycle_time",
     "gait.duty_factor",
 )
-"""Fields of the config that follow from the model, and those beside which they are read."""
+"""Config fields that are derived from the model, and the fields to compare them with."""
 
 BY_RULE = (("hybrid", ""), ("hybrid", "0.002"), ("hybrid", "0.001"), ("drives", ""))
-"""Controllers and sampling periods, s, or those by rule, that the margin of a robot is shown for."""
-COUNTED = ("scenario", "machine", "gait", "sensors", "actuator")
-"""Groups on which it depends besides."""
+"""Controller and sampling period, s, for each of which the delay margin is printed; empty: the derived period."""
+MARGIN_GROUPS = ("scenario", "machine", "gait", "sensors", "actuator")
+"""Other config groups on which the delay margin depends."""
 
 
 def _choose(robot: str) -> list[str]:
-    """Overrides that choose a robot by the name of its option, or by its file."""
+    """Return the overrides that select a robot, given the name of its option or its file; raises BadInput."""
     names = [path.stem for path in (config_folder() / "machine").glob("*.yaml")]
     if robot in names:
         return [f"machine={robot}"]
@@ -64,12 +64,15 @@ def _choose(robot: str) -> list[str]:
 
 
 def quote_value(value: object) -> str:
-    """A value as an override has it: JSON, as which Hydra reads texts and lists."""
+    """Format a value for an override, as JSON, in which Hydra can read any text and list."""
     return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
 
 
 def _find_legs(path: Path) -> list[str]:
-    """Overrides that a model needs to which the names and the home of ``machine=mjcf`` do not fit; shows them."""
+    """Find the overrides for a model that the names or the home pose of ``machine=mjcf`` do not fit, and print them.
+
+    Empty if they fit.
+    """
     default = OmegaConf.load(config_folder() / "machine" / "mjcf.yaml")
     try:
         robot = read_robot(path, default.joints, default.feet, list(default.home))
@@ -78,15 +81,18 @@ def _find_legs(path: Path) -> list[str]:
     except BadInput as error:
         if error.key not in ("machine.joints", "machine.feet", "machine.home"):
             raise
-    joints, feet, home = names = find_names(path)
-    homes = home if isinstance(home[0], list) else [home] * len(feet)
-    rows = [[leg, ", ".join(j), f, str(h)] for leg, j, f, h in zip(LEG_NAMES, joints, feet, homes, strict=True)]
+    names = find_names(path)
+    homes = names.home if isinstance(names.home[0], list) else [names.home] * len(names.feet)
+    rows = [
+        [leg, ", ".join(joints), foot, str(home)]
+        for leg, joints, foot, home in zip(LEG_NAMES, names.joints, names.feet, homes, strict=True)
+    ]
     print_table(["leg", "joints", "foot", "home, rad"], rows)
     return [f"machine.{key}={quote_value(value)}" for key, value in names._asdict().items()]
 
 
 def list_joints(robot: Robot) -> list[list[str]]:
-    """Rows of a table: what the model says of hip, thigh and calf, each with its unit."""
+    """List rows of a table: name, unit, and values of hip, thigh and calf joint, from the model."""
     quantities = [
         ("largest torque", "N m", robot.torque_limits),
         ("dry friction", "N m", robot.friction),
@@ -99,14 +105,15 @@ def list_joints(robot: Robot) -> list[list[str]]:
 
 
 def list_settings(config: Config) -> list[list[str]]:
-    """Rows of a table: fields of the config, each with its unit."""
+    """List rows of a table: key, unit and value of the config fields in :data:`SETTINGS`."""
     plain = to_plain(config)
-    values, described = flatten_config(plain), describe_fields(plain)
+    values = flatten_config(plain)
+    described = describe_fields(plain)
     return [[key, described[key].unit, format_number(values[key])] for key in SETTINGS if key in values]
 
 
 def _describe_margin(config: Config) -> list[str]:
-    """A row of a table: the further delay that feedback bears; empty with a controller of the user's own."""
+    """Compute a row of a table: controller, period, crossover and delay margin; empty for a custom controller."""
     from cmacexp.control import DriveController, HybridController
     from cmacexp.loop.margin import SMALL_MARGIN, find_margin
     from cmacexp.loop.scenario import count_loop_delay, make_component
@@ -114,10 +121,12 @@ def _describe_margin(config: Config) -> list[str]:
     controller, sensors = (make_component(group, vars(config)[group]) for group in ("controller", "sensors"))
     if isinstance(controller, DriveController):
         drives = DriveGains(controller.config.stiffness, controller.config.damping)
-        name, margin = "drives", find_joint_margin(read_model(config.machine), drives, config.actuator.lag)
+        name = "drives"
+        margin = find_joint_margin(read_model(config.machine), drives, config.actuator.lag)
         note = "in drives, not on a bus"
     elif isinstance(controller, HybridController):
-        name, margin = "hybrid", find_margin(config, controller.config, count_loop_delay(config, sensors))
+        name = "hybrid"
+        margin = find_margin(config, controller.config, count_loop_delay(config, sensors))
         note = "small" if margin.delay < SMALL_MARGIN else ""
     else:
         return []
@@ -126,14 +135,14 @@ def _describe_margin(config: Config) -> list[str]:
 
 
 def _list_margins(config: Config, overrides: list[str]) -> list[list[str]]:
-    """Rows of a table: the margin of a config, and those by rule of each controller and rate."""
+    """List rows of a table: delay margin of a config, and of each controller and period in :data:`BY_RULE`."""
     rows = {} if not (row := _describe_margin(config)) else {tuple(row[:2]): row}
-    counted = [text for text in overrides if text.startswith(COUNTED)]
+    relevant = [text for text in overrides if text.startswith(MARGIN_GROUPS)]
     for controller, period in BY_RULE:
         setting = [f"controller={controller}", *([f"sampling_period={period}"] if period else [])]
         try:
-            row = _describe_margin(compose_config([*counted, *setting]))
-        except BadInput:  # a run with this setting says why
+            row = _describe_margin(compose_config([*relevant, *setting]))
+        except BadInput:  # a run with this setting prints the reason
             row = [controller, period or "by rule", "", "", "refused"]
         rows.setdefault(tuple(row[:2]), row)
     return [*rows.values()]
@@ -141,29 +150,32 @@ def _list_margins(config: Config, overrides: list[str]) -> list[list[str]]:
 
 @command(
     "robots",
-    "Show what the model of a robot holds, and the settings that follow from it by rule.",
+    "Print the parameters of a robot model, the delay margin, and the settings that are derived from the model.",
     {
-        "robot": {"metavar": "ROBOT", "help": "go1 or another option of conf/machine, or an MJCF or URDF file"},
+        "robot": {
+            "metavar": "ROBOT",
+            "help": "name of an option of conf/machine, such as go1, or an MJCF or URDF file",
+        },
         **OVERRIDES,
     },
 )
 def main(arguments: Arguments) -> None:
-    """Print the robot."""
-    chosen = _choose(arguments.robot)
-    if len(chosen) > 1 and not any(word.startswith("machine.") for word in arguments.overrides):
-        chosen += (found := _find_legs(Path(arguments.robot).resolve()))
-        if found:
-            print(f"python -m cmacexp {shlex.join(['scenario=robot', *chosen, *arguments.overrides])}")
-    config = compose_config(["scenario=robot", *chosen, *arguments.overrides])
+    """Print a robot model, its delay margins and the derived settings."""
+    selection = _choose(arguments.robot)
+    if len(selection) > 1 and not any(word.startswith("machine.") for word in arguments.overrides):
+        selection += (names := _find_legs(Path(arguments.robot).resolve()))
+        if names:
+            print(f"python -m cmacexp {shlex.join(['scenario=robot', *selection, *arguments.overrides])}")
+    overrides = ["scenario=robot", *selection, *arguments.overrides]
+    config = compose_config(overrides)
     robot = read_model(config.machine)
     basis = derive_basis(robot)
-    length_1, length_2 = robot.links
     print_line(str(robot.path))
-    print(f"mass {format_number(basis.mass, 'kg')}, links {length_1:.3g} m and {length_2:.3g} m")
+    print(f"mass {format_number(basis.mass, 'kg')}, links {robot.links[0]:.3g} m and {robot.links[1]:.3g} m")
     print(f"fingerprint {robot.fingerprint}")
     warn_of_models([config.machine])
-    print(f"a foot feels {format_number(basis.foot_mass, 'kg')} at least, {basis.ratio:.3g} of the mass")
-    margins = _list_margins(config, ["scenario=robot", *chosen, *arguments.overrides])
-    print_table(["controller", "period, s", "crossover, Hz", "more delay, ms", ""], margins)
+    print(f"effective mass at a foot at least {format_number(basis.foot_mass, 'kg')}, {basis.ratio:.3g} of the mass")
+    margins = _list_margins(config, overrides)
+    print_table(["controller", "period, s", "crossover, Hz", "delay margin, ms", ""], margins)
     print_table(["", "unit", "hip", "thigh", "calf"], list_joints(robot))
     print_table(["", "unit", "value"], list_settings(config))

@@ -1,4 +1,4 @@
-"""``python -m cmacexp.score DIR``: computes the metrics again from the trace, without simulating."""
+"""``python -m cmacexp.score DIR``: recomputes the metrics from the trace, without simulation."""
 
 from pathlib import Path
 
@@ -15,9 +15,9 @@ from cmacexp.terminal.output import print_line, show_activity
 
 
 def score(folder: Path) -> Scores:
-    """Compute and write the metrics of a run again; raises BadRun if its trace is not as it was written."""
+    """Recompute and store the metrics of a run; raises BadRun if its trace is incomplete or was changed."""
     run = Run(folder)
-    require_intact(folder / TRACE_FILE)  # a run without one has a config of any kind
+    require_intact(folder / TRACE_FILE)  # first, since the config of a run without a trace may have any form
     record = run.config["record"]
     for key in ("every_nth_step", "cycles"):
         BadRun.unless(
@@ -25,14 +25,16 @@ def score(folder: Path) -> Scores:
             f"{folder}: its trace lacks steps (record.{key}={record.get(key)}): metrics need all steps",
         )
     scores = score_traces(run)
-    update_run(folder, lambda part: write_scores(part, scores), drift=make_drift_entry(scores.legs))
+    update_run(
+        folder, lambda partial_folder: write_scores(partial_folder, scores), drift=make_drift_entry(scores.legs)
+    )
     return scores
 
 
-@command("score", "Compute the metrics of runs again from their traces.", FOLDERS)
+@command("score", "Recompute the metrics of runs from their traces.", FOLDERS)
 def main(arguments: Arguments) -> None:
-    """Score the runs, and print their metrics."""
-    for folder in select_traced(run for given in arguments.folders for run in runs_below(given)):
+    """Recompute and print the metrics of the runs."""
+    for folder in select_traced(run for parent in arguments.folders for run in runs_below(parent)):
         with show_activity(f"scoring {folder}"):
             scores = score(folder)
         print_line(str(folder))

@@ -1,4 +1,4 @@
-"""``python -m cmacexp.verify DIR...``: which runs are intact."""
+"""``python -m cmacexp.verify DIR...``: checks the integrity of runs."""
 
 from cmacexp.commands.command import FOLDERS, NOT_INTACT, Arguments, command
 from cmacexp.data import manifest as manifests
@@ -7,12 +7,14 @@ from cmacexp.terminal.output import print_line, show_activity
 
 
 @command(
-    "verify", "Check which runs are intact: every file that their manifests list is present and unchanged.", FOLDERS
+    "verify",
+    "Check that runs are intact: every file in their manifests is present and unchanged.",
+    FOLDERS,
 )
 def main(arguments: Arguments) -> int:
-    """Check the runs; the exit code is 0 if all are intact, 4 if one is not, 2 if there is none."""
+    """Check the runs; return 0 if all are intact, else 4. Raises CmacexpError, exit code 2, if there is no run."""
     intact = True
-    for folder in [result for given in arguments.folders for result in manifests.everything_below(given)]:
+    for folder in [result for parent in arguments.folders for result in manifests.everything_below(parent)]:
         with show_activity(f"checking {folder}"):
             reasons = faults(folder)
         intact = intact and not reasons

@@ -1,4 +1,4 @@
-"""``python -m cmacexp.warm``: compiles what usual runs need, so that none of them has to wait for it."""
+"""``python -m cmacexp.warm``: compiles the control loop of common runs ahead of time."""
 
 import time
 
@@ -11,19 +11,27 @@ FORMS = {
     "guarded": ["scenario=one_leg", "cycles=2", "learning.guard=freeze"],
     "robot": ["scenario=robot"],
 }
-"""Overrides of a run of each form of the control loop that usual runs need: the first two serve every machine with
-planar legs and all sensors, without and with a guard of learning."""
+"""Overrides of a run for each compiled form of the control loop.
+
+The first two serve every machine with planar legs and all sensors, without and with a guard of learning.
+"""
 MANY = 10**6
-"""Runs that repay compiling everything that many runs use."""
+"""Number of runs for which it pays off to compile everything."""
 
 
 @command(
     "warm",
-    "Compile what usual runs need, once for a version, before they need it.",
-    {"forms": {"nargs": "*", "metavar": "FORM", "help": f"{', '.join(FORMS)}; without one: all"}},
+    "Compile the control loop of common runs ahead of time, once for each version of the code.",
+    {
+        "forms": {
+            "nargs": "*",
+            "metavar": "FORM",
+            "help": f"form of the control loop: {', '.join(FORMS)} (default: all)",
+        }
+    },
 )
 def main(arguments: Arguments) -> None:
-    """Compile the forms; raises BadInput if there is no such form."""
+    """Compile the named forms of the control loop; raises BadInput for an unknown name."""
     for name in arguments.forms:
         require_name("FORM", name, FORMS)
     from cmacexp.engine.batch import METRICS, run_chunk
@@ -33,7 +41,7 @@ def main(arguments: Arguments) -> None:
         try:
             with show_activity(f"compiling {name}"):
                 run_chunk(0, [["cycles=1", *FORMS[name]]], METRICS, MANY)
-        except CmacexpError as error:  # what it needs is not installed
+        except CmacexpError as error:  # an extra is not installed
             print_line(f"{name}: left out: {error}")
         else:
             print_line(f"{name}: ready after {time.monotonic() - began:.1f} s")

@@ -1,4 +1,4 @@
-"""Metrics of a body per cycle: pure functions of its trace."""
+"""Metrics of the body per cycle: pure functions of the trace of the body."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -22,13 +22,13 @@ from cmacexp.typing import Array
 
 
 class BodyBlock(NamedTuple):
-    """The trace of a body and the steps at which its cycles start."""
+    """The trace of a body, with the first step of each of its cycles."""
 
     body: Trace
     starts: NDArray[np.intp]
 
     def reduce(self, by: np.ufunc, column: str) -> Array:
-        """One value per cycle."""
+        """Reduce a column over the steps of each cycle with the ufunc ``by``; (cycles,)."""
         return np.asarray(by.reduceat(self.body[column], self.starts))
 
 
@@ -41,21 +41,21 @@ def _largest_tilt(block: BodyBlock) -> Array:
 
 
 def _height(which: str, symbol: str, compute: Callable[[BodyBlock], Array], main: bool = False) -> BodyMetric:
-    shown = MetricDisplay("height" if main else f"{which} height", "mm", 1e3, main, from_zero=False, symbol=symbol)
-    return Metric("m", f"{which} height of the body", "never", compute, BODY_POOLING, NEITHER, shown)
+    display = MetricDisplay("height" if main else f"{which} height", "mm", 1e3, main, from_zero=False, symbol=symbol)
+    return Metric("m", f"{which} height of the body", "never", compute, BODY_POOLING, NEITHER, display)
 
 
 def _margin(column: str, title: str = "", symbol: str = "", main: bool = False) -> BodyMetric:
-    """The least of a margin; shown if it has a ``title``."""
-    known, _, side = column.rpartition("margin")
-    to = side.removeprefix("_") or "nearest edge"
-    of, undefined = "planned support polygon", "never three feet down"
-    if known.startswith("true"):
-        of, undefined = "polygon of the feet that carry load", "never three feet carry"
-    meaning = f"least margin to the {to} of the {of}; negative: the centre of gravity is outside it"
-    shown = MetricDisplay(title, "mm", 1e3, main, symbol=symbol) if title else None
+    """Define the metric of the smallest stability margin in a cycle, m; displayed only if it has a ``title``."""
+    is_true = column.startswith("true")
+    side = column.rpartition("margin")[2]
+    edge = side.removeprefix("_") or "nearest edge"
+    polygon = "polygon of the feet that carry load" if is_true else "planned support polygon"
+    undefined = "never three feet carry" if is_true else "never three feet down"
+    meaning = f"least margin to the {edge} of the {polygon}; negative: the centre of gravity is outside it"
+    display = MetricDisplay(title, "mm", 1e3, main, symbol=symbol) if title else None
     source = CONTRACT if side else "McGhee & Frank 1968"
-    return Metric("m", meaning, undefined, lambda b: b.reduce(np.fmin, column), BODY_POOLING, LARGE, shown, source)
+    return Metric("m", meaning, undefined, lambda b: b.reduce(np.fmin, column), BODY_POOLING, LARGE, display, source)
 
 
 BODY_METRICS: dict[str, BodyMetric] = {
@@ -92,18 +92,22 @@ def _measure_drift(block: BodyBlock) -> Array:
 ESTIMATE_METRICS: dict[str, BodyMetric] = {
     "place_drift": Metric(
         "m",
-        "distance of the measured place from the true one at the end",
+        "distance of the measured from the true position of the body at the end of the cycle",
         "never",
         _measure_drift,
         BODY_POOLING,
         SMALL,
     ),
 }
-"""Columns that follow where the sensors alter the place of the body."""
+"""Columns that follow where the sensors alter the measured position of the body."""
 
 
 def compute_body(body: Trace, steps_per_cycle: int, first_cycle: int = 1) -> pa.Table:
-    """One row per cycle, the columns of :data:`BODY_METRICS`, and others; the last cycle may be short."""
+    """Compute the table of body metrics, one row per cycle; the last cycle may be incomplete.
+
+    Its columns are ``cycle``, :data:`BODY_METRICS` and, if the trace has a measured position,
+    :data:`ESTIMATE_METRICS`.
+    """
     block = BodyBlock(body, np.arange(0, body.steps, steps_per_cycle))
     metrics = {**BODY_METRICS, **(ESTIMATE_METRICS if "cog_x_measured" in body.table.column_names else {})}
     values = {name: metric.compute(block) for name, metric in metrics.items()}
@@ -112,9 +116,10 @@ def compute_body(body: Trace, steps_per_cycle: int, first_cycle: int = 1) -> pa.
 
 
 def describe_load(manifest: Mapping[str, Any]) -> str:
-    """What the plan of a run used at its end of load and ground, in one line; empty if it did not ask.
+    """Describe in one line the load and the ground slope that the plan used at the end of a run.
 
-    The plan takes only a part of the difference from what the feet carried, which is given beside it.
+    The plan corrects only a fraction of the difference between planned and measured load; the measured weight is
+    given beside the planned one. Empty if the plan did not adapt to measurements.
     """
     if not manifest["carried"]:
         return ""

@@ -1,9 +1,9 @@
-"""Metrics of learning: whether it drifts, what its guard did, and the weights at the end of each cycle.
+"""Metrics of learning: drift, the events of its guard, and the weights at the end of each cycle.
 
-It drifts if the feedback, which learning should reduce, grows again. A drift is detected in the first cycle in which
-both tests hold: the last WINDOW cycles rise significantly, and their level has risen to DRIFT_RATIO times its lowest
-so far. A change of the ground that learning compensates, and the noise of sensors, do not rise in so many pairs of
-cycles. The metrics of weights are from ``memory.parquet``.
+Learning drifts if the feedback torque, which it should reduce, grows again. Drift is detected in the first cycle in
+which both tests are positive: the last WINDOW cycles rise significantly, and their level has risen to DRIFT_RATIO
+times its lowest value so far. A change of the ground that learning compensates, or sensor noise, does not rise in as
+many pairs of cycles. The metrics of weights are computed from ``memory.parquet``.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,11 +26,11 @@ COLUMNS = [signal.name for signal in MEMORY_SIGNALS if signal.owner != CLOCK]
 """Columns of ``memory.parquet`` that the metrics are computed from."""
 
 
-def join_memory(parts: Sequence[Trace], cycles: int, legs: int) -> dict[str, Array]:
-    """The signals of the memory in all parts of a run, (cycles, legs) by name; NaN throughout without memory."""
-    if not parts:
+def join_memory(traces: Sequence[Trace], cycles: int, legs: int) -> dict[str, Array]:
+    """Concatenate memory traces of consecutive cycles: signals (cycles, legs) by name; all NaN without traces."""
+    if not traces:
         return {name: np.full((cycles, legs), np.nan) for name in COLUMNS}
-    return {name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}
+    return {name: np.concatenate([trace[name] for trace in traces]) for name in COLUMNS}
 
 
 _NO_WEIGHTS = "no weights that a built-in feedforward keeps"
@@ -68,16 +68,17 @@ MEMORY_METRICS: dict[str, Metric[Mapping[str, Array]]] = {
 
 
 DRIFT_RATIO = 1.5
-"""Ratio to its lowest level to which the feedback must have risen."""
+"""Smallest ratio of the feedback level to its lowest level so far that counts as drift."""
 LEAST = 0.01
-"""Ratio to its highest level below which the feedback is so small that its rise does no harm."""
+"""Ratio to its highest level below which the feedback is so small that its rise is harmless."""
 
 _EARLIER, _LATER = np.triu_indices(WINDOW, 1)
 
 
 def format_drift(drift: Drift, at_end: bool = False) -> str:
-    """A drift in one line; its growth is that when it was detected, or of the last cycles, ``at_end``."""
-    rate, end = f"{100.0 * abs(drift.growth - 1.0):.1f} % per cycle", " at the end" if at_end else ""
+    """Format a drift in one line; ``at_end``: its growth is that of the last cycles, else that at its detection."""
+    rate = f"{100.0 * abs(drift.growth - 1.0):.1f} % per cycle"
+    end = " at the end" if at_end else ""
     grows = f" grows {rate}{end}" if drift.growth >= 1.0 else f";{end} it falls again, by {rate}"
     return (
         f"drift detected in cycle {drift.named}, started in cycle {drift.cycle} (feedback of leg {drift.leg}{grows})"
@@ -85,23 +86,27 @@ def format_drift(drift: Drift, at_end: bool = False) -> str:
 
 
 class DriftDetector:
-    """Applies both tests to the feedback of L legs while a run goes on, some cycles at a time."""
+    """Both tests, applied to the feedback of L legs during a run, block by block of cycles."""
 
     def __init__(self, legs: int):
         self._logs = np.full((WINDOW - 1, legs), np.nan)
         """Logarithms of the feedback in the last WINDOW - 1 cycles."""
-        self._level, self._rises = np.zeros((0, legs)), np.zeros((0, legs), dtype=bool)
-        """Logarithm of the level at the end of each cycle so far, and whether the last WINDOW cycles rise."""
+        self._level = np.zeros((0, legs))
+        """Logarithm of the feedback level, the median of the last WINDOW cycles, per cycle so far, (cycles, L)."""
+        self._rises = np.zeros((0, legs), dtype=bool)
+        """Mask of cycles at whose end the last WINDOW cycles rise significantly, (cycles, L)."""
         self.first: Drift | None = None
 
     def add(self, feedback: Array) -> tuple[Array, Array]:
         """Test the next cycles of RMS feedback torques (cycles, L).
 
-        Returns growth at each of them, and the cycle in which a drift started, (cycles, L); undefined is NaN.
+        Returns two arrays (cycles, L), NaN where undefined: the growth factor per cycle, and the number of the cycle
+        in which a drift started.
         """
         if not len(feedback):  # of a run that took no step
             return feedback, feedback
-        tested, growth = len(self._level), self._test_trend(feedback)
+        tested = len(self._level)
+        growth = self._test_trend(feedback)
         started = self._test_level()[tested:]
         if self.first is None and len(detected := np.argwhere(~np.isnan(started))):
             cycle, leg = map(int, detected[0])
@@ -114,7 +119,7 @@ class DriftDetector:
         return growth, started
 
     def _test_trend(self, feedback: Array) -> Array:
-        """Test whether the last WINDOW cycles rise significantly (Mann 1945); growth per cycle (Sen 1968)."""
+        """Test the last WINDOW cycles for a significant rise (Mann 1945); return the growth per cycle (Sen 1968)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             logs = np.concatenate([self._logs, np.log(feedback)])
             windows = sliding_window_view(logs, WINDOW, axis=0)
@@ -127,8 +132,12 @@ class DriftDetector:
         return growth
 
     def _test_level(self) -> Array:
-        """Cycle in which a drift started, for every cycle so far: it rises, and has risen far above its lowest."""
-        level, middle = self._level, np.arange(1, len(self._level) + 1)[:, None] - WINDOW // 2
+        """Find the cycle in which a drift started, for every cycle so far, (cycles, L); NaN before a drift.
+
+        The level must rise, and must have risen to DRIFT_RATIO times its lowest value.
+        """
+        level = self._level
+        middle = np.arange(1, len(level) + 1)[:, None] - WINDOW // 2
         lowest, highest = np.fmin.accumulate(level), np.fmax.accumulate(level)
         lowest_cycle = np.fmax.accumulate(np.where(level == lowest, middle, 0.0))
         risen = level > np.maximum(lowest, highest + np.log(LEAST)) + np.log(DRIFT_RATIO)
@@ -136,7 +145,10 @@ class DriftDetector:
 
 
 def make_drift_entry(metrics: pa.Table) -> dict[str, int | float] | None:
-    """The entry ``drift`` of a run's manifest: its first drift, with the growth in its last cycle; None if none."""
+    """Make the entry ``drift`` of a manifest from the table of leg metrics; None without drift.
+
+    It holds the first drift of the run, with the growth in the last cycle.
+    """
     cycle, leg, started, growth = (as_array(metrics, n) for n in ("cycle", "leg", "drift_cycle", "feedback_growth"))
     detected = np.flatnonzero(~np.isnan(started))
     if not len(detected):
@@ -147,21 +159,21 @@ def make_drift_entry(metrics: pa.Table) -> dict[str, int | float] | None:
 
 
 def read_drift_entry(entry: Mapping[str, Any] | None) -> Drift | None:
-    """What :func:`make_drift_entry` wrote."""
+    """Read a drift from the manifest entry that :func:`make_drift_entry` makes."""
     return None if entry is None else Drift(**entry)
 
 
 def format_event(event: Mapping[str, Any]) -> str:
-    """One event: what acts since then, and why."""
-    acts = f"the torque of cycle {event['restored']} acts" if event["restored"] else "feedback alone acts"
+    """Format an event of the guard: the torque that acts from then on, and the cause."""
+    acts = f"the torque of cycle {event['restored']} acts" if event["restored"] else "only the feedback acts"
     return f"{acts} ({event['cause']})"
 
 
 def describe_guard(manifest: Mapping[str, Any]) -> str:
-    """All events of a run in one line, and where it learnt again; empty if the guard did nothing."""
+    """Describe all events of the guard, and when learning resumed, in one line; empty without events."""
     events = [(event["cycle"], format_event(event)) for event in manifest["guard"]]
-    again = [(each["cycle"], f"learns again with lead {each['lead']}") for each in manifest["lead_estimates"]]
-    return "; ".join(f"cycle {cycle}: {text}" for cycle, text in sorted(events + again[1:]))
+    resumed = [(event["cycle"], f"learns again with lead {event['lead']}") for event in manifest["lead_estimates"]]
+    return "; ".join(f"cycle {cycle}: {text}" for cycle, text in sorted(events + resumed[1:]))
 
 
 LEARNING: dict[str, Metric[Mapping[str, Array]]] = {
@@ -169,14 +181,14 @@ LEARNING: dict[str, Metric[Mapping[str, Array]]] = {
         "",
         f"factor by which feedback_rms grows per cycle, over the last {WINDOW} cycles",
         f"the first {WINDOW - 1} cycles",
-        lambda known: known["feedback_growth"],
+        lambda values: values["feedback_growth"],
         source="Sen 1968",
     ),
     "drift_cycle": Metric(
         "",
         f"cycle since which feedback_rms drifts: it rises, and has risen to {DRIFT_RATIO:g} times its lowest level",
-        "no drift named up to this cycle",
-        lambda known: known["drift_cycle"],
+        "no drift detected up to this cycle",
+        lambda values: values["drift_cycle"],
         SMALLEST,
         NEITHER,
         source="rise: Mann 1945",

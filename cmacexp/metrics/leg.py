@@ -1,4 +1,4 @@
-"""Metrics of a leg in a cycle: errors of its foot, its contact force, its torques; pure functions of a block."""
+"""Metrics of a leg per cycle: foot position error, contact force and torques; pure functions of a block of cycles."""
 
 from functools import reduce
 
@@ -22,21 +22,22 @@ from cmacexp.metrics.metric import (
 )
 from cmacexp.typing import Array, Mask
 
-NO_TRANSFER, NO_SUPPORT = "no sample of transfer", "no sample of support"
+NO_TRANSFER = "no sample of transfer"
+NO_SUPPORT = "no sample of support"
 
 
 def transfer_rmse(axis: str) -> Metric[Block]:
-    """The column ``transfer_rmse_*`` of an axis."""
+    """Define the metric ``transfer_rmse_*`` of an axis."""
     meaning = f"RMS of {axis} - {axis}_desired in transfer"
-    shown = MetricDisplay(f"{axis} error", "mm", 1e3, symbol=f"e_{axis}", instead="transfer_rmse")
-    return rmse("m", meaning, NO_TRANSFER, lambda b: rms(b.error[axis], b.transfer), shown=shown)
+    display = MetricDisplay(f"{axis} error", "mm", 1e3, symbol=f"e_{axis}", instead="transfer_rmse")
+    return rmse("m", meaning, NO_TRANSFER, lambda b: rms(b.error[axis], b.transfer), shown=display)
 
 
 def support_rmse(axis: str) -> Metric[Block]:
-    """The column ``support_rmse_*`` of an axis."""
+    """Define the metric ``support_rmse_*`` of an axis."""
     meaning = f"RMS of {axis} - {axis}_desired in support"
-    shown = MetricDisplay(f"{axis} error in support", "mm", 1e3, main=False, symbol=f"e_{axis}s")
-    return rmse("m", meaning, NO_SUPPORT, lambda b: rms(b.error[axis], b.support), shown=shown)
+    display = MetricDisplay(f"{axis} error in support", "mm", 1e3, main=False, symbol=f"e_{axis}s")
+    return rmse("m", meaning, NO_SUPPORT, lambda b: rms(b.error[axis], b.support), shown=display)
 
 
 TRACKING: dict[str, Metric[Block]] = {
@@ -47,7 +48,7 @@ TRACKING: dict[str, Metric[Block]] = {
 
 
 def joint_rmse(block: Block) -> Array:
-    """Root mean square error of all joints over the cycle, rad."""
+    """Compute the RMS error of all joint angles over the cycle, rad; (cycles, L)."""
     assert block.joint_error is not None
     return np.sqrt(mean((block.joint_error**2).mean(axis=-1), block.valid))
 
@@ -72,16 +73,19 @@ SPATIAL: dict[str, Metric[Block]] = {
 }
 
 
-# Contact force; a support is the response to a step from no force to the desired one
+# Contact force: each support is a step response from 0 to the desired force
 
 
 def force_steady_state_error(block: Block) -> Array:
-    """(settled - desired) / desired, signed."""
+    """Compute the signed steady-state error of the force, (settled - desired) / desired; (cycles, L)."""
     return divide(block.force_settled - block.desired_settled, block.desired_settled)
 
 
 def force_overshoot(block: Block) -> Array:
-    """Largest force over desired - 1 over support; NaN unless the desired force is constant in the second half."""
+    """Compute the overshoot of the force in support, largest force / desired force - 1; (cycles, L).
+
+    NaN unless the desired force is constant over the second half of support.
+    """
     desired = block.desired_settled
     constant = largest(np.abs(block.force_desired - desired[:, :, None]), block.second_half) <= 1e-9 * np.abs(desired)
     pressed = np.where(constant & (desired > 0.0), desired, np.nan)
@@ -89,7 +93,10 @@ def force_overshoot(block: Block) -> Array:
 
 
 def force_settling_time(block: Block) -> Array:
-    """Settling time of the step response of the force, s; NaN unless a support begins and ends within its cycle."""
+    """Compute the settling time of the step response of the force, s; (cycles, L).
+
+    NaN unless support begins and ends within the cycle.
+    """
     response = block.since_touch_down, block.force, block.force_settled, block.support
     return block.whole_support * settling_time(*response, block.rhythm.step)
 
@@ -173,29 +180,33 @@ FORCE: dict[str, Metric[Block]] = {
 }
 
 
-# Torques: how large they are, and the share of the feedforward
+# Torques: their size, and the share of the feedforward
 
 
-def _joints(by: np.ufunc, torque: Array) -> Array:
-    """All joints of ``torque`` (..., J) as one number; ``by.reduce`` over the last axis takes ten times as long."""
+def _reduce_joints(by: np.ufunc, torque: Array) -> Array:
+    """Reduce ``torque`` (..., J) over the joints with the ufunc ``by``."""
+    # by.reduce over the last axis takes ten times as long.
     return reduce(by, np.moveaxis(torque, -1, 0))
 
 
 def _torque_rms(torque: Array, valid: Mask) -> Array:
-    """Square root of the mean square over the joints and over the cycle, N m."""
-    return np.sqrt(mean(_joints(np.add, torque**2) / torque.shape[-1], valid))
+    """Compute the RMS torque over all joints and the samples of the cycle, N m; (cycles, L)."""
+    return np.sqrt(mean(_reduce_joints(np.add, torque**2) / torque.shape[-1], valid))
 
 
 def energy(block: Block) -> Array:
-    """Integral of the absolute power of the joints over the cycle, J."""
-    power = _joints(np.add, np.abs(block.torque * block.rate))
+    """Integrate the absolute power of all joints over the cycle, J; (cycles, L)."""
+    power = _reduce_joints(np.add, np.abs(block.torque * block.rate))
     return mean(power, block.valid) * block.valid.sum(axis=-1) * block.rhythm.step
 
 
 def feedforward_share(block: Block) -> Array:
-    """Sum of abs(tau_feedforward) over the sum of abs(tau_feedforward) + abs(tau_feedback), over the cycle."""
-    feedforward = mean(_joints(np.add, np.abs(block.feedforward)), block.valid)
-    total = feedforward + mean(_joints(np.add, np.abs(block.feedback)), block.valid)
+    """Compute the share of the feedforward in the absolute torques of a cycle, from 0 to 1; (cycles, L).
+
+    It is the sum of abs(tau_feedforward) divided by the sum of abs(tau_feedforward) + abs(tau_feedback).
+    """
+    feedforward = mean(_reduce_joints(np.add, np.abs(block.feedforward)), block.valid)
+    total = feedforward + mean(_reduce_joints(np.add, np.abs(block.feedback)), block.valid)
     return divide(feedforward, total)
 
 
@@ -227,7 +238,7 @@ TORQUE: dict[str, Metric[Block]] = {
         "N m",
         "largest absolute joint torque",
         "never",
-        lambda b: largest(_joints(np.maximum, np.abs(b.torque)), b.valid),
+        lambda b: largest(_reduce_joints(np.maximum, np.abs(b.torque)), b.valid),
         shown=MetricDisplay("peak torque", "N m", main=False, symbol="T_max"),
     ),
     "energy": integral("J", "absolute work of all joints over the cycle", "never", energy, source=CONTRACT),

@@ -17,72 +17,73 @@ OGATA = "Ogata 2010, section 5-3"
 
 
 class Pooling(NamedTuple):
-    """How the values of several legs become one."""
+    """A reduction of the values of several legs to one value."""
 
     name: str
     reduce: Callable[[Array, Mask], Array]
-    """Reduces values (..., L), with a mask of those that are defined; NaN where none is."""
+    """Function of values (..., L) and the mask of the defined ones; its result (...) is NaN where none is defined."""
 
     def pool(self, values: Array) -> Array:
-        """One value for the legs in the last axis of ``values``; a leg for which it is undefined does not count."""
+        """Reduce ``values`` (..., L) over the legs; undefined (NaN) values do not count."""
         return self.reduce(values, ~np.isnan(values))
 
 
 MEAN = Pooling("mean", measures.mean)
-"""Pools amounts and shares that each leg has of its own, and signed errors: opposite ones cancel."""
+"""Pooling of quantities per leg, such as energy or shares, and of signed errors, of which opposite ones cancel."""
 RMS = Pooling("RMS", measures.rms)
-"""Pools RMS values, standard deviations and norms: legs have equally many samples, so it is that of all samples."""
+"""Pooling of RMS values, standard deviations and norms; all legs have as many samples, so this is the RMS of all."""
 LARGEST = Pooling("largest", measures.largest)
-"""Pools peaks, times and growth: the machine is as good as its worst leg."""
+"""Pooling of peaks, times and growth: the machine is as good as its worst leg."""
 SMALLEST = Pooling("smallest", lambda values, mask: -measures.largest(-values, mask))
-"""Pools the number of a cycle in which something starts: it starts with the first leg."""
+"""Pooling of the number of the cycle in which something starts: that of the first leg counts."""
 BODY_POOLING = Pooling("", measures.mean)
-"""Pools metrics of the body: there is one."""
+"""Pooling of metrics of the body, of which there is only one."""
 
 SMALL, NEAR_ZERO, LARGE, NEITHER = "small", "near 0", "large", ""
-"""Which values are better; NEITHER where it depends."""
+"""Values of a metric that are better; NEITHER where no direction is better in general."""
 
 
 class MetricDisplay(NamedTuple):
-    """How a metric appears wherever it is shown: in the terminal, in reports, in printed runs and in the docs."""
+    """The appearance of a metric in the terminal, in reports, in printed runs and in the documentation."""
 
     title: str
-    """Its name in words."""
+    """Name in words."""
     unit: str
     factor: float = 1.0
-    """Converts from the unit of the file to ``unit``."""
+    """Factor from the unit in the file to ``unit``."""
     main: bool = True
-    """Whether it is a column of the tables of main metrics; else it appears in figures alone."""
+    """True for a column of the tables of main metrics; False for a metric that appears only in figures."""
     over_legs: bool = True
-    """Whether these tables show it for several legs as well; not where legs are to press differently."""
+    """True if it is also shown for several legs; False where the legs have different desired forces."""
     from_zero: bool = True
-    """Whether its axes begin at zero; not for a height, of which only changes matter."""
+    """True if its axis includes zero; False e.g. for a height, of which only changes matter."""
     symbol: str = ""
     instead: str = ""
-    """The metric that is shown instead where a run has it: of a robot the distance, not each axis."""
+    """Metric that replaces this one in runs that have it: e.g. a robot's foot error replaces that of each axis."""
 
 
-Of = TypeVar("Of")
+Source = TypeVar("Source")
+"""Data that a metric is computed from."""
 
 
-class Metric(NamedTuple, Generic[Of]):
-    """A column of ``metrics.parquet`` or ``body_metrics.parquet``; what :func:`describe` gives is in its metadata."""
+class Metric(NamedTuple, Generic[Source]):
+    """A column of ``metrics.parquet`` or ``body_metrics.parquet``, whose metadata are those of :func:`describe`."""
 
     unit: str
     meaning: str
     undefined: str
-    """Where it is NaN."""
-    compute: Callable[[Of], Array]
+    """Condition under which it is NaN."""
+    compute: Callable[[Source], Array]
     pooling: Pooling
     better: str
     """:data:`SMALL`, :data:`NEAR_ZERO`, :data:`LARGE` or :data:`NEITHER`."""
     shown: MetricDisplay | None = None
-    """None: shown only where all metrics are, under its name and in its unit."""
+    """Appearance; None: it appears only where all metrics do, under its name and in its unit."""
     source: str = CONTRACT
-    """Where the definition comes from; :data:`CONTRACT` only where nothing else applies."""
+    """Source of the definition; :data:`CONTRACT` only where there is no other."""
 
     def find_best(self, values: Array) -> float:
-        """The best of some values; NaN if none is defined or neither direction is better."""
+        """Return the best of the values; NaN if none is defined or no direction is better."""
         if self.better == NEITHER:
             return float("nan")
         if self.better == NEAR_ZERO:
@@ -98,11 +99,14 @@ worst = partial(Metric, pooling=LARGEST, better=SMALL)
 
 
 INDEX = {"cycle": "gait cycle, from 1", "leg": "as in the trace"}
-"""What columns mean that identify the row."""
+"""Meaning of the columns that identify a row."""
 
 
 def describe(name: str, metric: Metric[Any] | None = None) -> dict[str, str]:
-    """The metadata of a column, of a metric or one of :data:`INDEX`: unit, meaning, where it is NaN, and source."""
+    """Return the metadata of a column: unit, meaning, condition for NaN, and source.
+
+    Without a ``metric`` the column ``name`` is one of :data:`INDEX`.
+    """
     if metric is None:
         return {"unit": "", "meaning": INDEX[name], "undefined": "never", "source": CONTRACT}
     declared = metric._asdict()
@@ -119,7 +123,13 @@ def to_table(
     values: Mapping[str, Array],
     metrics: Mapping[str, Metric[Any]],
 ) -> pa.Table:
-    """A table of metrics: columns of :data:`INDEX`, then values by name, each with its definition as metadata."""
+    """Make a table of metrics, each column with its definition as metadata.
+
+    Args:
+        index: the columns of :data:`INDEX`, (rows,) each; they come first.
+        values: values by metric, in any shape with as many elements as there are rows, in their order.
+        metrics: the metrics of the table in the order of their columns.
+    """
     fields = [_make_field(name, None, pa.int32()) for name in index]
     arrays = [arrow(numbers, pa.int32()) for numbers in index.values()]
     for name, metric in metrics.items():

@@ -1,4 +1,4 @@
-"""The metrics of a run, one row per cycle and leg, from its tables, which may come in parts."""
+"""The metrics of a run, one row per cycle and leg, from its traces, which may come in blocks of cycles."""
 
 import numpy as np
 import pyarrow as pa
@@ -18,43 +18,43 @@ from cmacexp.typing import Array
 
 
 class RunScorer:
-    """The metrics of a run whose tables come in parts: of some cycles each, the last of the run may be short."""
+    """The metrics of a run, from traces of consecutive cycles; only the last cycle of the run may be incomplete."""
 
     def __init__(self, steps_per_cycle: int):
         self.steps_per_cycle = steps_per_cycle
         self._block: Block | None = None
-        self._parts: list[dict[str, Array]] = []
+        self._values: list[dict[str, Array]] = []
         self.memory: list[Trace] = []
-        """Weights at the end of cycles (``memory.parquet``)."""
+        """Traces of the weights at the end of each cycle (``memory.parquet``)."""
         self._body: list[pa.Table] = []
         self._detector: DriftDetector | None = None
 
     @property
     def drift(self) -> Drift | None:
-        """The first drift so far, as known when it was detected."""
+        """The first drift so far, with the growth at its detection; None if there is none."""
         return self._detector.first if self._detector else None
 
     def add(self, trace: Trace) -> Drift | None:
-        """Score the next cycles, with their memory and the body; returns the first drift if it is in these cycles."""
-        known = self.drift
+        """Score the next cycles of legs, body and memory; return the first drift if these cycles contain it."""
+        earlier_drift = self.drift
         self._block = block = split_cycles(trace, self.steps_per_cycle, self._block)
         metrics = OF_A_CYCLE if block.joint_error is None else {**OF_A_CYCLE, **SPATIAL}
-        part = {name: metric.compute(block) for name, metric in metrics.items()}
-        feedback = part["feedback_rms"]
+        values = {name: metric.compute(block) for name, metric in metrics.items()}
+        feedback = values["feedback_rms"]
         self._detector = self._detector or DriftDetector(feedback.shape[1])
-        part["feedback_growth"], part["drift_cycle"] = self._detector.add(feedback)
-        self._parts.append(part)
+        values["feedback_growth"], values["drift_cycle"] = self._detector.add(feedback)
+        self._values.append(values)
         if trace.body is not None:
             done = sum(table.num_rows for table in self._body)
             self._body.append(compute_body(trace.body, self.steps_per_cycle, done + 1))
         if trace.memory is not None:
             self.memory.append(trace.memory)
-        return None if known else self.drift
+        return None if earlier_drift else self.drift
 
     @property
     def scores(self) -> Scores:
-        """The metrics of all cycles so far; undefined is NaN."""
-        values = {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
+        """The metrics of all cycles so far; NaN where undefined."""
+        values = {name: np.concatenate([block[name] for block in self._values]) for name in self._values[0]}
         cycles, legs = next(iter(values.values())).shape
         values |= {name: metric.compute(values) for name, metric in LEARNING.items()}
         memory = join_memory(self.memory, cycles, legs)
@@ -69,12 +69,12 @@ class RunScorer:
 
 
 def score_traces(run: Run) -> Scores:
-    """The metrics of a run from its traces, which must hold every step; raises BadRun."""
+    """Compute the metrics of a stored run; raises BadRun if its traces do not contain every step and cycle."""
     scorer = RunScorer(run.steps_per_cycle)
     steps = 0
-    for part in stream_trace(run.folder):
-        scorer.add(part)
-        steps += part.steps
+    for trace in stream_trace(run.folder):
+        scorer.add(trace)
+        steps += trace.steps
     if steps != run.manifest["steps"]:
         raise BadRun(f"{run.folder}: its trace has {steps} steps, not all {run.manifest['steps']}")
     if (memory := read_memory(run.folder)) is not None:

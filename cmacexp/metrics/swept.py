@@ -1,4 +1,4 @@
-"""In which settings runs differ, and short names of runs by them, for comparisons of any kind."""
+"""The settings in which runs differ, and short names of runs made from them, for all comparisons."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
@@ -9,9 +9,9 @@ from cmacexp.data.run import Run
 from cmacexp.metrics.registry import format_setting, make_names
 
 MOST_KEYS = 3
-"""Runs that differ in more keys are named by their folders."""
+"""Most keys in the name of a run; runs that differ in more keys are named by their folders."""
 Partition = tuple[int, ...]
-"""For each run the first run that has the same value: values a, b, a give (0, 1, 0)."""
+"""Index of the first run with the same value, for each run: values a, b, a give (0, 1, 0)."""
 
 
 class Swept(NamedTuple):
@@ -20,9 +20,9 @@ class Swept(NamedTuple):
     keys: list[str]
     """Config keys that vary independently of each other."""
     linked: dict[str, list[str]]
-    """Keys that vary together with one of ``keys``, by that key."""
+    """Keys that vary together with one of ``keys``, listed under that key."""
     seeds: list[str]
-    """Seeds that vary besides ``keys``: runs that differ in them alone repeat each other."""
+    """Seeds that vary besides ``keys``; runs that differ only in seeds are repetitions."""
 
     @property
     def all_keys(self) -> list[str]:
@@ -36,9 +36,9 @@ def _partition(values: Sequence[Any]) -> Partition:
 
 
 def _group_keys(configs: Sequence[dict[str, Any]]) -> dict[Partition, list[str]]:
-    """The keys that differ, by the runs between which they differ.
+    """Group the keys that vary by the partition of the runs that their values make.
 
-    A key that has one value for each scenario belongs to the scenario.
+    A key with a single value per scenario is grouped with the scenario.
     """
     scenarios = _partition([config.get("scenario") for config in configs])
     groups: dict[Partition, list[str]] = {}
@@ -52,16 +52,16 @@ def _group_keys(configs: Sequence[dict[str, Any]]) -> dict[Partition, list[str]]
 
 
 def _rank(key: str) -> tuple[int, int, str]:
-    """Order in which keys describe a difference: the scenario, a component or method, the shortest, cycles last."""
-    chosen = key.endswith((".method", ".kind", ".model", ".rule", ".pattern"))
-    order = [key == "scenario", key in COMPONENTS, chosen, key != "cycles"]
+    """Rank a key by how well it describes a difference: scenario, component or method, short keys; cycles last."""
+    is_choice = key.endswith((".method", ".kind", ".model", ".rule", ".pattern"))
+    order = [key == "scenario", key in COMPONENTS, is_choice, key != "cycles"]
     return (order.index(True) if True in order else len(order), len(key), key)
 
 
 def find_swept(runs: Iterable[Run]) -> Swept:
-    """The config keys in which runs differ; of keys that differ between the same runs, one stands for all."""
+    """Find the config keys in which runs differ; one key represents all that vary together with it."""
     groups = _group_keys([run.settings for run in runs if run.settings])
-    linked = {first: others for first, *others in (sorted(keys, key=_rank) for keys in groups.values())}
+    linked = {first: linked_keys for first, *linked_keys in (sorted(keys, key=_rank) for keys in groups.values())}
     seeds = [key for key in linked if key.endswith("seed")]
     keys = [key for key in linked if key not in seeds]
     if not keys:
@@ -70,9 +70,12 @@ def find_swept(runs: Iterable[Run]) -> Swept:
 
 
 def name_runs(runs: Sequence[Run], keys: Sequence[str]) -> list[str]:
-    """A short name of each run: its values of the swept ``keys``; its folder where they are many or not its own."""
+    """Name each run by its values of the swept ``keys``.
+
+    Names of folders are used instead if there are more than MOST_KEYS keys, or if the names would not be unique.
+    """
     values = [[format_setting(run.settings.get(key)) for key in keys] for run in runs]
     short = [key.rpartition(".")[2] for key in keys]
-    names = [", ".join(map(" ".join, zip(short, own, strict=True))) for own in values]
-    is_clear = 0 < len(keys) <= MOST_KEYS and len(set(names)) == len(runs)
-    return names if is_clear else make_names(runs)
+    names = [", ".join(map(" ".join, zip(short, run_values, strict=True))) for run_values in values]
+    is_unique = 0 < len(keys) <= MOST_KEYS and len(set(names)) == len(runs)
+    return names if is_unique else make_names(runs)

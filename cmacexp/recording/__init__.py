@@ -1,1 +1,1 @@
-"""A Rerun view of a run, or of several side by side, rebuilt from their traces at any time."""
+"""Rerun recordings of a run, or of several side by side, which can be rebuilt from the traces at any time."""

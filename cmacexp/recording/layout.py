@@ -1,4 +1,4 @@
-"""The layout of the viewer: views of machines, plots with room for numbers and legends, what colours mean."""
+"""The layout of the viewer: views of machines, plots with room for numbers and legends, and the key of colours."""
 
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatch
@@ -21,83 +21,92 @@ SHARES = {
     **{"leg_*/force": 2.1, "leg_*/error": 2.1, "leg_*/torque_*": 4.2},
     **{GAIT: 1.2, "body/tilt": 1.1, "body/height": 1.1, "body/margins": 1.0},
 }
-"""Heights of panels above each other, by the methods that make them, or the plots in them."""
+"""Relative heights of stacked panels, by the method of :class:`Panels` or the pattern of plots that makes them."""
 MOVING = ("force", "margins", GAIT)
-"""Plots of a walk that show the time about now."""
+"""Plots of a walking machine whose time axis moves with the current time."""
 KEY = "key"
-"""The entity of the text that explains the colours."""
+"""Entity of the text that explains the colours."""
 KEY_SHARE = 0.1
-"""Height of the key as part of that of the scenes."""
+"""Height of the key as a fraction of the height of scenes and key."""
 BACKGROUND = [245, 245, 245]
 BORDER = 60.0
-"""Seen around the machine from its sides, mm."""
-MARK_ROOM = 0.15
-"""Room for a number beyond its mark, as part of the distance of marks."""
+"""Margin around the machine in the side views, mm."""
+TICK_ROOM = 0.15
+"""Space for a number beyond its tick, as a fraction of the distance between ticks."""
 REFERENCE_SIZE = 0.95
-"""Length and height of the paper's quadruped, for which the eye is placed, m."""
+"""Length plus height of the paper's quadruped, to which the position of the camera scales, m."""
 
 
 def widen_range(low: float, high: float) -> Range:
-    """A range with a margin in which the viewer puts a number on at least two marks, which are at powers of ten."""
+    """Widen a range so that at least two ticks with a number are visible; the viewer puts ticks at powers of ten."""
     span = high - low or abs(high) or 1.0
     low, high = low - 0.05 * span, high + 0.05 * span
-    mark = 10.0 ** np.ceil(np.log10((high - low) / 5.0))  # even a low plot has numbers at five marks
-    first = np.arange(np.floor(low / mark), np.ceil(high / mark)) * mark  # of two marks that can be seen
-    lows = np.minimum(low, first - MARK_ROOM * mark)
-    highs = np.maximum(high, first + mark + MARK_ROOM * mark)
+    tick = 10.0 ** np.ceil(np.log10((high - low) / 5.0))  # even a low plot has room for five numbers
+    first = np.arange(np.floor(low / tick), np.ceil(high / tick)) * tick  # lower one of two visible ticks
+    lows = np.minimum(low, first - TICK_ROOM * tick)
+    highs = np.maximum(high, first + tick + TICK_ROOM * tick)
     narrowest = np.argmin(highs - lows)
     return float(lows[narrowest]), float(highs[narrowest])
 
 
 def find_ranges(views: Sequence[RunView]) -> dict[str, Range]:
-    """The vertical axis of each plot, by its path: runs side by side share it."""
-    own = [{path: span for path, plot in list_plots(view).items() if (span := plot.find_range())} for view in views]
-    spans = {path: np.array([ranges[path] for ranges in own if path in ranges]) for path in set().union(*own)}
-    return {path: widen_range(float(span[:, 0].min()), float(span[:, 1].max())) for path, span in spans.items()}
+    """Find the range of the vertical axis of each plot, by its path; runs side by side share it."""
+    spans: dict[str, list[Range]] = {}
+    for view in views:
+        for path, plot in list_plots(view).items():
+            if span := plot.find_range():
+                spans.setdefault(path, []).append(span)
+    return {path: widen_range(min(low for low, _ in s), max(high for _, high in s)) for path, s in spans.items()}
 
 
 class Panels:
-    """Makes the panels of one run; ``ranges`` are those of vertical axes by plot, ``times`` first and last, s.
+    """The panels of one run, each made by a method.
 
-    Of one ``cycle`` the plots are of its times, and so named.
+    Args:
+        view: the run.
+        ranges: range of the vertical axis of each plot, by its path.
+        times: first and last time of the plots, s.
+        cycle: a cycle to which the plots are restricted, and which their titles name; None: all.
     """
 
     def __init__(self, view: RunView, ranges: Mapping[str, Range], times: Range, cycle: int | None = None):
-        self.view, self.ranges = view, ranges
+        self.view = view
+        self.ranges = ranges
         self.times: Range = times if cycle is None else tuple(view.time[view.cycle == cycle][[0, -1]])
         self._plots = list_plots(view)
         self._cycle = "" if cycle is None else f", cycle {cycle}"
-        self._now = float(view.run.config["gait"]["cycle_time"]) if view.walks and cycle is None else None
+        self._period = float(view.run.config["gait"]["cycle_time"]) if view.walks and cycle is None else None
 
     def stack(self, names: Sequence[str], title: str | None = None) -> Panel:
-        """Panels above each other: what the method of a name makes, or the plots in a grid that a pattern matches."""
+        """Stack panels, one per name: the panel that the method of this name makes or, for a pattern, its plots."""
         panels = [self._grid(name) if "/" in name else getattr(self, name)() for name in names]
         return rrb.Vertical(*panels, row_shares=[SHARES[name] for name in names], name=title)
 
     def plots(self, pattern: str) -> list[rrb.TimeSeriesView]:
-        """The plots whose paths match."""
+        """Make the plots whose paths match the pattern."""
         return [self._plot(path) for path in self._plots if fnmatch(path, pattern)]
 
     def _grid(self, pattern: str) -> Panel:
-        """These above each other, those of four legs in two columns."""
+        """Stack the plots whose paths match the pattern; those of four legs are in two columns."""
         plots = self.plots(pattern)
         return rrb.Grid(*plots, grid_columns=2 if len(plots) == len(LEG_NAMES) and not self._cycle else 1)
 
     def _from_side(self, eye: str, name: str, without: tuple[str, ...] = ()) -> rrb.Spatial2DView:
-        """The machine as one of :data:`EYES` sees it, of everything but the entities ``without``; mm."""
-        world, meshes = f"/{self.view.root}world", (MESHES,) if self.view.meshes else ()
-        seen = self._find_extent() @ np.array(EYES[eye][:2]).T * MM
-        low, high = seen.min(axis=0) - BORDER, seen.max(axis=0) + BORDER
+        """Make the view of the machine, mm, by a camera of :data:`EYES`, without the entities ``without``."""
+        world = f"/{self.view.root}world"
+        hidden = ("travel/eyes", *without, *([MESHES] if self.view.meshes else []))
+        extent = self._find_extent() @ np.array(EYES[eye][:2]).T * MM
+        low, high = extent.min(axis=0) - BORDER, extent.max(axis=0) + BORDER
         return rrb.Spatial2DView(
             origin=f"/{self.view.root}{name_eye(eye)}",
-            contents=[f"+ {world}/**", *(f"- {world}/{path}/**" for path in ("travel/eyes", *without, *meshes))],
+            contents=[f"+ {world}/**", *(f"- {world}/{path}/**" for path in hidden)],
             name=name,
             background=BACKGROUND,
             visual_bounds=rrb.VisualBounds2D(x_range=(low[0], high[0]), y_range=(low[1], high[1])),
         )
 
     def _find_extent(self) -> Array:
-        """Two corners of what the machine takes up, in the frame that moves with it, m."""
+        """Find two opposite corners of the box around the machine, (2, 3), in the frame that moves with it, m."""
         view = self.view
         middle, half = view.trunk
         points = np.concatenate([view.joints.reshape(-1, 3), [middle + half] if view.robot else np.empty((0, 3))])
@@ -106,14 +115,18 @@ class Panels:
         return np.array([lowest, np.maximum(points.max(axis=0), [0.0, 0.0, FORCE_LENGTH])])
 
     def _plot(self, path: str) -> rrb.TimeSeriesView:
-        """A plot of all times, or of a walk's MOVING quantities from 1.6 to 0.2 cycles about now."""
-        entity, (title, unit, _, lines) = f"/{self.view.root}{SERIES}", self._plots[path]
-        names, colours = [line.name for line in lines], [line.colour for line in lines]
-        style = rr.SeriesLines(names=names, colors=colours, widths=[9.0 if path == GAIT else 1.5] * len(names))
+        """Make a plot over the whole time or, for MOVING quantities of a walking machine, about the current time."""
+        entity = f"/{self.view.root}{SERIES}"
+        title, unit, _, lines = self._plots[path]
+        style = rr.SeriesLines(
+            names=[line.name for line in lines],
+            colors=[line.colour for line in lines],
+            widths=[9.0 if path == GAIT else 1.5] * len(lines),
+        )
         drawn = VisualizerComponentMapping(
             "Scalars:scalars", ComponentSourceKind.SourceComponent, source_component=name_component(path)
         )
-        shown, drawn_times = self._make_time_axis(self._now if path.endswith(MOVING) else None)
+        axis, drawn_times = self._make_time_axis(self._period if path.endswith(MOVING) else None)
         return rrb.TimeSeriesView(
             origin=entity,
             contents=[f"+ {entity}"],
@@ -121,14 +134,18 @@ class Panels:
             overrides={entity: style.visualizer(mappings=[drawn])},
             axis_y=rrb.ScalarAxis(range=self.ranges.get(path)),
             plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=path.startswith(("leg_1/", "body/"))),
-            axis_x=shown,
+            axis_x=axis,
             time_ranges=drawn_times,
         )
 
-    def _make_time_axis(self, around: float | None) -> tuple[rrb.TimeAxis, list[rrb.VisibleTimeRange]]:
-        """The time axis of a plot, and which times it draws: lines end before the right edge, where the legend is."""
-        if around:
-            start, until, end = (rrb.TimeRangeBoundary.cursor_relative(seconds=n * around) for n in (-1.6, 0.2, 1.0))
+    def _make_time_axis(self, period: float | None) -> tuple[rrb.TimeAxis, list[rrb.VisibleTimeRange]]:
+        """Make the time axis of a plot, and the range of times that it draws.
+
+        Lines end before the right edge, where the legend is. With a gait ``period``, s, the axis moves with the
+        current time: lines begin 1.6 periods before and end 0.2 periods after it.
+        """
+        if period:
+            start, until, end = (rrb.TimeRangeBoundary.cursor_relative(seconds=n * period) for n in (-1.6, 0.2, 1.0))
         else:
             first, last = self.times
             times = first, last, last + 0.3 * (last - first)
@@ -137,24 +154,28 @@ class Panels:
         return rrb.TimeAxis(view_range=rrb.TimeRange(start, end)), [drawn]
 
     def scene(self) -> Panel:
-        """A walk in space, where the eye goes along with it; one leg, which moves in a plane, from its right side."""
+        """Make the main view: 3-D with a camera that follows a walking machine, or the right side of a single leg."""
         view = self.view
         if not view.walks:
             return self._from_side("right side", view.label)
         size = float(2.0 * view.trunk[1][0] + view.body["height"].mean()) / REFERENCE_SIZE
-        world, figure = f"/{view.root}world", FIGURE if view.meshes else ()
-        eye, target = (0.85 * size, -1.0 * size, 0.65 * size), (0.0, 0.0, 0.22 * size)
+        world = f"/{view.root}world"
+        hidden = ("travel/eyes", *(FIGURE if view.meshes else ()))
         return rrb.Spatial3DView(
             origin=f"{world}/travel",
-            contents=[f"+ {world}/**", *(f"- {world}/{path}/**" for path in ("travel/eyes", *figure))],
+            contents=[f"+ {world}/**", *(f"- {world}/{path}/**" for path in hidden)],
             name=view.label,
             background=BACKGROUND,
             line_grid=rrb.LineGrid3D(spacing=0.1, color=[190, 190, 190]),
-            eye_controls=rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)),
+            eye_controls=rrb.EyeControls3D(
+                position=(0.85 * size, -1.0 * size, 0.65 * size),
+                look_target=(0.0, 0.0, 0.22 * size),
+                eye_up=(0.0, 0.0, 1.0),
+            ),
         )
 
     def sides(self) -> Panel:
-        """A walk from front, side and top."""
+        """Make the views of a walking machine from the front, the right and above."""
         paths = "travel/body/path"
         return rrb.Horizontal(
             self._from_side("front", "from the front", (paths,)),
@@ -163,7 +184,7 @@ class Panels:
         )
 
     def events(self) -> Panel:
-        """Lift-offs, touch-downs and critical moments; a click on the time of one goes there."""
+        """Make the log of events; a click on the time of an event moves the viewer to it."""
         return rrb.TextLogView(
             origin=f"/{self.view.root}{EVENTS}",
             name="events: click a time to jump to it",
@@ -172,34 +193,38 @@ class Panels:
 
 
 def describe_key(views: Sequence[RunView]) -> str:
-    """The meaning of the colours of the scenes of several runs, as Markdown."""
-    of_walks = [
+    """Describe the meaning of the colours in the scenes of these runs, as Markdown."""
+    walking = [
         "**feet that support** joined by a green line; **centre of gravity** and its plumb line pink",
         "**stability margin** of the centre of gravity to the edges of the polygon of the feet planned to be "
         "down (planned) or that carry load (true): below 0 the machine tips",
     ]
     scales = sorted({view.depression_scale for view in views})
     deeper = [f"ground pressed down {' or '.join(map(str, scales))} times deeper"]
-    parts = [
+    entries = [
         "**foot path** desired in the current cycle grey, in the first cycle orange, in the last whole one green",
         "**force** desired grey, actual blue",
         "**foot** supporting yellow, in transfer light blue",
-        *(of_walks if any(view.walks for view in views) else []),
+        *(walking if any(view.walks for view in views) else []),
         *(deeper if scales != [1] else []),
-        "**moments** a foot lifts or touches down, a cycle begins: a click on a time goes there",
+        "**events** a foot lifts off or touches down, a cycle begins: a click on a time jumps to it",
     ]
-    return " · ".join(parts)
+    return " · ".join(entries)
 
 
 def _add_key(scenes: Panel) -> Panel:
-    """Scenes above the text that explains their colours."""
+    """Add the text that explains the colours below the scenes."""
     key = rrb.TextDocumentView(origin=KEY, titlebar=False)
     return rrb.Vertical(scenes, key, row_shares=[1.0 - KEY_SHARE, KEY_SHARE])
 
 
 def _lay_out_run(panels: Panels) -> Panel:
-    """The machine on the left; on the right plots of its first cycle beside those of the last whole one, of all."""
-    view, (first, last) = panels.view, panels.view.whole_cycles()
+    """Lay out a single run: the machine on the left, tabs of plots on the right.
+
+    The first tab compares the first cycle with the last complete one; the others show the whole run and its events.
+    """
+    view = panels.view
+    first, last = view.whole_cycles()
     names = ("leg_*/force",) if view.walks else ("leg_*/force", "leg_*/error", "leg_*/torque_*")
     tabs: list[Panel] = []
     if first < last:
@@ -211,22 +236,22 @@ def _lay_out_run(panels: Panels) -> Panel:
         tabs += [walk, rrb.Vertical(*legs, name="whole run")]
     else:
         tabs.append(panels.stack(names, "whole run"))
-    tabs.append(panels.stack(("events",), "moments"))
+    tabs.append(panels.stack(("events",), "events"))
     scenes = _add_key(panels.stack(("scene", "sides") if view.walks else ("scene",)))
     return rrb.Horizontal(scenes, rrb.Tabs(*tabs), column_shares=[1.15 if view.walks else 0.77, 1.0])
 
 
 def _select_panels(view: RunView, runs: int) -> tuple[str, ...]:
-    """The panels of a run beside others; of many walks each column is too narrow for a plot for each leg."""
+    """Select the panels of a run in a column beside others; many columns are too narrow for a plot of each leg."""
     if not view.walks:
         return ("scene", "leg_*/force", "leg_*/error")
     return ("scene", "leg_*/force" if runs <= 3 else "body/margins", "body/tilt", "body/height")
 
 
 def make_layout(views: Sequence[RunView]) -> rrb.Blueprint:
-    """A blueprint with the side panels out of the way, which plays a recording again and again.
+    """Make the blueprint of a recording, with collapsed side panels, played in a loop.
 
-    Of one run it shows everything; several have a column each, under the name of the scene, and share axes.
+    A single run has all plots; several runs have a column each and share the ranges of their axes.
     """
     times = min(float(view.time[0]) for view in views), max(float(view.time[-1]) for view in views)
     ranges = find_ranges(views)
@@ -234,7 +259,7 @@ def make_layout(views: Sequence[RunView]) -> rrb.Blueprint:
     if len(panels) == 1:
         content = _lay_out_run(panels[0])
     else:
-        columns = [each.stack(_select_panels(each.view, len(panels))) for each in panels]
+        columns = [run_panels.stack(_select_panels(run_panels.view, len(panels))) for run_panels in panels]
         content = _add_key(rrb.Horizontal(*columns))
     return rrb.Blueprint(
         content,

@@ -1,4 +1,4 @@
-"""Colours of recordings and figures, RGB from 0 to 255; apart for colour-blind readers (Okabe & Ito 2008)."""
+"""Colours of recordings and figures, RGB from 0 to 255; distinct for colour-blind readers (Okabe & Ito 2008)."""
 
 ACTUAL = (0, 114, 178)
 DESIRED = (130, 130, 130)

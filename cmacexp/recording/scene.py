@@ -1,4 +1,4 @@
-"""What a recording shows in space: the machine, the eyes that see it from the sides, and its feet on the ground."""
+"""The scene of a recording: the machine, the cameras of the side views, the feet and the ground."""
 
 import numpy as np
 import rerun as rr
@@ -14,35 +14,36 @@ EYES = {
     "right side": ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
     "top": ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
 }
-"""What is right, down and ahead for the eye of each view of the sides, in the frame that moves with the machine."""
+"""Right, down and forward axis of the camera of each side view, in the frame that moves with the machine."""
 FOOT = 0.018
-"""Radius of the ball that a planar leg, whose foot is a point, has as a foot, m."""
+"""Radius of the ball that is drawn as the foot of a planar leg, whose foot is a point, m."""
 AWAY = 10.0
-"""Distance of these eyes, m: so far away that parallel lines stay parallel; the viewer has no parallel projection."""
-HIGHEST_NUMBER, LOWEST_NUMBER = -0.06, -0.16
-"""Where the numbers of the feet are, above the ground, m."""
+"""Distance of these cameras, m: large, since the viewer has no parallel projection."""
+HIGHEST_NUMBER = -0.06
+LOWEST_NUMBER = -0.16
+"""Heights of the numbers of the feet above the ground, m."""
 MESHES = "travel/body/robot"
-"""Where in the world the bodies of a robot's model are; views of the sides show the figure below instead."""
+"""Entity, below ``world``, of the meshes of a robot; side views show :data:`FIGURE` instead."""
 FIGURE = ("travel/body/plate", "travel/body/links")
-"""The figure of box and links, which would stick out of them."""
+"""Entities of box and links, which would stick out of the meshes."""
 MM = 1e3
-"""Pixels of these eyes per metre, so that what they see is measured in mm."""
+"""Pixels per metre of these cameras, so that distances in the side views are in mm."""
 PATH_POINTS = 150
-"""The path of a foot in a cycle has at least so many points, if it has so many steps, and less than twice as many."""
+"""Fewest points of a foot path in a cycle with enough steps; the path has less than twice as many."""
 FORCE_LENGTH = 0.15
 """Length of an arrow for the largest desired force, m."""
 ABOVE_GROUND = 0.002
 """Height at which marks on the ground are drawn, m, so that they are visible."""
 DENT = 0.06
-"""Half the length of the dent that a foot presses, m."""
+"""Half the length of the dent below a foot, m."""
 ASIDE = 0.025
-"""Distance of the arrow of the desired force from that of the actual one, m."""
+"""Distance between the arrows of desired and actual force, m."""
 GROUND_LENGTH = 0.35
-"""Half the length of the ground that is drawn under one leg, m."""
+"""Half the length of the ground that is drawn below a single leg, m."""
 
 
 def name_eye(name: str) -> str:
-    """The entity of an eye."""
+    """Return the entity of one of the cameras of :data:`EYES`."""
     return f"world/travel/eyes/{name.replace(' ', '_')}"
 
 
@@ -54,11 +55,11 @@ def _log_eyes(entities: Entities) -> None:
 
 
 def _log_body(entities: Entities, view: RunView) -> None:
-    """The frames ``world/travel``, which moves on with the machine, and ``world/travel/body``, which tilts too."""
+    """Log the frame ``world/travel``, which moves with the machine, and ``world/travel/body``, which also tilts."""
     up = (view.body["height"] + view.foot_radius)[:, None] * [0.0, 0.0, 1.0]
-    entities.send_columns("world/travel", rr.Transform3D.columns(translation=view.way() - up))
-    turn = view.turn().astype(np.float32)
-    entities.send_columns("world/travel/body", rr.Transform3D.columns(translation=up, quaternion=turn))
+    entities.send_columns("world/travel", rr.Transform3D.columns(translation=view.compute_position() - up))
+    quaternions = view.compute_orientation().astype(np.float32)
+    entities.send_columns("world/travel/body", rr.Transform3D.columns(translation=up, quaternion=quaternions))
     if view.walks:
         middle, half = view.trunk
         plate = rr.Boxes3D(centers=[middle], half_sizes=[half], colors=[palette.BODY_COLOR], fill_mode="solid")
@@ -66,19 +67,19 @@ def _log_body(entities: Entities, view: RunView) -> None:
 
 
 def _turn_from_up(along: Array) -> Array:
-    """Turns straight from +z to directions (n, 3), as quaternions (n, 4), x y z w; any of those to -z is NaN."""
+    """Compute the shortest rotations from +z to directions (n, 3), as quaternions (n, 4), x y z w; NaN for -z."""
     x, y, z = (along / np.linalg.norm(along, axis=1, keepdims=True)).T
     turn = np.stack([-y, x, np.zeros_like(z), 1.0 + z], axis=1)
     return turn / np.linalg.norm(turn, axis=1, keepdims=True)
 
 
 def _log_links(entities: Entities, view: RunView) -> None:
-    """Links between the joints of each leg: capsules from the lower one, turned from +z to the upper."""
+    """Log the links of each leg: capsules from the lower joint, rotated from +z towards the upper joint."""
     along = -np.diff(view.joints, axis=2)  # (steps, legs, links, 3)
     lengths = np.linalg.norm(along[0], axis=2)
     links = rr.Capsules3D.from_fields(
         lengths=lengths.ravel(),
-        radii=[0.8 * (view.foot_radius or FOOT)] * lengths.size,  # thinner than the foot, which is to be seen
+        radii=[0.8 * (view.foot_radius or FOOT)] * lengths.size,  # thinner than the foot, which stays visible
         colors=([palette.THIGH] * (lengths.shape[1] - 1) + [palette.SHANK]) * len(lengths),
         fill_mode="solid",
     )
@@ -92,19 +93,20 @@ def _log_links(entities: Entities, view: RunView) -> None:
 
 
 def _log_paths(entities: Entities, view: RunView) -> None:
-    """The actual paths in the first and in the last whole cycle, and in each cycle the desired ones of that cycle.
+    """Log the actual foot paths of the first and the last complete cycle, and the desired paths of each cycle.
 
-    They are in the frame of the body. The plan of a robot follows its load and its course from cycle to cycle.
+    They are in the body frame. A robot adapts its plan to its load and its course from cycle to cycle.
     """
-    path, (first, last) = "world/travel/body/path", view.whole_cycles()
+    path = "world/travel/body/path"
+    first, last = view.whole_cycles()
 
     def collect_strips(cycle: int, feet: Array) -> list[NDArray[np.float32]]:
         rows = np.flatnonzero(view.cycle == cycle)
         return list(feet[rows[:: max(1, len(rows) // PATH_POINTS)]].astype(np.float32).swapaxes(0, 1))
 
     actual, desired = view.feet(), view.feet("_desired")
-    shown = {first: ("first_cycle", palette.FIRST_CYCLE)} | {last: ("last_cycle", palette.LAST_CYCLE)}
-    for cycle, (name, colour) in shown.items():
+    styles = {first: ("first_cycle", palette.FIRST_CYCLE)} | {last: ("last_cycle", palette.LAST_CYCLE)}
+    for cycle, (name, colour) in styles.items():
         entities.log(f"{path}/{name}", rr.LineStrips3D(collect_strips(cycle, actual), radii=[0.003], colors=[colour]))
     cycles, begins = np.unique(view.cycle, return_index=True)
     moving = [strip for cycle in cycles for strip in collect_strips(cycle, desired)]
@@ -117,18 +119,18 @@ def _log_paths(entities: Entities, view: RunView) -> None:
 
 
 def _log_numbers(entities: Entities, view: RunView) -> None:
-    """The number of each foot below the middle of its desired path, at two heights so that none hides another."""
+    """Log the number of each foot below the middle of its desired path, at two heights to avoid overlaps."""
     x = view.trace["x_desired"]
-    places = view.feet("_desired").mean(axis=0)
-    places[:, 0] = view.hips[:, 0] + (x.min(axis=0) + x.max(axis=0)) / 2.0
-    places[:, 2] = [HIGHEST_NUMBER, LOWEST_NUMBER, LOWEST_NUMBER, HIGHEST_NUMBER]
-    labels = [str(number) for number in range(1, len(places) + 1)]
-    numbers = rr.Points3D(places, radii=0.001, colors=(0, 0, 0), labels=labels, show_labels=True)
+    positions = view.feet("_desired").mean(axis=0)
+    positions[:, 0] = view.hips[:, 0] + (x.min(axis=0) + x.max(axis=0)) / 2.0
+    positions[:, 2] = [HIGHEST_NUMBER, LOWEST_NUMBER, LOWEST_NUMBER, HIGHEST_NUMBER]
+    labels = [str(number) for number in range(1, len(positions) + 1)]
+    numbers = rr.Points3D(positions, radii=0.001, colors=(0, 0, 0), labels=labels, show_labels=True)
     entities.log("world/travel/foot_numbers", numbers)
 
 
 def log_machine(entities: Entities, view: RunView) -> None:
-    """Everything that is part of the machine, or moves with it."""
+    """Log everything that moves with the machine."""
     entities.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     _log_eyes(entities)
     _log_body(entities, view)
@@ -140,15 +142,17 @@ def log_machine(entities: Entities, view: RunView) -> None:
 
 
 def _log_dents(entities: Entities, view: RunView, feet: Array) -> None:
-    """The surface of the ground in the plane of each leg, pressed down by its foot."""
+    """Log the surface of the ground in the plane of each leg, with the dent below its foot."""
     x, y, z = np.moveaxis(feet, 2, 0)[..., None]
-    # The plant takes the height of a slope where the foot of a level body would be: some mm off on a steep one.
-    at = view.body["cog_x"][:, None] + view.hips[:, 0] + view.trace["x"]
-    depth = np.maximum(view.ground_height(at)[..., None] - z, 0.0) * view.depression_scale
-    along, deep = x + np.array([-DENT, 0.0, DENT]), depth * [0.0, 1.0, 0.0]
+    # Like the plant, evaluate the slope below the foot of a level body, which is some mm off on a steep slope.
+    foot_x = view.body["cog_x"][:, None] + view.hips[:, 0] + view.trace["x"]
+    depth = np.maximum(view.ground_height(foot_x)[..., None] - z, 0.0) * view.depression_scale
+    along = x + np.array([-DENT, 0.0, DENT])
+    deep = depth * [0.0, 1.0, 0.0]
     if not view.walks:
         end = np.full_like(x, GROUND_LENGTH)
-        along, deep = np.concatenate([-end, along, end], axis=2), np.pad(deep, ((0, 0), (0, 0), (1, 1)))
+        along = np.concatenate([-end, along, end], axis=2)
+        deep = np.pad(deep, ((0, 0), (0, 0), (1, 1)))
     surface = np.stack([along, np.broadcast_to(y, along.shape), view.surface(along) - deep], axis=3)
     strips = round_points(surface.reshape(-1, *surface.shape[2:]))
     entities.send_columns(
@@ -159,8 +163,9 @@ def _log_dents(entities: Entities, view: RunView, feet: Array) -> None:
 
 
 def _log_feet(entities: Entities, view: RunView, feet: Array) -> None:
-    """The feet, coloured by planned phase, with actual and desired contact forces as arrows side by side."""
-    support, legs = view.trace.support, view.trace.legs
+    """Log the feet, coloured by planned phase, with actual and desired contact forces as arrows side by side."""
+    support = view.trace.support
+    legs = view.trace.legs
     changes = np.flatnonzero(np.any(np.diff(support, axis=0, prepend=~support[:1]), axis=1))
     colours = np.where(support[changes, :, None], palette.SUPPORT, palette.TRANSFER).astype(np.uint8)
     radius = (view.foot_radius or FOOT) * (1.1 if view.meshes else 1.0)  # else its mesh would hide its colour
@@ -169,19 +174,19 @@ def _log_feet(entities: Entities, view: RunView, feet: Array) -> None:
     entities.send_columns("world/feet", rr.Ellipsoids3D.columns(colors=colours.reshape(-1, 3)), rows=changes)
     force, desired = view.trace["force"], view.trace["force_desired"]
     scale = FORCE_LENGTH / max(1e-9, float(desired.max()))
-    # Arrows stand on the foot and point the way the ground pushes it.
-    up = np.clip(np.concatenate([force, desired], axis=1) * scale, 0.0, 4.0 * FORCE_LENGTH)
+    # Arrows begin at the foot and have the direction of the ground reaction.
+    lengths = np.clip(np.concatenate([force, desired], axis=1) * scale, 0.0, 4.0 * FORCE_LENGTH)
     both = [palette.ACTUAL] * legs + [palette.DESIRED] * legs
     beside = feet + np.array([ASIDE, 0.0, 0.0])
-    vectors = flatten_points(up[..., None] * [0.0, 0.0, 1.0])
+    vectors = flatten_points(lengths[..., None] * [0.0, 0.0, 1.0])
     arrows = rr.Arrows3D.columns(vectors=vectors, origins=flatten_points(feet, beside))
     entities.send_columns("world/forces", arrows, constant=rr.Arrows3D.from_fields(radii=[0.006], colors=both))
 
 
 def _find_corners(feet: Array, support: Mask) -> Array:
-    """Corners (steps, 5, 3) of the closed polygons of the supporting feet (steps, 4, 3).
+    """Find the corners (steps, 5, 3) of the closed polygon of the supporting feet, of all feet (steps, 4, 3).
 
-    Legs go round the body as 1, 2, 4, 3; a leg in transfer gives way to the one before it.
+    The order around the body is 1, 2, 4, 3; a leg in transfer is replaced by the supporting leg before it.
     """
     order = np.array([0, 1, 3, 2])
     twice_around = np.where(np.tile(support[:, order], 2), np.arange(8), 0)
@@ -190,32 +195,33 @@ def _find_corners(feet: Array, support: Mask) -> Array:
 
 
 def _log_stability(entities: Entities, view: RunView, feet: Array) -> None:
-    """Polygon of the feet planned to support, and the centre of gravity above its projection on the ground."""
-    way = view.way()[:, None]
+    """Log the polygon of the planned supporting feet, and the plumb line of the centre of gravity to the ground."""
+    position = view.compute_position()[:, None]
     corners = _find_corners(feet, view.trace.support)
     corners[..., 2] = view.surface(corners[..., 0]) + ABOVE_GROUND
-    plumb = np.repeat(way, corners.shape[1], axis=1)
-    plumb[:, 0, 2] = view.surface(way[:, 0, 0]) + ABOVE_GROUND
+    plumb = np.repeat(position, corners.shape[1], axis=1)
+    plumb[:, 0, 2] = view.surface(position[:, 0, 0]) + ABOVE_GROUND
     strips = round_points(np.stack([corners, plumb], axis=1).reshape(-1, *corners.shape[1:]))
     lines = rr.LineStrips3D.from_fields(radii=[0.004, 0.0015], colors=[palette.POLYGON, palette.COG])
     entities.send_columns("world/support", rr.LineStrips3D.columns(strips=strips), constant=lines)
-    place, size = [[0.0, 0.0, ABOVE_GROUND]], [[0.012] * 3]
-    ball = rr.Ellipsoids3D(centers=place, half_sizes=size, colors=[palette.COG], fill_mode="solid")
+    ball = rr.Ellipsoids3D(
+        centers=[[0.0, 0.0, ABOVE_GROUND]], half_sizes=[[0.012] * 3], colors=[palette.COG], fill_mode="solid"
+    )
     entities.log("world/travel/centre_of_gravity", ball)
 
 
 def _log_slope(entities: Entities, view: RunView, feet: Array) -> None:
-    """The surface of sloping ground to the left and right of the way."""
+    """Log the surface of sloping ground to the left and right of the path of the machine."""
     first, last = float(feet[..., 0].min()), float(feet[..., 0].max())
-    bends = [first - DENT, *(b for b in [view.run.config["terrain"]["slope_start"]] if first < b < last), last]
-    along = np.array(bends)
+    start = view.run.config["terrain"]["slope_start"]
+    along = np.array([first - DENT, *([start] if first < start < last else []), last])
     sides = np.abs(view.hips[:, 1]).max() + 2.0 * DENT
     strips = [np.stack([along, np.full_like(along, y), view.surface(along)], axis=1) for y in (-sides, sides)]
     entities.log("world/slope", rr.LineStrips3D(strips, radii=0.004, colors=palette.GROUND))
 
 
 def log_ground(entities: Entities, view: RunView) -> None:
-    """Everything between feet and ground."""
+    """Log feet, contact forces and ground."""
     feet = view.in_world(view.feet())
     _log_dents(entities, view, feet)
     _log_feet(entities, view, feet)

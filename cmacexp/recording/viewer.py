@@ -1,7 +1,7 @@
-"""Rerun's own viewer, in a window or in a browser; it and its servers listen to this machine alone.
+"""The Rerun viewer, in a window or in a browser; it and its servers accept connections only from this machine.
 
-It is started as a command: only there can be said on which address it listens. ``rr.spawn``, ``rr.serve_grpc`` and
-``rr.serve_web_viewer`` listen to all machines of the network.
+It is started as a command, the only way to choose the address on which it listens: ``rr.spawn``, ``rr.serve_grpc``
+and ``rr.serve_web_viewer`` accept connections from the whole network.
 """
 
 import os
@@ -19,9 +19,9 @@ HOST = "127.0.0.1"
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
 RERUN = (sys.executable, "-m", "rerun_cli", "--bind", HOST)
 SERVE = ("--serve-web", "--web-viewer-port", "0", "--port", "0")
-"""Ports are free ones, which Rerun chooses."""
+"""Options that serve the viewer; port 0 lets Rerun choose a free port."""
 HOSTS_VIEWER = {"RUST_LOG": "error,re_sdk::web_viewer=info", "NO_COLOR": "1"}
-"""Makes Rerun log only errors, and where it hosts its viewer."""
+"""Environment in which Rerun logs only errors and the address of the viewer."""
 
 
 def require_display() -> None:
@@ -33,24 +33,24 @@ def require_display() -> None:
     )
 
 
-def open_window(shown: Path | str) -> int:
-    """Open a recording, or what has an address, in the viewer, and wait until it is closed; its exit code."""
-    return subprocess.call([*RERUN, str(shown)])
+def open_window(recording: Path | str) -> int:
+    """Open a recording, a file or an address, in the viewer, wait until it is closed, and return its exit code."""
+    return subprocess.call([*RERUN, str(recording)])
 
 
-def serve_web(shown: Path | str) -> int:
-    """Serve the viewer, and a recording that has no address yet, until interrupted; the server's exit code.
+def serve_web(recording: Path | str) -> int:
+    """Serve the viewer with a recording, a file or an address, until interrupted; return the server's exit code.
 
-    Its own process group: Ctrl-C reaches this process alone, which then ends the server and what it has started.
+    The server has its own process group: Ctrl-C reaches only this process, which then ends the whole group.
     """
     environment = {**os.environ, **HOSTS_VIEWER}
     with subprocess.Popen(
-        [*RERUN, *SERVE, str(shown)], env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
+        [*RERUN, *SERVE, str(recording)], env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
     ) as server:
         try:
             for line in server.stderr or ():
-                found = re.search(r"connect at (\S+)", line)
-                print(f"{found[1]} (Ctrl-C ends it)" if found else line.rstrip(), flush=True)
+                address = re.search(r"connect at (\S+)", line)
+                print(f"{address[1]} (Ctrl-C ends it)" if address else line.rstrip(), flush=True)
             return server.wait()
         finally:
             if server.poll() is None:
@@ -58,12 +58,13 @@ def serve_web(shown: Path | str) -> int:
 
 
 def view_run(run: Run) -> None:
-    """Show a run: in a notebook below its cell, else in a window, until that is closed; its recording is built anew
-    where it is not that of the run.
+    """Show a run in a notebook below the cell, or in a window until it is closed.
+
+    The recording is rebuilt for a notebook, and elsewhere if it is missing or outdated.
 
     Raises:
-        CmacexpError: there is no display, or in a notebook no ``rerun-notebook``.
-        BadRun: the run has nothing to show.
+        CmacexpError: there is no display or, in a notebook, no ``rerun-notebook``.
+        BadRun: the trace of the run is empty.
     """
     from cmacexp.recording.write import DEFAULT, ensure_recording, make_recording
 

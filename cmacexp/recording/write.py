@@ -27,29 +27,29 @@ from cmacexp.recording.scene import log_ground, log_machine
 from cmacexp.recording.series import EVENTS, SERIES, find_events, list_plots, name_component
 
 MOST_RUNS = 6
-"""More side by side have too narrow columns."""
+"""Most runs side by side; more would have too narrow columns."""
 FACTS = "run"
-"""The property of a recording that says of which run it is."""
+"""Property of a recording that identifies its run."""
 
 
 class Options(NamedTuple):
-    """What a recording shows."""
+    """The options of a recording."""
 
     cycles: str | None = None
-    """Those that are shown, as typed, such as ``last3``, of cycles that all runs took; None: all."""
+    """Cycles to show, as typed, e.g. ``last3``; they must exist in all runs. None: all."""
     every: int | None = None
-    """One step in so many is shown; None: all of a short run, fewer of a long one."""
+    """Thinning: show one step in ``every``; None: all steps of a short run, fewer of a long one."""
     meshes: bool = False
-    """Whether robots are drawn as their models show them."""
+    """True to draw robots with the meshes of their models."""
     label: str | None = None
-    """Name of a single run; None: that of its folder."""
+    """Name of a single run; None: the name of its folder."""
 
 
 DEFAULT = Options()
 
 
 def _list_facts(run: Run) -> dict[str, object]:
-    """How a run ended, and what wrote it and its recording."""
+    """List the properties of a run by which :func:`is_current` and catalogues identify its recording."""
     manifest = run.manifest
     return {
         **{name: manifest[name] for name in ("status", "cause", "seed", "steps", "config_hash", "git_commit")},
@@ -64,61 +64,62 @@ def _fits_arrow(value: object) -> bool:
 
 
 def _send_facts(recording: rr.RecordingStream, run: Run, root: str) -> None:
-    """How a run ended, its config by dotted keys, and the metrics of its last whole cycle, legs pooled, in SI units.
+    """Send status, config by dotted keys, and metrics of the last complete cycle as properties of the recording.
 
-    A catalogue of recordings can be filtered by them. Of several runs in one recording each property begins with the
-    root of its entities.
+    Metrics are pooled over the legs, in SI units. A catalogue of recordings can be filtered by these properties. With
+    several runs in a recording, the name of each property begins with the root of the entities of its run.
     """
     last = {name: run.final(name) for name in run.pooled}
     metrics = {name: value for name, value in last.items() if math.isfinite(value)}
     for name, values in {FACTS: _list_facts(run), "config": run.settings, "metrics": metrics}.items():
-        known = {
+        properties = {
             key: pa.array([value if _fits_arrow(value) else str(value)])
             for key, value in values.items()
             if value is not None
         }
-        if known:
-            recording.send_property(root.replace("/", "_") + name, rr.AnyValues(**known))
+        if properties:
+            recording.send_property(root.replace("/", "_") + name, rr.AnyValues(**properties))
 
 
 def _log_series(entities: Entities, view: RunView) -> None:
-    """All time series, in single precision."""
+    """Log all time series, in single precision."""
     columns = []
     for path, plot in list_plots(view).items():
         values = pa.array(np.stack([line.values for line in plot.lines], axis=1).astype(np.float32).ravel())
-        name, owner = name_component(path), path.partition("/")[0]
-        # rr.AnyValues.columns makes the same, but looks at each number.
-        columns.append(
-            rr.ComponentColumn(rr.ComponentDescriptor(name, archetype=owner), rr.AnyBatchValue(name, values))
-        )
+        name = name_component(path)
+        descriptor = rr.ComponentDescriptor(name, archetype=path.partition("/")[0])
+        # rr.AnyValues.columns gives the same result, but checks each number.
+        columns.append(rr.ComponentColumn(descriptor, rr.AnyBatchValue(name, values)))
     entities.send_columns(SERIES, columns)
 
 
 def _log_events(entities: Entities, view: RunView) -> None:
-    """The moments as a log, each with its time, which the viewer goes to when it is clicked."""
-    found = find_events(view)
-    texts = [f"{view.time[row]:.3f} s  {text}" for row, text in found]
-    entities.send_columns(EVENTS, rr.TextLog.columns(text=texts), rows=np.array([row for row, _ in found]))
+    """Log the events of a run with their times, to which the viewer moves when they are clicked."""
+    events = find_events(view)
+    texts = [f"{view.time[row]:.3f} s  {text}" for row, text in events]
+    entities.send_columns(EVENTS, rr.TextLog.columns(text=texts), rows=np.array([row for row, _ in events]))
 
 
 def is_current(run: Run) -> bool:
-    """Whether a run has its recording, whatever it shows: made from this run, by this version, and readable."""
-    path, facts = run.folder / RECORDING_FILE, _list_facts(run)
+    """Check whether a run has a readable recording that was made from this run by this version, with any options."""
+    path = run.folder / RECORDING_FILE
+    facts = _list_facts(run)
     if path.is_symlink() or not path.is_file():
         return False
     try:
         chunks = RrdReader(path).stream().filter(content=f"/__properties/{FACTS}").to_chunks()
         rows = [row for chunk in chunks for row in chunk.to_record_batch().to_pylist()]
-    except RuntimeError:  # of a file that is damaged, or is none of rerun's
+    except RuntimeError:  # the file is damaged, or not a recording
         return False
     names = ("config_hash", "steps", "recorded_by")
     return any(all(row.get(name) == [facts[name]] for name in names) for row in rows)
 
 
 def _make_views(runs: Sequence[Run], windows: Sequence[Window], options: Options) -> list[RunView]:
-    """The views of runs; of several each has a root of its own, and a label that tells it from the others."""
+    """Make the views of runs; several runs get a root each, and labels with the settings in which they differ."""
     if len(runs) == 1:
-        names, roots = [options.label or runs[0].folder.resolve().name], [""]
+        names = [options.label or runs[0].folder.resolve().name]
+        roots = [""]
     else:
         names = name_runs(runs, find_swept(runs).all_keys)
         roots = [f"{n}_{re.sub('[^A-Za-z0-9.-]+', '_', name)}/" for n, name in enumerate(names, start=1)]
@@ -136,17 +137,17 @@ def _make_views(runs: Sequence[Run], windows: Sequence[Window], options: Options
 
 
 def _make_id(name: str, runs: Sequence[Run]) -> str:
-    """An id that other runs and other views of these do not have: a catalogue drops what has the id of another."""
+    """Make an id that is unique to these runs and options, since a catalogue drops recordings with equal ids."""
     identity = (name, *(f"{run.manifest['config_hash']} {run.folder.resolve()}" for run in runs))
     return hashlib.sha256("\n".join(identity).encode()).hexdigest()[:32]
 
 
 def make_recording(runs: Sequence[Run], options: Options) -> tuple[rr.RecordingStream, str]:
-    """A recording of a run, or of several side by side, that goes nowhere yet, and a description of it.
+    """Make a recording of a run, or of several side by side, in memory; return it with a description.
 
     Raises:
         BadInput: an option does not fit the runs.
-        BadRun: a run has nothing to show, or they are too many.
+        BadRun: the trace of a run is empty, or there are more than MOST_RUNS runs.
     """
     BadRun.unless(
         len(runs) <= MOST_RUNS,
@@ -156,8 +157,8 @@ def make_recording(runs: Sequence[Run], options: Options) -> tuple[rr.RecordingS
     cycles = None if options.cycles is None else read_cycles(options.cycles, min(map(max, kept)))
     windows = [make_window(steps, cycles, options.every, sharing=len(runs)) for steps in kept]
     views = _make_views(runs, windows, options)
-    before = f"{runs[0].config['scenario']} " if len(runs) == 1 else ""
-    name = before + " | ".join(f"{view.label}, {window}" for view, window in zip(views, windows, strict=True))
+    scenario = f"{runs[0].config['scenario']} " if len(runs) == 1 else ""
+    name = scenario + " | ".join(f"{view.label}, {window}" for view, window in zip(views, windows, strict=True))
     name += ", with meshes" if options.meshes else ""
     recording = rr.RecordingStream("cmacexp", recording_id=_make_id(name, runs))
     recording.send_blueprint(make_layout(views))
@@ -176,23 +177,23 @@ def make_recording(runs: Sequence[Run], options: Options) -> tuple[rr.RecordingS
 
 
 def write_recording(runs: Sequence[Run], path: Path, options: Options = DEFAULT) -> str:
-    """Write a recording to a file, whose folder exists, whole or not at all; returns a description of it.
+    """Write a recording to a file atomically; return a description of the recording.
 
-    Raises as :func:`make_recording`, and OSError.
+    The folder of the file must exist. Raises the errors of :func:`make_recording`, and OSError.
     """
     recording, description = make_recording(runs, options)
-    # From memory: on a full disk rerun's own writer stops without an error, and flushing waits for ever.
+    # Not with Rerun's writer: on a full disk it stops without an error, and flushing it never returns.
     content = recording.memory_recording().drain_as_bytes()
     with write_atomically(path) as temporary:
         temporary.write_bytes(content)
     return description
 
 
-def ensure_recording(run: Run, anew: bool = False) -> str:
-    """Build the recording of a run where :func:`is_current` says that it has none, or ``anew``; a description of it.
+def ensure_recording(run: Run, rebuild: bool = False) -> str:
+    """Build the recording of a run unless it is current, or in any case to ``rebuild`` it; return a description.
 
-    Raises as :func:`make_recording`, and OSError.
+    See :func:`is_current`. Raises the errors of :func:`make_recording`, and OSError.
     """
-    if is_current(run) and not anew:
-        return "as it was built; --rebuild builds it anew"
+    if is_current(run) and not rebuild:
+        return "current, not rebuilt; --rebuild forces it"
     return write_recording([run], run.folder / RECORDING_FILE)

@@ -1,1 +1,1 @@
-"""Figures and tables over one run, a sweep or a study; they read the files of runs, and never simulate."""
+"""Figures and tables of a run, a sweep or a study, from the files of runs; nothing is simulated."""

@@ -1,8 +1,8 @@
 """A report: sections of text, tables and figures as one self-contained HTML file, with its figures beside it.
 
-A figure stands on the page in pieces, cut from its file: its legends and each of its panels. A narrow screen then
-shows one panel in a row, and print can break a figure between two rows. A page may be written in Markdown with Jinja:
-values, figures and tables are inserted, each heading begins a section.
+The page contains a figure in pieces, cut from its file: its legends and each of its panels. A narrow screen then
+shows one panel per row, and a printed page can break a figure between two rows. A page may be written in Markdown
+with Jinja: values, figures and tables are inserted, and each heading of the second level begins a section.
 """
 
 import os
@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -33,13 +34,13 @@ GROUPS = re.compile(r'^  <g id="(?P<kind>axes|legend)_\d+">\n.*?^  </g>\n', re.D
 DEFINITIONS = re.compile(r"^ <defs>.*?^ </defs>\n", re.DOTALL | re.MULTILINE)
 CODE_SPAN = re.compile(r"((?<!`)(?P<ticks>`+)(?!`).*?(?<!`)(?P=ticks)(?!`))", re.DOTALL)
 ENTITIES = {ord(sign): f"&#{ord(sign)};" for sign in "&<>\"'[]()*_|~#!`\\-+=."}
-"""Instead of signs that form HTML, links, pictures, emphasis, lists and the like in Markdown."""
+"""HTML entities of the characters that form HTML, links, pictures, emphasis, lists and the like in Markdown."""
 POINTS = 72.0
-"""Points in an inch; the unit of an SVG."""
+"""Points per inch; a point is the unit of an SVG."""
 PAD = 3.0
-"""Around a piece of a figure, points."""
+"""Margin around a piece of a figure, points."""
 REPORT = "report"
-"""The folder of its report in that of a run."""
+"""Name of the folder of a report within the folder of a run."""
 HOW_TO_REPORT = "python -m cmacexp.report FOLDER makes the page of one run."
 
 
@@ -48,45 +49,45 @@ class Table:
     """Rows under named columns; numbers are formatted, with units in the names of their columns."""
 
     columns: Sequence[str]
-    """Names, whose units follow a comma or a line break."""
+    """Names, with the unit after a comma or a line break."""
     rows: Sequence[Sequence[str]]
     caption: str = ""
     cards: bool = False
-    """Whether each row is a card of its own on a narrow screen; else the table scrolls sideways there."""
+    """True if a narrow screen shows each row as a card; else the table scrolls sideways there."""
     folded: str = ""
-    """The title under which a reader opens it; empty: it is open."""
+    """Title of the folded table, which a reader can open; empty: the table is always open."""
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure, the name of its file, and its caption."""
+    """A figure, with the name of its file and its caption."""
 
     name: str
     figure: Figure
     caption: str
     title: str = ""
-    """E.g. ``Fig. 10``, if it is one of the paper's."""
+    """Number of the figure that it repeats from the paper, e.g. ``Fig. 10``."""
 
 
 PageElement = str | Table | Drawing
-"""A string is a paragraph, or HTML if it is a ``markupsafe.Markup``."""
+"""An element of a section; a string is a paragraph, or HTML if it is a ``markupsafe.Markup``."""
 
 
 @dataclass(frozen=True)
 class Section:
-    """A section of a page."""
+    """A section of a page: its title and elements."""
 
     title: str
     parts: Sequence[PageElement]
 
     @property
     def anchor(self) -> str:
-        """Its anchor in the page."""
+        """Anchor of the section in the page."""
         return "".join(c if c.isalnum() else "-" for c in self.title.lower())
 
 
 class Renderer:
-    """Renders elements as HTML by the templates beside this file, and saves figures in the folder of a page."""
+    """Renderer of page elements to HTML with the templates beside this file; saves figures in the page's folder."""
 
     def __init__(self, folder: Path):
         self.folder = folder
@@ -95,16 +96,16 @@ class Renderer:
         )
         self.environment.globals.update(save=self._save, find_numeric=find_numeric)
 
-    def render_part(self, part: PageElement) -> Markup:
-        """Render an element as HTML without an empty line, which would end it in Markdown."""
+    def render_part(self, element: PageElement) -> Markup:
+        """Render an element as HTML without empty lines, at which Markdown would end it."""
         template: Any = self.environment.get_template("parts.html").module
-        return Markup(re.sub(r"\n\s*\n", "\n", f"{template.show(part).strip()}\n"))
+        return Markup(re.sub(r"\n\s*\n", "\n", f"{template.show(element).strip()}\n"))
 
     def _save(self, drawing: Drawing) -> Markup:
-        """Save a figure; returns its pieces for the page."""
+        """Save a figure as SVG; return its pieces for the page."""
         (self.folder / FIGURES).mkdir(parents=True, exist_ok=True)
         if engine := drawing.figure.get_layout_engine():
-            engine.execute(drawing.figure)  # for which savefig would draw the whole figure once more
+            engine.execute(drawing.figure)  # else savefig draws the figure once more for it
             drawing.figure.set_layout_engine(None)
         path = self.folder / FIGURES / f"{drawing.name}.{SVG}"
         drawing.figure.savefig(path, format=SVG, metadata={"Date": None})
@@ -112,9 +113,10 @@ class Renderer:
 
 
 def _find_panels(figure: Figure) -> list[Array]:
-    """Extent (2, 2) of each panel, display units, as wide as its column and as high as its row.
+    """Return the extent (2, 2) of each panel in pixels, [[left, bottom], [right, top]].
 
-    A figure with axes outside its grid, such as a bar of colours beside a map, is one panel.
+    A panel is as wide as its column and as high as its row. A figure with axes outside its grid, such as a colour bar
+    beside a map, is one panel.
     """
     specs = [spec for axes in figure.axes if (spec := axes.get_subplotspec()) is not None]
     if len(specs) < len(figure.axes):
@@ -122,22 +124,25 @@ def _find_panels(figure: Figure) -> list[Array]:
     boxes = np.array([np.asarray(axes.get_tightbbox()) for axes in figure.axes])
     columns = np.array([spec.colspan.start for spec in specs])
     rows = np.array([spec.rowspan.start for spec in specs])
-    found = []
+    panels = []
     for spec, column, row in zip(specs, columns, rows, strict=True):
         left, right = boxes[columns == column, 0, 0].min(), boxes[columns == column, 1, 0].max()
         bottom, top = boxes[rows == row, 0, 1].min(), boxes[rows == row, 1, 1].max()
         ratios = np.asarray(spec.get_gridspec().get_width_ratios(), dtype=float)
         least = 0.96 * figure.bbox.width * ratios[column] / ratios.sum()
-        found.append(np.array([[left, bottom], [max(right, left + least), top]]))
-    return found
+        panels.append(np.array([[left, bottom], [max(right, left + least), top]]))
+    return panels
 
 
 def cut_figure(figure: Figure, drawn: str) -> str:
-    """The pieces of a drawn figure as HTML; ``drawn`` is its SVG. Names of groups, which a page repeats, go."""
+    """Cut a figure into its legends and panels, as HTML.
+
+    ``drawn`` is the SVG of the figure. The ids of its groups are removed, since they would not be unique on a page.
+    """
     plain = re.sub(r"\s*<!--.*?-->", "", drawn, flags=re.DOTALL)  # a blank line would end HTML in Markdown
     texts: dict[str, list[str]] = {"axes": [], "legend": []}
-    for found in GROUPS.finditer(plain):
-        texts[found["kind"]].append(re.sub(r'<g id="[^"]*"', "<g", found[0]))
+    for group in GROUPS.finditer(plain):
+        texts[group["kind"]].append(re.sub(r'<g id="[^"]*"', "<g", group[0]))
     boxes = [legend.get_window_extent().get_points() for legend in figure.legends]
     pieces = [(box, "legend", text) for box, text in zip(boxes, texts["legend"], strict=True)]
     panels = _find_panels(figure)
@@ -165,27 +170,27 @@ class Report:
     summary: str
     sections: Sequence[Section]
     config: dict[str, Any] = field(default_factory=dict)
-    """The request; stored in the manifest."""
+    """The request for this report, which its manifest stores."""
     runs: Mapping[Path, str] = field(default_factory=dict)
-    """The hash of the config of every run in it, by folder."""
+    """Config hash of every run in the report, by the folder of the run."""
 
 
-def relative(path: Path, folder: Path) -> str:
-    """``path`` relative to ``folder``."""
+def make_relative(path: Path, folder: Path) -> str:
+    """Return ``path`` relative to ``folder``, with slashes."""
     return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
 
 def find_page(run: Path, folder: Path) -> str:
     """Return the address of the page of a run in another report, relative to its folder; empty if there is none."""
     page = run / REPORT / HTML
-    return f"./{quote(relative(page, folder))}" if page.is_file() else ""
+    return f"./{quote(make_relative(page, folder))}" if page.is_file() else ""
 
 
 def write_report(report: Report, where: Path | ResultWriter) -> Path:
-    """Write a report and its figures in place of an earlier one; returns its page.
+    """Write a report and its figures, replacing an earlier report; return the path of its page.
 
-    ``where`` is a folder, or one that is being written. Raises BadInput if it holds something else, and OSError if it
-    cannot be written, with an earlier report as it was.
+    ``where`` is a folder, or the writer of a folder. Raises BadInput if the folder contains anything but a report,
+    and OSError if it cannot be written; an earlier report then stays unchanged.
     """
     if isinstance(where, Path):
         with new_result(where, OUT_KEY, manifests.REPORT) as writer:
@@ -201,7 +206,7 @@ def write_report(report: Report, where: Path | ResultWriter) -> Path:
             "status": Status.COMPLETED,
             "config": report.config,
             "versions": manifests.read_environment().versions,
-            "runs": {relative(path, where.folder): of_config for path, of_config in report.runs.items()},
+            "runs": {make_relative(path, where.folder): of_config for path, of_config in report.runs.items()},
             "files": {name: sha256(where.part / name) for name in where.list_files()},
         },
     )
@@ -209,17 +214,15 @@ def write_report(report: Report, where: Path | ResultWriter) -> Path:
 
 
 def escape_markdown(value: object) -> Markup:
-    """Escape a text for a page of Markdown: it stays text, in one line, and can form code spans but no HTML.
+    """Escape a text for a page of Markdown, in one line; it may contain code spans, but no HTML.
 
-    What is ``Markup`` already, as a table or a figure is, stays as it is.
+    ``Markup``, such as a table or a figure, is returned unchanged.
     """
     if isinstance(value, Markup):
         return value
-    line, escaped, end = re.sub(r"\s+", " ", str(value)), "", 0
-    for span in CODE_SPAN.finditer(line):
-        escaped += line[end : span.start()].translate(ENTITIES) + span[0]
-        end = span.end()
-    return Markup(escaped + line[end:].translate(ENTITIES))
+    texts_and_spans = CODE_SPAN.split(re.sub(r"\s+", " ", str(value)))  # text, code span, its backquotes, text, ...
+    pieces = zip_longest(texts_and_spans[::3], texts_and_spans[1::3], fillvalue="")
+    return Markup("".join(text.translate(ENTITIES) + span for text, span in pieces))
 
 
 def render_markdown(
@@ -231,13 +234,22 @@ def render_markdown(
     tables: Mapping[str, Callable[[], DataFrame]],
     values: Mapping[str, Any],
 ) -> list[Section]:
-    """The sections of a ``page`` of Markdown with Jinja, the text of ``template``.
-
-    What comes before the first heading stands under ``title``.
+    """Render a page of Markdown with Jinja into its sections.
 
     ``{% call figure("name", "Fig. 7") %}caption{% endcall %}`` inserts a figure, ``{{ table("name", "caption") }}`` a
-    table, which are called then; ``{{ name }}`` a value; numbers get three digits. Raises BadInput if the template
-    inserts a value that is not given.
+    table, ``{{ name }}`` a value; numbers get three digits.
+
+    Args:
+        page: the text of ``template``.
+        template: file of the page, for error messages.
+        title: title of the text before the first heading.
+        renderer: renderer of the figures and tables.
+        figures: functions that make the figures, by name; called when the page inserts them.
+        tables: functions that make the tables, by name; called when the page inserts them.
+        values: values that the page may insert, by name.
+
+    Raises:
+        BadInput: the page inserts a value that does not exist.
     """
 
     def insert_figure(name: str, title: str = "", caller: Callable[[], str] | None = None) -> str:
@@ -265,7 +277,10 @@ def render_markdown(
 
 
 def find_insertions(template: Path, page: str) -> list[tuple[str, str, int]]:
-    """What the ``page`` of a template inserts by a name that it spells out: function, name, line; raises BadInput."""
+    """List the insertions of a page by literal name, as (function, name, line).
+
+    ``page`` is the text of ``template``. Raises BadInput if its syntax is wrong.
+    """
     try:
         tree = Environment().parse(page)
     except TemplateSyntaxError as error:
@@ -278,18 +293,18 @@ def find_insertions(template: Path, page: str) -> list[tuple[str, str, int]]:
 
 
 def _format_cell(value: Any) -> str:
-    if value is None or type(value).__name__ == "NAType":  # of pandas
+    if value is None or type(value).__name__ == "NAType":  # the missing value of pandas
         return "-"
     return format_number(float(value)) if isinstance(value, float) else str(value)
 
 
 def _split_sections(markdown: str, title: str) -> Iterator[Section]:
-    """A section for every heading of the second level; what comes before the first stands under the study's title."""
+    """Yield a section per heading of the second level; the text before the first one gets the ``title``."""
     from markdown_it import MarkdownIt
 
     converter = MarkdownIt("commonmark").enable("table")
-    for index, part in enumerate(re.split(r"^## ", markdown, flags=re.MULTILINE)):
-        heading, _, text = (title, "", part) if index == 0 else part.partition("\n")
+    for index, section in enumerate(re.split(r"^## ", markdown, flags=re.MULTILINE)):
+        heading, _, text = (title, "", section) if index == 0 else section.partition("\n")
         if text.strip():
             plain = Markup(heading.strip()).unescape() if index else title
             yield Section(plain, [Markup(converter.render(text))])

@@ -1,4 +1,4 @@
-"""Figures of one run: its metrics cycle by cycle, some of its cycles over their time, and its last steps."""
+"""Figures of one run: metrics of each cycle, signals over the time of selected cycles, and the last steps."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,23 +23,27 @@ CLOCK = "time in the cycle, s"
 LAST = slice(-LAST_STEPS, None)
 """The last steps of a run."""
 DIGITS = 3
-"""Decimals to which plans of two cycles are compared, in the unit that is drawn."""
+"""Decimals to which the desired values of two cycles are compared, in the unit of the plot."""
 
 
 def draw_metrics(run: Run) -> Drawing:
-    """The main metrics per cycle, pooled over the legs and, of several, of each."""
-    pooled, count, table = pool_legs(run.scores), count_legs(run.scores), run.scores.legs
+    """Draw the main metrics over the cycles, pooled over the legs; for several legs also those of each leg."""
+    pooled = pool_legs(run.scores)
+    count = count_legs(run.scores)
     panels = []
     for name in select_main(pooled, count):
         lines = {"all legs": [pooled[name]]}
-        if count > 1 and name in table.column_names:
-            lines |= {LEG_NAMES[leg]: [as_array(table, name)[leg::count]] for leg in range(count)}
+        if count > 1 and name in run.scores.legs.column_names:
+            lines |= {LEG_NAMES[leg]: [as_array(run.scores.legs, name)[leg::count]] for leg in range(count)}
         panels.append(over_cycles(name, lines))
     return Drawing("metrics", draw(panels, height=2.1), "Metrics of each cycle.")
 
 
 def find_support(view: RunView, leg: int) -> list[tuple[float, float]]:
-    """Begin and end of each planned support in the first cycle, s; none if all is support, or of the body."""
+    """Return start and end of each planned support of a leg in the first cycle, s after the start of the cycle.
+
+    Empty if the leg supports all the time, and for the body (``leg`` is 0).
+    """
     if not leg:
         return []
     first = view.cycle == view.cycles[0]
@@ -50,11 +54,12 @@ def find_support(view: RunView, leg: int) -> list[tuple[float, float]]:
 
 
 def name_leg(view: RunView, leg: int) -> str:
-    """E.g. ``leg 1, left front``; empty of the only leg, and of the body."""
+    """Return the title of a leg, e.g. ``leg 1, left front``; empty for a single leg, and for the body (0)."""
     return f"leg {leg}, {view.names[leg - 1]}" if leg and view.walks else ""
 
 
-FOOT, MARGIN = "foot", "stability_margin"
+FOOT = "foot"
+MARGIN = "stability_margin"
 QUANTITIES = {
     "force": ("force", "actual", "contact force"),
     **{axis: ("error", name, f"error along {axis}") for axis, (name, _) in AXES.items()},
@@ -63,7 +68,7 @@ QUANTITIES = {
     "pitch": ("tilt", "pitch, nose down", "pitch, nose down"),
     "roll": ("tilt", "roll, right side down", "roll, right side down"),
 }
-"""What is drawn over the time of a cycle: the plot and the line of a recording that show it, and its title."""
+"""Quantities over the time of a cycle: plot and line of the recording that show them, and title."""
 CAPTIONS = {
     FOOT: "Paths of the feet in the frames of their hips, y down.",
     "force": "Contact force.",
@@ -75,59 +80,64 @@ BODY_QUANTITIES = ("height", MARGIN, "pitch", "roll")
 
 
 def _style(view: RunView, cycle: int) -> dict[str, Any]:
-    """The style of the lines of a cycle; those of the last are the strongest."""
+    """Return the line style of a cycle; the last cycle has the widest lines."""
     if cycle == view.cycles[-1]:
         return {**mark(0), "linewidth": 2.0, "zorder": 2.5}
     return {**mark(view.cycles.index(cycle) + 1), "linewidth": 1.1}
 
 
 def _list_lines(view: RunView, x: Array, y: Array, planned: tuple[str, Array, Array] | None = None) -> list[Series]:
-    """A line for each cycle over what is planned, a name, x and y, as grey lines, one where all cycles have the same.
+    """List a line per cycle of y over x, both (steps,), and behind them grey lines of the desired values.
 
-    The plan of a robot follows the load of its feet and its course from cycle to cycle.
+    ``planned`` holds the name, x and y of the desired values. Cycles with equal desired values share a grey line;
+    those of a robot differ, since it adapts its plan to the load of its feet and to its course.
     """
-    plans, lines = {}, []
+    desired = {}
+    lines = []
     for cycle in view.cycles:
-        kept = view.cycle == cycle
+        in_cycle = view.cycle == cycle
         if planned is not None:
-            name, plan = planned[0], np.array([planned[1][kept], planned[2][kept]])
-            plans[np.round(plan, DIGITS).tobytes()] = Series(name, plan[0], plan[1], style=DESIRED_LINE)
-        lines.append(Series(f"cycle {cycle}", x[kept], y[kept], style=_style(view, cycle)))
-    return [*plans.values(), *lines]
+            plan = np.array([values[in_cycle] for values in planned[1:]])
+            desired[np.round(plan, DIGITS).tobytes()] = Series(planned[0], plan[0], plan[1], style=DESIRED_LINE)
+        lines.append(Series(f"cycle {cycle}", x[in_cycle], y[in_cycle], style=_style(view, cycle)))
+    return [*desired.values(), *lines]
 
 
 def _draw_path(view: RunView, leg: int) -> Panel:
-    """The path of a foot in each cycle, mm."""
+    """Draw the path of a foot in each cycle, mm, in the frame of its hip."""
     x, y, x_desired, y_desired = (1e3 * view.trace[name][:, leg - 1] for name in ("x", "y", "x_desired", "y_desired"))
     lines = _list_lines(view, x, y, ("desired", x_desired, y_desired))
     return Panel(name_leg(view, leg) or "foot path", "x forward, mm", "y down, mm", lines, equal=True, y_down=True)
 
 
 def _over_clock(view: RunView, panel: Panel, leg: int) -> Panel:
-    """A panel over the time of a cycle, as long as the longest that is shown, with the planned support shaded."""
+    """Return a panel whose x axis spans the longest selected cycle, with the planned support of a leg shaded."""
     longest = float(view.clock.max()) + float(view.run.config["sampling_period"])
     return replace(panel, x_range=(0.0, longest), shaded=find_support(view, leg))
 
 
 def _draw_quantity(view: RunView, name: str, leg: int) -> Panel:
-    """One of :data:`QUANTITIES` over the time of each cycle; of the body if ``leg`` is 0."""
+    """Draw one of :data:`QUANTITIES` over the time of each cycle, of a leg or, if ``leg`` is 0, of the body."""
     path, line, title = QUANTITIES[name]
     plot = list_plots(view)[f"leg_{leg}/{path}" if leg else f"body/{path}"]
-    plans = [(each.name, view.clock, each.values) for each in plot.lines if each.colour == palette.DESIRED]
-    values = {each.name: each.values for each in plot.lines}
-    shown = values.get(line, plot.lines[0].values)  # a run of an earlier version has only one margin
+    desired = [(name, view.clock, values) for name, values, rgb in plot.lines if rgb == palette.DESIRED]
+    values_by_line = {name: values for name, values, _ in plot.lines}
+    values = values_by_line.get(line, plot.lines[0].values)  # a run of an earlier version has only one margin
     panel = Panel(
         name_leg(view, leg) or title,
         CLOCK,
         f"{title.partition(',')[0]}, {plot.unit}",
-        _list_lines(view, view.clock, shown, *plans),
+        _list_lines(view, view.clock, values, *desired),
         from_zero=name not in ("height", "pitch", "roll"),
     )
     return _over_clock(view, panel, leg)
 
 
 def draw_over_cycle(view: RunView, name: str, legs: Sequence[int]) -> list[Panel]:
-    """A quantity of legs, or of the body if they are ``[0]``, over the time of each cycle, a panel for each leg."""
+    """Draw a quantity over the time of each cycle, a panel per leg.
+
+    ``name`` is :data:`FOOT` or one of :data:`QUANTITIES`; ``legs`` are numbers from 1, or ``[0]`` for the body.
+    """
     return [_draw_path(view, leg) if name == FOOT else _draw_quantity(view, name, leg) for leg in legs]
 
 
@@ -140,7 +150,7 @@ def _draw_quantities(
     height: float,
     share: str = "",
 ) -> Drawing:
-    """A figure of some quantities over the chosen cycles; ``caption`` is followed by how to read it."""
+    """Draw a figure of quantities over the selected cycles; a note on the shading is added to the ``caption``."""
     panels = [panel for name in names for panel in draw_over_cycle(view, name, legs)]
     return Drawing(file, draw(panels, height=height, share=share), caption + _describe_shade(panels))
 
@@ -150,7 +160,7 @@ def _describe_shade(panels: Sequence[Panel]) -> str:
 
 
 def draw_tracking(view: RunView) -> list[Drawing]:
-    """Foot path, force and errors over the chosen cycles: one figure for one leg, else one for each."""
+    """Draw foot path, force and errors over the selected cycles: one figure for one leg, else one per quantity."""
     legs = range(1, view.trace.legs + 1)
     moves = any(np.ptp(view.trace[name]) > 1e-6 for name in ("x", "x_desired"))  # else a foot only presses
     names = [FOOT, "force", *view.trace.axes] if moves else ["force", "y"]
@@ -164,13 +174,13 @@ def draw_tracking(view: RunView) -> list[Drawing]:
 
 
 def draw_body(view: RunView) -> Drawing:
-    """Height, pitch, roll and true stability margin of the body over the chosen cycles."""
+    """Draw height, pitch, roll and true stability margin of the body over the selected cycles."""
     caption = "The body over the chosen cycles; its margin is among the feet that carry load, tilt included."
     return _draw_quantities(view, "body", BODY_QUANTITIES, [0], caption, 2.3, "x")
 
 
 def _draw_plot(plot: Plot, axis: str, x: Array, kept: Mask | slice) -> Panel:
-    """A plot of the recordings in some steps over ``x``, which ``axis`` names."""
+    """Draw a plot of the recording over ``x``, (steps,), labelled ``axis``, in the steps that ``kept`` selects."""
     styles = [
         {"color": colour(line.colour), "linestyle": dash} for line, dash in zip(plot.lines, DASHES, strict=False)
     ]
@@ -182,7 +192,10 @@ def _draw_plot(plot: Plot, axis: str, x: Array, kept: Mask | slice) -> Panel:
 
 
 def draw_torques(view: RunView) -> Drawing:
-    """Feedback and feedforward of all joints in the last chosen cycle; of a robot J^T F_d apart, as in metrics."""
+    """Draw feedback and feedforward of all joints in the last selected cycle.
+
+    For a robot J^T F_d is separate from the feedback, as in the metrics.
+    """
     cycle = view.cycles[-1]
     plots = [plot for path, plot in list_plots(view).items() if "torque" in path]
     drawn = [_draw_plot(plot, CLOCK, view.clock, view.cycle == cycle) for plot in plots]
@@ -194,7 +207,7 @@ def draw_torques(view: RunView) -> Drawing:
 
 
 def _draw_speeds(view: RunView) -> Panel:
-    """The speeds of all joints in the last steps, or those of a point mass."""
+    """Draw the velocities of all joints in the last steps, rad/s, or those of a point mass, m/s."""
     axes = view.trace.axes
     names = [f"dq{joint}" for joint in range(1, len(axes) + 1)] if view.has_joints else [f"v{axis}" for axis in axes]
     series = [
@@ -206,10 +219,10 @@ def _draw_speeds(view: RunView) -> Panel:
 
 
 def draw_end(view: RunView) -> Drawing:
-    """The last steps of a run that fell or diverged: forces, and the body that fell or the speeds that diverged."""
+    """Draw the last steps of a run that stopped: contact forces, and the body if it fell, else the velocities."""
     fell = view.trace.body is not None and view.run.status == Status.FELL
-    shown = ("/force", "body/") if fell else ("/force",)
-    plots = [plot for path, plot in list_plots(view).items() if any(part in path for part in shown)]
+    patterns = ("/force", "body/") if fell else ("/force",)
+    plots = [plot for path, plot in list_plots(view).items() if any(pattern in path for pattern in patterns)]
     panels = [_draw_plot(plot, "time, s", view.time, LAST) for plot in plots]
     steps = min(LAST_STEPS, view.trace.steps)
     figure = draw([*panels, *([] if fell else [_draw_speeds(view)])])

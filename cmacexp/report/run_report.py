@@ -19,8 +19,9 @@ from cmacexp.typing import Status
 
 
 def list_facts(run: Run) -> Table:
-    """How the run ended, its size, components, cost and versions."""
-    manifest, config = run.manifest, run.config
+    """Tabulate the properties of a run: status, drift, guard, size, computing time, seed and versions."""
+    manifest = run.manifest
+    config = run.config
     per_step = 1e6 * manifest["rollout_seconds"] / manifest["steps"]
     facts = {
         "folder": str(run.folder),
@@ -39,31 +40,36 @@ def list_facts(run: Run) -> Table:
 
 
 def list_key_metrics(run: Run, cycles: Sequence[int]) -> Table:
-    """The main metrics in the cycles that are shown."""
+    """Tabulate the main metrics in the given cycles."""
     pooled = pool_legs(run.scores)
     rows = []
-    for name, shown in select_main(pooled, count_legs(run.scores)).items():
-        numbers = [format_cell(shown.factor * pooled[name][cycle - 1]) for cycle in cycles]
-        symbol, _, below = shown.symbol.partition("_")
-        title = Markup("{} <i>{}</i><sub>{}</sub>").format(shown.title, symbol, below)
-        rows.append([title, ALL_METRICS[name].meaning, shown.unit, *numbers])
+    for name, display in select_main(pooled, count_legs(run.scores)).items():
+        numbers = [format_cell(display.factor * pooled[name][cycle - 1]) for cycle in cycles]
+        symbol, _, subscript = display.symbol.partition("_")
+        title = Markup("{} <i>{}</i><sub>{}</sub>").format(display.title, symbol, subscript)
+        rows.append([title, ALL_METRICS[name].meaning, display.unit, *numbers])
     caption = "Key metrics" + (", pooled over the legs" if run.walks else "")
     titles = ["metric", "meaning", "unit", *(f"cycle {cycle}" for cycle in cycles)]
     return Table(titles, rows, caption, cards=True)
 
 
 def list_settings(run: Run) -> list[PageElement]:
-    """What was set for the run, as it was typed, and its whole config."""
+    """List the overrides of a run as they were typed, and a table of its complete config."""
     fields = dict.fromkeys(run.settings, Described("", "")) | describe_fields(run.config)
     rows = [[k, format_setting(value), fields[k].unit, fields[k].meaning] for k, value in run.settings.items()]
     overrides = " ".join(run.manifest["overrides"] or ())
     set_for_run = f"Set for this run: {overrides}" if overrides else "Its manifest lists no overrides."
-    titles = ["setting", "value", "unit", "meaning"]
-    return [set_for_run, Table(titles, rows, cards=True, folded=f"All {len(rows)} settings")]
+    return [
+        set_for_run,
+        Table(["setting", "value", "unit", "meaning"], rows, cards=True, folded=f"All {len(rows)} settings"),
+    ]
 
 
 def choose_cycles(run: Run) -> list[int]:
-    """The cycles to show: the first, the first that learned, the middle and the last whole one; raises BadRun."""
+    """Choose the cycles to report: first, first with learning, middle and last of the complete cycles in the trace.
+
+    Raises BadRun if the trace is empty.
+    """
     kept = sorted(count_kept(run))
     whole = run.select_whole(kept) or kept[:1]
     learned = run.config["learning"]["start_cycle"] if run.manifest["memory"] else 1
@@ -71,17 +77,18 @@ def choose_cycles(run: Run) -> list[int]:
 
 
 def show_ending(run: Run) -> list[PageElement]:
-    """Why a run fell or diverged, and its last steps if they are in the trace; of other runs nothing."""
+    """Explain why a run fell or diverged, with its last steps if they are in the trace; empty for other runs."""
     if run.status not in (Status.FELL, Status.DIVERGED):
         return []
-    ending, last = f"The run {run.ending}.", run.last_cycle
+    ending = f"The run {run.ending}."
+    last = run.last_cycle
     if last not in count_kept(run):
         return [ending]
     return [ending, draw_end(RunView(run, run.read_trace([max(last - 1, 1), last])))]
 
 
 def make_run_report(run: Run) -> Report:
-    """The report of a run that ended, with any status; raises BadRun."""
+    """Make the report of a run with any status; raises BadRun if it has no readable trace."""
     cycles = choose_cycles(run)
     view = RunView(run, run.read_trace(cycles))
     sections: dict[str, Sequence[PageElement]] = {
@@ -95,11 +102,11 @@ def make_run_report(run: Run) -> Report:
         "The run": [list_facts(run)],
     }
     summary = f"The run {run.ending}. Cycles shown: {', '.join(map(str, cycles))}."
-    asked_for = {"runs": {str(run.folder.resolve()): run.manifest["config_hash"]}, "cycles": cycles}
+    request = {"runs": {str(run.folder.resolve()): run.manifest["config_hash"]}, "cycles": cycles}
     title = f"{run.config['scenario']}: {run.folder.resolve().name}"
-    return Report(title, summary, [Section(*each) for each in sections.items() if each[1]], asked_for)
+    return Report(title, summary, [Section(heading, parts) for heading, parts in sections.items() if parts], request)
 
 
 def write_run_report(run: Run) -> Path:
-    """Write the report of one run into its folder; returns the page. Raises BadRun."""
+    """Write the report of a run into its folder; return the path of the page. Raises BadRun without a trace."""
     return write_report(make_run_report(run), require_no_link(run.folder / REPORT))

@@ -1,4 +1,4 @@
-"""The report of several runs: in which settings they differ, how each ended, their metrics as a table and figures."""
+"""The report of several runs: the settings in which they differ, status, and metrics as a table and figures."""
 
 import os
 import re
@@ -18,13 +18,13 @@ from cmacexp.report.page import HOW_TO_REPORT, Drawing, PageElement, Report, Sec
 from cmacexp.typing import Array
 
 MOST_LINES = 12
-"""Lines of learning curves: more runs are grouped by a swept value, of which as many are shown, evenly spaced."""
+"""Most lines of learning curves; more runs are grouped by a swept key, of which at most as many values are shown."""
 MOST_VALUES = 12
-"""Values of a swept key that the table of differences lists."""
+"""Most values of a swept key in the table of differences."""
 
 
 def _list_differences(runs: Sequence[Run], swept: Swept) -> list[PageElement]:
-    """The values of each key in which runs differ, and the keys that vary with it."""
+    """Tabulate the values of each key in which runs differ, and the keys that vary together with it."""
 
     def list_values(key: str) -> str:
         values = list(dict.fromkeys(format_setting(run.settings.get(key)) for run in runs if run.settings))
@@ -32,7 +32,8 @@ def _list_differences(runs: Sequence[Run], swept: Swept) -> list[PageElement]:
         return ", ".join(values[:MOST_VALUES]) + more
 
     linked = {
-        key: "; ".join(f"{other}: {list_values(other)}" for other in others) for key, others in swept.linked.items()
+        key: "; ".join(f"{name}: {list_values(name)}" for name in linked_keys)
+        for key, linked_keys in swept.linked.items()
     }
     rows = [[key, list_values(key), linked.get(key, "")] for key in swept.all_keys]
     if rows:
@@ -44,7 +45,7 @@ def _list_differences(runs: Sequence[Run], swept: Swept) -> list[PageElement]:
 
 
 def _list_stopped(runs: Sequence[Run]) -> list[PageElement]:
-    """Runs that stopped or are broken, each with its reason."""
+    """Tabulate the runs that did not complete, with the reason; empty if all did."""
     rows = [
         [name, run.outcome.status, run.outcome.cause]
         for name, run in zip(make_names(runs), runs, strict=True)
@@ -55,7 +56,7 @@ def _list_stopped(runs: Sequence[Run]) -> list[PageElement]:
 
 
 def _group_by(runs: Sequence[Run], key: str) -> dict[Any, list[Run]]:
-    """Runs by the value of a config key; numbers in their order."""
+    """Group runs by the value of a config key; the groups are sorted if all values are numbers."""
     groups: dict[Any, list[Run]] = {}
     for run in runs:
         value = run.settings.get(key)
@@ -64,33 +65,33 @@ def _group_by(runs: Sequence[Run], key: str) -> dict[Any, list[Run]]:
 
 
 def _make_file_name(prefix: str, key: str) -> str:
-    """The name of a figure about a config key."""
+    """Make the file name of a figure of a config key."""
     return f"{prefix}-{re.sub('[^A-Za-z0-9]+', '-', key).strip('-')}"
 
 
 def _read_names(run: Run, keys: Sequence[str]) -> dict[str, str]:
-    """Config keys as names of axes, with their units."""
+    """Return the axis label of each config key: key and unit."""
     fields = describe_fields(run.config)
     return {key: f"{key}, {fields[key].unit}".rstrip(", ") if key in fields else key for key in keys}
 
 
 def draw_learning_curves(runs: Sequence[Run], keys: Sequence[str]) -> list[Drawing]:
-    """The main metrics per cycle, a line for each run that has a whole one; none if no run has two.
+    """Draw the main metrics over the cycles, a line per run with a complete cycle; none if no run has two.
 
-    Of many runs each of the first two swept keys has a figure with a line for each of its values.
+    More than MOST_LINES runs are grouped instead: one figure for each of the first two keys, a line per value.
     """
     begun = [run for run in runs if run.cycles_done]
     if max((run.cycles_done for run in begun), default=0) < 2:
         return []
     if len(begun) <= MOST_LINES:
         ends = ["" if run.completed else f", {run.outcome.status}" for run in runs]
-        named = zip(name_runs(runs, keys), ends, runs, strict=True)
-        lines = {f"{name}{end}": [run] for name, end, run in named if run.cycles_done}
+        named_runs = zip(name_runs(runs, keys), ends, runs, strict=True)
+        lines = {f"{name}{end}": [run] for name, end, run in named_runs if run.cycles_done}
         return [_draw_learning("learning", "one line for each run", lines, "")]
     drawings = []
     for key, title in _read_names(begun[0], keys[:2]).items():
         groups = list(_group_by(begun, key).items())
-        chosen = dict(groups[round(place)] for place in np.linspace(0, len(groups) - 1, MOST_LINES))
+        chosen = dict(groups[round(index)] for index in np.linspace(0, len(groups) - 1, MOST_LINES))
         some = f"; {len(chosen)} of {len(groups)} values are shown" if len(chosen) < len(groups) else ""
         what = f"median and range of the runs with the same {key}{some}"
         drawings.append(_draw_learning(_make_file_name("learning", key), what, chosen, title))
@@ -98,7 +99,7 @@ def draw_learning_curves(runs: Sequence[Run], keys: Sequence[str]) -> list[Drawi
 
 
 def _draw_learning(file: str, what: str, groups: Mapping[Any, Sequence[Run]], title: str) -> Drawing:
-    """The main metrics per cycle, a line for each group; its name is that of the legend's entry."""
+    """Draw the main metrics over the cycles, a line per group of runs; keys of ``groups`` are names in the legend."""
     panels = []
     for name in JUDGED:
         histories = {
@@ -108,58 +109,72 @@ def _draw_learning(file: str, what: str, groups: Mapping[Any, Sequence[Run]], ti
             ]
             for value, group in groups.items()
         }
-        if any(np.isfinite(own[-1]) for group in histories.values() for own in group):
+        if any(np.isfinite(history[-1]) for group in histories.values() for history in group):
             panels.append(replace(over_cycles(name, histories), title=f"{MAIN[name].title} ({name})"))
     return Drawing(file, draw(panels, legend_title=title), f"Metrics of each whole cycle: {what}.")
 
 
 def _read_finals(runs: Sequence[Run], key: str, name: str) -> dict[Any, Array]:
-    """Defined values of a metric in the last cycle, in the unit that is shown, by the value of a key."""
+    """Return the defined values of a metric in the last cycle, (runs,) in its display unit, by the value of a key."""
     finals = {value: np.array([run.final(name) for run in group]) for value, group in _group_by(runs, key).items()}
-    known = {value: MAIN[name].factor * sample[np.isfinite(sample)] for value, sample in finals.items()}
-    return {value: sample for value, sample in known.items() if sample.size}
+    defined = {value: MAIN[name].factor * sample[np.isfinite(sample)] for value, sample in finals.items()}
+    return {value: sample for value, sample in defined.items() if sample.size}
 
 
 def draw_over_key(runs: Sequence[Run], key: str, keys: Sequence[str]) -> list[Drawing]:
-    """The main metrics of the last cycle over a swept key; with a second key a line for each of its values."""
-    ended = [run for run in runs if run.completed]
+    """Draw the main metrics of the last cycle over a swept key.
+
+    If exactly one other key of ``keys`` varies, with at most seven values, each of its values has a line.
+    """
+    completed = [run for run in runs if run.completed]
     values = list(_group_by(runs, key))
-    others = [other for other in keys if other != key]
-    second = others[0] if len(others) == 1 and len(_group_by(ended, others[0])) <= 7 else ""
-    lines = _group_by(ended, second) if second else {"last cycle": ended}
+    other_keys = [other for other in keys if other != key]
+    second = other_keys[0] if len(other_keys) == 1 and len(_group_by(completed, other_keys[0])) <= 7 else ""
+    lines = _group_by(completed, second) if second else {"last cycle": completed}
     stopped: list[Any] = [run.settings.get(key) for run in runs if not run.completed]
-    panels, names, numeric = [], _read_names(runs[0], keys), is_numeric(values)
+    labels = _read_names(runs[0], keys)
+    numeric = is_numeric(values)
+    panels = []
     for name in JUDGED:
-        known = np.array([value for run in ended if np.isfinite(value := run.final(name))])
-        varies = known.size and np.ptp(known) > 1e-9 * np.abs(known).max()
-        if not varies or not all(shows(run, name) for run in ended):
+        finals = np.array([value for run in completed if np.isfinite(value := run.final(name))])
+        varies = finals.size and np.ptp(finals) > 1e-9 * np.abs(finals).max()
+        if not varies or not all(shows(run, name) for run in completed):
             continue
         groups = {line: _read_finals(group, key, name) for line, group in lines.items()}
-        shown, kind = MAIN[name], "lines" if numeric else "scatter"
-        axes, title = (names[key], f"{shown.title}, {shown.unit}"), f"{shown.title} ({name})"
-        panel = over_setting(groups, *axes, kind=kind, log=None, title=title, order=values)
+        display = MAIN[name]
+        panel = over_setting(
+            groups,
+            labels[key],
+            f"{display.title}, {display.unit}",
+            kind="lines" if numeric else "scatter",
+            log=None,
+            title=f"{display.title} ({name})",
+            order=values,
+        )
         crosses = stopped if numeric else [panel.ticks.index(format_setting(value)) for value in stopped]
-        panels.append(replace(panel, from_zero=shown.from_zero, crosses=crosses))
+        panels.append(replace(panel, from_zero=display.from_zero, crosses=crosses))
     if not panels:
         return []
     caption = f"Metrics of the last cycle over {key}" + (f", a line for each {second}" if second else "")
-    rest = [other for other in others if other != second]
+    rest = [other for other in other_keys if other != second]
     also = f"; {', '.join(rest)} also varies: values are means, bands are the range" if rest else ""
-    figure = draw(panels, legend_title=names.get(second, ""))
+    figure = draw(panels, legend_title=labels.get(second, ""))
     return [Drawing(_make_file_name("over", key), figure, f"{caption}{also}.")]
 
 
 def make_sweep_report(runs: Sequence[Run], title: str, resume: str = "") -> Report:
-    """The report of several runs, or of one that keeps metrics alone.
+    """Make the report of several runs, or of one run without a trace.
 
-    ``resume`` says how an unfinished sweep is continued.
+    ``resume`` is the command that continues an unfinished sweep; empty if there is nothing to continue.
     """
-    swept, results = find_swept(runs), [run for run in runs if run.outcome.is_result]
+    swept = find_swept(runs)
     keys = swept.all_keys
+    results = [run for run in runs if run.outcome.is_result]
     final = Table(*format_runs(runs, keys), "Metrics of the last whole cycle, pooled over the legs")
-    place = os.path.commonpath([run.folder.resolve().parent for run in runs])
-    are_several, have_folders = len(runs) > 1, any(run.folder.is_dir() for run in runs)
-    pages = [f"Runs are folders below {place}. {HOW_TO_REPORT}"] if are_several and have_folders else []
+    base = os.path.commonpath([run.folder.resolve().parent for run in runs])
+    are_several = len(runs) > 1
+    has_pages = are_several and any(run.folder.is_dir() for run in runs)
+    pages = [f"Runs are folders below {base}. {HOW_TO_REPORT}"] if has_pages else []
     sections: dict[str, Sequence[PageElement]] = {
         "The runs": [*_list_differences(runs, swept), final, *pages, *_list_stopped(runs)],
         "Metrics over the swept keys": [
@@ -172,5 +187,5 @@ def make_sweep_report(runs: Sequence[Run], title: str, resume: str = "") -> Repo
     if keys or (are_several and all(run.settings for run in runs)):
         summary += f" What differs between them: {', '.join(keys) or 'nothing'}."
     summary += f" To continue: {resume}." if resume else ""
-    asked_for = {"runs": [str(run.folder.resolve()) for run in runs]}
-    return Report(title, summary, [Section(*each) for each in sections.items() if each[1]], asked_for)
+    request = {"runs": [str(run.folder.resolve()) for run in runs]}
+    return Report(title, summary, [Section(heading, parts) for heading, parts in sections.items() if parts], request)

@@ -1,1 +1,1 @@
-"""What commands print: one line at a time, tables, the state of work; outputs that can be closed."""
+"""Terminal output of commands: lines, tables and progress, also on outputs that are closed or full."""

@@ -1,7 +1,7 @@
-"""What commands say of runs: their tables, that they compile, how one ended, what is special, and what to do next.
+"""Text output of the commands: tables, compile notice, outcome, notes, warnings and next commands.
 
-Tables are text without control characters, the same in a terminal, in a file and in a printed run. A terminal of 80
-columns shows the cycles of a run; columns that do not fit side by side follow below, so that no number is folded.
+Tables are text without control characters, the same in a terminal, in a file and in a printed run. The table of a run
+fits 80 columns; columns that do not fit side by side follow below, so that no line is wrapped.
 """
 
 import sys
@@ -30,19 +30,20 @@ from cmacexp.terminal.output import print_line
 WIDTH = 400
 """Most characters in a line of a table if the output is not a terminal."""
 TEXT_WIDTH = 80
-"""Most characters in a line of a key."""
+"""Most characters in a line of text or of the key of a table."""
 KEY = "columns:   python -m cmacexp.report --key"
-"""Printed below a table: the command that explains its columns."""
+"""Line below a table with the command that explains its columns."""
 TITLE_WIDTH = 8
-"""Most characters in a line of a title."""
+"""Most characters in a line of the title of a column."""
 GAP = 2
-"""Characters between two columns."""
+"""Spaces between two columns."""
 
 
 def _make_columns(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[list[str]]:
-    """Each column as lines of equal length: those of its title, the last one with the unit, then a cell per row."""
+    """Yield each column as lines of equal length: those of its title, the last with the unit, then its cells."""
     rows = [list(map(in_one_line, row)) for row in rows]
-    height, numeric = 1 + max(title.count("\n") for title in titles), find_numeric(rows)
+    height = 1 + max(title.count("\n") for title in titles)
+    numeric = find_numeric(rows)
     for index, title in enumerate(titles):
         heading = [""] * (height - 1 - title.count("\n")) + list(map(in_one_line, title.split("\n")))
         lines = [*heading, *(row[index] for row in rows)]
@@ -51,13 +52,13 @@ def _make_columns(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> Itera
 
 
 def format_table(titles: Sequence[str], rows: Sequence[Sequence[str]], width: int = TEXT_WIDTH) -> Iterator[str]:
-    """Lines with rows under their titles; columns that do not fit into ``width`` follow below, after the first one.
+    """Yield the lines of a table of at most ``width`` characters; columns that do not fit follow below.
 
-    Titles may have line breaks; the unit is the last line.
+    The first column is repeated there. Titles may have line breaks; their last line is the unit.
     """
-    first, *others = _make_columns(titles, rows)
+    first, *columns = _make_columns(titles, rows)
     groups = [[first]]
-    for column in others:
+    for column in columns:
         if len(groups[-1]) > 1 and sum(len(lines[0]) + GAP for lines in groups[-1]) + len(column[0]) > width:
             groups.append([first])
         groups[-1].append(column)
@@ -66,37 +67,45 @@ def format_table(titles: Sequence[str], rows: Sequence[Sequence[str]], width: in
 
 
 def print_table(
-    titles: Sequence[str], rows: Sequence[Sequence[str]], what: str = "", place: object = "", count: int = 0
+    titles: Sequence[str], rows: Sequence[Sequence[str]], what: str = "", file: object = "", count: int = 0
 ) -> None:
-    """Print :func:`format_table`, as wide as the terminal; of many of ``what`` some, if all are in ``place``.
+    """Print a table, as wide as the terminal; a long one is shortened if ``file`` contains all rows.
 
-    ``count`` is how many there are if ``rows`` are only those that are shown.
+    Args:
+        titles: titles of the columns, see :func:`format_table`.
+        rows: cells of each row.
+        what: noun for the rows, in the plural.
+        file: file with all rows; empty: all rows are printed.
+        count: number of all rows, if ``rows`` are already shortened.
     """
-    shown = shorten(rows) if place else rows
-    for line in format_table(titles, shown, get_terminal_size((WIDTH, 0)).columns):
+    printed = shorten(rows) if file else rows
+    for line in format_table(titles, printed, get_terminal_size((WIDTH, 0)).columns):
         print_line(line)
-    if len(shown) < (count := count or len(rows)):
-        print_line(f"{len(shown)} of {count} {what}; all are in {place}")
+    if len(printed) < (count := count or len(rows)):
+        print_line(f"{len(printed)} of {count} {what}; all are in {file}")
 
 
-def format_title(shown: MetricDisplay) -> str:
-    """The title of a metric in short lines, and its unit."""
-    hyphenated = shown.title.replace("overshoot", "over-shoot").replace("feedforward", "feed-forward")
-    return "\n".join([*wrap(hyphenated, TITLE_WIDTH), shown.unit])
+def format_title(display: MetricDisplay) -> str:
+    """Format the title of a metric in lines of TITLE_WIDTH characters, with its unit in the last line."""
+    hyphenated = display.title.replace("overshoot", "over-shoot").replace("feedforward", "feed-forward")
+    return "\n".join([*wrap(hyphenated, TITLE_WIDTH), display.unit])
 
 
 def print_key() -> None:
-    """Print what the columns of metrics mean: name, symbol, meaning, name in the files, pooling over several legs."""
-    for name, shown in MAIN.items():
+    """Print the key of the main metrics: title, symbol, meaning, name in the files, pooling over the legs."""
+    for name, display in MAIN.items():
         metric = ALL_METRICS[name]
-        over_legs = f"; {metric.pooling.name} over legs" if metric.pooling.name and shown.over_legs else ""
-        text = f"{shown.title:<21}{shown.symbol:<8}{metric.meaning} ({name}{over_legs})"
+        over_legs = f"; {metric.pooling.name} over legs" if metric.pooling.name and display.over_legs else ""
+        text = f"{display.title:<21}{display.symbol:<8}{metric.meaning} ({name}{over_legs})"
         print("\n".join(wrap(text, TEXT_WIDTH, subsequent_indent=" " * 29)))
     print(f"{'-':<29}undefined, e.g. where the force never settles")
 
 
 def print_runs(runs: Sequence[Run], keys: Sequence[str], all_in: Path, count: int = 0) -> None:
-    """Print a table of runs; of many some, and where all are: ``count`` of them if these are some of more."""
+    """Print a table of runs with their values of ``keys``; of many some, and the file ``all_in`` with all.
+
+    ``count`` is the number of all runs if ``runs`` are some of them.
+    """
     main, rows = tabulate_runs(shorten(runs), keys)
     titles = ["run\n", *(key.replace(".", ".\n") + "\n" for key in keys), "status\n", "cycles\ndone\n"]
     print_table([*titles, *map(format_title, main.values())], rows, "runs", all_in, count or len(runs))
@@ -106,108 +115,116 @@ def print_runs(runs: Sequence[Run], keys: Sequence[str], all_in: Path, count: in
 
 
 def format_scores(scores: Scores) -> list[str]:
-    """The main metrics of a run per cycle, pooled over the legs, as lines; of a long run some cycles."""
+    """Format the main metrics of a run as lines, pooled over the legs; of a long run only some cycles."""
     main, rows = tabulate_cycles(scores)
     return list(format_table(["cycle\n", *map(format_title, main.values())], shorten(rows)))
 
 
 def print_scores(scores: Scores, folder: Path) -> None:
-    """Print the main metrics of a run per cycle, pooled over the legs; of a long run some cycles."""
+    """Print the main metrics of a run per cycle, pooled over the legs; of a long run only some cycles."""
     main, rows = tabulate_cycles(scores)
     print_table(["cycle\n", *map(format_title, main.values())], rows, "cycles", folder / METRICS_CSV)
 
 
 def select_traced(folders: Iterable[Path]) -> list[Path]:
-    """The runs that stored a trace; a line says how many are left out. All, if none did: each tells why."""
+    """Select the runs that stored a trace, and print how many did not.
+
+    If none did, all are returned, so that the error of each says the reason.
+    """
     has_trace = {run: was_written(run / TRACE_FILE) for run in folders}
-    others = [run for run, has in has_trace.items() if not has]
-    if 0 < len(others) < len(has_trace):
-        print_line(f"left out: runs without a trace ({len(others)}, e.g. {others[0]})", error=True)
-    return [run for run, has in has_trace.items() if has] or others
+    without_trace = [run for run, has in has_trace.items() if not has]
+    if 0 < len(without_trace) < len(has_trace):
+        print_line(f"left out: runs without a trace ({len(without_trace)}, e.g. {without_trace[0]})", error=True)
+    return [run for run, has in has_trace.items() if has] or without_trace
 
 
 NEXT = {"report": "report", "replay": "replay"}
-"""Commands that show more of a run with a trace, with their purpose."""
+"""Commands for a closer look at a run with a trace, with their purpose."""
 
 
 @cache
 def announce_compiling() -> None:
-    """Print once, if this process has to compile, that it does, and how long that has taken."""
+    """Print a notice, once, before this process compiles, with the longest compile time so far."""
 
     def announce() -> None:
         longest = read_longest_compiling()
         time = "takes up to half a minute" if longest is None else f"took up to {longest:.0f} s before"
-        print_line(f"compiling the control loop, once, since so many steps repay it: {time}", error=True)
+        print_line(f"compiling the control loop once, which pays off for this many steps: {time}", error=True)
 
     call_before_compiling(announce)
 
 
 @cache
 def _warn(text: str) -> None:
-    """Print a warning, once in this process."""
+    """Print a warning, but the same one only once per process."""
     print_line(f"warning: {text}", error=True)
 
 
 def warn_of_models(machines: Iterable[object]) -> None:
-    """Print, once in this process, which robots' models are not the ones that results were measured with."""
-    for machine in {repr(machine): machine for machine in machines}.values():  # a study has many equal ones
+    """Warn, once per process, of robot models that differ from those with which results were measured."""
+    for machine in {repr(machine): machine for machine in machines}.values():  # a study has many equal machines
         if other := describe_other_model(machine):
             _warn(other)
 
 
 def warn_of_other_mode(overrides: Iterable[str], group: str, reason: str) -> None:
-    """Print which overrides of Hydra have no effect since they are of a ``group`` that it reads in its other mode."""
+    """Warn of overrides of a ``group`` that Hydra reads only in its other mode, run or sweep."""
     for text in overrides:
         if text.startswith(f"{group}."):
             print_line(f"warning: {text} has no effect: {reason}", error=True)
 
 
 def format_outcome(result: Run, separator: str = ": ") -> str:
-    """How a run ended, and after ``separator`` its steps and time."""
+    """Format how a run ended and, after ``separator``, its number of steps and its computing time."""
     manifest = result.manifest
-    steps, seconds = manifest["steps"], manifest["rollout_seconds"]
-    per_step = f", loop {seconds / steps * 1e6:.2f} us a step" if steps else ""
+    steps = manifest["steps"]
+    per_step = f", loop {manifest['rollout_seconds'] / steps * 1e6:.2f} us a step" if steps else ""
     return f"{result.ending}{separator}{steps} steps in {manifest['wall_seconds']:.2f} s{per_step}"
 
 
 def describe_drift(result: Run) -> str:
-    """The drift of the learning of a run, in one line; empty if there is none."""
+    """Describe the drift of learning in a run, in one line; empty without drift."""
     drift = read_drift_entry(result.manifest["drift"])
     return format_drift(drift, at_end=True) if drift else ""
 
 
 def describe_idle(result: Run) -> str:
-    """Whether a custom feedforward gave no torque in a whole run, in one line; empty if it gave some."""
-    target, learning = result.config["feedforward"]["_target_"], result.config["learning"]
+    """Report, in one line, a custom feedforward whose torque is 0 in the whole run; empty for all other runs."""
+    config = result.config
+    target = config["feedforward"]["_target_"]
     legs = result.scores.legs
     if is_shipped(target) or not legs.num_rows or as_array(legs, "feedforward_rms").any():
         return ""
-    cycles, first = result.config["cycles"], learning["start_cycle"]
-    return f"{target} gave no torque in {cycles} cycles; it acts from learning.start_cycle={first} on"
+    acts = f"it acts from learning.start_cycle={config['learning']['start_cycle']} on"
+    return f"{target} gave no torque in {config['cycles']} cycles; {acts}"
 
 
 def format_folder(folder: Path) -> str:
-    """A folder as an argument of a command in the current one, or in that from which Hydra changed into a run's."""
-    hydra: Any = sys.modules.get("hydra.core.hydra_config")  # to import it takes 60 ms, and only it changes folders
-    begun = hydra is not None and hydra.HydraConfig.initialized()
-    full, here = folder.resolve(), Path(hydra.HydraConfig.get().runtime.cwd) if begun else Path.cwd()
+    """Format a folder as a quoted command argument, relative to the folder in which the user started the command.
+
+    Hydra may have changed the current folder to that of the run since.
+    """
+    hydra: Any = sys.modules.get("hydra.core.hydra_config")  # if Hydra is not imported, it changed no folder
+    is_hydra_job = hydra is not None and hydra.HydraConfig.initialized()
+    here = Path(hydra.HydraConfig.get().runtime.cwd) if is_hydra_job else Path.cwd()
+    full = folder.resolve()
     return quote(str(full.relative_to(here) if full.is_relative_to(here) else full))
 
 
 def print_next(folder: Path, commands: Mapping[str, str]) -> None:
-    """Print commands over a folder to copy, each with what it is for."""
+    """Print ``commands`` for a folder, by name with their purpose, ready to copy."""
     for name, purpose in commands.items():
         print_line(f"{purpose + ':':<10} python -m cmacexp.{name} {format_folder(folder)}")
 
 
 def describe_resume(folder: Path) -> str:
-    """How a sweep is continued, after a killed or an interrupted one."""
+    """Describe how to continue the killed or interrupted sweep in ``folder``."""
     return f"the same command with sweep.resume=true hydra.sweep.dir={format_folder(folder)}"
 
 
 def _list_notes(result: Run) -> Iterator[str]:
-    """What is special about a run, a line for each."""
-    manifest, config = result.manifest, result.config
+    """Yield a line per remarkable fact of a run: drift, guard, computed lead or rate, rejected sensors, thinning."""
+    manifest = result.manifest
     described = {
         "": describe_drift(result),
         "warning: ": describe_idle(result),
@@ -216,12 +233,12 @@ def _list_notes(result: Run) -> Iterator[str]:
     }
     yield from (f"{name}{text}" for name, text in described.items() if text)
     for name in ("lead", "rate"):
-        given, taken = config["learning"][name], manifest[f"learning_{name}"]
-        if taken not in (None, given):
-            yield f"learning.{name}={given} is {taken:.4g} here"
-    for each in manifest["dropped"]:
-        time = each["step"] * config["sampling_period"]
-        where = f"force sensor of leg {each['leg']} rejected at step {each['step']} (t = {time:g} s)"
+        setting, value = result.config["learning"][name], manifest[f"learning_{name}"]
+        if value not in (None, setting):
+            yield f"learning.{name}={setting} is {value:.4g} here"
+    for sensor in manifest["dropped"]:
+        time = sensor["step"] * result.config["sampling_period"]
+        where = f"force sensor of leg {sensor['leg']} rejected at step {sensor['step']} (t = {time:g} s)"
         yield f"{where}: it reports a force that the ground cannot give"
     every = choose_every(manifest["steps"])
     if every > 1 and (result.folder / RECORDING_FILE).exists():
@@ -229,8 +246,9 @@ def _list_notes(result: Run) -> Iterator[str]:
 
 
 def print_summary(result: Run) -> None:
-    """Print the metrics of a run, how it ended, the commands that show more, and its folder."""
-    scores, lines = result.scores, format_outcome(result, "\n" if result.manifest["cause"] else ": ").split("\n")
+    """Print the metrics of a run, its outcome and notes, commands for a closer look, and its folder."""
+    scores = result.scores
+    lines = format_outcome(result, "\n" if result.manifest["cause"] else ": ").split("\n")
     if scores.legs.num_rows:
         print_scores(scores, Path(format_folder(result.folder)))
         lines = ["", *lines]

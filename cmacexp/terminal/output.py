@@ -1,6 +1,6 @@
-"""Lines and progress on the outputs of a command, which can be closed or full, or lack characters, without harm.
+"""Lines and progress on stdout and stderr, which may be closed, full, or unable to encode a character.
 
-A line that is printed while a terminal shows the progress of work takes its place; the progress is drawn again below.
+A line that is printed while a terminal shows progress replaces the progress, which is drawn again below it.
 """
 
 import io
@@ -16,21 +16,24 @@ from typing import TextIO
 from cmacexp.errors import in_one_line
 
 CLEAR = "\r\x1b[2K"
-"""Clears the line of a terminal."""
+"""Control sequence that clears the current line of a terminal."""
 SCREEN_DELAY, SCREEN_INTERVAL = 0.3, 0.1
-"""Seconds before a terminal shows work, so that short work does not import rich; and between two states of it."""
+"""Time before a terminal shows progress, s, so that short work does not import rich; time between updates, s."""
 FIRST_LINE_DELAY, LINE_INTERVAL = 2.0, 10.0
-"""Seconds of work after which a log has its first line of it, and the next at the earliest."""
+"""Time before the first line of progress in a log, s; least time between two lines, s."""
 BAR_WIDTH = 24
-"""Characters of a bar in a terminal."""
+"""Width of a progress bar, characters."""
 State = tuple[str, float | None]
-"""How far some work is: as text, and the fraction that is done, from 0 to 1; None: unknown."""
+"""Progress of work: a text, and the completed fraction from 0 to 1; None: unknown."""
 
 
 def keep_outputs() -> None:
-    """Let the outputs of this process show any character, and let no file take the number of a closed one."""
+    """Prepare stdout and stderr: escape characters that they cannot encode, and reserve descriptors of closed ones.
+
+    A file that is opened later would otherwise get the descriptor of a closed output.
+    """
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
-        pass  # else the next file would get it, and what libraries print
+        pass  # else the next file would get this descriptor, with all that libraries print
     os.close(number)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -38,10 +41,10 @@ def keep_outputs() -> None:
 
 
 def write_output(stream: TextIO | None, text: str = "") -> None:
-    """Write to an output, which is None if it was closed, at once, with all that it has buffered.
+    """Write ``text`` to an output, None if it is closed, and flush it.
 
-    Where that fails, as when the reader has stopped, all that follows is discarded, as the documentation of
-    :mod:`signal` says ("Note on SIGPIPE"); else Python would report it once more at its end.
+    If that fails, e.g. since the reader has stopped, all later output is discarded, as the documentation of
+    :mod:`signal` advises ("Note on SIGPIPE"); else Python would report the error again when it exits.
     """
     if stream is None:
         return
@@ -53,22 +56,22 @@ def write_output(stream: TextIO | None, text: str = "") -> None:
 
 
 def is_screen(stream: TextIO | None) -> bool:
-    """Whether an output is a terminal whose lines can be cleared."""
+    """Check whether an output is a terminal whose lines can be cleared."""
     return stream is not None and stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
 
 
 def print_line(text: str, error: bool = False) -> None:
-    """Print one line at once; control characters, which a folder's name or a file can hold, as in Python.
+    """Print one line to stdout, or with ``error`` to stderr, and flush it; control characters are escaped.
 
-    An output that is closed does no harm to the run. In a terminal the line takes the place of the progress that may
-    be shown there: both in one write, which no other process can interrupt.
+    A closed output is ignored. In a terminal the line replaces the progress bar, if there is one; a single write
+    clears the bar and prints the line, so that output of other processes cannot come between.
     """
     stream: TextIO | None = sys.stderr if error else sys.stdout
     write_output(stream, f"{CLEAR if is_screen(stream) else ''}{in_one_line(text)}\n")
 
 
 def _draw_bar(read_state: Callable[[], State], ended: Event) -> None:
-    """Show the state of work as a bar in the last line of the terminal, until it has ended."""
+    """Show progress as a bar in the last line of the terminal until ``ended`` is set."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 
@@ -89,7 +92,7 @@ def _draw_bar(read_state: Callable[[], State], ended: Event) -> None:
 
 
 def _write_lines(read_state: Callable[[], State], ended: Event) -> None:
-    """Write the state of work to a log until it has ended: a line now and then, none twice, of long work fewer."""
+    """Write progress to a log until ``ended`` is set: only changed lines, and fewer of them the longer it takes."""
     wait, began, last = 0.0, time.monotonic(), ""
     while not ended.wait(wait):
         if (text := read_state()[0]) != last:
@@ -99,7 +102,7 @@ def _write_lines(read_state: Callable[[], State], ended: Event) -> None:
 
 @contextmanager
 def show_state(read_state: Callable[[], State]) -> Iterator[None]:
-    """Show the state of work on stderr while it takes place: in a terminal a bar, in a log a line now and then."""
+    """Show progress on stderr within a context: a bar in a terminal, occasional lines in a log."""
     ended, on_screen = Event(), is_screen(sys.stderr)
 
     def show() -> None:
@@ -142,5 +145,5 @@ def show_progress(
 
 
 def show_activity(what: str) -> AbstractContextManager[None]:
-    """Show that ``what`` is being done, of which nothing can be counted."""
+    """Show the activity ``what`` within a context, without a measure of progress."""
     return show_state(lambda: (f"{what} ...", None))

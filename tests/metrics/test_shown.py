@@ -8,9 +8,9 @@ import pytest
 from cmacexp.metrics.leg import FORCE
 from cmacexp.metrics.registry import (
     ALL_METRICS,
-    BETWEEN,
-    ENDS,
+    END_ROWS,
     MAIN,
+    MIDDLE_ROWS,
     MOST_ROWS,
     SHOWN,
     find_numeric,
@@ -42,9 +42,10 @@ def test_a_long_table_shows_its_ends_and_some_rows_evenly_between(more):
     if not more:
         assert shown == rows
         return
-    assert (shown[:ENDS], shown[-ENDS:]) == (rows[:ENDS], rows[-ENDS:])
+    assert (shown[:END_ROWS], shown[-END_ROWS:]) == (rows[:END_ROWS], rows[-END_ROWS:])
     gaps = {
-        after - before for before, after in zip(shown[ENDS - 1 :], shown[ENDS : ENDS + BETWEEN + 1], strict=False)
+        after - before
+        for before, after in zip(shown[END_ROWS - 1 :], shown[END_ROWS : END_ROWS + MIDDLE_ROWS + 1], strict=False)
     }
     assert max(gaps) - min(gaps) <= 1
 

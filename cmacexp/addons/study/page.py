@@ -38,7 +38,7 @@ from cmacexp.report.page import (
     escape_markdown,
     find_insertions,
     find_page,
-    relative,
+    make_relative,
     render_markdown,
     write_report,
 )
@@ -211,7 +211,7 @@ def _entry(measured: CriterionResult, folder: Path) -> dict[str, Any]:
         "failed": interval.failed, "unpaired": interval.unpaired,
         **{name: [limit.low, limit.high] for name, limit in limits.items() if limit},
         "verdict": measured.verdict, "shown": measured.value, "spread": measured.spread,
-        "runs": [relative(Path(run), folder) for run in measured.runs],
+        "runs": [make_relative(Path(run), folder) for run in measured.runs],
     }  # fmt: skip
 
 

@@ -150,7 +150,9 @@ def _render(axes: Axes, view: RunView, picture: RobotPicture, k: int, window: tu
     middle, half = np.mean(window, axis=0), float(np.ptp(window, axis=0).max()) / 2.0
     offset = view.joints[0, 0, 0] - picture.robot.hinges[0, 0, :3]  # of the trunk's frame from the body's
     place = in_travel(view, np.tile(offset, (view.trace.steps, 1)))[k] / MM
-    image = picture.draw(view.trace.stack_joints("q{}")[k], place, view.turn()[k], middle / MM, 2.0 * half / MM)
+    image = picture.draw(
+        view.trace.stack_joints("q{}")[k], place, view.compute_orientation()[k], middle / MM, 2.0 * half / MM
+    )
     extent = (middle[0] - half, middle[0] + half, middle[2] - half, middle[2] + half)
     axes.imshow(image, extent=extent, zorder=4, interpolation="lanczos")
 
