@@ -18,7 +18,7 @@ import numpy as np
 from cmacexp.addons.gap.machine import Expansion
 from cmacexp.jit.compiler import copy_array, kernel, program
 from cmacexp.models.joint import OWN
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Counts
 
 SUBSTEP = 1e-3
 """Longest step of the replay, s."""
@@ -37,6 +37,10 @@ class Drive(NamedTuple):
     """(B,) N m/rad."""
     kd: Array
     """(B,) N m s/rad."""
+
+    def choose(self, joints: Counts) -> "Drive":
+        """Return the drives of some of the joints, by their numbers."""
+        return Drive(*(values[..., joints] for values in self))
 
 
 def make_drive(command: Array, rate: Array, feedforward: Array, kp: Array, kd: Array) -> Drive:
