@@ -1,7 +1,7 @@
 """A robot with its base held: the rigid-body equations of the joints of a log, from any MJCF or URDF model.
 
-Joints that the log does not have are locked, the base is at rest. Joints without inertial coupling are separated: each
-leg, arm or finger is a block with its own equations.
+Joints that the log does not have are locked, the base is at rest. Joints without inertial coupling are separated:
+each leg, arm or finger is a block with its own equations.
 """
 
 import copy
@@ -99,7 +99,7 @@ class Machine:
         return torque
 
     def _visit(self, angle: Array, velocity: Array, base: Array | None) -> Iterator[Any]:
-        """Yield MuJoCo's data with the angles and velocities of each row in turn; the base is at rest at the origin."""
+        """Yield MuJoCo's data with the angles and velocities of each row in turn, the base at rest at the origin."""
         mujoco = load_mujoco()
         model = self.model
         data = mujoco.MjData(model)
@@ -121,7 +121,7 @@ class Machine:
         return str(self.model.body(body).name), welded.astype(np.int64)
 
     def scale_masses(self, factors: Mapping[int, float]) -> "Machine":
-        """Return the machine with mass and inertia of links scaled by ``factors``, by the number of the link's joint."""
+        """Return the machine with mass and inertia of links scaled by ``factors``, by number of the joint."""
         model = copy.copy(self.model)
         for joint, factor in factors.items():
             _, bodies = self.find_link(joint)
@@ -200,8 +200,8 @@ def match_names(names: Sequence[str], joints: Sequence[str], pairs: Mapping[str,
     """Return the joint of a model for each name of a log, from the ``joints`` of the model.
 
     It is the one in ``pairs``, by names of the log, else the one with the same name, else the only one whose name
-    contains it. Letter case and separators do not matter. Names that are numbers count the joints of the model. Raises
-    BadInput if no joint, or more than one, fits a name, or if two names fit one joint.
+    contains it. Letter case and separators do not matter. Names that are numbers count the joints of the model.
+    Raises BadInput if no joint, or more than one, fits a name, or if two names fit one joint.
     """
 
     def plain(name: str) -> str:

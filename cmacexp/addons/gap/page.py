@@ -61,8 +61,8 @@ def summarise(values: dict[str, Any]) -> str:
 def find_gains(gap: Gap, loop_delay: LoopDelay) -> Array:
     """Return feedback gains (2, J), kp in N m/rad and kd in N m s/rad, by :mod:`cmacexp.models.robot_gains`.
 
-    They are for a loop that is closed at the sampling rate of the log, with ``loop_delay``; the rule is applied to the
-    least effective inertia of each joint in place of the least effective mass of a foot.
+    They are for a loop that is closed at the sampling rate of the log, with ``loop_delay``; the rule is applied to
+    the least effective inertia of each joint in place of the least effective mass of a foot.
     """
     problem = gap.problem
     period = gap.signals.log.period
@@ -229,7 +229,7 @@ def _round(value: "float | list[float]") -> "float | list[float]":
 
 
 def write_page(gap: Gap, folder: Path) -> Path:
-    """Write page, JSON and, if joints were identified, their option file into ``folder``; return the path of the page."""
+    """Write page, JSON and an option file of identified joints into ``folder``; return the path of the page."""
     values = gap.values | {"summary": summarise(gap.values), "advice": advise(gap)}
     variables = {"validation": None, "refused": [], **values, "window": WINDOW, "generic": GENERIC, "first": FIRST}
     with new_result(folder, OUT_KEY, REPORT) as result:
