@@ -35,11 +35,9 @@ SLOPES = (0.5, 1.4)
 """Least and largest slope of the measured over the commanded angle."""
 MOST_APART = (0.1, 0.3)
 """Tolerance of the median of measured less commanded angle, since joints sag: rad, and relative to the range."""
-NEARER = 0.5
+NEARER, MUCH_NEARER = 0.5, 0.3
 """Distance of a measured angle to the command of another joint, over that to the command of its own joint, below
-which columns are exchanged: if it holds for both joints."""
-MUCH_NEARER = 0.3
-"""The same limit if it holds for only one of them."""
+which columns are exchanged: for both joints, and for only one of them."""
 ADVANCE = 3.0
 """Motion between two rows, over speed times spacing, above which rows were lost and times were renumbered."""
 SPIKE = 25.0
@@ -197,8 +195,10 @@ def _check_stops(log: Log, j: int) -> None:
     for extreme in (values.min(), values.max()):
         clipped = begins[stopped & (values[begins] == extreme)]
         if len(clipped) >= CLIPPED[0]:
-            times = f"{len(clipped)} times, first in row {clipped[0]}"
-            raise refuse(log, f"column {name} is clipped at {extreme:.4g} rad, {times}")
+            raise refuse(
+                log,
+                f"column {name} is clipped at {extreme:.4g} rad, {len(clipped)} times, first in row {clipped[0]}",
+            )
     command = values if log.command is None else log.command[:, j]
     for k in np.flatnonzero(ends - begins >= max(3, round(FROZEN[0] / log.period))):
         require(

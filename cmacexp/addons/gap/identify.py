@@ -105,8 +105,8 @@ class Problem:
 
     def expand(self, angle: Array, velocity: Array) -> list[Expansion]:
         """Expand the equations of motion of each block along a motion (n, J) of all joints, rad and rad/s."""
-        orientation = self.signals.log.orientation
-        return [self.machine.expand(block, angle, velocity, orientation) for block in self.machine.blocks]
+        base = self.signals.log.orientation
+        return [self.machine.expand(block, angle, velocity, base) for block in self.machine.blocks]
 
     @property
     def motion(self) -> tuple[Array, Array, Array]:
@@ -356,8 +356,7 @@ class _BlockFit:
             x = self._improve(x, fitted)
         errors, slopes = self._compare(x)
         information = slopes.T @ slopes / measure_variance(errors) + np.eye(len(x))
-        self.x = x
-        self.covariance = np.linalg.inv(information) * np.outer(self.scale, self.scale)
+        self.x, self.covariance = x, np.linalg.inv(information) * np.outer(self.scale, self.scale)
 
     def _improve(self, first: Array, fitted: Mask) -> Array:
         """Return ``first`` with the parameters ``fitted`` (a mask) optimised; errors at ``first`` weigh the prior."""

@@ -301,8 +301,8 @@ class Entered:
         return differentiate(self.signals.command, self.signals.log.period)
 
     def _cut(self, rows: slice) -> Stroke:
-        arrays = (self.signals.phase, self.signals.command, self._rate)
-        return Stroke(self.signals.log.period, *(values[rows].copy() for values in arrays))
+        signals = (self.signals.phase, self.signals.command, self._rate)
+        return Stroke(self.signals.log.period, *(values[rows].copy() for values in signals))
 
     def predict(self, rows: slice) -> Array:
         """Return the prediction of the method; raise ValueError unless it is finite and (rows, J)."""
@@ -316,6 +316,5 @@ class Entered:
 
     def learn(self, rows: slice, torque: Array) -> None:
         """Fit the method to all strokes so far, this one included."""
-        angle = self.signals.log.angle[rows].copy()
-        self.strokes.append(replace(self._cut(rows), angle=angle, torque=torque.copy()))
+        self.strokes.append(replace(self._cut(rows), angle=self.signals.log.angle[rows].copy(), torque=torque.copy()))
         self.method.fit(list(self.strokes))

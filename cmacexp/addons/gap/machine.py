@@ -108,8 +108,7 @@ class Machine:
         turns = model.jnt_qposadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE), None] + np.arange(7)
         data.qpos[turns] = UPRIGHT
         for k in range(len(angle)):
-            data.qpos[self.qpos] = angle[k]
-            data.qvel[self.dof] = velocity[k]
+            data.qpos[self.qpos], data.qvel[self.dof] = angle[k], velocity[k]
             if base is not None:
                 data.qpos[turns[:, 3:]] = base[k]
             yield data
@@ -164,14 +163,13 @@ def read_machine(robot: str, names: Sequence[str], pairs: Mapping[str, str] | No
     for k, values in {0: model.dof_armature, 1: model.dof_damping, OWN: model.dof_frictionloss}.items():
         losses[:, k] = values[dof]
         values[dof] = 0.0
-    limited = model.jnt_limited[index, None].astype(bool)
     machine = Machine(
         name=robot,
         path=path,
         joints=matched,
         model=model,
         losses=losses,
-        ranges=np.where(limited, model.jnt_range[index], [-np.inf, np.inf]),
+        ranges=np.where(model.jnt_limited[index, None].astype(bool), model.jnt_range[index], [-np.inf, np.inf]),
         qpos=model.jnt_qposadr[index].astype(np.int64),
         dof=dof,
         blocks=(np.arange(len(dof)),),

@@ -212,11 +212,9 @@ def average_torque(begin: float, duration: float, torques: Array, balance: Balan
     that of the first row, after the last row that of the last row.
     """
     end = begin + duration
-    first = int(np.floor(begin))
-    last = int(np.floor(end))
+    first, last = int(np.floor(begin)), int(np.floor(end))
     share = (last - begin) / (end - begin) if last > first else 1.0
-    first = min(max(first, 0), torques.shape[0] - 1)
-    last = min(max(last, 0), torques.shape[0] - 1)
+    first, last = min(max(first, 0), torques.shape[0] - 1), min(max(last, 0), torques.shape[0] - 1)
     for i in range(torques.shape[1]):
         balance.torque[i] = share * torques[first, i] + (1.0 - share) * torques[last, i]
         balance.torque_by_delay[i] = torques[first, i] - torques[last, i]

@@ -113,8 +113,13 @@ def choose_level(problem: Problem) -> tuple[Level, list[dict[str, Any]]]:
     for level in levels:
         fitted = fit(problem, level, rows_of(problem.signals, 1, inner))
         angle, _ = problem.apply(fitted).replay(fitted.values, fitted.delay)
-        distance = measure_distance(problem.signals, angle, inner + 1, train)
-        models.append({"model": level.name, "parameters": int(level.free.sum()), "mrad": distance})
+        models.append(
+            {
+                "model": level.name,
+                "parameters": int(level.free.sum()),
+                "mrad": measure_distance(problem.signals, angle, inner + 1, train),
+            }
+        )
     return levels[int(np.argmin([model["mrad"] for model in models]))], models
 
 
@@ -137,9 +142,8 @@ def describe_parameters(problem: Problem, fitted: Fit) -> dict[str, Any]:
 
 def refuse_parameters(problem: Problem, fitted: Fit) -> Iterator[str]:
     """Yield the parameters that the log does not identify, each by name with the reason."""
-    machine = problem.machine
     joints = problem.signals.log.joints
-    unknown = {machine.find_link(j)[0]: None for j in range(len(joints)) if j not in problem.masses}
+    unknown = {problem.machine.find_link(j)[0]: None for j in range(len(joints)) if j not in problem.masses}
     if unknown:
         limit = 100.0 * KNOWN * MASS_PRIOR
         yield f"masses of {', '.join(unknown)}: beside the joints they are not known to {limit:.0f} %"
@@ -257,8 +261,7 @@ def _run(problem: Problem, plant: Fit, learner: Learner, rate: Array, plan: Arra
     feedback_only = signals.compute_torque(logged)
     expansions = problem.expand(plan, differentiate(plan, log.period))
     state = (logged[begin], velocity[begin])
-    left = list[float]()
-    tracking = list[float]()
+    left, tracking = list[float](), list[float]()
     for stroke in range(1, signals.count + 1):
         rows = signals.rows(stroke)
         forward = learner.predict(rows)

@@ -50,8 +50,8 @@ def _move_hung(arguments: Arguments) -> None:
                 plant.move_hung(draw_chirp)
             else:
                 leg = LEG_NAMES.index(arguments.learn)
-                rule = {"lead": scenario.setup.lead, "rate": scenario.setup.rate}
-                learn = partial(learn_strokes, leg=leg, memory=make_memory(), **rule)
+                setup = scenario.setup
+                learn = partial(learn_strokes, leg=leg, memory=make_memory(), lead=setup.lead, rate=setup.rate)
                 strokes: Array = plant.move_hung(learn)
         status = Status.COMPLETED
     finally:

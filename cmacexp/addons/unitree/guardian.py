@@ -17,10 +17,8 @@ from cmacexp.addons.unitree.messages import Message, new_command, set_motors
 from cmacexp.addons.unitree.network import COMMANDS, Wire, run_first
 from cmacexp.errors import CmacexpError
 
-ALIVE = b"+"
-"""Byte that the controller writes with each command."""
-DONE = b"."
-"""Byte that the controller writes when the robot needs no guardian any more."""
+ALIVE, DONE = b"+", b"."
+"""Bytes that the controller writes: with each command, and when the robot needs no guardian any more."""
 STARTS = 30.0
 """Longest time until the guardian is ready, s."""
 PERIOD = 0.002

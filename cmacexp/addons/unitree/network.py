@@ -11,8 +11,7 @@ import numpy as np
 from cmacexp.addons.unitree.messages import LOW_CMD, LOW_STATE, STRUCTURES, Message, decode, encode
 from cmacexp.errors import BadInput, require, require_extra
 
-COMMANDS = "rt/lowcmd"
-STATES = "rt/lowstate"
+COMMANDS, STATES = "rt/lowcmd", "rt/lowstate"
 TOPICS = {COMMANDS: LOW_CMD, STATES: LOW_STATE}
 """Types of the messages, by topic."""
 LOOPBACK = "lo"

@@ -2,8 +2,8 @@
 
 It is the robot of ``plant=mujoco_robot_rigid`` with the drives of :mod:`cmacexp.plants.drives`; lag, delay of
 commands and differences from its model are those of its config. It hangs at first, as a real robot should, and is let
-down once its commands have been constant for a while; or it lies on the ground. Without new commands its motors repeat
-the last one. To practise failures it can have one fault at a time, from a given time on.
+down once its commands have been constant for a while; or it lies on the ground. Without new commands its motors
+repeat the last one. To practise failures it can have one fault at a time, from a given time on.
 """
 
 import gc
@@ -184,9 +184,13 @@ class SimulatedRobot:
         mechanism = scenario.setup.mechanism
         self.weight = mechanism.weight
         actuator = replace(config.actuator, delay=config.actuator.delay + config.plant.delay)
-        limits = mechanism.torque_limits
         self.drives = new_drives(
-            actuator, config.plant.bus, self.period, config.plant.substeps, limits, mechanism.shape[0]
+            actuator,
+            config.plant.bus,
+            self.period,
+            config.plant.substeps,
+            mechanism.torque_limits,
+            mechanism.shape[0],
         )
         self._advance = program(advance_engine, is_timed=True)
         self._send = program(send_command, is_timed=True)
@@ -201,8 +205,7 @@ class SimulatedRobot:
         plant.mujoco.mj_step1(plant.model, data)
         self._base_inertia = plant.model.dof_armature[rate : rate + 6]
         self._base_inertia[:] = ROPES  # also of a robot that lies, until it receives a command
-        self._base = data.qpos[at : at + 7]
-        self._base_rate = data.qvel[rate : rate + 6]
+        self._base, self._base_rate = data.qpos[at : at + 7], data.qvel[rate : rate + 6]
         self._held = self._base.copy()
         self._rested = 0.0
         self._command = np.zeros((6, *self._nothing.shape))
@@ -235,18 +238,15 @@ class SimulatedRobot:
 
         On the ground, the trunk is held until the first command, and never sinks below BELLY.
         """
-        base = self._base
-        rate = self._base_rate
+        base, rate = self._base, self._base_rate
         if not self.hung and self._command.any():
             self._base_inertia[:] = 0.0
             if base[2] < BELLY:
-                base[2] = BELLY
-                rate[2] = max(rate[2], 0.0)
+                base[2], rate[2] = BELLY, max(rate[2], 0.0)
             return
         sinks = self.hung and self._rested > RESTS
         self._held[2] -= LOWERING * self.period if sinks else 0.0
-        base[:] = self._held
-        rate[:] = 0.0
+        base[:], rate[:] = self._held, 0.0
         if sinks and self.plant.state.force.sum() > CARRIES * self.weight:
             self.hung = False
             self._base_inertia[:] = 0.0
@@ -254,8 +254,7 @@ class SimulatedRobot:
     def fill(self, state: Message) -> None:
         """Write the measurements of the robot into a LowState, except for its tick."""
         signals = self.plant.signals
-        imu = state["imu_state"]
-        motors = state["motor_state"]
+        imu, motors = state["imu_state"], state["motor_state"]
         assert signals is not None
         imu["quaternion"] = self._base[3:]
         sensors = self._sensors

@@ -55,8 +55,7 @@ class Reading(NamedTuple):
 
 def read_state(message: Message) -> Reading:
     """Return the reading of a LowState; its pitch is NaN if the quaternion is not a unit one."""
-    imu = message["imu_state"]
-    motors = message["motor_state"]
+    imu, motors = message["imu_state"], message["motor_state"]
     w, x, y, z = imu["quaternion"].tolist()
     is_turn = abs(w * w + x * x + y * y + z * z - 1.0) < UNIT
     pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x)))) if is_turn else math.nan
@@ -71,8 +70,7 @@ def read_state(message: Message) -> Reading:
         accelerometer=imu["accelerometer"].astype(float),
         tick=np.array([float(message["tick"])]),
     )
-    temperature = float(motors["temperature"].max())
-    return Reading(signals, temperature, float(message["power_v"]), int(motors["lost"].sum()))
+    return Reading(signals, float(motors["temperature"].max()), float(message["power_v"]), int(motors["lost"].sum()))
 
 
 @dataclass(kw_only=True)

@@ -147,8 +147,13 @@ class UnitreeRobot:
             RobotSignals(self.stand, still, still, np.zeros(3), np.zeros(3), acceleration, np.zeros(1))
         )
         self._enter(Stage.CONNECT)
-        period = setup.config.sampling_period
-        self.link = Link(config.interface, config.domain, period, config.limits, config.log is not None)
+        self.link = Link(
+            config.interface,
+            config.domain,
+            setup.config.sampling_period,
+            config.limits,
+            config.log is not None,
+        )
         self._require_ranges("plant.interface", config.interface, self.link.signals.q)
         self._require_ranges("plant.crouch", config.crouch, np.array([config.crouch] * len(self.stand)))
         self.link.guardian = Guardian(config.interface, config.domain, config.damping, config.guardian)
@@ -257,8 +262,14 @@ class UnitreeRobot:
             self._enter(Stage.CHECK)
             check_joints(link, self.stand, self.expected)
             self._enter(Stage.LOWER)
-            weight = self.setup.mechanism.weight
-            wait_for_ground(link, self.stand, gains, self._estimate_force, weight, self.config.let_down)
+            wait_for_ground(
+                link,
+                self.stand,
+                gains,
+                self._estimate_force,
+                self.setup.mechanism.weight,
+                self.config.let_down,
+            )
         self._enter(Stage.STAND)
         link.move(self.stand, self.config.rise, gains)
         self._enter(Stage.WALK)
