@@ -12,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from cmacexp.addons.gap.machine import Expansion, Machine
-from cmacexp.addons.gap.replay import Drive, JointParams, make_drive, replay
+from cmacexp.addons.gap.machine import Machine
+from cmacexp.addons.gap.replay import Drive, Expansion, JointParams, make_drive, replay
 from cmacexp.addons.gap.signals import Signals, low_pass
 from cmacexp.models.joint import OWN, SLOW, make_regressors
 from cmacexp.typing import Array, Counts, Mask
@@ -356,7 +356,8 @@ class _BlockFit:
             x = self._improve(x, fitted)
         errors, slopes = self._compare(x)
         information = slopes.T @ slopes / measure_variance(errors) + np.eye(len(x))
-        self.x, self.covariance = x, np.linalg.inv(information) * np.outer(self.scale, self.scale)
+        self.x = x
+        self.covariance: Array = np.linalg.inv(information) * np.outer(self.scale, self.scale)
 
     def _improve(self, first: Array, fitted: Mask) -> Array:
         """Return ``first`` with the parameters ``fitted`` (a mask) optimised; errors at ``first`` weigh the prior."""

@@ -8,10 +8,11 @@ import copy
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from cmacexp.addons.gap.replay import Expansion
 from cmacexp.config import config_folder
 from cmacexp.errors import require, suggest
 from cmacexp.models.joint import OWN
@@ -24,19 +25,6 @@ STEP = 1e-5
 """Step of finite differences of the bias over joint angles, rad."""
 COUPLED = 1e-9
 """Coupling inertia of two joints of one block, over the largest inertia, above which they count as coupled."""
-
-
-class Expansion(NamedTuple):
-    """Equations of motion of a block of B joints along a motion of N rows, to first order in the angles."""
-
-    angle: Array
-    """(N, B) angles at which the equations are expanded, rad."""
-    mass: Array
-    """(N, B, B) joint-space inertia without rotors, kg m^2."""
-    bias: Array
-    """(N, B) torque of gravity, Coriolis and centrifugal forces, and springs of the model, N m."""
-    gradient: Array
-    """(N, B, B) derivative of the bias over the angles, N m/rad."""
 
 
 @dataclass(frozen=True)

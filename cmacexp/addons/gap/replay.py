@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.addons.gap.machine import Expansion
 from cmacexp.jit.compiler import copy_array, kernel, program
 from cmacexp.models.joint import OWN
 from cmacexp.typing import Array, Counts
@@ -26,6 +25,19 @@ SWEEPS = 30
 """Most sweeps of the Gauss-Seidel iteration that decides which joints stick."""
 CONVERGED = 1e-10
 """Largest change of a velocity in the last sweep, rad/s."""
+
+
+class Expansion(NamedTuple):
+    """Equations of motion of a block of B joints along a motion of N rows, to first order in the angles."""
+
+    angle: Array
+    """(N, B) angles at which the equations are expanded, rad."""
+    mass: Array
+    """(N, B, B) joint-space inertia without rotors, kg m^2."""
+    bias: Array
+    """(N, B) torque of gravity, Coriolis and centrifugal forces, and springs of the model, N m."""
+    gradient: Array
+    """(N, B, B) derivative of the bias over the angles, N m/rad."""
 
 
 class Drive(NamedTuple):
@@ -143,7 +155,7 @@ def replay(
     )
     count = size * params.values.shape[1] + 1 + further.torque.shape[2] if derive else 0
     replayed = Replay(np.zeros((rows, size)), np.zeros((rows, size)), np.zeros((rows, size, count)))
-    motion = Motion(*np.array(start), np.zeros((size, count)), np.zeros((size, count)))
+    motion = Motion(np.array(start[0]), np.array(start[1]), np.zeros((size, count)), np.zeros((size, count)))
     balance = Balance(np.zeros((size, size)), np.zeros(size), np.zeros((size, count)), *np.zeros((6, size)))
     equations = expansion._replace(mass=expansion.mass + np.diag(params.values[:, 0]))
     substeps = math.ceil(period / SUBSTEP - 1e-9)

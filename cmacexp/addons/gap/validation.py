@@ -13,8 +13,7 @@ import numpy as np
 from cmacexp.addons.gap.analysis import FIRST, Gap, Report, add_learner, compare_rms
 from cmacexp.addons.gap.identify import KNOWN, LEVELS, MASS_PRIOR, NAMES, TILT_PRIOR, Fit, Level, Problem, fit
 from cmacexp.addons.gap.learners import PLACED, Both, Fixed, Iterative, Learner, Maker, make_tables, place_below
-from cmacexp.addons.gap.machine import Expansion
-from cmacexp.addons.gap.replay import make_drive
+from cmacexp.addons.gap.replay import Expansion, make_drive
 from cmacexp.addons.gap.signals import Signals, differentiate, low_pass
 from cmacexp.typing import Array, Mask
 
