@@ -319,7 +319,7 @@ class _BlockFit:
         self.mean[self.delay] = DELAY_PRIOR[0]
         least = [-4.0 * problem.signals.log.period, *[-MASS_BOUND] * len(self.masses)]
         self.low = np.concatenate([np.tile(level.lowest, len(self.joints)), least])
-        self.x = self.mean
+        self.x, self.covariance = self.mean, np.diag(self.scale**2)
         self._compared: tuple[bytes, Array, Array] | None = None
 
     def get_values(self, x: Array) -> Array:
@@ -356,8 +356,7 @@ class _BlockFit:
             x = self._improve(x, fitted)
         errors, slopes = self._compare(x)
         information = slopes.T @ slopes / measure_variance(errors) + np.eye(len(x))
-        self.x = x
-        self.covariance: Array = np.linalg.inv(information) * np.outer(self.scale, self.scale)
+        self.x, self.covariance = x, np.linalg.inv(information) * np.outer(self.scale, self.scale)
 
     def _improve(self, first: Array, fitted: Mask) -> Array:
         """Return ``first`` with the parameters ``fitted`` (a mask) optimised; errors at ``first`` weigh the prior."""
