@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from cmacexp.addons.gap.identify import Problem
-from cmacexp.addons.gap.machine import Expansion, Machine
+from cmacexp.addons.gap.machine import Machine
+from cmacexp.addons.gap.replay import Expansion
 from cmacexp.addons.gap.signals import Signals
 from pipelines.benchmark.simulated_log import (
     COULOMB,

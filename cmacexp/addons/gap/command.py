@@ -1,10 +1,11 @@
-"""``cmacexp gap``: compares a log of a robot with its model: identifies, validates, says what learning would gain."""
+"""``cmacexp gap``: compare a log of a robot with its model, identify and validate its joints, and score learners."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from cmacexp.addons.gap.log import Log, load_reader, read_log
+from cmacexp.addons.gap.log import Log, read_log
 from cmacexp.addons.gap.machine import Machine, read_machine
+from cmacexp.addons.gap.readers import load_reader
 from cmacexp.commands.command import Arguments, OptionTable, command, make_flag
 from cmacexp.data.folder import choose_page_folder
 from cmacexp.errors import BadInput, require
@@ -13,22 +14,32 @@ from cmacexp.terminal.output import print_line, show_progress
 
 FOLDER = Path("outputs/gap")
 SEVERAL = {"action": "append", "default": []}
-"""Form of an option that can be given more than once."""
+"""Settings of an option that can be given more than once."""
 LOG_OPTIONS: OptionTable = {
-    "--names": {**SEVERAL, "metavar": "WHAT=COLUMN", "help": "e.g. angle=pos_{joint},command=cmd_{joint}"},
-    "--units": {**SEVERAL, "metavar": "WHAT=UNIT", "help": "e.g. angle=deg,time=ms"},
-    "--joints": {**SEVERAL, "metavar": "LOG=MODEL", "help": "the joint of the model for one of the log"},
-    "--leave-out": {"metavar": "JOINTS", "help": "joints of the log that are not used, separated by commas"},
-    "--kp": {"help": "gains of the drives, N m/rad: one number, or one for each joint"},
-    "--kd": {"help": "likewise, N m s/rad"},
-    "--reader": {"metavar": "FILE.py:FUNCTION", "help": "reads another format: path to columns by name"},
+    "--names": {
+        **SEVERAL,
+        "metavar": "WHAT=COLUMN",
+        "help": "columns, such as angle=pos_{joint},command=cmd_{joint}",
+    },
+    "--units": {**SEVERAL, "metavar": "WHAT=UNIT", "help": "units of columns, such as angle=deg,time=ms"},
+    "--joints": {**SEVERAL, "metavar": "LOG=MODEL", "help": "joint of the model for a joint of the log"},
+    "--leave-out": {"metavar": "JOINTS", "help": "joints of the log to ignore, separated by commas"},
+    "--kp": {"help": "stiffness gains of the drives, N m/rad: one number, or one per joint, separated by commas"},
+    "--kd": {"help": "damping gains of the drives, N m s/rad: one number, or one per joint"},
+    "--reader": {
+        "metavar": "FILE.py:FUNCTION",
+        "help": "function that reads another format, path to columns by name",
+    },
 }
-"""How a log is read."""
+"""Options that say how a log is read."""
 
 
-def _read_pairs(given: Sequence[str], key: str) -> dict[str, str]:
-    """``KEY=VALUE`` by key, several separated by commas; raises BadInput."""
-    pairs = [part for text in given for part in text.split(",") if part]
+def _read_pairs(texts: Sequence[str], key: str) -> dict[str, str]:
+    """Return the values of ``NAME=VALUE`` by name, from texts with several pairs separated by commas.
+
+    Raises BadInput for a text of another form; ``key`` is the option that it names.
+    """
+    pairs = [pair for pair in ",".join(texts).split(",") if pair]
     for pair in pairs:
         require("=" in pair, key, pair, "must be NAME=VALUE, several separated by commas")
     return dict(pair.split("=", 1) for pair in pairs)
@@ -36,19 +47,19 @@ def _read_pairs(given: Sequence[str], key: str) -> dict[str, str]:
 
 def _read_gain(text: str | None, key: str) -> list[float]:
     try:
-        return [] if text is None else [float(part) for part in text.split(",")]
+        return [] if text is None else [float(number) for number in text.split(",")]
     except ValueError as error:
         raise BadInput(key, text, "must be numbers, separated by commas") from error
 
 
 def read_given(arguments: Arguments) -> tuple[Log, Machine]:
-    """The log and the machine of the options of :data:`LOG_OPTIONS`; raises BadInput."""
-    given = {key: _read_gain(vars(arguments)[key], f"--{key}") for key in ("kp", "kd")}
+    """Read the log and the model of its robot, as the options of :data:`LOG_OPTIONS` say; raises BadInput."""
+    gains = {key: _read_gain(vars(arguments)[key], f"--{key}") for key in ("kp", "kd")}
     log = read_log(
         arguments.log,
         _read_pairs(arguments.names, "--names"),
         _read_pairs(arguments.units, "--units"),
-        {key: gain for key, gain in given.items() if gain},
+        {key: gain for key, gain in gains.items() if gain},
         None if arguments.reader is None else load_reader(arguments.reader),
         [] if arguments.leave_out is None else arguments.leave_out.split(","),
     )
@@ -58,17 +69,17 @@ def read_given(arguments: Arguments) -> tuple[Log, Machine]:
 @command(
     "gap",
     "Read a log of a robot, identify its joints, validate them on strokes that identification did not see, and "
-    "say what learners would remove of its feedback torque.",
+    "report how much of the feedback torque learners would remove.",
     {
-        "log": {"type": Path, "metavar": "LOG", "help": "Parquet, CSV, NPZ or MCAP, or what --reader reads"},
+        "log": {"type": Path, "metavar": "LOG", "help": "Parquet, CSV, NPZ or MCAP; other formats: --reader"},
         "--robot": {"required": True, "help": "go2 or another option of conf/machine, or an MJCF or URDF file"},
         **LOG_OPTIONS,
-        "--quick": make_flag("without identification"),
-        "--out": {"type": Path, "metavar": "FOLDER", "help": f"where the page goes; unless given, in {FOLDER}"},
+        "--quick": make_flag("skip identification"),
+        "--out": {"type": Path, "metavar": "FOLDER", "help": f"folder of the page ({FOLDER}/NAME OF THE LOG)"},
     },
 )
 def main(arguments: Arguments) -> None:
-    """Compare a log with a model, and write and print what was found."""
+    """Compare a log with a model; write the page and print its summary."""
     from cmacexp.addons.gap.analysis import begin
     from cmacexp.addons.gap.page import summarise, write_page
     from cmacexp.addons.gap.validation import identify
@@ -85,8 +96,8 @@ def main(arguments: Arguments) -> None:
         page = write_page(gap, out)
     print_line(summarise(gap.values))
     rows = [
-        [name, f"{own['value']:.1f}", f"{own['low']:.1f}", f"{own['high']:.1f}", f"{own['fastest']['value']:.1f}"]
-        for name, own in sorted(gap.values["left"].items(), key=lambda item: float(item[1]["value"]))
+        [name, *(f"{left[key]:.1f}" for key in ("value", "low", "high")), f"{left['fastest']['value']:.1f}"]
+        for name, left in sorted(gap.values["left"].items(), key=lambda item: float(item[1]["value"]))
     ]
     print_table(["predictor", "left\n%", "from\n%", "to\n%", "fastest\n%"], rows)
     for note in gap.values["notes"]:

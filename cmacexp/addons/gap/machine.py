@@ -1,17 +1,18 @@
 """A robot with its base held: the rigid-body equations of the joints of a log, from any MJCF or URDF model.
 
-Joints that the log does not have are locked, the base is at rest. Joints that do not move each other are apart: each
-leg, arm or finger is a block with equations of its own.
+Joints that the log does not have are locked, the base is at rest. Joints without inertial coupling are separated:
+each leg, arm or finger is a block with its own equations.
 """
 
 import copy
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from cmacexp.addons.gap.replay import Expansion
 from cmacexp.config import config_folder
 from cmacexp.errors import require, suggest
 from cmacexp.models.joint import OWN
@@ -23,70 +24,61 @@ ROBOT_KEY = "--robot"
 STEP = 1e-5
 """Step of finite differences of the bias over joint angles, rad."""
 COUPLED = 1e-9
-"""Least part of the largest inertia, kg m^2, that one joint feels of another that moves it."""
-
-
-class Expansion(NamedTuple):
-    """The equations of one block of B joints along angles and velocities of N rows, to first order in the angles."""
-
-    angle: Array
-    """(N, B) where they are expanded, rad."""
-    mass: Array
-    """(N, B, B), kg m^2, without rotors."""
-    bias: Array
-    """(N, B) gravity, Coriolis and centrifugal torque, and springs of the model, N m."""
-    gradient: Array
-    """(N, B, B) of the bias over the angles, N m/rad."""
+"""Coupling inertia of two joints of one block, over the largest inertia, above which they count as coupled."""
 
 
 @dataclass(frozen=True)
 class Machine:
-    """A robot whose base is held, with the joints of a log in their order there."""
+    """The model of a robot whose base is held; joints are in the order of the log."""
 
     name: str
     path: Path
     joints: tuple[str, ...]
-    """Names in the model."""
+    """Names of the joints in the model."""
     model: Any
-    """MjModel without constraints, with rotors, damping and friction of these joints taken out."""
+    """MjModel without constraints, and without rotor inertia, damping and friction of these joints."""
     losses: Array
-    """(J, 5): what the model says of these joints, as :class:`cmacexp.addons.gap.replay.JointParams` has it."""
+    """(J, 5) parameters of these joints in the model, see :class:`cmacexp.addons.gap.replay.JointParams`."""
     ranges: Array
     """(J, 2) least and largest angle, rad; infinite without a limit."""
     qpos: Counts
+    """(J,) indices of the joint angles in ``MjData.qpos``."""
     dof: Counts
+    """(J,) indices of the joint velocities in ``MjData.qvel``."""
     blocks: tuple[Counts, ...]
-    """Joints of each block, by their place in the log."""
+    """Numbers of the joints of each block, in the order of the log."""
 
     def expand(self, block: Counts, angle: Array, velocity: Array, base: Array | None = None) -> Expansion:
-        """The equations of a ``block`` along ``angle`` and ``velocity`` (N, J) of all joints, rad, rad/s.
+        """Expand the equations of a ``block`` along ``angle``, rad, and ``velocity``, rad/s, (N, J) of all joints.
 
         ``base`` (N, 4) is the orientation of the base, a quaternion w, x, y, z; None: as in the model.
         """
-        mujoco, dof, rows, size = load_mujoco(), self.dof[block], len(angle), len(block)
-        found = Expansion(
-            np.ascontiguousarray(angle[:, block]),
-            np.empty((rows, size, size)),
-            np.empty((rows, size)),
-            np.empty((rows, size, size)),
-        )
+        mujoco = load_mujoco()
+        dof = self.dof[block]
+        angles = np.ascontiguousarray(angle[:, block])
+        matrices = (*angles.shape, len(block))
+        expansion = Expansion(angles, np.empty(matrices), np.empty_like(angles), np.empty(matrices))
         whole = np.zeros((self.model.nv, self.model.nv))
         for k, data in enumerate(self._visit(angle, velocity, base)):
-            for j, place in enumerate(self.qpos[block]):
-                data.qpos[place] += STEP
+            for j, index in enumerate(self.qpos[block]):
+                data.qpos[index] += STEP
                 mujoco.mj_step1(self.model, data)
-                found.gradient[k, :, j] = data.qfrc_bias[dof] - data.qfrc_passive[dof]
-                data.qpos[place] -= STEP
+                expansion.gradient[k, :, j] = data.qfrc_bias[dof] - data.qfrc_passive[dof]
+                data.qpos[index] -= STEP
             mujoco.mj_step1(self.model, data)
             mujoco.mj_fullM(self.model, data, whole)
-            found.mass[k] = whole[np.ix_(dof, dof)]
-            found.bias[k] = data.qfrc_bias[dof] - data.qfrc_passive[dof]
-        found.gradient[:] = (found.gradient - found.bias[:, :, None]) / STEP
-        return found
+            expansion.mass[k] = whole[np.ix_(dof, dof)]
+            expansion.bias[k] = data.qfrc_bias[dof] - data.qfrc_passive[dof]
+        expansion.gradient[:] = (expansion.gradient - expansion.bias[:, :, None]) / STEP
+        return expansion
 
     def compute_torque(self, angle: Array, velocity: Array, acceleration: Array, base: Array | None = None) -> Array:
-        """Torque (N, J) of the rigid bodies for a motion (N, J) each, rad, rad/s, rad/s^2, N m."""
-        mujoco, torque = load_mujoco(), np.empty(angle.shape)
+        """Compute the torque (N, J) of the rigid bodies by inverse dynamics, N m.
+
+        Angles, rad, velocities, rad/s, and accelerations, rad/s^2, are (N, J); ``base`` is as in :meth:`expand`.
+        """
+        mujoco = load_mujoco()
+        torque = np.empty(angle.shape)
         for k, data in enumerate(self._visit(angle, velocity, base)):
             data.qacc[self.dof] = acceleration[k]
             mujoco.mj_step1(self.model, data)
@@ -95,12 +87,13 @@ class Machine:
         return torque
 
     def _visit(self, angle: Array, velocity: Array, base: Array | None) -> Iterator[Any]:
-        """MuJoCo's data with the angles and velocities of each row in turn; the base is at rest at the origin."""
-        mujoco, model = load_mujoco(), self.model
-        data, kinds = mujoco.MjData(model), model.jnt_type
+        """Yield MuJoCo's data with the angles and velocities of each row in turn, the base at rest at the origin."""
+        mujoco = load_mujoco()
+        model = self.model
+        data = mujoco.MjData(model)
         if model.nkey:
             data.qpos[:] = model.key_qpos[0]
-        turns = model.jnt_qposadr[kinds == int(mujoco.mjtJoint.mjJNT_FREE), None] + np.arange(7)
+        turns = model.jnt_qposadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE), None] + np.arange(7)
         data.qpos[turns] = UPRIGHT
         for k in range(len(angle)):
             data.qpos[self.qpos], data.qvel[self.dof] = angle[k], velocity[k]
@@ -109,13 +102,13 @@ class Machine:
             yield data
 
     def find_link(self, joint: int) -> tuple[str, Counts]:
-        """The body that a joint moves and those welded to it: its name, and their numbers in the model."""
+        """Return the name of the link that a joint moves, and the indices in the model of all bodies welded to it."""
         body = self.model.jnt_bodyid[np.flatnonzero(self.model.jnt_dofadr == self.dof[joint])[0]]
         welded = np.flatnonzero(self.model.body_weldid == self.model.body_weldid[body])
         return str(self.model.body(body).name), welded.astype(np.int64)
 
     def scale_masses(self, factors: Mapping[int, float]) -> "Machine":
-        """The machine with mass and inertia of the links of joints times ``factors``, which follow by joint."""
+        """Return the machine with mass and inertia of links scaled by ``factors``, by number of the joint."""
         model = copy.copy(self.model)
         for joint, factor in factors.items():
             _, bodies = self.find_link(joint)
@@ -125,7 +118,7 @@ class Machine:
         return replace(self, model=model)
 
     def turn_base(self, roll: float, pitch: float) -> "Machine":
-        """The machine whose base is turned by small angles, rad: gravity is turned the other way."""
+        """Return the machine with its base tilted by small angles, rad, which rotates gravity in its frame."""
         model = copy.copy(self.model)
         x, y, z = model.opt.gravity
         model.opt.gravity[:] = (x - pitch * z, y + roll * z, z + pitch * x - roll * y)
@@ -133,10 +126,11 @@ class Machine:
 
 
 def read_machine(robot: str, names: Sequence[str], pairs: Mapping[str, str] | None = None) -> Machine:
-    """The machine of an option of ``conf/machine``, a model of the package or a file, for the joints of a log.
+    """Read the model of a ``robot`` for the joints of a log, whose ``names`` are given.
 
-    ``pairs``, names in the model by names in the log, are for what does not match by itself. Raises BadInput if there
-    is no such robot, or a joint of the log cannot be found in it.
+    ``robot`` is an option of ``conf/machine``, a model of the package, or a file. ``pairs``, names in the model by
+    names in the log, are for joints that are called differently. Raises BadInput if there is no such robot, or if a
+    joint of the log is not found in it.
     """
     path = _find_path(robot)
     model = compile_spec(path, load_spec(path))
@@ -152,17 +146,18 @@ def read_machine(robot: str, names: Sequence[str], pairs: Mapping[str, str] | No
     joints = {model.joint(i).name: i for i in np.flatnonzero(np.isin(model.jnt_type, kinds)).tolist()}
     matched = match_names(names, list(joints), pairs or {})
     index = np.array([joints[name] for name in matched])
-    dof, limited = model.jnt_dofadr[index].astype(np.int64), model.jnt_limited[index].astype(bool)
+    dof = model.jnt_dofadr[index].astype(np.int64)
     losses = np.zeros((len(dof), OWN + 1))
     for k, values in {0: model.dof_armature, 1: model.dof_damping, OWN: model.dof_frictionloss}.items():
-        losses[:, k], values[dof] = values[dof], 0.0
+        losses[:, k] = values[dof]
+        values[dof] = 0.0
     machine = Machine(
         name=robot,
         path=path,
         joints=matched,
         model=model,
         losses=losses,
-        ranges=np.where(limited[:, None], model.jnt_range[index], [-np.inf, np.inf]),
+        ranges=np.where(model.jnt_limited[index, None].astype(bool), model.jnt_range[index], [-np.inf, np.inf]),
         qpos=model.jnt_qposadr[index].astype(np.int64),
         dof=dof,
         blocks=(np.arange(len(dof)),),
@@ -171,26 +166,28 @@ def read_machine(robot: str, names: Sequence[str], pairs: Mapping[str, str] | No
 
 
 def _find_path(robot: str) -> Path:
-    """The model of a robot that is named, or the file itself; raises BadInput."""
+    """Return the model file of a robot, or the file itself if ``robot`` is a path; raise BadInput."""
     import yaml
 
     if Path(robot).is_file():
         return find_model(None, robot)
     option = config_folder() / "machine" / f"{robot}.yaml"
-    known = [path.stem for path in option.parent.glob("*.yaml")] + [*package_models()]
+    names = [path.stem for path in option.parent.glob("*.yaml")] + [*package_models()]
     require(
-        robot in known,
+        robot in names,
         ROBOT_KEY,
         robot,
-        f"must be an option of conf/machine, or an MJCF or URDF file{suggest(robot, known)}",
+        f"must be an option of conf/machine, or an MJCF or URDF file{suggest(robot, names)}",
     )
     return find_model(yaml.safe_load(option.read_text()).get("model", robot) if option.is_file() else robot, None)
 
 
 def match_names(names: Sequence[str], joints: Sequence[str], pairs: Mapping[str, str]) -> tuple[str, ...]:
-    """The joint of a model for each name of a log: given in ``pairs``, the same, or the only one that contains it.
+    """Return the joint of a model for each name of a log, from the ``joints`` of the model.
 
-    Letter case and separators do not matter. Names that are numbers count the joints of the model. Raises BadInput.
+    It is the one in ``pairs``, by names of the log, else the one with the same name, else the only one whose name
+    contains it. Letter case and separators do not matter. Names that are numbers count the joints of the model.
+    Raises BadInput if no joint, or more than one, fits a name, or if two names fit one joint.
     """
 
     def plain(name: str) -> str:
@@ -203,7 +200,7 @@ def match_names(names: Sequence[str], joints: Sequence[str], pairs: Mapping[str,
             f"{name}={joint}",
             f"the log has no joint {name}{suggest(name, names)}; it has {', '.join(names)}",
         )
-    found = []
+    matched = list[str]()
     for name in names:
         wanted = pairs.get(name, name)
         equal = [joint for joint in joints if plain(joint) == plain(wanted)]
@@ -217,23 +214,23 @@ def match_names(names: Sequence[str], joints: Sequence[str], pairs: Mapping[str,
             name,
             f"{what}; say --joints {name}=JOINT, with a joint of {', '.join(joints) or 'which it has none'}",
         )
-        found += close
-    for joint in found:
-        both = [name for name, each in zip(names, found, strict=True) if each == joint]
+        matched += close
+    for joint in matched:
+        both = [name for name, match in zip(names, matched, strict=True) if match == joint]
         require(
             len(both) == 1,
             "joint of the model",
             joint,
             f"fits {' and '.join(both)} of the log; say which one it is by --joints",
         )
-    return tuple(found)
+    return tuple(matched)
 
 
 def _find_blocks(machine: Machine) -> tuple[Counts, ...]:
-    """Joints that move each other, block by block: the inertia of one contains the motion of the other."""
+    """Return the blocks of joints that are coupled by the joint-space inertia, directly or through others."""
     from scipy.sparse.csgraph import connected_components
 
-    somewhere = np.full((1, len(machine.joints)), 0.3)  # where no inertia vanishes by chance
-    mass = np.abs(machine.expand(machine.blocks[0], somewhere, np.zeros_like(somewhere)).mass[0])
+    angle = np.full((1, len(machine.joints)), 0.3)  # rad: a generic pose, in which no coupling happens to vanish
+    mass = np.abs(machine.expand(machine.blocks[0], angle, np.zeros_like(angle)).mass[0])
     count, block = connected_components(mass > COUPLED * mass.max())
     return tuple(np.flatnonzero(block == number) for number in range(count))

@@ -1,4 +1,4 @@
-"""The page of an analysed log: what it means for learning on its robot, tables and figures; and its JSON."""
+"""Page of an analysed log: advice for learning on its robot, tables and figures; and the JSON of its values."""
 
 import json
 from collections.abc import Callable, Iterable
@@ -22,26 +22,28 @@ from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.page import Renderer, Report, render_markdown, write_report
 from cmacexp.typing import Array, DataFrame, Figure
 
-JSON, OPTION = "gap.json", "as_built.yaml"
+JSON = "gap.json"
+OPTION = "as_built.yaml"
 SHOWN = 6
-"""Learners in the figure."""
+"""Number of learners in the figure."""
 
 
 def find_best(values: dict[str, Any]) -> str:
-    """The predictor that leaves the least torque in the mean."""
+    """Return the name of the predictor that leaves the least torque, as the mean of strokes."""
     return min(values["left"], key=lambda name: float(values["left"][name]["value"]))
 
 
 def summarise(values: dict[str, Any]) -> str:
-    """The first sentences of the page, with n and intervals."""
-    left, best = values["left"], find_best(values)
-    own, fastest = left[best], left[best]["fastest"]
+    """Summarise the values in the first sentences of the page, with the number of strokes and intervals."""
+    left = values["left"]
+    best = find_best(values)
+    fastest = left[best]["fastest"]
     robot = Path(values["robot"]).name
     model = f"the model of {robot} leaves {left['model']['value']:.1f} % and " if "model" in left else ""
     text = (
-        f"Of the feedback torque of this log {model}the best predictor ({best}) {own['value']:.1f} % "
-        f"[{own['low']:.1f}, {own['high']:.1f}] on {own['n']} strokes that it had not seen, {fastest['value']:.1f} % "
-        f"[{fastest['low']:.1f}, {fastest['high']:.1f}] on the fastest."
+        f"Of the feedback torque of this log {model}the best predictor ({best}) {left[best]['value']:.1f} % "
+        f"[{left[best]['low']:.1f}, {left[best]['high']:.1f}] on {left[best]['n']} strokes that it had not seen, "
+        f"{fastest['value']:.1f} % [{fastest['low']:.1f}, {fastest['high']:.1f}] on the fastest."
     )
     if values["lag"]:
         text += f" Joints are {1e3 * values['lag']['value']:.0f} ms behind their commands."
@@ -57,12 +59,13 @@ def summarise(values: dict[str, Any]) -> str:
 
 
 def find_gains(gap: Gap, loop_delay: LoopDelay) -> Array:
-    """(2, J) kp, N m/rad, and kd, N m s/rad, by the rule of :mod:`cmacexp.models.robot_gains`.
+    """Return feedback gains (2, J), kp in N m/rad and kd in N m s/rad, by :mod:`cmacexp.models.robot_gains`.
 
-    They are those of a loop that is closed at the sampling rate of the log: the least inertia that each joint feels
-    takes the place of the lightest foot.
+    They are for a loop that is closed at the sampling rate of the log, with ``loop_delay``; the rule is applied to
+    the least effective inertia of each joint in place of the least effective mass of a foot.
     """
-    problem, period = gap.problem, gap.signals.log.period
+    problem = gap.problem
+    period = gap.signals.log.period
     rotors = (problem.machine.losses if gap.fitted is None else gap.fitted.values)[:, 0]
     least = np.empty(len(rotors))
     for block, expansion in zip(problem.machine.blocks, problem.expansions, strict=True):
@@ -73,13 +76,15 @@ def find_gains(gap: Gap, loop_delay: LoopDelay) -> Array:
 
 
 def advise(gap: Gap) -> list[str]:
-    """What follows for learning on this robot, a sentence each."""
-    values, left = gap.values, gap.values["left"]
-    period, delay = values["period"], values.get("delay", {}).get("value", 0.0)
+    """Return advice for learning on this robot: lead, rate, gains, inputs and guard, one sentence each."""
+    values = gap.values
+    left = values["left"]
+    period = values["period"]
+    delay = values.get("delay", {}).get("value", 0.0)
     loop_delay = LoopDelay(max(0, round(delay / period)))
     lead = loop_delay.count_samples(period) + 1
     kp, kd = find_gains(gap, loop_delay)
-    found = [
+    advice = [
         f"Lead: {lead} samples of {1e3 * period:.1f} ms (a delay of {1e3 * delay:.1f} ms, and one sample until "
         f"torque shows in the feedback); rate: {derive_rate(lead):.3f} at that lead, by the rule of "
         "`learning.rate=auto`.",
@@ -87,28 +92,28 @@ def advise(gap: Gap) -> list[str]:
         f"N m/rad, kd {kd.min():.3g} to {kd.max():.3g} N m s/rad; drives that close it by themselves may have more.",
     ]
     if "stroke before" in left:
-        phase, state = left["stroke before"]["value"], left["CMAC over angles and velocities"]["value"]
-        found.append(
+        phase, state = (left[name]["value"] for name in ("stroke before", "CMAC over angles and velocities"))
+        advice.append(
             f"Address what is learnt by {'phase' if phase < state else 'angles and velocities'}: "
             f"{min(phase, state):.1f} % left instead of {max(phase, state):.1f} %."
         )
     if values["gains"]:
         lag = max((1e3 * d / p for p, d in zip(*values["gains"].values(), strict=True) if p > 0.0), default=0.0)
-        found.append(f"Feed desired velocities forward: without them up to kd/kp = {lag:.0f} ms of lag remain.")
+        advice.append(f"Feed desired velocities forward: without them up to kd/kp = {lag:.0f} ms of lag remain.")
     best = left[find_best(values)]
     spread = 1.0 + (best["fastest"]["high"] - best["fastest"]["low"]) / 2.0 / max(best["fastest"]["value"], 1e-9)
     torque = [np.sqrt((gap.signals.torque[gap.signals.rows(k)] ** 2).mean()) for k in range(1, gap.signals.count + 1)]
-    found.append(
+    advice.append(
         f"Margin of the guard: resampled, what the best predictor leaves of one stroke varies by a factor of "
         f"{spread:.2f}; the guard acts at {DRIFT_RATIO:g}, {'above' if spread < DRIFT_RATIO else 'within'} that. "
         f"Between the speeds of this log the torque itself varies by {max(torque) / max(min(torque), 1e-12):.2f}: "
         "compare cycles of one speed only."
     )
-    return found
+    return advice
 
 
 def _draw_strokes(gap: Gap) -> Figure:
-    """Percent left in each stroke for the best learners."""
+    """Plot the percent of the torque that the best learners leave in each stroke."""
     left = gap.values["left"]
     names = sorted(left, key=lambda name: left[name]["value"])[:SHOWN]
     strokes = np.arange(2, gap.signals.count + 1)
@@ -117,11 +122,11 @@ def _draw_strokes(gap: Gap) -> Figure:
 
 
 def _tabulate(gap: Gap) -> dict[str, Callable[[], DataFrame]]:
-    """Makers of the tables of the page by name."""
+    """Return functions that make the tables of the page, by name of the table."""
     from pandas import DataFrame
 
     values = gap.values
-    lags = {name: 1e3 * own["value"] for name, own in (values["lag"] or {"joints": {}})["joints"].items()}
+    lags = {name: 1e3 * lag["value"] for name, lag in (values["lag"] or {"joints": {}})["joints"].items()}
     models = values["explained"]["all"]
     tables: dict[str, tuple[list[str], Iterable[list[Any]]]] = {
         "left": (
@@ -129,46 +134,43 @@ def _tabulate(gap: Gap) -> dict[str, Callable[[], DataFrame]]:
             (
                 [
                     name,
-                    _interval(own),
-                    own["n"],
-                    _interval(own["fastest"]),
-                    f"{own['frozen']['fastest']['value']:.1f}",
+                    _format_interval(left),
+                    left["n"],
+                    _format_interval(left["fastest"]),
+                    f"{left['frozen']['fastest']['value']:.1f}",
                 ]
-                for name, own in sorted(values["left"].items(), key=lambda item: item[1]["value"])
+                for name, left in sorted(values["left"].items(), key=lambda item: item[1]["value"])
             ),
         ),
         "explained": (
             ["joint", *(f"{name}, %" for name in models), "lag, ms"],
             (
-                [name, *own.values(), lags.get(name)]
-                for name, own in {"all": models, **values["explained"]["joints"]}.items()
+                [name, *percents.values(), lags.get(name)]
+                for name, percents in {"all": models, **values["explained"]["joints"]}.items()
             ),
         ),
     }
     if gap.fitted is not None:
-        found = values["validation"]
-        first, last = found["reverse_fitted_on"]
+        validation = values["validation"]
+        first, last = validation["reverse_fitted_on"]
         tables |= {
             "validation": (
                 ["plant", f"strokes 1 to {first - 1}", f"{first} to {last - 1}", f"{last}", "all"],
-                ([name, *own.values()] for name, own in found["distance"].items()),
+                ([name, *distances.values()] for name, distances in validation["distance"].items()),
             ),
             "choice": (
                 ["model of a joint", "parameters", "unseen, mrad"],
-                (list(own.values()) for own in found["choice"]["models"]),
+                (list(model.values()) for model in validation["choice"]["models"]),
             ),
             "parameters": (
                 ["joint", "rotor, kg m²", "viscous, N m s/rad", "offset, N m", "spring, N m", "friction, N m"],
                 (
                     [
                         name,
-                        *(
-                            f"{own[key]['value']:.3g} ± {own[key]['deviation']:.2g}" if key in own else "-"
-                            for key in NAMES
-                        ),
-                        ", ".join(f"{each:.2f}" for each in own["coulomb_friction"]["value"]),
+                        *(_format_error(params[key]) if key in params else "-" for key in NAMES),
+                        ", ".join(f"{friction:.2f}" for friction in params["coulomb_friction"]["value"]),
                     ]
-                    for name, own in values["parameters"].items()
+                    for name, params in values["parameters"].items()
                 ),
             ),
             "acting": (
@@ -182,30 +184,34 @@ def _tabulate(gap: Gap) -> dict[str, Callable[[], DataFrame]]:
                 (
                     [
                         f"{name}{', drives as logged' if mode == 'as_logged' else ''}",
-                        own.get("torque_predicted"),
-                        own["torque_obtained"]["mean"],
-                        own["tracking"]["mean"],
-                        own["tracking"]["worst"],
+                        percents.get("torque_predicted"),
+                        percents["torque_obtained"]["mean"],
+                        percents["tracking"]["mean"],
+                        percents["tracking"]["worst"],
                     ]
                     for mode in ("as_logged", "with_velocity")
-                    for name, own in values["acting"][mode].items()
+                    for name, percents in values["acting"][mode].items()
                 ),
             ),
         }
     return {name: partial(DataFrame, list(rows), columns=columns) for name, (columns, rows) in tables.items()}
 
 
-def _interval(own: dict[str, Any]) -> str:
-    return f"{own['value']:.1f} [{own['low']:.1f}, {own['high']:.1f}]"
+def _format_interval(estimate: dict[str, Any]) -> str:
+    return f"{estimate['value']:.1f} [{estimate['low']:.1f}, {estimate['high']:.1f}]"
+
+
+def _format_error(estimate: dict[str, Any]) -> str:
+    return f"{estimate['value']:.3g} ± {estimate['deviation']:.2g}"
 
 
 def make_option(gap: Gap) -> str:
-    """The identified joints as an option of ``conf/plant/as_built``, by their names in the model."""
+    """Return the YAML of an option of ``conf/plant/as_built`` with the identified joints, by names in the model."""
     import yaml
 
     joints = {
-        name: {key: _round(value["value"] if isinstance(value, dict) else value) for key, value in own.items()}
-        for name, own in zip(gap.problem.machine.joints, gap.values["parameters"].values(), strict=True)
+        name: {key: _round(value["value"] if isinstance(value, dict) else value) for key, value in params.items()}
+        for name, params in zip(gap.problem.machine.joints, gap.values["parameters"].values(), strict=True)
     }
     option = {
         **dict.fromkeys(("joint_friction", "joint_damping", "rotor_inertia")),
@@ -218,27 +224,27 @@ def make_option(gap: Gap) -> str:
 
 
 def _round(value: "float | list[float]") -> "float | list[float]":
-    """A value, or several, rounded to four digits."""
-    return [float(f"{each:.4g}") for each in value] if isinstance(value, list) else float(f"{value:.4g}")
+    """Round a value, or each of a list, to four significant digits."""
+    return [float(f"{number:.4g}") for number in value] if isinstance(value, list) else float(f"{value:.4g}")
 
 
 def write_page(gap: Gap, folder: Path) -> Path:
-    """Write page, JSON and, if joints were identified, their option file into ``folder``; returns the page."""
+    """Write page, JSON and an option file of identified joints into ``folder``; return the path of the page."""
     values = gap.values | {"summary": summarise(gap.values), "advice": advise(gap)}
-    shown = {"validation": None, "refused": [], **values, "window": WINDOW, "generic": GENERIC, "first": FIRST}
-    with new_result(folder, OUT_KEY, REPORT) as place:
-        place.write_text(JSON, json.dumps(values, indent=1) + "\n")
+    variables = {"validation": None, "refused": [], **values, "window": WINDOW, "generic": GENERIC, "first": FIRST}
+    with new_result(folder, OUT_KEY, REPORT) as result:
+        result.write_text(JSON, json.dumps(values, indent=1) + "\n")
         if gap.fitted is not None:
-            place.write_text(OPTION, make_option(gap))
+            result.write_text(OPTION, make_option(gap))
         template = Path(__file__).with_name("page.md")
         sections = render_markdown(
             template.read_text(encoding="utf-8"),
             template,
             "What a learner would gain",
-            Renderer(place.part),
+            Renderer(result.part),
             {"strokes": lambda: _draw_strokes(gap)},
             _tabulate(gap),
-            shown,
+            variables,
         )
         title = f"The gap between {gap.values['robot']} and its log {Path(gap.values['log']).name}"
-        return write_report(Report(title, values["summary"], sections, {"log": gap.values["log"]}), place)
+        return write_report(Report(title, values["summary"], sections, {"log": gap.values["log"]}), result)

@@ -1,4 +1,4 @@
-"""What follows from a log without a model: feedback torque, velocities, strokes, and the lag of the response."""
+"""Signals computed from a log without a model: feedback torque, velocities, strokes, and the lag of the response."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,21 +9,25 @@ from cmacexp.addons.gap.log import Log
 from cmacexp.typing import Array, Counts
 
 WINDOW = 0.075
-"""Length of the filter that gives velocities and accelerations from angles (Savitzky & Golay 1964), s."""
+"""Window of the filter that differentiates angles to velocities and accelerations (Savitzky & Golay 1964), s."""
 CUTOFF = 10.0
-"""Cut-off frequency of the low-pass filter of both sides of a regression, Hz."""
+"""Cut-off frequency of the low-pass filter that both sides of a regression pass, Hz."""
 LEAST_STROKES = 3
-"""Least number of strokes of a log that repeats a motion."""
+"""Least number of strokes for which a motion counts as repeated."""
 PROMINENCE = 0.3
-"""Least prominence of a turning point between two strokes, over the range of the motion."""
+"""Least prominence of a turning point between two strokes, relative to the range of the motion."""
 SHORTEST = 0.15
-"""Time that the shortest stroke takes, s."""
+"""Least duration of a stroke, s."""
 PARTS = 12
-"""Windows of a log whose motion does not repeat."""
+"""Number of windows into which a log is cut whose motion does not repeat."""
 
 
 def differentiate(values: Array, period: float, order: int = 1, window: float = WINDOW) -> Array:
-    """Derivative of signals (n, J) by local cubic polynomials over ``window`` seconds, without a shift in time."""
+    """Return the derivative of signals (n, J) of the given ``order``, from local cubic polynomials.
+
+    The polynomials are fitted over ``window`` seconds around each row, so that nothing is shifted in time
+    (Savitzky & Golay 1964). ``period`` is the spacing of the rows, s.
+    """
     from scipy.signal import savgol_filter
 
     length = max(5, 2 * round(window / period / 2.0) + 1)
@@ -31,16 +35,20 @@ def differentiate(values: Array, period: float, order: int = 1, window: float = 
 
 
 def low_pass(values: Array, period: float, cutoff: float = CUTOFF) -> Array:
-    """Signals (n, ...) through a Butterworth filter of second order, forwards and backwards."""
+    """Filter signals (n, ...) with a second-order Butterworth low-pass, forwards and backwards: without delay.
+
+    ``period`` is the spacing of the rows, s; ``cutoff``, Hz, is limited to 0.4 of the sampling rate.
+    """
     from scipy.signal import butter, sosfiltfilt
 
     return sosfiltfilt(butter(2, min(cutoff, 0.4 / period), fs=1.0 / period, output="sos"), values, axis=0)
 
 
 def find_turns(motion: Array, period: float) -> Counts:
-    """Rows where a motion (n, J) turns, on the side that has more turns.
+    """Return the rows in which a motion (n, J) reverses: its maxima or its minima, whichever are more.
 
-    The motion along its largest principal component is smoothed over 0.2 s.
+    They are those of the motion along its largest principal component, smoothed over 0.2 s. ``period`` is the spacing
+    of the rows, s.
     """
     from scipy.ndimage import uniform_filter1d
     from scipy.signal import find_peaks
@@ -55,11 +63,11 @@ def find_turns(motion: Array, period: float) -> Counts:
 
 @dataclass(frozen=True)
 class Signals:
-    """A log with all that is computed from it alone; arrays (n, J)."""
+    """A log and the signals that follow from it without a model, arrays (n, J)."""
 
     log: Log
     delay: int = 0
-    """Rows by which commands act later than they are written."""
+    """Delay of the commands, rows: they act that many rows after the one in which they are logged."""
 
     @cached_property
     def velocity(self) -> Array:
@@ -73,27 +81,30 @@ class Signals:
 
     @cached_property
     def command(self) -> Array:
-        """Commands when they act, rad; measured angles where the log has no commands."""
+        """Commanded angles, shifted by the delay, rad; the measured angles if the log has no commands."""
         return shift(self.log.angle if self.log.command is None else self.log.command, self.delay)
 
     @cached_property
     def torque(self) -> Array:
-        """Torque of the drives, N m: what a feedforward would have to supply."""
+        """Torque of the drives, N m: the torque that a perfect feedforward would supply."""
         if self.log.command is None or not self.log.has_gains:
             assert self.log.torque is not None
             return self.log.torque
         return self.compute_torque(self.log.angle) + self.log.feedforward
 
     def compute_torque(self, angle: Array) -> Array:
-        """Feedback torque of the drives at ``angle`` (n, J), by the same filter, N m."""
+        """Compute the feedback torque of the drives, N m, if the joints followed ``angle`` (n, J), rad.
+
+        Velocities come from the same filter as those of the measured angles.
+        """
         rate = shift(self.log.command_velocity, self.delay) - differentiate(angle, self.log.period)
         return self.log.kp * (self.command - angle) + self.log.kd * rate
 
     @cached_property
     def bounds(self) -> Counts:
-        """(strokes + 1,) first rows of the strokes, each from turn to turn, and the end of the last.
+        """First row of each stroke, which lasts from one turn to the next, and the end of the last, (strokes + 1,).
 
-        If there are fewer than LEAST_STROKES, the log is cut into PARTS windows.
+        A log with fewer than LEAST_STROKES strokes is cut into PARTS windows of equal length instead.
         """
         motion = self.log.angle if self.log.command is None else self.log.command
         turns = find_turns(motion, self.log.period)
@@ -101,8 +112,8 @@ class Signals:
 
     @property
     def repeats(self) -> bool:
-        """Whether the strokes are one motion that repeats; else they are windows of the log."""
-        return int(self.bounds[0]) > 0  # where a window begins, a motion cannot turn
+        """True if the strokes are repetitions of one motion, false if they are windows of the log."""
+        return int(self.bounds[0]) > 0  # windows begin in row 0, in which no motion can reverse
 
     @property
     def count(self) -> int:
@@ -110,52 +121,60 @@ class Signals:
         return len(self.bounds) - 1
 
     def rows(self, stroke: int) -> slice:
-        """Rows of a stroke, which counts from 1."""
+        """Return the rows of a ``stroke``; strokes count from 1."""
         return slice(int(self.bounds[stroke - 1]), int(self.bounds[stroke]))
 
     @cached_property
     def stroke(self) -> Counts:
-        """(n,) stroke of each row from 1 on; rows before the first belong to it, those after the last to that."""
-        found = np.searchsorted(self.bounds, np.arange(len(self.log.time)), side="right")
-        return np.clip(found, 1, self.count).astype(np.int64)
+        """Stroke of each row (n,), from 1 on.
+
+        Rows before the first stroke count as part of it, rows after the last stroke as part of the last.
+        """
+        strokes = np.searchsorted(self.bounds, np.arange(len(self.log.time)), side="right")
+        return np.clip(strokes, 1, self.count).astype(np.int64)
 
     @cached_property
     def phase(self) -> Array:
-        """(n,) of each row in its stroke, from 0 to 1."""
+        """Phase of each row within its stroke (n,), from 0 to 1."""
         begin, end = self.bounds[self.stroke - 1], self.bounds[self.stroke]
         return np.clip((np.arange(len(self.stroke)) - begin) / (end - begin), 0.0, 1.0)
 
     @cached_property
     def speed(self) -> Array:
-        """(n,) strokes a second."""
+        """Strokes per second in each row (n,)."""
         return 1.0 / (np.diff(self.bounds)[self.stroke - 1] * self.log.period)
 
     @property
     def fastest(self) -> int:
-        """The last of the strokes whose period is within 2 % of the shortest."""
+        """Number of the last stroke whose period is within 2 % of the shortest."""
         return int(np.flatnonzero(self.periods <= 1.02 * self.periods.min())[-1]) + 1
 
     @property
     def periods(self) -> Array:
-        """(strokes,), s."""
+        """Duration of each stroke (strokes,), s."""
         return np.diff(self.bounds) * self.log.period
 
 
 def shift(values: Array, rows: int) -> Array:
-    """Signals (n, J) later by so many rows; the first row, or the last, is repeated."""
+    """Delay signals (n, J) by ``rows``, which may be negative; the first, or the last, row is repeated."""
     return values[np.clip(np.arange(len(values)) - rows, 0, len(values) - 1)]
 
 
 def measure_lag(signals: Signals) -> Array:
-    """(strokes, J) lag of measured angles behind their commands in each stroke, s: that of least squared distance."""
-    log, first = signals.log, -2
+    """Return the lag of each measured angle behind its command in each stroke (strokes, J), s.
+
+    It is the shift of the command at which the variance of their difference is least, interpolated between rows by a
+    parabola. The log must have commands.
+    """
+    log = signals.log
+    first = -2
     assert log.command is not None
     errors = np.empty((max(2, round(0.4 / log.period)) - first + 1, signals.count, log.angle.shape[1]))
-    for number, own in enumerate(errors):
+    for number in range(len(errors)):
         apart = log.angle - shift(log.command, first + number)
-        own[:] = [np.var(apart[signals.rows(stroke)], axis=0) for stroke in range(1, signals.count + 1)]
+        errors[number] = [np.var(apart[signals.rows(stroke)], axis=0) for stroke in range(1, signals.count + 1)]
     best = np.clip(errors.argmin(axis=0), 1, len(errors) - 2)
     before, at, after = (np.take_along_axis(errors, best[None] + step, 0)[0] for step in (-1, 0, 1))
     bend = before - 2.0 * at + after
-    part = np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend > 0.0)
-    return (best + first + part) * log.period
+    fraction = np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend > 0.0)
+    return (best + first + fraction) * log.period

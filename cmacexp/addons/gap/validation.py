@@ -1,6 +1,7 @@
-"""The identified plant: chosen by cross-validation, fitted, compared on unseen strokes; what a log does not show.
+"""The identified plant: chosen by cross-validation, fitted, validated on unseen strokes; refused parameters.
 
-Learners act on it: what the log predicts of them, and what is obtained, as torque and as tracking.
+Learners are applied to it: the torque that they leave is compared with the prediction of the log, and tracking errors
+are measured.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -12,24 +13,27 @@ import numpy as np
 from cmacexp.addons.gap.analysis import FIRST, Gap, Report, add_learner, compare_rms
 from cmacexp.addons.gap.identify import KNOWN, LEVELS, MASS_PRIOR, NAMES, TILT_PRIOR, Fit, Level, Problem, fit
 from cmacexp.addons.gap.learners import PLACED, Both, Fixed, Iterative, Learner, Maker, make_tables, place_below
-from cmacexp.addons.gap.machine import Expansion
-from cmacexp.addons.gap.replay import make_drive
+from cmacexp.addons.gap.replay import Expansion, make_drive
 from cmacexp.addons.gap.signals import Signals, differentiate, low_pass
 from cmacexp.typing import Array, Mask
 
 IDENTIFIED = "identified, refitted after every second stroke"
 ABOVE = "CMAC over phase"
-"""Table that is placed above the identified plant, beside ILC."""
+"""Table that is combined with the identified plant, beside ILC."""
 SETTLE = 0.2
-"""Beginning of a log that does not count: the state of the robot before it is unknown, s."""
+"""Time at the beginning of a log that is not fitted, s: the earlier commands are unknown."""
 CORRELATED = 0.8
-"""Correlation with the rotor inertia from which on a delay is not known apart from it."""
+"""Correlation of delay and rotor inertia above which they cannot be identified separately."""
 ALONE = "desired velocity alone"
 
 
 def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
-    """Choose a model of joints, fit it, validate it on unseen strokes, and let it predict and act."""
-    problem, count = gap.problem, gap.signals.count
+    """Identify the joints, validate them on unseen strokes, and score learners that use them.
+
+    ``gap.values`` gets the parameters and errors, ``gap.replays`` the replays, ``set_done`` the progress.
+    """
+    problem = gap.problem
+    count = gap.signals.count
     inner, train = split_strokes(count)
     chosen, models = choose_level(problem)
     set_done(0.3)
@@ -37,12 +41,13 @@ def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
     reverse = fit(problem, chosen, rows_of(gap.signals, train + 1, count))
     whole = gap.fitted = fit(problem, chosen, rows_of(gap.signals, 1, count), forward.values)
     set_done(0.6)
-    for name, own in {"identified": forward, "identified, the reverse": reverse}.items():
-        applied = problem.apply(own)
-        along = applied.expand(*applied.replay(own.values, own.delay))  # so that the equations hold to all orders
-        gap.replays[name], _ = applied.replay(own.values, own.delay, along)
+    for name, fitted in {"identified": forward, "identified, the reverse": reverse}.items():
+        applied = problem.apply(fitted)
+        # expanded along the replay itself, the equations hold to all orders
+        expansions = applied.expand(*applied.replay(fitted.values, fitted.delay))
+        gap.replays[name], _ = applied.replay(fitted.values, fitted.delay, expansions)
     middle = max(train + 1, count - 1)
-    parts = {"before": (1, train), "middle": (train + 1, middle), "last": (count, count), "all": (1, count)}
+    spans = {"before": (1, train), "middle": (train + 1, middle), "last": (count, count), "all": (1, count)}
     gap.values |= {
         "validation": {
             "unit": "mrad",
@@ -55,7 +60,7 @@ def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
                 "scored_on": [inner + 1, train],
             },
             "distance": {
-                name: {part: measure_distance(gap.signals, angle, *own) for part, own in parts.items()}
+                name: {span: measure_distance(gap.signals, angle, *strokes) for span, strokes in spans.items()}
                 for name, angle in gap.replays.items()
             },
         },
@@ -65,7 +70,7 @@ def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
             for joint, (value, deviation) in whole.masses.items()
         },
         "delay": {"unit": "s", "value": whole.delay, "deviation": whole.delay_deviation},
-        "covariances": [own.tolist() for own in whole.covariances],
+        "covariances": [covariance.tolist() for covariance in whole.covariances],
         "refused": list(refuse_parameters(problem, whole)),
     }
     for name, make in list_identified(problem, chosen, gap.makers["model"]).items():
@@ -74,7 +79,10 @@ def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
 
 
 def rows_of(signals: Signals, first: int, last: int) -> Mask:
-    """Rows (n,) of strokes ``first`` to ``last``; those before the first stroke, but for SETTLE, belong to it."""
+    """Return the mask (n,) of the rows of strokes ``first`` to ``last``.
+
+    Rows before the first stroke count as part of it, except for the first SETTLE seconds.
+    """
     rows = np.zeros(len(signals.log.time), dtype=bool)
     begin = round(SETTLE / signals.log.period) if first == 1 else int(signals.bounds[first - 1])
     rows[begin : int(signals.bounds[last])] = True
@@ -82,90 +90,105 @@ def rows_of(signals: Signals, first: int, last: int) -> Mask:
 
 
 def measure_distance(signals: Signals, angle: Array, first: int, last: int) -> float:
-    """RMS distance of angles (n, J) from the measured ones in strokes ``first`` to ``last``, mrad."""
+    """Return the RMS difference of angles (n, J), rad, from measured ones in strokes ``first`` to ``last``, mrad."""
     rows = slice(int(signals.bounds[first - 1]), int(signals.bounds[last]))
     return float(1e3 * np.sqrt(((angle - signals.log.angle)[rows] ** 2).mean()))
 
 
 def split_strokes(count: int) -> tuple[int, int]:
-    """The last stroke that models of joints are fitted to, and the last by which they are chosen: 1/3 and 2/3."""
+    """Return the last stroke for fitting models of joints, and the last for choosing one: after 1/3 and 2/3."""
     train = max(2, round(count * 2 / 3))
     return max(1, train // 2), train
 
 
 def choose_level(problem: Problem) -> tuple[Level, list[dict[str, Any]]]:
-    """The model of joints that predicts the second third of the strokes best when fitted to those before; and all."""
-    (inner, train), models = split_strokes(problem.signals.count), []
+    """Choose the model of joints that, fitted to the first third of the strokes, predicts the second third best.
+
+    Returns also a row for each model, with its number of ``parameters`` and its error in ``mrad``.
+    """
+    inner, train = split_strokes(problem.signals.count)
+    models = list[dict[str, Any]]()
     levels = LEVELS if problem.masses else LEVELS[:-1]
     for level in levels:
-        found = fit(problem, level, rows_of(problem.signals, 1, inner))
-        angle, _ = problem.apply(found).replay(found.values, found.delay)
-        distance = measure_distance(problem.signals, angle, inner + 1, train)
-        models.append({"model": level.name, "parameters": int(level.free.sum()), "mrad": distance})
-    return min(zip(levels, models, strict=True), key=lambda each: float(each[1]["mrad"]))[0], models  # type: ignore[arg-type]
+        fitted = fit(problem, level, rows_of(problem.signals, 1, inner))
+        angle, _ = problem.apply(fitted).replay(fitted.values, fitted.delay)
+        models.append(
+            {
+                "model": level.name,
+                "parameters": int(level.free.sum()),
+                "mrad": measure_distance(problem.signals, angle, inner + 1, train),
+            }
+        )
+    return levels[int(np.argmin([model["mrad"] for model in models]))], models
 
 
-def describe_parameters(problem: Problem, found: Fit) -> dict[str, Any]:
-    """Parameters by joint with their standard errors, and the range over which friction and spring are given."""
+def describe_parameters(problem: Problem, fitted: Fit) -> dict[str, Any]:
+    """Return the parameters by joint with standard errors, and the range of friction and spring."""
     described = {}
     for j, joint in enumerate(problem.signals.log.joints):
-        free = [k for k in range(len(NAMES)) if found.level.free[k]]
+        free = [k for k in range(len(NAMES)) if fitted.level.free[k]]
         described[joint] = {
-            NAMES[k]: {"value": float(found.values[j, k]), "deviation": float(found.deviation[j, k])} for k in free
+            NAMES[k]: {"value": float(fitted.values[j, k]), "deviation": float(fitted.deviation[j, k])} for k in free
         } | {
             "coulomb_friction": {
-                "value": found.values[j, len(NAMES) :].tolist(),
-                "deviation": found.deviation[j, len(NAMES) :].tolist(),
+                "value": fitted.values[j, len(NAMES) :].tolist(),
+                "deviation": fitted.deviation[j, len(NAMES) :].tolist(),
             },
             "range": problem.ranges[:, j].tolist(),
         }
     return described
 
 
-def refuse_parameters(problem: Problem, found: Fit) -> Iterator[str]:
-    """What this log does not identify, by name, a sentence each."""
-    machine, joints = problem.machine, problem.signals.log.joints
-    unknown = {machine.find_link(j)[0]: None for j in range(len(joints)) if j not in problem.masses}
+def refuse_parameters(problem: Problem, fitted: Fit) -> Iterator[str]:
+    """Yield the parameters that the log does not identify, each by name with the reason."""
+    joints = problem.signals.log.joints
+    unknown = {problem.machine.find_link(j)[0]: None for j in range(len(joints)) if j not in problem.masses}
     if unknown:
         limit = 100.0 * KNOWN * MASS_PRIOR
         yield f"masses of {', '.join(unknown)}: beside the joints they are not known to {limit:.0f} %"
     if (error := problem.tilt_error) > KNOWN * TILT_PRIOR:
         yield f"tilt of the base: its standard error is {np.degrees(error):.1f} degrees"
-    strongest = found.delay_correlation[np.abs(found.delay_correlation).argmax()]
+    strongest = fitted.delay_correlation[np.abs(fitted.delay_correlation).argmax()]
     if abs(strongest) > CORRELATED:
         yield f"delay apart from rotor inertia: their correlation is up to {strongest:.2f}"
     for j, joint in enumerate(joints):
         for k, name in enumerate(NAMES[:2]):
-            if found.deviation[j, k] > max(found.values[j, k], 1e-9):
+            if fitted.deviation[j, k] > max(fitted.values[j, k], 1e-9):
                 yield f"{name.replace('_', ' ')} of {joint}: its standard error exceeds its value"
-        if found.deviation[j, len(NAMES) :].max() > found.values[j, len(NAMES) :].mean():
+        if fitted.deviation[j, len(NAMES) :].max() > fitted.values[j, len(NAMES) :].mean():
             yield f"Coulomb friction of {joint}: its standard error exceeds its mean"
 
 
 class Identified:
-    """The plant fitted to the strokes so far, anew after every second one; until then the torque of a model.
+    """A predictor that replays the plant fitted to all strokes so far; it is fitted again after every second stroke.
 
-    ``fit_to`` gives the fit to all strokes up to one.
+    Until the first fit, ``before`` predicts. ``fit_to`` returns the fit to all strokes up to a given one.
     """
 
     def __init__(self, problem: Problem, before: Learner, fit_to: Callable[[int], Fit]):
-        self.problem, self.before, self.fit_to, self.torque = problem, before, fit_to, np.zeros(0)
+        self.problem = problem
+        self.before = before
+        self.fit_to = fit_to
+        self.torque = np.zeros(0)
 
     def predict(self, rows: slice) -> Array:
-        """The torque of the drives that move the plant."""
+        """Return the torque of the drives in the replay of the fitted plant, or that of ``before``."""
         return self.torque[rows] if self.torque.size else self.before.predict(rows)
 
     def learn(self, rows: slice, torque: Array) -> None:
-        """Fit to the measured angles of all strokes so far."""
+        """Fit the plant to the measured angles of all strokes so far, after every second one."""
         stroke = int(self.problem.signals.stroke[rows.start])
         if stroke % 2 == 0 and stroke < self.problem.signals.count:
-            found = self.fit_to(stroke)
-            angle, _ = self.problem.apply(found).replay(found.values, found.delay)
+            fitted = self.fit_to(stroke)
+            angle, _ = self.problem.apply(fitted).replay(fitted.values, fitted.delay)
             self.torque = self.problem.signals.compute_torque(angle)
 
 
 def list_identified(problem: Problem, level: Level, before: Maker) -> Mapping[str, Maker]:
-    """Makers of the identified plant, alone and below tables, by name; ``before`` predicts until the first fit."""
+    """Return constructors of the identified plant, without and with ILC or a table, by name.
+
+    ``before`` makes the learner that predicts until the first fit.
+    """
 
     @cache
     def fit_to(stroke: int) -> Fit:
@@ -175,23 +198,26 @@ def list_identified(problem: Problem, level: Level, before: Maker) -> Mapping[st
     def make() -> Learner:
         return Identified(problem, before(), fit_to)
 
-    found: dict[str, Maker] = {IDENTIFIED: make}
+    makers: dict[str, Maker] = {IDENTIFIED: make}
     if problem.signals.repeats:
-        found |= {
+        makers |= {
             f"{IDENTIFIED}, and ILC": lambda: Both(make(), Iterative(problem.signals, 0.5)),
             f"{IDENTIFIED}, and {ABOVE}": lambda: Both(make(), make_tables(problem)[ABOVE]()),
         }
-    return found
+    return makers
 
 
-def act(gap: Gap, plant: Fit, known: Fit) -> dict[str, Any]:
-    """Torque and tracking error, in percent of those of the drives alone, on the plant fitted to the whole log.
+def act(gap: Gap, plant: Fit, first: Fit) -> dict[str, Any]:
+    """Apply learners to the ``plant`` fitted to the whole log; return their feedback torque and tracking error.
 
-    ``as_logged`` has the drives of the log; learners without a model act, beside what the log predicts for them.
-    ``with_velocity`` feeds the desired velocity forward too, and has inverse dynamics of the plan, by the joints of
-    the model and by those ``known`` from the first strokes, below the learners.
+    Both are percentages of the values of feedback only. ``as_logged`` has the drives of the log and learners without
+    a model, with the torque that the log predicts. ``with_velocity`` also feeds the desired velocity forward, and
+    adds inverse dynamics of the plan to the learners: with the joints of the model, and with those of ``first``,
+    which was fitted to the first strokes.
     """
-    problem, signals, log = gap.problem.apply(plant), gap.signals, gap.signals.log
+    problem = gap.problem.apply(plant)
+    signals = gap.signals
+    log = signals.log
     tables = make_tables(problem)
     as_logged = {name: tables[name] for name in PLACED if name in tables}
     plan = low_pass(signals.command, log.period)
@@ -200,7 +226,7 @@ def act(gap: Gap, plant: Fit, known: Fit) -> dict[str, Any]:
     makers: dict[str, Maker] = {ALONE: lambda: Fixed(np.zeros_like(plan)), **as_logged}
     models = {
         "model": (gap.problem, gap.problem.machine.losses),
-        "identified": (gap.problem.apply(known), known.values),
+        "identified": (gap.problem.apply(first), first.values),
     }
     for name, (model, values) in models.items():
         rigid = model.machine.compute_torque(*motion, log.orientation)
@@ -220,30 +246,39 @@ def act(gap: Gap, plant: Fit, known: Fit) -> dict[str, Any]:
 
 
 def _run(problem: Problem, plant: Fit, learner: Learner, rate: Array, plan: Array) -> dict[str, Any]:
-    """One learner that predicts each stroke, acts, and learns what feedforward and feedback supplied."""
-    signals, period, begin = problem.signals, problem.signals.log.period, int(problem.signals.bounds[0])
-    command, kp, kd = signals.command, signals.log.kp, signals.log.kd
+    """Simulate the ``plant`` under a learner that feeds its prediction of each stroke forward, and learns after it.
+
+    It learns the sum of feedforward and feedback. ``rate`` (n, J), rad/s, is the commanded velocity, ``plan`` (n, J),
+    rad, the motion along which the equations are expanded. Returns the RMS of feedback torque and of tracking error,
+    in percent of their values with feedback only.
+    """
+    signals = problem.signals
+    log = signals.log
+    command = signals.command
+    begin = signals.bounds[0]
     logged, velocity = problem.replay(plant.values, plant.delay)
-    alone = signals.compute_torque(logged)
-    expansions = problem.expand(plan, differentiate(plan, period))
-    state, left, tracking = (logged[begin], velocity[begin]), list[float](), list[float]()
+    feedback_only = signals.compute_torque(logged)
+    expansions = problem.expand(plan, differentiate(plan, log.period))
+    state = (logged[begin], velocity[begin])
+    left, tracking = list[float](), list[float]()
     for stroke in range(1, signals.count + 1):
         rows = signals.rows(stroke)
         forward = learner.predict(rows)
         held = np.append(np.arange(len(forward)), len(forward) - 1)  # after the last row the state is read
-        drive = make_drive(command[rows][held], rate[rows][held], forward[held], kp, kd)
-        along = [Expansion(*(each[rows][held] for each in own)) for own in expansions]
-        replayed = problem.replay(plant.values, plant.delay, along, drive, state)
-        state, angle = (replayed[0][-1], replayed[1][-1]), replayed[0][:-1]
-        feedback = kp * (command[rows] - angle) + kd * (rate[rows] - differentiate(angle, period))
+        drive = make_drive(command[rows][held], rate[rows][held], forward[held], log.kp, log.kd)
+        along = [Expansion(*(values[rows][held] for values in expansion)) for expansion in expansions]
+        angles, velocities = problem.replay(plant.values, plant.delay, along, drive, state)
+        state = (angles[-1], velocities[-1])
+        angle = angles[:-1]
+        feedback = log.kp * (command[rows] - angle) + log.kd * (rate[rows] - differentiate(angle, log.period))
         learner.learn(rows, forward + feedback)
-        left.append(compare_rms(feedback, alone[rows]))
+        left.append(compare_rms(feedback, feedback_only[rows]))
         tracking.append(compare_rms(angle - command[rows], logged[rows] - command[rows]))
     return {
         name: {
-            "mean": float(np.mean(own[FIRST - 1 :])),
-            "worst": float(np.max(own[FIRST - 1 :])),
-            "strokes": [round(each, 2) for each in own],
+            "mean": float(np.mean(percents[FIRST - 1 :])),
+            "worst": float(np.max(percents[FIRST - 1 :])),
+            "strokes": [round(percent, 2) for percent in percents],
         }
-        for name, own in {"torque_obtained": left, "tracking": tracking}.items()
+        for name, percents in {"torque_obtained": left, "tracking": tracking}.items()
     }

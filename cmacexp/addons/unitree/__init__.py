@@ -1,1 +1,1 @@
-"""A robot over a wire: messages, a guardian, stages, and a process that plays the robot."""
+"""A Unitree robot over DDS: messages, a guardian process, stages of a run, and a simulated robot."""

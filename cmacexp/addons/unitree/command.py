@@ -1,4 +1,4 @@
-"""``cmacexp robot``: plays a robot on this computer, for plant=unitree."""
+"""``cmacexp robot``: simulate a robot on this computer for plant=unitree, or move a robot that hangs."""
 
 from functools import partial
 from typing import Any
@@ -23,18 +23,19 @@ PLAYED = [
     "scenario=robot", "machine=go2", "plant=mujoco_robot_rigid", "plant/as_built=go2", "actuator=go2",
     "controller=drives", "feedforward=none", "sensors=proprioceptive",
 ]  # fmt: skip
-"""The robot that is played where nothing else is asked for."""
+"""Default overrides of the simulated robot."""
 
 HUNG = ["scenario=robot", "machine=go2", "plant=unitree", "controller=drives"]
-"""The robot that hangs likewise."""
+"""Default overrides of the controller of a robot that hangs."""
 
 LONGEST = 3600.0
-"""Time for which a robot is played if commands do not cease, s."""
+"""Time after which the simulation ends even if commands continue, s."""
 
 FAULTS = "; ".join(f"{name}: {meaning}" for name, meaning in KINDS.items())
 
 
 def _move_hung(arguments: Arguments) -> None:
+    """Move a robot that hangs: draw a chirp, or let a leg learn; print what follows."""
     from cmacexp.loop.scenario import make_scenario
 
     log = [f"plant.log={quote_value(arguments.chirp)}"] if arguments.chirp else []
@@ -48,7 +49,8 @@ def _move_hung(arguments: Arguments) -> None:
             if arguments.chirp:
                 plant.move_hung(draw_chirp)
             else:
-                leg, setup = LEG_NAMES.index(arguments.learn), scenario.setup
+                leg = LEG_NAMES.index(arguments.learn)
+                setup = scenario.setup
                 learn = partial(learn_strokes, leg=leg, memory=make_memory(), lead=setup.lead, rate=setup.rate)
                 strokes: Array = plant.move_hung(learn)
         status = Status.COMPLETED
@@ -62,6 +64,7 @@ def _move_hung(arguments: Arguments) -> None:
 
 
 def _play(arguments: Arguments) -> None:
+    """Simulate a robot and print one line about the course of the simulation."""
     config = compose_config([*PLAYED, *arguments.overrides])
     fault = Fault(arguments.fault, round(arguments.after / config.sampling_period), arguments.motor)
     crouch = OmegaConf.load(config_folder() / "plant" / "unitree.yaml").crouch
@@ -71,33 +74,36 @@ def _play(arguments: Arguments) -> None:
 
 @command(
     "robot",
-    f"Play a robot on this computer's loopback for plant=unitree. Faults: {FAULTS}.",
+    f"Simulate a robot on this computer's loopback for plant=unitree, or move a robot that hangs. Faults: {FAULTS}.",
     {
-        "--simulate": make_flag("play a robot; it ends once commands cease"),
-        "--chirp": {"metavar": "LOG", "help": "move the joints of a robot that hangs, for cmacexp gap LOG"},
-        "--learn": {"metavar": "LEG", "choices": LEG_NAMES, "help": "let a leg of a robot that hangs learn"},
-        "--domain": {"type": int, "default": 0, "metavar": "N", "help": "of DDS, as plant.domain (0)"},
-        "--lying": make_flag("it lies on the ground and does not hang at first"),
-        "--patient": make_flag("wait for each command: not in real time"),
-        "--fault": {"default": NO_FAULT, "metavar": "KIND", "help": "a fault that it has"},
+        "--simulate": make_flag("simulate a Go2; exit when commands stop"),
+        "--chirp": {
+            "metavar": "LOG",
+            "help": "move all joints of a robot that hangs and write LOG, for cmacexp gap LOG",
+        },
+        "--learn": {"metavar": "LEG", "choices": LEG_NAMES, "help": "let one leg of a robot that hangs learn"},
+        "--domain": {"type": int, "default": 0, "metavar": "N", "help": "DDS domain, equal to plant.domain (0)"},
+        "--lying": make_flag("start on the ground, not hanging"),
+        "--patient": make_flag("wait for each command, not in real time"),
+        "--fault": {"default": NO_FAULT, "metavar": "KIND", "help": "inject this fault (none)"},
         "--after": {
             "type": float,
             "default": 0.0,
             "metavar": "S",
-            "help": "second after the first command from which on it has it",
+            "help": "time of the fault after the first command, s (0)",
         },
         "--motor": {
             "type": int,
             "default": 0,
             "choices": range(12),
             "metavar": "N",
-            "help": "0 to 11, whose fault it is",
+            "help": "faulty motor, 0 to 11 (0)",
         },
         **OVERRIDES,
     },
 )
 def main(arguments: Arguments) -> None:
-    """Play a robot, or move one that hangs; raises CmacexpError unless one of the three ways is asked for."""
-    ways = (arguments.simulate, arguments.chirp, arguments.learn)
-    CmacexpError.unless(sum(map(bool, ways)) == 1, "give one of --simulate, --chirp LOG and --learn LEG")
+    """Simulate a robot, or move one that hangs; raise CmacexpError unless one of three modes is chosen."""
+    modes = (arguments.simulate, arguments.chirp, arguments.learn)
+    CmacexpError.unless(sum(map(bool, modes)) == 1, "give one of --simulate, --chirp LOG and --learn LEG")
     (_play if arguments.simulate else _move_hung)(arguments)

@@ -1,8 +1,9 @@
-"""A process that damps a robot when the process that controls it falls silent, ends, or is killed.
+"""A process that damps a robot when its controller process stops sending commands, ends, or is killed.
 
-The controller writes a byte for every command that it sends. While these come the guardian sends nothing, so that the
-robot hears one sender. When none has come for ``silence``, or the pipe is closed since the controller is gone, the
-guardian closes its own end, which stops a controller that was only slow, and sends damping from then on.
+The controller writes a byte to a pipe for every command that it sends. While bytes arrive the guardian sends nothing,
+so that the robot receives commands from one sender only. When none has arrived for ``silence`` seconds, or the pipe
+is closed because the controller has ended, the guardian closes its end of the pipe, which stops a controller that was
+only slow, and sends damping from then on.
 """
 
 import os
@@ -17,29 +18,30 @@ from cmacexp.addons.unitree.network import COMMANDS, Wire, run_first
 from cmacexp.errors import CmacexpError
 
 ALIVE, DONE = b"+", b"."
-"""What the controller writes: after a command, and when the robot needs no guardian any more."""
+"""Bytes that the controller writes: with each command, and when the robot needs no guardian any more."""
 STARTS = 30.0
-"""Longest time until it is ready, s."""
+"""Longest time until the guardian is ready, s."""
 PERIOD = 0.002
 """Time from one damping command to the next, s."""
 LASTS = 10.0
-"""Time for which the guardian damps the robot, s: long enough to lie down."""
+"""Time for which the guardian damps the robot, s: long enough for it to lie down."""
 
 
 def make_damping(damping: float) -> Message:
-    """A command under which the joints give no torque but ``damping``, N m s/rad, times their velocity."""
+    """Return a command under which all joints are only damped, with ``damping``, N m s/rad."""
     command = new_command()
     set_motors(command, q=0.0, dq=0.0, tau=0.0, kp=0.0, kd=damping)
     return command
 
 
 class Guardian:
-    """The guardian of a robot, in a process of its own, seen from the controller."""
+    """The controller's handle of the guardian process of a robot."""
 
     def __init__(self, interface: str, domain: int, damping: float, silence: float):
-        """Start the process on a network ``interface``; it damps with ``damping``, N m s/rad, after ``silence``, s.
+        """Start the process; it damps the robot if no command is reported for ``silence``, s.
 
-        Raises CmacexpError if it does not start.
+        The damping is in N m s/rad; the robot is on a network ``interface`` and a DDS ``domain``. Raises CmacexpError
+        if the process does not start.
         """
         self._silence = silence
         module = [sys.executable, "-m", __name__, interface, str(domain), str(damping), str(silence)]
@@ -56,7 +58,7 @@ class Guardian:
             raise CmacexpError("the guardian of the robot did not start: see what it says above")
 
     def report(self) -> None:
-        """Say that a command has been sent, or is about to be; raises CmacexpError if the guardian has taken over."""
+        """Report that a command is being sent; raise CmacexpError if the guardian has taken over."""
         try:
             os.write(self._pipe, ALIVE)
         except (BrokenPipeError, BlockingIOError) as error:
@@ -66,28 +68,29 @@ class Guardian:
             ) from error
 
     def end(self) -> None:
-        """End the guardian, whose robot is safe."""
-        with suppress(subprocess.TimeoutExpired, ValueError):  # it ends by itself, or has been ended before
+        """End the guardian; the robot must be safe."""
+        with suppress(subprocess.TimeoutExpired, ValueError):  # it ends by itself later, or was ended before
             self._process.communicate(DONE, LASTS + 5.0)
 
 
 def watch(pipe: int, silence: float) -> bool:
-    """Wait until the controller is done, or silent for ``silence``, s; whether the robot must be damped.
+    """Wait until the controller is done or has been silent for ``silence``, s; return True to damp the robot.
 
-    Before the first command there is nothing to guard.
+    It need not be damped if the controller ends before its first command.
     """
-    begun = words = os.read(pipe, 1)
-    while words and not words.endswith(DONE):
+    first = received = os.read(pipe, 1)
+    while received and not received.endswith(DONE):
         ready, _, _ = select.select([pipe], [], [], silence)
-        words = os.read(pipe, 1 << 16) if ready else b""
-    return bool(begun) and not words
+        received = os.read(pipe, 1 << 16) if ready else b""
+    return bool(first) and not received
 
 
 def main() -> None:
-    """Guard: the arguments are the network interface, the DDS domain, the damping, N m s/rad, and the silence, s."""
+    """Run the guardian; arguments are network interface, DDS domain, damping, N m s/rad, and silence, s."""
     interface, domain, damping, silence = sys.argv[1:]
     run_first(True)
-    wire, command = Wire(interface, int(domain), COMMANDS, None), make_damping(float(damping))
+    wire = Wire(interface, int(domain), COMMANDS, None)
+    command = make_damping(float(damping))
     print("ready", flush=True)
     if watch(sys.stdin.fileno(), float(silence)):
         os.close(sys.stdin.fileno())

@@ -1,4 +1,4 @@
-"""What a robot does while it hangs: its joints are checked, it is let down, draws a chirp, or learns with one leg."""
+"""Motions of a robot that hangs: check of its joints, wait until it is let down, chirp, and learning of one leg."""
 
 import time
 from collections.abc import Callable
@@ -13,58 +13,69 @@ from cmacexp.protocols import RobotSignals
 from cmacexp.typing import Array
 
 SOFT: Gains = (40.0, 2.0)
-"""Gains of a robot that hangs."""
+"""Gains while the joints of a robot that hangs are checked."""
 SLACK: Gains = (20.0, 1.5)
-"""Gains of a robot that draws a chirp: its friction shows in what it lacks."""
-WIGGLE, ANSWERED, CROSSTALK = 0.1, 0.04, 0.04
-"""Angle by which a hanging joint is moved, how much of it must be seen, and how much of it in another joint, rad."""
+"""Gains during a chirp, so low that friction shows as a tracking error."""
+WIGGLE = 0.1
+"""Commanded motion of a joint in its check, rad."""
+ANSWERED = 0.04
+"""Least measured motion of that joint, rad."""
+CROSSTALK = 0.04
+"""Largest measured motion of any other joint, rad."""
 CALF = 2
+"""Number of the calf among the joints of a leg."""
 OFF = 0.8
-"""Largest difference of a holding torque from that of the model, N m."""
-MOVE, HOLD = 2.0, 0.25
-"""Time of a slow motion while it hangs, and of each small one, s."""
+"""Largest difference of the measured holding torque from the model, N m."""
+MOVE = 2.0
+"""Duration of a motion to the initial pose, s."""
+HOLD = 0.25
+"""Duration of each motion in the check of a joint, s."""
 CARRIED = 0.5
-"""Part of its weight from which on a robot stands."""
+"""Part of its weight on the feet above which a robot counts as standing."""
 SWING = np.array([0.6, 0.7, -0.9])
-"""Swing of a chirp, from the pose in which a robot stands, of hip, thigh and calf, rad."""
+"""Peak-to-peak motion of hip, thigh and calf in a chirp, from the standing pose on, rad."""
 SLOWEST, FASTEST, STROKES = 2.9, 0.7, 12
 """Periods of the first and the last stroke of a chirp, s, and their number."""
-LEARNT_STROKE, LEARNT_STROKES = 1.5, 20
-"""Time of a stroke of a leg that learns, s, and their number."""
+LEARNT_STROKE = 1.5
+"""Duration of a stroke of a leg that learns, s."""
+LEARNT_STROKES = 20
+"""Number of these strokes."""
 MOST_LEARNT = 5.0
-"""Largest torque of what a leg that hangs has learnt, N m."""
+"""Limit of the learnt feedforward torque of a leg that hangs, N m."""
 
 
 def find_holding_torque(robot: Robot, stand: Array) -> Array:
-    """Torques (4, 3) that hold the legs of a level robot that hangs in the pose ``stand`` (4, 3), rad, N m."""
+    """Return the torques (4, 3), N m, that hold the legs of a level robot in the air at ``stand`` (4, 3), rad."""
     data = robot.at(stand)
     load_mujoco().mj_forward(robot.model, data)
     return np.array(data.qfrc_bias[robot.legs.dof])
 
 
 def check_joints(link: Link, stand: Array, expected: Array) -> None:
-    """Move each joint a little up and down, and compare what it holds with the model; raises Unsafe.
+    """Move each joint a little up and down, and check its motion, and the torque that holds it, against the model.
 
-    Friction has opposite signs after a motion up and one down, and cancels in their mean; but not at the calf, where
-    it differs too much: a calf that turns the other way is where none can be. ``stand`` (4, 3), rad, is the pose,
-    ``expected`` (4, 3), N m, what holds it.
+    ``stand`` (4, 3), rad, is the pose, ``expected`` (4, 3), N m, the torque that holds it. Friction has opposite
+    signs after motions up and down, and cancels in their mean, except at the calf, where it varies too much: the
+    holding torque of the calf is not checked, and a calf with the wrong sign shows as an angle outside of its range.
+    Raises Unsafe.
     """
     link.move(stand, MOVE, SOFT)
     for leg, joint in np.ndindex(stand.shape):
         held = 0.0
         for angle in (WIGGLE, -WIGGLE):
-            before, goal = link.signals.q, stand.copy()
+            before = link.signals.q
+            goal = stand.copy()
             goal[leg, joint] += angle
             link.move(goal, HOLD, SOFT)
             moved = (link.signals.q - before) * np.sign(angle)
             link.move(stand, HOLD, SOFT)
-            link.move(stand, HOLD, SOFT)  # until it rests
+            link.move(stand, HOLD, SOFT)  # a second time, until it is at rest
             held += 0.5 * float(link.signals.torque[leg, joint])
-            others = np.delete(np.abs(moved), leg * stand.shape[1] + joint)
+            crosstalk = np.delete(np.abs(moved), leg * stand.shape[1] + joint).max()
             Unsafe.unless(
-                moved[leg, joint] >= ANSWERED and others.max() <= CROSSTALK,
+                moved[leg, joint] >= ANSWERED and crosstalk <= CROSSTALK,
                 f"{name_joint(leg, joint)}, asked for {WIGGLE:g} rad, moved by {moved[leg, joint]:.2g} rad, "
-                f"the others by up to {others.max():.2g}",
+                f"the others by up to {crosstalk:.2g}",
             )
         Unsafe.unless(
             joint == CALF or abs(held - expected[leg, joint]) <= OFF,
@@ -81,21 +92,23 @@ def wait_for_ground(
     weight: float,
     longest: float,
 ) -> None:
-    """Hold still until the legs carry half the ``weight``, N, for a second; raises Unsafe after ``longest``, s.
+    """Hold the pose ``stand`` until the feet carry half the ``weight``, N, for a second.
 
-    ``estimate_force`` gives the force on all feet, N.
+    ``estimate_force`` returns the total force on the feet, N. Raises Unsafe after ``longest``, s.
     """
-    end, needed, carried = time.monotonic() + longest, round(1.0 / link.period), 0
-    while carried < needed:
+    end = time.monotonic() + longest
+    carried = 0
+    while carried < round(1.0 / link.period):
         Unsafe.unless(time.monotonic() <= end, f"not on the ground after plant.let_down={longest:g} s")
         link.move(stand, link.period, gains)
         carried = carried + 1 if estimate_force(link.signals) > CARRIED * weight else 0
 
 
 def draw_chirp(link: Link, stand: Array) -> None:
-    """Move all joints to and fro about ``stand`` (4, 3), rad, ever faster; raises Unsafe."""
+    """Move all joints to and fro from the pose ``stand`` (4, 3), rad, faster in each stroke; raise Unsafe."""
     link.move(stand, MOVE, SLACK)
-    phase, rate = 0.0, (FASTEST / SLOWEST) ** (1.0 / (STROKES - 1))
+    phase = 0.0
+    rate = (FASTEST / SLOWEST) ** (1.0 / (STROKES - 1))
     while phase < STROKES:
         swing = SWING * 0.5 * (1.0 - np.cos(2.0 * np.pi * phase))
         link.send(stand + swing, 0.0, 0.0, *SLACK)
@@ -105,33 +118,35 @@ def draw_chirp(link: Link, stand: Array) -> None:
 
 
 def make_memory() -> Cmac:
-    """A CMAC over the phase of a stroke, with a torque for each joint of a leg, whose programs are compiled."""
+    """Make a CMAC from the phase of a stroke to the torques of the joints of a leg, and compile its programs."""
     memory = Cmac([0.0], [1.0], outputs=len(SWING), layers=16)
     memory.update([0.0], memory.predict([0.0]), 0.0)
     return memory
 
 
 def learn_strokes(link: Link, stand: Array, leg: int, memory: Cmac, lead: int, rate: float) -> Array:
-    """Move a leg to and fro while its ``memory`` learns the torque of its drives; raises Unsafe.
+    """Move a leg to and fro from the pose ``stand`` (4, 3), rad, while its ``memory`` learns the torque of drives.
 
-    From the second stroke on what it has learnt acts, up to MOST_LEARNT. ``stand`` (4, 3), rad, is where it begins,
-    ``lead``, samples, and ``rate`` are those of learning.
+    From the second stroke on the learnt torque is fed forward, limited to MOST_LEARNT. The torque of the drives
+    trains the cells of ``lead`` samples before, with the learning rate ``rate``. Raises Unsafe.
 
-    Returns (LEARNT_STROKES, 2), of each stroke: RMS of the joints' error, rad, and of their drives' torque, N m.
+    Returns the RMS of the joint error, rad, and of the feedback torque, N m, in each stroke, (LEARNT_STROKES, 2).
     """
     link.move(stand, MOVE, SLACK)
-    samples, squares = round(LEARNT_STROKE / link.period), np.zeros((LEARNT_STROKES, 2))
+    samples = round(LEARNT_STROKE / link.period)
+    squares = np.zeros((LEARNT_STROKES, 2))
     for stroke, sample in np.ndindex(LEARNT_STROKES, samples):
         turn = 2.0 * np.pi * sample / samples
-        goal, velocity, learnt = stand.copy(), np.zeros_like(stand), np.zeros_like(stand)
+        goal = stand.copy()
+        velocity, learnt = np.zeros((2, *stand.shape))
         goal[leg] += SWING * 0.5 * (1.0 - np.cos(turn))
         velocity[leg] = SWING * np.pi / LEARNT_STROKE * np.sin(turn)
         if stroke > 0:
             learnt[leg] = np.clip(memory.predict([sample / samples]), -MOST_LEARNT, MOST_LEARNT)
         link.send(goal, velocity, learnt, *SLACK)
         link.receive()
-        error, slip = goal[leg] - link.signals.q[leg], velocity[leg] - link.signals.dq[leg]
-        torque = SLACK[0] * error + SLACK[1] * slip
+        error = goal[leg] - link.signals.q[leg]
+        torque = SLACK[0] * error + SLACK[1] * (velocity[leg] - link.signals.dq[leg])
         memory.update([(sample - lead) % samples / samples], torque, rate)
         squares[stroke] += (error**2).mean(), (torque**2).mean()
     link.move(stand, MOVE, SLACK)

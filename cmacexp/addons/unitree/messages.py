@@ -1,8 +1,8 @@
 """LowCmd and LowState of Unitree's quadrupeds: their structures, their bytes on the wire, the checksum of a command.
 
 Names, types and order are those of Unitree's public interface files (``unitree_go/msg``). In memory a message is a
-structured array of NumPy, laid out as a C compiler does it, of which the checksum is; on the wire it is in CDR, in
-which a number lies at a multiple of its size, but a structure begins anywhere.
+structured array of NumPy with the layout of a C compiler, over which the checksum is computed; on the wire it is in
+CDR, which aligns each number to a multiple of its size, but does not align structures.
 """
 
 import zlib
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Message = NDArray[np.void]
-"""Of the shape (), with a type of STRUCTURES; ``message["motor_cmd"]["q"]`` are the numbers of all motors."""
+"""A structured array of shape () with a type of STRUCTURES, such as ``message["motor_cmd"]["q"]`` (20,)."""
 
 
 MOTOR_CMD = np.dtype(
@@ -76,64 +76,66 @@ STRUCTURES = {
 """Names of structures on the wire."""
 
 LITTLE_ENDIAN = b"\x00\x01\x00\x00"
-"""What precedes a message: plain CDR, least byte first."""
+"""Header of a message on the wire: plain CDR, little-endian."""
 PADDING = -1
+"""Index of a byte of padding, which has no counterpart in memory."""
 JOINTS = np.array([[3, 4, 5], [0, 1, 2], [9, 10, 11], [6, 7, 8]])
-"""(4, 3): motors of the legs of this project, left front, right front, left rear, right rear: hip, thigh, calf."""
-MOTORS_ON, LEVEL_LOW = 0x01, 0xFF
+"""(4, 3) numbers of the motors of hip, thigh and calf, in the order of legs of this project (left front first)."""
+MOTORS_ON = 0x01
+LEVEL_LOW = 0xFF
 HEADER = (0xFE, 0xEF)
 REVERSED = np.array([int(f"{value:08b}"[::-1], 2) for value in range(256)], dtype=np.uint8)
-"""Bytes whose bits are in the opposite order."""
+"""All bytes with their bits in reverse order."""
 
 
-def list_numbers(kind: np.dtype[Any], place: int = 0) -> Iterator[tuple[int, int]]:
-    """Where in memory each number of a type lies, and its size, in bytes; the type itself lies at ``place``."""
+def list_numbers(kind: np.dtype[Any], begin: int = 0) -> Iterator[tuple[int, int]]:
+    """Yield offset and size in memory, in bytes, of each number of a type that begins at ``begin``."""
     if kind.subdtype is not None:
         inner, (count,) = kind.subdtype
         for n in range(count):
-            yield from list_numbers(inner, place + n * inner.itemsize)
+            yield from list_numbers(inner, begin + n * inner.itemsize)
     elif kind.fields is not None:
         for inner, offset, *_ in kind.fields.values():
-            yield from list_numbers(inner, place + offset)
+            yield from list_numbers(inner, begin + offset)
     else:
-        yield place, kind.itemsize
+        yield begin, kind.itemsize
 
 
 @cache
 def lay_out(kind: np.dtype[Any]) -> NDArray[np.intp]:
-    """Where in memory each byte of a message in CDR lies; PADDING: nowhere."""
-    found = list[int]()
-    for place, size in list_numbers(kind):
-        found += [PADDING] * (-len(found) % size)
-        found += range(place, place + size)
-    return np.array(found)
+    """Return the offset in memory of each byte of a message in CDR, PADDING for a byte of padding."""
+    offsets = list[int]()
+    for begin, size in list_numbers(kind):
+        offsets += [PADDING] * (-len(offsets) % size)
+        offsets += range(begin, begin + size)
+    return np.array(offsets)
 
 
 def encode(message: Message) -> bytes:
-    """What goes on the wire."""
-    memory = np.frombuffer(message.tobytes() + b"\0", dtype=np.uint8)  # whose last byte is the padding's
+    """Return the bytes of a message on the wire."""
+    memory = np.frombuffer(message.tobytes() + b"\0", dtype=np.uint8)  # PADDING, -1, takes the last byte
     return LITTLE_ENDIAN + memory[lay_out(message.dtype)].tobytes()
 
 
 def decode(kind: np.dtype[Any], data: bytes) -> Message:
-    """The message of a ``kind`` of STRUCTURES in the ``data`` on the wire.
+    """Return the message of a ``kind`` of STRUCTURES from its bytes on the wire.
 
-    Raises ValueError if the data is of another kind, or of another length.
+    Raises ValueError if the bytes have another encoding or length.
     """
-    places, begin = lay_out(kind), len(LITTLE_ENDIAN)
-    size = begin + len(places)
+    offsets = lay_out(kind)
+    size = len(LITTLE_ENDIAN) + len(offsets)
     if data[:2] != LITTLE_ENDIAN[:2] or not size <= len(data) <= size + 3:
         raise ValueError(f"{len(data)} bytes that begin with {data[:4].hex()}, not {size} of plain CDR")
     memory = np.zeros(kind.itemsize + 1, dtype=np.uint8)
-    memory[places] = np.frombuffer(data, dtype=np.uint8)[begin:size]
+    memory[offsets] = np.frombuffer(data, dtype=np.uint8)[len(LITTLE_ENDIAN) : size]
     return memory[:-1].view(kind).reshape(())
 
 
 def compute_checksum(command: Message) -> int:
-    """CRC-32/MPEG-2 (polynomial 0x04c11db7, start 0xffffffff) of the words of a LowCmd but for itself, the last one.
+    """Compute the CRC-32/MPEG-2 of the words of a LowCmd, except for the last word, which is the checksum itself.
 
-    It takes the most significant byte of a word first. zlib has the same polynomial, but takes the least bit first,
-    and inverts the result.
+    The polynomial is 0x04c11db7, the initial value 0xffffffff, and the most significant byte of a word comes first.
+    zlib has the same polynomial, but takes the least significant bit first, and inverts the result.
     """
     words = np.frombuffer(command.tobytes(), dtype="<u4")[:-1].astype(">u4")
     value = zlib.crc32(REVERSED[words.view(np.uint8)].tobytes()) ^ 0xFFFFFFFF
@@ -141,7 +143,7 @@ def compute_checksum(command: Message) -> int:
 
 
 def new_command() -> Message:
-    """A LowCmd that asks nothing of the motors but to listen."""
+    """Return a LowCmd that enables the motors, without torque or gains."""
     command: Message = np.zeros((), LOW_CMD)
     command["head"] = HEADER
     command["level_flag"] = LEVEL_LOW
@@ -150,12 +152,12 @@ def new_command() -> Message:
 
 
 def set_motors(command: Message, **values: Any) -> None:
-    """Set fields of the motors, each (L, 3) in the order of this project or one number, and the checksum."""
-    for name, given in values.items():
-        command["motor_cmd"][name][JOINTS] = given
+    """Set fields of the motors, (L, 3) in the order of this project or one number each, and the checksum."""
+    for name, value in values.items():
+        command["motor_cmd"][name][JOINTS] = value
     command["crc"] = compute_checksum(command)
 
 
 def get_motors(numbers: NDArray[Any]) -> NDArray[np.float64]:
-    """Those of the 20 ``numbers`` of motors that are of joints, (L, 3) in the order of this project."""
+    """Return the values of the joints (L, 3), in the order of this project, from those of all 20 motors."""
     return numbers[JOINTS].astype(np.float64)

@@ -1,4 +1,4 @@
-"""LowCmd and LowState over DDS: one writer and one reader of the bytes of messages, on one network interface."""
+"""LowCmd and LowState over DDS: a writer and a reader of messages as bytes, on one network interface."""
 
 import os
 import socket
@@ -13,10 +13,10 @@ from cmacexp.errors import BadInput, require, require_extra
 
 COMMANDS, STATES = "rt/lowcmd", "rt/lowstate"
 TOPICS = {COMMANDS: LOW_CMD, STATES: LOW_STATE}
-"""What is sent on each."""
+"""Types of the messages, by topic."""
 LOOPBACK = "lo"
 MOST = 230
-"""The last DDS domain, whose ports are still ports."""
+"""Largest number of a DDS domain for which the port numbers are valid."""
 SETTINGS = """<CycloneDDS><Domain Id="any">
 <General><Interfaces><NetworkInterface name="{interface}" multicast="default"/></Interfaces></General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex></Discovery>
@@ -24,13 +24,13 @@ SETTINGS = """<CycloneDDS><Domain Id="any">
 
 
 PRIORITY = 10
-"""Among the processes in real time; below those of the kernel."""
+"""Real-time priority of a thread that controls a robot; below that of threads of the kernel."""
 
 
 def run_first(first: bool) -> None:
-    """Let this thread, and those that it starts, run before others, or as others do.
+    """Give this thread, and those that it starts, real-time priority if ``first``, else the normal one.
 
-    Nothing changes where the system does not allow it: Linux does, as root.
+    Nothing changes if the system does not allow it; Linux allows it to root.
     """
     with suppress(AttributeError, OSError):
         policy, priority = (os.SCHED_FIFO, PRIORITY) if first else (os.SCHED_OTHER, 0)
@@ -38,7 +38,7 @@ def run_first(first: bool) -> None:
 
 
 def make_sample(kind: Any, data: bytes, /, **options: Any) -> Any:
-    """A sample of a type of messages, which has its bytes as ``data``."""
+    """Return a DDS sample of a type of messages that holds its bytes as ``data``."""
     sample = kind.__new__(kind)
     sample.data = data
     return sample
@@ -46,7 +46,7 @@ def make_sample(kind: Any, data: bytes, /, **options: Any) -> Any:
 
 @cache
 def make_type(kind: np.dtype[Any]) -> Any:
-    """The type of DDS of a type of NumPy, see :func:`make_sample`: DDS does not convert the bytes of structures."""
+    """Return the DDS type for a type of NumPy; its samples hold bytes, which DDS does not convert."""
     from cyclonedds.idl import annotations, make_idl_struct, types
 
     array: Any = types.array
@@ -55,7 +55,8 @@ def make_type(kind: np.dtype[Any]) -> Any:
         return array[make_type(inner), count]
     if kind not in STRUCTURES:
         return vars(types)[kind.name]
-    name, fields = STRUCTURES[kind], {field: make_type(kind[field]) for field in kind.names or ()}
+    name = STRUCTURES[kind]
+    fields = {field: make_type(kind[field]) for field in kind.names or ()}
     struct: Any = make_idl_struct(name, f"unitree_go.msg.dds_.{name}", fields)
     struct.serialize = lambda sample, **options: sample.data
     struct.deserialize = classmethod(make_sample)
@@ -64,17 +65,17 @@ def make_type(kind: np.dtype[Any]) -> Any:
 
 @cache
 def join(interface: str, domain: int) -> Any:
-    """The DDS ``domain`` on a network ``interface``, which stays as it is as long as this process runs.
+    """Return the DDS ``domain`` on a network ``interface``; it is kept until this process ends.
 
-    Raises BadInput if there is no such interface, or if the domain is on another one.
+    Raises BadInput if there is no such interface, or if this process has joined the domain on another one.
     """
     from cyclonedds.core import DDSException
     from cyclonedds.domain import Domain
 
     require(0 <= domain <= MOST, "plant.domain", domain, f"must be at least 0 and at most {MOST}")
-    known = [name for _, name in socket.if_nameindex()]
+    names = [name for _, name in socket.if_nameindex()]
     require(
-        interface in known, "plant.interface", interface, f"no such network interface; choose from {', '.join(known)}"
+        interface in names, "plant.interface", interface, f"no such network interface; choose from {', '.join(names)}"
     )
     try:
         return Domain(domain, SETTINGS.format(interface=interface))
@@ -85,12 +86,12 @@ def join(interface: str, domain: int) -> Any:
 
 
 class Wire:
-    """Sends messages of one topic and receives those of the other."""
+    """A DDS participant that sends messages of one topic and receives those of another."""
 
     def __init__(self, interface: str, domain: int, sends: str | None, receives: str | None):
-        """A participant of a DDS ``domain``; raises BadInput if it cannot be joined on a network ``interface``.
+        """Join a DDS ``domain`` on a network ``interface``; raise BadInput if that fails.
 
-        ``sends`` and ``receives`` are of COMMANDS and STATES; None: it sends, or receives, nothing.
+        The topics ``sends`` and ``receives`` are COMMANDS or STATES; None: nothing is sent, or received.
         """
         require_extra("cyclonedds")
         from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
@@ -112,9 +113,9 @@ class Wire:
             self._arrivals.attach(self._new)
 
     def receive(self, timeout: float) -> Message | None:
-        """The newest message that has arrived, None if none does within ``timeout``, s.
+        """Wait for a message and return the newest, or None if none arrives within ``timeout``, s.
 
-        The reader keeps one message: an older one that nobody has asked for is lost.
+        Only the newest message is kept; older ones that were not received are lost.
         """
         if self._arrivals.wait(int(timeout * 1e9)) == 0:
             return None

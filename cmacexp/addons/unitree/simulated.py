@@ -1,9 +1,9 @@
-"""A process that plays a robot at the other end of the wire: MuJoCo in real time, LowState out, LowCmd in.
+"""A simulated robot at the other end of the wire: MuJoCo in real time, sends LowState and receives LowCmd.
 
-It is the robot of ``plant=mujoco_robot_rigid`` with drives as of :mod:`cmacexp.plants.drives`: lag, late commands and
-what it differs in from its model are those of its config. It hangs at first, as a robot should, and is let down once
-its commands have rested; or it lies on the ground. Without commands its motors go on with the last one. To practise
-what happens then it can have one fault at a time, from some second on.
+It is the robot of ``plant=mujoco_robot_rigid`` with the drives of :mod:`cmacexp.plants.drives`; lag, delay of
+commands and differences from its model are those of its config. It hangs at first, as a real robot should, and is let
+down once its commands have been constant for a while; or it lies on the ground. Without new commands its motors
+repeat the last one. To practise failures it can have one fault at a time, from a given time on.
 """
 
 import gc
@@ -37,64 +37,68 @@ from cmacexp.sensors.proprioceptive import ProprioceptiveConfig
 
 NO_FAULT = "none"
 KINDS = {
-    NO_FAULT: "nothing is wrong",
-    "lost_states": "5 % of its states are lost",
-    "lost_commands": "5 % of the commands are lost, which its motors count",
-    "late": "its states are held back for 20 ms, twice a second",
-    "frozen": "it sends the same state again and again",
-    "frozen_numbers": "likewise, but the tick goes on",
+    NO_FAULT: "no fault",
+    "lost_states": "5 % of the states are lost",
+    "lost_commands": "5 % of the commands are lost, and counted by the motors",
+    "late": "no states for 20 ms, twice a second",
+    "frozen": "the same state is sent in every step",
+    "frozen_numbers": "the same state with a counting tick is sent in every step",
     "nan": "one joint angle is not a number",
     "stuck": "the encoder of one joint is stuck",
-    "sign": "one joint turns the other way, encoder and motor",
-    "sign_of_encoder": "the encoder of one joint counts the other way",
+    "sign": "encoder and motor of one joint have the wrong sign",
+    "sign_of_encoder": "the encoder of one joint has the wrong sign",
     "swapped": "the cables of two legs are swapped",
-    "swapped_encoders": "only the cables of their encoders are",
+    "swapped_encoders": "the encoder cables of two legs are swapped",
     "hot": "one motor is at 90 degrees Celsius",
     "empty": "the battery is at 20 V",
 }
-"""What each does."""
-PART = 0.05
+"""Faults of a simulated robot, with their effect."""
+LOST = 0.05
+"""Probability that a message is lost under the faults ``lost_states`` and ``lost_commands``."""
 BURST, EVERY = 10, 250
-"""States that are held back, of so many."""
-MEASURED, COMMANDED, GAINS = ("q", "dq", "tau_est"), ("q", "dq", "tau"), ("kp", "kd")
-"""Fields of a motor in the messages."""
+"""Under the fault ``late``, number of states that are not sent out of this number."""
+MEASURED = ("q", "dq", "tau_est")
+"""Fields of a motor in a state."""
+COMMANDED = ("q", "dq", "tau")
+"""Fields of a motor in a command, without its gains."""
 
 
 @dataclass
 class Fault:
-    """A fault of a simulated robot; raises BadInput of another kind than of KINDS."""
+    """A fault of a simulated robot; raises BadInput if its kind is not one of KINDS."""
 
     kind: str = NO_FAULT
     start: int = 0
-    """State from which on it is there, counted from the first command; 0: always."""
+    """First state with the fault, counted from the first command; 0: the fault is always present."""
     motor: int = 0
-    """That it is of, 0 to 11; the leg of this motor and the next leg are swapped."""
+    """Faulty motor, 0 to 11; faults of two legs affect the leg of this motor and the next leg."""
     _first: Message | None = field(default=None, init=False)
-    """State when it began."""
+    """State at the beginning of the fault."""
     _lost: int = field(default=0, init=False)
+    """Number of lost commands."""
 
     def __post_init__(self) -> None:
         require_name("--fault", self.kind, KINDS)
         self._random = np.random.default_rng(0)
 
     def spoil_command(self, command: Message, step: int) -> Message | None:
-        """A command as it reaches the motors; None: it is lost."""
+        """Return the command as the motors receive it in a ``step``, or None if it is lost."""
         if step < self.start:
             return command
-        if self.kind == "lost_commands" and self._random.random() < PART:
+        if self.kind == "lost_commands" and self._random.random() < LOST:
             self._lost += 1
             return None
         if self.kind in ("sign", "swapped"):
-            self._disturb(command["motor_cmd"], COMMANDED if self.kind == "sign" else (*COMMANDED, *GAINS))
+            self._disturb(command["motor_cmd"], COMMANDED if self.kind == "sign" else (*COMMANDED, "kp", "kd"))
             command["crc"] = compute_checksum(command)
         return command
 
     def spoil_state(self, state: Message, step: int) -> Message | None:
-        """A state as it is sent; None: it is not."""
+        """Return the state as it is sent in a ``step``, or None if it is not sent."""
         if step < self.start:
             return state
         is_held_back = self.kind == "late" and (step - self.start) % EVERY < BURST
-        if is_held_back or (self.kind == "lost_states" and self._random.random() < PART):
+        if is_held_back or (self.kind == "lost_states" and self._random.random() < LOST):
             return None
         first = self._first = state.copy() if self._first is None else self._first
         sent = (first if self.kind.startswith("frozen") else state).copy()
@@ -119,45 +123,49 @@ class Fault:
         return sent
 
     def _disturb(self, motors: Message, names: Sequence[str]) -> None:
-        """Turn the sign of these numbers of one motor, or exchange those of two legs."""
-        own, other = self.motor // 3, (self.motor // 3 + 1) % 4
+        """Invert the sign of these fields of the faulty motor, or exchange them between two legs."""
+        leg = self.motor // 3
+        following = (leg + 1) % 4
         for name in names:
             legs = motors[name][:12].reshape(4, 3)
             if self.kind.startswith("sign"):
                 motors[name][self.motor] *= -1.0
             else:
-                legs[[own, other]] = legs[[other, own]]
+                legs[[leg, following]] = legs[[following, leg]]
 
 
 HANG = 0.5
 """Height of the feet above the ground while the robot hangs, m."""
 RESTS = 3.0
-"""Time for which commands rest until the robot is let down, s."""
+"""Time of constant commands after which the robot is let down, s."""
 LOWERING = 0.2
-"""Speed of that, m/s."""
+"""Speed at which the robot is let down, m/s."""
 ROPES = 1e9
-"""Inertia of a trunk that hangs, kg and kg m^2: what the legs do does not move it."""
+"""Inertia added to a trunk that hangs, kg and kg m^2, so large that the legs do not move it."""
 CARRIES = 0.8
-"""Part of its weight that the feet carry when the ropes are slack."""
+"""Part of its weight on the feet above which the ropes are released."""
 BELLY = 0.07
-"""Least height of the trunk, m."""
+"""Height of the trunk when it lies on its belly, m."""
 SPIN = 2e-4
-"""Time before a state is due for which the process no longer sleeps, s."""
+"""Time before a state is due in which the process polls instead of sleeping, s."""
 IDLE = 5.0
-"""Time without a command after which it ends, s, if there were any."""
+"""Time without a command after which the simulation ends, s, once it has received one."""
 PATIENCE = 0.5
 """Time for which a patient robot waits for a command, s."""
-VOLTAGE, TEMPERATURE = 28.0, 35
-"""V and degrees Celsius of a robot that is well."""
+VOLTAGE = 28.0
+"""Voltage of a battery without a fault, V."""
+TEMPERATURE = 35
+"""Temperature of motors without a fault, degrees Celsius."""
 
 
 class SimulatedRobot:
-    """A robot in MuJoCo that takes LowCmd and gives LowState."""
+    """A robot in MuJoCo that follows LowCmd and fills LowState."""
 
     def __init__(self, config: Config, hung: bool, crouch: Sequence[float]):
-        """The robot of a ``config``, with the noise of its sensors, whose legs are in a ``crouch`` (3,), rad.
+        """Make the robot of a ``config``, with noise of its sensors, and all legs in the pose ``crouch`` (3,), rad.
 
-        Raises BadInput if its plant is not MuJoCo's robot, or its sensors are not those of a robot.
+        It starts ``hung``, or on the ground. Raises BadInput unless the plant is MuJoCo's robot and the sensors are
+        those of a robot.
         """
         for group, kind, options in (
             ("plant", MujocoRobot.Config, "mujoco_robot, or mujoco_robot_rigid"),
@@ -170,35 +178,49 @@ class SimulatedRobot:
         if scenario.fault is not None:
             raise scenario.fault
         plant: MujocoRobot = scenario.plant  # type: ignore[assignment]
-        self.plant, self.period, self.hung, mechanism = plant, config.sampling_period, hung, scenario.setup.mechanism
-        self.weight, limits, legs = mechanism.weight, mechanism.torque_limits, mechanism.shape[0]
+        self.plant = plant
+        self.period = config.sampling_period
+        self.hung = hung
+        mechanism = scenario.setup.mechanism
+        self.weight = mechanism.weight
         actuator = replace(config.actuator, delay=config.actuator.delay + config.plant.delay)
-        self.drives = new_drives(actuator, config.plant.bus, self.period, config.plant.substeps, limits, legs)
-        self._advance, self._send = program(advance_engine, is_timed=True), program(send_command, is_timed=True)
+        self.drives = new_drives(
+            actuator,
+            config.plant.bus,
+            self.period,
+            config.plant.substeps,
+            mechanism.torque_limits,
+            mechanism.shape[0],
+        )
+        self._advance = program(advance_engine, is_timed=True)
+        self._send = program(send_command, is_timed=True)
         self._nothing = np.zeros(mechanism.shape)
-        robot, data = read_model(config.machine), plant.data
-        at, rate = robot.legs.base_qpos, int(plant.model.jnt_dofadr[plant.model.body_jntadr[robot.legs.base]])
+        robot = read_model(config.machine)
+        data = plant.data
+        at = robot.legs.base_qpos
+        rate = int(plant.model.jnt_dofadr[plant.model.body_jntadr[robot.legs.base]])
         data.qpos[robot.legs.qpos] = crouch
         plant.mujoco.mj_kinematics(plant.model, data)
         data.qpos[at + 2] += (HANG if hung else 0.0) - data.geom_xpos[robot.legs.foot_geom, 2].min()
         plant.mujoco.mj_step1(plant.model, data)
         self._base_inertia = plant.model.dof_armature[rate : rate + 6]
-        self._base_inertia[:] = ROPES  # also of one that lies, until it hears a command
+        self._base_inertia[:] = ROPES  # also of a robot that lies, until it receives a command
         self._base, self._base_rate = data.qpos[at : at + 7], data.qvel[rate : rate + 6]
         self._held = self._base.copy()
         self._rested = 0.0
         self._command = np.zeros((6, *self._nothing.shape))
         self.steps = 0
-        self._random, self._sensors = np.random.default_rng(config.seed), config.sensors
-        self.step()  # which compiles what a step needs
+        self._random = np.random.default_rng(config.seed)
+        self._sensors = config.sensors
+        self.step()  # compiles the programs of a step before the first command
 
     def take(self, command: Message) -> None:
-        """Follow a command; one with a wrong checksum is ignored, as by a robot."""
+        """Set the command of the drives; a command with a wrong checksum is ignored, as by a real robot."""
         if command["crc"] != compute_checksum(command):
             return
-        parts = {"tau": TORQUE, "q": ANGLE, "dq": VELOCITY, "kp": STIFFNESS, "kd": DAMPING}
-        for name, part in parts.items():
-            self._command[part] = get_motors(command["motor_cmd"][name])
+        rows = {"tau": TORQUE, "q": ANGLE, "dq": VELOCITY, "kp": STIFFNESS, "kd": DAMPING}
+        for name, row in rows.items():
+            self._command[row] = get_motors(command["motor_cmd"][name])
 
     def step(self) -> None:
         """Advance by one sampling period under the last command."""
@@ -212,7 +234,10 @@ class SimulatedRobot:
         self.steps += 1
 
     def _support(self) -> None:
-        """Hold the trunk where it hangs, and let it down once commands rest; on the ground it lies on its belly."""
+        """Hold the trunk of a robot that hangs, and let it down once its commands are constant.
+
+        On the ground, the trunk is held until the first command, and never sinks below BELLY.
+        """
         base, rate = self._base, self._base_rate
         if not self.hung and self._command.any():
             self._base_inertia[:] = 0.0
@@ -223,29 +248,32 @@ class SimulatedRobot:
         self._held[2] -= LOWERING * self.period if sinks else 0.0
         base[:], rate[:] = self._held, 0.0
         if sinks and self.plant.state.force.sum() > CARRIES * self.weight:
-            self.hung, self._base_inertia[:] = False, 0.0
+            self.hung = False
+            self._base_inertia[:] = 0.0
 
     def fill(self, state: Message) -> None:
-        """Write what the robot measures into a LowState, all but its tick."""
-        signals, imu, motors = self.plant.signals, state["imu_state"], state["motor_state"]
+        """Write the measurements of the robot into a LowState, except for its tick."""
+        signals = self.plant.signals
+        imu, motors = state["imu_state"], state["motor_state"]
         assert signals is not None
         imu["quaternion"] = self._base[3:]
-        sensors, every = self._sensors, slice(None)
-        for numbers, place, values, sensor in (
-            (imu["gyroscope"], every, signals.gyroscope, sensors.gyroscope),
-            (imu["accelerometer"], every, signals.accelerometer, sensors.accelerometer),
+        sensors = self._sensors
+        for numbers, index, values, sensor in (
+            (imu["gyroscope"], ..., signals.gyroscope, sensors.gyroscope),
+            (imu["accelerometer"], ..., signals.accelerometer, sensors.accelerometer),
             (motors["q"], JOINTS, signals.q, sensors.position),
             (motors["dq"], JOINTS, signals.dq, sensors.velocity),
             (motors["tau_est"], JOINTS, signals.torque, sensors.torque),
         ):
-            numbers[place] = values + self._random.normal(0.0, sensor.noise, values.shape)
+            numbers[index] = values + self._random.normal(0.0, sensor.noise, values.shape)
         state["foot_force"][JOINTS[:, 0] // JOINTS.shape[1]] = np.clip(self.plant.state.force, 0, 32767)
 
 
 def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fault: Fault, patient: bool) -> str:
-    """Play a robot for so many ``seconds``, or until commands cease; how it went, in one line.
+    """Simulate a robot for ``seconds``, or until commands stop; return one line about the course of the simulation.
 
-    A ``patient`` one waits for the answer to each state, once there were any, and takes as long as that takes.
+    A ``patient`` robot waits for the command that answers each state, after the first command, instead of running in
+    real time.
     """
     state = np.zeros((), LOW_STATE)
     state["head"] = HEADER
@@ -254,38 +282,39 @@ def play(robot: SimulatedRobot, interface: str, domain: int, seconds: float, fau
     state["motor_state"]["temperature"] = TEMPERATURE
     if not patient:
         run_first(True)
-        gc.disable()  # it takes longer than several steps
+        gc.disable()  # a collection takes longer than several steps
     wire = Wire(interface, domain, STATES, COMMANDS)
     print(
         f"a robot on {interface}, domain {domain}: {'it hangs' if robot.hung else 'it lies on the ground'}",
         flush=True,
     )
-    begun = heard = time.perf_counter()
-    age = 0 if fault.start == 0 else -1  # of the robot, for its faults: states since the first command
-    taken = late = 0
+    begun = last_command = time.perf_counter()
+    age = 0 if fault.start == 0 else -1  # number of states since the first command; faults begin at some age
+    commands = late = 0
     worst = 0.0
     end = begun + seconds
-    while (now := time.perf_counter()) < end and (not taken or now - heard < IDLE):
-        command = wire.receive(PATIENCE if patient and taken else 0.0)
+    while (now := time.perf_counter()) < end and (not commands or now - last_command < IDLE):
+        command = wire.receive(PATIENCE if patient and commands else 0.0)
         if command is not None and (command := fault.spoil_command(command, age)) is not None:
-            heard, taken = now, taken + 1
+            last_command = now
+            commands += 1
             robot.take(command)
         robot.step()
         robot.fill(state)
         state["tick"] = robot.steps
-        age += taken > 0
+        age += commands > 0
         if (spoilt := fault.spoil_state(state, age)) is not None:
             wire.send(spoilt)
-        if patient and taken:
+        if patient and commands:
             continue
         due = begun + robot.steps * robot.period
         late += (lag := time.perf_counter() - due) > robot.period / 2
         worst = max(worst, lag)
-        begun += lag if lag > robot.period else 0.0  # it does not catch up
+        begun += lag if lag > robot.period else 0.0  # lost time is not caught up
         while (left := due - time.perf_counter()) > 0.0:
             time.sleep(left - SPIN if left > 2 * SPIN else 0.0)
-    tilt, height = np.abs(robot.plant.state.body[1:]).max(), robot.plant.state.body[0]
+    height, *tilt = robot.plant.state.body
     return (
-        f"{robot.steps - 1} states, {taken} commands, {late} late by up to {1e3 * worst:.2g} ms; at the end its body "
-        f"is at {height:.3f} m, tilted by {tilt:.2g} rad"
+        f"{robot.steps - 1} states, {commands} commands, {late} late by up to {1e3 * worst:.2g} ms; at the end its "
+        f"body is at {height:.3f} m, tilted by {np.abs(tilt).max():.2g} rad"
     )

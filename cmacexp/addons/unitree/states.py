@@ -1,4 +1,4 @@
-"""What a LowState says of a robot, and the limits beyond which a run on it stops."""
+"""Readings of LowState, and the limits at which a run on a robot stops."""
 
 import math
 from collections import deque
@@ -16,24 +16,24 @@ from cmacexp.protocols import RobotSignals
 from cmacexp.typing import Array
 
 STILL = 25
-"""States in a row with the same angle of a joint, after which its encoder is stuck if it was to move."""
+"""Consecutive states with the same angle of a joint after which its encoder is stuck, if its command has changed."""
 LEAST_MOVE = 0.02
-"""Change of the commanded angle that says so, rad."""
+"""Least change of the commanded angle for that conclusion, rad."""
 UNIT = 0.1
-"""Largest difference of the square of a quaternion from 1: an inertial unit that is off gives zeros."""
+"""Tolerance of the squared norm of a quaternion: an inertial unit without power gives zeros."""
 LONG = 250
-"""States in a row after which it is stuck whatever it was to do, if most joints move."""
+"""Consecutive states after which it is stuck whatever its command, if most joints move."""
 FAR = 10
-"""States in a row for which a joint may be far from its command."""
+"""Consecutive states for which a joint may be far from its command."""
 WINDOW = 500
-"""States over which those that are lost are counted."""
+"""Number of states over which lost states are counted."""
 
 
 class Unsafe(Diverged):
     """The robot, or the wire to it, is beyond a limit: it is damped, and the run ends.
 
-    The ``trouble`` has places for ``values``, which are written only when it is raised: a state is checked in every
-    step.
+    ``trouble`` is a format string for ``values``; it is formatted only when the error is raised, since states are
+    checked in every step.
     """
 
     def __init__(self, trouble: str, *values: object):
@@ -41,20 +41,20 @@ class Unsafe(Diverged):
 
 
 class Reading(NamedTuple):
-    """One LowState, for L legs with J joints."""
+    """The content of one LowState, for L legs with J joints."""
 
     signals: RobotSignals
-    """What sensors of a robot take: its yaw is that of the inertial unit, torques are as the motors estimate them."""
+    """Sensor signals; the yaw is that of the inertial unit, torques are estimates of the motors."""
     temperature: float
     """Temperature of the hottest motor, degrees Celsius."""
     voltage: float
-    """V."""
+    """Voltage of the battery, V."""
     lost: int
-    """Packets that the buses of all motors have lost so far."""
+    """Number of packets that the buses of all motors have lost so far."""
 
 
 def read_state(message: Message) -> Reading:
-    """The reading of a LowState."""
+    """Return the reading of a LowState; its pitch is NaN if the quaternion is not a unit one."""
     imu, motors = message["imu_state"], message["motor_state"]
     w, x, y, z = imu["quaternion"].tolist()
     is_turn = abs(w * w + x * x + y * y + z * z - 1.0) < UNIT
@@ -70,57 +70,58 @@ def read_state(message: Message) -> Reading:
         accelerometer=imu["accelerometer"].astype(float),
         tick=np.array([float(message["tick"])]),
     )
-    temperature, voltage = float(motors["temperature"].max()), float(message["power_v"])
-    return Reading(signals, temperature, voltage, int(motors["lost"].sum()))
+    return Reading(signals, float(motors["temperature"].max()), float(message["power_v"]), int(motors["lost"].sum()))
 
 
 @dataclass(kw_only=True)
 class LimitsConfig:
-    """What ends a run on a robot."""
+    """Limits at which a run on a robot ends."""
 
     silence: float = number("s", above=0, at_most=10)
     """Longest time from one state to the next."""
     lost: float = number("", at_least=0, at_most=1)
-    """Largest share of states, or of packets to the motors, that may be lost within WINDOW states; 1: all of them,
-    and ticks need not grow, as those of a simulator that does not count its states."""
+    """Largest share of states, or of packets to the motors, that may be lost within WINDOW states. 1: no limit, and
+    ticks need not grow, for a simulator that does not count its states."""
     tilt: float = number("rad", above=0, at_most=3)
     """Largest pitch and roll."""
     speed: float = number("rad/s", above=0, at_most=100)
     """Largest velocity of a joint."""
     deviation: float = number("rad", above=0, at_most=3)
-    """Largest difference of a joint from its command, for FAR states."""
+    """Largest difference of a joint angle from its command that may last for FAR states."""
     torque: float = number("N m", above=0, at_most=1000)
-    """Largest torque that a motor is asked for, drive included; it is held there, and the run goes on."""
+    """Largest commanded torque of a motor, its feedback included; it is limited to that, and the run continues."""
     temperature: float = number("degrees Celsius", above=0, at_most=150)
-    """Temperature of the hottest motor."""
+    """Largest temperature of a motor."""
     voltage: float = number("V", at_least=0, at_most=100)
     """Least voltage of the battery."""
 
 
 class StateWatch:
-    """Compares every state with the limits, and with the states before it."""
+    """Monitor that compares every state with the limits and with earlier states."""
 
     def __init__(self, limits: LimitsConfig, joints: tuple[int, int], tick: int):
-        """Joints are (L, J); ``tick`` is by how much the counter of a state is larger than that of the one before."""
-        self.limits, self.tick = limits, tick
+        """Watch L legs with J ``joints`` (L, J); ``tick`` is the increment of the counter from state to state."""
+        self.limits = limits
+        self.tick = tick
         self.missed = 0
-        """States that have not arrived, so far."""
+        """Number of states that have not arrived so far."""
         self._last: Reading | None = None
         self._lost = deque[int](maxlen=WINDOW)
         self._far = np.zeros(joints, dtype=int)
         self._still = np.zeros(joints, dtype=int)
-        self._asked = np.zeros(joints)
+        self._commanded = np.zeros(joints)
         """Commanded angles when each joint last moved, rad."""
 
-    def check(self, reading: Reading, asked: Array) -> None:
-        """Compare a state with the limits; ``asked`` are the commanded angles (L, J), rad. Raises Unsafe."""
-        limits, last, signals = self.limits, self._last, reading.signals
+    def check(self, reading: Reading, commanded: Array) -> None:
+        """Compare a state with the limits, and with the commanded angles (L, J), rad; raise Unsafe."""
+        limits = self.limits
+        last = self._last
+        signals = reading.signals
         is_finite = all(np.isfinite(values).all() for values in (*signals, reading.voltage))
         Unsafe.unless(is_finite, "a state has a number that is not finite, or no attitude")
-        tilt, speed = np.abs(signals.attitude[:2]).max(), np.abs(signals.dq).max()
         for name, value, limit, unit in (
-            ("tilt", tilt, limits.tilt, "rad"),
-            ("speed", speed, limits.speed, "rad/s"),
+            ("tilt", np.abs(signals.attitude[:2]).max(), limits.tilt, "rad"),
+            ("speed", np.abs(signals.dq).max(), limits.speed, "rad/s"),
             ("temperature", reading.temperature, limits.temperature, "degrees Celsius"),
         ):
             trouble = "{} of {:.3g} {} is above plant.limits.{}={:g}"
@@ -131,7 +132,7 @@ class StateWatch:
             reading.voltage,
             limits.voltage,
         )
-        off = np.abs(asked - signals.q)
+        off = np.abs(commanded - signals.q)
         self._far = np.where(off > limits.deviation, self._far + 1, 0)
         Unsafe.unless(
             (self._far <= FAR).all(),
@@ -141,14 +142,14 @@ class StateWatch:
             limits.deviation,
         )
         if last is not None:
-            self._compare(reading, last, asked)
+            self._compare(reading, last, commanded)
         else:
-            self._asked[...] = asked
+            self._commanded[...] = commanded
         self._last = reading
 
-    def _compare(self, reading: Reading, last: Reading, asked: Array) -> None:
-        """Find lost and frozen states, and stuck encoders; raises Unsafe."""
-        tick, before = (int(each.signals.tick[0]) for each in (reading, last))
+    def _compare(self, reading: Reading, last: Reading, commanded: Array) -> None:
+        """Check for lost and frozen states, and for stuck encoders; raise Unsafe."""
+        tick, before = (int(state.signals.tick[0]) for state in (reading, last))
         passed = (tick - before) / self.tick
         Unsafe.unless(
             passed > 0 or self.limits.lost >= 1.0,
@@ -170,19 +171,19 @@ class StateWatch:
         )
         moved = reading.signals.q != last.signals.q
         self._still = np.where(moved, 0, self._still + 1)
-        self._asked = np.where(moved, asked, self._asked)
+        self._commanded = np.where(moved, commanded, self._commanded)
         asleep = (self._still >= LONG) & (np.median(self._still) < STILL)
-        stuck = asleep | ((self._still >= STILL) & (np.abs(asked - self._asked) > LEAST_MOVE))
+        stuck = asleep | ((self._still >= STILL) & (np.abs(commanded - self._commanded) > LEAST_MOVE))
         states = (self._still * stuck).max()
         trouble = "the encoder of {} is stuck: the same angle in {} states"
         Unsafe.unless(not stuck.any(), trouble, _largest(stuck), states)
 
 
 def name_joint(leg: int, joint: int) -> str:
-    """The leg and joint of these numbers, from 0."""
+    """Return the name of a leg and its joint, from their numbers, which count from 0."""
     return f"{LEG_NAMES[leg]} {('hip', 'thigh', 'calf')[joint]}"
 
 
 def _largest(values: NDArray[Any]) -> str:
-    """The leg and joint of the largest of values (L, J)."""
+    """Return the name of the joint with the largest of ``values`` (L, J)."""
     return name_joint(*divmod(int(np.argmax(values)), values.shape[1]))

@@ -1,7 +1,7 @@
-"""A robot of Unitree at the other end of a wire, as a plant: it stands up, walks, sits down, and is damped.
+"""A Unitree robot on a network as a plant: it stands up, walks, sits down, and is damped.
 
-The robot's own drives close the joint loops, so a controller of drives is needed. Nothing but LowState is known of
-the robot: the state that this plant returns is that of an estimator (:mod:`cmacexp.sensors.proprioceptive`).
+The drives of the robot close the joint loops, so that the controller must be one of drives. The robot only reports
+LowState: the state that this plant returns comes from an estimator (:mod:`cmacexp.sensors.proprioceptive`).
 """
 
 import math
@@ -36,11 +36,11 @@ from cmacexp.sensors.proprioceptive import ProprioceptiveConfig, ProprioceptiveS
 from cmacexp.typing import Array
 
 PLAY = 0.1
-"""Angle by which an encoder may be beyond the range of its joint, rad."""
+"""Tolerance of the joint ranges of the model, rad."""
 
 
 class Stage(StrEnum):
-    """What a robot does, in this order."""
+    """Stages of a run on a robot, in this order."""
 
     CONNECT = "connect"
     CHECK = "check while it hangs"
@@ -53,43 +53,42 @@ class Stage(StrEnum):
 
 
 class UnitreeRobot:
-    """A Go2, or another robot that speaks LowCmd and LowState."""
+    """A Go2, or another robot with LowCmd and LowState."""
 
     @dataclass(kw_only=True)
     class Config(ComponentConfig):
-        """The wire, the stages and the limits."""
+        """Network, stages of a run, and limits."""
 
         interface: str = field()
-        """Network interface to the robot; lo: this computer, on which ``cmacexp robot --simulate`` plays one."""
+        """Network interface to the robot. lo: a robot simulated on this computer by ``cmacexp robot --simulate``."""
         domain: int = number("", at_least=0, at_most=MOST)
-        """Domain of DDS; 0 on a robot."""
+        """DDS domain; 0 on a real robot."""
         hung: bool = field()
-        """The robot hangs: its joints are checked one by one, then it is let down. false: it lies on the ground."""
+        """true: the robot hangs; its joints are checked, then it is let down. false: it lies on the ground."""
         let_down: float = number("s", above=0, at_most=3600)
-        """Longest time until a robot that hung stands."""
+        """Longest time until a robot that was let down stands on the ground."""
         rise: float = number("s", above=0, at_most=60)
-        """Time in which it stands up, and sits down."""
+        """Duration of standing up, and of sitting down."""
         blend: float = number("s", above=0, at_most=60)
-        """Time in which the commands of the controller take over from standing."""
+        """Duration of the transition from the standing pose to the commands of the controller."""
         guardian: float = number("s", above=0, at_most=10)
-        """Time without a command after which a process of its own damps the robot."""
+        """Time without a command after which the guardian, a separate process, damps the robot."""
         damping: float = number("N m s/rad", above=0, at_most=100)
-        """Damping of the joints of a robot that is damped."""
+        """Damping of the joints when the robot is damped."""
         crouch: list[float] = number("rad", at_least=-7, at_most=7)
-        """Hip, thigh and calf of a robot that sits."""
+        """Angles of hip, thigh and calf when the robot sits."""
         log: str | None = field()
-        """Parquet file for what is measured and sent; ``cmacexp gap`` reads rows of one pair of gains. null: none."""
+        """Parquet file for states and commands; ``cmacexp gap`` reads it if kp and kd are constant. null: no file."""
         limits: LimitsConfig = field()
         estimator: ProprioceptiveConfig = field()
-        """What makes a state of what the robot measures; its imperfections are those of a simulation: none here."""
+        """State estimator. Its sensor imperfections are for simulations; a real robot has its own."""
 
         def check(self, config: Config) -> None:
-            """Check that its drives get commands, and that nothing else has the state altered."""
-            kind, model = (
-                config.machine.kind,
-                config.machine.model if isinstance(config.machine, RobotMachine) else None,
-            )
-            start, sharing = config.learning.start_from, config.force_control.load_sharing
+            """Check that the rest of the config suits a robot with its own drives and estimator; raise BadInput."""
+            kind = config.machine.kind
+            model = config.machine.model if isinstance(config.machine, RobotMachine) else None
+            start = config.learning.start_from
+            sharing = config.force_control.load_sharing
             controller, sensors = (
                 find_option(group, read_component(vars(config)[group])["_target_"])
                 for group in ("controller", "sensors")
@@ -111,46 +110,57 @@ class UnitreeRobot:
 
     takes_drives = True
     link: Link
-    """Its link to the robot, from :meth:`reset` on."""
+    """Link to the robot, from :meth:`reset` on."""
 
     def __init__(self, config: "UnitreeRobot.Config"):
         self.config = config
         self.stages: list[tuple[Stage, float]] = []
-        """Each with the time at which it began, s on the clock of ``time.perf_counter``."""
+        """Stages with the times at which they began, s on the clock of ``time.perf_counter``."""
         self.steps: list[tuple[float, int]] = []
-        """What LIVE_SIGNALS name, of each step in which a command was sent."""
+        """Values of LIVE_SIGNALS in each step in which a command was sent."""
         self.heading = 0.0
         """Yaw of the inertial unit when the walk began, rad."""
         self.trouble: str | None = None
-        """What went wrong when the run had ended; its results are kept."""
+        """Failure after the end of the run, whose results are kept."""
         self._estimate: Any = program(estimate, is_timed=True)
 
     def reset(self, setup: Setup) -> Measurement:
-        """Connect, and check what can be checked at rest; nothing moves before the first :meth:`step`.
+        """Connect to the robot and check it at rest; it does not move before the first :meth:`step`.
 
-        The measurement is that of a robot that stands as planned. Raises BadInput if no robot answers, or if it is
+        Returns the measurement of a robot that stands as planned. Raises BadInput if no robot answers, or if it is
         not fit to stand up.
         """
-        config, machine = self.config, setup.config.machine
+        config = self.config
+        machine = setup.config.machine
         assert isinstance(machine, RobotMachine)
         has_folder = config.log is None or Path(config.log).parent.is_dir()
         require(has_folder, "plant.log", config.log, "must lie in a folder that exists")
-        self.setup, self.robot, self.stand = setup, read_model(machine), np.ascontiguousarray(setup.start)
+        self.setup = setup
+        self.robot = read_model(machine)
+        self.stand = np.ascontiguousarray(setup.start)
         self.expected = find_holding_torque(self.robot, self.stand)
         self.sensors = ProprioceptiveSensors(config.estimator)
         self.sensors.reset(setup)
-        still, nothing, level = np.zeros_like(self.stand), np.zeros(3), np.array([0.0, 0.0, GRAVITY])
-        first = self._measure(RobotSignals(self.stand, still, still, nothing, nothing, level, np.zeros(1)))
+        still = np.zeros_like(self.stand)
+        acceleration = np.array([0.0, 0.0, GRAVITY])
+        first = self._measure(
+            RobotSignals(self.stand, still, still, np.zeros(3), np.zeros(3), acceleration, np.zeros(1))
+        )
         self._enter(Stage.CONNECT)
-        period, log = setup.config.sampling_period, config.log is not None
-        self.link = Link(config.interface, config.domain, period, config.limits, log)
+        self.link = Link(
+            config.interface,
+            config.domain,
+            setup.config.sampling_period,
+            config.limits,
+            config.log is not None,
+        )
         self._require_ranges("plant.interface", config.interface, self.link.signals.q)
         self._require_ranges("plant.crouch", config.crouch, np.array([config.crouch] * len(self.stand)))
         self.link.guardian = Guardian(config.interface, config.domain, config.damping, config.guardian)
         return first
 
     def _require_ranges(self, key: str, value: object, q: Array) -> None:
-        """Check that angles (4, 3), rad, of the ``value`` of a ``key`` are in the model's ranges; raises BadInput."""
+        """Check that angles ``q`` (4, 3), rad, are in the model's ranges; raise BadInput for this ``key``."""
         ranges = self.robot.ranges
         for leg, joint in np.argwhere((q < ranges[..., 0] - PLAY) | (q > ranges[..., 1] + PLAY)).tolist():
             raise BadInput(
@@ -158,11 +168,11 @@ class UnitreeRobot:
             )
 
     def step(self, torque: Array, drive: Drive | None = None) -> Measurement:
-        """Send a command and wait for the next state; the first one stands the robot up before.
+        """Send a command and wait for the next state; in the first step the robot stands up before.
 
-        Raises Unsafe when the robot, or the wire, is beyond a limit: the run ends, and :meth:`end_run` damps it.
+        Raises Unsafe when the robot or the network exceeds a limit: the run ends, and :meth:`end_run` damps it.
         """
-        assert drive is not None  # as Config.check requires of the controller
+        assert drive is not None  # Config.check requires a controller of drives
         link = self.link
         if self.stages[-1][0] != Stage.WALK:
             self._stand_up((float(drive.stiffness.max()), float(drive.damping.max())))
@@ -174,10 +184,10 @@ class UnitreeRobot:
         return self._measure(link.signals)
 
     def move_hung(self, move: Callable[[Link, Array], Array | None]) -> Array | None:
-        """Check a robot that hangs, then ``move`` it about the pose (4, 3), rad, in which it stands; raises Unsafe.
+        """Check the joints of a robot that hangs, then call ``move`` and return its result; raise Unsafe.
 
-        Returns what ``move`` does, :func:`cmacexp.addons.unitree.hung.draw_chirp` or another function of a link and
-        that pose.
+        ``move``, such as :func:`cmacexp.addons.unitree.hung.draw_chirp`, takes the link and the standing pose (4, 3),
+        rad.
         """
         self.link.begin()
         self._enter(Stage.CHECK)
@@ -187,22 +197,25 @@ class UnitreeRobot:
         return move(self.link, self.stand)
 
     def end_run(self, is_safe: bool) -> None:
-        """Sit down if the robot ``is_safe``, and damp it; nothing if it was never moved. Then write the log."""
+        """Sit down if the robot ``is_safe``, damp it unless it was never moved, and write the log."""
         last = self.stages[-1][0]
-        parts = ((Stage.SIT, self._sit_down), (Stage.DAMP, partial(self.link.damp, self.config.damping)))
-        sits = is_safe and last in (Stage.WALK, Stage.STAND)
-        for stage, act in () if last == Stage.CONNECT else parts if sits else parts[1:]:
+        actions: dict[Stage, Callable[[], None]] = {}
+        if is_safe and last in (Stage.WALK, Stage.STAND):
+            actions[Stage.SIT] = self._sit_down
+        if last != Stage.CONNECT:
+            actions[Stage.DAMP] = partial(self.link.damp, self.config.damping)
+        for stage, act in actions.items():
             try:
                 self._enter(stage)
                 act()
-            except Exception as error:  # what was measured is kept, whatever goes wrong at the end
+            except Exception as error:  # measurements are kept whatever fails at the end
                 self._note_trouble(f"{stage}: {error}")
         self.link.end()
         if self.config.log is not None:
             names = [self.robot.model.joint(int(joint)).name for joint in self.robot.legs.joint.ravel()]
             try:
                 self.link.write_log(Path(self.config.log), names)
-            except OSError as error:  # a disk that is full costs no more than the log
+            except OSError as error:  # a full disk costs only the log
                 self._note_trouble(f"{self.config.log} cannot be written: {error.strerror}")
 
     def _sit_down(self) -> None:
@@ -210,18 +223,18 @@ class UnitreeRobot:
         self.link.move(np.array([self.config.crouch] * len(self.stand)), self.config.rise, self.gains)
 
     def _note_trouble(self, trouble: str) -> None:
-        """Say what went wrong after the run, here and in the manifest."""
+        """Print a failure after the end of the run, and keep it for the manifest."""
         self.trouble = " ".join(trouble.split())
         print(f"warning: the robot, {self.trouble}", file=sys.stderr)
 
     def list_steps(self, start: int, stop: int) -> dict[str, Array]:
-        """Columns of these steps of the walk, (stop - start,) by name, in the units of LIVE_SIGNALS."""
+        """Return LIVE_SIGNALS of steps ``start`` to ``stop`` by name, (stop - start,); NaN if no command was sent."""
         rows = np.full((stop, len(LIVE_SIGNALS)), np.nan)
         rows[: len(self.steps)] = np.reshape(self.steps[:stop], (-1, len(LIVE_SIGNALS)))
         return {signal.name: values for signal, values in zip(LIVE_SIGNALS, rows[start:].T, strict=True)}
 
     def describe(self) -> dict[str, Any]:
-        """What the manifest says: stages, states that were missed, and the time that each step took."""
+        """Return the entries of the manifest: stages, missed states, and the computing time of the steps."""
         late = np.array([answer for answer, _ in self.steps])
         return {
             "stages": [
@@ -241,15 +254,22 @@ class UnitreeRobot:
         self.stages.append((stage, time.perf_counter()))
 
     def _stand_up(self, gains: Gains) -> None:
-        """All that comes before the first step of a walk; raises Unsafe."""
+        """Check the robot, wait until it is let down if it hangs, and stand up with ``gains``; raise Unsafe."""
         self.gains = gains
-        link, weight = self.link, self.setup.mechanism.weight
+        link = self.link
         link.begin()
         if self.config.hung:
             self._enter(Stage.CHECK)
             check_joints(link, self.stand, self.expected)
             self._enter(Stage.LOWER)
-            wait_for_ground(link, self.stand, gains, self._estimate_force, weight, self.config.let_down)
+            wait_for_ground(
+                link,
+                self.stand,
+                gains,
+                self._estimate_force,
+                self.setup.mechanism.weight,
+                self.config.let_down,
+            )
         self._enter(Stage.STAND)
         link.move(self.stand, self.config.rise, gains)
         self._enter(Stage.WALK)
@@ -258,12 +278,12 @@ class UnitreeRobot:
         self._measure(link.signals)
 
     def _estimate_force(self, signals: RobotSignals) -> float:
-        """The force on all feet of a robot at rest, N."""
+        """Estimate the total force on the feet of a robot at rest, N."""
         self.sensors.step = 0
         return float(self._measure(signals).force.sum())
 
     def _measure(self, signals: RobotSignals) -> Measurement:
-        """The state of the robot, as estimated, with what it measured; its yaw counts from ``heading`` on."""
+        """Estimate the state of the robot from its ``signals``; yaw is relative to ``heading``."""
         pitch, roll, yaw = signals.attitude
         turned = np.array([pitch, roll, math.remainder(yaw - self.heading, 2.0 * math.pi)])
         signals = signals._replace(attitude=turned)

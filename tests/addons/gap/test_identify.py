@@ -8,8 +8,7 @@ from support.logs import COULOMB, DELAY, ROTORS, VISCOUS, make_problem, simulate
 
 from cmacexp.addons.gap.identify import LEVELS, fit, regress
 from cmacexp.addons.gap.learners import Both, Fixed, Iterative, predict_all
-from cmacexp.addons.gap.machine import Expansion
-from cmacexp.addons.gap.replay import JointParams, make_drive, replay
+from cmacexp.addons.gap.replay import Expansion, JointParams, make_drive, replay
 from cmacexp.addons.gap.signals import Signals, measure_lag
 
 

@@ -9,8 +9,9 @@ import pyarrow.parquet as parquet
 import pytest
 from support.doors import BadInput
 
-from cmacexp.addons.gap.log import load_reader, read_log
+from cmacexp.addons.gap.log import read_log
 from cmacexp.addons.gap.machine import match_names
+from cmacexp.addons.gap.readers import load_reader
 
 TIME = np.arange(0.0, 0.5, 0.005)
 NAMES = ("shoulder", "elbow", "wrist")
