@@ -54,11 +54,10 @@ class RestorableLoop:
             not any(find_external(scenario)) and scenario.fault is None,
             "only a loop of built-in components with a plant of the project can be linearised",
         )
-        setup = scenario.setup
-        legs, self.joints = setup.mechanism.shape
+        legs, self.joints = scenario.setup.mechanism.shape
         self.run = Driver(scenario)
-        self.plan = setup.plan
-        self.period = setup.config.steps_per_cycle
+        self.plan = scenario.setup.plan
+        self.period = scenario.setup.config.steps_per_cycle
         self.samples, self.body = make_samples(self.period, legs, False, self.joints)
         self._list_state()
 

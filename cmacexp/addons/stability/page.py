@@ -49,10 +49,9 @@ def advise(analysis: Analysis) -> list[str]:
 def _draw_growth(analysis: Analysis) -> Figure:
     """Draw the change of the feedback from cycle to cycle, simulated and predicted."""
     start = analysis.growth.cycle + 1
-    sizes = analysis.sizes
-    predicted = analysis.growth.krylov.lengths(max(len(sizes) - start + 1, 2))
+    predicted = analysis.growth.krylov.lengths(max(len(analysis.sizes) - start + 1, 2))
     change = [
-        Series("in memory", np.arange(1, len(sizes) + 1), sizes),
+        Series("in memory", np.arange(1, len(analysis.sizes) + 1), analysis.sizes),
         Series("predicted", start + np.arange(len(predicted)), predicted),
     ]
     return draw(

@@ -116,8 +116,8 @@ def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
     lead = scenario.setup.lead
     first = config.learning.start_cycle
     steps = loop.period * loop.samples.shape[2] * (config.plant.substeps if offers(config.plant, HasSubsteps) else 1)
-    compiled = loop.plant is None  # MuJoCo takes a hundred times as long
-    cycles = max(MAX_CYCLES_BEFORE, min(MAX_CYCLES, AFFORDABLE // steps) if simulate and compiled else 0)
+    # With a loop.plant, MuJoCo, a cycle takes a hundred times as long.
+    cycles = max(MAX_CYCLES_BEFORE, min(MAX_CYCLES, AFFORDABLE // steps) if simulate and loop.plant is None else 0)
     history = record_history(loop, first + cycles)
     completed = len(history.levels)
     NotPredictable.unless(completed >= first - 1, f"the run ends in cycle {completed + 1}, before learning shows")
