@@ -1,1 +1,1 @@
-"""Runs for other programs: C code, wide tables, MCAP."""
+"""Export of stored runs for other programs: C code, wide tables, MCAP."""

@@ -1,6 +1,6 @@
-"""The network of a stored run as C: ``cmac_leg.h``, ``cmac_leg.c`` and ``main.c``, which checks them.
+"""The network of a stored run as C: ``cmac_leg.h``, ``cmac_leg.c``, and ``main.c``, which checks them.
 
-Nothing of a run gets into the text but numbers, and words that are listed here or in the package.
+Of a run only numbers enter the text, and words that are listed here or in the package.
 """
 
 from collections.abc import Iterable
@@ -28,33 +28,38 @@ from cmacexp.data.run import Run
 from cmacexp.data.version import __version__
 from cmacexp.models.mix import MULTIPLIER
 
-HEADER, SOURCE, CHECK = FILES = ("cmac_leg.h", "cmac_leg.c", "main.c")
+FILES = ("cmac_leg.h", "cmac_leg.c", "main.c")
 LAW_FILES = ("cmac_walk.h", "cmac_walk.c", "walk_main.c")
 MARK = "cmacexp"
-"""What each of these files contains."""
+"""Text that identifies a file written by export, which may be overwritten."""
 TITLES = {
     "cmac": "CMAC feedforward",
     "cmac_on_model": "CMAC feedforward on top of the torque of a model",
     "rbf": "Feedforward of radial basis functions",
 }
 GOAL_NAMES = {NO_GOAL: "", ZERO_BY_ERROR: "zero_by_error", MEAN: "mean"}
-"""Names of goals in the template; any other goal is ``zero``."""
+"""Names of the goals of learning rules in the template; any other goal is ``zero``."""
 QUANTITIES = {"angle": ("rad", "m"), "velocity": ("rad/s", "m/s"), "acceleration": ("rad/s^2", "m/s^2")}
-"""Units of planned inputs: of joints, and of a point mass, whose joints are its axes."""
+"""Units of planned inputs: for joints, and for a point mass, whose joints are its axes."""
 
 
 def write_c(
     run: Run, folder: Path, single: bool = False, one_path: bool = False, law: dict[str, Any] | None = None
 ) -> Path:
-    """Write the C code of a run's network, in single precision or double; its header. Raises BadInput or BadRun.
+    """Write the C code of a run's network into ``folder`` and return the path of the header.
 
-    ``one_path`` gives the cells of the planned path as a table, without addressing. ``law`` does so too, in double
-    precision: what :func:`cmacexp.addons.export.c_law.describe_law` says of the control law, which is written beside
-    it.
+    With ``one_path`` the code contains the cells of the planned path as a table instead of the addressing. ``law``,
+    as from :func:`cmacexp.addons.export.c_law.describe_law`, implies that and adds the files of the control law; it
+    requires double precision. Raises BadInput or BadRun.
     """
     network = read_network(run, one_path or law is not None)
-    period = {"period": repr(float(run.config["sampling_period"]))}
-    context = describe(network, single) | period | _list_tables(network) | make_vectors(network, single) | (law or {})
+    context = {
+        **describe(network, single),
+        "period": repr(float(run.config["sampling_period"])),
+        **_list_tables(network),
+        **make_vectors(network, single),
+        **(law or {}),
+    }
     files = FILES + LAW_FILES * (law is not None)
     texts = [_render(name, context, single) for name in files]
     folder.mkdir(parents=True, exist_ok=True)
@@ -63,17 +68,18 @@ def write_c(
     for name, text in zip(files, texts, strict=True):
         with write_atomically(folder / name) as temporary:
             temporary.write_text(text, encoding="ascii")
-    return folder / (LAW_FILES[0] if law else HEADER)
+    return folder / (LAW_FILES[0] if law else FILES[0])
 
 
 def format_real(value: Any, single: bool) -> str:
-    """A C constant of exactly this value."""
+    """Format a number as a C constant of exactly this value, in single or double precision."""
     rounded = float(np.float32(value)) if single else float(value)
     text = repr(rounded) if rounded == round(rounded, 2) and abs(rounded) < 1e6 else rounded.hex()
     return text + "f" * single
 
 
 def _render(name: str, context: dict[str, Any], single: bool) -> str:
+    """Render the template of a C file."""
     from jinja2 import Environment, PackageLoader
 
     def text_of(value: Any) -> str:
@@ -104,20 +110,20 @@ def _render(name: str, context: dict[str, Any], single: bool) -> str:
 
 
 def describe(network: Network, single: bool) -> dict[str, Any]:
-    """What the templates say of a network, but for its tables."""
-    params, one_path = network.params, not network.addresses
-    (legs, rows, joints), (samples, _, layers) = params.weights.shape, params.cells.shape
-    how, inputs = params.learning, network.inputs.shape[2]
-    rule = how.rule
-    name = next(name for name, each in RULES.items() if each.params == rule._replace(strength=0.0))
+    """Return the template variables of a network, except its tables."""
+    learning = network.params.learning
+    rule = learning.rule
+    one_path = not network.addresses
+    legs, rows, joints = network.params.weights.shape
+    samples, _, layers = network.params.cells.shape
+    name = next(name for name, entry in RULES.items() if entry.params == rule._replace(strength=0.0))
     on_axes = network.setup.config.machine.kind == "point_mass"
     columns = ["x", "y"] if on_axes else [f"q{n + 1}" for n in range(joints)]
-    ring = how.lead + 2
-    small = rows <= 2**16 - bool(network.places)
+    small = rows <= 2**16 - bool(network.visited)
     size = 4 if single else 8
     state = size * (legs * rows * joints + 1) + 8
     if not one_path:  # the active cells of the last steps
-        state += 8 + ring * legs * layers * ((2 if small else 4) + size * network.is_weighted)
+        state += 8 + (learning.lead + 2) * legs * layers * ((2 if small else 4) + size * network.is_weighted)
     return {
         "title": TITLES[network.kind],
         "version": __version__,
@@ -125,18 +131,18 @@ def describe(network: Network, single: bool) -> dict[str, Any]:
         "single": single,
         "legs": legs,
         "joints": joints,
-        "inputs": inputs,
+        "inputs": network.inputs.shape[2],
         "layers": layers,
         "rows": rows,
         "samples": samples,
-        "lead": how.lead,
-        "rate": float(how.rate[0]),
-        "ring": ring,
-        "back": (-1 - how.lead) % samples if one_path else 1,
+        "lead": learning.lead,
+        "rate": float(learning.rate[0]),
+        "ring": learning.lead + 2,
+        "back": (-1 - learning.lead) % samples if one_path else 1,
         "one_path": one_path,
         "weighted": network.is_weighted,
         "field": next((key for key, value in RECEPTIVE_FIELDS.items() if value == network.field), ""),
-        "visited": bool(network.places),
+        "visited": bool(network.visited),
         "bisections": rows.bit_length(),
         "hashed": not one_path and network.addresses[0].hashed,
         "seed": 0 if one_path else network.addresses[0].seed,
@@ -161,6 +167,7 @@ def describe(network: Network, single: bool) -> dict[str, Any]:
 
 
 def _list_inputs(network: Network, columns: list[str], on_axes: bool) -> Iterable[str]:
+    """Yield meaning and unit of each input of a leg, in order."""
     for name in network.input_names:
         if name != PHASE:
             for column in columns:
@@ -170,7 +177,8 @@ def _list_inputs(network: Network, columns: list[str], on_axes: bool) -> Iterabl
 
 
 def _list_tables(network: Network) -> dict[str, Any]:
-    params, addresses = network.params, network.addresses
+    """Return the tables of a network as template variables."""
+    params = network.params
     legs, rows, joints = params.weights.shape
     flat = params.weights.reshape(legs * rows, joints)
     learnt = np.flatnonzero((flat != 0.0).any(axis=1))
@@ -180,12 +188,12 @@ def _list_tables(network: Network) -> dict[str, Any]:
         "learnt_weights": flat[learnt],
         "model_torque": [] if model_torque is None else model_torque.reshape(len(model_torque), -1),
     }
-    if not addresses:
+    if not network.addresses:
         return tables | {"path_cells": params.cells, "path_activation": params.activation}
-    most = 2**64 - 1  # beyond the last cell of a leg that has visited fewer
+    padding = 2**64 - 1  # legs that visited fewer cells than others
     return tables | {
-        "low": [each.ranges.low for each in addresses],
-        "high": [each.ranges.high for each in addresses],
-        "displacement": addresses[0].displacement,
-        "places": [[*own.tolist(), *[most] * (rows - len(own))] for own in network.places],
+        "low": [address.ranges.low for address in network.addresses],
+        "high": [address.ranges.high for address in network.addresses],
+        "displacement": network.addresses[0].displacement,
+        "visited_cells": [[*cells.tolist(), *[padding] * (rows - len(cells))] for cells in network.visited],
     }

@@ -1,6 +1,6 @@
-"""The whole control law of a stored run for C: plan, controller, limits, guard, and what checks them.
+"""The whole control law of a stored run for C: plan, controller, limits, guard, and a check of the C code.
 
-The check plays signals by chance to the loop of the project, as its plant, and sums the commands that answer them.
+For the check a plant emits pseudo-random signals to the loop of the project, and the commands are summed up.
 """
 
 import sys
@@ -50,22 +50,25 @@ from cmacexp.sensors.config import ChannelsConfig
 from cmacexp.typing import Array, Status
 
 CYCLES = 4
-"""Cycles of the check."""
+"""Number of cycles of the check."""
 SEED, FACTOR, INCREMENT = 1997, 6364136223846793005, 1442695040888963407
-"""Seed and constants of a linear congruential generator of 64 bits (Knuth, MMIX)."""
-ANGLE, RATE, PRESSED = 0.05, 0.5, 0.3
-"""Sizes of the signals by chance: of angles, rad, of velocities over the largest planned ones, and of forces over the
-mean of the planned ones."""
+"""Seed, multiplier and increment of a 64-bit linear congruential generator (Knuth, MMIX)."""
+ANGLE_AMPLITUDE = 0.05
+"""Amplitude of the random joint angles, rad."""
+VELOCITY_AMPLITUDE = 0.5
+"""Amplitude of the random joint velocities, relative to the largest planned ones."""
+FORCE_AMPLITUDE = 0.3
+"""Amplitude of the random forces, relative to the mean planned ones."""
 FASTEST = 10.0
-"""Largest planned velocity that counts, rad/s: sixteen times half of it is below the limit of the loop."""
-OF_A_BODY = (0.002, 0.01, 0.01, 0.05, 0.1, 0.1, 0.002, 0.002, 0.002)
-"""Sizes of the signals by chance of height, pitch and roll, their rates, place and heading: m, rad, s."""
+"""Upper bound of the planned velocity, rad/s: BURST times half of it is below the limit of the loop."""
+BODY_AMPLITUDES = (0.002, 0.01, 0.01, 0.05, 0.1, 0.1, 0.002, 0.002, 0.002)
+"""Amplitudes of height, pitch and roll, of their rates, and of position and heading: m, rad, s."""
 BURST = 16.0
-"""Factor by which signals grow in a part of the third cycle: enough to alarm a guard, and for no body to fall."""
+"""Factor of the amplitudes in a part of the third cycle: enough to alarm a guard, but no body falls."""
 
 
 def compute_feet(mechanism: Mechanism, q: Array, dq: Array) -> tuple[Array, Array]:
-    """Place and velocity of the feet (L, axes), m, m/s, that follow from joints (L, J), rad, rad/s, as C has them."""
+    """Compute positions (L, axes), m, and velocities, m/s, of the feet from ``q`` and ``dq`` (L, J), rad, rad/s."""
     kinematics = np.zeros((len(q), KINEMATICS_FIELDS[mechanism.axes]))
     foot, velocity = np.zeros_like(q), np.zeros_like(q)
     update_kinematics(mechanism, q, kinematics)
@@ -76,32 +79,40 @@ def compute_feet(mechanism: Mechanism, q: Array, dq: Array) -> tuple[Array, Arra
 
 
 class Player:
-    """A plant that plays signals by chance around the start of a plan, and keeps the commands that answer them.
+    """A plant that emits pseudo-random signals around the start pose and records the resulting commands.
 
-    In the third cycle they grow for a while, which alarms a guard.
+    In the third cycle the amplitudes grow for a while, which alarms a guard.
 
     Attributes:
-        centre: (signals,) their mean, in the order of C; their unit as the next two.
-        drift: what is added to it in each step.
-        size: largest distance from it; after the first cycle half of that.
-        commands: (numbers,) of every step, in the order of C.
+        centre: (signals,) mean of the signals, in the order and units of the C code.
+        drift: (signals,) increment of the mean in each step.
+        size: (signals,) amplitudes in the first cycle; half of them act later.
+        commands: command of every step, (numbers,), in the order of the C code.
     """
 
     takes_drives = True
 
     def __init__(self) -> None:
         self.commands: list[Array] = []
-        self.chance = SEED
+        self.random = SEED
 
     def reset(self, setup: Setup) -> Measurement:
-        """The signals of the first step."""
-        self.mechanism, self.period = setup.mechanism, len(setup.plan.support)
+        """Start a run and return the signals of its first step."""
+        self.mechanism = setup.mechanism
+        self.period = len(setup.plan.support)
         legs, joints = setup.mechanism.shape
-        force, angles, body = setup.plan.force_desired.mean(axis=0), legs * joints, has_body(setup.mechanism)
-        fastest = np.abs(setup.plan.joints.velocity).max(axis=0)
+        angles = legs * joints
+        body = has_body(setup.mechanism)
+        force = setup.plan.force_desired.mean(axis=0)
+        fastest = np.minimum(np.abs(setup.plan.joints.velocity).max(axis=0), FASTEST)
         centre = [*setup.start.flat, *np.zeros(angles), *force, setup.mechanism.hip_height, *np.zeros(8)]
         self.size = np.array(
-            [*[ANGLE] * angles, *RATE * np.minimum(fastest, FASTEST).ravel(), *PRESSED * force, *OF_A_BODY * body]
+            [
+                *[ANGLE_AMPLITUDE] * angles,
+                *VELOCITY_AMPLITUDE * fastest.ravel(),
+                *FORCE_AMPLITUDE * force,
+                *BODY_AMPLITUDES * body,
+            ]
         )
         self.centre = np.array(centre[: len(self.size)])
         self.drift = np.zeros_like(self.centre)
@@ -110,21 +121,23 @@ class Player:
         return self._measure()
 
     def step(self, torque: Array, drive: Drive | None = None) -> Measurement:
-        """Keep the command; the next signals."""
+        """Record the command and return the next signals."""
         sent = [torque] if drive is None else [drive.q, drive.dq, torque, drive.stiffness, drive.damping]
         self.commands.append(np.concatenate(sent, axis=None))
         return self._measure()
 
     @property
     def burst(self) -> int:
-        """Step in which the signals grow, for an eighth of a cycle."""
+        """First step of the larger signals, which last for an eighth of a cycle."""
         return 5 * self.period // 2
 
     def _measure(self) -> Measurement:
-        step, draws = len(self.commands), []
+        """Draw the signals of the next step."""
+        step = len(self.commands)
+        draws = []
         for _ in self.centre:
-            self.chance = (self.chance * FACTOR + INCREMENT) % 2**64
-            draws.append((self.chance >> 11) * 2.0**-53)
+            self.random = (self.random * FACTOR + INCREMENT) % 2**64
+            draws.append((self.random >> 11) * 2.0**-53)
         scale = 1.0 if step < self.period else BURST if 0 <= step - self.burst < self.period // 8 else 0.5
         signals = self.centre + self.drift * step + scale * self.size * (2.0 * np.array(draws) - 1.0)
         legs, joints = self.mechanism.shape
@@ -135,18 +148,19 @@ class Player:
 
 
 def describe_law(run: Run) -> dict[str, Any]:
-    """What the templates of :func:`cmacexp.addons.export.c_code.write_c` say of the law of a run.
+    """Return the variables of the law of a run for the templates of :func:`cmacexp.addons.export.c_code.write_c`.
 
-    Raises BadInput if the run has anything that the C code would lack, and BadRun.
+    Raises BadInput if the C code does not support a component of the run, and BadRun.
     """
     require_exportable(run)
-    config, learnt = read_final_config(run), read_learnt(run)
-    _require_carried(run, config)
+    config = read_final_config(run)
+    learnt = read_learnt(run)
+    _require_supported(run, config)
     config = replace(
         config.nominal,
         cycles=CYCLES,
         learning=replace(config.learning, start_from=None if learnt is None else str(run.folder)),
-        actuator=replace(config.actuator, delay=0, lag=0.0),  # which motors have by themselves
+        actuator=replace(config.actuator, delay=0, lag=0.0),  # the motors have these
     )
     player = Player()
     scenario = make_scenario(config, learnt, plant=player, sensors=PerfectSensors(ComponentConfig()))
@@ -157,7 +171,6 @@ def describe_law(run: Run) -> dict[str, Any]:
     if end.status != Status.COMPLETED:
         raise BadRun(f"{run.folder}: its law ends {end.status} in the check of the C code ({end.cause})")
     params: Any = scenario.feedforward.params  # type: ignore[attr-defined]  # a network
-    commands = np.array(player.commands).reshape(CYCLES, -1)
     return law | {
         "centre": player.centre,
         "drift": player.drift,
@@ -168,17 +181,16 @@ def describe_law(run: Run) -> dict[str, Any]:
         "seed": SEED,
         "multiplier_64": FACTOR,
         "increment_64": INCREMENT,
-        "sums": [checksum(each) for each in commands],
+        "sums": [checksum(cycle) for cycle in np.array(player.commands).reshape(CYCLES, -1)],
         "walked_sum": checksum(keep_rows(params, list_path_rows(params)).weights),
         "events": len(end.guard),
     }
 
 
-def _require_carried(run: Run, config: Config) -> None:
-    """Require that the C code lacks nothing of the run; raises BadInput."""
+def _require_supported(run: Run, config: Config) -> None:
+    """Raise BadInput unless the C code supports all components of the run."""
     learning = config.learning
     lead = run.config["learning"]["lead"]
-    sharing = config.force_control.load_sharing
     refused = {
         "machine.kind": (
             config.machine.kind,
@@ -186,8 +198,8 @@ def _require_carried(run: Run, config: Config) -> None:
             "must be leg, quadruped or robot",
         ),
         "force_control.load_sharing": (
-            sharing,
-            sharing == ADAPTIVE,
+            config.force_control.load_sharing,
+            config.force_control.load_sharing == ADAPTIVE,
             "must be dynamic or static: C makes no plan anew",
         ),
         "plausibility.enabled": (True, config.plausibility.enabled, "must be false: C checks no force sensor"),
@@ -203,21 +215,28 @@ def _require_carried(run: Run, config: Config) -> None:
 
 
 def _describe(scenario: Scenario) -> dict[str, Any]:
-    """Tables and constants of plan and controller."""
+    """Return tables and constants of plan and controller."""
     setup = scenario.setup
-    config, plan, mechanism = setup.config, setup.plan, setup.mechanism
+    plan = setup.plan
+    mechanism = setup.mechanism
     control: Any = scenario.controller.params  # type: ignore[attr-defined]  # of hybrid or drives
-    drives, body, chains = isinstance(control, DriveParams), has_body(mechanism), mechanism.chains is not None
+    drives = isinstance(control, DriveParams)
+    body = has_body(mechanism)
+    chains = mechanism.chains is not None
     method = next(name for name, number in METHODS.items() if drives or number == control.method)
-    place, rate = (np.moveaxis(values, -1, 0) for values in (plan.reference.position, plan.reference.velocity))
     columns = {
-        **{"X": place[X], "Y": place[Y], "VX": rate[X], "VY": rate[Y], "ADDED": plan.reference.force_added},
+        "X": plan.reference.position[..., X],
+        "Y": plan.reference.position[..., Y],
+        "VX": plan.reference.velocity[..., X],
+        "VY": plan.reference.velocity[..., Y],
+        "ADDED": plan.reference.force_added,
         **({"DESIRED": plan.reference.force_desired} if drives else {}),
         **({"F_REFERENCE": plan.reference.force_reference} if method == "explicit" else {}),
-        **({"Z": place[Z], "VZ": rate[Z]} if chains else {}),
+        **({"Z": plan.reference.position[..., Z], "VZ": plan.reference.velocity[..., Z]} if chains else {}),
     }
-    reference = np.nan_to_num(np.stack([*columns.values()], axis=-1))  # of which no method uses what is NaN
+    reference = np.nan_to_num(np.stack([*columns.values()], axis=-1))  # NaN marks values that no method uses
     stages = 1 if (reference[BEFORE] == reference[ACTING]).all() else 2
+    config = setup.config
     actuator = new_actuator(config.actuator, config.sampling_period, len(mechanism.legs), mechanism.torque_limits)
     limits = np.minimum(actuator.limit, sys.float_info.max)
     delayed = drives and bool(control.behind.any())
@@ -254,7 +273,7 @@ def _describe(scenario: Scenario) -> dict[str, Any]:
 
 
 def _describe_guard(scenario: Scenario) -> dict[str, Any] | None:
-    """State and constants of the guard of learning at the start; None: nothing guards it."""
+    """Return initial state and constants of the guard of learning; None if there is no guard."""
     guard = make_guard(scenario)
     if guard is None:
         return None

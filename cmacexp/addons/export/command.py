@@ -1,4 +1,4 @@
-"""``cmacexp export``: writes a run for other programs: C, wide tables, MCAP."""
+"""``cmacexp export``: write a run for other programs, as C code, wide tables or MCAP."""
 
 from pathlib import Path
 
@@ -12,8 +12,8 @@ from cmacexp.errors import CmacexpError, require
 from cmacexp.terminal.output import print_line, show_activity
 
 
-def _find_place(arguments: Arguments) -> Path:
-    """The folder to write to; never that of a run, which stays as its run wrote it."""
+def _choose_folder(arguments: Arguments) -> Path:
+    """Return the output folder; raises BadInput if it is the folder of a run, which export must not change."""
     if arguments.out is None:
         return require_no_link(Path(f"export-{name_of(arguments.folder)}"))
     folder = require_place(OUT_KEY, arguments.out)
@@ -22,31 +22,38 @@ def _find_place(arguments: Arguments) -> Path:
 
 
 def _check_formats(arguments: Arguments) -> None:
-    """Refuse a command that writes nothing, or that has options of C code without it; raises CmacexpError."""
-    c, of_c = arguments.c, arguments.single or arguments.path or arguments.law
-    CmacexpError.unless(c or arguments.wide or arguments.mcap, "what to write is missing: add --c, --wide or --mcap")
-    CmacexpError.unless(c or not of_c, "--single, --path and --law are options of --c: add --c")
+    """Raise CmacexpError if no format is chosen, or if options of the C code exclude each other or lack ``--c``."""
+    has_c_options = arguments.single or arguments.path or arguments.law
+    CmacexpError.unless(
+        arguments.c or arguments.wide or arguments.mcap, "what to write is missing: add --c, --wide or --mcap"
+    )
+    CmacexpError.unless(arguments.c or not has_c_options, "--single, --path and --law are options of --c: add --c")
     CmacexpError.unless(not (arguments.single and arguments.law), "--law is in double precision: leave out --single")
 
 
 @command(
     "export",
-    "Write a stored run for other programs: C code of its network, or its tables.",
+    "Export a stored run for other programs: its network or control law as C code, or its trace.",
     {
-        "folder": {"type": Path, "metavar": "DIR", "help": "a run"},
-        "--c": make_flag("cmac_leg.h, cmac_leg.c and main.c, which checks itself"),
-        "--single": make_flag("the C code in single precision"),
-        "--path": make_flag("the C code for the planned path alone: little memory"),
-        "--law": make_flag("the C code of the whole control law, with --path"),
-        "--wide": make_flag("the trace as a table with one row a step"),
-        "--mcap": make_flag("the trace as MCAP"),
-        "--out": {"type": Path, "metavar": "FOLDER", "help": "where to write (default: export-NAME OF DIR)"},
+        "folder": {"type": Path, "metavar": "DIR", "help": "folder of a run"},
+        "--c": make_flag("write cmac_leg.h, cmac_leg.c and main.c, a program that checks them"),
+        "--single": make_flag("write the C code in single precision"),
+        "--path": make_flag("restrict the C code to the planned path, which needs little memory"),
+        "--law": make_flag("also write the whole control law in C; implies --path"),
+        "--wide": make_flag("write the trace as a Parquet table with one row per step"),
+        "--mcap": make_flag("write the trace as MCAP"),
+        "--out": {
+            "type": Path,
+            "metavar": "FOLDER",
+            "help": "output folder (default: export-NAME, for DIR called NAME)",
+        },
     },
 )
 def main(arguments: Arguments) -> None:
-    """Write the files, and print their names."""
+    """Write the chosen files and print their names."""
     _check_formats(arguments)
-    run, out = Run(arguments.folder), _find_place(arguments)
+    run = Run(arguments.folder)
+    out = _choose_folder(arguments)
     _ = run.manifest
     with show_activity(f"exporting {run.folder}"):
         written = []

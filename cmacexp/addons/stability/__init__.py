@@ -1,1 +1,1 @@
-"""The stability of learning from cycle to cycle: the loop linearised along the plan, and its growth per cycle."""
+"""Stability of learning from cycle to cycle: the loop linearised along the plan, and its growth per cycle."""

@@ -1,4 +1,4 @@
-"""``cmacexp stability``: says whether learning holds, and with which lead."""
+"""``cmacexp stability``: predict whether learning stays bounded, and with which lead."""
 
 from pathlib import Path
 
@@ -14,12 +14,16 @@ FOLDER = "stability"
 
 
 def _analyse_run(run: Run, out: Path, trust: bool) -> None:
-    """Write the verdict on a run, and the analysis or why there is none; ``trust`` as :func:`read_config`."""
+    """Write and print the verdict on a run, with the analysis or the reason for its absence.
+
+    ``trust`` as in :func:`read_config`.
+    """
     from cmacexp.addons.stability.cycle_map import NotPredictable
-    from cmacexp.addons.stability.page import TITLES, advise, rows, write_stability_report
+    from cmacexp.addons.stability.page import TITLES, advise, make_rows, write_stability_report
     from cmacexp.addons.stability.verdict import analyse, assess, read_learning
 
-    notes, analysis = list[str](), None
+    analysis = None
+    notes: list[str] = []
     with show_activity(f"analysing {run.folder}"):
         config = read_learning(run, trust)
         verdict = assess(config)
@@ -32,7 +36,7 @@ def _analyse_run(run: Run, out: Path, trust: bool) -> None:
         path = write_stability_report(run, verdict, analysis, notes, out)
     print_line(verdict.describe())
     if analysis is not None:
-        print_table([title.replace(" ", "\n", 1) for title in TITLES], rows(analysis))
+        print_table([title.replace(" ", "\n", 1) for title in TITLES], make_rows(analysis))
     for line in notes:
         print_line(line)
     print_line(str(path))
@@ -40,22 +44,22 @@ def _analyse_run(run: Run, out: Path, trust: bool) -> None:
 
 @command(
     "stability",
-    "Linearise the loop of runs, predict how their learning grows from cycle to cycle with each lead, compare "
-    "the prediction with the measurement, and explain it; as one HTML page with figures.",
+    "Linearise the loop of each run, predict for each lead whether learning grows from cycle to cycle, and compare "
+    "the prediction with a simulation; the result is an HTML page with figures and stability.json.",
     {
         **FOLDERS,
         "--out": {
             "type": Path,
             "metavar": "FOLDER",
-            "help": f"where the page goes; unless given, {FOLDER} in DIR",
+            "help": f"folder of the page (default: {FOLDER} in DIR)",
         },
-        "--trust": make_flag("import components outside this project that the manifest names, which runs their code"),
+        "--trust": make_flag("import custom components named in the manifest; this runs their code"),
     },
 )
 def main(arguments: Arguments) -> None:
-    """Analyse each run."""
+    """Analyse each run in the given folders."""
     announce_compiling()
-    folders = list(dict.fromkeys(run for given in arguments.folders for run in runs_below(given)))
+    folders = list(dict.fromkeys(run for folder in arguments.folders for run in runs_below(folder)))
     require(
         arguments.out is None or len(folders) == 1,
         OUT_KEY,

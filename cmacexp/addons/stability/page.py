@@ -1,4 +1,4 @@
-"""The stability of a run as a page, and as a table in the terminal."""
+"""The stability analysis of a run as an HTML page and as a table in the terminal."""
 
 import json
 import math
@@ -24,34 +24,34 @@ TITLES = ("lead", "learning", "growth per cycle", "least Re T", "ends in cycle")
 VERDICT = "stability.json"
 
 
-def rows(analysis: Analysis) -> list[list[str]]:
-    """One row per lead, under :data:`TITLES`."""
+def make_rows(analysis: Analysis) -> list[list[str]]:
+    """Format the verdicts as a table with one row per lead, and :data:`TITLES` as columns."""
     return [
         [
             f"{lead} (this run)" if lead == analysis.lead else str(lead),
-            each.verdict,
-            format_cell(each.growth, decimals=4),
+            verdict.verdict,
+            format_cell(verdict.growth, decimals=4),
             format_cell(float(analysis.least_real(lead).min())),
-            str(each.ends or "-"),
+            str(verdict.ends or "-"),
         ]
-        for lead, each in analysis.verdicts.items()
+        for lead, verdict in analysis.verdicts.items()
     ]
 
 
 def advise(analysis: Analysis) -> list[str]:
-    """Other leads with which learning holds, in a sentence; nothing where it holds with that of the run."""
+    """List, in one sentence, the leads with which learning holds; return nothing if it holds with the run's own."""
     if len(analysis.verdicts) == 1 or analysis.verdicts[analysis.lead].verdict == HOLDS:
         return []
-    held = [str(lead) for lead, each in analysis.verdicts.items() if each.verdict == HOLDS]
+    held = [str(lead) for lead, verdict in analysis.verdicts.items() if verdict.verdict == HOLDS]
     return [f"Learning holds with lead {' or '.join(held)}." if held else "No lead that was tried is sure to hold."]
 
 
 def _draw_growth(analysis: Analysis) -> Figure:
-    """Change of the feedback from cycle to cycle, measured and predicted."""
-    start, sizes = analysis.growth.cycle + 1, analysis.sizes
-    predicted = analysis.growth.krylov.lengths(max(len(sizes) - start + 1, 2))
+    """Draw the change of the feedback from cycle to cycle, simulated and predicted."""
+    start = analysis.growth.cycle + 1
+    predicted = analysis.growth.krylov.lengths(max(len(analysis.sizes) - start + 1, 2))
     change = [
-        Series("in memory", np.arange(1, len(sizes) + 1), sizes),
+        Series("in memory", np.arange(1, len(analysis.sizes) + 1), analysis.sizes),
         Series("predicted", start + np.arange(len(predicted)), predicted),
     ]
     return draw(
@@ -60,31 +60,41 @@ def _draw_growth(analysis: Analysis) -> Figure:
 
 
 def _draw_real_parts(analysis: Analysis) -> Figure:
-    """Least eigenvalue of Re z^l T over frequency for each lead l, the least of all places of the cycle."""
-    hertz, shown = analysis.spectra[0].frequencies, (-0.6, 1.3)
-    series = [Series(f"lead {lead}", hertz, analysis.least_real(lead)) for lead in analysis.verdicts]
-    return draw([Panel("T", "frequency, Hz", "least eigenvalue of Re T", series, y_limits=[0.0], y_range=shown)])
+    """Draw the least eigenvalue of Re z^l T over frequency for each lead l, the least over all samples."""
+    series = [
+        Series(f"lead {lead}", analysis.spectra[0].frequencies, analysis.least_real(lead))
+        for lead in analysis.verdicts
+    ]
+    return draw(
+        [Panel("T", "frequency, Hz", "least eigenvalue of Re T", series, y_limits=[0.0], y_range=(-0.6, 1.3))]
+    )
 
 
 def write_stability_report(
     run: Run, verdict: Verdict, analysis: Analysis | None, notes: Sequence[str], folder: Path
 ) -> Path:
-    """Write verdict and page of a run into ``folder``, with sentences ``notes``; returns the HTML file."""
+    """Write verdict and page of a run into ``folder``, and return the HTML file; the summary ends with ``notes``."""
     title = f"Stability of learning: {run.config['scenario']}, {run.folder.resolve().name}"
-    asked: dict[str, Any] = {"runs": {str(run.folder.resolve()): run.manifest["config_hash"]}}
+    request: dict[str, Any] = {"runs": {str(run.folder.resolve()): run.manifest["config_hash"]}}
     values: dict[str, Any] = {"analysis": analysis, "limits": limits}
-    drawn: dict[str, Callable[[], Figure]] = {}
+    figures: dict[str, Callable[[], Figure]] = {}
     tables: dict[str, Callable[[], DataFrame]] = {}
     if analysis is not None:
-        drawn = {"growth": partial(_draw_growth, analysis), "real_parts": partial(_draw_real_parts, analysis)}
-        tables = {"leads": partial(DataFrame, rows(analysis), columns=list(TITLES))}
-        asked["cycle"] = analysis.growth.cycle
+        figures = {"growth": partial(_draw_growth, analysis), "real_parts": partial(_draw_real_parts, analysis)}
+        tables = {"leads": partial(DataFrame, make_rows(analysis), columns=list(TITLES))}
+        request["cycle"] = analysis.growth.cycle
         values["holding"] = [f"lead {lead}" for lead in analysis.verdicts if (analysis.least_real(lead) > 0.0).all()]
-    with new_result(folder, OUT_KEY, REPORT) as place:
+    with new_result(folder, OUT_KEY, REPORT) as writer:
         growth = verdict.growth if math.isfinite(verdict.growth) else None
-        place.write_text(VERDICT, json.dumps({**verdict._asdict(), "growth": growth}, indent=1) + "\n")
+        writer.write_text(VERDICT, json.dumps({**verdict._asdict(), "growth": growth}, indent=1) + "\n")
         text = Path(__file__).with_name("page.md")
         sections = render_markdown(
-            text.read_text(encoding="utf-8"), text, "Does learning hold", Renderer(place.part), drawn, tables, values
+            text.read_text(encoding="utf-8"),
+            text,
+            "Does learning hold",
+            Renderer(writer.part),
+            figures,
+            tables,
+            values,
         )
-        return write_report(Report(title, " ".join((verdict.describe(), *notes)), sections, asked), place)
+        return write_report(Report(title, " ".join((verdict.describe(), *notes)), sections, request), writer)

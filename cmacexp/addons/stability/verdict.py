@@ -1,8 +1,8 @@
-"""Whether learning holds, in three values: from a run in memory, and from the loop linearised where that run ends;
-and the same with other leads, with the growth that is predicted and the reasons.
+"""The verdict on learning (holds, grows, undecided), its reasons, and the verdicts with other leads.
 
-It is about learning itself, so the guard of learning never acts here; lead and rate are those of the guarded run.
-Limits were chosen on 200 random settings of one leg; ``pipelines/when_learning_holds.py`` tests them on others.
+A verdict follows from a simulation in memory and from the loop linearised where that simulation ends. The guard of
+learning never acts here; lead and rate are those of the guarded run. The limits were chosen on 200 random
+configurations of one leg; ``pipelines/when_learning_holds.py`` tests them on others.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,12 +19,12 @@ from cmacexp.addons.stability.growth import (
     MAX_CYCLES_BEFORE,
     Growth,
     History,
-    calmest,
     change_sizes,
-    grow,
+    find_calmest,
+    linearise_cycle,
     predicted_growth,
+    record_history,
     require_learning,
-    watch,
     with_lead,
 )
 from cmacexp.addons.stability.transfer import Spectrum, spectra_along
@@ -40,53 +40,58 @@ from cmacexp.typing import Array
 
 HOLDS, GROWS, UNDECIDED = "holds", "grows", "undecided"
 MAX_CYCLES = 1000
-"""Cycles of learning that are run at most."""
+"""Largest number of simulated cycles of learning."""
 AFFORDABLE = 1_200_000
-"""Steps of all legs that are run: a second or less."""
+"""Simulated steps times legs: a second of computation or less."""
 AHEAD = 2000
-"""Cycles ahead over which changes are added up."""
+"""Cycles over which predicted changes are summed."""
 MAX_RITZ = 1.0005
-"""Largest Ritz value with which learning holds."""
+"""Ritz value up to which learning holds."""
 MAX_LEVEL = 1.7
-"""Ratio to its lowest level that the feedback may reach where learning holds, if all changes to come add up."""
-POSITIVE, MAX_IF_POSITIVE = 0.05, 2.4
-"""Least Re T from which it may reach more, and how much."""
+"""Level of the feedback, relative to its lowest, up to which learning holds if all predicted changes add up."""
+POSITIVE = 0.05
+"""Least Re T from which MAX_IF_POSITIVE replaces MAX_LEVEL."""
+MAX_IF_POSITIVE = 2.4
 MIN_GROWTH = 1.003
-"""Growth per cycle and largest Ritz value from which learning grows, where Re T is negative somewhere."""
+"""Growth per cycle and Ritz value from which learning grows, where Re T is negative somewhere."""
 BOUNDED_RULES = ("dead_zone", "e_modification", "decaying_rate")
-"""Rules that bound growth by themselves: the linearised loop does not contain it."""
-PLACES, FREQUENCIES = 12, 150
-"""Samples of the cycle, and frequencies up to half the sampling rate, at which T is computed."""
+"""Learning rules that bound growth, which the linearised loop does not show."""
+PLACES = 12
+"""Number of samples of the cycle at which T is computed."""
+FREQUENCIES = 150
+"""Number of frequencies of T, up to half the sampling rate."""
 SEED = 0
+"""Seed of the random start vector of the second Krylov space."""
 LEADS = (-2, -1, 0, 1, 2, 3)
-"""Those that an analysis compares with that of the run."""
+"""Leads that an analysis compares with the lead of the run, samples."""
 
 
 class Verdict(NamedTuple):
-    """Whether learning holds; its fields are the content of ``stability.json``."""
+    """Verdict on the learning of a run, with the fields of ``stability.json``."""
 
     verdict: str
     """``holds``, ``grows`` or ``undecided``."""
     growth: float
-    """Factor from cycle to cycle by which the change of the feedback grows; NaN if it is not known."""
+    """Growth factor per cycle of the change of the feedback; NaN if unknown."""
     lead: int
     """Lead of learning, samples."""
     reasons: tuple[str, ...]
-    """Sentences, with numbers and limits."""
+    """Sentences with numbers and limits."""
     cycle: int = 0
-    """Cycles done where the growth begins."""
+    """Number of cycles completed where the growth begins."""
     ends: int = 0
-    """Cycle in which the run ends without a guard, 0: in none of those that were run."""
+    """Cycle in which the run ends without a guard; 0 if it ends in none of the simulated ones."""
 
     def describe(self) -> str:
-        """The verdict and its reasons, in one line."""
+        """Format the verdict and its reasons in one line."""
         return f"{self.verdict}: {' '.join(self.reasons)}"
 
 
 def compute_rise(levels: Array) -> tuple[float, float]:
-    """Level of the feedback at the end of the cycles of learning over its lowest there, and that lowest level.
+    """Compute the final level of the feedback relative to its lowest, and the lowest level, N m.
 
-    ``levels`` (n,) are of these cycles alone, n at least WINDOW.
+    ``levels`` (n,), N m, are those of the cycles of learning, n at least WINDOW. Levels are medians over WINDOW
+    cycles.
     """
     medians = np.median(sliding_window_view(levels, WINDOW), axis=1)
     lowest = max(float(medians.min()), LEAST * float(levels.max()))
@@ -94,9 +99,9 @@ def compute_rise(levels: Array) -> tuple[float, float]:
 
 
 def assess(config: Config, simulate: bool = True) -> Verdict:
-    """Say whether the learning of a config holds; raises BadInput.
+    """Judge whether the learning of a config holds; raises BadInput.
 
-    As many cycles as take a second are run in memory, MAX_CYCLES at most; MAX_CYCLES_BEFORE if not ``simulate``.
+    Simulates the cycles that take about a second, at most MAX_CYCLES; only MAX_CYCLES_BEFORE if not ``simulate``.
     """
     scenario = make_scenario(config)
     try:
@@ -106,45 +111,53 @@ def assess(config: Config, simulate: bool = True) -> Verdict:
 
 
 def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
-    loop, lead, first = RestorableLoop(scenario), scenario.setup.lead, config.learning.start_cycle
+    """Judge a config as :func:`assess`; raises BadInput and NotPredictable."""
+    loop = RestorableLoop(scenario)
+    lead = scenario.setup.lead
+    first = config.learning.start_cycle
     steps = loop.period * loop.samples.shape[2] * (config.plant.substeps if offers(config.plant, HasSubsteps) else 1)
-    compiled = loop.plant is None  # MuJoCo takes a hundred times as long
-    cycles = max(MAX_CYCLES_BEFORE, min(MAX_CYCLES, AFFORDABLE // steps) if simulate and compiled else 0)
-    history = watch(loop, first + cycles)
-    done = len(history.levels)
-    NotPredictable.unless(done >= first - 1, f"the run ends in cycle {done + 1}, before learning shows")
+    # With a loop.plant, MuJoCo, a cycle takes a hundred times as long.
+    cycles = max(MAX_CYCLES_BEFORE, min(MAX_CYCLES, AFFORDABLE // steps) if simulate and loop.plant is None else 0)
+    history = record_history(loop, first + cycles)
+    completed = len(history.levels)
+    NotPredictable.unless(completed >= first - 1, f"the run ends in cycle {completed + 1}, before learning shows")
     require_learning(loop)
-    if done < first + cycles:
-        off = replace(config.learning, start_cycle=done + 2, start_from=None)  # weights act from the first cycle on
+    if completed < first + cycles:
+        # Without start_from, whose weights would act from the first cycle on.
+        off = replace(config.learning, start_cycle=completed + 2, start_from=None)
         NotPredictable.unless(
-            len(watch(make_restorable_loop(replace(config, learning=off)), done + 1).levels) > done,
-            f"the run ends in cycle {done + 1}, with feedback only as well",
+            len(record_history(make_restorable_loop(replace(config, learning=off)), completed + 1).levels)
+            > completed,
+            f"the run ends in cycle {completed + 1}, with feedback only as well",
         )
         growth, cycle = _growth_before(config, history)
-        return Verdict(GROWS, growth, lead, (f"The run ends in cycle {done + 1}.",), cycle, done + 1)
+        return Verdict(GROWS, growth, lead, (f"The run ends in cycle {completed + 1}.",), cycle, completed + 1)
     risen, lowest = compute_rise(np.array(history.levels[first - 1 :]))
-    level = f"After {done} cycles without a guard the feedback is {risen:.3g} times its lowest level"
+    level = f"After {completed} cycles without a guard the feedback is {risen:.3g} times its lowest level"
     if risen >= DRIFT_RATIO:
         growth, cycle = _growth_before(config, history)
         return Verdict(GROWS, growth, lead, (f"{level} (grows from {DRIFT_RATIO:g}).",), cycle)
     if quantised := _find_quantised(config):
         reason = f"{quantised} is above 0: what is quantised cannot be linearised."
-        return Verdict(UNDECIDED, float("nan"), lead, (f"{level}.", reason), done)
+        return Verdict(UNDECIDED, float("nan"), lead, (f"{level}.", reason), completed)
     return _linearise(config, loop, lead, level, risen, lowest)
 
 
 def _find_quantised(config: Config) -> str:
-    """The key of a sensor's quantum; empty if there is none."""
+    """Return the key of the first sensor quantum above 0; empty if there is none."""
     channels = config.sensors.signals if isinstance(config.sensors, ChannelsConfig) else {}
     return next((f"sensors.{name}.quantum" for name, channel in channels.items() if channel.quantum), "")
 
 
 def _growth_before(config: Config, history: History) -> tuple[float, int]:
-    """Growth per cycle after the calmest cycle of a run that grew, and that cycle; NaN if it ended too soon."""
+    """Predict the growth of a run that grew, at its cycle with the smallest change; return growth and cycle.
+
+    The growth is NaN if the run ended too early.
+    """
     first = config.learning.start_cycle
     if len(history.sizes) <= first:
         return float("nan"), 0
-    cycle = calmest(history.sizes, first)
+    cycle = find_calmest(history.sizes, first)
     try:
         return predicted_growth(config, cycle).per_cycle, cycle
     except NotPredictable:
@@ -152,9 +165,9 @@ def _growth_before(config: Config, history: History) -> tuple[float, int]:
 
 
 def find_least_real(config: Config, lead: int, *shares: float) -> list[float]:
-    """Least Re(z^lead T) - share T^H T over frequency and place, for each share; see :meth:`Spectrum.least_real`.
+    """Compute, for each share, the least eigenvalue of Re(z^lead T) - share T^H T over frequencies and samples.
 
-    NaN where the loop without learning does not last.
+    See :meth:`Spectrum.least_real`. NaN if the run ends before it can be linearised.
     """
     try:
         spectra = spectra_along(config, config.learning.start_cycle + MAX_CYCLES_BEFORE, PLACES, FREQUENCIES)
@@ -164,19 +177,22 @@ def find_least_real(config: Config, lead: int, *shares: float) -> list[float]:
 
 
 def _linearise(config: Config, loop: RestorableLoop, lead: int, level: str, risen: float, lowest: float) -> Verdict:
-    """The verdict where a run ends as it began, of feedback that has ``risen`` to so many times its ``lowest``.
+    """Judge a loop by its linearisation at the end of a simulation that did not drift.
 
-    Growth of the map may end in a limit cycle of a rule, or of contacts in MuJoCo: then it is not trusted.
+    The feedback ends at ``risen`` times its ``lowest`` level, N m; ``level`` is the sentence that says so. Growth of
+    the map may saturate by the rule, or by contacts in MuJoCo: there it gives no verdict *grows*.
     """
     (least_real,) = find_least_real(config, lead, 0.0)
     growth = ritz = reached = float("nan")
     with suppress(NotPredictable):
-        own, other = grow(loop), grow(loop, seed=SEED)
-        growth = own.per_cycle
-        ritz = max(float(abs(space.krylov.eigenvalues()[0])) for space in (own, other))
-        reached = risen + float(own.krylov.lengths(AHEAD).sum()) / lowest
+        change = linearise_cycle(loop)
+        random = linearise_cycle(loop, seed=SEED)
+        growth = change.per_cycle
+        ritz = max(float(abs(space.krylov.eigenvalues()[0])) for space in (change, random))
+        reached = risen + float(change.krylov.lengths(AHEAD).sum()) / lowest
     trusts_growth = loop.plant is None and config.learning.rule not in BOUNDED_RULES
-    verdict, allowed = UNDECIDED, MAX_IF_POSITIVE if least_real >= POSITIVE else MAX_LEVEL
+    verdict = UNDECIDED
+    allowed = MAX_IF_POSITIVE if least_real >= POSITIVE else MAX_LEVEL
     if ritz <= MAX_RITZ and reached <= allowed:
         verdict = HOLDS
     elif trusts_growth and min(growth, ritz) >= MIN_GROWTH and least_real < 0.0:
@@ -194,37 +210,38 @@ def _linearise(config: Config, loop: RestorableLoop, lead: int, level: str, rise
 
 @dataclass(frozen=True)
 class Analysis:
-    """The stability of one run, without the guard of learning."""
+    """Stability analysis of one run, without the guard of learning."""
 
     lead: int
     """Lead of the run, samples."""
     verdicts: Mapping[int, Verdict]
-    """Verdicts by lead, that of the run among them."""
+    """Verdicts by lead, including the lead of the run."""
     growth: Growth
-    """Predicted from an early cycle of the run."""
+    """Growth predicted from an early cycle of the run."""
     sizes: Sequence[float]
-    """(n,): changes of the feedback from cycle to cycle in memory, up to the end of the prediction, N m."""
+    """(n,): simulated changes of the feedback from cycle to cycle, N m, up to the end of the prediction."""
     spectra: Sequence[Spectrum]
-    """T at places of the cycle, at the same frequencies."""
+    """T at samples of the cycle, all at the same frequencies."""
 
     def least_real(self, lead: int) -> Array:
-        """Least Re T over the places, at each frequency."""
+        """Compute the least eigenvalue of Re(z^lead T) over the samples, at each frequency."""
         return np.min([spectrum.least_real(lead) for spectrum in self.spectra], axis=0)
 
 
 def read_learning(run: Run, trust: bool = False) -> Config:
-    """Read the config of a run as :func:`read_config`; of a lead that it estimated, with the last estimate."""
+    """Read the config of a run as :func:`read_config`; ``lead=estimate`` is replaced by the last estimate."""
     config = read_config(run, trust, "--trust")
     return with_lead(config, int(run.manifest["learning_lead"])) if config.learning.lead == "estimate" else config
 
 
 def analyse(config: Config, verdict: Verdict) -> Analysis:
-    """Judge other leads of a run, of whose config :func:`read_learning` there is a verdict, and linearise its loop.
+    """Judge other leads of a config, given its own ``verdict``, and linearise its loop at an early cycle.
 
-    Raises NotPredictable if it does not learn, ends before that shows, or its loop cannot be linearised.
+    ``config`` as from :func:`read_learning`. Raises NotPredictable if nothing learns, the run ends too early, or the
+    loop cannot be linearised.
     """
     growth = predicted_growth(config)
-    is_quick = isinstance(make_scenario(config).plant, AnalyticPlant)  # on others each lead takes minutes
+    is_quick = isinstance(make_scenario(config).plant, AnalyticPlant)  # with other plants each lead takes minutes
     leads = sorted({*LEADS, verdict.lead}) if is_quick else [verdict.lead]
     return Analysis(
         verdict.lead,

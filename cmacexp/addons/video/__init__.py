@@ -1,1 +1,1 @@
-"""Moving pictures of runs, robots as their models show them, and a table of recordings."""
+"""Videos of runs, robots drawn with the meshes of their models, and a table of recordings."""

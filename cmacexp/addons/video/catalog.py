@@ -1,4 +1,4 @@
-"""A catalogue of recordings: Rerun's server, and its table of runs, a column for each setting and metric."""
+"""A catalogue of recordings: Rerun's server and its table of runs, with a column per config key and metric."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -23,16 +23,15 @@ DATASET = "runs"
 NAME_COLUMN = "property:RecordingInfo:name"
 
 
-def build_recordings(runs: Sequence[Run], anew: bool) -> tuple[list[Run], list[str]]:
-    """Build the recordings that runs lack, or all ``anew``; the runs that can be shown, and why the others cannot.
+def build_recordings(runs: Sequence[Run], rebuild: bool) -> tuple[list[Run], list[str]]:
+    """Build missing recordings, or with ``rebuild`` all of them.
 
-    Raises:
-        BadRun: none can be shown.
+    Returns the runs that can be shown, and the errors of the others. Raises BadRun if no run can be shown.
     """
     ready, faults = [], []
     for run in runs:
         try:
-            ensure_recording(run, anew)
+            ensure_recording(run, rebuild)
             ready.append(run)
         except BadRun as error:
             faults.append(str(error))
@@ -40,13 +39,14 @@ def build_recordings(runs: Sequence[Run], anew: bool) -> tuple[list[Run], list[s
     return ready, faults
 
 
-def show_table(runs: Sequence[Run], anew: bool, show: Callable[[str], int]) -> int:
-    """Show runs as a table whose rows open their recordings, built where they are missing, or all ``anew``.
+def show_table(runs: Sequence[Run], rebuild: bool, show: Callable[[str], int]) -> int:
+    """Show runs as a table whose rows open their recordings, and return the exit code of the viewer.
 
-    ``show`` opens an address in the viewer; returns its exit code. Raises BadRun.
+    Missing recordings are built, with ``rebuild`` all. ``show`` opens an address in the viewer and returns its exit
+    code. Raises BadRun.
     """
-    with show_activity(f"building the recordings that are missing of {len(runs)} runs"):
-        ready, faults = build_recordings(runs, anew)
+    with show_activity(f"building missing recordings of {len(runs)} runs"):
+        ready, faults = build_recordings(runs, rebuild)
     for fault in faults:
         print_line(f"left out: {fault}", error=True)
     keys = find_swept(ready).all_keys
@@ -57,7 +57,7 @@ def show_table(runs: Sequence[Run], anew: bool, show: Callable[[str], int]) -> i
 
 
 def _set_columns(entry: DatasetEntry, keys: Sequence[str]) -> None:
-    """The columns of the table: first what distinguishes the runs, then the main metrics; the others can be shown."""
+    """Set the visible columns of the table: name, config ``keys``, status, main metrics; the others are hidden."""
     present = entry.segment_table().schema().names
     sources = {
         NAME_COLUMN: "run",
@@ -69,24 +69,24 @@ def _set_columns(entry: DatasetEntry, keys: Sequence[str]) -> None:
         *(rrt.Column(source, name=name) for source, name in sources.items() if source in present),
         *(rrt.Column(source, visible=False) for source in present if source not in sources),
     ]
-    table = rrt.TableBlueprint(table_layout=rrt.TableLayout(columns=columns), sort_by=NAME_COLUMN)
     with TemporaryDirectory() as folder:
         path = Path(folder, "table.rbl")
-        table.save(DATASET, path)
+        blueprint = rrt.TableBlueprint(table_layout=rrt.TableLayout(columns=columns), sort_by=NAME_COLUMN)
+        blueprint.save(DATASET, path)
         entry.register_blueprint(path.as_uri(), segment_table=True)
 
 
 @contextmanager
 def serve_catalog(runs: Sequence[Run], keys: Sequence[str]) -> Iterator[tuple[str, DatasetEntry]]:
-    """Serve the recordings of runs as one data set to this machine, with ``keys`` of the config as first columns.
+    """Serve the recordings of runs as one data set on this machine, with the config ``keys`` as first columns.
 
-    Gives the address of its table, and the data set. Raises BadRun if two recordings have the same id.
+    Yields the address of the table and the data set. Raises BadRun if two recordings have the same id.
     """
     with Server(host=HOST, datasets={DATASET: [run.folder / RECORDING_FILE for run in runs]}) as server:
         entry = server.client().get_dataset(DATASET)
-        if (taken := len(entry.segment_ids())) < len(runs):
+        if (accepted := len(entry.segment_ids())) < len(runs):
             raise BadRun(
-                f"{runs[0].folder}: of {len(runs)} recordings the server takes {taken}, since copies share an id; "
+                f"{runs[0].folder}: of {len(runs)} recordings the server takes {accepted}, since copies share an id; "
                 "--rebuild builds them anew"
             )
         _set_columns(entry, keys)

@@ -1,4 +1,4 @@
-"""``cmacexp video``: draws a run, or several side by side, as a moving picture."""
+"""``cmacexp video``: draw cycles of one run, or of several side by side, as a video."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,7 +21,7 @@ from cmacexp.terminal.output import print_line, show_activity
 
 
 def _make_pictures(views: Sequence[RunView]) -> list[RobotPicture | None]:
-    """What renders the robots as their models show them; none, and why is said, where that cannot be."""
+    """Make a renderer for the robot of each view; return an empty list, and print the reason, if rendering fails."""
     try:
         return [render_robot(view.run) if view.robot else None for view in views]
     except CmacexpError as error:
@@ -33,7 +33,7 @@ DEFAULT = Path("walk.gif")
 
 
 def _choose(arguments: Arguments) -> list[RunView]:
-    """The cycles to be shown; raises BadInput if the run does not have them, BadRun of a folder that is no run."""
+    """Select the cycles to show; raises BadInput if a run lacks them, BadRun if a folder is not a run."""
     runs = [Run(folder, manifests.read(folder)) for folder in arguments.folders]
     if len(runs) == 1:
         numbers = arguments.cycles.split(",") if arguments.cycles else []
@@ -56,21 +56,24 @@ def _choose(arguments: Arguments) -> list[RunView]:
 
 @command(
     "video",
-    "Cycles of a run, or the last cycles of runs, side by side as a moving picture.",
+    "Draw cycles of one run, or the last cycle of each of several runs, side by side as a video.",
     {
-        "folders": {"type": Path, "metavar": "DIR", "nargs": "+", "help": f"a run, or up to {MOST_CYCLES}"},
-        "--cycles": {"metavar": "1,10", "help": "of one run (default: the first and the last)"},
-        "--titles": {"metavar": "A,B", "help": "above the cycles (default: their numbers)"},
-        "--lines": make_flag("draw a robot as lines, without its model"),
+        "folders": {"type": Path, "metavar": "DIR", "nargs": "+", "help": f"one run, or up to {MOST_CYCLES} runs"},
+        "--cycles": {
+            "metavar": "1,10",
+            "help": "cycles to show of one run (default: the first and the last whole cycle)",
+        },
+        "--titles": {"metavar": "A,B", "help": "titles above the cycles (default: their numbers)"},
+        "--lines": make_flag("draw robots as lines instead of rendering their models"),
         "--out": {
             "type": Path,
             "metavar": "FILE",
-            "help": f"{', '.join(FORMATS)} (default: {DEFAULT}, if it is missing)",
+            "help": f"output file, {', '.join(FORMATS)} (default: {DEFAULT}, unless it exists)",
         },
     },
 )
 def main(arguments: Arguments) -> None:
-    """Write the moving picture."""
+    """Write the video and print its path."""
     out = arguments.out or DEFAULT
     require(arguments.out or not out.exists(), "--out", out, f"exists; --out {out} replaces it")
     require(out.suffix in FORMATS, "--out", out, f"must end in {', '.join(FORMATS)}")

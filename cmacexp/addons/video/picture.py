@@ -1,6 +1,6 @@
-"""Cycles of one run, or several runs, side by side as a moving picture.
+"""Cycles of one run or of several runs, side by side as a video.
 
-A robot appears as MuJoCo renders its model, from its right side and without perspective, so that lines fit over it.
+MuJoCo renders a robot from its right side and without perspective, so that paths can be drawn over it.
 """
 
 import copy
@@ -41,26 +41,28 @@ from cmacexp.report.style import (
 from cmacexp.typing import Array
 
 MOST_CYCLES = 3
-"""More side by side are too narrow."""
-WIDTH, HEIGHT, DPI = 8.0, 4.5, 100
-"""Size of a frame, inches, and its pixels per inch."""
-PLACE = {"left": 0.075, "right": 0.985, "top": 0.94, "bottom": 0.1, "hspace": 0.3, "wspace": 0.1}
-"""Where the axes are in a frame."""
+"""Largest number of cycles side by side."""
+FRAME_SIZE = (8.0, 4.5)
+"""Width and height of a frame, inches."""
+DPI = 100
+"""Pixels per inch."""
+AXES_LAYOUT = {"left": 0.075, "right": 0.985, "top": 0.94, "bottom": 0.1, "hspace": 0.3, "wspace": 0.1}
+"""Position and spacing of the axes in a frame."""
 HEIGHTS = (2.2, 1.0, 1.0)
-"""Heights of the machine, the forces and the error of the feet above each other."""
+"""Relative heights of the three rows: machine, forces, foot error."""
 FRAMES_PER_SECOND = 12.5
-"""Frames of GIF last whole hundredths of a second."""
+"""Frame rate; GIF allows only durations of whole hundredths of a second."""
 PATHS = (colour(palette.FIRST_CYCLE), colour(palette.LAST_CYCLE))
-"""Colours of the foot's path: in the last of the cycles the second, in the others the first."""
+"""Colours of the foot paths: the second in the last cycle, the first in all others."""
 BORDER = 60.0
-"""Around the machine, mm."""
+"""Border around the machine, mm."""
 ROBOT_BORDER = np.array([120.0, 0.0, 120.0])
-"""Around the legs of a robot that is rendered, mm: its head and rump stand out of them."""
+"""Additional border around the legs of a rendered robot, mm: head and rump extend beyond them."""
 PIXELS = 640
-"""Width and height of a rendered robot."""
+"""Width and height of the rendered image, pixels."""
 MP4 = ".mp4"
 FORMATS = (".gif", ".webp", MP4)
-"""Endings of the file; the last needs the extra ``video``."""
+"""File name extensions; the last needs the extra ``video``."""
 FROM_THE_RIGHT = 90.0
 """Azimuth of a camera that looks to the left, degrees."""
 FAR = 10.0
@@ -68,7 +70,7 @@ FAR = 10.0
 
 
 class RobotPicture:
-    """Renders one robot."""
+    """Renderer of one robot."""
 
     def __init__(self, robot: Robot):
         mujoco = load_mujoco()
@@ -82,63 +84,64 @@ class RobotPicture:
         self.camera.orthographic = 1
         self.renderer: Any = mujoco.Renderer(self.model, PIXELS, PIXELS)
 
-    def draw(self, q: Array, place: Array, turn: Array, middle: Array, high: float) -> NDArray[Any]:
-        """The picture (PIXELS, PIXELS, 4) of the robot, red, green, blue and opacity from 0 to 255.
+    def draw(self, q: Array, position: Array, attitude: Array, centre: Array, extent: float) -> NDArray[Any]:
+        """Render the robot as an image (PIXELS, PIXELS, 4): red, green, blue and opacity from 0 to 255.
 
         Args:
             q: (4, 3), joint angles, rad.
-            place: (3,), of the trunk's frame, m.
-            turn: (4,), of the trunk, a quaternion x y z w.
-            middle: (3,), of the picture, m.
-            high: how high and wide it is, m.
+            position: (3,), origin of the trunk, m.
+            attitude: (4,), quaternion x y z w of the trunk.
+            centre: (3,), point at the centre of the image, m.
+            extent: height and width of the image, m.
         """
-        legs, mujoco = self.robot.legs, load_mujoco()
-        self.data.qpos[legs.base_qpos : legs.base_qpos + 7] = [*place, *np.roll(turn, 1)]
+        legs = self.robot.legs
+        self.data.qpos[legs.base_qpos : legs.base_qpos + 7] = [*position, *np.roll(attitude, 1)]
         self.data.qpos[legs.qpos] = q
-        mujoco.mj_forward(self.model, self.data)
-        self.model.vis.global_.fovy = high
-        self.camera.lookat[:] = middle
+        load_mujoco().mj_forward(self.model, self.data)
+        self.model.vis.global_.fovy = extent
+        self.camera.lookat[:] = centre
         self.renderer.update_scene(self.data, self.camera)
         colours = self.renderer.render()
         self.renderer.enable_segmentation_rendering()
-        seen = self.renderer.render()[..., :1] >= 0
+        is_robot = self.renderer.render()[..., :1] >= 0
         self.renderer.disable_segmentation_rendering()
-        return np.concatenate([colours, np.where(seen, 255, 0).astype(np.uint8)], axis=2)
+        return np.concatenate([colours, np.where(is_robot, 255, 0).astype(np.uint8)], axis=2)
 
 
 def render_robot(run: Run) -> RobotPicture:
-    """What renders the robot of a run, without a screen where OpenGL can do that.
+    """Make the renderer of the robot of a run; it needs no screen if OpenGL supports that.
 
-    Raises BadInput or BadRun if the run's model is not there, CmacexpError if MuJoCo cannot draw here.
+    Raises BadInput or BadRun if the model of the run is missing, CmacexpError if MuJoCo cannot render here.
     """
     if sys.platform == "linux":
-        os.environ.setdefault("MUJOCO_GL", "egl")  # read when MuJoCo is imported, which fails without that library
+        os.environ.setdefault("MUJOCO_GL", "egl")  # must be set before MuJoCo is imported
     try:
         return RobotPicture(read_shown_model(run))
     except CmacexpError:
         raise
-    except Exception as error:  # whatever the OpenGL of this machine raises
+    except Exception as error:  # OpenGL raises errors of many classes
         reason = f"MuJoCo cannot draw here ({type(error).__name__}: {error}); set MUJOCO_GL=egl or osmesa"
         raise CmacexpError(reason) from error
 
 
 class Cycle(NamedTuple):
-    """One cycle of a run, as it is drawn."""
+    """One cycle of a run and its style."""
 
     view: RunView
-    places: Array
-    """Joints and foot of each leg, (steps, legs, joints + 1, 3), mm."""
+    joints: Array
+    """Positions of joints and foot of each leg, (steps, legs, joints + 1, 3), mm."""
     desired: Array
-    """Where the feet should be, (steps, legs, 3), mm."""
+    """Desired positions of the feet, (steps, legs, 3), mm."""
     ink: str
+    """Colour of the actual paths, forces and errors."""
     title: str
     picture: RobotPicture | None
-    """The robot as its model shows it; None: it is drawn as lines."""
+    """Renderer of the robot; None: legs are drawn as lines."""
 
 
 def _find_window(cycles: Sequence[Cycle]) -> tuple[Array, Array]:
-    """Lower and upper bounds (3,) of all that is drawn of the machines, mm."""
-    drawn = np.concatenate([points.reshape(-1, 3) for c in cycles for points in (c.places, c.desired)])
+    """Find lower and upper bounds (3,) of the machines and desired paths of all cycles, mm."""
+    drawn = np.concatenate([points.reshape(-1, 3) for c in cycles for points in (c.joints, c.desired)])
     border = BORDER + ROBOT_BORDER * any(c.picture is not None for c in cycles)
     low, high = drawn.min(axis=0) - border, drawn.max(axis=0) + border
     low[2] = min(drawn[:, 2].min(), -40.0) - BORDER
@@ -146,31 +149,32 @@ def _find_window(cycles: Sequence[Cycle]) -> tuple[Array, Array]:
 
 
 def _render(axes: Axes, view: RunView, picture: RobotPicture, k: int, window: tuple[Array, Array]) -> None:
-    """The robot in step ``k`` as its model shows it, in a square about the ``window``, mm."""
-    middle, half = np.mean(window, axis=0), float(np.ptp(window, axis=0).max()) / 2.0
-    offset = view.joints[0, 0, 0] - picture.robot.hinges[0, 0, :3]  # of the trunk's frame from the body's
-    place = in_travel(view, np.tile(offset, (view.trace.steps, 1)))[k] / MM
+    """Render the robot at step ``k`` in a square around the ``window``, mm."""
+    centre = np.mean(window, axis=0)
+    half = float(np.ptp(window, axis=0).max()) / 2.0
+    offset = view.joints[0, 0, 0] - picture.robot.hinges[0, 0, :3]  # from the body's frame to the trunk's
+    position = in_travel(view, np.tile(offset, (view.trace.steps, 1)))[k] / MM
     image = picture.draw(
-        view.trace.stack_joints("q{}")[k], place, view.compute_orientation()[k], middle / MM, 2.0 * half / MM
+        view.trace.stack_joints("q{}")[k], position, view.compute_orientation()[k], centre / MM, 2.0 * half / MM
     )
-    extent = (middle[0] - half, middle[0] + half, middle[2] - half, middle[2] + half)
+    extent = (centre[0] - half, centre[0] + half, centre[2] - half, centre[2] + half)
     axes.imshow(image, extent=extent, zorder=4, interpolation="lanczos")
 
 
 def _draw_side(axes: Axes, cycle: Cycle, k: int, window: tuple[Array, Array]) -> None:
-    """The machine from its right side in step ``k``; each foot's desired path, and its own up to now."""
-    view, places = cycle.view, cycle.places
+    """Draw the machine from its right side at step ``k``, with desired foot paths and the actual ones so far."""
+    view = cycle.view
     if cycle.picture is None:
-        draw_machine(axes, places[k][..., [0, 2]], view.hips[:, 1] <= 0.0, ~view.trace.support[k])
+        draw_machine(axes, cycle.joints[k][..., [0, 2]], view.hips[:, 1] <= 0.0, ~view.trace.support[k])
     else:
         _render(axes, view, cycle.picture, k, window)
     surface = -MM * view.foot_radius
     depression = MM * view.depression_scale / float(view.run.config["terrain"]["stiffness"])
     for i in range(view.trace.legs):
-        x, deep = places[k, i, -1, 0], surface - depression * view.trace["force"][k, i]
-        axes.fill([x - DENT, x, x + DENT], [surface, deep, surface], color=GROUND, lw=0.0, zorder=3)
+        x, y = cycle.joints[k, i, -1, 0], surface - depression * view.trace["force"][k, i]
+        axes.fill([x - DENT, x, x + DENT], [surface, y, surface], color=GROUND, lw=0.0, zorder=3)
         axes.plot(*cycle.desired[:, i, [0, 2]].T, color=DESIRED, lw=1.0, zorder=5)
-        axes.plot(*places[: k + 1, i, -1][:, [0, 2]].T, color=cycle.ink, lw=1.6, zorder=6)
+        axes.plot(*cycle.joints[: k + 1, i, -1][:, [0, 2]].T, color=cycle.ink, lw=1.6, zorder=6)
     axes.axhline(surface, color=GROUND, lw=1.2, zorder=1)
     axes.axis("off")
     axes.set(aspect="equal", xlim=(window[0][0], window[1][0]), ylim=(window[0][2], window[1][2]))
@@ -179,8 +183,9 @@ def _draw_side(axes: Axes, cycle: Cycle, k: int, window: tuple[Array, Array]) ->
 
 
 def _draw_forces(axes: Axes, cycle: Cycle, k: int) -> None:
-    """The paper's foot force display in step ``k``: actual beside desired."""
-    view, feet = cycle.view, np.arange(cycle.view.trace.legs)
+    """Draw actual and desired foot forces at step ``k`` as bars, like the foot force display of the paper."""
+    view = cycle.view
+    feet = np.arange(view.trace.legs)
     axes.bar(feet - 0.2, view.trace["force"][k], 0.4, color=cycle.ink, label="actual")
     axes.bar(feet + 0.2, view.trace["force_desired"][k], 0.4, fc="white", ec=DESIRED, hatch="////", label="desired")
     names = ["".join(word[0].upper() for word in name.split()) if view.walks else name for name in view.names]
@@ -188,28 +193,30 @@ def _draw_forces(axes: Axes, cycle: Cycle, k: int) -> None:
 
 
 def _draw_error(axes: Axes, cycle: Cycle, k: int) -> None:
-    """How far the farthest foot is from where it should be, pale in the cycle, and in colour up to now."""
+    """Draw the largest foot error over the cycle, pale, and up to step ``k`` in full colour."""
     time = cycle.view.time - cycle.view.time[0]
-    error = np.linalg.norm(cycle.places[:, :, -1] - cycle.desired, axis=2).max(axis=1)
+    error = np.linalg.norm(cycle.joints[:, :, -1] - cycle.desired, axis=2).max(axis=1)
     axes.plot(time, error, color=cycle.ink, lw=1.0, alpha=0.3)
     axes.plot(time[: k + 1], error[: k + 1], color=cycle.ink, lw=1.4)
     axes.set(xlim=(0.0, time[-1]), xlabel="time in the cycle, s")
 
 
-def draw_frame(figure: Figure, cycles: Sequence[Cycle], window: tuple[Array, Array], part: float) -> None:
-    """Draw a frame of the picture.
+def draw_frame(figure: Figure, cycles: Sequence[Cycle], window: tuple[Array, Array], progress: float) -> None:
+    """Draw one frame of the video.
 
     Args:
-        figure: what is drawn on anew.
-        cycles: side by side.
-        window: bounds (3,) of what is drawn of the machines, mm.
-        part: of the cycle that has passed, from 0 to 1.
+        figure: cleared, then drawn on.
+        cycles: cycles side by side.
+        window: lower and upper bounds (3,) of the drawing of the machines, mm.
+        progress: elapsed fraction of the cycle, from 0 to 1.
     """
     figure.clear()
-    axes = figure.subplots(3, len(cycles), sharey="row", height_ratios=HEIGHTS, squeeze=False, gridspec_kw=PLACE)
+    axes = figure.subplots(
+        3, len(cycles), sharey="row", height_ratios=HEIGHTS, squeeze=False, gridspec_kw=AXES_LAYOUT
+    )
     for column, cycle in zip(axes.T, cycles, strict=True):
-        since = cycle.view.time - cycle.view.time[0]
-        k = int(np.abs(since - part * since[-1]).argmin())  # rows of a thinned trace need not be evenly spaced
+        elapsed = cycle.view.time - cycle.view.time[0]
+        k = int(np.abs(elapsed - progress * elapsed[-1]).argmin())  # rows of a thinned trace may be unevenly spaced
         _draw_side(column[0], cycle, k, window)
         _draw_forces(column[1], cycle, k)
         _draw_error(column[2], cycle, k)
@@ -219,20 +226,20 @@ def draw_frame(figure: Figure, cycles: Sequence[Cycle], window: tuple[Array, Arr
     axes[2, 0].set(ylabel="foot error, mm", ylim=(0.0, None))
 
 
-def view_cycles(run: Run, asked: Sequence[int]) -> list[RunView]:
-    """A view of each cycle that is asked for; of the first and the last whole one if none is.
+def view_cycles(run: Run, numbers: Sequence[int]) -> list[RunView]:
+    """Make a view of each of the cycles ``numbers``, by default of the first and the last whole cycle.
 
     Raises:
-        BadInput: the trace does not have them whole, or they are too many.
+        BadInput: a cycle is not whole in the trace, or there are too many.
         BadRun: the trace has no whole cycle.
     """
     whole = run.select_whole(sorted(count_kept(run)))
     BadRun.unless(whole, f"{run.folder}: its trace has no whole cycle, there is nothing to show")
-    cycles = sorted(set(asked) or {whole[0], whole[-1]})
+    cycles = sorted(set(numbers) or {whole[0], whole[-1]})
     require(
         len(cycles) <= MOST_CYCLES and set(cycles) <= set(whole),
         "--cycles",
-        ",".join(map(str, asked)),
+        ",".join(map(str, numbers)),
         f"write up to {MOST_CYCLES} whole cycles",
     )
     return [RunView(run, run.read_trace([cycle])) for cycle in cycles]
@@ -244,16 +251,16 @@ def write_video(
     titles: Sequence[str] = (),
     pictures: Sequence[RobotPicture | None] = (),
 ) -> int:
-    """Write cycles side by side as a moving picture that plays one cycle in its own time, again and again.
+    """Write cycles side by side as a video that repeats the cycle in real time.
 
     Args:
-        views: one cycle each.
-        path: of the file, whose ending is one of FORMATS.
-        titles: one above each cycle; empty: the numbers of the cycles.
-        pictures: what renders the robot of each cycle, None for lines; empty: all machines are drawn as lines.
+        views: one view per cycle.
+        path: output file, with an extension in FORMATS.
+        titles: title of each cycle; empty: the numbers of the cycles.
+        pictures: renderer of the robot of each cycle, None for lines; empty: all machines are drawn as lines.
 
     Returns:
-        The number of frames.
+        Number of frames.
     """
     titles = titles or [f"cycle {view.cycle[0]}" for view in views]
     pictures = pictures or [None] * len(views)
@@ -263,27 +270,27 @@ def write_video(
         for view, ink, title, picture in zip(views, inks, titles, pictures, strict=True)
     ]
     window = _find_window(cycles)
-    seconds = max(float(view.time[-1] - view.time[0]) for view in views)
-    count = max(2, round(seconds * FRAMES_PER_SECOND))
+    count = max(2, round(max(float(view.time[-1] - view.time[0]) for view in views) * FRAMES_PER_SECOND))
     matplotlib.rcParams.update(STYLE)
-    figure, writer = Figure(figsize=(WIDTH, HEIGHT)), _make_writer(path.suffix)
+    figure = Figure(figsize=FRAME_SIZE)
+    writer = _make_writer(path.suffix)
     with TemporaryDirectory() as folder, write_atomically(path) as temporary:
-        made = Path(folder, f"video{path.suffix}")  # writers choose the format by the ending
+        video = Path(folder, f"video{path.suffix}")  # writers choose the format by the extension
         try:
-            with writer.saving(figure, str(made), DPI):
-                for part in np.linspace(0.0, 1.0, count):
-                    draw_frame(figure, cycles, window, part)
+            with writer.saving(figure, str(video), DPI):
+                for progress in np.linspace(0.0, 1.0, count):
+                    draw_frame(figure, cycles, window, progress)
                     writer.grab_frame()
         except CalledProcessError as error:
             raise ChildProcessError(f"the encoder failed: {error}") from error
-        shutil.copyfile(made, temporary)
+        shutil.copyfile(video, temporary)
     return count
 
 
 def _make_writer(suffix: str) -> AbstractMovieWriter:
-    """What writes frames to a file with this ending; the encoder of MP4 is that of the extra."""
+    """Make the writer of frames for a file name extension; MP4 uses the encoder of the extra ``video``."""
     if suffix != MP4:
-        return PillowWriter(FRAMES_PER_SECOND)  # type: ignore[arg-type]  # typed as an integer; any number will do
+        return PillowWriter(FRAMES_PER_SECOND)  # type: ignore[arg-type]  # annotated as int, accepts any number
     import imageio_ffmpeg
 
     matplotlib.rcParams["animation.ffmpeg_path"] = imageio_ffmpeg.get_ffmpeg_exe()
