@@ -1,4 +1,4 @@
-"""The whole command, compiled before, against the imports that every run needs."""
+"""Time of the whole ``cmacexp`` command, with kernels compiled before, against the imports that every run needs."""
 
 import tempfile
 from pathlib import Path
@@ -9,7 +9,7 @@ FLOOR = ["-c", "import hydra, numpy, numba, pyarrow.parquet, rerun"]
 
 
 def tables(quick: bool) -> list[Table]:
-    """All of this file."""
+    """Run the benchmarks of this file and return their table."""
     targets = {"one_leg": "1.5"} if quick else {"one_leg": "1.5", "force_step": "", "quadruped": ""}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
