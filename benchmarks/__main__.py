@@ -40,8 +40,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="fewer rounds and shorter runs, as a smoke test")
     parser.add_argument("--write", type=Path, metavar="FILE", help="write the tables to this file")
     chosen = parser.parse_args()
-    unknown = set(chosen.names) - {*ALL, *ON_REQUEST}
-    if unknown:
+    if unknown := set(chosen.names) - {*ALL, *ON_REQUEST}:
         parser.error(f"no benchmark {', '.join(sorted(unknown))}; choose from {', '.join(ALL)}")
     expect_runs(math.inf)  # else short runs are not compiled
     parts = [f"On {machine()}."]

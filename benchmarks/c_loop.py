@@ -149,8 +149,7 @@ def run_in_c(library: ctypes.CDLL, scenario: Scenario) -> tuple[Array, float]:
     assert isinstance(plant, AnalyticPlant)
     assert isinstance(scenario.controller, HybridController)
     assert isinstance(scenario.feedforward, CmacFeedforward)
-    assert scenario.setup.mechanism.kind == LEGS_ON_STAND
-    assert config.force_control.method == "combined"
+    assert (scenario.setup.mechanism.kind, config.force_control.method) == (LEGS_ON_STAND, "combined")
     assert (plant.config.substeps, config.terrain.patch_spread) == (1, 0.0)
     assert (config.actuator.lag, config.actuator.delay, config.learning.guard) == (0.0, 0, NONE)
     assert scenario.setup.lead <= MOST_LEAD

@@ -31,6 +31,6 @@ def tables(quick: bool) -> list[Table]:
         compared(times, f"`python -m cmacexp scenario={scenario}`", scenario, "floor", "imports alone", target)
         for scenario, target in targets.items()
     ]
-    what = "`python -m cmacexp.report` of that run, processor time"
-    rows.append(compared(used, what, "report", "run", "the run itself", "1.2"))
+    report_name = "`python -m cmacexp.report` of that run, processor time"
+    rows.append(compared(used, report_name, "report", "run", "the run itself", "1.2"))
     return [Table("Whole command, everything written", rows, f"Imports: `{FLOOR[1]}`.")]

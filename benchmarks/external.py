@@ -37,7 +37,8 @@ class Replay:
     step = measure = act = predict = give
 
 
-METHODS = {"plant": "step", "sensors": "measure", "controller": "act", "feedforward": "predict"}
+METHODS = {"plant": ("step", 1), "sensors": ("measure", 1), "controller": ("act", 2), "feedforward": ("predict", 2)}
+"""Method of each type of component, and number of its arguments."""
 
 
 def stack_array(columns: dict[str, Array], name: str) -> Array:
@@ -49,9 +50,8 @@ def measurements(scenario: Scenario, rollout: Rollout) -> list[Measurement]:
     """Return the measurement at the start of each step of a recorded run."""
     legs = rollout.columns()
     q, dq, foot, velocity = (stack_array(legs, name) for name in ("q", "dq", "foot", "velocity"))
-    rate = [scenario.first.body_rate] * len(q)
     body = stack_array(rollout.body_columns(), "body")
-    columns = (q, dq, foot, velocity, legs["force"].copy(), body, rate)
+    columns = (q, dq, foot, velocity, legs["force"].copy(), body, [scenario.first.body_rate] * len(q))
     return [Measurement(*row) for row in zip(*columns, strict=True)]
 
 
@@ -90,9 +90,8 @@ def alone(recorded: dict[str, list[Any]]) -> Callable[[], float]:
     """Return a worker that gives the time per step of only calling the replaying components, s."""
 
     def run() -> float:
-        two = ("controller", "feedforward")
         calls = [
-            (getattr(Replay(outputs), METHODS[key]), (None, None) if key in two else (None,), len(outputs))
+            (getattr(Replay(outputs), METHODS[key][0]), (None,) * METHODS[key][1], len(outputs))
             for key, outputs in recorded.items()
         ]
         began = time.perf_counter()

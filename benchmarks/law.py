@@ -39,8 +39,7 @@ RUNS = {
 }
 SHORT = ("cycles=4", "record=metrics", "record.weights=true", "warn=false")
 SOURCE = Path(__file__).with_name("walk.c")
-STEPS = 1_000_000
-QUICK_STEPS = 3_000
+STEPS, QUICK_STEPS = 1_000_000, 3_000
 ROUNDS = 50
 
 
@@ -78,11 +77,10 @@ class Recorder:
     def keep_command(self, sample: int) -> None:
         """Record the last command of the loop as that of ``sample``."""
         torque = self.loop.torques.total
-        drives = self.loop.drives
-        if drives is None:
+        if self.loop.drives is None:
             self.commands[sample] = torque.ravel()
         else:
-            sent = drives.command
+            sent = self.loop.drives.command
             parts = [sent[ANGLE], sent[VELOCITY], torque, sent[STIFFNESS], sent[DAMPING]]
             self.commands[sample] = np.concatenate(parts, axis=None)
 
@@ -110,9 +108,9 @@ def compare(name: str, overrides: tuple[str, ...], steps: int, folder: Path) -> 
     write_c(run, folder, law=describe_law(run))
     library = build(folder)
     config = read_final_config(run)
-    learning = replace(config.learning, start_from=str(run.folder))
-    config = replace(config, cycles=-(-steps // config.steps_per_cycle), learning=learning)
     period = config.steps_per_cycle
+    learning = replace(config.learning, start_from=str(run.folder))
+    config = replace(config, cycles=-(-steps // period), learning=learning)
     recorder = Recorder(period, library.count_signals(), library.count_commands())
     scenario = make_scenario(config, read_learnt(run), sensors=recorder)
     driver = Driver(scenario, make_guard(scenario))

@@ -77,11 +77,11 @@ def _count(start: Start, folder: Path, quick: bool) -> list[Table]:
             "0.1 s a job",
         ),
     ]
-    against = f"empty Hydra app: {format_time(base)}"
     rows = []
     used = []
     for what, command, target in commands:
         used.append(processor_time(command)() / runs)
+        against = f"empty Hydra app: {format_time(base)}"
         rows.append(Row(what, format_time(used[-1]), against, used[-1] / base, target))
     sweeping = stopwatch(_sweep(start, "many", many, "record=metrics"))()
     loading = stopwatch(start("-c", LOAD, "metrics"))()

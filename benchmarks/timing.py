@@ -119,9 +119,8 @@ def python(*arguments: str, folder: Path, **environment: str) -> None:
     Raises:
         CalledProcessError: the process failed; the end of its standard error is printed.
     """
-    command = [sys.executable, *arguments]
     variables = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
-    done = subprocess.run(command, cwd=folder, env=variables, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, *arguments], cwd=folder, env=variables, capture_output=True, text=True)
     if done.returncode:
         print(done.stderr[-2000:], file=sys.stderr)
         done.check_returncode()

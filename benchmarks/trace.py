@@ -41,8 +41,8 @@ def of_run(cycles: int, folder: Path, rounds: int) -> list[Row]:
         "npy": stopwatch(lambda: np.save(npy, samples)),
     }
     times = in_turn(workers, rounds)
-    speed = table.nbytes / min(times["ours"]) / 1e6
-    what = f"{table.num_rows} rows ({speed:.0f} MB/s, {_size(ours)} of {table.nbytes / 1e6:.2f} MB)"
+    megabytes = table.nbytes / 1e6
+    what = f"{table.num_rows} rows ({megabytes / min(times['ours']):.0f} MB/s, {_size(ours)} of {megabytes:.2f} MB)"
     return [
         compared(times, what, "ours", "plain", f"pyarrow's own settings ({_size(plain)})"),
         compared(times, what, "ours", "csv", f"CSV by pyarrow ({_size(csv)})"),

@@ -117,8 +117,8 @@ def tables(quick: bool) -> list[Table]:
         delays = kill(3 if quick else 50)
         late = sum(delay > SILENCE for delay in delays)
         what = f"SIGKILL of the controller, {len(delays)} times: {late} damped later than {1e3 * SILENCE:g} ms"
-        spread = f"median {format_time(float(np.median(delays)))}"
-        killed = Row(what, format_time(max(delays)), spread, max(delays) / SILENCE, "1", 1.0)
+        median = format_time(float(np.median(delays)))
+        killed = Row(what, format_time(max(delays)), f"median {median}", max(delays) / SILENCE, "1", 1.0)
 
         def practise(number: int, case: Case) -> str:
             robot = ["--patient", f"--fault={case.kind}", f"--after={case.after}", f"--motor={case.motor}"]

@@ -21,7 +21,6 @@ LAYERS, ELEMENTS, INPUTS, MEMORY = "cmac.layers", "cmac.resolution_elements", "c
 ADDRESSING = "cmac.addressing"
 ALL = "[angle, velocity, acceleration]"
 FREE = "no collisions"
-VISITED = ["cmac.addressing=visited"]
 PAPER: dict[str, Declared] = {
     "one leg": {LAYERS: 32, ELEMENTS: 33, INPUTS: ALL, MEMORY: 2**20},
     "quadruped": {LAYERS: 32, ELEMENTS: 33, MEMORY: 2**18},
@@ -36,17 +35,16 @@ def _published(machine: str, memories: list[int], *scenario: str) -> list[Declar
     common: Declared = {"set": [*scenario, "cycles=20", "record.cycles=[1]"], "quick": {"cycles": 6}}
     return [
         {**common, "over": {MEMORY: memories}, "seeds": True, "labels": {"machine": machine, "varied": MEMORY}},
-        {**common, "set": [*common["set"], *VISITED], "labels": {"machine": machine, "varied": FREE}},
+        {**common, "set": [*common["set"], f"{ADDRESSING}=visited"], "labels": {"machine": machine, "varied": FREE}},
     ]
 
 
 def _in_worlds(machine: str, varied: str, over: Declared, *scenario: str) -> Declared:
     """Return runs in worlds in which one parameter of the CMAC is varied."""
-    name = scenario[0].partition("=")[2]
     return {
         "set": [*scenario, "cycles=20", "record.cycles=[1]"],
         "quick": {"cycles": 6},
-        "over": {"world": draw_worlds(name, TESTED), **over},
+        "over": {"world": draw_worlds(scenario[0].partition("=")[2], TESTED), **over},
         "labels": {"machine": f"{machine} in worlds", "varied": varied},
     }
 

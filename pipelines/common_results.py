@@ -51,13 +51,12 @@ def find_depression(config: Mapping[str, Any], stiffness: float | None = None, s
     ``stiffness`` is that of the ground, N/m; None takes the true one of the config. ``static_load`` includes the
     static load F_d/K_ap of eq. 13. NaN for a method of force control without a position reference.
     """
-    controller, force = config["controller"], config["force_control"]
     gains = Gains(
-        **{name: controller[name] for name in ("position_gain", "velocity_gain")},
-        **{name: force[name] for name in ("force_gain", "elasticity", "admittance")},
+        **{name: config["controller"][name] for name in ("position_gain", "velocity_gain")},
+        **{name: config["force_control"][name] for name in ("force_gain", "elasticity", "admittance")},
         stiffness=config["terrain"]["stiffness"] if stiffness is None else stiffness,
     )
-    return compute_support_reference(force["method"], gains, static_load).depression
+    return compute_support_reference(config["force_control"]["method"], gains, static_load).depression
 
 
 def describe_end(results: Results, quantity: Sample) -> str:

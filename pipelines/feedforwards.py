@@ -61,9 +61,12 @@ def _learn(scenario: str, cycles: int, group: str, kinds: list[str], *more: str,
 
     ``part`` adds or replaces keys of the declaration.
     """
-    printed = ["reference=literal", "learning.lead=0", "record.cycles=[1]"]
     return {
-        "set": [*printed, f"scenario={scenario}", f"cycles={cycles}", *more],
+        "set": [
+            *("reference=literal", "learning.lead=0", "record.cycles=[1]"),
+            *(f"scenario={scenario}", f"cycles={cycles}"),
+            *more,
+        ],
         "over": {"kind": {kind: KINDS[kind] for kind in kinds}},
         "seeds": kinds[0] in SEEDED,
         "labels": {"group": group},

@@ -43,12 +43,14 @@ WORSE = 1.05
 def _draw(machine: str, *kinds: str) -> Declared:
     """Return the runs of a machine in its random worlds, with each of these kinds of learning."""
     number, cycles = WORLDS[machine]
-    worlds = {world: [*draw_hard_world(machine, world), "warn=false"] for world in range(number)}
     skipped = machine == ALIENGO or (machine == GO1 and not package_models())
     return {
         "set": [*HARD[machine], f"cycles={cycles}", f"record.cycles=[{cycles}]"],
         "quick": None if skipped else {"cycles": 4, "record.cycles": [4]},
-        "over": {"world": worlds, "kind": {kind: KINDS[kind] for kind in kinds}},
+        "over": {
+            "world": {world: [*draw_hard_world(machine, world), "warn=false"] for world in range(number)},
+            "kind": {kind: KINDS[kind] for kind in kinds},
+        },
         "labels": {"part": "worlds", "machine": machine},
     }
 

@@ -58,9 +58,13 @@ def find_least_rule(results: Results) -> Array:
 
 def _part(name: str, machines: Declared, common: list[str], **over: object) -> Declared:
     """Return the runs of ``machines`` in every world; ``over`` names further values to combine."""
-    words = ["cycles=300", "record.cycles=[1]", *common]
-    over = {"machine": machines, "world": WORLDS, **over}
-    return {"set": words, "quick": {"cycles": 4}, "over": over, "seeds": True, "labels": {"part": name}}
+    return {
+        "set": ["cycles=300", "record.cycles=[1]", *common],
+        "quick": {"cycles": 4},
+        "over": {"machine": machines, "world": WORLDS, **over},
+        "seeds": True,
+        "labels": {"part": name},
+    }
 
 
 UNGUARDED = "learning.guard=none"

@@ -113,10 +113,9 @@ def draw_bandwidths(results: Results) -> Figure:
 def values(results: Results) -> Declared:
     """Return the ranges of the scan, and the number of its pairs that meet both objectives."""
     loops = results.computed["lead_design"].query("not default")
-    both = (loops["excess"] < MOST_RESONANCE) & (loops["distance"] <= SAME)
     return {
         "mass": EFFECTIVE_MASS, "pairs": POINTS**2, "omegas": OMEGAS, "alphas": ALPHAS,
-        "same": 100.0 * SAME, "both": int(both.sum()),
+        "same": 100.0 * SAME, "both": int(((loops["excess"] < MOST_RESONANCE) & (loops["distance"] <= SAME)).sum()),
     }  # fmt: skip
 
 

@@ -99,9 +99,14 @@ def _describe_drift(results: Results) -> str:
 def _part(name: str, machine: str, cycles: int, over: Declared, *more: str, worlds: range = FEWER) -> Declared:
     """Return the runs of a machine in ``worlds``, with the overrides ``more``; ``over`` names values to combine."""
     scenario, *words = {"one leg": ("one_leg", "reference=aware"), "quadruped": ("quadruped",)}[machine]
-    thin = ("learning=lasting", "learning.guard=none", "record.every_nth_step=600")
     return {
-        "set": [f"scenario={scenario}", *thin, *words, f"cycles={cycles}", *more],
+        "set": [
+            f"scenario={scenario}",
+            *("learning=lasting", "learning.guard=none", "record.every_nth_step=600"),
+            *words,
+            f"cycles={cycles}",
+            *more,
+        ],
         "quick": {"cycles": 40 if machine == "one leg" else 12},
         "over": {"world": draw_worlds(scenario, worlds), **over},
         "labels": {"part": name, "machine": machine},

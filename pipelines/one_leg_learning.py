@@ -40,8 +40,10 @@ WEIGHT = trace.in_cycle(1, trace.weight_at_foot)
 def values(results: Results) -> Declared:
     """Return the cycles in which the long runs ended, and the measures of statics that the page shows."""
     statics = ("depth", "bias", "weight", "statics", "weightless")
-    ends = results.select(law=next(iter(LAWS))).cycles
-    return {"ended": ", ".join(map(str, ends)), **{name: results.select(PAPER).measure(name)[0] for name in statics}}
+    return {
+        "ended": ", ".join(map(str, results.select(law=next(iter(LAWS))).cycles)),
+        **{name: results.select(PAPER).measure(name)[0] for name in statics},
+    }
 
 
 def _view(results: Results, *cycles: int) -> RunView:

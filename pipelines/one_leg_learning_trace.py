@@ -77,8 +77,8 @@ def torque_oscillation(rows: pd.DataFrame, config: Config) -> float:
     landing = touch_down(rows)
     residual = without_trend(rows["tau_feedforward_1"].to_numpy(), TORQUE_WINDOW, period)
     quarter = (len(rows) - landing) // 4
-    after = residual[landing : landing + round(EVENT / period)]
-    return _rms(after) / _rms(residual[landing + quarter : landing + 3 * quarter])
+    middle = residual[landing + quarter : landing + 3 * quarter]
+    return _rms(residual[landing : landing + round(EVENT / period)]) / _rms(middle)
 
 
 def torque_step(rows: pd.DataFrame, config: Config) -> float:
@@ -101,8 +101,10 @@ def learned_error(config: Config) -> float:
 def weight_at_foot(rows: pd.DataFrame, config: Config) -> float:
     """Return the force with which the leg's weight presses on the ground, N; mean over the second half of support."""
     links = config["machine"]["leg"]
-    sizes = {name: links[name] for name in ("length_1", "length_2", "mass_1", "mass_2")}
-    leg = Leg(**sizes, knee=-1.0 if links["knee"] == "back" else 1.0)
+    leg = Leg(
+        **{name: links[name] for name in ("length_1", "length_2", "mass_1", "mass_2")},
+        knee=-1.0 if links["knee"] == "back" else 1.0,
+    )
     settled = rows[(rows["phase"] == "support") & (rows["progress"] >= 0.5)]
     pressing = []
     for q1, q2 in settled[["q1", "q2"]].iloc[::20].to_numpy():  # postures change little from sample to sample
@@ -141,9 +143,10 @@ def motion(run: Run, order: int, name: str, unit: str) -> Figure:
     """Draw Fig. 8 or 9: the derivative ``order`` of the desired path, from shortly before lift-off on."""
     plan = make_scenario(read_config(run, trust=True)).setup.plan
     point = np.arange(-BEFORE, len(plan.support))
-    ends = [0.0, int(plan.support.argmax())]
-    panels = [
-        Panel(f"{name} {direction}", "data point", unit, [Series("desired", point, values[point])], x_limits=ends)
-        for direction, values in zip(("forward", "down"), plan.desired[order][:, 0].T, strict=True)
-    ]
-    return draw(panels)
+    phases = [0.0, int(plan.support.argmax())]
+    return draw(
+        [
+            Panel(f"{name} {side}", "data point", unit, [Series("desired", point, values[point])], x_limits=phases)
+            for side, values in zip(("forward", "down"), plan.desired[order][:, 0].T, strict=True)
+        ]
+    )

@@ -52,9 +52,12 @@ class Perceptron(Playing):
         Raises:
             BadInput: the learning rule needs a network that is linear in its weights.
         """
-        rule = setup.config.learning.rule
-        linear = "needs a network that is linear in its weights; a perceptron is not, use paper"
-        require(rule == "paper", "learning.rule", rule, linear)
+        require(
+            setup.config.learning.rule == "paper",
+            "learning.rule",
+            setup.config.learning.rule,
+            "needs a network that is linear in its weights; a perceptron is not, use paper",
+        )
         self.start(setup)
         samples, legs, joints = self.torque.shape
         self.rate = setup.rate
@@ -67,8 +70,9 @@ class Perceptron(Playing):
         self.scale = np.zeros((legs, 1, 1))
         scaled = (paths - self.middle) / self.spread
         self.paths = np.concatenate([scaled, np.ones((legs, samples, 1))], axis=2)
-        seeds = [(setup.config.seed + i) % 2**32 for i in range(legs)]
-        generators, restarted = ([np.random.RandomState(seed) for seed in seeds] for _ in range(2))
+        generators, restarted = (
+            [np.random.RandomState((setup.config.seed + i) % 2**32) for i in range(legs)] for _ in range(2)
+        )
         inputs = self.paths.shape[2]
         hidden = self.config.hidden
         first = inputs * hidden

@@ -172,8 +172,10 @@ def events_in(folder: Path) -> DataFrame:
     """Measure the events of the run in a folder, a row per whole cycle; cached, as several measures need them."""
     walk = walk_in(folder)
     events = (contacts, touch_down_of_3, lift_off_of_3, touch_down_of_2, four_feet)
-    cycles = range(1, walk.run.whole_cycles + 1)
-    return pd.DataFrame({key: value for find in events for key, value in find(walk, n).items()} for n in cycles)
+    return pd.DataFrame(
+        {key: value for find in events for key, value in find(walk, cycle).items()}
+        for cycle in range(1, walk.run.whole_cycles + 1)
+    )
 
 
 def instants(walk: Walk, cycle: int) -> dict[int, int]:
@@ -263,9 +265,11 @@ def gait_diagram(walk: Walk, cycles: int = 2) -> Figure:
         for leg in range(1, 5)
         for name, (down, shift, ink) in contact_lines.items()
     ]
-    cycle_starts = time[1:][np.diff(walk.cycle[rows]) > 0]
-    title = "support and transfer"
-    return draw([Panel(title, "time, s", "leg", series, x_limits=cycle_starts, y_range=(0.5, 4.5), y_down=True)])
+    panel = Panel(
+        "support and transfer", "time, s", "leg", series,
+        x_limits=time[1:][np.diff(walk.cycle[rows]) > 0], y_range=(0.5, 4.5), y_down=True,
+    )  # fmt: skip
+    return draw([panel])
 
 
 def _connect(points: Array, chosen: Mask) -> Array:
@@ -310,7 +314,7 @@ def views(walk: Walk, cycle: int, number: int) -> Figure:
     lines = _outline(walk, k)
     panels = [
         Panel(
-            title, AXES[x], AXES[y], [Series(name, line[:, x], line[:, y], style=style) for name, line, style in lines],
+            title, AXES[x], AXES[y], [Series(name, xyz[:, x], xyz[:, y], style=style) for name, xyz, style in lines],
             equal=True, y_limits=[0.0] if y == Z else (),
         )
         for title, x, y in (("from above", X, Y), ("side, from the right", X, Z), ("front", Y, Z))

@@ -69,7 +69,6 @@ def _measure(folder: Path) -> Mapping[str, float]:
     cycles = config.cycles - first + 1
     # Re(z^l T) > s T^H T, Re the Hermitian part: s = beta / 2 in condition 1, beta (l + 1/2) in condition 2.
     margins = find_least_real(config, setup.lead, setup.rate / 2.0, setup.rate * (setup.lead + 0.5), 0.0)
-    lowest = float(learning.min(initial=np.inf))
     return {
         "learns": 1.0,  # feedback only lasts until learning begins
         # It completed, and its feedback ended below DRIFT_RATIO times its least.
@@ -79,7 +78,9 @@ def _measure(folder: Path) -> Mapping[str, float]:
         "simulation": _say(_held(learning, min(MAX_CYCLES, cycles))),
         "verdict": SAID[verdict.verdict],
         "predicted": verdict.growth,
-        "measured": _measure_growth(run.pooled["feedback_change"][1:], lowest, verdict.cycle),
+        "measured": _measure_growth(
+            run.pooled["feedback_change"][1:], float(learning.min(initial=np.inf)), verdict.cycle
+        ),
     }
 
 
