@@ -86,7 +86,7 @@ def in_loop(config: Config, recorded: dict[str, list[Any]]) -> Callable[[], floa
     return run
 
 
-def alone(recorded: dict[str, list[Any]]) -> Callable[[], float]:
+def without_loop(recorded: dict[str, list[Any]]) -> Callable[[], float]:
     """Return a worker that gives the time per step of only calling the replaying components, s."""
 
     def run() -> float:
@@ -114,7 +114,7 @@ def tables(quick: bool) -> list[Table]:
         workers: dict[str, Callable[[], float]] = {}
         for key, some in sets.items():
             workers[key] = in_loop(config, some)
-            workers[f"{key} alone"] = alone(some)
+            workers[f"{key} alone"] = without_loop(some)
         times = in_turn(workers, 7 if quick else 31)
         for key in sets:
             rows.append(compared(times, f"{scenario}, {key}", key, f"{key} alone", "the part's own calls", TARGET))

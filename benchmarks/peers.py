@@ -41,7 +41,7 @@ class NumpyCmac:
         params = self.params
         layers = len(self.first)
         quanta = (params.resolution_elements - 1) * layers
-        low, high = params.ranges.low, params.ranges.high
+        low, high = params.ranges
         scaled = np.floor((np.clip(inputs, low, high) - low) / (high - low) * quanta)
         quantum = np.minimum(scaled.astype(np.int64), quanta - 1)
         blocks = (quantum[:, None, :] + params.displacement) // layers

@@ -136,8 +136,8 @@ def with_option(group: str, option: str) -> Any:
 
 def describe_robot(option: str) -> Any:
     """Return the config node of a robot, whose model need not be installed; derived values appear as their rule."""
-    node = composed("scenario=robot", f"machine={option}", f"machine.path={MODEL}")[0].machine
-    return replace(node, path=None, hip_height="${rule:hip_height}")
+    config, _ = composed("scenario=robot", f"machine={option}", f"machine.path={MODEL}")
+    return replace(config.machine, path=None, hip_height="${rule:hip_height}")
 
 
 def section_of(group: str) -> str:

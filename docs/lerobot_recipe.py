@@ -30,9 +30,8 @@ def measure(values):
     """Compute the statistics of values (frames, width) that LeRobot stores for normalisation."""
     values = np.asarray(values, dtype=float).reshape(len(values), -1)
     kinds = {name: getattr(values, name)(axis=0).tolist() for name in ("min", "max", "mean", "std")}
-    quantiles = np.quantile(values, QUANTILES, axis=0).tolist()
-    names = [f"q{round(100 * share):02d}" for share in QUANTILES]
-    return {**kinds, "count": [len(values)], **dict(zip(names, quantiles, strict=True))}
+    quantiles = zip(QUANTILES, np.quantile(values, QUANTILES, axis=0).tolist(), strict=True)
+    return {**kinds, "count": [len(values)], **{f"q{round(100 * share):02d}": value for share, value in quantiles}}
 
 
 def export(folder, out):

@@ -1,4 +1,4 @@
-"""The guard of learning: does it keep runs that learn from ending worse than with feedback only?
+"""The guard of learning: guarded and unguarded runs under random conditions against feedback only.
 
 ``python -m pipelines.guard`` (needs the extra ``robots``; its quick form does not) draws random worlds and
 hyperparameters for one leg, the quadruped and two robots, and runs each with feedback only, with guarded and with

@@ -84,8 +84,7 @@ def compute_loops(results: Results) -> DataFrame:
 
 def nearest(loops: DataFrame) -> Array:
     """Return the least ``distance`` of all loops that meet objective (a), (1,); infinite if none does."""
-    low = loops["distance"][loops["excess"] < MOST_RESONANCE]
-    return np.array([min(low, default=np.inf)])
+    return np.array([min(loops["distance"][loops["excess"] < MOST_RESONANCE], default=np.inf)])
 
 
 def _loops(results: Results, scenario: str, default: bool) -> DataFrame:

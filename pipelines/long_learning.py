@@ -46,12 +46,12 @@ def find_variation(errors: Array) -> float:
 def one_too_short(results: Results) -> Array:
     """Return the share of cycles done with a lead of one less than ``auto`` for the same seed and delay, (runs,)."""
     auto = results.select({"learning.lead": "auto"})
-    same = ("seed", "actuator.delay")
     short = [
         row
         for row in results.rows
         if row.settings["learning.lead"] != "auto"
-        and row.measures["lead"] + 1 == auto.select({key: row.settings[key] for key in same}).measure("lead")[0]
+        and row.measures["lead"] + 1
+        == auto.select({key: row.settings[key] for key in ("seed", "actuator.delay")}).measure("lead")[0]
     ]
     return Results(short).done
 

@@ -76,8 +76,9 @@ class Perceptron(Playing):
         inputs = self.paths.shape[2]
         hidden = self.config.hidden
         first = inputs * hidden
-        size = first + (hidden + 1) * joints
-        self.parameters, self.slope, self.mean, self.square = flat = np.zeros((4, legs, size))
+        self.parameters, self.slope, self.mean, self.square = flat = np.zeros(
+            (4, legs, first + (hidden + 1) * joints)
+        )
         layers = [flat[:2, :, :first].reshape(2, legs, inputs, -1), flat[:2, :, first:].reshape(2, legs, -1, joints)]
         self.weights, self.slopes = zip(*layers, strict=True)
         for weights in self.weights:

@@ -28,7 +28,7 @@ X, Y, Z = range(3)
 AXES = ("x forward of the centre of gravity, mm", "y left, mm", "z up, mm")
 AROUND = (0, 1, 3, 2)
 """Indices of the legs in their order around the machine."""
-BODY, COG, POLYGON = colour(palette.BODY_COLOR), colour(palette.COG), colour(palette.POLYGON)
+BODY, COG, POLYGON = map(colour, (palette.BODY_COLOR, palette.COG, palette.POLYGON))
 DUTY_FACTOR = 0.8
 WAVE = (0.2, 0.7, 0.0, 0.5)
 """Delay of each leg's transfer relative to leg 3, parts of a cycle, in the wave gait of Fig. 14.
@@ -212,8 +212,8 @@ def measure_event(
 def height_off(run: Run) -> float:
     """Return the largest deviation from the planned height in the last cycles, relative to that height."""
     planned = float(run.config["machine"]["hip_height"])
-    low, high = run.pooled["height_min"][-LATE:].min(), run.pooled["height_max"][-LATE:].max()
-    return float(max(planned - low, high - planned)) / planned
+    below = planned - run.pooled["height_min"][-LATE:].min()
+    return float(max(below, run.pooled["height_max"][-LATE:].max() - planned)) / planned
 
 
 @if_completed
@@ -324,5 +324,7 @@ def views(walk: Walk, cycle: int, number: int) -> Figure:
         Series("desired force", range(4), walk.trace["force_desired"][k],
                style={"fc": "white", "ec": DESIRED, "hatch": "////"}),
     ]  # fmt: skip
-    bars = Panel("foot forces", "leg", "contact force, N", forces, "bars", ticks="1234", y_range=(0.0, 29.0))
-    return draw([panels[0], bars, *panels[1:]], height=2.9)
+    panels.insert(
+        1, Panel("foot forces", "leg", "contact force, N", forces, "bars", ticks="1234", y_range=(0.0, 29.0))
+    )
+    return draw(panels, height=2.9)

@@ -263,14 +263,13 @@ def find_outdated(
         results: statements of the studies.
     """
     for sentence in sentences:
-        page, text = sentence["page"], sentence["text"]
-        if text not in " ".join(texts[page].split()):
-            yield f"{page}: has no sentence {text!r}"
+        if sentence["text"] not in " ".join(texts[sentence["page"]].split()):
+            yield f"{sentence['page']}: has no sentence {sentence['text']!r}"
         for key, verdict in sentence["needs"].items():
             study, _, name = key.partition(".")
             entry = find_entry(study, name, results)
             if (today := entry["verdict"] if entry else NOT_MEASURED) != verdict:
-                yield f"{page}: {text!r} is for {key} = {verdict}, it is {today}"
+                yield f"{sentence['page']}: {sentence['text']!r} is for {key} = {verdict}, it is {today}"
 
 
 def count_claims(results: Quotable) -> str:

@@ -105,8 +105,10 @@ def run(arguments: Arguments, options: Options) -> Path:
         return log_track.run(arguments, options)
     _refuse_in_vain(arguments, OPTIONS, "without --log")
     chosen = choose_names("--machine", arguments.machine, [*MACHINES, ALL])
-    names = MACHINES if ALL in chosen else chosen
-    machines = {name: make_quick(MACHINES[name]) if options.quick else MACHINES[name] for name in names}
+    machines = {
+        name: make_quick(MACHINES[name]) if options.quick else MACHINES[name]
+        for name in (MACHINES if ALL in chosen else chosen)
+    }
     methods = choose_methods(arguments.methods, arguments.method)
     warn_of_models(compose_config(machine.overrides).machine for machine in machines.values())
     return _write(machines, methods, options)

@@ -154,8 +154,12 @@ def _list_tuned(group: str, schema: type[Any] | None) -> list[tuple[str, Any]]:
         (f"{group}.{field.name}", field.metadata.get("tuned")) for field in (fields(schema) if schema else ())
     ]
     for key, tuned in declared:
-        positive = not isinstance(tuned, tuple) or min(tuned) > 0.0
-        require(positive, "--method", key, f"has tuned={tuned}: both ends must be above 0, its logarithm is drawn")
+        require(
+            not isinstance(tuned, tuple) or min(tuned) > 0.0,
+            "--method",
+            key,
+            f"has tuned={tuned}: both ends must be above 0, its logarithm is drawn",
+        )
     return [(key, tuned) for key, tuned in declared if tuned]
 
 
@@ -248,8 +252,12 @@ def choose(
     chosen = {by_slug[key]: methods[by_slug[key]] for key in choose_names("--methods", names, by_slug)}
     for target in targets:
         name = target.rpartition(".")[2]
-        unused = name not in {*methods, *chosen}
-        require(unused, "--method", target, "a method of that name takes part already; rename the class")
+        require(
+            name not in {*methods, *chosen},
+            "--method",
+            target,
+            "a method of that name takes part already; rename the class",
+        )
         with current_folder_importable():
             chosen[name] = enter_class(target)
     return chosen

@@ -212,8 +212,8 @@ def choose_setting(rows: pd.DataFrame) -> str:
 
 def take_reference(rows: pd.DataFrame, columns: Any) -> Any:
     """Return columns of feedback only for the same machine, task and world as each row; a series for one column."""
-    alone = rows[rows["method"] == ALONE].set_index(SAME)[columns]
-    return rows[SAME].join(alone, on=SAME)[columns]
+    feedback_only = rows[rows["method"] == ALONE].set_index(SAME)[columns]
+    return rows[SAME].join(feedback_only, on=SAME)[columns]
 
 
 def tune(machines: Mapping[str, Machine], methods: Mapping[str, Method], run: RunPlan) -> Chosen:
@@ -244,9 +244,13 @@ def tune(machines: Mapping[str, Machine], methods: Mapping[str, Method], run: Ru
 
 def _find(chosen: Mapping[str, str], method: Method, kind: str, task: str) -> str:
     """Return the setting of a kind for a task; tasks that were not tuned have the setting for all tasks."""
-    guarded = DEFAULT if method.name == ALONE else GUARD
     general = chosen.get(FOR_ALL, DEFAULT)
-    return {BY_DEFAULT: DEFAULT, FOR_ALL: general, FOR_EACH: chosen.get(task, general), GUARDED: guarded}[kind]
+    return {
+        BY_DEFAULT: DEFAULT,
+        FOR_ALL: general,
+        FOR_EACH: chosen.get(task, general),
+        GUARDED: DEFAULT if method.name == ALONE else GUARD,
+    }[kind]
 
 
 def test(

@@ -63,13 +63,16 @@ def foot_gains(setup: Setup, support: bool, ground: Array) -> Array:
     In support, force control also feeds back the force of the ``ground`` (2, J), and posture control acts on the
     height of the hip.
     """
-    config = setup.config
-    control = config.force_control
-    both = np.array(config.gains or (0.0, 0.0))
+    control = setup.config.force_control
+    both = np.array(setup.config.gains or (0.0, 0.0))
     gains = np.repeat(both[:, None], setup.mechanism.shape[1], axis=1)
     if support:
         method = METHODS[control.method]
-        posture = np.array([config.posture.gain, config.posture.rate_gain]) if has_body(setup.mechanism) else 0.0
+        posture = (
+            np.array([setup.config.posture.gain, setup.config.posture.rate_gain])
+            if has_body(setup.mechanism)
+            else 0.0
+        )
         uses = np.array([method != DAMPING, method != STIFFNESS])
         along_y = (
             uses * both * (1.0 + posture) + (uses * both) @ (control.elasticity, control.admittance) * ground[:, 1]

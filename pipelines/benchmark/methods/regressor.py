@@ -26,13 +26,14 @@ from pipelines.benchmark.methods.playing import Playing
 def rigid_torque(setup: Setup, still: bool) -> Array:
     """Compute the planned torque (N, L, J), N m, without load on the feet; ``still``: at rest in each posture."""
     plan = setup.plan
-    joints, sway = plan.joints, plan.sway
+    motions = [plan.joints, plan.sway]
     if still:
-        joints, sway = (Motion(m.position, *np.zeros((2, *m.position.shape))) for m in (joints, sway))
+        motions = [Motion(motion.position, *np.zeros((2, *motion.position.shape))) for motion in motions]
     if isinstance(setup.config.machine, RobotMachine):
-        forces = plan.force_desired, np.zeros_like(plan.force_desired)
-        return planned_torques(setup.config, setup.mechanism, joints, sway, *forces)
-    return planned_torque(setup.mechanism, *joints, np.zeros(plan.support.shape))
+        joints, sway = motions
+        no_load = np.zeros_like(plan.force_desired)
+        return planned_torques(setup.config, setup.mechanism, joints, sway, plan.force_desired, no_load)
+    return planned_torque(setup.mechanism, *motions[0], np.zeros(plan.support.shape))
 
 
 MODEL = np.array([1.0, 1.0, 1.0, 0.0])
@@ -155,7 +156,7 @@ class Identified(Playing):
             self.use(setup.learnt["parameters"])
 
     def learnt(self) -> Weights:
-        """Return ``parameters`` (L, P): inertia, gravity and contact factors; friction; rotor; 0 if not identified."""
+        """Return ``parameters`` (L, P): inertia, gravity, contact factors; friction; rotor; 0 if not identified."""
         return {"parameters": self.parameters.copy()}
 
     def use(self, parameters: Array) -> None:
