@@ -28,7 +28,7 @@ def tables(quick: bool) -> list[Table]:
         pair = {"report": processor_time(lambda: start(*report)), "run": processor_time(lambda: start(*single))}
         used = in_turn(pair, 2 if quick else 7)
     rows = [
-        compared(times, f"`python -m cmacexp scenario={scenario}`", scenario, "floor", "imports alone", target)
+        compared(times, f"`python -m cmacexp scenario={scenario}`", scenario, "floor", "imports only", target)
         for scenario, target in targets.items()
     ]
     report_name = "`python -m cmacexp.report` of that run, processor time"

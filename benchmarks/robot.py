@@ -43,5 +43,5 @@ def tables(quick: bool) -> list[Table]:
         times = in_turn({"loop": per_step(config), "mujoco": step_of_mujoco(robot)}, 3 if quick else 15)
         what = f"{ROBOT}, {ground}, sampled every {config.sampling_period * 1e3:g} ms"
         rows.append(compared(times, what, "loop", "mujoco", "MuJoCo's own step", TARGET))
-    note = "MuJoCo alone: the robot falls, onto the rigid floor where there is one."
+    note = "MuJoCo only: the robot falls, onto the rigid floor where there is one."
     return [Table("A robot, a step of the loop", rows, note)]

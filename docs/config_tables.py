@@ -112,7 +112,7 @@ def table_of(nodes: Mapping[str, Any], prefix: str, without: Sequence[str] = ())
         )
         text += f"| `{key}` | {' | '.join(about)} | {read_meanings(row.schema).get(row.field.name, '')} |\n"
     inner = [nodes[first], *children(nodes[first]).values()] if prefix else []
-    named = [children(part) for part in inner if are_alike(children(part))]
+    named = [children(child) for child in inner if are_alike(children(child))]
     return "".join(f"`NAME` is one of {', '.join(map(format_value, names))}.\n\n" for names in named) + text
 
 
@@ -151,7 +151,9 @@ def section_of(group: str) -> str:
         config, choices = composed(f"scenario={scenario}")
         nodes.setdefault(type(getattr(config, group)), {})[scenario] = getattr(config, group)
         chosen.add(choices[group])
-    for option in (path.stem for path in paths if path.stem not in chosen):  # options without defaults come first
+    for option in (
+        path.stem for path in paths if path.stem not in chosen
+    ):  # sorted: options that extend others come last
         node = with_option(group, option)
         nodes.setdefault(type(node), {})[f"`{group}={option}`"] = node
     text = f"## `{group}`\n\n| option | |\n|---|---|\n"

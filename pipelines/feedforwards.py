@@ -56,10 +56,10 @@ CHANGES: dict[str, tuple[float, list[str]]] = {
 WEIGHTS, AT_ONCE = "record.weights=true", "learning.start_cycle=1"
 
 
-def _learn(scenario: str, cycles: int, group: str, kinds: list[str], *more: str, **part: object) -> Declared:
+def _learn(scenario: str, cycles: int, group: str, kinds: list[str], *more: str, **keys: object) -> Declared:
     """Return runs under the paper's conditions; feedforwards that depend on a seed run with every seed.
 
-    ``part`` adds or replaces keys of the declaration.
+    ``keys`` adds or replaces keys of the declaration.
     """
     return {
         "set": [
@@ -71,7 +71,7 @@ def _learn(scenario: str, cycles: int, group: str, kinds: list[str], *more: str,
         "seeds": kinds[0] in SEEDED,
         "labels": {"group": group},
         "quick": {"cycles": 6},
-        **part,
+        **keys,
     }
 
 
@@ -82,11 +82,11 @@ def _in_worlds(
     scenario: str = "one_leg",
     stiffer: float = 1.0,
     labels: dict[str, str] | None = None,
-    **part: object,
+    **keys: object,
 ) -> Declared:
     """Return runs in worlds, unguarded unless the overrides ``words`` switch the guard on.
 
-    ``stiffer`` multiplies the ground stiffness; ``part`` adds or replaces keys of the declaration.
+    ``stiffer`` multiplies the ground stiffness; ``keys`` adds or replaces keys of the declaration.
     """
     common = {"one_leg": ["reference=aware", "learning=lasting"]}.get(scenario, [])
     return {
@@ -97,7 +97,7 @@ def _in_worlds(
             "kind": {kind: [*words, *KINDS[kind]] for kind in kinds},
         },
         "labels": {"group": group, **(labels or {})},
-        **part,
+        **keys,
     }
 
 

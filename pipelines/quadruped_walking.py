@@ -49,7 +49,7 @@ LADDER = {"part": "ladder", "controller": "all"}
 """Labels of the runs with the full controller and perfect sensors."""
 
 
-def _request(part: str, controllers: list[str], **keys: object) -> Declared:
+def _request(label: str, controllers: list[str], **keys: object) -> Declared:
     """Return runs of controllers with two references: eq. 24 as printed, and without F_d/K_ap once a CMAC acts.
 
     ``keys`` are further keys of the declaration.
@@ -57,7 +57,7 @@ def _request(part: str, controllers: list[str], **keys: object) -> Declared:
     return {
         **keys,
         "over": {"controller": {name: CONTROLLERS[name] for name in controllers}, "reference": ["literal", "aware"]},
-        "labels": {"part": part},
+        "labels": {"part": label},
     }
 
 

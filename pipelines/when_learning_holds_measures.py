@@ -70,7 +70,7 @@ def _measure(folder: Path) -> Mapping[str, float]:
     # Re(z^l T) > s T^H T, Re the Hermitian part: s = beta / 2 in condition 1, beta (l + 1/2) in condition 2.
     margins = find_least_real(config, setup.lead, setup.rate / 2.0, setup.rate * (setup.lead + 0.5), 0.0)
     return {
-        "learns": 1.0,  # feedback only lasts until learning begins
+        "learns": 1.0,  # the cycles with feedback only completed
         # It completed, and its feedback ended below DRIFT_RATIO times its least.
         "held": float(_held(learning, cycles)),
         **dict(zip(("condition_1", "condition_2", "frequency"), map(_say, margins), strict=True)),

@@ -237,7 +237,7 @@ def tune(machines: Mapping[str, Machine], methods: Mapping[str, Method], run: Ru
     errors, reference = (values.to_numpy() for values in (frame["end_error"], take_reference(frame, "end_error")))
     frame = frame.assign(score=relative_to(errors, reference))
     return {
-        pair: {FOR_ALL: choose_setting(rows)} | {task: choose_setting(part) for task, part in rows.groupby("task")}
+        pair: {FOR_ALL: choose_setting(rows)} | {task: choose_setting(group) for task, group in rows.groupby("task")}
         for pair, rows in frame[frame["method"] != ALONE].groupby(["machine", "method"])
     }
 
