@@ -1,1 +1,1 @@
-"""What the project costs in time, as ratios; apart from the tests, which assert no time. See docs/performance.md."""
+"""Benchmarks: run times of the project as ratios to references; separate from the tests. See docs/performance.md."""

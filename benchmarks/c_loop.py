@@ -1,4 +1,4 @@
-"""The loop of one leg in plain C (``one_leg.c``), built by the machine's compiler, run on the parts of a scenario."""
+"""The closed loop of one leg in plain C (``one_leg.c``): compile it and run it with the parameters of a scenario."""
 
 import ctypes
 import shutil
@@ -23,12 +23,12 @@ COLUMNS = (
     "x_reference", "y_reference", "x", "y", "vx", "vy", "q1", "q2", "dq1", "dq2", "force", "force_measured",
     "tau_feedback_1", "tau_feedback_2", "tau_feedforward_1", "tau_feedforward_2",
 )  # fmt: skip
-"""Signals that ``one_leg.c`` writes in every step."""
+"""Signals that ``one_leg.c`` writes in each step, in the order of its columns."""
 SOURCE = Path(__file__).with_name("one_leg.c")
 SAME_BITS = ["-O2", "-ffp-contract=off"]
-"""Flags with which C gives the bits of the Python source: a fused multiply-add would change the last ones."""
+"""Compiler flags for results bit-identical to Python: a fused multiply-add would change the last bits."""
 FASTEST = ["-O3", "-march=native", "-ffast-math"]
-"""Flags of a program that is to be fast and may round differently."""
+"""Compiler flags for speed; results may round differently."""
 NUMBERS = (
     "length_1", "length_2", "mass_1", "mass_2", "hip_height", "stiffness", "step",
     "position_gain", "velocity_gain", "elasticity", "admittance", "b0", "b1", "a1", "torque_limit", "rate",
@@ -36,11 +36,11 @@ NUMBERS = (
 COUNTS = ("period", "start_step", "resolution_elements", "rows", "seed", "lead")
 TABLES = ("support", "reference", "inputs", "low", "high", "shift", "weights")
 MOST_LEAD = 30
-"""Of one_leg.c, samples."""
+"""Largest lead that one_leg.c supports, samples."""
 
 
 class CLaw(ctypes.Structure):
-    """``Law`` of one_leg.c."""
+    """Parameters of the control loop: ``Law`` of one_leg.c."""
 
     _fields_ = [
         *((name, ctypes.c_double) for name in NUMBERS),
@@ -50,7 +50,7 @@ class CLaw(ctypes.Structure):
 
 
 class CState(ctypes.Structure):
-    """``State`` of one_leg.c."""
+    """State of leg and learning: ``State`` of one_leg.c."""
 
     _fields_ = [
         *((name, ctypes.c_double * 2) for name in ("q", "dq", "foot", "velocity")),
@@ -61,37 +61,42 @@ class CState(ctypes.Structure):
 
 
 def compiler() -> str | None:
-    """The C compiler of this machine, if it has one."""
+    """Return the path of a C compiler on this computer; None if there is none."""
     return shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 
 
 def compile_library(sources: Iterable[Path], *options: str) -> ctypes.CDLL:
-    """Compile C code by the machine's compiler with these options, and load it."""
-    found = compiler()
-    assert found is not None
+    """Compile C sources to a shared library with these compiler options, and load it.
+
+    Raises:
+        CalledProcessError: the compiler failed.
+    """
+    compiler_path = compiler()
+    assert compiler_path is not None
     with tempfile.TemporaryDirectory() as folder:
         library = Path(folder) / "library.so"
         subprocess.run(
-            [found, *options, "-shared", "-fPIC", *map(str, sources), "-o", str(library), "-lm"], check=True
+            [compiler_path, *options, "-shared", "-fPIC", *map(str, sources), "-o", str(library), "-lm"], check=True
         )
         return ctypes.CDLL(str(library))
 
 
 def build(layers: int, inputs: int) -> ctypes.CDLL:
-    """``one_leg.c`` for CMACs of this shape, as fast as the compiler makes it."""
+    """Compile ``one_leg.c`` for a CMAC with ``layers`` layers and ``inputs`` inputs, optimised for speed."""
     loaded = compile_library([SOURCE], *FASTEST, f"-DLAYERS={layers}", f"-DINPUTS={inputs}")
     loaded.one_leg.restype = ctypes.c_int64
     return loaded
 
 
 def planned_inputs(scenario: Scenario) -> Array:
-    """Planned inputs (N, n) of the CMAC of the first leg."""
+    """Return the planned inputs (N, n) of the CMAC of the first leg: N samples of a cycle, n inputs."""
     return np.ascontiguousarray(of_leg(scenario.setup, 0, scenario.setup.config.cmac.inputs))
 
 
 def make_tables(scenario: Scenario) -> dict[str, np.ndarray]:
-    """The arrays of ``Law`` of a fresh scenario, by the names in TABLES."""
-    plan, address = scenario.setup.plan, scenario.feedforward.cmacs[0].address
+    """Return the arrays that ``Law`` points to for a fresh scenario, keyed by the names in TABLES."""
+    plan = scenario.setup.plan
+    address = scenario.feedforward.cmacs[0].address
     position, velocity, *forces, _ = (values[:, :, 0] for values in plan.reference)
     tables = {
         "support": plan.support[:, 0].astype(np.uint8),
@@ -106,9 +111,13 @@ def make_tables(scenario: Scenario) -> dict[str, np.ndarray]:
 
 
 def make_law(scenario: Scenario, tables: dict[str, np.ndarray]) -> CLaw:
-    """``Law`` of a fresh scenario, with pointers to its ``tables``."""
-    config, plan, address = scenario.setup.config, scenario.setup.plan, scenario.feedforward.cmacs[0].address
-    leg, gains, lead = config.machine.leg, scenario.controller.params.gains, scenario.controller.params.lead
+    """Return ``Law`` for a fresh scenario, with pointers to ``tables``, which must outlive it."""
+    config = scenario.setup.config
+    plan = scenario.setup.plan
+    address = scenario.feedforward.cmacs[0].address
+    leg = config.machine.leg
+    gains = scenario.controller.params.gains
+    lead = scenario.controller.params.lead
     numbers = (
         leg.length_1, leg.length_2, leg.mass_1, leg.mass_2, config.machine.hip_height, config.terrain.stiffness,
         config.sampling_period, gains.position_gain, gains.velocity_gain, gains.elasticity,
@@ -122,7 +131,7 @@ def make_law(scenario: Scenario, tables: dict[str, np.ndarray]) -> CLaw:
 
 
 def make_state(scenario: Scenario) -> CState:
-    """``State`` of a fresh scenario."""
+    """Return ``State`` at the first step of a fresh scenario."""
     state = CState(force=scenario.first.force[0])
     for name in ("q", "dq", "foot", "velocity"):
         setattr(state, name, tuple(getattr(scenario.first, name)[0]))
@@ -133,21 +142,22 @@ def run_in_c(library: ctypes.CDLL, scenario: Scenario) -> tuple[Array, float]:
     """Run a fresh ``scenario=one_leg`` from its first step to its last in C.
 
     Returns:
-        Samples (steps, columns) in the order of COLUMNS, and seconds in the loop.
+        Samples (steps, columns) in the order of COLUMNS, SI units, and the time spent in the loop, s.
     """
-    config, plant = scenario.setup.config, scenario.plant
+    config = scenario.setup.config
+    plant = scenario.plant
     assert isinstance(plant, AnalyticPlant)
     assert isinstance(scenario.controller, HybridController)
     assert isinstance(scenario.feedforward, CmacFeedforward)
-    assert scenario.setup.mechanism.kind == LEGS_ON_STAND
-    assert config.force_control.method == "combined"
+    assert (scenario.setup.mechanism.kind, config.force_control.method) == (LEGS_ON_STAND, "combined")
     assert (plant.config.substeps, config.terrain.patch_spread) == (1, 0.0)
     assert (config.actuator.lag, config.actuator.delay, config.learning.guard) == (0.0, 0, NONE)
     assert scenario.setup.lead <= MOST_LEAD
     tables = make_tables(scenario)
-    params, state = make_law(scenario, tables), make_state(scenario)
+    params = make_law(scenario, tables)
+    state = make_state(scenario)
     samples = np.full((config.cycles * config.steps_per_cycle, len(COLUMNS)), np.nan)
-    count, room = ctypes.c_int64(len(samples)), ctypes.c_void_p(samples.ctypes.data)
+    output = (ctypes.c_int64(len(samples)), ctypes.c_void_p(samples.ctypes.data))
     began = time.perf_counter()
-    taken = library.one_leg(ctypes.byref(params), ctypes.byref(state), count, room)
-    return samples[:taken], time.perf_counter() - began
+    steps = library.one_leg(ctypes.byref(params), ctypes.byref(state), *output)
+    return samples[:steps], time.perf_counter() - began

@@ -1,4 +1,4 @@
-"""The whole command, compiled before, against the imports that every run needs."""
+"""Time of the whole ``cmacexp`` command, with kernels compiled before, against the imports that every run needs."""
 
 import tempfile
 from pathlib import Path
@@ -9,7 +9,7 @@ FLOOR = ["-c", "import hydra, numpy, numba, pyarrow.parquet, rerun"]
 
 
 def tables(quick: bool) -> list[Table]:
-    """All of this file."""
+    """Run the benchmarks of this file and return their table."""
     targets = {"one_leg": "1.5"} if quick else {"one_leg": "1.5", "force_step": "", "quadruped": ""}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -28,9 +28,9 @@ def tables(quick: bool) -> list[Table]:
         pair = {"report": processor_time(lambda: start(*report)), "run": processor_time(lambda: start(*single))}
         used = in_turn(pair, 2 if quick else 7)
     rows = [
-        compared(times, f"`python -m cmacexp scenario={scenario}`", scenario, "floor", "imports alone", target)
+        compared(times, f"`python -m cmacexp scenario={scenario}`", scenario, "floor", "imports only", target)
         for scenario, target in targets.items()
     ]
-    what = "`python -m cmacexp.report` of that run, processor time"
-    rows.append(compared(used, what, "report", "run", "the run itself", "1.2"))
+    report_name = "`python -m cmacexp.report` of that run, processor time"
+    rows.append(compared(used, report_name, "report", "run", "the run itself", "1.2"))
     return [Table("Whole command, everything written", rows, f"Imports: `{FLOOR[1]}`.")]

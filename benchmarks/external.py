@@ -1,4 +1,4 @@
-"""What an external component costs a step beside its own work: components that only replay a run of built-in ones."""
+"""Overhead per step of external components, measured with components that replay a recorded run."""
 
 import time
 from collections.abc import Callable
@@ -20,42 +20,43 @@ TARGET = "10 us on top"
 
 
 class Replay:
-    """A component that does nothing but give one prepared answer after the other, whatever it is asked."""
+    """A component that returns recorded answers in order and ignores its inputs."""
 
     acts = True
 
     def __init__(self, answers: list[Any]):
         self.next_answer = iter(answers).__next__
 
-    def reset(self, *known: object) -> None:
-        """Nothing to prepare."""
+    def reset(self, *setup: object) -> None:
+        """Do nothing; the answers are recorded."""
 
     def give(self, *inputs: object) -> Any:
-        """Give the next answer, as any of the four components."""
+        """Return the next answer; serves as the method of all four component types."""
         return self.next_answer()
 
     step = measure = act = predict = give
 
 
-METHODS = {"plant": "step", "sensors": "measure", "controller": "act", "feedforward": "predict"}
+METHODS = {"plant": ("step", 1), "sensors": ("measure", 1), "controller": ("act", 2), "feedforward": ("predict", 2)}
+"""Method of each type of component, and number of its arguments."""
 
 
 def stack_array(columns: dict[str, Array], name: str) -> Array:
-    """An array that components exchange, of its columns."""
+    """Stack the trace columns of array ``name`` to the array (steps, legs, n) that components exchange."""
     return np.stack([columns[column] for column in ARRAYS[name] if column in columns], axis=-1)
 
 
 def measurements(scenario: Scenario, rollout: Rollout) -> list[Measurement]:
-    """What plant or sensors gave at the start of every step."""
-    legs, pose = rollout.columns(), rollout.body_columns()
+    """Return the measurement at the start of each step of a recorded run."""
+    legs = rollout.columns()
     q, dq, foot, velocity = (stack_array(legs, name) for name in ("q", "dq", "foot", "velocity"))
-    rate = [scenario.first.body_rate] * len(q)
-    columns = (q, dq, foot, velocity, legs["force"].copy(), stack_array(pose, "body"), rate)
+    body = stack_array(rollout.body_columns(), "body")
+    columns = (q, dq, foot, velocity, legs["force"].copy(), body, [scenario.first.body_rate] * len(q))
     return [Measurement(*row) for row in zip(*columns, strict=True)]
 
 
 def answers(config: Config) -> dict[str, list[Any]]:
-    """What each part of a run gave, step by step."""
+    """Run a config and return the recorded outputs of each step, by component type."""
     scenario = make_scenario(config)
     rollout = roll_out(scenario)
     seen = measurements(scenario, rollout)
@@ -70,11 +71,14 @@ def answers(config: Config) -> dict[str, list[Any]]:
     }
 
 
-def in_loop(config: Config, given: dict[str, list[Any]]) -> Callable[[], float]:
-    """A worker: seconds a step of a run with these external parts."""
+def in_loop(config: Config, recorded: dict[str, list[Any]]) -> Callable[[], float]:
+    """Return a worker that gives the time per step of a run with replaying components, s.
+
+    ``recorded`` holds the outputs of each replaced component, by component type; the others stay built in.
+    """
 
     def run() -> float:
-        scenario = replace(make_scenario(config), **{key: Replay(listed) for key, listed in given.items()})
+        scenario = replace(make_scenario(config), **{key: Replay(outputs) for key, outputs in recorded.items()})
         rollout = roll_out(scenario)
         assert rollout.status == "completed", rollout.cause
         return rollout.seconds / rollout.steps
@@ -82,14 +86,13 @@ def in_loop(config: Config, given: dict[str, list[Any]]) -> Callable[[], float]:
     return run
 
 
-def alone(given: dict[str, list[Any]]) -> Callable[[], float]:
-    """A worker: seconds a step of the calls of these parts alone."""
+def without_loop(recorded: dict[str, list[Any]]) -> Callable[[], float]:
+    """Return a worker that gives the time per step of only calling the replaying components, s."""
 
     def run() -> float:
-        two = ("controller", "feedforward")
         calls = [
-            (getattr(Replay(listed), METHODS[key]), (None, None) if key in two else (None,), len(listed))
-            for key, listed in given.items()
+            (getattr(Replay(outputs), METHODS[key][0]), (None,) * METHODS[key][1], len(outputs))
+            for key, outputs in recorded.items()
         ]
         began = time.perf_counter()
         for call, arguments, steps in calls:
@@ -101,15 +104,17 @@ def alone(given: dict[str, list[Any]]) -> Callable[[], float]:
 
 
 def tables(quick: bool) -> list[Table]:
-    """Each part external by itself, and all of them, in both scenarios."""
+    """Return the overhead with each component external, and with all of them, in both scenarios."""
     rows: list[Row] = []
     for scenario in ("one_leg", "quadruped"):
         config = make_config(f"scenario={scenario}", "learning.start_cycle=1")
-        given = answers(config)
-        sets = {key: {key: given[key]} for key in given} | {"all": {k: given[k] for k in given if k != "feedforward"}}
+        recorded = answers(config)
+        sets = {key: {key: recorded[key]} for key in recorded}
+        sets["all"] = {key: outputs for key, outputs in recorded.items() if key != "feedforward"}
         workers: dict[str, Callable[[], float]] = {}
         for key, some in sets.items():
-            workers[key], workers[f"{key} alone"] = in_loop(config, some), alone(some)
+            workers[key] = in_loop(config, some)
+            workers[f"{key} alone"] = without_loop(some)
         times = in_turn(workers, 7 if quick else 31)
         for key in sets:
             rows.append(compared(times, f"{scenario}, {key}", key, f"{key} alone", "the part's own calls", TARGET))

@@ -1,6 +1,7 @@
-"""The law in C beside that in Python, in the closed loop of Python: equal bits of commands and weights, and its time.
+"""The exported control law in C against the one in Python: bit-identical commands and weights, and its time per step.
 
-Sensors outside the loop keep what they show in every step, and the command that answered; C is given the same.
+Recording sensors store the signals of each step of the Python loop and the resulting command; the C code then gets
+the same signals.
 """
 
 import ctypes
@@ -38,52 +39,54 @@ RUNS = {
 }
 SHORT = ("cycles=4", "record=metrics", "record.weights=true", "warn=false")
 SOURCE = Path(__file__).with_name("walk.c")
-STEPS, QUICK_STEPS, ROUNDS = 1_000_000, 3_000, 50
+STEPS, QUICK_STEPS = 1_000_000, 3_000
+ROUNDS = 50
 
 
 class Recorder:
-    """Sensors that show the true state, with feet that follow from the joints, and keep a cycle of that.
+    """Sensors that measure the true state, compute feet from joint angles, and record one cycle.
 
     Attributes:
-        loop: whose commands are kept; to be set.
-        signals, commands: (N, numbers), in the order of C.
+        loop: the loop whose commands are recorded; to be set before the first step.
+        signals, commands: (N, numbers), N samples of a cycle, in the order of the C interface.
     """
 
     loop: Loop
 
     def __init__(self, samples: int, signals: int, commands: int):
-        self.signals, self.commands = np.zeros((samples, signals)), np.zeros((samples, commands))
-        self.taken = 0
+        self.signals = np.zeros((samples, signals))
+        self.commands = np.zeros((samples, commands))
+        self.steps = 0
 
     def reset(self, setup: Setup) -> None:
-        """Start a run."""
+        """Store the mechanism, from which feet are computed."""
         self.mechanism = setup.mechanism
 
     def measure(self, true: Measurement) -> Measurement:
-        """Keep the signals of a step, and the command of the one before."""
-        sample = self.taken % len(self.signals)
+        """Record the signals of a step and the command of the previous step; return the true state."""
+        sample = self.steps % len(self.signals)
         if sample > 0:
             self.keep_command(sample - 1)
         foot, velocity = compute_feet(self.mechanism, true.q, true.dq)
         travel = np.zeros(3) if true.travel is None else true.travel
-        shown = np.concatenate([true.q, true.dq, true.force, true.body, true.body_rate, travel], axis=None)
-        self.signals[sample] = shown[: self.signals.shape[1]]
-        self.taken += 1
+        signals = np.concatenate([true.q, true.dq, true.force, true.body, true.body_rate, travel], axis=None)
+        self.signals[sample] = signals[: self.signals.shape[1]]
+        self.steps += 1
         return true._replace(foot=foot, velocity=velocity)
 
     def keep_command(self, sample: int) -> None:
-        """Keep the command that the loop gave last."""
-        torque, drives = self.loop.torques.total, self.loop.drives
-        if drives is None:
+        """Record the last command of the loop as that of ``sample``."""
+        torque = self.loop.torques.total
+        if self.loop.drives is None:
             self.commands[sample] = torque.ravel()
         else:
-            sent = drives.command
+            sent = self.loop.drives.command
             parts = [sent[ANGLE], sent[VELOCITY], torque, sent[STIFFNESS], sent[DAMPING]]
             self.commands[sample] = np.concatenate(parts, axis=None)
 
 
 def build(folder: Path) -> ctypes.CDLL:
-    """The law that was written to a folder."""
+    """Compile and load the control law exported to a folder."""
     sources = SOURCE, folder / "cmac_leg.c", folder / "cmac_walk.c"
     loaded = compile_library(sources, *SAME_BITS, f"-I{folder}")
     for name in ("play", "compare_weights", "count_signals", "count_commands", "count_bytes"):
@@ -96,13 +99,18 @@ def _at(values: Array) -> ctypes.c_void_p:
 
 
 def compare(name: str, overrides: tuple[str, ...], steps: int, folder: Path) -> Row:
-    """Play a run in both languages; raises SystemExit where any bit differs."""
+    """Run a scenario in Python, repeat its control law in C, and return the time per step in C.
+
+    Raises:
+        SystemExit: the run ended early, or a command or a weight differs in any bit.
+    """
     run = cmacexp.run([*overrides, *SHORT], folder / "run")
     write_c(run, folder, law=describe_law(run))
-    library, config = build(folder), read_final_config(run)
-    learning = replace(config.learning, start_from=str(run.folder))
-    config = replace(config, cycles=-(-steps // config.steps_per_cycle), learning=learning)
+    library = build(folder)
+    config = read_final_config(run)
     period = config.steps_per_cycle
+    learning = replace(config.learning, start_from=str(run.folder))
+    config = replace(config, cycles=-(-steps // period), learning=learning)
     recorder = Recorder(period, library.count_signals(), library.count_commands())
     scenario = make_scenario(config, read_learnt(run), sensors=recorder)
     driver = Driver(scenario, make_guard(scenario))
@@ -119,16 +127,18 @@ def compare(name: str, overrides: tuple[str, ...], steps: int, folder: Path) -> 
         wrong += library.play(_at(recorder.signals), _at(recorder.commands), count)
     params: Any = scenario.feedforward.params  # type: ignore[attr-defined]  # a network
     weights = np.ascontiguousarray(keep_rows(params, list_path_rows(params)).weights)
-    others = library.compare_weights(_at(weights))
-    if wrong or others:
-        raise SystemExit(f"{name}: {wrong} of {driver.taken} commands and {others} of {weights.size} weights differ")
+    wrong_weights = library.compare_weights(_at(weights))
+    if wrong or wrong_weights:
+        raise SystemExit(
+            f"{name}: {wrong} of {driver.taken} commands and {wrong_weights} of {weights.size} weights differ"
+        )
     again = stopwatch(lambda: library.play(_at(recorder.signals), _at(recorder.commands), count))
     what = f"{name}, {driver.taken:,} steps with equal bits, {library.count_bytes():,} bytes of state"
     return Row(what, format_time(min(again() for _ in range(ROUNDS)) / period), "", None, "equal")
 
 
 def tables(quick: bool) -> list[Table]:
-    """A row for each machine."""
+    """Return a table with a row for each run of RUNS."""
     rows = []
     for name, overrides in RUNS.items():
         with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""The closed loop per step: every scenario, against C and against the same kernels in plain Python; its growth."""
+"""Time per step of the closed loop: each scenario against C and against the same kernels in plain Python; scaling."""
 
 import json
 import tempfile
@@ -22,21 +22,26 @@ TARGETS = {
 }
 
 
-MOST_OF_C, MOST_OF_A_LEG = 0.90, 9.0
-"""Limits of two ratios: a step of one leg over C, measured 0.51 to 0.81, and of the quadruped over one leg,
-5.2 to 8.4: it is one leg that differs from process to process."""
+MOST_OF_C = 0.90
+"""Largest ratio of a step of one leg to the same step in C; measured 0.51 to 0.81."""
+MOST_OF_A_LEG = 9.0
+"""Largest ratio of a step of the quadruped to one of one leg; measured 5.2 to 8.4, as one leg varies by process."""
 MOST_ROUNDING = 1e-8
-"""By which C may differ from the loop, in SI units: it rounds differently."""
+"""Largest difference between C and the loop, in SI units: they round differently."""
 
 
 def per_step(config: Config) -> Callable[[], float]:
-    """A worker: seconds a step of a whole run in memory."""
+    """Return a worker that gives the time per step of a whole run in memory, s."""
 
     return lambda: time_step(make_scenario(config))
 
 
 def in_c(config: Config) -> Callable[[], float]:
-    """A worker: seconds a step of the same run in C; raises SystemExit unless it takes the same steps."""
+    """Return a worker that gives the time per step of the same run in C, s.
+
+    Raises:
+        SystemExit: the samples of C differ by more than MOST_ROUNDING.
+    """
     library = build(config.cmac.layers, 2 * len(config.cmac.inputs))
     samples, _ = run_in_c(library, make_scenario(config))
     traces = [[trace[name][:, 0] for name in COLUMNS] for trace in run_cycles(make_scenario(config))]
@@ -52,17 +57,16 @@ def in_c(config: Config) -> Callable[[], float]:
 
 
 def in_plain_python(scenario: str) -> float:
-    """Seconds a step of one cycle with compiling switched off, in a process of its own."""
+    """Return the time per step of one cycle with compilation switched off, in a separate process, s."""
     with tempfile.TemporaryDirectory() as name:
         overrides = [f"scenario={scenario}", "cycles=1", "learning.start_cycle=1", "record=trace"]
-        run = ["-m", "cmacexp", *overrides, f"hydra.run.dir={name}/run"]
-        python(*run, folder=Path(name), NUMBA_DISABLE_JIT="1")
+        python("-m", "cmacexp", *overrides, f"hydra.run.dir={name}/run", folder=Path(name), NUMBA_DISABLE_JIT="1")
         manifest = json.loads((Path(name) / "run" / "manifest.json").read_text())
     return float(manifest["rollout_seconds"] / manifest["steps"])
 
 
 def against_c(name: str, config: Config, rounds: int, target: str) -> list[Row]:
-    """One leg against C, where there is a compiler."""
+    """Compare one leg with C; no rows without a C compiler."""
     if not compiler():
         return []
     times = in_turn({"loop": per_step(config), "c": in_c(config)}, rounds)
@@ -70,7 +74,7 @@ def against_c(name: str, config: Config, rounds: int, target: str) -> list[Row]:
 
 
 def scenarios(rounds: int) -> Table:
-    """Every scenario against plain Python; one leg against C."""
+    """Compare each scenario with plain Python, and one leg with C."""
     # With the paper's lead of 0, learning diverges before step 600,000.
     one_leg = make_config("scenario=one_leg", "cycles=1000", "learning.lead=auto")
     rows = against_c("one_leg, 600,000 steps", one_leg, rounds, "0.70")
@@ -87,7 +91,10 @@ def scenarios(rounds: int) -> Table:
 
 
 def late_cycles(config: Config) -> Callable[[], float]:
-    """A worker: seconds a step of the best block of cycles in the second half of a run that keeps nothing."""
+    """Return a worker that gives the time per step of the fastest block of cycles in the second half of a run, s.
+
+    The run records nothing.
+    """
 
     def run() -> float:
         scenario = make_scenario(config)
@@ -99,7 +106,7 @@ def late_cycles(config: Config) -> Callable[[], float]:
 
 
 def growth(rounds: int, cycles: int) -> Table:
-    """Cost per step over length and over CMAC memory."""
+    """Compare the time per step of a long run with a short one, and of a large CMAC memory with a small one."""
     # Learning from the first cycle on, else the short run has a larger share of cycles without it; and slowly, since
     # the published law at its published rate diverges after some 170 cycles.
     one_leg = ["scenario=one_leg", "learning.start_cycle=1", "learning.rate=0.001"]
@@ -119,7 +126,7 @@ def growth(rounds: int, cycles: int) -> Table:
 
 
 def tables(quick: bool) -> list[Table]:
-    """All of this file."""
+    """Run the benchmarks of this file and of external components, and return their tables."""
     return [
         scenarios(7 if quick else 31),
         growth(2 if quick else 3, 1_000 if quick else 10_000),

@@ -1,6 +1,6 @@
-"""The same CMAC work by other programs: vectorised NumPy, and tile coders from PyPI that install with this project.
+"""The same CMAC computation by other programs: vectorised NumPy, and tile coders from PyPI.
 
-Every peer has 32 layers over the same ranges, a memory of as many rows, two outputs, and does predict and update.
+Every peer has 32 layers over the same ranges, equally many memory rows and two outputs; it predicts and trains.
 """
 
 from collections.abc import Callable
@@ -14,10 +14,10 @@ from cmacexp.typing import Array, Cells
 
 
 class Peer(Protocol):
-    """A program that predicts and updates a single input (n,), by an error (outputs,)."""
+    """A program that predicts at a single input (n,) and updates with an error (outputs,)."""
 
     def step(self, x: Array, error: Array) -> Array:
-        """Predict at ``x``, then train there."""
+        """Return the prediction (outputs,) at ``x`` (n,), then train there with ``error`` (outputs,)."""
         ...
 
 
@@ -27,18 +27,21 @@ def _mix(state: np.ndarray, value: np.ndarray | int) -> np.ndarray:
 
 
 class NumpyCmac:
-    """The hashed CMAC of this project written with whole arrays; finds the same cells."""
+    """The hashed CMAC of this project in vectorised NumPy; activates the same cells."""
 
     def __init__(self, params: Address, weights: Array, rate: float):
-        self.params, self.weights, self.rate = params, np.zeros_like(weights), rate
+        self.params = params
+        self.weights = np.zeros_like(weights)
+        self.rate = rate
         layers, inputs = params.displacement.shape
         self.first = _mix(_mix(np.full(layers, params.seed), np.arange(layers)), inputs)
 
     def cells(self, inputs: Array) -> Cells:
-        """Active rows (samples, C) of inputs (samples, n)."""
-        params, layers = self.params, len(self.first)
+        """Return the active memory rows (samples, C) of inputs (samples, n)."""
+        params = self.params
+        layers = len(self.first)
         quanta = (params.resolution_elements - 1) * layers
-        low, high = params.ranges.low, params.ranges.high
+        low, high = params.ranges
         scaled = np.floor((np.clip(inputs, low, high) - low) / (high - low) * quanta)
         quantum = np.minimum(scaled.astype(np.int64), quanta - 1)
         blocks = (quantum[:, None, :] + params.displacement) // layers
@@ -48,30 +51,31 @@ class NumpyCmac:
         return (_mix(state, 0) * params.rows) >> 32
 
     def batch(self, inputs: Array, errors: Array) -> Array:
-        """Predict a batch, then train with it; where samples share cells, each adds its part."""
+        """Return predictions for a batch, then train with it; updates of cells that samples share add up."""
         cells = self.cells(inputs)
         output = self.weights[cells].sum(axis=1)
         np.add.at(self.weights, cells, (self.rate / cells.shape[1] * errors)[:, None, :])
         return output
 
     def step(self, x: Array, error: Array) -> Array:
-        """As :meth:`Peer.step`."""
+        """Predict and train at a single input; see :meth:`Peer.step`."""
         return self.batch(x[None], error[None])[0]
 
 
 FindRows = Callable[[Array], Cells | list[int]]
-"""Gives the rows that a tile coder activates at an input (n,)."""
+"""Function from an input (n,) to the rows that a tile coder activates."""
 
 
 class Tiles:
-    """Weights, and their use at the rows that a tile coder gives."""
+    """Weights of a tile coder, read and trained at the rows that it activates."""
 
     def __init__(self, params: Address, rate: float, find_rows: FindRows):
-        self.find_rows, self.rate = find_rows, rate / len(params.displacement)
+        self.find_rows = find_rows
+        self.rate = rate / len(params.displacement)
         self.weights = np.zeros((params.rows, 2))
 
     def step(self, x: Array, error: Array) -> Array:
-        """As :meth:`Peer.step`."""
+        """Predict and train at a single input; see :meth:`Peer.step`."""
         rows = self.find_rows(x)
         output = self.weights[rows].sum(axis=0)
         self.weights[rows] += self.rate * error
@@ -79,7 +83,10 @@ class Tiles:
 
 
 def make_fixed_reps(params: Address) -> FindRows:
-    """PyFixedReps-andnp: dense cell numbers from Rust, 32 bits (they overflow with 6 inputs), folded into memory."""
+    """Make the tile coder of PyFixedReps-andnp (Rust).
+
+    Its dense 32-bit cell numbers, which overflow with 6 inputs, are taken modulo the number of memory rows.
+    """
     from PyFixedReps import TileCoder, TileCoderConfig
 
     ranges = list(zip(*params.ranges, strict=True))
@@ -89,19 +96,19 @@ def make_fixed_reps(params: Address) -> FindRows:
 
 
 def make_linear_rl(params: Address) -> FindRows:
-    """linear-rl: R. Sutton's tiles3 in Python, hashed into the same memory."""
+    """Make the tile coder of linear-rl: R. Sutton's tiles3 in Python, hashed into the same number of memory rows."""
     from linear_rl.tyles3 import tiles
 
     low, high = params.ranges
-    scale, layers = (params.resolution_elements - 1) / (high - low), len(params.displacement)
-    return lambda x: tiles(params.rows, layers, ((x - low) * scale).tolist())
+    scale = (params.resolution_elements - 1) / (high - low)
+    return lambda x: tiles(params.rows, len(params.displacement), ((x - low) * scale).tolist())
 
 
 TILE_CODERS = {"PyFixedReps-andnp": make_fixed_reps, "linear-rl (tiles3)": make_linear_rl}
 
 
 def installed(params: Address, rate: float) -> dict[str, Peer]:
-    """The peers from PyPI that this machine has, by name."""
+    """Return the installed tile coders from PyPI by name; print which are missing."""
     peers: dict[str, Peer] = {}
     for name, make in TILE_CODERS.items():
         try:

@@ -1,4 +1,4 @@
-"""A step of a robot: the whole loop, of which MuJoCo's own step is a part, against that step alone."""
+"""Time per step of a robot in the closed loop, MuJoCo's step included, against MuJoCo's step only."""
 
 from collections.abc import Callable
 
@@ -14,9 +14,10 @@ TARGET = "1.5 times"
 STEPS = 1_000
 
 
-def own_step(plant: MujocoRobot) -> Callable[[], float]:
-    """A worker: seconds that MuJoCo alone takes for a sampling period, of a robot that falls."""
-    mujoco, model = plant.mujoco, plant.model
+def step_of_mujoco(plant: MujocoRobot) -> Callable[[], float]:
+    """Return a worker that gives MuJoCo's time per sampling period for a falling robot, s."""
+    mujoco = plant.mujoco
+    model = plant.model
     data = mujoco.MjData(model)
 
     def fall() -> None:
@@ -30,18 +31,17 @@ def own_step(plant: MujocoRobot) -> Callable[[], float]:
 
 
 def tables(quick: bool) -> list[Table]:
-    """All of this file; nothing without MuJoCo or the model."""
+    """Run the benchmarks of this file and return their table; none without MuJoCo or the robot's model."""
     rows = []
     for ground, plant in PLANTS.items():
         try:
             config = make_config("scenario=robot", f"machine={ROBOT}", f"plant={plant}", "cycles=2")
         except BadInput:
             return []
-        made = make_scenario(config).plant
-        assert isinstance(made, MujocoRobot)
-        times = in_turn({"loop": per_step(config), "mujoco": own_step(made)}, 3 if quick else 15)
-        period = f"{config.sampling_period * 1e3:g} ms"
-        what = f"{ROBOT}, {ground}, sampled every {period}"
+        robot = make_scenario(config).plant
+        assert isinstance(robot, MujocoRobot)
+        times = in_turn({"loop": per_step(config), "mujoco": step_of_mujoco(robot)}, 3 if quick else 15)
+        what = f"{ROBOT}, {ground}, sampled every {config.sampling_period * 1e3:g} ms"
         rows.append(compared(times, what, "loop", "mujoco", "MuJoCo's own step", TARGET))
-    note = "MuJoCo alone: the robot falls, onto the rigid floor where there is one."
+    note = "MuJoCo only: the robot falls, onto the rigid floor where there is one."
     return [Table("A robot, a step of the loop", rows, note)]

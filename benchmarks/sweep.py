@@ -1,4 +1,4 @@
-"""Many runs against an empty Hydra app: a sweep by each launcher, processor time a job, and what a million take."""
+"""Many runs against an empty Hydra app: a sweep by each launcher, processor time per job, and a million runs."""
 
 import importlib.util
 import tempfile
@@ -13,18 +13,19 @@ import hydra
 def main(config): pass
 main()
 """
-CORES, CHUNK = 2, 50
+CORES = 2
+CHUNK = 50
 LOAD = "import sys; from cmacexp import load_sweep; load_sweep(sys.argv[1])"
 BATCH = "import sys; from cmacexp import run_many; run_many([[f'seed={i}'] for i in range(int(sys.argv[1]))])"
 MILLION = 10**6
 
 
 Start = Callable[..., Callable[[], None]]
-"""Gives a worker that runs Python with these arguments."""
+"""Function that returns a worker, which runs Python with the given arguments."""
 
 
 def tables(quick: bool) -> list[Table]:
-    """All of this file."""
+    """Run the benchmarks of this file and return their tables."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "empty.py").write_text(EMPTY)
@@ -40,12 +41,12 @@ def _sweep(start: Start, kind: str, count: int, *overrides: str) -> Callable[[],
 
 
 def _start_empty(start: Start, count: int) -> Callable[[], None]:
-    """The same sweep of an app that does nothing."""
+    """Return a worker that runs the same sweep of an app that does nothing."""
     return start("empty.py", "-m", f"+seed=range({count})", "hydra.sweep.dir=empty")
 
 
 def _compare_launchers(start: Start, runs: int, rounds: int) -> Table:
-    """A sweep by each launcher, elapsed."""
+    """Compare the elapsed time of a sweep by each launcher."""
     launchers = {"cores": [], "basic": ["hydra/launcher=basic"]}
     if importlib.util.find_spec("distributed"):
         launchers["dask"] = ["hydra/launcher=dask", f"hydra.launcher.processes={CORES}"]
@@ -62,7 +63,7 @@ def _compare_launchers(start: Start, runs: int, rounds: int) -> Table:
 
 
 def _count(start: Start, folder: Path, quick: bool) -> list[Table]:
-    """Processor time of a job, and what a million take."""
+    """Return tables of the processor time per job and of the extrapolation to a million runs."""
     runs, many = (8, 16) if quick else (1_000, 10_000)
     base = processor_time(_start_empty(start, runs))() / runs
     chunked = ["record=metrics", f"sweep.chunk={CHUNK}", "hydra/launcher=submitit_local"]
@@ -76,15 +77,16 @@ def _count(start: Start, folder: Path, quick: bool) -> list[Table]:
             "0.1 s a job",
         ),
     ]
-    against = f"empty Hydra app: {format_time(base)}"
-    rows, used = [], []
+    rows = []
+    used = []
     for what, command, target in commands:
         used.append(processor_time(command)() / runs)
+        against = f"empty Hydra app: {format_time(base)}"
         rows.append(Row(what, format_time(used[-1]), against, used[-1] / base, target))
-    all_of_it = stopwatch(_sweep(start, "many", many, "record=metrics"))()
+    sweeping = stopwatch(_sweep(start, "many", many, "record=metrics"))()
     loading = stopwatch(start("-c", LOAD, "metrics"))()
     importing = stopwatch(start("-c", "import cmacexp, pandas"))()
-    rows.append(_elapsed(f"{many} runs, `record=metrics`, elapsed", all_of_it, "2 min for 10,000"))
+    rows.append(_elapsed(f"{many} runs, `record=metrics`, elapsed", sweeping, "2 min for 10,000"))
     rows.append(_elapsed(f"`load_sweep` of {runs} runs, elapsed", loading - importing, "2 s for 1,000"))
     size, files = zip(*(_measure(folder / kind, runs) for kind in ("trace", "metrics")), strict=True)
     return [Table("Many runs of one leg, processor time a job", rows), _extrapolate(used, size, files, runs)]
@@ -95,17 +97,15 @@ def _elapsed(what: str, seconds: float, target: str) -> Row:
 
 
 def _measure(folder: Path, runs: int) -> tuple[float, float]:
-    """Bytes of a run on disk, and its files and folders; those of all runs are shared out."""
+    """Return bytes on disk per run, and the number of files and folders per run, as means over ``runs`` runs."""
     paths = list(folder.rglob("*"))
     return sum(path.stat().st_size for path in paths if path.is_file()) / runs, len(paths) / runs
 
 
 def _extrapolate(used: Sequence[float], size: Sequence[float], files: Sequence[float], runs: int) -> Table:
-    """What a million runs take if each takes what one of so many took."""
+    """Extrapolate processor time, disk space and files of ``runs`` runs to a million runs."""
     rows = []
     for what, seconds, bytes_a_run, count in zip(("trace", "metrics"), used, size, files, strict=False):
-        hours, amount = MILLION * seconds / 3600, f"{MILLION * bytes_a_run / 1e9:.3g} GB"
-        rows.append(
-            Row(f"`record={what}`", f"{hours:.3g} h", f"{amount}, {MILLION * count:.2g} files and folders", None, "")
-        )
+        disk = f"{MILLION * bytes_a_run / 1e9:.3g} GB, {MILLION * count:.2g} files and folders"
+        rows.append(Row(f"`record={what}`", f"{MILLION * seconds / 3600:.3g} h", disk, None, ""))
     return Table(f"A million runs of one leg: processor time and disk, from {runs}", rows)

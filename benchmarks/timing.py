@@ -1,7 +1,7 @@
 """Interleaved timing and tables of ratios, for all benchmarks.
 
-Machines are noisy and change their clock while they run. So programs that are compared take turns in the same rounds.
-A disturbance only makes a measurement longer: a time is the best of its rounds, a ratio is that of two best times.
+Computers are noisy and change their clock rate. So programs that are compared take turns in the same rounds. A
+disturbance only makes a measurement longer: a time is the minimum over the rounds, a ratio is that of two minima.
 """
 
 import ctypes
@@ -21,7 +21,7 @@ from cmacexp.config.compose import compose_config
 
 ROOT = Path(__file__).parents[1]
 Times = dict[str, list[float]]
-"""Seconds of every round by name."""
+"""Times of all rounds by the worker's name, s."""
 
 
 class Row(NamedTuple):
@@ -30,15 +30,15 @@ class Row(NamedTuple):
     what: str
     time: str
     against: str
-    """What it is compared with, and the time of that."""
+    """The reference and its time."""
     ratio: float | None
     target: str
     limit: float = math.inf
-    """A ratio above it fails the benchmark."""
+    """Largest ratio with which the benchmark passes."""
 
 
 class Table(NamedTuple):
-    """What one benchmark found."""
+    """The results of one benchmark."""
 
     title: str
     rows: list[Row]
@@ -46,7 +46,7 @@ class Table(NamedTuple):
 
 
 def in_turn(workers: dict[str, Callable[[], float]], rounds: int) -> Times:
-    """Let every worker give its seconds once a round, after one round that is not counted."""
+    """Call every worker once per round and collect its times, s; a first round is not counted."""
     times: Times = {name: [] for name in workers}
     for counted in [False] + [True] * rounds:
         for name, work in workers.items():
@@ -57,12 +57,12 @@ def in_turn(workers: dict[str, Callable[[], float]], rounds: int) -> Times:
 
 
 def ratio(times: Times, name: str, base: str) -> float:
-    """The best time of ``name`` over that of ``base``."""
+    """Return the minimum time of ``name`` divided by that of ``base``."""
     return min(times[name]) / min(times[base])
 
 
 def format_time(seconds: float) -> str:
-    """Seconds with a fitting unit and three digits."""
+    """Format a time given in seconds with three digits and a unit of s, ms, us or ns."""
     for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
         if seconds >= size:
             return f"{seconds / size:.3g} {unit}"
@@ -72,13 +72,13 @@ def format_time(seconds: float) -> str:
 def compared(
     times: Times, what: str, name: str, base: str, against: str, target: str = "", limit: float = math.inf
 ) -> Row:
-    """The row that sets ``name`` against ``base``; the ratio is not to be above ``limit``."""
+    """Return the row that compares ``name`` with ``base``; the benchmark fails if the ratio exceeds ``limit``."""
     other = f"{against}: {format_time(min(times[base]))}"
     return Row(what, format_time(min(times[name])), other, ratio(times, name, base), target, limit)
 
 
 def stopwatch(work: Callable[[], object]) -> Callable[[], float]:
-    """A worker that does ``work`` and gives the seconds it took."""
+    """Return a worker that does ``work`` and returns its elapsed time, s."""
 
     def timed() -> float:
         began = time.perf_counter()
@@ -89,11 +89,11 @@ def stopwatch(work: Callable[[], object]) -> Callable[[], float]:
 
 
 ADOPT_ORPHANS = 36
-"""Of Linux's ``prctl``, PR_SET_CHILD_SUBREAPER: processes whose parent has ended become children of this one."""
+"""PR_SET_CHILD_SUBREAPER of Linux's ``prctl``: orphaned descendants become children of this process."""
 
 
 def processor_time(work: Callable[[], object]) -> Callable[[], float]:
-    """A worker that does ``work`` and gives the processor time of all processes that this starts, s."""
+    """Return a worker that does ``work`` and returns the processor time of all processes that it starts, s."""
     ctypes.CDLL(None).prctl(ADOPT_ORPHANS, 1, 0, 0, 0)
 
     def used() -> float:
@@ -112,29 +112,30 @@ def processor_time(work: Callable[[], object]) -> Callable[[], float]:
 
 
 def python(*arguments: str, folder: Path, **environment: str) -> None:
-    """Run a Python process to its end, with this project on its path, and more variables of its ``environment``.
+    """Run a Python process in ``folder`` and wait for it; this project is importable there.
+
+    ``environment`` holds additional environment variables.
 
     Raises:
-        CalledProcessError: it failed; its last words are shown.
+        CalledProcessError: the process failed; the end of its standard error is printed.
     """
-    command = [sys.executable, *arguments]
     variables = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
-    done = subprocess.run(command, cwd=folder, env=variables, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, *arguments], cwd=folder, env=variables, capture_output=True, text=True)
     if done.returncode:
         print(done.stderr[-2000:], file=sys.stderr)
         done.check_returncode()
 
 
 def make_config(*overrides: str) -> Config:
-    """The checked config of a command line."""
+    """Return the checked config for the overrides of a command line."""
     return compose_config(overrides)
 
 
 def markdown(table: Table) -> str:
-    """A table for reading, on a screen or in a page."""
+    """Format a table as Markdown."""
     head = ["", "time", "compared with", "ratio", "target"]
     lines = [f"### {table.title}", "", "| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for row in table.rows:
-        shown = "" if row.ratio is None else f"{row.ratio:.3g}"
-        lines.append(f"| {row.what} | {row.time} | {row.against} | {shown} | {row.target} |")
+        ratio_text = "" if row.ratio is None else f"{row.ratio:.3g}"
+        lines.append(f"| {row.what} | {row.time} | {row.against} | {ratio_text} | {row.target} |")
     return "\n".join(lines + (["", table.note] if table.note else []))

@@ -1,4 +1,4 @@
-"""Writing a trace: Parquet as this project writes it, against the closest alternatives."""
+"""Time to write a trace: this project's Parquet file against the closest alternatives."""
 
 import tempfile
 from pathlib import Path
@@ -22,7 +22,7 @@ def _size(path: Path) -> str:
 
 
 def of_run(cycles: int, folder: Path, rounds: int) -> list[Row]:
-    """From the samples of a run of one leg to a whole file."""
+    """Time writing the trace of one leg, from samples in memory to a complete file."""
     config = make_config("scenario=one_leg", f"cycles={cycles}")
     scenario = make_scenario(config)
     samples, body = make_samples(config.cycles * config.steps_per_cycle, config.legs, wide=False)
@@ -41,8 +41,8 @@ def of_run(cycles: int, folder: Path, rounds: int) -> list[Row]:
         "npy": stopwatch(lambda: np.save(npy, samples)),
     }
     times = in_turn(workers, rounds)
-    speed = table.nbytes / min(times["ours"]) / 1e6
-    what = f"{table.num_rows} rows ({speed:.0f} MB/s, {_size(ours)} of {table.nbytes / 1e6:.2f} MB)"
+    megabytes = table.nbytes / 1e6
+    what = f"{table.num_rows} rows ({megabytes / min(times['ours']):.0f} MB/s, {_size(ours)} of {megabytes:.2f} MB)"
     return [
         compared(times, what, "ours", "plain", f"pyarrow's own settings ({_size(plain)})"),
         compared(times, what, "ours", "csv", f"CSV by pyarrow ({_size(csv)})"),
@@ -51,7 +51,7 @@ def of_run(cycles: int, folder: Path, rounds: int) -> list[Row]:
 
 
 def tables(quick: bool) -> list[Table]:
-    """All of this file."""
+    """Run the benchmarks of this file and return their table."""
     rounds = 5 if quick else 21
     with tempfile.TemporaryDirectory() as name:
         rows = of_run(5, Path(name), rounds) + of_run(100, Path(name), max(3, rounds // 3))

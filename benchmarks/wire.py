@@ -1,4 +1,4 @@
-"""A robot over a wire, played on loopback: a controller that is killed, a hundred faults, and a walk in real time."""
+"""A simulated Go2 on the loopback network: a killed controller, 100 injected faults, and a walk in real time."""
 
 import json
 import os
@@ -21,7 +21,7 @@ from cmacexp.addons.unitree.messages import get_motors, new_command, set_motors
 from cmacexp.addons.unitree.network import COMMANDS, LOOPBACK, STATES, Wire, run_first
 
 SILENCE = 0.02
-"""Time without a command after which the guardian is to damp, s."""
+"""Time without a command after which the guardian must switch to damping, s."""
 WALK = [
     *("-m", "cmacexp", "scenario=robot", "machine=go2", "plant=unitree", "controller=drives", "actuator.lag=0.0151"),
     *("record=metrics", "warn=false"),
@@ -31,11 +31,11 @@ OF_A_MOTOR = ("nan", "stuck", "sign", "sign_of_encoder")
 OF_A_LEG = ("swapped", "swapped_encoders")
 OF_ALL = ("lost_states", "lost_commands", "late", "frozen", "frozen_numbers", "hot", "empty")
 SECONDS = (3, 12, 22, 29, 32, 35)
-"""When a fault begins, from the first command on: at the check of the joints, as it is let down, as it walks."""
+"""Start times of faults after the first command, s: during the joint check, while being lowered, while walking."""
 
 
 class Case(NamedTuple):
-    """A fault of a simulated robot."""
+    """A fault injected into the simulated robot."""
 
     kind: str
     after: int
@@ -43,7 +43,7 @@ class Case(NamedTuple):
 
 
 def list_cases() -> Iterator[Case]:
-    """A hundred faults; cables are wrong from the start."""
+    """Yield 100 faults; faults of the wiring are present from the start."""
     for motor in range(12):
         for kind in OF_A_MOTOR:
             yield Case(kind, 0 if kind.startswith("sign") else SECONDS[motor % len(SECONDS)], motor)
@@ -55,9 +55,14 @@ def list_cases() -> Iterator[Case]:
 
 
 def walk(folder: Path, domain: int, robot: list[str], overrides: list[str]) -> tuple[dict[str, Any], int, str]:
-    """A walk over the wire: its manifest, its exit code, and the last line of the simulated robot."""
-    played = [sys.executable, "-m", "cmacexp", "robot", "--simulate", f"--domain={domain}", *robot]
-    process = subprocess.Popen(played, stdout=subprocess.PIPE, text=True, cwd=ROOT)
+    """Run a walk of the simulated robot over the network.
+
+    Returns:
+        The manifest of the run (empty if the robot was refused), its exit code, and the simulator's output, or else
+        the last line of the run's standard error.
+    """
+    simulator = [sys.executable, "-m", "cmacexp", "robot", "--simulate", f"--domain={domain}", *robot]
+    process = subprocess.Popen(simulator, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     assert process.stdout is not None
     process.stdout.readline()
     command = [sys.executable, *WALK, f"plant.domain={domain}", *overrides, f"hydra.run.dir={folder}"]
@@ -70,9 +75,10 @@ def walk(folder: Path, domain: int, robot: list[str], overrides: list[str]) -> t
 
 
 def kill(count: int) -> list[float]:
-    """Seconds from SIGKILL of a controller that sends a command every 2 ms to the first command that damps."""
+    """Kill a controller that sends a command every 2 ms; return the delays until the first damping command, s."""
     run_first(True)
-    delays, wire = [], Wire(LOOPBACK, 60, STATES, COMMANDS)
+    delays = []
+    wire = Wire(LOOPBACK, 60, STATES, COMMANDS)
     for _ in range(count):
         controller = subprocess.Popen([sys.executable, "-m", "benchmarks.wire"], cwd=ROOT)
         while (seen := wire.receive(1.0)) is None or not get_motors(seen["motor_cmd"]["kp"]).all():
@@ -90,8 +96,10 @@ def kill(count: int) -> list[float]:
 
 
 def control() -> None:
-    """The controller that is killed."""
-    guardian, wire, command = Guardian(LOOPBACK, 60, 3.0, SILENCE), Wire(LOOPBACK, 60, COMMANDS, None), new_command()
+    """Send commands every 2 ms until the process is killed."""
+    guardian = Guardian(LOOPBACK, 60, 3.0, SILENCE)
+    wire = Wire(LOOPBACK, 60, COMMANDS, None)
+    command = new_command()
     set_motors(command, q=np.zeros((4, 3)), dq=0.0, tau=0.0, kp=20.0, kd=1.0)
     while True:
         guardian.report()
@@ -100,29 +108,30 @@ def control() -> None:
 
 
 def tables(quick: bool) -> list[Table]:
-    """All of this file; they need the extras robots and unitree, and half an hour."""
+    """Run the benchmarks of this file and return their table.
+
+    They need the extras robots and unitree, and half an hour.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         delays = kill(3 if quick else 50)
         late = sum(delay > SILENCE for delay in delays)
         what = f"SIGKILL of the controller, {len(delays)} times: {late} damped later than {1e3 * SILENCE:g} ms"
-        spread = f"median {format_time(float(np.median(delays)))}"
-        killed = Row(what, format_time(max(delays)), spread, max(delays) / SILENCE, "1", 1.0)
+        median = format_time(float(np.median(delays)))
+        killed = Row(what, format_time(max(delays)), f"median {median}", max(delays) / SILENCE, "1", 1.0)
 
-        def practise(numbered: tuple[int, Case]) -> tuple[Case, str]:
-            number, case = numbered
+        def practise(number: int, case: Case) -> str:
             robot = ["--patient", f"--fault={case.kind}", f"--after={case.after}", f"--motor={case.motor}"]
-            overrides = [*PATIENT, "cycles=5"]
-            manifest, code, said = walk(folder / str(number), 70 + number, robot, overrides)
-            stages = [each["stage"] for each in manifest["plant"]["stages"]] if manifest else ["refused"]
+            manifest, code, said = walk(folder / str(number), 70 + number, robot, [*PATIENT, "cycles=5"])
+            stages = [stage["stage"] for stage in manifest["plant"]["stages"]] if manifest else ["refused"]
             print(case, code, stages[-2:], manifest.get("cause") or said, file=sys.stderr, flush=True)
-            if stages == ["refused"] and case.after > 0:  # of another reason: the fault was not there yet
-                return case, "not tried"
-            return case, "silent" if code == 0 else stages[-1]
+            if stages == ["refused"] and case.after > 0:  # refused for another reason, before the fault began
+                return "not tried"
+            return "silent" if code == 0 else stages[-1]
 
         cases = list(list_cases())[:: 25 if quick else 1]
         with ThreadPoolExecutor(2) as threads:
-            ends = dict(threads.map(practise, enumerate(cases)))
+            ends = dict(zip(cases, threads.map(practise, range(len(cases)), cases), strict=True))
         silent = [case for case, end in ends.items() if end in ("silent", "not tried")]
         refused = sum(end == "refused" for end in ends.values())
         damped = sum(end == "damp" for end in ends.values())
@@ -130,14 +139,14 @@ def tables(quick: bool) -> list[Table]:
         named = ", ".join(f"{ends[case]}: {' '.join(map(str, case))}" for case in silent)
         faults = Row(what, f"{len(silent)} silent or not tried", named, float(len(silent)), "0", 0.0)
         manifest, _, said = walk(folder / "walk", 61, [], [f"cycles={10 if quick else 900}"])
-    plant, steps = manifest["plant"], manifest["steps"]
-    missed = plant["states_missed"] / steps
+    plant = manifest["plant"]
+    steps = manifest["steps"]
     late_robot = re.search(r"(\d+) late", said)
     played = f"the played robot was itself late {late_robot[1] if late_robot else '?'} times"
     what = f"walk of {steps * 0.002:.0f} s in real time, {manifest['status']}: "
     what += f"{plant['states_missed']} states missed, {plant['steps_overran']} steps overran"
     worst = f"{plant['work_ms']['worst']} ms at worst"
-    walked = Row(what, worst, played, missed, "0.001", 0.001)
+    walked = Row(what, worst, played, plant["states_missed"] / steps, "0.001", 0.001)
     note = f"Load of the machine at the end: {os.getloadavg()[0]:.1f}. Ratios: to the limit, faults, share of states."
     return [Table("A robot over a wire", [killed, faults, walked], note)]
 

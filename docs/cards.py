@@ -1,4 +1,4 @@
-"""Labels on the cells of tables, so that site.css can show a row as a card where the screen is narrow."""
+"""Labels on the cells of tables, so that site.css can show each row as a card on a narrow screen."""
 
 import re
 from collections.abc import Sequence
@@ -13,9 +13,9 @@ FEWEST_COLUMNS = 3
 
 
 def label_row(row: str, names: Sequence[str]) -> str:
-    """A row whose cells carry the names of their columns, all but the first, which heads the card.
+    """Label the cells of a row with the names of their columns, except the first cell, which is the card's title.
 
-    A first cell alone stands for the rows below it, and is as wide as the table.
+    If all other cells are empty, the first cell is a heading of the rows below it, and spans the table.
     """
     first, *cells = row.split("<td")
     if all(EMPTY.match(f"<td{cell}") for cell in cells[1:]):
@@ -25,7 +25,7 @@ def label_row(row: str, names: Sequence[str]) -> str:
 
 
 def label_table(match: re.Match[str]) -> str:
-    """A table of several columns as one that site.css may show as cards; any other as it is."""
+    """Mark a table of at least FEWEST_COLUMNS columns for site.css as cards; leave any other table unchanged."""
     names = [re.sub(r"<[^>]+>", "", head).strip().replace('"', "&quot;") for head in HEAD.findall(match[0])]
     if len(names) < FEWEST_COLUMNS:
         return match[0]
@@ -34,5 +34,5 @@ def label_table(match: re.Match[str]) -> str:
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    """Called by mkdocs with the HTML of a page."""
+    """Label the tables in the HTML of a page; mkdocs calls this for every page."""
     return TABLE.sub(label_table, content)

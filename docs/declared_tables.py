@@ -1,6 +1,6 @@
-"""The tables of metrics and signals in the documentation, as the code declares every column.
+"""Tables of metrics and signals in the documentation, from the declaration of every column in the code.
 
-A page holds ``{{ declared }}`` below the heading of a table; mkdocs fills it when it builds the site, so an addition
+A page has ``{{ declared }}`` below the heading of a table; mkdocs replaces it when it builds the site, so an addition
 needs no edit of the page.
 """
 
@@ -15,7 +15,7 @@ from cmacexp.metrics.metric import describe
 from cmacexp.metrics.registry import LEG_METRICS
 
 DECLARED = re.compile(r"^## (.+)$|^\{\{ declared \}\}$", re.MULTILINE)
-"""A heading, or the place of its table."""
+"""A heading, or the mark that its table replaces."""
 COLUMNS = {
     "`metrics.parquet`": {"cycle": None, "leg": None, **LEG_METRICS},
     "`metrics.parquet` of a robot": SPATIAL,
@@ -32,33 +32,40 @@ SIGNALS = {
 
 
 def table_of(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table of Markdown."""
+    """Format a table as Markdown."""
     return "".join("| " + " | ".join(cells) + " |\n" for cells in [head, ["---"] * len(head), *rows])
 
 
-def shown_as(column: Any) -> tuple[str, str, str]:
-    """Name, symbol and unit of a metric in tables and figures, its pooling, and which direction is better."""
+def describe_display(column: Any) -> tuple[str, str, str]:
+    """Return title, symbol and unit of a metric in tables and figures, its pooling, and the better direction."""
     if column is None:
         return "-", "-", "-"
-    shown = column.shown
-    name = f"{shown.title} {shown.symbol}".rstrip() + f", {shown.unit}" if shown else "-"
+    label = column.shown
+    name = f"{label.title} {label.symbol}".rstrip() + f", {label.unit}" if label else "-"
     return name, column.pooling.name or "-", column.better or "-"
 
 
 def metrics_table(columns: Mapping[str, Any]) -> str:
-    """Every metric of a file."""
+    """Format the table of all metrics of a file."""
     return table_of(
         ["column", "unit", "definition", "shown as", "over legs", "better", "NaN where", "source"],
         [
-            [f"`{name}`", known["unit"] or "1", known["meaning"], *shown_as(c), known["undefined"], known["source"]]
+            [
+                f"`{name}`",
+                text["unit"] or "1",
+                text["meaning"],
+                *describe_display(c),
+                text["undefined"],
+                text["source"],
+            ]
             for name, c in columns.items()
-            for known in [describe(name, c)]
+            for text in [describe(name, c)]
         ],
     )
 
 
 def signals_table(columns: Iterable[Any]) -> str:
-    """Every signal of a file."""
+    """Format the table of all signals of a file."""
     return table_of(
         ["column", "unit", "meaning", "type", "owner", "altered by", "present"],
         [
@@ -69,7 +76,7 @@ def signals_table(columns: Iterable[Any]) -> str:
 
 
 def arrays_table() -> str:
-    """Which columns become an array that components get."""
+    """Format the table of the arrays that components exchange, and of the columns that form each of them."""
     spatial = {signal.name for signal in signals.SPATIAL_SIGNALS}
     rows = [
         (
@@ -89,20 +96,21 @@ TABLES = {
     **{("files", heading): signals_table(columns) for heading, columns in SIGNALS.items()},
     ("files", "Arrays of components"): arrays_table(),
 }
-"""By the name of a page, and the heading in it."""
+"""Tables by the name of a page and the heading in it."""
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Fill a page; mkdocs calls this for every page.
+    """Fill in the tables of a page; mkdocs calls this for every page.
 
     Raises:
-        KeyError: no table is declared for the heading above a place.
+        KeyError: no table is declared for the heading above a mark.
     """
-    name, heading = page.file.src_uri.removesuffix(".md"), ""
+    name = page.file.src_uri.removesuffix(".md")
+    heading = ""
 
-    def fill(found: re.Match[str]) -> str:
+    def fill(match: re.Match[str]) -> str:
         nonlocal heading
-        heading = found[1] or heading
-        return found[0] if found[1] else TABLES[name, heading].rstrip()
+        heading = match[1] or heading
+        return match[0] if match[1] else TABLES[name, heading].rstrip()
 
     return DECLARED.sub(fill, markdown)

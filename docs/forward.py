@@ -1,4 +1,4 @@
-"""Addresses of pages that went into others: the site still answers them, with a page that leads on."""
+"""Redirects from the addresses of pages that were merged into others."""
 
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ FORWARD: dict[str, str] = {
     "main-path": "design-notes#the-main-path",
     "use-a-urdf": "components#your-robot",
 }
-"""Old address and new one, without ``.html``; the new one may name a part of its page: ``page#part``."""
+"""New address by old address, without ``.html``; the new one may contain a fragment: ``page#part``."""
 PAGE = (
     '<!doctype html><meta charset="utf-8"><title>Moved</title><meta http-equiv="refresh" content="0; url={0}">'
     '<link rel="canonical" href="{0}"><p>This page is now <a href="{0}">here</a>.</p>\n'
@@ -38,15 +38,19 @@ PAGE = (
 
 
 def on_post_build(config: Any) -> None:
-    """Write a page at every old address; mkdocs calls this once.
+    """Write a redirect at every old address; mkdocs calls this once.
 
     Raises:
-        ValueError: an old address is that of a page, or a new one has no such page or part.
+        ValueError: a page exists at an old address, or a new page or its part does not exist.
     """
     site = Path(config.site_dir)
     for old, new in FORWARD.items():
-        name, _, part = new.partition("#")
+        name, _, fragment = new.partition("#")
         page, target = site / f"{old}.html", site / f"{name}.html"
-        if page.exists() or not target.exists() or f'id="{part}"' not in f'id=""{target.read_text(encoding="utf-8")}':
+        if (
+            page.exists()
+            or not target.exists()
+            or f'id="{fragment}"' not in f'id=""{target.read_text(encoding="utf-8")}'
+        ):
             raise ValueError(f"docs/forward.py: {old}: {new} is no page or part of one, or {old} is one still")
-        page.write_text(PAGE.format(f"{name}.html#{part}".removesuffix("#")), encoding="utf-8")
+        page.write_text(PAGE.format(f"{name}.html#{fragment}".removesuffix("#")), encoding="utf-8")

@@ -1,7 +1,7 @@
-"""``python -m docs.lerobot_recipe DIR OUT``: a run as a data set of LeRobot v3, an episode for each whole cycle.
+"""``python -m docs.lerobot_recipe DIR OUT``: convert a run to a LeRobot v3 data set, an episode per whole cycle.
 
-A recipe to change: what is observed and what acts stands in FEATURES. It needs no LeRobot; LeRobot reads what it
-writes, ``LeRobotDataset("me/walk", root=OUT)``.
+Adapt this recipe as needed: FEATURES declares observations and actions. LeRobot need not be installed; it reads the
+data set with ``LeRobotDataset("me/walk", root=OUT)``.
 """
 
 import json
@@ -20,31 +20,35 @@ FEATURES = {
     "observation.goal": ("x_desired", "y_desired", "force_desired"),
     "action": ("tau_feedback_1", "tau_feedback_2", "tau_feedforward_1", "tau_feedforward_2"),
 }
-"""Columns of the trace of each leg that make each feature."""
+"""Trace columns of each leg that form a feature."""
 INDICES = {"timestamp": "float32", **dict.fromkeys(("frame_index", "episode_index", "index", "task_index"), "int64")}
 DATA, EPISODES = "data/chunk-000/file-000.parquet", "meta/episodes/chunk-000/file-000.parquet"
 QUANTILES = (0.01, 0.1, 0.5, 0.9, 0.99)
 
 
 def measure(values):
-    """Statistics of (frames, width) values, as LeRobot stores them to normalise."""
+    """Compute the statistics of values (frames, width) that LeRobot stores for normalisation."""
     values = np.asarray(values, dtype=float).reshape(len(values), -1)
     kinds = {name: getattr(values, name)(axis=0).tolist() for name in ("min", "max", "mean", "std")}
-    quantiles = np.quantile(values, QUANTILES, axis=0).tolist()
-    names = [f"q{round(100 * share):02d}" for share in QUANTILES]
-    return {**kinds, "count": [len(values)], **dict(zip(names, quantiles, strict=True))}
+    quantiles = zip(QUANTILES, np.quantile(values, QUANTILES, axis=0).tolist(), strict=True)
+    return {**kinds, "count": [len(values)], **{f"q{round(100 * share):02d}": value for share, value in quantiles}}
 
 
 def export(folder, out):
-    """Write a run as a data set into a new folder; undefined values become 0."""
-    run, out = cmacexp.load(folder), Path(out)
+    """Write the run in ``folder`` as a data set to the new folder ``out``; NaN becomes 0.
+
+    Returns:
+        Numbers of episodes and frames.
+    """
+    run = cmacexp.load(folder)
+    out = Path(out)
     trace = run.trace[run.trace["cycle"] <= run.whole_cycles]
     legs = trace["leg"].unique().tolist()
     arrays = {
         feature: np.nan_to_num(trace[list(columns)].to_numpy(np.float32).reshape(-1, len(legs) * len(columns)))
         for feature, columns in FEATURES.items()
     }
-    names = {feature: [f"leg{leg}.{name}" for leg in legs for name in own] for feature, own in FEATURES.items()}
+    names = {feature: [f"leg{leg}.{name}" for leg in legs for name in group] for feature, group in FEATURES.items()}
     episode = trace["cycle"].to_numpy(np.int64)[:: len(legs)] - 1
     starts = np.searchsorted(episode, np.arange(run.whole_cycles))
     ends = [*starts[1:].tolist(), len(episode)]

@@ -1,6 +1,6 @@
-"""Pages of the studies and the benchmark, made with the site: their statements as they came out last, and figures.
+"""Pages of the studies and the benchmark, generated with the site: their statements with results, and figures.
 
-A new study needs no edit of it. Figures are those of a full run below outputs/studies, if there is one.
+A new study needs no edit of this file. Figures are those of a full run below outputs/studies, if there is one.
 """
 
 import re
@@ -32,14 +32,14 @@ from pipelines.results import (
 
 ORDER = (*VERDICTS, YES, NO, UNCLEAR, NOT_MEASURED)
 LIST, CLAIMS, COUNT = "{{ studies() }}", "{{ claims() }}", "{{ count() }}"
-"""Where a page has the list of studies, that of the claims of the paper, and how many have each verdict."""
+"""Marks for the list of studies, the list of the paper's claims, and their number by verdict."""
 OUTPUTS = DOCS.parent / FOLDER
 FIGURE = re.compile(r'<figure id="(\w+)">(?:<h3>(.*?)</h3>)?.*?<figcaption>(.*?)</figcaption>', re.DOTALL)
-"""In a report: name, title and caption."""
+"""A figure of a report: name, title and caption."""
 
 
 def statements_of(file: StudyFile, statements: Mapping[str, Claim | Finding], results: Quotable) -> str:
-    """Each claim or finding of a study as it came out, then the table of what was measured."""
+    """Format each claim or finding of a study with its verdict, followed by the table of its measured values."""
     text = ""
     for name, statement in statements.items():
         entry = find_entry(file.name, name, results)
@@ -54,21 +54,21 @@ def statements_of(file: StudyFile, statements: Mapping[str, Claim | Finding], re
 
 
 def figures_of(name: str) -> list[tuple[Path, str]]:
-    """The figures of the last full run of a study, each with its part of the page."""
+    """Return the figure files of the last full run of a study, each with its section of the page."""
     report = OUTPUTS / name / HTML
-    found = FIGURE.findall(report.read_text(encoding="utf-8")) if report.is_file() else []
+    figures = FIGURE.findall(report.read_text(encoding="utf-8")) if report.is_file() else []
     text = "\n{}![{}](figures/{}-{}.svg)\n\n{}\n"
     return [
         (
             OUTPUTS / name / FIGURES / f"{figure}.svg",
             text.format(f"**{title}**\n\n" if title else "", figure.replace("_", " "), name, figure, caption.strip()),
         )
-        for figure, title, caption in found
+        for figure, title, caption in figures
     ]
 
 
 def describe_run(name: str) -> str:
-    """When a study last ran in full, with how much, and whether its code has changed since."""
+    """Describe the last full run of a study: date, numbers of runs and seeds, and the state of its code."""
     results = read_results()
     state = results.find_state(name)
     if name not in results.studies:
@@ -79,8 +79,9 @@ def describe_run(name: str) -> str:
 
 
 def page_of(file: StudyFile, results: Quotable) -> str:
-    """The page of a study."""
-    study, figures = file.study, [text for _, text in figures_of(file.name)]
+    """Format the page of a study."""
+    study = file.study
+    figures = "".join(text for _, text in figures_of(file.name))
     command = f"{BENCHMARK} --log LOG --robot go2" if file.name == LOG_TRACK else file.name
     text = f"# {study.title}\n\n{study.question}\n\n`python -m pipelines.{command}` answers it again. "
     text += describe_run(file.name)
@@ -90,11 +91,11 @@ def page_of(file: StudyFile, results: Quotable) -> str:
         text += f"\n## Findings\n{statements_of(file, study.findings, results)}"
     if scores := SCORES.get(file.name):
         text += f"\n## Scores\n\n{scores.read_text(encoding='utf-8')}"
-    return text + (f"\n## Figures\n{''.join(figures)}" if figures else "")
+    return text + (f"\n## Figures\n{figures}" if figures else "")
 
 
 def describe_outcomes(file: StudyFile, results: Quotable) -> str:
-    """How many statements of a study have each verdict."""
+    """Count the statements of a study by verdict."""
     names = [*file.study.claims, *file.study.findings]
     entries = [find_entry(file.name, name, results) for name in names]
     verdicts = [entry["verdict"] if entry else NOT_MEASURED for entry in entries]
@@ -102,7 +103,7 @@ def describe_outcomes(file: StudyFile, results: Quotable) -> str:
 
 
 def list_of(results: Quotable) -> str:
-    """A line for each study."""
+    """Format the list of all studies, a line each."""
     cells = [
         (f"[{file.study.title}](studies/{file.name}.md)", file.study.question, describe_outcomes(file, results))
         for file in every_study()
@@ -111,34 +112,34 @@ def list_of(results: Quotable) -> str:
 
 
 def claims_of_paper(results: Quotable) -> str:
-    """A line for each claim of the paper, in its order: what was measured, with a link to the whole evidence."""
-    order = {name: place for place, name in enumerate(GROUPS["paper"].studies)}
+    """Format the claims of the paper in its order, a line each: verdict, measured values, link to the evidence."""
+    order = {name: index for index, name in enumerate(GROUPS["paper"].studies)}
     lines = ["| claim | verdict | measured |", "|---|---|---|"]
     for file in sorted(all_studies(), key=lambda file: order.get(file.name, len(order))):
         if file.study.claims:
             lines.append(f"| **[{file.study.title}](studies/{file.name}.md)** | | |")
         for name, claim in file.study.claims.items():
             entry = find_entry(file.name, name, results)
-            found = zip(claim.criteria, entry["values"], strict=True) if entry else ()
-            groups = groupby(found, key=lambda pair: pair[0].quantity)
+            pairs = zip(claim.criteria, entry["values"], strict=True) if entry else ()
             values = [
-                (what, ", ".join(f"{each.case} {value}".strip() for each, value in pairs)) for what, pairs in groups
+                (quantity, ", ".join(f"{criterion.case} {value}".strip() for criterion, value in group))
+                for quantity, group in groupby(pairs, key=lambda pair: pair[0].quantity)
             ]
-            measured = "; ".join(f"{what}: **{value}**" for what, value in values)
+            measured = "; ".join(f"{quantity}: **{value}**" for quantity, value in values)
             verdict = entry["verdict"] if entry else NOT_MEASURED
             lines.append(f"| {claim.words} ({claim.where}) | {verdict} | {measured} |")
     return "\n".join(lines)
 
 
 def on_config(config: Any) -> Any:
-    """Add the pages at the end of the results; mkdocs calls this once."""
+    """Add the pages of studies at the end of the navigation's results; mkdocs calls this once."""
     (results,) = (group["Results"] for group in config.nav if "Results" in group)
     results.append({"Studies": [f"studies/{file.name}.md" for file in every_study()]})
     return config
 
 
 def on_files(files: Any, config: Any) -> Any:
-    """Make the pages; mkdocs calls this once."""
+    """Generate the pages of studies and their figures; mkdocs calls this once."""
     from mkdocs.structure.files import File
 
     results = read_results().statements
@@ -151,8 +152,9 @@ def on_files(files: Any, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, page: Any = None, **_: Any) -> str:
-    """Fill quotes and the list, link names of studies in brackets; mkdocs calls this for every page."""
-    results, names = read_results().statements, "|".join(file.name for file in every_study())
+    """Fill in quotes and lists, and link names of studies in brackets; mkdocs calls this for every page."""
+    results = read_results().statements
+    names = "|".join(file.name for file in every_study())
     text = fill_quotes(markdown, results).replace(LIST, list_of(results)).replace(CLAIMS, claims_of_paper(results))
     text = text.replace(COUNT, f"**{count_claims(results)}**")
     return re.sub(rf"\(`({names})`\)", r"([`\1`](studies/\1.md))", text)

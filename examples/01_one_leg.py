@@ -25,9 +25,9 @@ print(trace.groupby(["cycle", "phase"], observed=True)["force"].max().unstack())
 # %%
 figure, (force, error) = plt.subplots(1, 2, figsize=(7, 3), layout="constrained")
 for cycle in (1, 10):
-    part = trace[trace["cycle"] == cycle]
-    force.plot(part["time"] - part["time"].iloc[0], part["force"], label=f"cycle {cycle}")
-force.plot(part["time"] - part["time"].iloc[0], part["force_desired"], color="grey", label="desired")
+    rows = trace[trace["cycle"] == cycle]
+    force.plot(rows["time"] - rows["time"].iloc[0], rows["force"], label=f"cycle {cycle}")
+force.plot(rows["time"] - rows["time"].iloc[0], rows["force_desired"], color="grey", label="desired")
 force.set(xlabel="time, s", ylabel="contact force, N")
 force.legend(frameon=False)
 error.plot(metrics["cycle"], 1e3 * metrics["transfer_rmse_y"], marker="o")

@@ -8,7 +8,7 @@ LAYERS = (4, 8, 16, 32, 64)
 
 
 def main() -> None:
-    """Run all, draw the error in y of each number of layers over the cycles."""
+    """Run all configurations, and draw the error in y over the cycles for each number of layers."""
     common = ["scenario=one_leg", "reference=aware", "learning=lasting", "cycles=20"]
     runs = [[*common, f"cmac.layers={layers}", f"seed={seed}"] for layers in LAYERS for seed in range(3)]
     table = cmacexp.run_many(runs)

@@ -1,4 +1,4 @@
-"""Is a faster learning rate better? Both settings in the same 20 randomised runs, and the interval of their ratio."""
+"""Is a higher learning rate better? Both rates in the same 20 randomised runs, and the interval of their ratio."""
 
 import numpy as np
 import pandas as pd
@@ -8,7 +8,7 @@ from cmacexp.addons.study.interval import estimate
 
 
 def draw_world(number: int) -> list[str]:
-    """What only the plant knows; the same number is the same world."""
+    """Draw random overrides of the plant, unknown to planner and controller; a number always gives the same ones."""
     draw = np.random.default_rng(number)
     return [
         f"seed={number}", "plant.start_spread=0.05", f"plant.start_seed={number}",
@@ -18,7 +18,7 @@ def draw_world(number: int) -> list[str]:
 
 
 def compute_errors(rate: float) -> pd.Series:
-    """Transfer error of the last cycle of each run, m; infinite where it did not complete."""
+    """Return the transfer error of the last cycle of each run, m; infinite where it did not complete."""
     common = ["scenario=one_leg", "reference=aware", "learning.lead=1", f"learning.rate={rate}"]
     last = cmacexp.run_many([[*common, *draw_world(number)] for number in range(20)]).groupby("run").last()
     return np.hypot(last["transfer_rmse_x"], last["transfer_rmse_y"]).where(last["status"] == "completed", np.inf)
@@ -26,6 +26,7 @@ def compute_errors(rate: float) -> pd.Series:
 
 if __name__ == "__main__":  # workers of run_many import this file
     before, after = compute_errors(0.2).to_numpy(), compute_errors(0.8).to_numpy()
-    ratio, better = estimate(after / before), estimate(after < before)
+    ratio = estimate(after / before)
+    better = estimate(after < before)
     print(f"error with rate 0.8 over that with 0.2: {ratio.value:.3f} [{ratio.low:.3f}, {ratio.high:.3f}]")
     print(f"better in {better.value:.0%} of {better.count} worlds [{better.low:.0%}, {better.high:.0%}]")

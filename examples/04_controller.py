@@ -8,17 +8,17 @@ from cmacexp.models.leg import Leg, inverse_dynamics, trigonometry
 
 
 class ComputedTorque:
-    """Names and shapes of the inputs: docs/components.md."""
+    """A controller component; docs/components.md lists names and shapes of its inputs."""
 
     def __init__(self, stiffness: float = 20.0, damping: float = 2.0):
         self.stiffness, self.damping = stiffness, damping  # N m/rad, N m s/rad
 
     def reset(self, setup, feedforward):
-        """Start a run."""
+        """Prepare for a run."""
         self.legs = [Leg(*row) for row in setup.mechanism.legs]
 
     def act(self, reference, measurement):
-        """Torques of one step, N m, in two parts."""
+        """Return feedback and feedforward torque of one step, N m."""
         q, dq, ddq = reference.joint_motion
         feedback = self.stiffness * (q - measurement.q) + self.damping * (dq - measurement.dq)
         model = np.empty_like(feedback)

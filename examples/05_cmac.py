@@ -9,7 +9,7 @@ from cmacexp.cmac import Cmac
 
 
 def wanted(x):
-    """sin(3 x1) cos(2 x2) of points (..., 2)."""
+    """Return sin(3 x1) cos(2 x2) at points (..., 2)."""
     return np.sin(3 * x[..., 0]) * np.cos(2 * x[..., 1])
 
 

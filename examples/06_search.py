@@ -1,4 +1,4 @@
-"""A torque over the phase of the cycle, searched by CMA-ES from a reward, against the CMAC (pip install cma)."""
+"""Search of a torque over the phase of the cycle by CMA-ES from a reward, against the CMAC (pip install cma)."""
 
 import cma
 import numpy as np
@@ -10,27 +10,29 @@ BUMPS = 24
 
 
 def make_features(period: int) -> np.ndarray:
-    """(period, BUMPS): weights of each sample of the cycle, with sum 1."""
+    """Return the weights of all bumps in each sample of the cycle, (period, BUMPS), with sum 1."""
     phase = np.arange(period)[:, None] / period - np.arange(BUMPS) / BUMPS
     bumps = np.exp(BUMPS * (np.cos(2 * np.pi * phase) - 1) * BUMPS / 20)
     return bumps / bumps.sum(axis=1, keepdims=True)
 
 
 def play(env, torque: np.ndarray) -> float:
-    """Mean cost a step of the last cycle, with torques (period, 2), N m."""
+    """Run an episode with torques (period, 2), N m; return the mean cost per step of the last cycle."""
     env.reset(seed=0)
-    costs, over = [], False
+    costs = []
+    over = False
     while not over:
-        _, reward, fell, ended, _ = env.step(torque[len(costs) % len(torque)])
+        _, reward, terminated, truncated, _ = env.step(torque[len(costs) % len(torque)])
         costs.append(-reward)
-        over = fell or ended
+        over = terminated or truncated
     return float(np.mean(costs[-len(torque) :]))
 
 
 def compute_cost(trace) -> float:
-    """The same cost of the last cycle of a run."""
+    """Compute the same cost from the trace of a run, for its last cycle."""
     last = trace[trace.cycle == trace.cycle.max()]
-    support, largest = last.phase == "support", trace.force_desired.max()
+    support = last.phase == "support"
+    largest = trace.force_desired.max()
     off = (last.x - last.x_desired) ** 2 + (last.y - last.y_desired) ** 2 * ~support
     return (off / 0.01**2 + ((last.force - last.force_desired) / largest) ** 2 * support).clip(upper=10).mean()
 
@@ -39,8 +41,8 @@ env = cmacexp.gym.make("one_leg", ["cycles=2"])
 features = make_features(env.loop.period)
 search = cma.CMAEvolutionStrategy(np.zeros(2 * BUMPS), 0.3, {"seed": 1, "verbose": -9})
 for _ in range(2):  # 40 generations pass the five cycles of the CMAC
-    drawn = search.ask()
-    search.tell(drawn, [play(env, features @ each.reshape(BUMPS, 2)) for each in drawn])
+    candidates = search.ask()
+    search.tell(candidates, [play(env, features @ weights.reshape(BUMPS, 2)) for weights in candidates])
 
 env = cmacexp.gym.make("one_leg", ["cycles=5"])
 print(f"feedback only: cost {play(env, np.zeros((env.loop.period, 2))):.3g}")

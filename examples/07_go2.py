@@ -5,7 +5,7 @@ import matplotlib.pyplot as plt
 import cmacexp
 
 OTHER = ["plant/as_built=go2_dim", "plant.friction=0.786"]
-"""Masses, inertia and friction of a published fit; planner and controller keep the nominal model."""
+"""Overrides with masses, inertia and friction of a published fit; planner and controller keep the nominal model."""
 
 figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
 for name, feedforward in (("feedback only", "none"), ("nominal model", "inverse_dynamics"), ("CMAC", "cmac")):

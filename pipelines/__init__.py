@@ -1,16 +1,16 @@
-"""Studies of the paper and beyond: what each runs, what it claims, what it draws."""
+"""Studies of the paper and beyond: their runs, claims, findings, figures and tables."""
 
 import os
 import signal
 import sys
 from pathlib import Path
 
-if sys.argv[:1] == ["-m"]:  # Python is about to look for the module that was typed
+if sys.argv[:1] == ["-m"]:  # Python has imported this package to find the module named after -m
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C while modules are imported prints no traceback
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # no traceback on Ctrl-C during imports
     name = next((text for text in sys.orig_argv if text.startswith("pipelines.")), "").partition(".")[2]
-    own = [Path(__file__).parent / f"{name}{end}" for end in (".md", ".py", "/__main__.py")]
-    if name and (own[0].is_file() or not any(map(Path.is_file, own))):
-        place = sys.orig_argv.index(f"pipelines.{name}")
-        # Nothing may run in here: a thread that imports a component of this package would wait for ever.
-        os.execv(sys.executable, [*sys.orig_argv[:place], "pipelines", name, *sys.orig_argv[place + 1 :]])
+    files = [Path(__file__).parent / f"{name}{end}" for end in (".md", ".py", "/__main__.py")]
+    if name and (files[0].is_file() or not any(map(Path.is_file, files))):
+        index = sys.orig_argv.index(f"pipelines.{name}")
+        # A study may not run during this import: a thread that imports a component of this package would deadlock.
+        os.execv(sys.executable, [*sys.orig_argv[:index], "pipelines", name, *sys.orig_argv[index + 1 :]])

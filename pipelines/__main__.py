@@ -1,4 +1,4 @@
-"""``python -m pipelines``: lists the studies, or runs one; ``status``: which are current; ``--write-docs``: pages."""
+"""``python -m pipelines``: list studies or run one; ``status``: show their state; ``--write-docs``: renew pages."""
 
 import sys
 from pathlib import Path
@@ -25,14 +25,14 @@ from pipelines.results import (
 
 STATUS = "status"
 SHOWN_FILES = 3
-"""Changed files of a study that ``status`` names."""
+"""Number of changed files of a study that ``status`` names."""
 
 
 def write_docs() -> None:
-    """Renew results.json and the blocks of pages from the full studies, and list sentences that disagree with them.
+    """Renew results.json and the generated blocks of pages from full studies; print sentences that disagree.
 
     Raises:
-        BadInput: this is no checkout.
+        BadInput: the working copy has no results.json.
     """
     results = read_results()
     results.add_studies(FOLDER)
@@ -50,10 +50,10 @@ def write_docs() -> None:
 
 
 def print_status(witnesses: bool) -> None:
-    """Print whether what each study gave is what its code gives today.
+    """Print for each study if its stored results belong to its current code.
 
-    If asked for, the witnesses of every changed study are run again first, and results.json notes whose values are
-    the same.
+    With ``witnesses``, first rerun the witnesses of every changed study, and note in results.json those with equal
+    values.
     """
     results = read_results()
     for file in every_study():
@@ -69,9 +69,9 @@ def print_status(witnesses: bool) -> None:
 
 
 OPTIONS: OptionTable = {
-    "what": {"nargs": "?", "metavar": STATUS, "help": "whether every study is current, changed or never run"},
-    "--write-docs": make_flag(f"renew docs from the full studies in {FOLDER}"),
-    "--witnesses": make_flag(f"{STATUS}: run two runs of each changed study again"),
+    "what": {"nargs": "?", "metavar": STATUS, "help": "list each study as current, changed or never run"},
+    "--write-docs": make_flag(f"renew the pages in docs from the full studies in {FOLDER}"),
+    "--witnesses": make_flag(f"with {STATUS}: rerun two runs of each changed study and compare their values"),
 }
 
 
@@ -89,7 +89,7 @@ def _run(arguments: Arguments) -> None:
 
 
 def main() -> int:
-    """Run a study, a group or the benchmark; print all, or their state; or renew documents; the exit code."""
+    """Run a study, a group or the benchmark; or list studies or their state; or renew pages. Return the exit code."""
     word = sys.argv[1] if len(sys.argv) > 1 else ""
     if Path(word).suffix in (".py", ".yaml"):
         run_study()

@@ -1,4 +1,4 @@
-"""How much each value that Lin & Song 1997 do not give changes the conclusions.
+"""Sensitivity of the conclusions to values that Lin & Song 1997 do not give.
 
 ``python -m pipelines.assumptions`` changes one assumed value at a time, of one leg, of the quadruped and of the point
 mass, and evaluates every conclusion again.
@@ -25,17 +25,21 @@ from cmacexp.study import (
 )
 
 TAKEN = "assumed values"
-"""The variant without a change."""
+"""The variant in which no value is changed."""
 LEG, WALK, MASS = "leg", "walk", "mass"
 
 
 def _try(name: str, key: str, *values: str) -> dict[str, list[str]]:
-    """Values that could have been taken for keys of the config, which are all set to the same value, by name."""
-    return {f"{name} {value}": [f"{each}={value}" for each in key.split()] for value in values}
+    """Return the overrides of alternative values, by name; all config keys in ``key`` are set to the same value."""
+    return {f"{name} {value}": [f"{field}={value}" for field in key.split()] for value in values}
 
 
 def _try_cmac(inputs: str, ranges: str, shifts: str, memory: int) -> dict[str, list[str]]:
-    """What the paper leaves open of its CMAC; words of half the length give as many rows as twice the memory."""
+    """Return variants of CMAC parameters that the paper leaves open.
+
+    ``memory`` is the size assumed, bytes. Twice the memory stands for words of half the length: both give the same
+    number of rows.
+    """
     return {
         **_try("CMAC inputs", "cmac.inputs", *inputs.split()),
         **_try("CMAC range", "cmac.range_factor", *ranges.split()),
@@ -80,55 +84,61 @@ VARIANTS = {
         **_try("LEAD alpha", "controller.lead_alpha", "5", "20"),
     },
 }
-"""The values that are tried, by machine."""
+"""Overrides of each variant, by machine."""
 
 
 def holds(conclusion: Criterion, results: Results) -> Mask:
-    """(runs,): whether a conclusion holds, in runs that differ in their seed; never of NaN."""
-    values, limit = np.asarray(conclusion.take(results)), conclusion.holds
-    return (limit.low <= values) & (values <= limit.high)
+    """Check for each of several runs if a conclusion holds, (runs,); False where its value is NaN."""
+    values = np.asarray(conclusion.take(results))
+    return (conclusion.holds.low <= values) & (values <= conclusion.holds.high)
 
 
 def _list_tried(results: Results) -> dict[str, Results]:
-    """The runs of each value tried."""
+    """Return the runs of each variant, by its name, without the unchanged one."""
     return {name: group for name, group in results.by("variant").items() if name != TAKEN}
 
 
 def ended_early(results: Results) -> Array:
-    """(seeds,): number of values tried with which a run ended early."""
+    """Count the variants whose run ended early, for each seed, (seeds,)."""
     return np.sum([np.logical_not(group.completed) for group in _list_tried(results).values()], axis=0)
 
 
 def differs(conclusion: Criterion, results: Results, variant: str) -> Mask:
-    """(seeds,): whether a conclusion is another one than with the values taken and the same seed."""
-    here, before = (holds(conclusion, results.select(variant=name)) for name in (variant, TAKEN))
-    return np.not_equal(here, before)
+    """Check for each seed if a variant reverses a conclusion that the assumed values give, (seeds,)."""
+    changed, assumed = (holds(conclusion, results.select(variant=name)) for name in (variant, TAKEN))
+    return np.not_equal(changed, assumed)
 
 
 def count_changes(results: Results, conclusion: Criterion) -> Array:
-    """(seeds,): number of values tried, of those with which the runs of all seeds complete, that change it."""
-    kept = [name for name, group in _list_tried(results).items() if all(group.completed)]
-    return np.sum([differs(conclusion, results, name) for name in kept], axis=0)
+    """Count for each seed the variants that reverse a conclusion, (seeds,).
+
+    Only variants with which the runs of all seeds complete count.
+    """
+    complete = [name for name, group in _list_tried(results).items() if all(group.completed)]
+    return np.sum([differs(conclusion, results, name) for name in complete], axis=0)
 
 
 def _over_method(results: Results, name: str, method: str) -> Array:
-    """A metric of combined control over that of another method; what is undefined counts as infinite."""
-    ours, theirs = (results.select(force_control=each).at(1, name) for each in ("combined", method))
-    return np.nan_to_num(ours, nan=np.inf) / np.nan_to_num(theirs, nan=np.inf)
+    """Return a metric of combined control divided by that of another method; NaN counts as infinite."""
+    combined, other = (results.select(force_control=control).at(1, name) for control in ("combined", method))
+    return np.nan_to_num(combined, nan=np.inf) / np.nan_to_num(other, nan=np.inf)
 
 
 def _conclude(quantity: str, value: Sample, limit: str) -> Criterion:
-    """A number of a run, and the limit within which the paper's conclusion from it holds."""
+    """Return the criterion of a conclusion: a quantity of a run, and the limit within which the conclusion holds."""
     return read_criteria({"quantity": quantity, "value": value, "limit": limit})[0]
 
 
 def _growth(results: Results, read: Callable[[Results, str], Array], name: str) -> Array:
-    """(runs,): a metric as it is ``read`` late in a run, over that of the first cycle."""
+    """Return a metric late in a run, as taken by ``read``, divided by that of the first cycle, (runs,)."""
     return compute_growth(read(results, name), results.at(1, name))
 
 
 def _list_learnt(when: str, read: Callable[[Results, str], Array]) -> dict[str, Criterion]:
-    """Conclusions on a machine that learns, in the cycle whose metrics are ``read``."""
+    """Return the conclusions on a machine that learns, by name.
+
+    ``read`` takes a metric of the cycle that ``when`` describes, (runs,).
+    """
     over = f"{when}, over that of the first cycle"
     return {
         **{
@@ -146,7 +156,7 @@ def _list_learnt(when: str, read: Callable[[Results, str], Array]) -> dict[str, 
 
 
 def _in_last(results: Results, name: str) -> Array:
-    """(runs,): a metric in the last cycle."""
+    """Return a metric of the last cycle, (runs,)."""
     return results.end(name, 1)
 
 
@@ -190,24 +200,27 @@ CONCLUSIONS = {
         ),
     },
 }
-"""By machine: of section 5, of section 6, and of section 3."""
+"""Conclusions of the paper by machine: from section 5, section 6 and section 3."""
 
 
 def tabulate_numbers(results: Results, machine: str) -> DataFrame:
-    """Every number, the mean over seeds, marked where it changes a conclusion."""
+    """Tabulate the quantity of each conclusion for each variant of a machine, as a mean over seeds.
+
+    A mark shows where the variant reverses the conclusion: ≠ for all seeds, (≠) for some.
+    """
     whole = results.select(machine=machine)
 
-    def cell(own: Results, conclusion: Criterion) -> str:
-        changed = differs(conclusion, whole, own.value("variant"))
+    def cell(variant: Results, conclusion: Criterion) -> str:
+        changed = differs(conclusion, whole, variant.value("variant"))
         mark = " ≠" if changed.all() else " (≠)" if changed.any() else ""
-        return format_number(float(np.mean(conclusion.take(own)))) + mark
+        return format_number(float(np.mean(conclusion.take(variant)))) + mark
 
     return tabulate(
         whole,
         {"variant": "value"},
         {
-            **{name: partial(cell, conclusion=each) for name, each in CONCLUSIONS[machine].items()},
-            "ended early": lambda own: f"{len(own) - sum(own.completed)} of {len(own)}",
+            **{name: partial(cell, conclusion=conclusion) for name, conclusion in CONCLUSIONS[machine].items()},
+            "ended early": lambda runs: f"{len(runs) - sum(runs.completed)} of {len(runs)}",
         },
     )
 

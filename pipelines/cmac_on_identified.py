@@ -11,19 +11,21 @@ from cmacexp.typing import Array, Weights
 
 
 class CmacOnIdentified(IdentifiedModel):
-    """What the identified joints do not explain of a cycle trains a CMAC for each leg after the cycle.
+    """Identified joint model with one CMAC per leg, trained after each cycle with the residual torque of the model.
 
-    The CMACs are those of ``cmac``. They learn what feedforward and feedback supplied together beside the model as it
-    is after its fit, so that the two do not learn the same twice.
+    The CMACs have the parameters of the config group ``cmac``. The residual is the sum of feedforward and feedback
+    torque minus the torque of the model after its fit, so that model and CMACs do not learn the same torque twice.
     """
 
     def reset(self, setup: Setup) -> None:
-        """Start with empty memories, or with those of an earlier run."""
+        """Start with zero weights, or with those of an earlier run."""
         legs, joints = setup.mechanism.shape
-        config, learnt, self.cmacs = setup.config, setup.learnt, list[Cmac]()
+        config = setup.config
+        learnt = setup.learnt
+        self.cmacs = list[Cmac]()
         self.inputs = [planned_inputs(setup, i, config.cmac.inputs) for i in range(legs)]
-        for i, own in enumerate(self.inputs):
-            ends = spanning(own, config.cmac.range_factor) if learnt is None else InputRange(*learnt["ends"][i])
+        for i, inputs in enumerate(self.inputs):
+            ends = spanning(inputs, config.cmac.range_factor) if learnt is None else InputRange(*learnt["ends"][i])
             self.cmacs.append(Cmac.from_config(config.cmac, ends, joints, config.seed))
             if learnt is not None:
                 self.cmacs[i].weights[:] = learnt["memory"][i]
@@ -31,18 +33,21 @@ class CmacOnIdentified(IdentifiedModel):
         super().reset(setup)
 
     def _compute_torque(self) -> Array:
-        above = [cmac.predict(own) for cmac, own in zip(self.cmacs, self.inputs, strict=True)]
-        return super()._compute_torque() + np.stack(above, axis=1)
+        corrections = [cmac.predict(inputs) for cmac, inputs in zip(self.cmacs, self.inputs, strict=True)]
+        return super()._compute_torque() + np.stack(corrections, axis=1)
 
     def _identify(self) -> None:
         super()._identify()
-        left = self.wanted - super()._compute_torque()
-        for cmac, own, torque in zip(self.cmacs, self.inputs, left.swapaxes(0, 1), strict=True):
-            for x, wanted in zip(own, torque, strict=True):
+        residual = self.wanted - super()._compute_torque()
+        for cmac, inputs, torque in zip(self.cmacs, self.inputs, residual.swapaxes(0, 1), strict=True):
+            for x, wanted in zip(inputs, torque, strict=True):
                 cmac.update(x, wanted - cmac.predict(x), self.rate)
         self.torque = self._compute_torque()
 
     def learnt(self) -> Weights:
-        """Those of the model; ``memory`` (L, rows, J), N m, and ``ends`` (L, 2, n) of the inputs of the CMACs."""
+        """Return the learnt parameters of the model and of the CMACs.
+
+        ``memory`` (L, rows, J), N m, holds the weights of the CMACs, ``ends`` (L, 2, n) the limits of their inputs.
+        """
         ends = np.stack([np.stack(cmac.address.ranges) for cmac in self.cmacs])
         return {**super().learnt(), "memory": np.stack([cmac.weights for cmac in self.cmacs]), "ends": ends}

@@ -1,7 +1,7 @@
-"""How large a CMAC must be: layers, width of a cell, inputs, memory (Lin & Song 1997, section 4).
+"""Required size of a CMAC: layers, width of a cell, inputs, memory (Lin & Song 1997, section 4).
 
-``python -m pipelines.cmac_size`` changes the memory of the paper's CMACs in the paper's own world, where its claims
-are judged, and one thing of them at a time in randomised runs (worlds), unknown to planner and controller.
+``python -m pipelines.cmac_size`` changes the memory of the paper's CMACs under the paper's conditions, where its
+claims are judged, and one parameter at a time in worlds: randomised runs, unknown to planner and controller.
 """
 
 from functools import partial
@@ -19,32 +19,32 @@ from pipelines.worlds import TESTED, draw_worlds
 
 LAYERS, ELEMENTS, INPUTS, MEMORY = "cmac.layers", "cmac.resolution_elements", "cmac.inputs", "cmac.memory_bytes"
 ADDRESSING = "cmac.addressing"
-ALL, FREE, VISITED = "[angle, velocity, acceleration]", "no collisions", ["cmac.addressing=visited"]
+ALL = "[angle, velocity, acceleration]"
+FREE = "no collisions"
 PAPER: dict[str, Declared] = {
     "one leg": {LAYERS: 32, ELEMENTS: 33, INPUTS: ALL, MEMORY: 2**20},
     "quadruped": {LAYERS: 32, ELEMENTS: 33, MEMORY: 2**18},
 }
-"""The sizes of the paper, or taken where it is silent."""
+"""The paper's sizes; assumed where it gives none."""
 MEMORIES = [2**n for n in range(9, 17)]
-"""Bytes of one leg; the first is the least that 32 layers of two outputs allow."""
+"""CMAC memory of one leg, bytes; the first is the least that 32 layers of two outputs allow."""
 
 
 def _published(machine: str, memories: list[int], *scenario: str) -> list[Declared]:
-    """Runs in the paper's world, with every memory and seed, and once without collisions."""
-    own: Declared = {"set": [*scenario, "cycles=20", "record.cycles=[1]"], "quick": {"cycles": 6}}
+    """Return runs under the paper's conditions, with every memory and seed, and once without collisions."""
+    common: Declared = {"set": [*scenario, "cycles=20", "record.cycles=[1]"], "quick": {"cycles": 6}}
     return [
-        {**own, "over": {MEMORY: memories}, "seeds": True, "labels": {"machine": machine, "varied": MEMORY}},
-        {**own, "set": [*own["set"], *VISITED], "labels": {"machine": machine, "varied": FREE}},
+        {**common, "over": {MEMORY: memories}, "seeds": True, "labels": {"machine": machine, "varied": MEMORY}},
+        {**common, "set": [*common["set"], f"{ADDRESSING}=visited"], "labels": {"machine": machine, "varied": FREE}},
     ]
 
 
 def _in_worlds(machine: str, varied: str, over: Declared, *scenario: str) -> Declared:
-    """Runs in worlds in which one thing of the CMAC is varied."""
-    name = scenario[0].partition("=")[2]
+    """Return runs in worlds in which one parameter of the CMAC is varied."""
     return {
         "set": [*scenario, "cycles=20", "record.cycles=[1]"],
         "quick": {"cycles": 6},
-        "over": {"world": draw_worlds(name, TESTED), **over},
+        "over": {"world": draw_worlds(scenario[0].partition("=")[2], TESTED), **over},
         "labels": {"machine": f"{machine} in worlds", "varied": varied},
     }
 
@@ -53,7 +53,10 @@ LEG = ("scenario=one_leg", "learning=lasting", "reference=aware")
 
 
 def _compare(machine: str, key: str, value: object, cycle: int | None, limit: str) -> Declared:
-    """Errors in worlds with one value over those with the paper's, in a cycle or at the end."""
+    """Return the criterion of a ratio of errors in worlds: with ``value`` of a parameter to the paper's value.
+
+    The errors are those of ``cycle`` or, if None, of the end.
+    """
     paper = PAPER[machine][key]
     return {
         "quantity": f"error with {key}={value} over that with {paper}",
@@ -65,14 +68,17 @@ def _compare(machine: str, key: str, value: object, cycle: int | None, limit: st
 
 
 def _use_sixteenth(results: Results) -> Array:
-    """(seeds,): errors at the end with a sixteenth of the paper's memory over their mean with all of it."""
+    """Return final errors with 1/16 of the paper's memory relative to their mean with all of it, (seeds,).
+
+    Of the ratios in x and y the larger one counts.
+    """
     paper = max(results.values(MEMORY))
-    own, base = (results.select({MEMORY: memory}) for memory in (paper // 16, paper))
-    return np.max([quotients(own.end(side), base.end(side).mean()) for side in SIDES], axis=0)
+    small, full = (results.select({MEMORY: memory}) for memory in (paper // 16, paper))
+    return np.max([quotients(small.end(side), full.end(side).mean()) for side in SIDES], axis=0)
 
 
 def _tabulate_sizes(machine: str, *keys: str) -> Declared:
-    """Every size: errors early and at the end, use of memory."""
+    """Return the table of all sizes: errors early and at the end, use of memory."""
     return {
         "rows": {key: key.removeprefix("cmac.").replace("_", " ") for key in keys},
         "columns": of_completed(
@@ -90,14 +96,19 @@ def _tabulate_sizes(machine: str, *keys: str) -> Declared:
 
 
 def find_room(results: Results) -> Declared:
-    """Width of a cell with the paper's sizes, of the planned span of its input; KB that a row for each cell takes."""
+    """Return the cell width with the paper's sizes, and the memory that one row per visited cell takes, by machine.
+
+    ``width`` is relative to the planned span of the input, ``room`` is in KB.
+    """
     base = {
         machine: results.select({"machine": machine, "varied": MEMORY, MEMORY: size[MEMORY]})
         for machine, size in PAPER.items()
     }
     return {
-        "width": {name: own.value("cmac.range_factor") / (own.value(ELEMENTS) - 1) for name, own in base.items()},
-        "room": {name: own.value(MEMORY) / 1024 / own.measure("rows_per_cell").mean() for name, own in base.items()},
+        "width": {name: runs.value("cmac.range_factor") / (runs.value(ELEMENTS) - 1) for name, runs in base.items()},
+        "room": {
+            name: runs.value(MEMORY) / 1024 / runs.measure("rows_per_cell").mean() for name, runs in base.items()
+        },
     }
 
 

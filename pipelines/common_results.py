@@ -1,4 +1,4 @@
-"""Measures, samples and cells of tables that several studies share."""
+"""Measures of runs, samples of results and table cells that several studies share."""
 
 from collections.abc import Callable, Mapping
 from functools import partial, wraps
@@ -26,19 +26,19 @@ SIDES = ("transfer_rmse_x", "transfer_rmse_y")
 
 
 def if_completed(measure: Callable[[Run], float]) -> Callable[[Run], float]:
-    """The measure of a run; infinite if it ended before."""
+    """Wrap the measure of a run so that it is infinite for a run that did not complete."""
     return wraps(measure)(lambda run: measure(run) if run.status == Status.COMPLETED else np.inf)
 
 
 def slide_median(values: Array, cycles: int) -> Array:
-    """Medians of every so many successive values, (n,)."""
+    """Compute moving medians of values (n,) over windows of ``cycles`` values, (n - cycles + 1,)."""
     return np.asarray(np.median(sliding_window_view(values, min(cycles, len(values))), axis=1))
 
 
 def cycles_to(errors: Array, level: float | Array) -> Array:
-    """(runs,): first cycle from which on errors (runs, cycles) stay at most ``level``; infinite if there is none.
+    """Find the first cycle from which on errors (runs, cycles) stay at most ``level``; infinite if none, (runs,).
 
-    The level may be one of each run, (runs, 1).
+    The level is one number, or one per run, (runs, 1).
     """
     cycles = np.arange(1, errors.shape[1] + 1)
     first = np.where(errors > level, cycles, 0).max(axis=1) + 1.0
@@ -46,29 +46,30 @@ def cycles_to(errors: Array, level: float | Array) -> Array:
 
 
 def find_depression(config: Mapping[str, Any], stiffness: float | None = None, static_load: bool = True) -> float:
-    """Depth of the reference below ground of a ``stiffness``, N/m, per newton of desired force, m/N.
+    """Compute the depth of the reference below ground per newton of desired force, m/N.
 
-    That of the true ground if it is None. NaN for a method without a position.
+    ``stiffness`` is that of the ground, N/m; None takes the true one of the config. ``static_load`` includes the
+    static load F_d/K_ap of eq. 13. NaN for a method of force control without a position reference.
     """
-    controller, force = config["controller"], config["force_control"]
     gains = Gains(
-        **{name: controller[name] for name in ("position_gain", "velocity_gain")},
-        **{name: force[name] for name in ("force_gain", "elasticity", "admittance")},
+        **{name: config["controller"][name] for name in ("position_gain", "velocity_gain")},
+        **{name: config["force_control"][name] for name in ("force_gain", "elasticity", "admittance")},
         stiffness=config["terrain"]["stiffness"] if stiffness is None else stiffness,
     )
-    return compute_support_reference(force["method"], gains, static_load).depression
+    return compute_support_reference(config["force_control"]["method"], gains, static_load).depression
 
 
 def describe_end(results: Results, quantity: Sample) -> str:
-    """The estimate of a quantity, or the cycle in which the runs ended."""
-    ends, completed = ended_in(results), sum(results.completed)
+    """Format the estimate of a quantity if all runs completed, else the median cycle in which runs ended."""
+    completed = sum(results.completed)
     if completed == len(results):
         return format_number(estimate(quantity(results)).value)
+    ends = ended_in(results)
     return f"ends in {np.median(ends[np.isfinite(ends)]):.0f}" + (f" ({completed} complete)" if completed else "")
 
 
 def divide_memory(run: Run, part: str, whole: str = "cells_visited") -> float:
-    """A count of the memory of all legs over another one, both as the manifest names them."""
+    """Return a memory count summed over all legs divided by another; ``part`` and ``whole`` are manifest names."""
     legs = run.manifest["memory"]
     return float(sum(leg[part] for leg in legs) / sum(leg[whole] for leg in legs))
 
@@ -77,32 +78,33 @@ MEMORY_MEASURES: Measures = {
     "colliding": partial(divide_memory, part="cells_colliding"),
     "rows_per_cell": partial(divide_memory, part="rows"),
 }
-"""Share of the visited cells that share a row with another one; rows of memory for each visited cell."""
+"""Share of the visited cells whose memory row another visited cell shares; memory rows per visited cell."""
 
 
-def worsening(own: Results, base: Results, cycle: int | None = None) -> Array:
-    """(runs of ``own``,): transfer errors over those of ``base`` in the same world, or of the same seed; the larger.
+def worsening(compared: Results, base: Results, cycle: int | None = None) -> Array:
+    """Return the ratio of the transfer errors of runs to those of paired runs, (runs of ``compared``,).
 
-    Without a ``cycle`` they are the final ones. A run that ended early counts as infinitely large.
+    The paired run of ``base`` has the same world or seed. Of the ratios in x and y the larger one counts, in
+    ``cycle`` or, if None, at the end. The error of a run that ended early is infinite.
     """
 
     def error(results: Results, side: str) -> Array:
         return results.end(side) if cycle is None else results.at(cycle, side)
 
-    return np.max([relative(own, base, partial(error, side=side)) for side in SIDES], axis=0)
+    return np.max([relative(compared, base, partial(error, side=side)) for side in SIDES], axis=0)
 
 
 def hashed_where(results: Results, measure: str, least: float) -> Results:
-    """The runs with hashed memory in which a measure of the study is at least so large."""
+    """Select the runs with hashed memory in which a measure of the study is at least ``least``."""
     hashed = results.select({"cmac.addressing": "hashed"})
     return Results([row for row in hashed.rows if row.measures[measure] >= least])
 
 
 def cost_of_collisions(results: Results, measure: str, least: float) -> Array:
-    """Errors in the runs of :func:`hashed_where` over those without collisions."""
+    """Return the errors in the runs of :func:`hashed_where` relative to runs without collisions, (runs,)."""
     return worsening(hashed_where(results, measure, least), results.select({"cmac.addressing": "visited"}))
 
 
 def worst_in_worlds(results: Results, measure: str, least: float) -> Array:
-    """(worlds,): the largest :func:`cost_of_collisions`."""
+    """Return the largest :func:`cost_of_collisions` in each world, (worlds,)."""
     return per_seed(hashed_where(results, measure, least), cost_of_collisions(results, measure, least), max)

@@ -1,4 +1,4 @@
-"""Drives with loops of their own: do robots walk and learn on them, with delays that nobody counted, jitter and loss?
+"""Robots on drives with position loops, with unmodelled delays, jitter and lost commands: walking and learning.
 
 ``python -m pipelines.drives`` needs the extra ``robots``.
 """
@@ -27,12 +27,12 @@ WORLDS = {
     "lag of 20 ms and 6 ms more": {"actuator.lag": 0.02, "plant.delay": 3},
 }
 LATE = ["lag of 5 ms and 6 ms more", "lag of 20 ms and 6 ms more"]
-"""Worlds with the longest delay that nobody counted."""
+"""Worlds with the longest unmodelled delay."""
 GAITS: dict[str, tuple[Declared, int, str, str]] = {
     "crawl": ({}, 60, "0.7", "3"),
     "trot": ({"gait": "trot", "gait.speed": 0.4}, 200, "1", "9"),
 }
-"""Overrides; cycles of a CMAC; transfer error, mm, and force error, N, at which walks are to end."""
+"""Overrides; cycles with a CMAC; limits of the final transfer error, mm, and force error, N."""
 ON_DRIVES: Declared = {
     "scenario": "robot", **SPREAD, "controller": "drives", **LAST, "plant.bus.jitter": 0.001, "plant.bus.loss": 0.01,
     "plant.bus.seed": "${seed}",
@@ -49,16 +49,16 @@ STUDY = declare(
     common={"set": ON_DRIVES, "quick": {"cycles": 2, "learning.lead": "auto"}, "seeds": True},
     runs=[
         *(
-            {"set": {**ON_DRIVES, **own}, "labels": {"gait": gait},
+            {"set": {**ON_DRIVES, **gait_overrides}, "labels": {"gait": gait},
              "over": {**EVERY, "world": WORLDS,
                       "kind": {"feedback only": ALONE, "CMAC": {**LEARNS, "cycles": cycles}}}}
-            for gait, (own, cycles, _, _) in GAITS.items()
+            for gait, (gait_overrides, cycles, _, _) in GAITS.items()
         ),
         {"set": {**ON_DRIVES, "feedforward": "cmac"}, "quick": None, "labels": {"kind": "CMAC, counted lead"},
          "over": {**EVERY, "world": {name: WORLDS[name] for name in LATE},
-                  "gait": {gait: {**own, "cycles": cycles} for gait, (own, cycles, _, _) in GAITS.items()}}},
+                  "gait": {gait: {**values, "cycles": cycles} for gait, (values, cycles, _, _) in GAITS.items()}}},
         {"set": {"scenario": "robot", **SPREAD, "sampling_period": 0.001, **ALONE}, "quick": {"cycles": 2},
-         "over": {**EVERY, "gait": {gait: own for gait, (own, *_) in GAITS.items()},
+         "over": {**EVERY, "gait": {gait: gait_overrides for gait, (gait_overrides, *_) in GAITS.items()},
                   "world": {"lag of 15.1 ms": {"actuator.lag": 0.0151},
                             "lag of 15.1 ms and 4 ms more": {"actuator.lag": 0.0151, "plant.delay": 4}}},
          "labels": {"kind": "torques at 1 kHz"}},

@@ -1,4 +1,4 @@
-"""Drives with loops of their own, harder: other speeds, 1 kHz, late readings, encoders that are off, a push.
+"""Robots on drives with position loops, harder: other speeds, 1 kHz, delayed readings, encoder offsets, a push.
 
 ``python -m pipelines.drives_harder`` needs the extra ``robots``.
 """
@@ -32,10 +32,10 @@ CASES: dict[str, Declared] = {
     "late readings": {**TROT, "sensors": "real", "sensors.position.delay": 2, "sensors.velocity.delay": 2},
     "encoders off": {**TROT, "sensors": "real", "sensors.position.bias": 0.005},
 }
-OWN: dict[str, tuple[Declared, int, str, str]] = {
+BY_OWN_SENSORS: dict[str, tuple[Declared, int, str, str]] = {
     "own sensors": (TROT, 200, "1.5", "11"), "own sensors, crawl": ({}, 60, "1", "5"),
 }  # fmt: skip
-"""Walks by what robots measure themselves: gait, cycles; mm and N at which they are to end."""
+"""Walks with the robot's own sensors: gait; cycles; limits of the final transfer error, mm, and force error, N."""
 WORLDS: dict[str, Declared] = {
     "lag of 5 ms": {"actuator.lag": 0.005, "plant.delay": 0},
     "lag of 5 ms and 6 ms more": {"actuator.lag": 0.005, "plant.delay": 3},
@@ -62,7 +62,7 @@ STUDY = declare(
              "over": {"robot": ROBOTS, "ground": GROUNDS, "world": WORLDS,
                       "kind": {"feedback only": ALONE, "CMAC": {**LEARNS, "cycles": cycles}}},
              "labels": {"case": case}}
-            for case, (gait, cycles, _, _) in OWN.items()
+            for case, (gait, cycles, _, _) in BY_OWN_SENSORS.items()
         ),
     ],
     findings={
@@ -82,7 +82,7 @@ STUDY = declare(
             "of": {"case": "push"}, "limit": "at least 50 %",
         },
         "own_walks": {
-            "says": "By what robots measure themselves walks complete", **WALKS, "of": {"case": [*OWN]},
+            "says": "By what robots measure themselves walks complete", **WALKS, "of": {"case": [*BY_OWN_SENSORS]},
             "limit": "at least 98 %",
         },
         **{
@@ -90,14 +90,14 @@ STUDY = declare(
                 "says": f"By what a robot measures itself a {gait} ends at {position} mm and {force} N or less",
                 "criteria": end_within(position, force, {"case": case, "kind": "CMAC"}, {"robot": [*ROBOTS]}),
             }
-            for gait, (case, (_, _, position, force)) in zip(("trot", "crawl"), OWN.items(), strict=True)
+            for gait, (case, (_, _, position, force)) in zip(("trot", "crawl"), BY_OWN_SENSORS.items(), strict=True)
         },
         **{
             f"each_own_{gait}": {
                 "says": f"On either ground at least three quarters of the {gait}s end there, each by itself",
                 **each_within(gait, position, force, {"case": case, "kind": "CMAC"}, ON_BOTH),
             }
-            for gait, (case, (_, _, position, force)) in zip(("trot", "crawl"), OWN.items(), strict=True)
+            for gait, (case, (_, _, position, force)) in zip(("trot", "crawl"), BY_OWN_SENSORS.items(), strict=True)
         },
     },
     tables={

@@ -1,8 +1,8 @@
 """Alternatives to the CMAC: models, radial basis functions, a perceptron, iterative learning.
 
-``python -m pipelines.feedforwards`` lets each of them learn the same steps of one leg and the same walk in the
-paper's own perfect world, where its claims are judged, and in randomised runs, called worlds. It takes some minutes,
-most of them for the perceptron. The benchmark tunes learners, and measures their memory and time.
+``python -m pipelines.feedforwards`` lets each of them learn the same steps of one leg and the same walk under the
+paper's ideal conditions, where its claims are judged, and in randomised runs, called worlds. It takes some minutes,
+mostly for the perceptron. The benchmark tunes the learners, and measures their memory and time.
 """
 
 from functools import partial
@@ -23,13 +23,13 @@ from cmacexp.study import (
 from pipelines.common_results import cycles_to
 from pipelines.worlds import TESTED, draw_worlds
 
-KNOWN = ["feedforward=inverse_dynamics"]
+ON_KNOWN_MASSES = ["feedforward=inverse_dynamics"]
 KINDS = {
     "feedback only": ["feedforward=none"],
-    "exact model": KNOWN,
-    "masses 20 % too light": [*KNOWN, "feedforward.mass_factor=0.8"],
-    "masses 20 % too heavy": [*KNOWN, "feedforward.mass_factor=1.2"],
-    "model": KNOWN,
+    "exact model": ON_KNOWN_MASSES,
+    "masses 20 % too light": [*ON_KNOWN_MASSES, "feedforward.mass_factor=0.8"],
+    "masses 20 % too heavy": [*ON_KNOWN_MASSES, "feedforward.mass_factor=1.2"],
+    "model": ON_KNOWN_MASSES,
     "CMAC": ["feedforward=cmac"],
     "CMAC of angles": ["feedforward=cmac", "cmac.inputs=[angle]"],
     "CMAC on model": ["feedforward=cmac_on_model"],
@@ -37,11 +37,11 @@ KINDS = {
     "MLP": ["feedforward._target_=pipelines.perceptron.Perceptron"],
     "ILC": ["feedforward=ilc"],
 }
-"""Feedforwards; the model in worlds has the masses of the plan, not the true ones."""
+"""Overrides of each feedforward; in worlds the model has the planner's masses, not the true ones."""
 ALONE = ["feedback only"]
 UNSEEDED = [*ALONE, "exact model", "masses 20 % too light", "masses 20 % too heavy", "RBF", "ILC"]
 SEEDED = ["CMAC", "CMAC of angles", "MLP"]
-"""What depends on the seed of a hash or of initial weights."""
+"""Feedforwards that depend on the seed of a hash or of initial weights."""
 KEPT = ["CMAC", "CMAC on model", "RBF"]
 """Learners whose weights are carried over."""
 LEARNERS = [*KEPT, "MLP", "ILC"]
@@ -52,20 +52,26 @@ CHANGES: dict[str, tuple[float, list[str]]] = {
     "ground stiffer, known": (1.5, ["terrain.assumed_stiffness=15"]),
     "ground stiffer, unknown": (1.5, []),
 }
-"""What becomes of path and ground after the first runs: how many times as stiff the ground is; overrides."""
+"""Changes of path and ground after the first runs: factor of the ground stiffness; overrides."""
 WEIGHTS, AT_ONCE = "record.weights=true", "learning.start_cycle=1"
 
 
-def _learn(scenario: str, cycles: int, group: str, kinds: list[str], *more: str, **part: object) -> Declared:
-    """Runs in the paper's world; those that depend on a seed for each."""
-    printed = ["reference=literal", "learning.lead=0", "record.cycles=[1]"]
+def _learn(scenario: str, cycles: int, group: str, kinds: list[str], *more: str, **keys: object) -> Declared:
+    """Return runs under the paper's conditions; feedforwards that depend on a seed run with every seed.
+
+    ``keys`` adds or replaces keys of the declaration.
+    """
     return {
-        "set": [*printed, f"scenario={scenario}", f"cycles={cycles}", *more],
+        "set": [
+            *("reference=literal", "learning.lead=0", "record.cycles=[1]"),
+            *(f"scenario={scenario}", f"cycles={cycles}"),
+            *more,
+        ],
         "over": {"kind": {kind: KINDS[kind] for kind in kinds}},
         "seeds": kinds[0] in SEEDED,
         "labels": {"group": group},
         "quick": {"cycles": 6},
-        **part,
+        **keys,
     }
 
 
@@ -76,9 +82,12 @@ def _in_worlds(
     scenario: str = "one_leg",
     stiffer: float = 1.0,
     labels: dict[str, str] | None = None,
-    **part: object,
+    **keys: object,
 ) -> Declared:
-    """Runs in worlds, unguarded unless ``words`` say otherwise."""
+    """Return runs in worlds, unguarded unless the overrides ``words`` switch the guard on.
+
+    ``stiffer`` multiplies the ground stiffness; ``keys`` adds or replaces keys of the declaration.
+    """
     common = {"one_leg": ["reference=aware", "learning=lasting"]}.get(scenario, [])
     return {
         "set": [f"scenario={scenario}", *common, "learning.guard=none", "cycles=20", "record.cycles=[1]"],
@@ -88,7 +97,7 @@ def _in_worlds(
             "kind": {kind: [*words, *KINDS[kind]] for kind in kinds},
         },
         "labels": {"group": group, **(labels or {})},
-        **part,
+        **keys,
     }
 
 
@@ -98,20 +107,23 @@ AFTER: list[tuple[list[str], list[str], Declared]] = [
     (KEPT, [AT_ONCE], {"labels": {"start": "from nothing"}}),
     (KEPT, [AT_ONCE], {"labels": {"start": "carried over"}, "after": {"group": IN_LEG}}),
 ]
-"""Learners, overrides and further parts of the runs after a change."""
+"""Feedforwards, overrides and further keys of the runs after a change."""
 
 
 def count_cycles(results: Results, small: float) -> Array:
-    """(runs,): cycles to an error that stays at most ``small``; infinite if there is none."""
-    asked = results.value("cycles")
-    padded = [np.append(h, np.full(asked - len(h), np.inf)) for h in (row.history(TRANSFER) for row in results.rows)]
-    return cycles_to(np.array(padded), small)
+    """Count cycles until the transfer error stays at most ``small``, m; infinite if it never does, (runs,)."""
+    cycles = results.value("cycles")
+    histories = [row.history(TRANSFER) for row in results.rows]
+    return cycles_to(np.array([np.append(h, np.full(cycles - len(h), np.inf)) for h in histories]), small)
 
 
-def cycles_over(results: Results, kind: str, others: list[str]) -> Array:
-    """(seeds,): cycles to a tenth of the last error of feedback only, over the mean of those of the fastest other."""
+def cycles_over(results: Results, kind: str, rivals: list[str]) -> Array:
+    """Return the cycles to a tenth of the error of feedback only, relative to the fastest rival, (seeds,).
+
+    The fastest rival is the one with the smallest mean over seeds, which is the reference.
+    """
     small = 0.1 * float(results.select(kind="feedback only").measure(TRANSFER)[0])
-    fastest = min(float(count_cycles(results.select(kind=other), small).mean()) for other in others)
+    fastest = min(float(count_cycles(results.select(kind=other), small).mean()) for other in rivals)
     return quotients(count_cycles(results.select(kind=kind), small), fastest)
 
 
@@ -120,7 +132,7 @@ def _error_in(cycle: int, scale: float = 1.0) -> Sample:
 
 
 def _tabulate_learning(group: str, cycles: list[int], title: str, value: Sample) -> Declared:
-    """Errors of every feedforward, and a further quantity of the last cycle."""
+    """Return the table of errors of every feedforward, with a further quantity of the last cycle."""
     return {
         "rows": {"kind": "feedforward"},
         "columns": of_completed(
@@ -141,22 +153,22 @@ LATE = _error_in(20)
 TENTH = "cycles to a tenth of the error of feedback only"
 FIRST = "error of {} in its first cycle with a new stroke, over that "
 CASES = {IN_LEG: LEG, IN_WALK: WALK}
-CARRIED, ANEW = {"start": "carried over"}, {"start": "from nothing"}
+CARRIED, FROM_NOTHING = {"start": "carried over"}, {"start": "from nothing"}
 
 
-def _over(own: str, other: str, cycle: int, limit: float, groups: tuple[str, ...] = tuple(CASES)) -> list[Declared]:
-    """The error of one feedforward in a cycle over that of another."""
+def _over(kind: str, other: str, cycle: int, limit: float, groups: tuple[str, ...] = tuple(CASES)) -> list[Declared]:
+    """Return criteria of the error of one feedforward in a cycle relative to that of another, by group."""
     return [
-        {"quantity": f"error in cycle {cycle}: {own} over {other}", "value": _error_in(cycle),
-         "of": {"group": group, "kind": own}, "over": {"kind": other}, "case": CASES[group],
+        {"quantity": f"error in cycle {cycle}: {kind} over {other}", "value": _error_in(cycle),
+         "of": {"group": group, "kind": kind}, "over": {"kind": other}, "case": CASES[group],
          "limit": f"at most {limit}"}
         for group in groups
     ]  # fmt: skip
 
 
-def _after(changes: list[str], kind: str, over: dict[str, str], **own: object) -> Declared:
-    """What is measured after changes with the weights from before them."""
-    return {**own, "of": {"kind": kind, **CARRIED}, "over": over, "each": {"group": changes}}
+def _after(changes: list[str], kind: str, over: dict[str, str], **criterion: object) -> Declared:
+    """Complete a criterion on runs after changes that start with the weights from before them."""
+    return {**criterion, "of": {"kind": kind, **CARRIED}, "over": over, "each": {"group": changes}}
 
 
 STROKES = list(CHANGES)[:2]
@@ -170,10 +182,10 @@ STUDY = declare(
         _learn("quadruped", 40, WALK, UNSEEDED),
         _learn("quadruped", 40, WALK, SEEDED),
         *(
-            part
+            declared
             for name, stroke in (("another stroke: 150 mm", "gait.stroke=0.15"),
                                  ("another stroke: 250 mm", "gait.stroke=0.25"))
-            for part in (
+            for declared in (
                 _learn("one_leg", 3, name, ALONE, stroke, quick={}),
                 _learn("one_leg", 3, name, ["CMAC"], AT_ONCE, stroke, quick={}, after={"group": LEG}),
             )
@@ -184,9 +196,9 @@ STUDY = declare(
         _in_worlds(SMOOTH, ["model", "CMAC"], "gait.vertical=two_cubics"),
         _in_worlds(GUARDED, LEARNERS, "learning.guard=freeze"),
         *(
-            _in_worlds(change, kinds, *words, *more, stiffer=stiffer, **part)
+            _in_worlds(change, kinds, *words, *more, stiffer=stiffer, **keys)
             for change, (stiffer, words) in CHANGES.items()
-            for kinds, more, part in AFTER
+            for kinds, more, keys in AFTER
         ),
     ],
     measures={"ended_by_guard": lambda run: bool(run.manifest["guard"])},
@@ -195,14 +207,14 @@ STUDY = declare(
             "words": "CMAC is suited to real-time control by its simple design and rapid learning",
             "where": "section 1",
             "quantity": f"{TENTH}, CMAC over the fastest of RBF, MLP, ILC",
-            "value": partial(cycles_over, kind="CMAC", others=["RBF", "MLP", "ILC"]), "each": {"group": [LEG, WALK]},
+            "value": partial(cycles_over, kind="CMAC", rivals=["RBF", "MLP", "ILC"]), "each": {"group": [LEG, WALK]},
             "limit": "at most 1.25", "opposite": "at least 2",
         },
         "training": {
             "words": "the drawback of a neural network that is trained to compensate for the model is its long "
             "training time",
             "where": "section 1, of its reference 17",
-            "quantity": f"{TENTH}, MLP over CMAC", "value": partial(cycles_over, kind="MLP", others=["CMAC"]),
+            "quantity": f"{TENTH}, MLP over CMAC", "value": partial(cycles_over, kind="MLP", rivals=["CMAC"]),
             "each": {"group": LEG}, "limit": "at least 2", "opposite": "at most 1",
         },
         "generalises": {
@@ -232,7 +244,9 @@ STUDY = declare(
                 "says": f"In randomised runs, at rate `auto` and unguarded, CMAC ({case}) is more accurate in cycle "
                 "20 than RBF, MLP and ILC",
                 "criteria": [
-                    each for other in ("RBF", "MLP", "ILC") for each in _over("CMAC", other, 20, 1.0, (group,))
+                    criterion
+                    for other in ("RBF", "MLP", "ILC")
+                    for criterion in _over("CMAC", other, 20, 1.0, (group,))
                 ],
             }
             for group, case in CASES.items()
@@ -254,7 +268,7 @@ STUDY = declare(
             "says": "In randomised runs, a CMAC that keeps its weights after a change of stroke or ground has a "
             "smaller error over the first 5 cycles than one that starts from nothing: keep them",
             **_after(
-                list(CHANGES), "CMAC", ANEW, limit="at most 1",
+                list(CHANGES), "CMAC", FROM_NOTHING, limit="at most 1",
                 quantity="mean error of the first 5 cycles: CMAC with its weights over CMAC from nothing",
                 value=lambda runs: sum(runs.at(cycle, TRANSFER) for cycle in range(1, 6)),
             ),
@@ -263,14 +277,14 @@ STUDY = declare(
             "says": "Kept weights do no harm later: in cycle 20 CMAC is about as accurate as from nothing, or more "
             "accurate",
             **_after(
-                list(CHANGES), "CMAC", ANEW, limit="at most 1.25", value=LATE,
+                list(CHANGES), "CMAC", FROM_NOTHING, limit="at most 1.25", value=LATE,
                 quantity="error in cycle 20: CMAC with its weights over CMAC from nothing",
             ),
         },
         "carries_most": {
             "says": "In randomised runs, RBF carries most of what it has learnt over to another stroke",
             **_after(
-                STROKES, "RBF", {"kind": "feedback only", **ANEW}, limit="at most 25 %", value=_error_in(1),
+                STROKES, "RBF", {"kind": "feedback only", **FROM_NOTHING}, limit="at most 25 %", value=_error_in(1),
                 quantity=FIRST.format("RBF") + "with feedback only",
             ),
         },
@@ -289,7 +303,7 @@ STUDY = declare(
             {"metric": TRANSFER, "by": "kind", "of": {"group": change, **start}, "log": "y",
              "title": f"{change}, {start['start']}"}
             for change in CHANGES
-            for start in (CARRIED, ANEW)
+            for start in (CARRIED, FROM_NOTHING)
         ],
     },
     tables={
@@ -305,7 +319,7 @@ STUDY = declare(
         "guarded": {
             **MANY, "of": {"group": GUARDED},
             "columns": {**MANY["columns"],
-            "ended by the guard": lambda own: f"{own.measure('ended_by_guard').sum():.0f} of {len(own)}"},
+            "ended by the guard": lambda runs: f"{runs.measure('ended_by_guard').sum():.0f} of {len(runs)}"},
         },
     },
 )  # fmt: skip

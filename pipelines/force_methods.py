@@ -1,7 +1,7 @@
 """Four ways to control the force of a point mass (Lin & Song 1997, sections 2 and 3, eq. 8-15).
 
-``python -m pipelines.force_methods`` brings a mass down on soft and on hard ground under each method, lets it go
-where there is no ground, and gives it ground that is not as stiff as assumed.
+``python -m pipelines.force_methods`` lowers a mass onto soft and hard ground under each method, releases it without
+ground, and tests ground whose stiffness differs from the assumed one.
 """
 
 import math
@@ -28,36 +28,37 @@ from pipelines.common_results import find_depression, if_completed
 
 METHODS = {name: [f"force_control={name}"] for name in FORCE_METHODS}
 GROUNDS = {f"{stiffness:g} N/m": [f"terrain.stiffness={stiffness}"] for stiffness in (10.0, 100.0)}
-"""Ground stiffness of section 5, which the references are made for, and ground ten times as stiff."""
-CLEARANCE, HEAVIER, PRINTED = "machine.start_clearance", "machine.mass=1.0", {"machine.mass": 0.5}
+"""The ground stiffness of section 5, from which the references are computed, and ten times that."""
+CLEARANCE = "machine.start_clearance"
+PRINTED = {"machine.mass": 0.5}
 DIGITS = 6
-"""Decimals of measures: what is below is rounding of the simulation."""
+"""Decimals of measures; further ones are rounding errors of the simulation."""
 
 
 @if_completed
 def settled_force(run: Run) -> float:
-    """Mean force over the second half of the run over the desired one."""
+    """Return the mean force over the second half of a run, relative to the desired force."""
     return round(float(run.metrics["force_settled"].iloc[0]) / run.config["force_control"]["desired_force"], DIGITS)
 
 
 @if_completed
 def rest_error(run: Run) -> float:
-    """RMS force error over the second half of the run, of the desired force."""
+    """Return the RMS force error over the second half of a run, relative to the desired force."""
     ripple = float(run.metrics["force_ripple"].iloc[0]) / run.config["force_control"]["desired_force"]
     return round(math.hypot(settled_force(run) - 1.0, ripple), DIGITS)
 
 
 @if_completed
 def end_speed(run: Run) -> float:
-    """Speed in the last step, m/s."""
+    """Return the speed in the last step of a run, m/s."""
     return round(abs(float(run.trace["vy"].iloc[-1])), DIGITS)
 
 
 def predicted_force(config: Declared) -> float:
-    """Settled over desired force on ground that is not as stiff as assumed.
+    """Predict the ratio of settled to desired force on ground whose stiffness differs from the assumed one.
 
-    The reference of eq. 9 and 13 is what the force needs on the assumed ground; the true ground answers with as much
-    force as that reference would be made for there. Damping and explicit control do not know of the ground.
+    The reference depth of eq. 9 and 13 is computed for the assumed ground. On the true ground it yields the force for
+    which the same depth would have been computed. Damping and explicit control do not use the stiffness: 1.
     """
     ground = config["terrain"]
     assumed = find_depression(config, ground["assumed_stiffness"] or ground["stiffness"])
@@ -66,23 +67,27 @@ def predicted_force(config: Declared) -> float:
 
 
 def over_best_other(results: Results, metric: str) -> Array:
-    """(clearances,): a metric of combined control over the least of others that come to rest; inf if it does not."""
+    """Return a metric of combined control relative to the best other method that comes to rest, (clearances,).
+
+    Infinite if combined control does not come to rest.
+    """
     rests = np.isfinite(results.at(1, metric)) & (results.measure("rest_error") <= 0.02)
     runs = results.table.assign(value=np.where(rests, results.at(1, metric), np.inf)).set_index(CLEARANCE)
     combined = runs["value"][runs["method"] == "combined"]
-    others = runs["value"][runs["method"] != "combined"].groupby(CLEARANCE).min()
-    return quotients(combined.to_numpy(), others[combined.index].to_numpy())
+    best_other = runs["value"][runs["method"] != "combined"].groupby(CLEARANCE).min()
+    return quotients(combined.to_numpy(), best_other[combined.index].to_numpy())
 
 
 def _find_springs(results: Results) -> tuple[Array, Array]:
-    """Stiffness under stiffness control as the ground feels it for each elasticity, rising, N/m: measured, by eq. 8.
+    """Return the apparent stiffness at the foot under stiffness control, measured and by eq. 8, N/m, (elasticities,).
 
-    It is measured from where the mass rests on two grounds.
+    Elasticities are in rising order. The measured value follows from force and position at rest on two grounds.
     """
     groups = dict(sorted(results.by("force_control.elasticity").items()))
-    gain, measured = float(results.value("controller.position_gain")), []
-    for own in groups.values():
-        softer, stiffer = (run.trace.iloc[-1] for run in own.runs)
+    gain = float(results.value("controller.position_gain"))
+    measured = []
+    for pair in groups.values():
+        softer, stiffer = (run.trace.iloc[-1] for run in pair.runs)
         measured.append(round(-(stiffer["force"] - softer["force"]) / (stiffer["y"] - softer["y"]), DIGITS))
     return np.array(measured), np.array([gain / (1.0 + gain * float(elasticity)) for elasticity in groups])
 
@@ -93,24 +98,24 @@ def _find_softening(results: Results) -> Array:
 
 
 def draw_forces(results: Results) -> Figure:
-    """Contact force in the first seconds after the release, a panel for each method."""
-    panels, axes = [], ("time since the release, s", "force, N")
-    for method, own in results.select({CLEARANCE: 0.05, "part": "known ground", **PRINTED}).by("method").items():
+    """Draw the contact force in the first seconds after the release, a panel for each method."""
+    panels = []
+    for method, runs in results.select({CLEARANCE: 0.05, "part": "known ground", **PRINTED}).by("method").items():
         series = [
             Series(f"ground {ground}", group.run.trace["time"], group.run.trace["force"])
-            for ground, group in own.by("ground").items()
+            for ground, group in runs.by("ground").items()
         ]
         panels.append(
             Panel(
-                method, *axes, series, x_range=(0.0, 2.0), y_range=(0.0, 4.0),
-                y_limits=[own.value("force_control.desired_force")],
+                method, "time since the release, s", "force, N", series, x_range=(0.0, 2.0), y_range=(0.0, 4.0),
+                y_limits=[runs.value("force_control.desired_force")],
             )
         )  # fmt: skip
     return draw(panels, height=2.0)
 
 
 def _rest(method: str, mass: float = 0.5) -> list[Declared]:
-    """Whether a method comes to rest with the desired force on each ground."""
+    """Return criteria that a method comes to rest with the desired force, one per ground; ``mass`` is in kg."""
     return [
         {
             "quantity": "RMS force error over the second half of the run, over the desired force",
@@ -125,8 +130,8 @@ def _rest(method: str, mass: float = 0.5) -> list[Declared]:
 
 ASSUMED = ["scenario=force_step", "terrain.assumed_stiffness=10.0"]
 KNOWN: Declared = {"ground": GROUNDS, CLEARANCE: [0.05, 0.02, 0.035, 0.075, 0.1]}
-"""Heights of the release over known ground, m, first that of the scenario; the paper gives none."""
-EXPLICIT = {"explicit": [*METHODS["explicit"], HEAVIER]}
+"""Known grounds, and heights of the release above them, m, the scenario's first; the paper gives none."""
+EXPLICIT = {"explicit": [*METHODS["explicit"], "machine.mass=1.0"]}
 FORCE_MISS = {
     "quantity": "error of the mean force on ground twice as stiff as assumed",
     "value": lambda runs: abs(runs.measure("settled_force") - 1),
@@ -238,7 +243,7 @@ STUDY = declare(
                         "ITAE, N s²": lambda runs: runs.at(1, "force_itae"),
                     }
                 ),
-                "ends": lambda own: own.rows[0].run.outcome.status,
+                "ends": lambda runs: runs.rows[0].run.outcome.status,
             },
             "of": {CLEARANCE: 0.05, "part": "known ground"},
         }

@@ -1,7 +1,7 @@
-"""Groups of studies, each with one page over all of them: ``python -m pipelines.paper``, ``.learning`` and so on.
+"""Groups of studies with one common page: ``python -m pipelines.paper``, ``.learning`` and so on.
 
-``outputs/studies/NAME/report.html`` of a group is a table of what the paper says beside what was measured, if its
-studies have claims, then the sections of each study. The benchmark has a command of its own.
+``outputs/studies/NAME/report.html`` of a group starts with a table of the paper's claims and their measured values,
+if its studies have claims; the sections of each study follow. The benchmark has its own command.
 """
 
 from pathlib import Path
@@ -19,12 +19,12 @@ PIPELINES = Path(__file__).resolve().parent
 
 
 class Group(NamedTuple):
-    """Studies that answer one question together."""
+    """A group of studies that together answer one question."""
 
     title: str
     question: str
     studies: tuple[str, ...]
-    """Names, in the order of the page."""
+    """Names of the studies, in the order of the page."""
 
 
 GROUPS = {
@@ -53,31 +53,31 @@ GROUPS = {
 
 
 def find_study(name: str) -> Path | None:
-    """The file of a study of this folder; None if there is no such study."""
+    """Return the file of the study ``name`` in this folder; None if there is none."""
     path = PIPELINES / f"{name}.py"
     return path if path.is_file() and path.with_suffix(".md").is_file() else None
 
 
 def all_studies() -> list[StudyFile]:
-    """Every study of this folder, by name."""
+    """Load every study of this folder, sorted by name."""
     return [load_study(path) for page in sorted(PIPELINES.glob("*.md")) if (path := find_study(page.stem))]
 
 
 def every_study() -> list[StudyFile]:
-    """All studies; then the benchmark, of all machines and methods, and its log track."""
+    """Load all studies, then the benchmark with all machines and methods, then its log track."""
     whole = benchmark.make_study(MACHINES, [method.name for method in list_methods()])
     return [*all_studies(), StudyFile(PIPELINES / "benchmark" / "benchmark.py", whole), log_track.make_study()]
 
 
 def write(name: str, options: Options) -> Path:
-    """Make what is missing or stale of the studies of a group, and write one page over them; returns it."""
+    """Compute missing or outdated results of the studies of a group, write their common page, and return its path."""
     title, question, members = GROUPS[name]
-    studies = write_studies([load_study(path) for each in members if (path := find_study(each))], options)
+    studies = write_studies([load_study(path) for member in members if (path := find_study(member))], options)
     print_statements(studies)
-    with new_result(options.choose_folder(name), FOLDER_KEY, REPORT) as place:
-        return write_page(title, question, studies, place, options.quick)
+    with new_result(options.choose_folder(name), FOLDER_KEY, REPORT) as folder:
+        return write_page(title, question, studies, folder, options.quick)
 
 
 def run_group(name: str) -> NoReturn:
-    """Run the command of a group."""
+    """Run the command of the group ``name``, and exit."""
     run_studies(f"pipelines.{name}", GROUPS[name].question, lambda _, options: write(name, options))

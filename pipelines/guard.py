@@ -1,8 +1,8 @@
-"""The guard of learning: whether a run that learns can end worse than with feedback only.
+"""The guard of learning: guarded and unguarded runs under random conditions against feedback only.
 
-``python -m pipelines.guard`` (needs the extra ``robots``; its quick form goes without) draws worlds and settings of
-one leg, of the quadruped and of two robots by chance, and runs each with feedback only, with guarded and with
-unguarded learning. One leg learns on for long with random settings.
+``python -m pipelines.guard`` (needs the extra ``robots``; its quick form does not) draws random worlds and
+hyperparameters for one leg, the quadruped and two robots, and runs each with feedback only, with guarded and with
+unguarded learning. One leg also learns for many cycles with random hyperparameters.
 """
 
 from functools import partial
@@ -33,28 +33,30 @@ KINDS = {
     "unguarded": ["learning.guard=none"],
 }
 WORLDS = {ONE_LEG: (240, 100), QUADRUPED: (480, 100), GO1: (45, 40), ALIENGO: (45, 40)}
-"""Worlds that are drawn, in some of which feedback only does not complete; and their cycles."""
+"""Number of random worlds, in some of which feedback only does not complete, and cycles of a run, by machine."""
 IN_PLANE, FORCE = partial(Results.measure, name="error"), partial(Results.end, name="force_rmse")
-"""Errors that are compared."""
+"""Errors compared with those of feedback only: of feet in transfer, m, and of force, N."""
 WORSE = 1.05
-"""Error over that with feedback only up to which it counts as no worse."""
+"""Largest ratio of an error to that with feedback only that counts as no worse."""
 
 
 def _draw(machine: str, *kinds: str) -> Declared:
-    """Runs of a machine in random worlds, each with kinds of learning."""
+    """Return the runs of a machine in its random worlds, with each of these kinds of learning."""
     number, cycles = WORLDS[machine]
-    worlds = {world: [*draw_hard_world(machine, world), "warn=false"] for world in range(number)}
     skipped = machine == ALIENGO or (machine == GO1 and not package_models())
     return {
         "set": [*HARD[machine], f"cycles={cycles}", f"record.cycles=[{cycles}]"],
         "quick": None if skipped else {"cycles": 4, "record.cycles": [4]},
-        "over": {"world": worlds, "kind": {kind: KINDS[kind] for kind in kinds}},
+        "over": {
+            "world": {world: [*draw_hard_world(machine, world), "warn=false"] for world in range(number)},
+            "kind": {kind: KINDS[kind] for kind in kinds},
+        },
         "labels": {"part": "worlds", "machine": machine},
     }
 
 
 def _learn_long(kind: str, cycles: int, quick: int) -> Declared:
-    """Runs of one leg with random settings; feedback only has to walk with them for a few cycles."""
+    """Return runs of one leg with random hyperparameters, over ``cycles`` cycles, or ``quick`` in the quick form."""
     return {
         "set": [*HARD[ONE_LEG], f"cycles={cycles}", f"record.cycles=[{cycles}]", "warn=false"],
         "quick": {"cycles": quick, "record.cycles": [quick]},
@@ -65,13 +67,16 @@ def _learn_long(kind: str, cycles: int, quick: int) -> Declared:
 
 @if_completed
 def measure_error(run: Run) -> float:
-    """Final transfer error in the plane of the legs, also of robots, m."""
+    """Return the final transfer error in the plane of the leg (x and y), also for robots, m."""
     return compute_final(np.hypot(*(run.pooled[f"transfer_rmse_{axis}"] for axis in "xy")))
 
 
 @if_completed
 def measure_level(run: Run) -> float:
-    """Feedback torque at the end over that of the cycle whose torque acts; without one, over its least."""
+    """Return the final RMS feedback torque relative to that of the best cycle.
+
+    The best cycle is the one whose feedforward the guard restored last; if it never did, the least moving median.
+    """
     feedback = run.pooled["feedback_rms"]
     restored = [event["restored"] for event in run.manifest["guard"]]
     best = feedback[max(restored[-1], 1) - 1] if restored else slide_median(feedback[1:], FINAL_CYCLES).min()
@@ -79,20 +84,23 @@ def measure_level(run: Run) -> float:
 
 
 def compare(results: Results, kind: str = "guarded", sample: Sample = IN_PLANE) -> Array:
-    """(worlds,): a final error over that with feedback only in the same world, where that completes."""
+    """Return a final error relative to that with feedback only in the same world, (worlds,).
+
+    Worlds in which feedback only does not complete are left out.
+    """
     ratios = relative(results.select(kind=kind), results.select(kind="feedback only"), sample)
     return np.array(ratios[ratios != UNPAIRED])
 
 
 def find_long(results: Results) -> Results:
-    """The long runs with settings with which feedback only walks."""
-    alone, guarded = (results.select(part="long", kind=kind).rows for kind in ("feedback only", "guarded"))
-    walks = {row.settings["world"] for row in alone if row.run.completed}
+    """Select the long guarded runs with hyperparameters with which feedback only completes its short run."""
+    feedback_only, guarded = (results.select(part="long", kind=kind).rows for kind in ("feedback only", "guarded"))
+    walks = {row.settings["world"] for row in feedback_only if row.run.completed}
     return Results([row for row in guarded if row.settings["world"] in walks], results.computed)
 
 
 def table_worlds(results: Results) -> DataFrame:
-    """How guarded and unguarded runs end, over feedback only, for every machine."""
+    """Tabulate the final errors of guarded and unguarded runs relative to feedback only, for every machine."""
     ratios = {
         (machine, kind): [compare(worlds, kind, sample) for sample in (IN_PLANE, FORCE)]
         for machine, worlds in results.select(part="worlds").by("machine").items()
@@ -115,11 +123,12 @@ def table_worlds(results: Results) -> DataFrame:
 
 
 def values(results: Results) -> Declared:
-    """Counts that the page names."""
-    alone, lasting = results.select(part="worlds", kind="feedback only").by("machine"), find_long(results)
+    """Return the counts that the page shows: worlds drawn and walked with feedback only, long runs, guard actions."""
+    feedback_only = results.select(part="worlds", kind="feedback only").by("machine")
+    lasting = find_long(results)
     return {
-        "drawn": {machine: len(part) for machine, part in alone.items()},
-        "walked": {machine: sum(part.completed) for machine, part in alone.items()},
+        "drawn": {machine: len(runs) for machine, runs in feedback_only.items()},
+        "walked": {machine: sum(runs.completed) for machine, runs in feedback_only.items()},
         "long": lasting.value("cycles"),
         "settings": len(lasting),
         "acted": sum(bool(run.manifest["guard"]) for run in lasting.runs),

@@ -1,7 +1,7 @@
 """Hashing: from 64 words to a row for every visited cell (left open by Lin & Song 1997, section 4).
 
-``python -m pipelines.hashing`` gives the CMACs of one leg and of the quadruped less and less memory: for short runs
-of the paper's rule under its own conditions, and for long, randomised ones of learning that lasts.
+``python -m pipelines.hashing`` gives the CMACs of one leg and of the quadruped less and less memory: in short runs
+of the paper's rule under the paper's conditions, and in long, randomised runs with ``learning=lasting``.
 """
 
 from functools import partial
@@ -21,18 +21,22 @@ MACHINES: dict[str, tuple[str, str, list[str], list[int]]] = {
     "one leg": ("one_leg", "one_leg", ["reference=aware"], [2**18, 2**20]),
     "quadruped": ("quadruped", "quadruped_lasting", [], [2**18]),
 }
-"""Scenario of the paper's rule; of learning that lasts, and further overrides; largest memories, the last the "
-"paper's."""
+"""Scenario for the paper's rule; scenario for lasting learning, and its overrides; largest memories, bytes.
+
+The last memory is the paper's.
+"""
 
 
 def _runs(machine: str) -> list[Declared]:
-    """Every memory, and a row for every visited cell, for every seed of the paper's rule, or in every world.
+    """Return runs with every memory, and with one row per visited cell, of the paper's rule and of lasting learning.
 
-    The first memory is the least that 32 layers of two outputs allow.
+    The paper's rule runs with every seed, lasting learning in every world. The first memory is the least that 32
+    layers of two outputs allow.
     """
     published, scenario, more, largest = MACHINES[machine]
     memories = {f"{n}": [f"{MEMORY}={n}"] for n in (*(2**n for n in range(9, 17)), *largest)}
-    over, quick = {"memory": {**memories, "visited": ["cmac.addressing=visited"]}}, {"cycles": 4}
+    over = {"memory": {**memories, "visited": ["cmac.addressing=visited"]}}
+    quick = {"cycles": 4}
     return [
         {"set": [f"scenario={published}", "cycles=20", "record.cycles=[1]"], "quick": quick, "over": over,
          "seeds": True, "labels": {"machine": machine, "rule": PAPER}},
@@ -44,22 +48,22 @@ def _runs(machine: str) -> list[Declared]:
 
 
 def draw_memory(results: Results) -> Figure:
-    """Collisions, and errors at the end over those without them, over rows per visited cell."""
+    """Draw collisions, and final errors relative to those without collisions, over rows per visited cell."""
     hashed = results.select({"cmac.addressing": "hashed"})
     free = results.select({"cmac.addressing": "visited"}).by("rule")
     axes: Declared = {
         "by": "rule", "axis": "rows per visited cell",
-        "place": lambda own: float(own.measure("rows_per_cell").mean()),
+        "place": lambda runs: float(runs.measure("rows_per_cell").mean()),
     }  # fmt: skip
     return draw(
         [
             over_setting(hashed, MEMORY, y, sample, title=title, log=log, **axes)
             for title, y, sample, log in (
-                ("visited cells that collide", "share, %", lambda own: 100.0 * own.measure("colliding"), "x"),
+                ("visited cells that collide", "share, %", lambda runs: 100.0 * runs.measure("colliding"), "x"),
                 (
                     "error at the end, over that without collisions",
                     "ratio",
-                    lambda own: worsening(own, free[own.value("rule")]),
+                    lambda runs: worsening(runs, free[runs.value("rule")]),
                     "xy",
                 ),
             )
@@ -70,7 +74,7 @@ def draw_memory(results: Results) -> Figure:
 STUDY = declare(
     title="Hashing: from 64 words to a row for every cell",
     question="What do collisions of hashed memory cost in accuracy and stability, and how much memory avoids them?",
-    runs=[part for machine in MACHINES for part in _runs(machine)],
+    runs=[runs for machine in MACHINES for runs in _runs(machine)],
     measures=MEMORY_MEASURES,
     findings={
         f"{name}_{machine}": finding

@@ -1,4 +1,4 @@
-"""A Go2 with the joints of a real one: what learned feedforward gains where torques lag, in a crawl and in a trot.
+"""A Go2 with the joint dynamics of a real one: gain by learned feedforward with lagging torques, in crawl and trot.
 
 ``python -m pipelines.identified_robot`` needs the extra ``robots``.
 """
@@ -24,7 +24,7 @@ WALK: Declared = {"scenario": "robot", "machine": "go2", "plant/as_built": "go2"
 GAITS: dict[str, tuple[Declared, int, int, int]] = {
     "crawl": ({}, 50, 10, 50), "trot": ({"gait": "trot", "gait.speed": 0.4}, 200, 30, 60),
 }  # fmt: skip
-"""Overrides; cycles of a CMAC; percent of transfer and force error of feedback only that it is to leave at most."""
+"""Overrides; cycles with a CMAC; limits of its transfer and force error in percent of those of feedback only."""
 LAGGING, AT_ONCE = "lag by 15.1 ms", "act at once"
 KINDS = ["feedback only", "nominal model", "CMAC"]
 STUDY = declare(
@@ -32,10 +32,10 @@ STUDY = declare(
     question="What does learned feedforward gain on a Go2 whose joints reproduce the log of a real one, crawling and "
     "trotting, on elastic and rigid ground, with and without the lag of its torques?",
     runs=[
-        {"set": {**WALK, **own}, "quick": {"cycles": 2}, "labels": {"gait": gait},
+        {"set": {**WALK, **gait_overrides}, "quick": {"cycles": 2}, "labels": {"gait": gait},
          "over": {"torques": {LAGGING: {"actuator": "go2"}, AT_ONCE: {}}, "ground": GROUNDS, "seed": list(range(8)),
                   "kind": {"feedback only": ALONE, "nominal model": MODEL, "CMAC": learn(cycles)}}}
-        for gait, (own, cycles, _, _) in GAITS.items()
+        for gait, (gait_overrides, cycles, _, _) in GAITS.items()
     ],
     findings={
         "walks": {

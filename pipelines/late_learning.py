@@ -1,7 +1,7 @@
-"""Settings of learning tried again where feedback is late: lead, rate, rule, size of the CMAC, path, guard.
+"""Learning with delayed feedback: lead, rate, rule, size of the CMAC, path, guard.
 
-``python -m pipelines.late_learning`` repeats the choices that `docs/long-runs.md` recommends with encoders, late
-torques and lags, over more cycles than the studies that recommend them.
+``python -m pipelines.late_learning`` tests the hyperparameters that `docs/long-runs.md` recommends with encoders,
+delayed torques and lags, over more cycles than the studies that recommend them.
 """
 
 from functools import partial
@@ -45,25 +45,32 @@ LEADS = {f"zero_phase, lead {lead}": ["learning.rule=zero_phase", f"learning.lea
 
 @if_completed
 def least(run: Run) -> float:
-    """The least median of a transfer error over as many cycles in a row as the final one, m."""
+    """Return the least moving median of the transfer error over FINAL_CYCLES cycles, m."""
     return float(slide_median(find_history(run.pooled, TRANSFER), FINAL_CYCLES).min())
 
 
 def find_least_rule(results: Results) -> Array:
-    """(seeds,): least final error of the other rules over that of the paper's."""
-    others, error = results.select(choice=list(OTHER_RULES)), partial(Results.end, name=TRANSFER)
-    return per_seed(others, relative(others, results.select(choice="default"), error), min)
+    """Return the least final error of all other rules relative to that of the paper's rule, (seeds,)."""
+    other_rules = results.select(choice=list(OTHER_RULES))
+    ratios = relative(other_rules, results.select(choice="default"), partial(Results.end, name=TRANSFER))
+    return per_seed(other_rules, ratios, min)
 
 
 def _part(name: str, machines: Declared, common: list[str], **over: object) -> Declared:
-    """Runs of machines in every world."""
-    words = ["cycles=300", "record.cycles=[1]", *common]
-    over = {"machine": machines, "world": WORLDS, **over}
-    return {"set": words, "quick": {"cycles": 4}, "over": over, "seeds": True, "labels": {"part": name}}
+    """Return the runs of ``machines`` in every world; ``over`` names further values to combine."""
+    return {
+        "set": ["cycles=300", "record.cycles=[1]", *common],
+        "quick": {"cycles": 4},
+        "over": {"machine": machines, "world": WORLDS, **over},
+        "seeds": True,
+        "labels": {"part": name},
+    }
 
 
-UNGUARDED, ONE = "learning.guard=none", ["learning.lead=1", f"learning.rate={PAPER_RATE}"]
-EVERYWHERE, DONE = {"world": list(WORLDS)}, "cycles done of those asked for, "
+UNGUARDED = "learning.guard=none"
+LEAD_ONE = ["learning.lead=1", f"learning.rate={PAPER_RATE}"]
+EVERYWHERE = {"world": list(WORLDS)}
+DONE = "cycles done of those asked for, "
 AUTO = {"part": "rate", "learning.rate": "auto"}
 IN_MM: Declared = {
     "across": "world", "value": partial(describe_end, quantity=lambda runs: 1e3 * runs.end(TRANSFER)),
@@ -77,8 +84,8 @@ STUDY = declare(
     question="Do the lead, rate, rule, size and path that suit feedback without delay also suit delayed feedback?",
     runs=[
         _part("rate", MACHINES, [UNGUARDED], **{"learning.rate": ["auto", 0.05, PAPER_RATE, 0.4, 0.8]}),
-        _part("lead 1", MACHINES, [UNGUARDED, *ONE]),
-        _part("lead 1, guarded", MACHINES, ONE),
+        _part("lead 1", MACHINES, [UNGUARDED, *LEAD_ONE]),
+        _part("lead 1, guarded", MACHINES, LEAD_ONE),
         _part("auto, guarded", MACHINES, []),
         _part("choice", LEG, [UNGUARDED], choice={"default": [], **SETTINGS, **OTHER_RULES, **LEADS}),
     ],
@@ -163,8 +170,8 @@ STUDY = declare(
             for machine in MACHINES
         },
         **{
-            name: {"rows": "machine", "of": {"part": part}, **IN_MM}
-            for name, part in (("lead", "lead 1"), ("wrong", "lead 1, guarded"), ("guarded", "auto, guarded"))
+            name: {"rows": "machine", "of": {"part": label}, **IN_MM}
+            for name, label in (("lead", "lead 1"), ("wrong", "lead 1, guarded"), ("guarded", "auto, guarded"))
         },
         "choices": {"rows": "choice", "of": {"part": "choice"}, **IN_MM},
     },

@@ -1,4 +1,4 @@
-"""Robots with delayed feedback: do they walk and learn with encoders, late torques and lags?
+"""Robots with delayed feedback: walking and learning with encoders, delayed torques and lags.
 
 ``python -m pipelines.late_robots`` needs the extra ``robots``.
 """
@@ -13,9 +13,9 @@ WORLDS: dict[str, Declared] = {
 }
 ALL = {**ROBOTS, **OTHERS}
 LASTING = ["Go1", "Aliengo"]
-"""Robots that walk for long."""
+"""Robots in the long walks."""
 EVERYWHERE: Declared = {"for": {"world": [*WORLDS]}, "each": {"robot": [*ALL]}}
-"""Repeats a finding in each world, with a value for each robot."""
+"""Keys that repeat a finding in each world, with a value for each robot."""
 LEARNS = {"part": "all", "world": "{world}", "kind": "CMAC"}
 
 STUDY = declare(

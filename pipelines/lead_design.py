@@ -1,8 +1,8 @@
-"""Which omega and alpha of the LEAD compensator meet the paper's objectives (Lin & Song 1997, section 2, eq. 5).
+"""Design of the LEAD compensator: omega and alpha that meet the paper's objectives (Lin & Song 1997, sec. 2, eq. 5).
 
-``python -m pipelines.lead_design`` computes resonance and bandwidth of the closed loop over both; nothing is run.
-The loop is that of eq. 21 around a point mass in free space and in continuous time,
-L(s) = (K_ap + K_av s) LEAD(s) / (M s^2). The bandwidth of the open loop is read as sqrt(K_ap / M).
+``python -m pipelines.lead_design`` computes resonance and bandwidth of the closed loop over both; nothing is
+simulated. The loop is that of eq. 21 around a point mass in free space and in continuous time,
+L(s) = (K_ap + K_av s) LEAD(s) / (M s^2). The bandwidth of the open loop is taken as sqrt(K_ap / M).
 """
 
 import itertools
@@ -14,39 +14,45 @@ from cmacexp.config.compose import compose_config
 from cmacexp.study import Array, DataFrame, Declared, Figure, Panel, Results, Series, declare, draw
 
 SCENARIOS = {"one leg": "one_leg", "quadruped": "quadruped"}
-OMEGAS, ALPHAS, POINTS = (0.2, 200.0), (1.0, 100.0), 30
-"""Range of omega (rad/s) and of alpha in a scan, and points of each."""
+OMEGAS, ALPHAS = (0.2, 200.0), (1.0, 100.0)
+"""Ranges of omega, rad/s, and of alpha in a scan."""
+POINTS = 30
+"""Points of a scan over omega, and over alpha."""
 EFFECTIVE_MASS = 0.75
-"""Mass that the foot of the paper's leg moves, kg (assumed)."""
+"""Effective mass at the foot of the paper's leg, kg (assumed)."""
 FREQUENCIES = np.logspace(-1.0, 4.0, 8_001)
-"""rad/s; neighbours are 0.14 % apart."""
-MOST_RESONANCE, SAME = 0.10, 0.10
-"""Of the closed loop's magnitude above 1, for M_r below 110 %; relative distance of bandwidths that are the same."""
+"""Frequencies of the frequency response, rad/s, 0.14 % apart."""
+MOST_RESONANCE = 0.10
+"""Limit of the closed loop's peak magnitude minus 1: M_r below 110 %."""
+SAME = 0.10
+"""Largest relative difference of bandwidths that count as equal."""
 
 
 def closed_loop(
     position_gain: float, velocity_gain: float, mass: float, omega: float, alpha: float
 ) -> dict[str, float]:
-    """Resonance M_r, the largest magnitude, and bandwidth, rad/s, of the position loop; and whether it is stable.
+    """Compute resonance, bandwidth and stability of the closed position loop.
 
-    The bandwidth is the frequency at which the closed loop falls below -3 dB for good; it is stable if all poles lie
-    in the left half plane. ``open_bandwidth`` is that of the mass on its position gain. ``distance`` is the relative
-    one of the closed loop's bandwidth from it, ``excess`` the largest magnitude of the closed loop above 1; both are
-    infinite if it is unstable.
+    Returned by name: ``resonance`` M_r is the largest magnitude of the closed loop. ``bandwidth``, rad/s, is the last
+    frequency at which the magnitude reaches -3 dB. The loop is ``stable`` if all poles lie in the left half plane.
+    ``open_bandwidth``, rad/s, is that of the mass on its position gain, sqrt(K_ap / M). ``distance`` is the relative
+    difference of the two bandwidths and ``excess`` is M_r - 1; both are infinite if the loop is unstable.
 
     Args:
         position_gain: K_ap, N/m.
         velocity_gain: K_av, N s/m.
         mass: M, kg.
         omega: lower corner frequency of the LEAD, rad/s.
-        alpha: upper over lower corner frequency.
+        alpha: ratio of the upper to the lower corner frequency.
     """
     feedback = np.polymul([velocity_gain, position_gain], [1.0 / omega, 1.0])
     closed = np.polyadd(feedback, np.polymul([mass, 0.0, 0.0], [1.0 / (alpha * omega), 1.0]))
-    s, open_bandwidth = 1j * FREQUENCIES, float(np.sqrt(position_gain / mass))
+    s = 1j * FREQUENCIES
     magnitude: Array = np.abs(np.polyval(feedback, s) / np.polyval(closed, s))
     bandwidth = max(FREQUENCIES[magnitude >= np.sqrt(0.5)].tolist(), default=np.nan)
-    resonance, stable = float(magnitude.max()), bool(np.roots(closed).real.max() < 0.0)
+    open_bandwidth = float(np.sqrt(position_gain / mass))
+    resonance = float(magnitude.max())
+    stable = bool(np.roots(closed).real.max() < 0.0)
     return {
         "resonance": resonance,
         "bandwidth": bandwidth,
@@ -58,7 +64,10 @@ def closed_loop(
 
 
 def compute_loops(results: Results) -> DataFrame:
-    """Loops with the gains of each scenario: with its own corner frequencies (``default``), and over a scan."""
+    """Compute the loops with the gains of each scenario, a row per pair of omega and alpha.
+
+    Pairs are the scenario's own corner frequencies (``default`` is True), and a scan over both.
+    """
     import pandas as pd
 
     controllers = {name: compose_config([f"scenario={scenario}"]).controller for name, scenario in SCENARIOS.items()}
@@ -66,17 +75,16 @@ def compute_loops(results: Results) -> DataFrame:
     return pd.DataFrame(
         {
             "scenario": name, "default": index == 0, "omega": omega, "alpha": alpha,
-            **closed_loop(own.position_gain, own.velocity_gain, EFFECTIVE_MASS, omega, alpha),
+            **closed_loop(control.position_gain, control.velocity_gain, EFFECTIVE_MASS, omega, alpha),
         }
-        for name, own in controllers.items()
-        for index, (omega, alpha) in enumerate([(own.lead_omega, own.lead_alpha), *scan])
+        for name, control in controllers.items()
+        for index, (omega, alpha) in enumerate([(control.lead_omega, control.lead_alpha), *scan])
     )  # fmt: skip
 
 
 def nearest(loops: DataFrame) -> Array:
-    """(1,): the least ``distance`` of a loop that meets objective (a); infinite if none does."""
-    low = loops["distance"][loops["excess"] < MOST_RESONANCE]
-    return np.array([min(low, default=np.inf)])
+    """Return the least ``distance`` of all loops that meet objective (a), (1,); infinite if none does."""
+    return np.array([min(loops["distance"][loops["excess"] < MOST_RESONANCE], default=np.inf)])
 
 
 def _loops(results: Results, scenario: str, default: bool) -> DataFrame:
@@ -84,17 +92,17 @@ def _loops(results: Results, scenario: str, default: bool) -> DataFrame:
 
 
 def draw_bandwidths(results: Results) -> Figure:
-    """Over omega, the bandwidth of the closed loop over that of the open one, where (a) is met; lines: alpha."""
-    panels, axes = [], ("omega, rad/s", "ratio of bandwidths")
+    """Draw the ratio of closed-loop to open-loop bandwidth over omega, where (a) is met; one line per alpha."""
+    panels = []
     for name in SCENARIOS:
         met = _loops(results, name, False).query("excess < @MOST_RESONANCE").groupby("alpha")
         series = [
-            Series(f"alpha {alpha:.3g}", own["omega"], own["bandwidth"] / own["open_bandwidth"])
-            for alpha, own in list(met)[::4]
+            Series(f"alpha {alpha:.3g}", loops["omega"], loops["bandwidth"] / loops["open_bandwidth"])
+            for alpha, loops in list(met)[::4]
         ]
         panels.append(
             Panel(
-                f"gains of {name}", *axes, series, log="xy", y_limits=[1.0],
+                f"gains of {name}", "omega, rad/s", "ratio of bandwidths", series, log="xy", y_limits=[1.0],
                 x_limits=_loops(results, name, True)["omega"].to_list(),
             )
         )  # fmt: skip
@@ -102,17 +110,19 @@ def draw_bandwidths(results: Results) -> Figure:
 
 
 def values(results: Results) -> Declared:
-    """What the scan covers, and how many of its pairs meet both objectives."""
+    """Return the ranges of the scan, and the number of its pairs that meet both objectives."""
     loops = results.computed["lead_design"].query("not default")
-    both = (loops["excess"] < MOST_RESONANCE) & (loops["distance"] <= SAME)
     return {
         "mass": EFFECTIVE_MASS, "pairs": POINTS**2, "omegas": OMEGAS, "alphas": ALPHAS,
-        "same": 100.0 * SAME, "both": int(both.sum()),
+        "same": 100.0 * SAME, "both": int(((loops["excess"] < MOST_RESONANCE) & (loops["distance"] <= SAME)).sum()),
     }  # fmt: skip
 
 
 def _claim(words: str, where: str, quantity: str, measure: Callable[[DataFrame], Array], default: bool) -> Declared:
-    """For the gains of each scenario. Nothing counts as the opposite: mass and open-loop bandwidth are assumed."""
+    """Return a claim with a criterion for the gains of each scenario.
+
+    No value refutes the claim, as the mass and the definition of the open-loop bandwidth are assumed.
+    """
     criteria = [
         {
             "quantity": quantity, "value": lambda results, name=name: measure(_loops(results, name, default)),

@@ -1,8 +1,8 @@
-"""Learning over many cycles: which rules, leads and rates last, and whether drift is detected in time.
+"""Learning over many cycles: bounded rules, leads and rates, and detection of drift.
 
-``python -m pipelines.long_learning`` runs the paper's rule with several leads in the paper's own world; and, in
-worlds that nobody in the loop knows, every rule on one leg and on the quadruped, late actuators, rates, and settings
-of the quadruped's force feedback.
+``python -m pipelines.long_learning`` runs the paper's rule with several leads under the paper's conditions; and, in
+worlds unknown to planner and controller, every rule on one leg and on the quadruped, delayed actuators, rates, and
+parameters of the quadruped's force feedback.
 """
 
 from functools import partial
@@ -25,64 +25,70 @@ from cmacexp.study import (
 from pipelines.common_results import describe_end, if_completed, slide_median
 from pipelines.worlds import FEWER, TESTED, draw_worlds
 
-FORCE, RAMP = "force_rmse_cycle", "gait.load_ramp=0.12"
+FORCE = "force_rmse_cycle"
+RAMP = "gait.load_ramp=0.12"
 FEEDBACK = ["force_control.elasticity=0.001", "force_control.admittance=0.001"]
-"""Force feedback ten times the paper's."""
+"""Force feedback gains, ten times the paper's."""
 LAST = 100
-"""Cycles that final errors are over."""
+"""Number of last cycles over which final errors are computed."""
 OTHERS = [rule for rule in RULES if rule != "paper"]
 
 
 def find_variation(errors: Array) -> float:
-    """Largest error (cycles,) over the least in the second half.
+    """Return the ratio of the largest to the least error (cycles,) in the second half of a run.
 
-    Of medians over 10 cycles, since noise alone varies the error of single cycles.
+    Moving medians over 10 cycles are compared, since noise varies the errors of single cycles.
     """
     medians = slide_median(errors[len(errors) // 2 :], 10)
     return float(medians.max() / medians.min())
 
 
 def one_too_short(results: Results) -> Array:
-    """(runs,): share done by runs whose lead is one less than the ``auto`` of their world and delay."""
-    right, same = results.select({"learning.lead": "auto"}), ("seed", "actuator.delay")
+    """Return the share of cycles done with a lead of one less than ``auto`` for the same seed and delay, (runs,)."""
+    auto = results.select({"learning.lead": "auto"})
     short = [
         row
         for row in results.rows
         if row.settings["learning.lead"] != "auto"
-        and row.measures["lead"] + 1 == right.select({key: row.settings[key] for key in same}).measure("lead")[0]
+        and row.measures["lead"] + 1
+        == auto.select({key: row.settings[key] for key in ("seed", "actuator.delay")}).measure("lead")[0]
     ]
     return Results(short).done
 
 
 def error_when_detected(results: Results) -> list[float]:
-    """Of each run with drift that ended before its time: the error when it was detected over the least until then."""
+    """Return the error when drift was detected relative to the least error up to then.
+
+    One value for each run that ended early and in which drift was detected.
+    """
     errors = [
         row.history(TRANSFER)[: int(row.measures["detected"])]
         for row in results.rows
         if not row.run.completed and np.isfinite(row.measures["detected"])
     ]
-    return [float(each[-1] / each.min()) for each in errors]
+    return [float(history[-1] / history.min()) for history in errors]
 
 
 def best_of_others(results: Results, lead: int | str, name: str) -> Array:
-    """(worlds,): a final error with another rule with a lead, over the paper's rule with lead `auto`.
+    """Return a final error of the best other rule relative to the paper's rule with lead `auto`, (worlds,).
 
-    In each world the rule is the one whose median is least in all other worlds: not chosen by what it is judged by.
+    ``lead`` is that of the other rules. For each world, the best rule is the one with the least median in all other
+    worlds, so that a rule is not chosen by the values on which it is judged.
     """
-    own = results.select({"learning.rule": "paper", "learning.lead": "auto"})
+    paper = results.select({"learning.rule": "paper", "learning.lead": "auto"})
     final = partial(Results.end, name=name, cycles=LAST)
     rules = results.select({"learning.rule": OTHERS, "learning.lead": lead})
-    ratios = np.array([relative(rule, own, final) for rule in rules.by("learning.rule").values()])
+    ratios = np.array([relative(rule, paper, final) for rule in rules.by("learning.rule").values()])
     worlds = range(ratios.shape[1])
     elsewhere = [np.delete(ratios, world, axis=1) if len(worlds) > 1 else ratios for world in worlds]
     return np.array([ratios[np.median(elsewhere[world], axis=1).argmin(), world] for world in worlds])
 
 
 def over_best_rate(results: Results) -> Array:
-    """(worlds,): error at the end with rate ``auto`` over the least with another rate."""
-    others = results.select({"learning.rate": [rate for rate in results.values("learning.rate") if rate != "auto"]})
+    """Return the final error with rate ``auto`` relative to the least with any other rate, (worlds,)."""
+    fixed = results.select({"learning.rate": [rate for rate in results.values("learning.rate") if rate != "auto"]})
     auto = results.select({"learning.rate": "auto"}).end(TRANSFER, LAST)
-    return quotients(auto, per_seed(others, others.end(TRANSFER, LAST), min))  # worlds are in the same order
+    return quotients(auto, per_seed(fixed, fixed.end(TRANSFER, LAST), min))  # worlds are in the same order
 
 
 def _describe_drift(results: Results) -> str:
@@ -91,11 +97,16 @@ def _describe_drift(results: Results) -> str:
 
 
 def _part(name: str, machine: str, cycles: int, over: Declared, *more: str, worlds: range = FEWER) -> Declared:
-    """Runs in worlds."""
+    """Return the runs of a machine in ``worlds``, with the overrides ``more``; ``over`` names values to combine."""
     scenario, *words = {"one leg": ("one_leg", "reference=aware"), "quadruped": ("quadruped",)}[machine]
-    thin = ("learning=lasting", "learning.guard=none", "record.every_nth_step=600")
     return {
-        "set": [f"scenario={scenario}", *thin, *words, f"cycles={cycles}", *more],
+        "set": [
+            f"scenario={scenario}",
+            *("learning=lasting", "learning.guard=none", "record.every_nth_step=600"),
+            *words,
+            f"cycles={cycles}",
+            *more,
+        ],
         "quick": {"cycles": 40 if machine == "one leg" else 12},
         "over": {"world": draw_worlds(scenario, worlds), **over},
         "labels": {"part": name, "machine": machine},
@@ -103,7 +114,7 @@ def _part(name: str, machine: str, cycles: int, over: Declared, *more: str, worl
 
 
 def _published(machine: str, quick: int, *words: str) -> Declared:
-    """Runs of the paper's rule in its own world, with every lead and seed."""
+    """Return runs of the paper's rule under the paper's conditions, with every lead and seed."""
     return {
         "set": [*words, "record.every_nth_step=600", "learning.rule=paper"],
         "quick": {"cycles": quick},
@@ -117,7 +128,7 @@ LEADS = {"learning.lead": [0, "auto"], "learning.rule": ["paper", *OTHERS]}
 DONE = {"quantity": "cycles done of those asked for", "value": lambda runs: runs.done}
 ENDS = {**DONE, "limit": "at most 90 %"}
 MADE = {"part": "paper's world", "learning.rule": "paper"}
-OWN = {"part": "rules", "learning.rule": "paper"}
+PAPER_RULE = {"part": "rules", "learning.rule": "paper"}
 STEADY: Declared = {
     "quantity": "largest error over the least in the second half of the run", "limit": "at most 1.25",
     "value": lambda runs: runs.measure("variation"),
@@ -176,15 +187,15 @@ STUDY = declare(
             "says": "In randomised runs, the error of one leg stays bounded with the paper's rule, lead and rate "
             "`auto`; with lead 0 runs end early",
             "criteria": [
-                {**STEADY, "of": {**OWN, "machine": "one leg", "learning.lead": "auto"},
+                {**STEADY, "of": {**PAPER_RULE, "machine": "one leg", "learning.lead": "auto"},
                  "case": "one leg, lead auto"},
-                {**ENDS, "of": {**OWN, "learning.lead": 0}, "each": {"machine": ["one leg", "quadruped"]},
+                {**ENDS, "of": {**PAPER_RULE, "learning.lead": 0}, "each": {"machine": ["one leg", "quadruped"]},
                  "case": "{machine}, lead 0"},
             ],
         },
         "body": {
             "says": "In randomised runs, lead `auto` is enough under a body too",
-            **FORCE_STEADY, "of": {**OWN, "machine": "quadruped", "learning.lead": "auto"},
+            **FORCE_STEADY, "of": {**PAPER_RULE, "machine": "quadruped", "learning.lead": "auto"},
             "case": "quadruped, lead auto",
         },
         "rules_one leg": {

@@ -1,4 +1,4 @@
-"""Robots in gaits that no static equilibrium holds, with unknown loads, and one that differs from its model.
+"""Robots in gaits without static equilibrium, with unknown loads, and one that differs from its model.
 
 ``python -m pipelines.moving_robots`` needs the extra ``robots``.
 """
@@ -27,14 +27,15 @@ from pipelines.robot_walks import (
 
 
 def _last_body(run: Run) -> Any:
-    """The trace of the body in the last cycle."""
+    """Read the body's trace of the last cycle."""
     return run.read_trace([run.config["cycles"]]).body
 
 
 @if_completed
 def off_course(run: Run) -> float:
-    """Relative error of the body's way in the last cycle."""
-    gait, body = run.config["gait"], _last_body(run)
+    """Return the relative error of the distance that the body travels in the last cycle."""
+    gait = run.config["gait"]
+    body = _last_body(run)
     speed = gait["stroke"] / (gait["duty_factor"] * gait["cycle_time"])
     planned = speed * run.config["sampling_period"] * (body.steps - 1)
     return float(abs((body["cog_x"][-1] - body["cog_x"][0]) / planned - 1.0))
@@ -42,13 +43,13 @@ def off_course(run: Run) -> float:
 
 @if_completed
 def drift(run: Run) -> float:
-    """Largest distance of the body from its course in the last cycle, m."""
+    """Return the largest lateral distance of the body from its course in the last cycle, m."""
     return float(np.abs(_last_body(run)["cog_y"]).max())
 
 
 BOTH: Declared = {"feedback only": ALONE, "CMAC": learn(50)}
 LASTING: Declared = {"feedback only": ALONE, "CMAC": learn(300)}
-"""Kinds of feedforward; of walks that must last."""
+"""Kinds of feedforward in walks of 300 cycles."""
 GAITS: list[tuple[Declared, Declared]] = [
     (BOTH, {"wave 0.075 m/s": {"gait": "wave"}, "walk 0.2 m/s": {"gait": "walk", "gait.speed": 0.2}}),
     (LASTING, {"trot 0.4 m/s": {"gait": "trot", "gait.speed": 0.4}}),
@@ -66,7 +67,7 @@ WORLDS: list[tuple[Declared, Declared]] = [
     (LASTING, {LAG: {**BUILT, "actuator": "go2"}, "a sample late": {"machine": "go1", "actuator.delay": 1}}),
     (BOTH, {PUSH: {"machine": "go1", "gait": "trot", "gait.speed": 0.4, "plant.push": 90, "plant.push_time": 3}}),
 ]  # fmt: skip
-"""Kinds of feedforward, and worlds that the planner does not know."""
+"""Kinds of feedforward, and worlds that are unknown to the planner."""
 CARRIED: Declared = {
     "network": {"joint angles and velocities": {"cmac": "quadruped"}, "phase": {"cmac": "phase"}},
     "ground": GROUNDS,
@@ -82,7 +83,7 @@ FORCE: Declared = {**FORCE_LEFT, "each": ON_BOTH}
 
 
 def _walk_in(world: Declared, kinds: Declared) -> Declared:
-    """Runs in worlds; the Go2 as built starts from 16 places, since by feedback only it falls from many of them."""
+    """Return the runs in a world; the Go2 as built has 16 random starts, as it falls from many with feedback only."""
     grounds = {name: GROUNDS[name] for name in [*GROUNDS][: 1 if "slope of 5 %" in world else 2]}
     seeds: Declared = {"seed": list(range(16))} if "Go2 as built" in world else {}
     return {

@@ -1,7 +1,7 @@
 """One leg learns to step and to press (Lin & Song 1997, sections 4 and 5, Fig. 7 to 13).
 
-``python -m pipelines.one_leg_learning`` runs ``scenario=one_leg`` as the paper does, then with a force ramp, without
-the 1/K_ap of eq. 13, on a smooth path, with an exact model instead of a CMAC, and for far more cycles.
+``python -m pipelines.one_leg_learning`` runs ``scenario=one_leg`` as published, then with a force ramp, without the
+1/K_ap of eq. 13, on a smooth path, with an exact model instead of a CMAC, and for many more cycles.
 """
 
 from functools import partial
@@ -38,13 +38,16 @@ WEIGHT = trace.in_cycle(1, trace.weight_at_foot)
 
 
 def values(results: Results) -> Declared:
-    """In which cycles the long runs ended, and what the page says of statics."""
-    statics, ended = ("depth", "bias", "weight", "statics", "weightless"), results.select(law=next(iter(LAWS))).cycles
-    return {"ended": ", ".join(map(str, ended)), **{name: results.select(PAPER).measure(name)[0] for name in statics}}
+    """Return the cycles in which the long runs ended, and the measures of statics that the page shows."""
+    statics = ("depth", "bias", "weight", "statics", "weightless")
+    return {
+        "ended": ", ".join(map(str, results.select(law=next(iter(LAWS))).cycles)),
+        **{name: results.select(PAPER).measure(name)[0] for name in statics},
+    }
 
 
 def _view(results: Results, *cycles: int) -> RunView:
-    """Some cycles of the run that the paper's figures are drawn from."""
+    """Return a view of some cycles of the run from which the paper's figures are drawn."""
     run = results.select(PAPER).run
     return RunView(run, run.read_trace(cycles))
 
@@ -52,25 +55,25 @@ def _view(results: Results, *cycles: int) -> RunView:
 LESS: Declared = {"limit": "at most 100 %", "opposite": "at least 100 %", "of": PAPER}
 MORE: Declared = {"limit": "at least 100 %", "opposite": "at most 100 %", "of": PAPER}
 STAYS = {"limit": "at most 1.1", "opposite": "at least 2"}
-"""A value at the end over its least: it stayed there, and the opposite."""
+"""Limits of a final value relative to its least: it stayed bounded, and the opposite."""
 RAMP = {**LESS, "quantity": "with a force ramp over that with a step, cycle 5",
 "of": {**PAPER, "variant": "force ramp"},
         "over": {"variant": PUBLISHED}}  # fmt: skip
 
 
 def find_largest_rise(results: Results) -> Array:
-    """(runs,): feedback's share in a cycle over that in the cycle before, the largest up to the fifth cycle."""
+    """Return the largest ratio of feedback's torque share to that of the previous cycle, up to cycle 5, (runs,)."""
     shares = [1 - results.at(cycle, "feedforward_share") for cycle in range(1, 6)]
     return np.max([compute_growth(late, early) for early, late in pairwise(shares)], axis=0)
 
 
 def find_rise_of_feedback(results: Results) -> Array:
-    """(runs,): RMS feedback torque over the last cycles over its least."""
+    """Return the RMS feedback torque of the last cycles relative to its least, (runs,)."""
     return compute_growth(results.end("feedback_rms"), results.measure("least_feedback"))
 
 
 def _compare(limits: Declared, cycle: int, before: int, *names: str) -> list[Declared]:
-    """Errors in one cycle over those in another."""
+    """Return criteria of the errors ``names`` in ``cycle`` relative to those in cycle ``before``."""
     return [
         {"quantity": f"error in cycle {cycle} over that in cycle {before}", "case": ERRORS[name],
          "value": lambda runs, name=name: compute_growth(abs(runs.at(cycle, name)), abs(runs.at(before, name))),

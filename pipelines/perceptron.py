@@ -1,4 +1,4 @@
-"""A multilayer perceptron that learns once a cycle.
+"""A multilayer perceptron that learns once per cycle.
 
 ``feedforward._target_=pipelines.perceptron.Perceptron``
 """
@@ -19,17 +19,18 @@ from pipelines.benchmark.methods.playing import Playing
 INPUTS = ("angle", "velocity")
 """Planned joint values that are the inputs of the network."""
 MEMORY, LONG_MEMORY = 0.9, 0.999
-"""Of the optimiser: the part of a mean gradient, and of a mean square, that the next step leaves."""
+"""Decay rates of the optimiser's mean gradient and mean squared gradient (beta_1 and beta_2 of Adam)."""
 
 
 class Perceptron(Playing):
     """One perceptron with one hidden layer of tanh per leg, trained by the feedback (Kawato, Furukawa & Suzuki 1987).
 
-    Feedback-error learning in batches: at the end of a cycle, the network is trained with its own output plus beta
-    times the feedback, at every sample of the cycle. Inputs are standardised over the planned path, torques divided
-    by the root mean square of the feedback in the first cycle of learning. The seed of the run determines initial
-    weights and the order of samples. Within rounding it is ``partial_fit`` of scikit-learn, in a seventh of its time.
-    A compiled kernel would take longer: of 24 us a step of 100 samples, 3 are tanh, for which the C library takes 27.
+    Feedback-error learning in batches: at the end of a cycle, the network is trained at every sample of the cycle;
+    targets are its own output plus beta times the feedback. Inputs are standardised over the planned path, torques
+    divided by the root mean square of the feedback in the first cycle of learning. The seed of the run determines
+    initial weights and the order of samples. Results equal ``partial_fit`` of scikit-learn within rounding, in a
+    seventh of the time. A compiled kernel would be slower: a gradient step with 100 samples takes 24 us, 3 us of them
+    for tanh, for which the C library takes 27 us.
     """
 
     @dataclass
@@ -46,36 +47,48 @@ class Perceptron(Playing):
         """Step size of Adam (Kingma & Ba 2015)."""
 
     def reset(self, setup: Setup) -> None:
-        """Make the networks, whose output is zero until they learn.
+        """Create the networks, whose output is zero until they learn, or take learnt ones from ``setup``.
 
         Raises:
-            BadInput: the learning rule is for networks linear in their weights.
+            BadInput: the learning rule needs a network that is linear in its weights.
         """
-        allowed = "needs a network that is linear in its weights; a perceptron is not, use paper"
-        require(setup.config.learning.rule == "paper", "learning.rule", setup.config.learning.rule, allowed)
+        require(
+            setup.config.learning.rule == "paper",
+            "learning.rule",
+            setup.config.learning.rule,
+            "needs a network that is linear in its weights; a perceptron is not, use paper",
+        )
         self.start(setup)
         samples, legs, joints = self.torque.shape
-        self.rate, self.lead = setup.rate, setup.lead
+        self.rate = setup.rate
+        self.lead = setup.lead
         paths = np.stack([planned_inputs(setup, i, INPUTS) for i in range(legs)])
         spread = paths.std(axis=1, keepdims=True)
         self.middle, self.spread = paths.mean(axis=1, keepdims=True), np.where(spread > 0.0, spread, 1.0)
         if setup.learnt is not None:
             self.middle, self.spread = setup.learnt["middle"], setup.learnt["spread"]
-        ones, self.scale = np.ones((legs, samples, 1)), np.zeros((legs, 1, 1))
-        self.paths = np.concatenate([(paths - self.middle) / self.spread, ones], axis=2)
-        seeds = [(setup.config.seed + i) % 2**32 for i in range(legs)]
-        chances, again = ([np.random.RandomState(seed) for seed in seeds] for _ in range(2))
-        inputs, hidden = self.paths.shape[2], self.config.hidden
-        first, size = inputs * hidden, inputs * hidden + (hidden + 1) * joints
-        self.parameters, self.slope, self.mean, self.square = flat = np.zeros((4, legs, size))
+        self.scale = np.zeros((legs, 1, 1))
+        scaled = (paths - self.middle) / self.spread
+        self.paths = np.concatenate([scaled, np.ones((legs, samples, 1))], axis=2)
+        generators, restarted = (
+            [np.random.RandomState((setup.config.seed + i) % 2**32) for i in range(legs)] for _ in range(2)
+        )
+        inputs = self.paths.shape[2]
+        hidden = self.config.hidden
+        first = inputs * hidden
+        self.parameters, self.slope, self.mean, self.square = flat = np.zeros(
+            (4, legs, first + (hidden + 1) * joints)
+        )
         layers = [flat[:2, :, :first].reshape(2, legs, inputs, -1), flat[:2, :, first:].reshape(2, legs, -1, joints)]
         self.weights, self.slopes = zip(*layers, strict=True)
         for weights in self.weights:
             bound = np.sqrt(6.0 / (weights.shape[1] - 1 + weights.shape[2]))  # Glorot & Bengio 2010
-            weights[:] = [chance.uniform(-bound, bound, weights.shape[1:]) for chance in chances]
-        self.values, self.steps = np.ones((legs, samples, hidden + 1)), 0
-        # Each pass takes the samples in the same order, but for this one, which has nothing to learn.
-        order, self.order = (np.stack([each.permutation(samples) for each in own]) for own in (chances, again))
+            weights[:] = [generator.uniform(-bound, bound, weights.shape[1:]) for generator in generators]
+        self.values = np.ones((legs, samples, hidden + 1))
+        self.steps = 0
+        # Only this first pass, whose targets are zero, has its own order of samples; all later passes share one.
+        order = np.stack([generator.permutation(samples) for generator in generators])
+        self.order = np.stack([generator.permutation(samples) for generator in restarted])
         self._train(order, np.zeros((legs, samples, joints)), passes=1)
         if setup.learnt is not None:
             self.scale[:] = setup.learnt["scale"]
@@ -83,23 +96,29 @@ class Perceptron(Playing):
             self.torque[:] = (self.scale * self._compute(self.paths)[1]).swapaxes(0, 1)
 
     def _compute(self, paths: Array) -> tuple[Array, Array]:
-        """Hidden values and 1 (L, n, hidden + 1), until the next call, and outputs (L, n, J), of inputs and 1."""
+        """Compute hidden values and outputs (L, n, J) for inputs with a 1 appended (L, n, inputs).
+
+        Hidden values have a 1 appended, (L, n, hidden + 1); the next call overwrites them.
+        """
         hidden, output = self.weights
         values = self.values[:, : paths.shape[1]]
         np.tanh(paths @ hidden, out=values[..., :-1])
         return values, values @ output
 
     def _train(self, order: Any, wanted: Array, passes: int) -> None:
-        """Pass over the samples in an ``order`` (L, N), in batches, with the outputs ``wanted`` (L, N, J)."""
+        """Train with the target outputs ``wanted`` (L, N, J), in batches of samples in the ``order`` (L, N)."""
         paths, wanted = (np.take_along_axis(values, order[..., None], axis=1) for values in (self.paths, wanted))
         batches = [slice(first, first + self.config.batch) for first in range(0, order.shape[1], self.config.batch)]
         for batch in passes * batches:
             self._step(paths[:, batch], wanted[:, batch])
 
     def _step(self, paths: Array, wanted: Array) -> None:
-        """A step of Adam for half the mean squared error, from inputs and 1 (L, n, ...) and outputs (L, n, J)."""
-        values, found = self._compute(paths)
-        wrong = (found - wanted) / paths.shape[1]
+        """Take a step of Adam for half the mean squared error.
+
+        ``paths`` are inputs with a 1 appended (L, n, inputs), ``wanted`` the target outputs (L, n, J).
+        """
+        values, output = self._compute(paths)
+        wrong = (output - wanted) / paths.shape[1]
         back = (wrong @ self.weights[1][:, :-1].swapaxes(1, 2)) * (1.0 - values[..., :-1] ** 2)
         np.matmul(paths.swapaxes(1, 2), back, out=self.slopes[0])
         np.matmul(values.swapaxes(1, 2), wrong, out=self.slopes[1])
@@ -110,9 +129,11 @@ class Perceptron(Playing):
         self.parameters -= rate * self.mean / (np.sqrt(self.square) + 1e-8)
 
     def learnt(self) -> Weights:
-        """``middle`` and ``spread`` (L, 1, n) of the inputs, ``scale`` (L, 1, 1) of the torques, N m; ``parameters``.
+        """Return the learnt arrays by name.
 
-        These are the weights of the hidden layer, then of the output layer, (L, size), each row by row, biases last.
+        ``middle`` and ``spread`` (L, 1, n) standardise the inputs; ``scale`` (L, 1, 1), N m, multiplies the outputs.
+        ``parameters`` (L, size) are the weights of the hidden layer, then of the output layer, each row by row, with
+        the biases last.
         """
         return {
             "middle": self.middle, "spread": self.spread, "scale": self.scale.copy(),

@@ -1,7 +1,7 @@
-"""Four legs walk (Lin & Song 1997, section 6, Fig. 14, 16 to 20).
+"""Walking of the quadruped (Lin & Song 1997, section 6, Fig. 14, 16 to 20).
 
-``python -m pipelines.quadruped_walking`` walks with and without posture control and CMAC, with noisy sensors, and
-longer than the paper, and draws the paper's figures from these runs.
+``python -m pipelines.quadruped_walking`` simulates walks with and without posture control and CMAC, with noisy
+sensors, and for more cycles than the paper; it draws the paper's figures from these runs.
 """
 
 from functools import partial
@@ -29,13 +29,13 @@ CONTROLLERS = {
     "all": [],
 }
 UNSEEDED = ["feedback", "feedback + posture"]
-"""Controllers that learn nothing, so that with perfect sensors no seed matters."""
+"""Controllers that do not learn, so that with perfect sensors the seed has no effect."""
 WALK: Declared = {"set": ["scenario=quadruped", "cycles=20"], "quick": {"cycles": 5}, "seeds": True}
 NOISY: Declared = {
     **WALK,
     "set": [
         *WALK["set"],
-        "sensors=real",  # with white noise, in the units of the fields
+        "sensors=real",
         "sensors.force.noise_relative=0.2",
         "sensors.position.noise=1e-4",
         "sensors.velocity.noise=0.02",
@@ -46,67 +46,70 @@ NOISY: Declared = {
     "quick": {"cycles": 5, "record.cycles": [1, 2, 3, 4, 5]},
 }
 LADDER = {"part": "ladder", "controller": "all"}
-"""The runs of the full controller."""
+"""Labels of the runs with the full controller and perfect sensors."""
 
 
-def _request(part: str, controllers: list[str], **own: object) -> Declared:
-    """Runs of controllers with both references: eq. 24 as printed, and without its term F_d/K_ap once a CMAC acts."""
+def _request(label: str, controllers: list[str], **keys: object) -> Declared:
+    """Return runs of controllers with two references: eq. 24 as printed, and without F_d/K_ap once a CMAC acts.
+
+    ``keys`` are further keys of the declaration.
+    """
     return {
-        **own,
+        **keys,
         "over": {"controller": {name: CONTROLLERS[name] for name in controllers}, "reference": ["literal", "aware"]},
-        "labels": {"part": part},
+        "labels": {"part": label},
     }
 
 
 def deviations(results: Results) -> DataFrame:
-    """What noise changes in the last cycles, by controller, reference and seed: ``feet``, mm, and ``force``, N.
+    """Compute the change by noise in the last cycles, by controller, reference and seed.
 
-    RMS over all samples and legs of the difference from the run with perfect sensors and the same settings; infinite
-    if either run did not complete.
+    ``feet``, mm, and ``force``, N, are the RMS over all samples and legs of the difference from the run with perfect
+    sensors and otherwise the same overrides; infinite if either run did not complete.
     """
     rows = []
     for row in results.select(part="noise").rows:
-        by, run = {name: row.settings[name] for name in ("controller", "reference", "seed")}, row.run
+        by = {name: row.settings[name] for name in ("controller", "reference", "seed")}
         same = {**by, "seed": 0} if by["controller"] in UNSEEDED else by
         reference = results.select(same, part="ladder").run
-        feet = force = np.inf
-        if run.status == reference.status == "completed":
-            cycles = range(max(1, run.whole_cycles - trace.LATE + 1), run.whole_cycles + 1)
-            own, other = run.read_trace(cycles), reference.read_trace(cycles)
-            change = {name: float(np.mean((own[name] - other[name]) ** 2)) for name in ("x", "y", "force")}
-            feet, force = 1e3 * (change["x"] + change["y"]) ** 0.5, change["force"] ** 0.5
-        rows.append({**by, "feet": feet, "force": force})
+        change = dict.fromkeys(("x", "y", "force"), np.inf)
+        if row.run.status == reference.status == "completed":
+            cycles = range(max(1, row.run.whole_cycles - trace.LATE + 1), row.run.whole_cycles + 1)
+            noisy, perfect = (run.read_trace(cycles) for run in (row.run, reference))
+            change = {name: float(np.mean((noisy[name] - perfect[name]) ** 2)) for name in change}
+        rows.append({**by, "feet": 1e3 * (change["x"] + change["y"]) ** 0.5, "force": change["force"] ** 0.5})
     return pd.DataFrame(rows)
 
 
 def noise_ratio(results: Results, column: str) -> Array:
-    """(seeds,): what noise changes with CMAC, over what they change without."""
+    """Return the change by noise with CMAC relative to that without, (seeds,); ``column``: feet or force."""
     table = results.computed["noise"]
-    own = table[table["reference"] == results.value("reference")]
-    by_seed = own.pivot_table(index="seed", columns="controller", values=column)
+    same_reference = table[table["reference"] == results.value("reference")]
+    by_seed = same_reference.pivot_table(index="seed", columns="controller", values=column)
     return quotients(by_seed["all"].to_numpy(), by_seed["feedback + posture"].to_numpy())
 
 
 def shown_walk(results: Results) -> tuple[trace.Walk, int]:
-    """The walk that the paper's figures are drawn from, and the cycle: its last."""
+    """Return the walk from which the paper's figures are drawn, and the cycle: its last."""
     run = results.select(LADDER, reference="aware").run
     return trace.walk_in(run.folder), run.whole_cycles
 
 
 def values(results: Results) -> Declared:
-    """When Fig. 17 to 20 are."""
+    """Return the last cycle, and the times of Fig. 17 to 20 from its start, s."""
     walk, cycle = shown_walk(results)
     began = walk.time[walk.cycle == cycle][0]
     return {"last": cycle} | {f"fig{n}": walk.time[k] - began for n, k in trace.instants(walk, cycle).items()}
 
 
-AT_END, OF_BODY = "median of the last 5 cycles", "over the length of the body, median of the last 5 cycles"
+AT_END = "median of the last 5 cycles"
+OF_BODY = "over the length of the body, median of the last 5 cycles"
 SHORT = {"limit": "0 to 10 %", "opposite": "at most 0 %"}
-"""A margin as a part of the length of the body."""
+"""Limits of a stability margin relative to the length of the body."""
 LESS = {"limit": "at most 0.8", "opposite": "at least 1"}
-"""What is to be less, over what it is to be less than: of errors, of the feedback and of what noise changes."""
+"""Limits of a ratio that is to be clearly below 1: of errors, of feedback, and of changes by noise."""
 NEAR = {"limit": "at most 5 %", "opposite": "at least 10 %"}
-"""Departures from the gait as parts of a cycle: a quarter and half of a transfer."""
+"""Limits of deviations from the gait, parts of a cycle: a quarter and half of a transfer."""
 STEADY: Declared = {
     "quantity": f"largest tilt in a cycle, {AT_END}", "value": lambda runs: runs.end("tilt_max", trace.LATE),
     "limit": "at most 20 mrad", "opposite": "at least 50 mrad",
@@ -242,19 +245,21 @@ SAID: dict[str, tuple[str, str, str, list[Declared]]] = {
         ],
     ),
 }  # fmt: skip
-"""What the paper says of its quadruped: its words, where, and the finding after "With `reference=aware`"; criteria.
+"""Claims of the paper on its quadruped: words, section, finding after "With `reference=aware`", criteria.
 
-It is a claim with the reference as printed, and a finding with the other one.
+Each one is a claim with the reference as printed, and a finding with the other reference.
 """
 
 
 def _scale_end(results: Results, name: str, scale: float) -> Array:
-    """(runs,): a final metric in other units."""
+    """Return a final metric multiplied by ``scale``, a conversion of units, (runs,)."""
     return scale * results.end(name, trace.LATE)
 
 
 def _with(reference: str, criteria: list[Declared]) -> list[Declared]:
-    return [{**own, "of": {**LADDER, **own.get("of", {}), "reference": reference}} for own in criteria]
+    return [
+        {**criterion, "of": {**LADDER, **criterion.get("of", {}), "reference": reference}} for criterion in criteria
+    ]
 
 
 STUDY = declare(

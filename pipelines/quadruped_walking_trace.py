@@ -1,10 +1,10 @@
-"""What the study of the quadruped reads in the traces of its walks, and how the paper draws them.
+"""Measures and figures of the quadruped study from the traces of its walks.
 
-Read are the events of Fig. 14 and 17 to 20, and what walks are judged by; drawn the gait diagram (Fig. 14), and the
-machine in three views (Fig. 16 to 20).
+Measures cover the events of Fig. 14 and 17 to 20, and the criteria of a walk. Figures are the gait diagram (Fig. 14)
+and three views of the machine (Fig. 16 to 20).
 
-Margins are the true ones: of the feet that carry load, where they stand under the tilted body. An undefined margin
-counts as -inf: fewer than three feet carry, or the line along the body misses what they span.
+Stability margins are the true ones: of the polygon of loaded feet at their actual positions under the tilted body. An
+undefined margin counts as -inf: fewer than three feet are loaded, or the line along the body misses their polygon.
 """
 
 from collections.abc import Callable
@@ -27,61 +27,66 @@ from pipelines.common_results import if_completed
 X, Y, Z = range(3)
 AXES = ("x forward of the centre of gravity, mm", "y left, mm", "z up, mm")
 AROUND = (0, 1, 3, 2)
-"""The legs in the order in which a line around the machine passes them."""
-BODY, COG, POLYGON = colour(palette.BODY_COLOR), colour(palette.COG), colour(palette.POLYGON)
+"""Indices of the legs in their order around the machine."""
+BODY, COG, POLYGON = map(colour, (palette.BODY_COLOR, palette.COG, palette.POLYGON))
 DUTY_FACTOR = 0.8
 WAVE = (0.2, 0.7, 0.0, 0.5)
-"""When each leg is aloft after leg 3, as part of a cycle, in the wave gait of Fig. 14: leg 1 lifts as foot 3 touches
-down, and the right side follows the left one by half a cycle."""
+"""Delay of each leg's transfer relative to leg 3, parts of a cycle, in the wave gait of Fig. 14.
+
+Leg 1 lifts as foot 3 touches down, and the right side follows the left one by half a cycle.
+"""
 RESTORED = 0.1
-"""The front margin counts as restored from when on it stays above this, m; the paper gives no figure."""
+"""The front margin counts as restored once it stays above this, m; the paper gives no value."""
 LATE = 5
 """Number of cycles at the end of a run in which the learnt walk is measured."""
 
 
 class Walk(RunView):
-    """Traces of a quadruped; arrays are (steps, 4), legs in the paper's order."""
+    """Traces of a walk of the quadruped; arrays are (steps, 4), legs in the paper's order."""
 
     @cached_property
     def carried(self) -> Array:
-        """True margins, (steps, 3), m: nearest edge, front and rear boundary."""
+        """True stability margins (steps, 3), m: to the nearest edge, to the front and to the rear boundary."""
         margins = [self.body[name] for name in TRUE_MARGINS]
         return np.nan_to_num(margins, nan=-np.inf, posinf=np.inf, neginf=-np.inf).T
 
     @property
     def length(self) -> float:
-        """Of the body, from the rear to the front hips, m."""
+        """Length of the body from the rear to the front hips, m."""
         return float(np.ptp(self.hips[:, 0]))
 
     def start(self, cycle: int, leg: int, support: bool) -> int:
-        """Step of a cycle in which a planned support, or else a planned transfer, of ``leg`` begins."""
+        """Return the step of a cycle in which a planned support (else: transfer) of ``leg`` begins."""
         now = self.trace.support[:, leg - 1] == support
         steps = np.flatnonzero(now[1:] & ~now[:-1]) + 1
         return int(steps[self.cycle[steps] == cycle][0])
 
     def end(self, k: int, leg: int) -> int:
-        """Step after the planned phase of ``leg`` that step ``k`` is in."""
+        """Return the first step after the planned phase of ``leg`` that contains step ``k``."""
         changes = np.flatnonzero(self.trace.support[k:, leg - 1] != self.trace.support[k, leg - 1])
         return k + int(changes[0]) if len(changes) else len(self.trace.support)
 
     def first(self, k: int, leg: int, carries: bool) -> int:
-        """The first step from ``k`` on in which a foot carries, or else does not."""
+        """Return the first step from ``k`` on in which the foot of ``leg`` is loaded (else: unloaded)."""
         return k + int(np.argmax((self.trace["force"][k:, leg - 1] > 0.0) == carries))
 
 
 @cache
 def walk_in(folder: Path) -> Walk:
-    """The walk of the stored run in a folder; read once in a process."""
+    """Read the walk of the stored run in a folder; cached, as several measures need it."""
     run = Run(folder)
     return Walk(run, run.read_trace())
 
 
 def contacts(walk: Walk, cycle: int) -> dict[str, float]:
-    """Largest departures of a leg from the duty factor and from the wave of Fig. 14, parts of a cycle; how long fewer
-    than three feet carry."""
+    """Compare the foot contacts of a cycle with the wave gait of Fig. 14.
+
+    ``duty_factor_off`` and ``wave_off`` are the largest deviations of a leg from duty factor and phase, parts of a
+    cycle; ``two_feet`` is the share of time with fewer than three loaded feet.
+    """
     carries = walk.trace["force"][walk.cycle == cycle] > 0.0
     turn = np.exp(2j * np.pi * np.arange(len(carries)) / len(carries))
-    middle = np.array([(turn[~own]).sum() for own in carries.T])  # points to the middle of the time aloft
+    middle = np.array([(turn[~loaded]).sum() for loaded in carries.T])  # points to the middle of the time aloft
     wave = np.exp(2j * np.pi * np.array(WAVE))
     return {
         "duty_factor_off": float(np.abs(carries.mean(axis=0) - DUTY_FACTOR).max()),
@@ -91,8 +96,11 @@ def contacts(walk: Walk, cycle: int) -> dict[str, float]:
 
 
 def lift_off_of_3(walk: Walk, cycle: int) -> dict[str, float]:
-    """Fig. 17: the rear margin over the body's length as foot 3 leaves the ground, and the correlation of the force
-    of foot 2 with that margin while foot 3 is aloft; 0 if either does not vary."""
+    """Measure the lift-off of foot 3 (Fig. 17).
+
+    ``rear`` is the rear margin relative to the body's length as foot 3 leaves the ground; ``correlation`` is that of
+    the force of foot 2 with this margin while foot 3 is aloft, 0 if either is constant.
+    """
     k = walk.start(cycle, 3, support=False)
     aloft = k + np.flatnonzero(walk.trace["force"][k : walk.end(k, 3), 2] == 0.0)
     rear, force = walk.carried[aloft, REAR], walk.trace["force"][aloft, 1]
@@ -104,7 +112,10 @@ def lift_off_of_3(walk: Walk, cycle: int) -> dict[str, float]:
 
 
 def touch_down_of_3(walk: Walk, cycle: int) -> dict[str, float]:
-    """Fig. 18: what foot 1 still carries as foot 3 is to take over, N, and the least margin while it does, m."""
+    """Measure the planned touch-down of foot 3 (Fig. 18).
+
+    ``force_1`` is the load on foot 1 at that step, N; ``margin`` is the least margin until foot 1 is unloaded, m.
+    """
     k = walk.start(cycle, 3, support=True)
     carries = walk.trace["force"][k : walk.end(k, 1), 0] > 0.0
     late = int(np.argmin(carries)) if not carries.all() else len(carries)
@@ -115,8 +126,7 @@ def touch_down_of_3(walk: Walk, cycle: int) -> dict[str, float]:
 
 
 def closest_in_transfer_of_2(walk: Walk, cycle: int) -> int:
-    """Step in the second half of the transfer before the touch-down of foot 2 in which it carries nothing and the
-    front margin is least."""
+    """Return the step of least front margin in the second half of the transfer of foot 2, with the foot unloaded."""
     k = walk.start(cycle, 2, support=True)
     before = np.flatnonzero(walk.trace.support[:k, 1])
     first = int(before[-1]) + 1 if len(before) else 0
@@ -125,12 +135,17 @@ def closest_in_transfer_of_2(walk: Walk, cycle: int) -> int:
 
 
 def touch_down_of_2(walk: Walk, cycle: int) -> dict[str, float]:
-    """Fig. 19, 20: the front margin late in the transfer of foot 2 over the body's length, the least after its
-    contact over that before it, and how long after the contact it is restored, s."""
-    closest, planned = closest_in_transfer_of_2(walk, cycle), walk.start(cycle, 2, support=True)
+    """Measure the touch-down of foot 2 (Fig. 19, 20).
+
+    ``front`` is the least front margin late in its transfer, relative to the body's length; ``front_gain`` is the
+    least one after the contact relative to that; ``restored`` is the time from contact until it is restored, s.
+    """
+    closest = closest_in_transfer_of_2(walk, cycle)
+    planned = walk.start(cycle, 2, support=True)
     until = min(walk.end(planned, leg) for leg in (1, 3, 4))
     after = walk.carried[walk.first(closest, 2, carries=True) : until, FRONT]
-    low, before = np.flatnonzero(after <= RESTORED), float(walk.carried[closest, FRONT])
+    low = np.flatnonzero(after <= RESTORED)
+    before = float(walk.carried[closest, FRONT])
     return {
         "front": before / walk.length,
         "front_gain": float(after.min(initial=np.inf)) / before if before > 0.0 else -np.inf,
@@ -139,30 +154,36 @@ def touch_down_of_2(walk: Walk, cycle: int) -> dict[str, float]:
 
 
 def four_feet(walk: Walk, cycle: int) -> dict[str, float]:
-    """Parts of the squared force error: where four feet are planned to be down, and, of that, what moves load from
-    one diagonal pair of feet to the other."""
+    """Return shares of the squared force error of a cycle.
+
+    ``four_feet`` is the share while four feet are planned to be down; ``diagonal`` is the share of this part that
+    moves load from one diagonal pair of feet to the other.
+    """
     rows = walk.cycle == cycle
-    error, all_down = (walk.trace["force"] - walk.trace["force_desired"])[rows], walk.trace.support[rows].all(axis=1)
-    there = float((error[all_down] ** 2).sum())
-    diagonal = error[all_down] @ np.array([0.5, -0.5, -0.5, 0.5])
-    return {"four_feet": there / float((error**2).sum()), "diagonal": float((diagonal**2).sum()) / there}
+    error = (walk.trace["force"] - walk.trace["force_desired"])[rows]
+    four_down = error[walk.trace.support[rows].all(axis=1)]
+    square = float((four_down**2).sum())
+    diagonal = four_down @ np.array([0.5, -0.5, -0.5, 0.5])
+    return {"four_feet": square / float((error**2).sum()), "diagonal": float((diagonal**2).sum()) / square}
 
 
 @cache
 def events_in(folder: Path) -> DataFrame:
-    """One row per whole cycle of a run."""
+    """Measure the events of the run in a folder, a row per whole cycle; cached, as several measures need them."""
     walk = walk_in(folder)
     events = (contacts, touch_down_of_3, lift_off_of_3, touch_down_of_2, four_feet)
-    cycles = range(1, walk.run.whole_cycles + 1)
-    return pd.DataFrame({key: own for find in events for key, own in find(walk, n).items()} for n in cycles)
+    return pd.DataFrame(
+        {key: value for find in events for key, value in find(walk, cycle).items()}
+        for cycle in range(1, walk.run.whole_cycles + 1)
+    )
 
 
 def instants(walk: Walk, cycle: int) -> dict[int, int]:
-    """Steps of Fig. 17 to 20 in a cycle, by the figure's number.
+    """Return the steps of Fig. 17 to 20 in a cycle, by the figure's number.
 
-    17: from the planned lift-off of foot 3 on, the first step in which it carries nothing. 18: from its planned
-    touch-down on, the first in which it carries. 19: foot 2 aloft, front margin least. 20: the first after it in
-    which foot 2 carries.
+    17: the first step after the planned lift-off of foot 3 in which the foot is unloaded. 18: the first one after its
+    planned touch-down in which it is loaded. 19: least front margin with foot 2 aloft. 20: the first step after that
+    in which foot 2 is loaded.
     """
     closest = closest_in_transfer_of_2(walk, cycle)
     return {
@@ -179,29 +200,32 @@ def measure_event(
     reduce: Callable[[Array], float] = lambda values: float(np.median(values[-LATE:])),
     worst: float = np.inf,
 ) -> float:
-    """An event, reduced over all cycles of a run; ``worst`` of one that did not complete or kept only some cycles."""
-    kept = run.status == Status.COMPLETED and run.config["record"]["cycles"] is None
-    return float(reduce(events_in(run.folder)[event].to_numpy())) if kept else worst
+    """Return an event reduced over all cycles of a run.
+
+    ``worst`` is returned for a run that did not complete or that recorded only some cycles.
+    """
+    whole = run.status == Status.COMPLETED and run.config["record"]["cycles"] is None
+    return float(reduce(events_in(run.folder)[event].to_numpy())) if whole else worst
 
 
 @if_completed
 def height_off(run: Run) -> float:
-    """Largest departure from the planned height in the last cycles, as a part of it."""
+    """Return the largest deviation from the planned height in the last cycles, relative to that height."""
     planned = float(run.config["machine"]["hip_height"])
-    low, high = run.pooled["height_min"][-LATE:].min(), run.pooled["height_max"][-LATE:].max()
-    return float(max(planned - low, high - planned)) / planned
+    below = planned - run.pooled["height_min"][-LATE:].min()
+    return float(max(below, run.pooled["height_max"][-LATE:].max() - planned)) / planned
 
 
 @if_completed
 def burst(run: Run) -> float:
-    """Largest transfer error in x in the last fifth of the cycles over its median in the second fifth."""
+    """Return the largest transfer error in x of the last fifth of cycles relative to the second fifth's median."""
     errors = run.pooled["transfer_rmse_x"]
     fifth = len(errors) // 5
     return float(errors[-fifth:].max() / np.median(errors[fifth : 2 * fifth]))
 
 
 def force_at_fall(run: Run) -> float:
-    """Least force of a foot that is planned to support in the last step, over the weight; inf without a fall."""
+    """Return the least force of a foot in planned support in the last step, over the weight; inf if no fall."""
     if run.status != Status.FELL:
         return np.inf
     last = run.trace.tail(4)
@@ -224,40 +248,44 @@ MEASURES: Measures = {
     "burst": burst,
     "force_at_fall": force_at_fall,
 }
-"""Of a run; the events are medians over the last cycles, but for those that say otherwise."""
+"""Measures of a run; events are medians over the last cycles unless another reduction is declared."""
 
 
 def gait_diagram(walk: Walk, cycles: int = 2) -> Figure:
-    """Fig. 14: which foot is planned to be down, and which carries, over the last cycles."""
+    """Draw Fig. 14: planned and actual foot contacts over the last cycles."""
     rows = walk.cycle > walk.cycle[-1] - cycles
-    time, style = walk.time[rows] - walk.time[rows][0], {"lw": 7.0, "linestyle": "-", "solid_capstyle": "butt"}
-    shown = {
+    time = walk.time[rows] - walk.time[rows][0]
+    style = {"lw": 7.0, "linestyle": "-", "solid_capstyle": "butt"}
+    contact_lines = {
         "planned support": (walk.trace.support, -0.15, "black"),
         "foot carries": (walk.trace["force"] > 0.0, 0.15, SERIES[1]),
     }
     series = [
         Series(name, time, np.where(down[rows, leg - 1], leg + shift, np.nan), style={**style, "color": ink})
         for leg in range(1, 5)
-        for name, (down, shift, ink) in shown.items()
+        for name, (down, shift, ink) in contact_lines.items()
     ]
-    axes = ("support and transfer", "time, s", "leg")
-    return draw(
-        [Panel(*axes, series, x_limits=time[1:][np.diff(walk.cycle[rows]) > 0], y_range=(0.5, 4.5), y_down=True)]
-    )
+    panel = Panel(
+        "support and transfer", "time, s", "leg", series,
+        x_limits=time[1:][np.diff(walk.cycle[rows]) > 0], y_range=(0.5, 4.5), y_down=True,
+    )  # fmt: skip
+    return draw([panel])
 
 
 def _connect(points: Array, chosen: Mask) -> Array:
-    """The closed line (n + 1, 3) through those of the points (4, 3) of the legs that are chosen."""
+    """Return the closed line (n + 1, 3) through the points (4, 3) of the n chosen legs."""
     legs = [leg for leg in AROUND if chosen[leg]]
     return points[[*legs, *legs[:1]]]
 
 
 def _outline(walk: Walk, k: int) -> list[tuple[str, Array, dict[str, Any]]]:
-    """What is drawn of the machine in a step: names, lines in space (n, 3), mm, and their styles.
+    """Return the lines that show the machine in step ``k``: names, points (n, 3), mm, and styles.
 
-    The origin is on the ground below the centre of gravity; a number stands at the foot of each leg.
+    The origin is on the ground below the centre of gravity; the foot of each leg is marked with its number.
     """
-    links, carries, support = joints(walk)[k], walk.trace["force"][k] > 0.0, walk.trace.support[k]
+    links = joints(walk)[k]
+    carries = walk.trace["force"][k] > 0.0
+    support = walk.trace.support[k]
     ends = MM * walk.carried[k][[REAR, FRONT]] * [-1.0, 1.0]
     above = MM * np.array([[0.0, 0.0, walk.body["height"][k]]])
     margins = np.outer(np.where(np.isfinite(ends), ends, np.nan), [1.0, 0.0, 0.0])
@@ -281,12 +309,12 @@ def _outline(walk: Walk, k: int) -> list[tuple[str, Array, dict[str, Any]]]:
 
 
 def views(walk: Walk, cycle: int, number: int) -> Figure:
-    """Fig. 16 to 20: the machine from above, from the right side and the front, and its foot forces."""
+    """Draw Fig. 16 to 20: the machine from above, from the right and from the front, and its foot forces."""
     k = ({16: 0} | instants(walk, cycle))[number]
     lines = _outline(walk, k)
     panels = [
         Panel(
-            title, AXES[x], AXES[y], [Series(name, own[:, x], own[:, y], style=style) for name, own, style in lines],
+            title, AXES[x], AXES[y], [Series(name, xyz[:, x], xyz[:, y], style=style) for name, xyz, style in lines],
             equal=True, y_limits=[0.0] if y == Z else (),
         )
         for title, x, y in (("from above", X, Y), ("side, from the right", X, Z), ("front", Y, Z))
@@ -296,5 +324,7 @@ def views(walk: Walk, cycle: int, number: int) -> Figure:
         Series("desired force", range(4), walk.trace["force_desired"][k],
                style={"fc": "white", "ec": DESIRED, "hatch": "////"}),
     ]  # fmt: skip
-    bars = Panel("foot forces", "leg", "contact force, N", forces, "bars", ticks="1234", y_range=(0.0, 29.0))
-    return draw([panels[0], bars, *panels[1:]], height=2.9)
+    panels.insert(
+        1, Panel("foot forces", "leg", "contact force, N", forces, "bars", ticks="1234", y_range=(0.0, 29.0))
+    )
+    return draw(panels, height=2.9)

@@ -1,6 +1,7 @@
-"""What studies of robots share: robots, grounds, starts, feedforwards, and what they measure of a walk.
+"""Shared declarations of studies of robots: robots, grounds, starts, feedforwards, and measures of a walk.
 
-Walks are repeated from one start for each seed, unless a study says otherwise; the last cycle of each is recorded.
+Unless a study declares otherwise, walks are repeated with another random start for each seed, and their last cycle is
+recorded.
 """
 
 from cmacexp.study import Declared, completed, of_completed
@@ -9,14 +10,14 @@ ROBOTS = {
     "Go1": {"machine": "go1"}, "Go2": {"machine": "go2"}, "Aliengo": {"machine": "aliengo"},
     "Mini Cheetah": {"machine": "mini_cheetah"}, "HyQReal1": {"machine": "hyqreal1"},
 }  # fmt: skip
-"""Those that gains and plans by rule were tried on."""
+"""Robots with which the rules for gains and plans were developed."""
 OTHERS = {
     "Spot": {"machine": "spot"}, "A2": {"machine": "a2"}, "B2": {"machine": "b2"},
     "HyQReal2": {"machine": "hyqreal2"}, "Pegasus": {"machine": "pegasus"},
 }  # fmt: skip
 GROUNDS: dict[str, Declared] = {"elastic ground": {}, "rigid ground": {"plant": "mujoco_robot_rigid"}}
 SPREAD: Declared = {"plant.start_spread": 0.05, "plant.start_seed": "${seed}"}
-"""A start off the plan, another one for each seed."""
+"""Random start beside the planned one, different for each seed."""
 LAST: Declared = {"record.cycles": ["${cycles}"]}
 WALK: Declared = {"scenario": "robot", **SPREAD, **LAST}
 ALONE: Declared = {"feedforward": "none", "cycles": 12}
@@ -42,11 +43,11 @@ ENDS: Declared = {
         }
     ),
 }
-"""Columns of a table: the last cycle."""
+"""Columns of a table of the last cycle."""
 
 
 def end_within(position: str, force: str, of: Declared, each: Declared) -> list[Declared]:
-    """Criteria: walks end with these errors, mm and N, or less."""
+    """Return criteria that walks end with at most these errors: ``position``, mm, and ``force``, N."""
     return [
         {**error, "of": of, "each": each, "limit": f"at most {limit}"}
         for error, limit in ((POSITION, f"{position} mm"), (FORCE, f"{force} N"))
@@ -54,7 +55,10 @@ def end_within(position: str, force: str, of: Declared, each: Declared) -> list[
 
 
 def each_within(gait: str, position: str, force: str, of: Declared, each: Declared, **more: str) -> Declared:
-    """A criterion: at least three quarters of the walks end within both limits, mm and N, each by itself."""
+    """Return a criterion that three quarters of the walks end with at most both errors, each walk counted separately.
+
+    ``position`` is in mm, ``force`` in N; ``more`` adds keys to the criterion.
+    """
     return {
         "quantity": f"{gait}s within both", "of": of, "each": each, "limit": "at least 75 %", **more,
         "value": lambda runs: (1e3 * runs.end("transfer_rmse", 1) <= float(position))
@@ -63,5 +67,5 @@ def each_within(gait: str, position: str, force: str, of: Declared, each: Declar
 
 
 def learn(cycles: int) -> Declared:
-    """A CMAC that learns for so many cycles."""
+    """Return overrides of a CMAC that learns for ``cycles`` cycles."""
     return {"feedforward": "cmac", "cycles": cycles}

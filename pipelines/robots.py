@@ -1,4 +1,4 @@
-"""Robots of today: CMAC, models and iterative learning with gains by one rule, and what each part is worth.
+"""Robots of today: CMAC, models and iterative learning with gains by one rule; ablation of the method's parts.
 
 ``python -m pipelines.robots`` needs the extra ``robots``.
 """
@@ -11,7 +11,7 @@ from pipelines.robot_walks import ALONE, ENDS, FORCE_LEFT, GROUNDS, MODEL, OTHER
 LIGHTER = dict.fromkeys(
     [f"plant.as_built.{name}" for name in ("trunk_mass_factor", "trunk_inertia_factor", "leg_mass_factor")], 0.8333
 )
-"""Planner and controller assume masses that are 20 % too large."""
+"""Overrides of a robot for which planner and controller assume masses that are 20 % too large."""
 KINDS: dict[str, Declared] = {
     "feedback only": ALONE,
     "nominal model": MODEL,
@@ -33,7 +33,7 @@ WITHOUT: dict[str, Declared] = {
     "ground damping": {"terrain.damping": 0},
     "LEAD compensator": {"controller.lead_alpha": 1},
 }
-"""Parts of the method that are left out, one at a time."""
+"""Ablation: overrides that leave out one part of the method."""
 GO1 = {"Go1": ROBOTS["Go1"]}
 COMPLETE: Declared = {
     "quantity": "walks that complete", "value": lambda runs: runs.completed, "limit": "at least 70 %",
@@ -64,21 +64,21 @@ COLUMNS: Declared = {
 
 
 def _describe_last(results: Results) -> str | None:
-    """Transfer error, mm, and force error, N, of the last cycle."""
+    """Format transfer error, mm, and force error, N, of the last cycle."""
     return describe_estimates(
         results, lambda runs: 1e3 * runs.end("transfer_rmse", 1), lambda runs: runs.end("force_rmse", 1)
     )
 
 
 def _describe_cycle(results: Results, cycle: int) -> str | None:
-    """Transfer error, mm, and force error, N, of a cycle."""
+    """Format transfer error, mm, and force error, N, of a cycle."""
     return describe_estimates(
         results, lambda runs: 1e3 * runs.at(cycle, "transfer_rmse"), lambda runs: runs.at(cycle, "force_rmse")
     )
 
 
 def _compare_ends(lead: str, limit: str) -> list[Declared]:
-    """Feedback torque in cycle 200 over that in cycle 50, and both."""
+    """Return criteria of the feedback torque in cycle 200 relative to cycle 50, and of both torques."""
     of = {"part": "lead", "lead": lead}
     return [
         {"quantity": "feedback torque of cycle 200 over that of cycle 50", "of": of, "limit": limit,
@@ -251,8 +251,8 @@ STUDY = declare(
         },
         "left_out": {"rows": {"without": "without"}, "columns": COLUMNS, "of": {"part": "left out"}},
         **{
-            name: {"rows": {"robot": "robot", "kind": "feedforward"}, "columns": COLUMNS, "of": {"part": part}}
-            for name, part in (("last", "feedforwards"), ("further", "others"), ("ground", "ground"))
+            name: {"rows": {"robot": "robot", "kind": "feedforward"}, "columns": COLUMNS, "of": {"part": label}}
+            for name, label in (("last", "feedforwards"), ("further", "others"), ("ground", "ground"))
         },
     },
     figures={

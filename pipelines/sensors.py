@@ -1,6 +1,6 @@
-"""Imperfect sensors: what Lin & Song 1997 leave "to be investigated further".
+"""Imperfect sensors, which Lin & Song 1997 leave "to be investigated further".
 
-``python -m pipelines.sensors`` breaks a force sensor of a walking machine in many ways and at several gains of the
+``python -m pipelines.sensors`` simulates failures of a force sensor of the walking machine at several gains of the
 force feedback, with and without fault detection; adds noise to every signal; and delays signals and torques.
 """
 
@@ -34,21 +34,21 @@ GAINS = {
     gain: [f"force_control.elasticity={gain}", f"force_control.admittance={gain}"]
     for gain in ("0.0001", "0.0003", "0.001", "0.003", "0.01")
 }
-"""P_fn in m/N and V_fn in m/(N s) alike; the first is the scenario's."""
+"""Gains of the force feedback, P_fn in m/N and V_fn in m/(N s) with the same value; the first is the scenario's."""
 CHECKS = {"no check": ["plausibility=none"], "check": ["plausibility=force"]}
 NOISY = {"none": [], "force": ["sensors=noisy_force"]}
 THIN = "record.every_nth_step=600"
-"""Metrics are of every step; of the traces little is kept."""
+"""Override that thins the recorded traces; metrics use every step."""
 LEGGED = ["scenario=quadruped", "learning.lead=1", "gait.load_ramp=0.12"]
 WALKING = [*LEGGED, THIN, "cycles=12"]
 LEG, WALK = "one leg", "quadruped"
 LATE = 3
-"""Cycles that final values are over."""
+"""Number of last cycles over which final values are computed."""
 ERRORS = {
     LEG: {"transfer error in y": "transfer_rmse_y", "force error": "force_rmse", "feedback torque": "feedback_rms"},
     WALK: {"tilt": "tilt_max", "force error": "force_rmse_cycle", "feedback torque": "feedback_rms"},
 }
-"""Metrics that noise may worsen, by machine and name."""
+"""Metrics that noise may increase, by machine and name."""
 SIGNALS: dict[str, tuple[str, tuple[float, ...], tuple[float, ...]]] = {
     "force": ("noise_relative", (0.05, 0.1, 0.2, 0.4), (0.05, 0.1, 0.2, 0.4)),
     "position": ("noise", (1e-4, 3e-4, 1e-3, 3e-3), (1e-5, 3e-5, 1e-4, 3e-4)),
@@ -56,7 +56,7 @@ SIGNALS: dict[str, tuple[str, tuple[float, ...], tuple[float, ...]]] = {
     "height": ("noise", (), (1e-6, 1e-5, 1e-4, 1e-3)),
     "tilt": ("noise", (), (1e-6, 1e-5, 1e-4, 1e-3)),
 }
-"""Field of the noise on each signal; its levels for one leg, which has no body, and for the quadruped."""
+"""Config field of the noise on each signal; noise levels for one leg, which has no body, and for the quadruped."""
 
 
 def _break(kind: str, value: float, leg: int, start: float) -> list[str]:
@@ -65,15 +65,19 @@ def _break(kind: str, value: float, leg: int, start: float) -> list[str]:
 
 
 def _draw_failures() -> list[Declared]:
-    """Failures of every kind and leg, each at a moment and with a seed of its own, with and without the check."""
-    drawn, found = random.Random(1997), []
+    """Return runs with failures of every kind and leg, with and without fault detection.
+
+    Each failure starts at a random time and has its own seed.
+    """
+    generator = random.Random(1997)
+    declared = []
     for number, (name, (kind, value)) in enumerate(KINDS.items()):
-        moments = {leg: round(drawn.uniform(12.0, 18.0), 3) for leg in (1, 2, 3, 4)}  # the fifth or sixth cycle
+        moments = {leg: round(generator.uniform(12.0, 18.0), 3) for leg in (1, 2, 3, 4)}  # the fifth or sixth cycle
         broken = {
             f"leg {leg}": [*_break(kind, value, leg, start), f"seed={4 * number + leg - 1}"]
             for leg, start in moments.items()
         }
-        found += [
+        declared += [
             {
                 "set": [*WALKING, f"feedforward={feedforward}"],
                 "over": {"gain": dict(list(GAINS.items())[::step]), "check": CHECKS, "broken": broken},
@@ -82,62 +86,66 @@ def _draw_failures() -> list[Declared]:
             }
             for feedforward, step in (("cmac", 1), ("none", 2))
         ]
-    return found
+    return declared
 
 
-def _add_noise(machine: str, words: list[str], own: int) -> list[Declared]:
-    """A machine without noise, and with every level of noise on every signal; ``own`` is the place of its levels."""
+def _add_noise(machine: str, words: list[str], column: int) -> list[Declared]:
+    """Return runs of a machine without noise, and with every level of noise on every signal.
+
+    ``words`` are its overrides; ``column`` is the index of its noise levels in SIGNALS: 0 for one leg, 1 for the
+    quadruped.
+    """
     sound: Declared = {"set": words, "seeds": True, "labels": {"part": "noise", "machine": machine, "signal": "none"}}
     noisy = [
         {
             **sound,
-            "over": {"level": {n: ["sensors=real", f"sensors.{signal}.{field}={n}"] for n in levels[own]}},
+            "over": {"level": {n: ["sensors=real", f"sensors.{signal}.{field}={n}"] for n in levels[column]}},
             "labels": {**sound["labels"], "signal": signal},
             "quick": {} if signal == "force" else None,
         }
         for signal, (field, *levels) in SIGNALS.items()
-        if levels[own]
+        if levels[column]
     ]
     return [sound, *noisy]
 
 
 def _find_fault(run: Run) -> Declared:
-    """The fault of the force sensors of a run, with no legs if there is none."""
+    """Return the declared fault of the force sensors of a run; one without legs if there is none."""
     fault = run.config["sensors"].get("force", {}).get("fault", {})
     return dict(fault) if fault.get("kind", "none") != "none" else {"legs": [], "start": 0.0}
 
 
 def rejected_after(run: Run) -> float:
-    """Samples from the failure of a force sensor until it is rejected; infinite if it is not, or none fails."""
+    """Count the samples from the failure of a force sensor until its rejection; infinite if it is not rejected."""
     fault = _find_fault(run)
-    own = [dropped["step"] for dropped in run.manifest["dropped"] if dropped["leg"] in fault["legs"]]
-    return float(min(own, default=np.inf) - round(fault["start"] / run.config["sampling_period"]))
+    steps = [dropped["step"] for dropped in run.manifest["dropped"] if dropped["leg"] in fault["legs"]]
+    return float(min(steps, default=np.inf) - round(fault["start"] / run.config["sampling_period"]))
 
 
 def rejected_sound(run: Run) -> float:
-    """Number of sound force sensors that are rejected."""
+    """Count the working force sensors that are rejected in a run."""
     return float(sum(dropped["leg"] not in _find_fault(run)["legs"] for dropped in run.manifest["dropped"]))
 
 
 def where_sound_walks(results: Results, check: str, gains: list[str]) -> Results:
-    """The failures with a controller and a gain with which all machines with sound sensors complete."""
-    sound, broken = results.select(part="sound"), results.select(part="failures", check=check, gain=list(gains))
+    """Select the runs with a failure whose feedforward and gain let all runs with working sensors complete."""
+    broken = results.select(part="failures", check=check, gain=list(gains))
     walks = {
         (name, gain)
-        for name, own in sound.by("feedforward").items()
-        for gain, each in own.by("gain").items()
-        if all(each.completed)
+        for name, runs in results.select(part="sound").by("feedforward").items()
+        for gain, repetitions in runs.by("gain").items()
+        if all(repetitions.completed)
     }
     return Results([row for row in broken.rows if (row.settings["feedforward"], row.settings["gain"]) in walks])
 
 
 def _end_torque(results: Results) -> Array:
-    """(runs,): feedback torque over the last 3 cycles, N m."""
+    """Return the RMS feedback torque over the last 3 cycles, N m, (runs,)."""
     return results.end("feedback_rms", LATE)
 
 
 def worsening(results: Results) -> Array:
-    """(noisy runs,): feedback torque at the end over that of the run without noise and with the same seed."""
+    """Return the final feedback torque relative to the run without noise and with the same seed, (noisy runs,)."""
     return relative(results.select(signal="force"), results.select(signal="none"), _end_torque)
 
 
@@ -232,7 +240,7 @@ STUDY = declare(
             "says": "Noisy force sensors limit the gain of the quadruped's force feedback to 0.001",
             "criteria": [
                 {"quantity": "largest feedback torque over that without noise", 
-                 "value": lambda all: np.max([worsening(own) for own in all.by("gain").values()], axis=0),
+                 "value": lambda all: np.max([worsening(runs) for runs in all.by("gain").values()], axis=0),
                  "of": {"part": "gains", "gain": gains}, "case": f"gains {what} 0.001", "limit": limit}
                 for what, gains, limit in (
                     ("up to", [*GAINS][:3], "at most 1.5"), ("above", [*GAINS][3:], "at least 1.5"),

@@ -1,4 +1,4 @@
-"""A sudden change of speed: what of a learnt feedforward is of use in the first cycle at another speed.
+"""A sudden change of speed: transfer of learnt feedforwards to the first cycle at another speed.
 
 ``python -m pipelines.speed_change`` needs the extra ``robots``.
 """
@@ -36,14 +36,14 @@ FIRST: Declared = {
 }  # fmt: skip
 
 
-def _run(part: str, kinds: Declared, walk: Declared, **more: Declared) -> Declared:
+def _run(label: str, kinds: Declared, walk: Declared, **more: Declared) -> Declared:
     return {
-        "set": walk, "over": {"torques": TORQUES, "start": STARTS, "kind": kinds}, "labels": {"part": part}, **more,
+        "set": walk, "over": {"torques": TORQUES, "start": STARTS, "kind": kinds}, "labels": {"part": label}, **more,
     }  # fmt: skip
 
 
 def _of_kinds(*kinds: str) -> Declared:
-    """A criterion for each kind, torques and start."""
+    """Return keys that repeat a criterion for each kind of feedforward, lag of torques and start."""
     return {"each": {**FIRST["each"], "kind": [*kinds]}, "case": "start {start}, torques {torques}, {kind}"}
 
 
@@ -101,11 +101,11 @@ STUDY = declare(
         },
     },
     tables={
-        part: {
-            "rows": {"start": "start", "torques": "torques", "kind": "feedforward"}, "of": {"part": part},
+        label: {
+            "rows": {"start": "start", "torques": "torques", "kind": "feedforward"}, "of": {"part": label},
             "columns": {"completed": completed, **of_completed(columns)},
         }
-        for part, columns in {
+        for label, columns in {
             "carried": {
                 "cycle 1, mm": lambda runs: 1e3 * runs.at(1, "transfer_rmse"),
                 "cycle 1, N": lambda runs: runs.at(1, "force_rmse"),

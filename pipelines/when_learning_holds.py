@@ -1,9 +1,9 @@
-"""When learning stays bounded: what several predictors say of random configurations, compared with long runs.
+"""Bounded learning: verdicts of several predictors on random configurations, compared with long runs.
 
 ``python -m pipelines.when_learning_holds`` draws configurations of one leg, of the quadruped and of robots, runs each
-for thousands of cycles without a guard (robots for fewer), and compares how it went with what each predictor says of
-the config alone. Robots need the extra ``robots``; the quick form goes without. The limits of the verdict
-(``cmacexp/addons/stability/verdict.py``) were chosen on other draws.
+for thousands of cycles without a guard (robots for fewer), and compares the outcome with the verdict that each
+predictor derives from the config only. Robots need the extra ``robots``; the quick form does not include them. The
+thresholds of the verdict (``cmacexp/addons/stability/verdict.py``) were chosen with other random configurations.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from pipelines.when_learning_holds_measures import MEASURES, SAID
 from pipelines.worlds import ONE_LEG, QUADRUPED, ROBOT, draw_settings
 
 DRAWS = {ONE_LEG: (1200, 3000), QUADRUPED: (240, 3000), ROBOT: (20, 150)}
-"""Settings that are drawn, of which feedback alone does not last with some; and their cycles."""
+"""Number of random configurations, with some of which feedback only diverges, and cycles of a run, by machine."""
 CRITERIA = {
     "condition_1": "condition 1, Re(z^l T) > (beta/2) T^H T",
     "condition_2": "condition 2, Re(z^l T) > beta (l + 1/2) T^H T",
@@ -26,49 +26,51 @@ CRITERIA = {
     "verdict": "verdict",
 }
 WITHIN = 0.002
-"""Distance of a predicted growth from the measured one that counts as right."""
+"""Largest difference of a predicted growth per cycle from the measured one that counts as correct."""
 
 
 def learning(results: Results) -> Results:
-    """The runs in which feedback alone lasts until learning begins."""
+    """Select the runs that complete the cycles with feedback only, so that learning begins."""
     return Results([row for row in results.rows if row.measures["learns"] == 1.0], results.computed)
 
 
 def judge(results: Results, criterion: str = "verdict") -> tuple[Mask, Mask, Mask]:
-    """Of each run that learns: whether a criterion says that it stays bounded, that it grows; and whether it stayed.
+    """Compare the verdict of a criterion with the outcome, for each run that learns.
 
-    A criterion that cannot be computed says nothing.
+    Returns:
+        Masks (runs,): the criterion predicts bounded learning; it predicts growth; learning stayed bounded. A
+        criterion that cannot be computed predicts neither.
     """
-    own = learning(results)
-    says = np.nan_to_num(own.measure(criterion))
-    return says == SAID[HOLDS], says == SAID[GROWS], own.measure("held") == 1.0
+    runs = learning(results)
+    says = np.nan_to_num(runs.measure(criterion))
+    return says == SAID[HOLDS], says == SAID[GROWS], runs.measure("held") == 1.0
 
 
 def _sample(compute: Callable[[Mask, Mask, Mask], Mask], criterion: str = "verdict") -> Callable[[Results], Mask]:
-    """A sample of what :func:`judge` gives."""
+    """Return a function of results that applies ``compute`` to the masks of :func:`judge`."""
     return lambda results: compute(*judge(results, criterion))
 
 
 def find_growth_errors(results: Results) -> Array:
-    """Distances of predicted from measured growth, of runs whose changes stay small."""
-    own = learning(results)
-    errors: Array = np.abs(own.measure("predicted") - own.measure("measured"))
+    """Return absolute differences of predicted and measured growth per cycle, for runs with small changes (n,)."""
+    runs = learning(results)
+    errors: Array = np.abs(runs.measure("predicted") - runs.measure("measured"))
     return errors[np.isfinite(errors)]
 
 
 def draw_growth(results: Results) -> Figure:
-    """Predicted over measured growth where changes stay small."""
+    """Draw predicted over measured growth per cycle, for runs with small changes."""
     series = [
-        Series(machine, own.measure("measured"), own.measure("predicted"), style={"ms": 3})
-        for machine, own in learning(results).by("machine").items()
+        Series(machine, runs.measure("measured"), runs.measure("predicted"), style={"ms": 3})
+        for machine, runs in learning(results).by("machine").items()
     ]
     panel = Panel("growth per cycle", "measured", "predicted", series, "scatter", from_zero=False)
     return draw([panel], columns=1)
 
 
 def values(results: Results) -> Declared:
-    """Counts that the page names."""
-    counts = {machine: len(own) for machine, own in learning(results).by("machine").items()}
+    """Return the counts that the page shows: configurations, false verdicts of one leg, runs with a growth."""
+    counts = {machine: len(runs) for machine, runs in learning(results).by("machine").items()}
     leg = results.select(machine=ONE_LEG)
     bounded, _, held = judge(leg)
     return {
@@ -94,7 +96,7 @@ SHARES: dict[str, Callable[[Mask, Mask, Mask], Mask]] = {
     "right where it decides": lambda bounded, grows, held: (bounded == held)[bounded | grows],
     "undecided": CELLS["undecided"][0],
 }
-"""What the table shows of each predictor."""
+"""Columns of the table for each predictor."""
 STUDY = declare(
     title="When learning stays bounded",
     question="What do frequency tests, the cycle map, a short simulation and `stability` say of random "
@@ -161,7 +163,7 @@ STUDY = declare(
         "confusion": {
             "rows": "machine",
             "columns": {
-                "n": lambda own: len(learning(own)),
+                "n": lambda runs: len(learning(runs)),
                 "stays bounded": _sample(lambda bounded, grows, held: held),
                 **{
                     f"{words}: {what}": _sample(share, criterion)
@@ -174,7 +176,7 @@ STUDY = declare(
             f"misses_{name}": {
                 "rows": {f"learning.{name}": name}, "of": {"machine": ONE_LEG},
                 "columns": {
-                    "settings": lambda own: len(learning(own)),
+                    "settings": lambda runs: len(learning(runs)),
                     **{what: _sample(CELLS[what][0]) for what in ("said to stay bounded, grew",
                                                                   "said to grow, stayed bounded", "undecided")},
                 },

@@ -1,7 +1,7 @@
-"""The one generator of random runs: worlds unknown to planner and controller, and random settings of what learns.
+"""Generator of all random runs: worlds unknown to planner and controller, and random hyperparameters of learning.
 
-Every draw is made by :class:`Draw` from a seed, a machine and a number, so that the same number is the same world,
-whatever learns in it. Three distributions are declared below:
+Every choice is drawn by :class:`Draw` from a seed, a machine and a number, so that a number always gives the same
+world, whichever method learns in it. Three distributions are declared below:
 
 =============== ======================================================================================= ==========
 function        what varies, and how                                                                    drawn for
@@ -22,50 +22,53 @@ WALK = (1e4, 0.15, 0.01)
 WORLDS: dict[str, tuple[float | None, float, float]] = {
     "one_leg": (10.0, 0.1, 0.05), "quadruped": WALK, "quadruped_lasting": WALK, "robot": (None, 0.1, 0.02),
 }  # fmt: skip
-"""By scenario: stiffness that the plan assumes, N/m, which of robots follows from their model; side of a patch of
-ground, m; largest difference of the joint angles at the start from the planned ones, rad."""
+"""By scenario: ground stiffness that the planner assumes, N/m; side of a patch of ground, m; start error, rad.
+
+The start error is the largest difference of the joint angles at the start from the planned ones. For robots the
+stiffness follows from their model.
+"""
 FIRST_TUNING = 1_000_000
-"""Number of the first world that settings are tuned in: none of those that they are tested in."""
+"""Number of the first world for tuning; worlds for tuning and for testing are disjoint."""
 TESTED = range(24)
-"""Numbers of the worlds that studies test in."""
+"""Numbers of the worlds in which studies test."""
 FEWER = TESTED[:12]
-"""Those in which long runs are tested."""
+"""Numbers of the worlds in which studies test long runs."""
 
 
 class Draw(np.random.Generator):
-    """NumPy's generator, for the random choices of one run.
+    """Random generator for the choices of one run.
 
     Args:
-        seed: equal seeds give equal draws.
+        seed: seed; equal seeds give equal choices.
     """
 
     def __init__(self, *seed: int):
         super().__init__(np.random.PCG64(seed))
 
     def choose(self, *values: Any) -> Any:
-        """One of the values; what is listed twice is twice as likely."""
+        """Return one of the values at random; a value that is listed twice is twice as likely."""
         return values[self.integers(len(values))]
 
     def even_log(self, low: float, high: float) -> float:
-        """A number whose logarithm is evenly distributed."""
+        """Return a log-uniform random number between ``low`` and ``high``."""
         return float(np.exp(self.uniform(np.log(low), np.log(high))))
 
 
 def draw_world(scenario: str, number: int, stiffer: float = 1.0) -> tuple[str, ...]:
-    """Overrides of a world.
+    """Draw the overrides of a world.
 
     Args:
         scenario: ``one_leg``, ``quadruped``, ``quadruped_lasting`` or ``robot``.
-        number: of the world; seed of the hash of a network too.
-        stiffer: how many times as stiff the ground has become, unknown to the plan; not of ``robot``.
+        number: number of the world, and seed of the hash of a network.
+        stiffer: factor of the true ground stiffness, unknown to the planner; without effect for ``robot``.
     """
     draw = Draw(2026, sorted(WORLDS).index(scenario), number)
-    known, patch, start = WORLDS[scenario]
-    true = known and stiffer * known * float(np.exp(draw.uniform(-0.3, 0.3)))
-    # Gains of a robot by rule count the delay of its sensors: with none they leave no room for a later torque.
+    assumed, patch, start = WORLDS[scenario]
+    true = assumed and stiffer * assumed * float(np.exp(draw.uniform(-0.3, 0.3)))
+    # A robot's gains by rule allow for the delay of its sensors; without one, a later torque delay destabilises it.
     return (
         f"seed={number}",
-        *((f"terrain.stiffness={true:.5g}", f"terrain.assumed_stiffness={known:g}") if known else ()),
+        *((f"terrain.stiffness={true:.5g}", f"terrain.assumed_stiffness={assumed:g}") if assumed else ()),
         *("terrain.patch_spread=0.2", f"terrain.patch_size={patch}", f"terrain.patch_seed={number}"),
         f"plant.mass_factor={draw.uniform(0.8, 1.2):.4f}",
         *(f"plant.start_spread={start}", f"plant.start_seed={number}"),
@@ -77,7 +80,7 @@ def draw_world(scenario: str, number: int, stiffer: float = 1.0) -> tuple[str, .
 
 
 def draw_worlds(scenario: str, numbers: Iterable[int], stiffer: float = 1.0) -> dict[int, list[str]]:
-    """Overrides of worlds by their number: values of the setting ``world`` of runs, see :func:`draw_world`."""
+    """Draw the overrides of several worlds, by number, as values of the setting ``world``; see :func:`draw_world`."""
     return {number: [*draw_world(scenario, number, stiffer)] for number in numbers}
 
 
@@ -88,11 +91,11 @@ HARD = {
     GO1: ("scenario=robot", "machine=go1"),
     ALIENGO: ("scenario=robot", "machine=aliengo"),
 }
-"""Machines of hard worlds."""
+"""Overrides of the machines in hard worlds."""
 
 
 def _draw_sensors(draw: Draw, robot: bool) -> list[str]:
-    """Sensors that are perfect, encoders, or late and noisy."""
+    """Draw overrides of the sensors: perfect, encoders, or delayed and noisy."""
     kind = draw.choose("perfect", "encoders", "real", "real")
     if kind != "real" or robot:
         return [f"sensors={'encoders' if kind == 'real' else kind}"]
@@ -105,11 +108,11 @@ def _draw_sensors(draw: Draw, robot: bool) -> list[str]:
     ]
 
 
-def _draw_ground(draw: Draw, known: float | None) -> list[str]:
-    """Ground that the plan does not know: stiffness, patches, slope."""
-    true = known and known * float(f"{draw.even_log(0.5, 2.0):.3g}")
+def _draw_ground(draw: Draw, assumed: float | None) -> list[str]:
+    """Draw overrides of ground that is unknown to the planner, which assumes this stiffness, N/m: patches, slope."""
+    true = assumed and assumed * float(f"{draw.even_log(0.5, 2.0):.3g}")
     return [
-        *((f"terrain.stiffness={true:.4g}", f"terrain.assumed_stiffness={known:g}") if known else ()),
+        *((f"terrain.stiffness={true:.4g}", f"terrain.assumed_stiffness={assumed:g}") if assumed else ()),
         *(
             ("terrain.patch_spread=0.3", "terrain.patch_size=0.15", f"terrain.patch_seed={draw.integers(100)}")
             if draw.random() < 0.4
@@ -120,16 +123,16 @@ def _draw_ground(draw: Draw, known: float | None) -> list[str]:
 
 
 def _draw_payload(draw: Draw, machine: str) -> list[str]:
-    """A load that the plan does not know; one leg has no body that carries it."""
+    """Draw overrides of a payload that is unknown to the planner; none for one leg, which has no body."""
     if machine == ONE_LEG or draw.random() < 0.5:
         return []
     ends = {"weight": (5.0, 20.0), "x": (-0.05, 0.05), "y": (-0.03, 0.03)}
     ends |= {"x": (-0.1, 0.1), "y": (-0.07, 0.07)} if machine == QUADRUPED else {}
-    return [f"payload.{key}={draw.uniform(*own):.3g}" for key, own in ends.items()]
+    return [f"payload.{key}={draw.uniform(low, high):.3g}" for key, (low, high) in ends.items()]
 
 
 def draw_hard_world(machine: str, number: int) -> tuple[str, ...]:
-    """Overrides of a world of ``HARD``, and of a rate and a lead that may be wrong in it."""
+    """Draw the overrides of a world of ``HARD``, with a rate and a lead that may be wrong for it."""
     draw = Draw(list(HARD).index(machine), number)
     return (
         *_draw_sensors(draw, machine in (GO1, ALIENGO)),
@@ -143,9 +146,10 @@ def draw_hard_world(machine: str, number: int) -> tuple[str, ...]:
 
 
 def draw_long(number: int) -> Sequence[str]:
-    """Overrides of one leg that learns for long, guarded: gains, rate, lead, network, period, ground and step."""
+    """Draw the overrides of a long run of one leg: gains, rate, lead, network, period, ground and stroke."""
     draw = Draw(list(HARD).index(ONE_LEG), 10**6 + number)
-    gain, period = float(f"{draw.even_log(50.0, 250.0):.3g}"), draw.choose(0.004, 0.005, 0.008)
+    gain = float(f"{draw.even_log(50.0, 250.0):.3g}")
+    period = draw.choose(0.004, 0.005, 0.008)
     stiffness = float(f"{draw.even_log(8.0, 100.0):.3g}")
     elasticity = float(f"{draw.even_log(0.1, 3.0):.3g}") / stiffness
     samples = 20 * round(float(f"{draw.uniform(2.0, 4.0):.3g}") / period / 20)
@@ -173,23 +177,25 @@ MACHINES: dict[str, tuple[str, tuple[float, ...], tuple[float, ...]]] = {
     QUADRUPED: ("quadruped", (50.0, 5.0), (4e3, 3e4)),
     ROBOT: ("robot", (), ()),
 }
-"""Scenario of a machine; position gain, N/m, and velocity gain, N s/m, that are scaled, and least and largest
-stiffness of the ground, N/m, which of a robot follow from its model."""
+"""By machine: scenario; position gain, N/m, and velocity gain, N s/m, to be scaled; range of ground stiffness, N/m.
+
+For robots gains and stiffness follow from their model.
+"""
 RULES = (
     *(["paper"] * 13), "normalised", "leakage", "weight_smoothing", "zero_phase", "dead_zone", "e_modification",
     "decaying_rate",
 )  # fmt: skip
 FIRST = 10
-"""Cycle in which learning begins: nothing is said of settings with which feedback alone does not last so long."""
+"""First cycle of learning; configurations with which feedback only ends before are left out."""
 
 
 def draw_settings(machine: str, seed: int, number: int) -> tuple[str, ...]:
-    """Overrides of one config; of robots gains, gait and memory follow from their model.
+    """Draw the overrides of a random configuration; for robots gains, gait and memory follow from their model.
 
     Args:
         machine: one of MACHINES.
-        seed: other seeds give other settings.
-        number: of the config.
+        seed: seed of a set of configurations.
+        number: number of the configuration in its set.
     """
     draw = Draw(seed, number)
     return (
@@ -204,7 +210,7 @@ def draw_settings(machine: str, seed: int, number: int) -> tuple[str, ...]:
 
 
 def _draw_machine(draw: Draw, machine: str) -> list[str]:
-    """Control, memory and gait of a planar machine."""
+    """Draw overrides of controller, memory, gait and ground of one leg or the quadruped."""
     _, (position, velocity), soft_to_hard = MACHINES[machine]
     factor = draw.even_log(0.4, 4.0)
     velocity *= float(np.sqrt(factor)) * draw.even_log(0.5, 2.5)

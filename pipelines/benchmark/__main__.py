@@ -1,7 +1,7 @@
-"""``python -m pipelines.benchmark``: how well methods learn under contact, over tasks and worlds.
+"""``python -m pipelines.benchmark``: compare methods that learn under contact, over tasks and worlds.
 
-``--method my_file.MyClass`` enters a feedforward or a controller of your own, ``--log LOG`` tries methods that
-take a log: see ``docs/benchmark.md``.
+``--method my_file.MyClass`` adds your own feedforward or controller, ``--log LOG`` compares methods that learn from a
+log: see ``docs/benchmark.md``.
 """
 
 import json
@@ -40,25 +40,29 @@ from pipelines.benchmark.entrants import (
 from pipelines.benchmark.results import DEFAULT, list_overrides, run_plan, test, tune
 from pipelines.results import find_model_hash, run_witness
 
-ALL, TRIALS = "all", "trials"
-"""Every machine; the folder of outcomes, which are used again, beside the reports of studies."""
+ALL = "all"
+"""Value of ``--machine`` that selects every machine."""
+TRIALS = "trials"
+"""Folder of stored outcomes, which later calls reuse, beside the reports of studies."""
 
 
 def _write(machines: dict[str, Machine], methods: dict[str, Method], options: Options) -> Path:
-    """Tune and test; write table, JSON and page; returns the page."""
+    """Tune and test the methods, write table, JSON and page, and return the path of the page."""
     with options.start_workers() as workers:
         run_rows = partial(run_plan, machines, methods, workers.long, options.folder / TRIALS)
         chosen = tune(machines, methods, run_rows)
         frame = test(machines, methods, run_rows, chosen)
     results = Results([], {BENCHMARK: frame})
-    first, known = next(iter(machines.values())), () if options.quick else (ALONE, CMAC)
+    first = next(iter(machines.values()))
     witnesses = [
-        run_witness(list_overrides(first, methods[name], DEFAULT, first.draw(0))) for name in known if name in methods
+        run_witness(list_overrides(first, methods[name], DEFAULT, first.draw(0)))
+        for name in (() if options.quick else (ALONE, CMAC))
+        if name in methods
     ]
     imported = {*find_sources("pipelines.benchmark.benchmark"), *find_sources("pipelines.perceptron")}
-    own = digest_files(sorted(imported.union(Path(__file__).parent.rglob("*.py"))), Path(__file__).parents[2])
+    digests = digest_files(sorted(imported.union(Path(__file__).parent.rglob("*.py"))), Path(__file__).parents[2])
     provenance = {
-        **make_provenance(own, results, witnesses, seeds=max(each.worlds for each in machines.values())),
+        **make_provenance(digests, results, witnesses, seeds=max(machine.worlds for machine in machines.values())),
         "runs": len(frame),
         "models": {name: find_model_hash(name) for name in machines if name in package_models()},
     }
@@ -67,12 +71,12 @@ def _write(machines: dict[str, Machine], methods: dict[str, Method], options: Op
         "quick": options.quick,
         "tasks_hash": hash_tasks(machines),
         "settings": {
-            ", ".join(place): {kind: text.split() for kind, text in own.items()} for place, own in chosen.items()
+            ", ".join(pair): {kind: text.split() for kind, text in settings.items()}
+            for pair, settings in chosen.items()
         },
     }
-    file = StudyFile(Path(__file__).with_name(f"{BENCHMARK}.py"), make_study(machines, methods))
     write_results(
-        file,
+        StudyFile(Path(__file__).with_name(f"{BENCHMARK}.py"), make_study(machines, methods)),
         results,
         options.choose_folder(BENCHMARK),
         options.quick,
@@ -83,22 +87,28 @@ def _write(machines: dict[str, Machine], methods: dict[str, Method], options: Op
 
 
 def _refuse_in_vain(arguments: Arguments, used: Collection[str], form: str) -> None:
-    """Refuse an option that a form of the command does not use; raises BadInput."""
+    """Refuse options that have no effect in this form of the command: only those ``used`` may be set.
+
+    Raises:
+        BadInput: another option differs from its default.
+    """
     for name, option in {**OPTIONS, **LOG}.items():
-        given = getattr(arguments, name.lstrip("-").replace("-", "_"))
-        require(name in used or given == option.get("default"), name, given, f"has no effect {form}; leave it out")
+        value = getattr(arguments, name.lstrip("-").replace("-", "_"))
+        require(name in used or value == option.get("default"), name, value, f"has no effect {form}; leave it out")
 
 
 def run(arguments: Arguments, options: Options) -> Path:
-    """Run the benchmark or its log track; returns the page."""
+    """Run the benchmark or its log track, and return the path of the page."""
     if arguments.log is not None:
-        own = ["--log"] if str(arguments.log) == log_track.SIMULATED else LOG
-        _refuse_in_vain(arguments, ("--method", "--methods", *own), f"with --log {arguments.log}")
+        log_options = ["--log"] if str(arguments.log) == log_track.SIMULATED else LOG
+        _refuse_in_vain(arguments, ("--method", "--methods", *log_options), f"with --log {arguments.log}")
         return log_track.run(arguments, options)
     _refuse_in_vain(arguments, OPTIONS, "without --log")
     chosen = choose_names("--machine", arguments.machine, [*MACHINES, ALL])
-    names = MACHINES if ALL in chosen else chosen
-    machines = {name: make_quick(MACHINES[name]) if options.quick else MACHINES[name] for name in names}
+    machines = {
+        name: make_quick(MACHINES[name]) if options.quick else MACHINES[name]
+        for name in (MACHINES if ALL in chosen else chosen)
+    }
     methods = choose_methods(arguments.methods, arguments.method)
     warn_of_models(compose_config(machine.overrides).machine for machine in machines.values())
     return _write(machines, methods, options)
@@ -109,28 +119,28 @@ OPTIONS: OptionTable = {
         "action": "append",
         "default": [],
         "metavar": "FILE.CLASS",
-        "help": "a feedforward or controller of your own that takes part, as often as needed",
+        "help": "add your own feedforward or controller; repeat the option for several classes",
     },
-    "--methods": {"metavar": "NAME,...", "help": "methods of the benchmark that take part (default: all)"},
+    "--methods": {"metavar": "NAME,...", "help": "methods of the benchmark to run (default: all)"},
     "--machine": {
         "default": LEG,
         "metavar": "NAME,...",
-        "help": f"{', '.join(MACHINES)}, or {ALL} (default: {LEG})",
+        "help": f"machines to run: {', '.join(MACHINES)}, or {ALL} (default: {LEG})",
     },
 }
 LOG: OptionTable = {
     "--log": {
         "type": Path,
         "metavar": "LOG",
-        "help": f"try methods that take a log on this one for python -m cmacexp.gap, or on {log_track.SIMULATED}",
+        "help": f"run the log track on a log for python -m cmacexp.gap, or on the {log_track.SIMULATED} one",
     },
-    "--robot": {"help": "of the log: an option of conf/machine, or an MJCF or URDF file"},
+    "--robot": {"help": "robot of the log: an option of conf/machine, or an MJCF or URDF file"},
     **LOG_OPTIONS,
 }
 
 
 def main() -> NoReturn:
-    """The command."""
+    """Run the command of the benchmark, and exit."""
     run_studies("pipelines.benchmark", QUESTION, run, {**OPTIONS, **LOG})
 
 

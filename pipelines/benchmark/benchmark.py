@@ -1,4 +1,4 @@
-"""The page of the benchmark: its tables, figures and findings."""
+"""The benchmark as a study: its findings, tables and figures."""
 
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
@@ -30,8 +30,12 @@ MODEL, HEAVY, SMOOTH, IDENTIFIED = "model", "model 20 % heavy", "model, smooth p
 NOMINAL = (MODEL, "model 20 % light", HEAVY)
 MODELS = (*NOMINAL, SMOOTH, IDENTIFIED)
 LEARNERS = (CMAC, ON_MODEL, RBF, ILC, "MLP", "norm-optimal ILC", "Fourier features", "adaptive regressor", REPETITIVE)
-FEW, AS_GOOD, CLEARLY = 0.05, 1.25, 0.8
-"""Share of failures that is small; ratios of scores or cycles that count as as good, and as clearly less."""
+FEW = 0.05
+"""Largest share of failures that counts as small."""
+AS_GOOD = 1.25
+"""Largest ratio of two scores that counts as equally good."""
+CLEARLY = 0.8
+"""Largest ratio of two scores that counts as clearly better."""
 SHARE = partial(Criterion, unit="%", scale=100.0)
 SCORE = "mean score of the runs that both complete"
 TABLES = {
@@ -39,38 +43,40 @@ TABLES = {
     "tasks": summary.table_tasks,
     "costs": summary.table_costs,
 }
-"""Of one machine."""
+"""Tables of each machine, by the start of their title."""
 
 
 def _divide(sums: Array) -> Array:
-    """(worlds,): of sums (2, worlds) the first over the second; ``UNPAIRED`` where no run counts."""
+    """Divide the first row of sums (2, worlds) by the second, (worlds,); ``UNPAIRED`` where no run counts."""
     return quotients(sums[0], np.where(sums[1] > 0.0, sums[1], np.inf))
 
 
-def _ratio(machine: str, method: str, *others: str, setting: str = FOR_ALL) -> Callable[[Results], Array]:
-    """(worlds,): mean score of a method over that of the one of others that is the best in that world."""
+def _ratio(machine: str, method: str, *rivals: str, setting: str = FOR_ALL) -> Callable[[Results], Array]:
+    """Return a sample (worlds,): mean score of a method relative to that of the best rival in each world."""
     return summary.over_worlds(
-        machine, lambda found: np.max([_divide(found.sums(method, name)) for name in others], axis=0), setting
+        machine,
+        lambda comparison: np.max([_divide(comparison.sums(method, name)) for name in rivals], axis=0),
+        setting,
     )
 
 
 def _failures(machine: str, methods: Sequence[str], setting: str = FOR_ALL) -> Callable[[Results], Mask]:
-    """(runs,): whether each run of the methods failed."""
+    """Return a sample (runs,) that is True for each run of the methods that failed."""
     return summary.over_worlds(
-        machine, lambda found: ~np.array([found.completed(name) for name in methods]).ravel(), setting
+        machine, lambda comparison: ~np.array([comparison.completed(name) for name in methods]).ravel(), setting
     )
 
 
 def _changed(results: Results, machine: str, kind: str, method: str = CMAC) -> Array:
-    """(worlds,): score of a method with a kind of setting over that with its default one."""
+    """Return the score of a method with a kind of setting relative to that with its default setting, (worlds,)."""
     frame = results.computed[BENCHMARK]
-    before, after = (summary.make_comparison(frame, machine, each) for each in (BY_DEFAULT, kind))
+    before, after = (summary.make_comparison(frame, machine, setting) for setting in (BY_DEFAULT, kind))
     scores = {"before": before.scores[method], "after": after.scores[method]}
     return _divide(Comparison(scores, before.tasks, before.worlds).sums("after", "before"))
 
 
 def _first(results: Results, machine: str, task: str) -> Array:
-    """(worlds,): first error of CMAC after a change over that of feedback only, where both complete."""
+    """Return CMAC's first error after a change relative to feedback only, where both complete, (worlds,)."""
     rows = summary.take(results.computed[BENCHMARK], machine, FOR_ALL).query("task == @task")
     values = rows.pivot(index="world", columns="method", values="first_error")
     both = values[[CMAC, ALONE]].to_numpy().T
@@ -78,22 +84,22 @@ def _first(results: Results, machine: str, task: str) -> Array:
 
 
 def _beaten(results: Results, method: str) -> Array:
-    """(worlds,): score of a learner over that of a better one, on the machine where it is the farthest behind.
+    """Return the score of a learner relative to a rival's, on the machine where it is farthest behind, (worlds,).
 
-    Machine and rival are chosen in every second world, and judged in the others.
+    Machine and rival are chosen by every second world, and the ratio is taken in the other worlds.
     """
     frame = results.computed[BENCHMARK]
-    found = [summary.make_comparison(frame, machine, FOR_ALL) for machine in frame["machine"].unique()]
-    pairs = [each.sums(method, rival) for each in found for rival in LEARNERS if rival != method]
+    machines = [summary.make_comparison(frame, machine, FOR_ALL) for machine in frame["machine"].unique()]
+    pairs = [comparison.sums(method, rival) for comparison in machines for rival in LEARNERS if rival != method]
     farthest = max(pairs, key=lambda sums: _divide(sums[:, ::2].sum(axis=1, keepdims=True))[0])
     return _divide(farthest[:, 1::2])
 
 
 def _findings(machine: str) -> dict[str, Finding]:
-    """The findings on a machine; those on tuning only where methods were tuned."""
+    """Return the findings on a machine; findings on tuning only where methods were tuned."""
     tuned = MACHINES[machine].draws > 0
     kind = "tuned for all tasks" if tuned else "default settings"
-    found = {
+    findings = {
         f"learners_{machine}": Finding(
             [Criterion(f"{SCORE}, over that of the best model that is not identified, in each world, {kind}",
                         _ratio(machine, name, *NOMINAL), at_most(1.0), at_least(1.0), case=name)
@@ -160,8 +166,8 @@ def _findings(machine: str) -> dict[str, Finding]:
             says=f"{machine}: hardly any learner fails in any task",
         ),
         f"guarded_{machine}": Finding(
-            [SHARE(f"runs of learners that fail, {each}", _failures(machine, LEARNERS, each), at_most(limit))
-             for each, limit in ((GUARDED, FEW), (BY_DEFAULT, 1.0))],
+            [SHARE(f"runs of learners that fail, {setting}", _failures(machine, LEARNERS, setting), at_most(limit))
+             for setting, limit in ((GUARDED, FEW), (BY_DEFAULT, 1.0))],
             says=f"{machine}: with default settings and the guard hardly any learner fails",
         ),
         f"guard_costs_{machine}": Finding(
@@ -171,7 +177,7 @@ def _findings(machine: str) -> dict[str, Finding]:
             says=f"{machine}: the guard raises the error of no learner by more than a tenth",
         ),
     }  # fmt: skip
-    return found | (_findings_of_tuning(machine) if tuned else {})
+    return findings | (_findings_of_tuning(machine) if tuned else {})
 
 
 def _findings_of_tuning(machine: str) -> dict[str, Finding]:
@@ -217,7 +223,7 @@ def _show(table: Callable[[DataFrame], DataFrame], results: Results) -> DataFram
 
 
 def make_study(machines: Collection[str], methods: Collection[str]) -> Study:
-    """The study of a benchmark of these machines and methods; findings need all methods of the benchmark."""
+    """Return the study of a benchmark of these machines and methods; findings need all methods of the benchmark."""
     findings: dict[str, Finding] = {}
     if {ALONE, *MODELS, *LEARNERS} <= {*methods}:
         findings = {key: finding for name in machines for key, finding in _findings(name).items()}
@@ -237,7 +243,7 @@ def make_study(machines: Collection[str], methods: Collection[str]) -> Study:
             says="No learner is the best one on all machines: on some machine each of them has a larger error than "
             "another one",
         )
-    shown: dict[str, Callable[[DataFrame], DataFrame]] = {
+    tables: dict[str, Callable[[DataFrame], DataFrame]] = {
         "failures": summary.table_failures,
         "absolute": summary.table_absolute,
         **{f"{title} {name}": partial(table, machine=name) for name in machines for title, table in TABLES.items()},
@@ -248,6 +254,6 @@ def make_study(machines: Collection[str], methods: Collection[str]) -> Study:
         runs=lambda quick: [],
         findings=findings,
         figures={"profiles": lambda results: summary.draw_profiles(results.computed[BENCHMARK])},
-        tables={title: partial(_show, table) for title, table in shown.items()},
+        tables={title: partial(_show, table) for title, table in tables.items()},
         values=lambda results: {**_values(results), "findings": list(findings)},
     )

@@ -1,6 +1,6 @@
-"""What takes part in the benchmark: machines with their tasks, which are frozen, and methods.
+"""Entrants of the benchmark: machines with their frozen tasks, and methods.
 
-A task is what changes for a machine that walks; a method is its overrides, and what it is tuned over.
+A task is a change for a machine that walks; a method has overrides, and hyperparameters that are tuned.
 """
 
 import hashlib
@@ -18,40 +18,42 @@ from cmacexp.feedforward.network import BuiltInFeedforward
 from pipelines.worlds import FIRST_TUNING, draw_world
 
 VERSION = 1
-"""Of the tasks; version 2 of the benchmark has the same ones, beside the log track. Whoever changes one of them, or a
-world, raises it: results of two versions are never compared."""
+"""Version of the tasks; raise it with any change of a task or a world, as results of two versions are not comparable.
+
+Version 2 of the benchmark added the log track and has the same tasks.
+"""
 PROTOCOL = ("learning.lead=auto", "learning.rate=auto", "learning.guard=none", "warn=false")
-"""Of every run. Nothing guards learning: a method that does harm shows it."""
+"""Overrides of every run. The guard is off, so that a method that diverges is visible."""
 STROKE, SPEED, STIFFNESS, NOISE, DELAY, PAYLOAD, SLOPE = TASKS = (
     "stroke", "speed", "stiffness", "noise", "delay", "payload", "slope",
 )  # fmt: skip
 STRESS = "delay of two"
-"""Is tried and shown, but does not count."""
+"""Task that is run and shown, but does not count."""
 
 
 @dataclass(frozen=True)
 class Machine:
-    """A machine that walks, and what changes after the cycles ``before``."""
+    """A machine that walks, and its changes after the cycles ``before``."""
 
     scenario: str
-    """Of its worlds."""
+    """Scenario of its worlds."""
     overrides: Sequence[str]
     changes: Mapping[str, Sequence[str]]
     """Overrides of each task, which replace those of the world."""
     worlds: int = 20
-    """In which methods are tested."""
+    """Number of worlds in which methods are tested."""
     before: int = 20
-    """Cycles with which a method starts."""
+    """Cycles before the change."""
     after: int = 20
     """Cycles after the change."""
     last: int = 5
-    """Cycles at the end whose median error is the end error."""
+    """Number of last cycles whose median error is the end error."""
     tuning_worlds: int = 3
     draws: int = 30
-    """Settings that are drawn to tune a method; 0: this machine is for default settings alone."""
+    """Number of random settings to tune a method; 0: methods run with default settings only."""
 
     def draw(self, number: int, tuning: bool = False) -> tuple[str, ...]:
-        """Overrides of a world in which methods are tested, or tuned."""
+        """Draw the overrides of a world for tests or, if ``tuning``, for tuning."""
         return draw_world(self.scenario, FIRST_TUNING + number if tuning else number)
 
 
@@ -103,7 +105,7 @@ MACHINES = {
 
 
 def change_world(world: Sequence[str], change: Sequence[str]) -> list[str]:
-    """The overrides of a world with those of a task: ``x1.2`` is a factor of the value that the world has."""
+    """Replace overrides of a world by those of a task; a value ``x1.2`` multiplies the world's value."""
     values = dict(text.split("=", 1) for text in world)
     for key, value in (text.split("=", 1) for text in change):
         values[key] = f"{float(values[key]) * float(value[1:]):.6g}" if value.startswith("x") else value
@@ -111,12 +113,12 @@ def change_world(world: Sequence[str], change: Sequence[str]) -> list[str]:
 
 
 def make_quick(machine: Machine) -> Machine:
-    """The same with few short runs, which only check the machinery."""
+    """Return the machine with few short runs, for a smoke test."""
     return replace(machine, worlds=2, before=3, after=3, last=2, tuning_worlds=1, draws=min(2, machine.draws))
 
 
 def hash_tasks(machines: Mapping[str, Machine]) -> str:
-    """SHA-256 of all that defines the tasks, worlds included."""
+    """Compute the SHA-256 of the definition of all tasks, including worlds."""
     plain = {
         name: asdict(machine) | {"drawn": [machine.draw(n, tuning) for tuning in (False, True) for n in range(3)]}
         for name, machine in machines.items()
@@ -126,33 +128,39 @@ def hash_tasks(machines: Mapping[str, Machine]) -> str:
 
 FEEDFORWARD, CONTROLLER = "feedforward", "controller"
 ALONE, CMAC = "feedback only", "CMAC"
-OWN = "pipelines.benchmark.methods"
+METHODS_PACKAGE = "pipelines.benchmark.methods"
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Method:
-    """A method, as the command line chooses it."""
+    """A method of the benchmark."""
 
     name: str
     overrides: Sequence[str]
     tuned: Sequence[tuple[str, Any]] = ()
-    """Keys that it is tuned over, and what :func:`cmacexp.config.number` takes as ``tuned`` for each."""
+    """Tuned keys, and the candidates or range of each, as in ``tuned`` of :func:`cmacexp.config.number`."""
     learns: bool = False
-    """Whether it keeps what it has learnt, so that learning can be guarded."""
+    """True if the method keeps what it has learnt, so that learning can be guarded."""
 
 
 def _list_tuned(group: str, schema: type[Any] | None) -> list[tuple[str, Any]]:
-    """Fields of a config class that say what they are tuned over.
+    """List the fields of a config class that declare ``tuned``: keys, and candidates or range.
 
     Raises:
-        BadInput: an end of a range, whose logarithm is drawn, is not above 0.
+        BadInput: an end of a range, from which values are drawn log-uniformly, is not above 0.
     """
-    given = [(f"{group}.{each.name}", each.metadata.get("tuned")) for each in (fields(schema) if schema else ())]
-    for key, tuned in given:
-        above = not isinstance(tuned, tuple) or min(tuned) > 0.0
-        require(above, "--method", key, f"has tuned={tuned}: both ends must be above 0, its logarithm is drawn")
-    return [(key, tuned) for key, tuned in given if tuned]
+    declared = [
+        (f"{group}.{field.name}", field.metadata.get("tuned")) for field in (fields(schema) if schema else ())
+    ]
+    for key, tuned in declared:
+        require(
+            not isinstance(tuned, tuple) or min(tuned) > 0.0,
+            "--method",
+            key,
+            f"has tuned={tuned}: both ends must be above 0, its logarithm is drawn",
+        )
+    return [(key, tuned) for key, tuned in declared if tuned]
 
 
 LEARNING = _list_tuned("learning", LearningConfig)
@@ -160,36 +168,36 @@ CMAC_SIZE = _list_tuned("cmac", CmacConfig)
 
 
 def enter(target: str, name: str | None = None, has_rate: bool | None = None) -> Method:
-    """The method of a custom class: a feedforward, or a controller, which gets no other feedforward.
+    """Return the method of a custom class: a feedforward, or a controller, which runs without another feedforward.
 
-    It is tuned over the fields of its ``Config`` that say ``tuned=``. A feedforward that ``has_rate`` (None: if the
-    compiled loop knows it), and a feedforward without such fields, are tuned over ``learning.rate``, too.
+    It is tuned over the fields of its ``Config`` that declare ``tuned``. A feedforward that ``has_rate`` (None: if it
+    is built into the compiled loop), and a feedforward without such fields, are also tuned over ``learning.rate``.
 
     Raises:
-        BadInput: there is no such class, or it is neither.
+        BadInput: the class does not exist, or is neither a feedforward nor a controller.
     """
-    found = find_class("--method", target)
-    known_form = hasattr(found, "predict") or hasattr(found, "act")
-    require(known_form, "--method", target, "must be a feedforward with predict, or a controller with act")
-    group = FEEDFORWARD if hasattr(found, "predict") else CONTROLLER
-    own = _list_tuned(group, config_class(found))
-    known = issubclass(found, BuiltInFeedforward) if has_rate is None else has_rate
-    if group == FEEDFORWARD and (known or not own):
-        own += LEARNING
+    component = find_class("--method", target)
+    group = FEEDFORWARD if hasattr(component, "predict") else CONTROLLER
+    complete = group == FEEDFORWARD or hasattr(component, "act")
+    require(complete, "--method", target, "must be a feedforward with predict, or a controller with act")
+    tuned = _list_tuned(group, config_class(component))
+    rate_acts = issubclass(component, BuiltInFeedforward) if has_rate is None else has_rate
+    if group == FEEDFORWARD and (rate_acts or not tuned):
+        tuned += LEARNING
     return Method(
         name or target.rpartition(".")[2],
         (*(["feedforward=none"] if group == CONTROLLER else []), f"{group}._target_={target}"),
-        own,
-        learns=group == FEEDFORWARD and hasattr(found, "learnt"),
+        tuned,
+        learns=group == FEEDFORWARD and hasattr(component, "learnt"),
     )
 
 
 def list_methods() -> list[Method]:
-    """All methods of the benchmark."""
-    of_rbf, of_ilc = (_list_tuned(FEEDFORWARD, each.Config) for each in (RadialBasis, IterativeLearning))
+    """List all methods of the benchmark."""
+    of_rbf, of_ilc = (_list_tuned(FEEDFORWARD, network.Config) for network in (RadialBasis, IterativeLearning))
     model = ("feedforward=inverse_dynamics",)
-    # With parameters that no data can change, the nominal model along a plan whose velocity does not jump.
-    smooth = replace(enter(f"{OWN}.regressor.Identified", "model, smooth plan"), learns=False)
+    # A prior of 1e6 keeps the nominal parameters: the nominal model along a plan whose velocity does not jump.
+    smooth = replace(enter(f"{METHODS_PACKAGE}.regressor.Identified", "model, smooth plan"), learns=False)
     return [
         Method(ALONE, ("feedforward=none",)),
         Method("model", model),
@@ -202,52 +210,60 @@ def list_methods() -> list[Method]:
         Method("RBF", ("feedforward=rbf",), [*LEARNING, *of_rbf], learns=True),
         Method("ILC", ("feedforward=ilc",), [*LEARNING, *of_ilc], learns=True),
         enter("pipelines.perceptron.Perceptron", "MLP", has_rate=True),
-        enter(f"{OWN}.norm_optimal.NormOptimal", "norm-optimal ILC"),
-        enter(f"{OWN}.fourier.RandomFourier", "Fourier features"),
-        enter(f"{OWN}.regressor.AdaptiveRegressor", "adaptive regressor", has_rate=False),
-        enter(f"{OWN}.playing.Repetitive", "repetitive control"),
+        enter(f"{METHODS_PACKAGE}.norm_optimal.NormOptimal", "norm-optimal ILC"),
+        enter(f"{METHODS_PACKAGE}.fourier.RandomFourier", "Fourier features"),
+        enter(f"{METHODS_PACKAGE}.regressor.AdaptiveRegressor", "adaptive regressor", has_rate=False),
+        enter(f"{METHODS_PACKAGE}.playing.Repetitive", "repetitive control"),
     ]
 
 
 def slug(name: str) -> str:
-    """A name as the command line takes it: ``cmac_on_model``."""
+    """Convert a name to its form on the command line, such as ``cmac_on_model``."""
     return "_".join("".join(letter if letter.isalnum() else " " for letter in name.lower()).split())
 
 
-def choose_names(option: str, names: str | None, known: Collection[str]) -> list[str]:
-    """Names of an option of the command line as they are ``known``, all of them for None; raises BadInput."""
-    wanted = [*known] if names is None else [slug(name) for name in names.split(",")]
-    for name in wanted:
-        require_name(option, name, known)
-    return wanted
+def choose_names(option: str, names: str | None, allowed: Collection[str]) -> list[str]:
+    """Split the comma-separated names of a command-line option; None selects all allowed names.
+
+    Raises:
+        BadInput: a name is not allowed.
+    """
+    chosen = [*allowed] if names is None else [slug(name) for name in names.split(",")]
+    for name in chosen:
+        require_name(option, name, allowed)
+    return chosen
 
 
 def choose(
-    names: str | None, targets: Sequence[str], known: Mapping[str, T], enter_class: Callable[[str], T]
+    names: str | None, targets: Sequence[str], methods: Mapping[str, T], enter_class: Callable[[str], T]
 ) -> dict[str, T]:
-    """What takes part, by name: what is asked for of what is known, then the classes that enter.
+    """Choose methods by name, and add the methods of custom classes.
 
     Args:
-        names: of known methods, as the command line takes them, separated by commas; None: all of them.
-        targets: classes that enter, each as ``module.Class``.
-        known: methods by name.
-        enter_class: gives the method of a target.
+        names: names of methods in their form on the command line, separated by commas; None selects all.
+        targets: custom classes, each as ``module.Class``.
+        methods: all methods by name.
+        enter_class: returns the method of a target.
 
     Raises:
-        BadInput: there is no such method, or a class has the name of another one; and as ``enter_class``.
+        BadInput: a method does not exist, or a class has the name of another method; and as ``enter_class``.
     """
-    by_slug = {slug(name): name for name in known}
-    chosen = {by_slug[key]: known[by_slug[key]] for key in choose_names("--methods", names, by_slug)}
+    by_slug = {slug(name): name for name in methods}
+    chosen = {by_slug[key]: methods[by_slug[key]] for key in choose_names("--methods", names, by_slug)}
     for target in targets:
         name = target.rpartition(".")[2]
-        is_new = name not in {*known, *chosen}
-        require(is_new, "--method", target, "a method of that name takes part already; rename the class")
+        require(
+            name not in {*methods, *chosen},
+            "--method",
+            target,
+            "a method of that name takes part already; rename the class",
+        )
         with current_folder_importable():
             chosen[name] = enter_class(target)
     return chosen
 
 
 def choose_methods(names: str | None, targets: Sequence[str]) -> dict[str, Method]:
-    """The methods that are asked for by name, feedback only first; see :func:`choose`."""
-    known = {method.name: method for method in list_methods()}
-    return {ALONE: known[ALONE]} | choose(names, targets, known, enter)
+    """Choose methods of the benchmark by name, and add custom classes; feedback only is first. See :func:`choose`."""
+    methods = {method.name: method for method in list_methods()}
+    return {ALONE: methods[ALONE]} | choose(names, targets, methods, enter)

@@ -1,4 +1,4 @@
-"""The log track of the benchmark: methods that learn from the strokes of a log, and predict the torque of the next.
+"""The log track of the benchmark: methods learn from the strokes of a log and predict the torque of the next stroke.
 
 ``python -m pipelines.benchmark --log LOG --robot go2``; the protocol is that of ``cmacexp gap``.
 """
@@ -32,12 +32,13 @@ from pipelines.benchmark.simulated_log import MODEL, NAMES, simulate_log
 
 NAME, SCORES = "log_track", "log_scores"
 VERSION = 2
-"""Of the benchmark, which has this track since then; its tasks are still those of version 1."""
+"""Version of the benchmark that added this track; its other tasks are those of version 1."""
 SIMULATED = "simulated"
-"""The log of those who have none."""
+"""Value of ``--log`` that selects a simulated log."""
 UPDATED, FROZEN, GUARDED = SETTINGS = ("updated", "frozen", "guarded")
-"""After every stroke; after half of the strokes; updated, and without effect after a stroke with harm."""
-ALONE, WITH_ILC, WITH_CMAC = (IDENTIFIED,), f"{IDENTIFIED}, and ILC", f"{IDENTIFIED}, and {ABOVE}"
+"""Learning after every stroke; until half of the strokes; after every stroke, but off after a harmful one."""
+ALONE = (IDENTIFIED,)
+WITH_ILC, WITH_CMAC = f"{IDENTIFIED}, and ILC", f"{IDENTIFIED}, and {ABOVE}"
 TABLES = (
     "stroke before", "ILC", "norm-optimal ILC", "CMAC over phase", "CMAC over angles and velocities",
     "CMAC over phase and speed", "RBF over phase", "random Fourier features", "regressor of the model", "perceptron",
@@ -49,21 +50,25 @@ METHODS = (
 
 
 def try_method(gap: Gap, name: str, make: Maker, setting: str) -> dict[str, Any]:
-    """A row of scores of one method, ``left`` in every stroke; one that raises has failed, and says why.
+    """Score one method with one setting on a log, and return its row.
 
-    A guarded one has no effect any more after a stroke in which it left more torque than there was.
+    ``left`` is the torque that remains in each stroke, %. A method that raises has failed; ``cause`` describes the
+    error. A guarded method is switched off after the first stroke in which more than 100 % remains.
     """
-    signals, cause, scores = gap.signals, "", dict[str, Any]()
+    signals = gap.signals
+    cause = ""
+    scores = dict[str, Any]()
     strokes = range(1, signals.count + 1)
     try:
         predicted = predict_all(make(), signals, signals.count // 2 if setting == FROZEN else None)
         harmful = [stroke for stroke in strokes if measure_left(signals, predicted, stroke) > 100.0]
         if harmful and setting == GUARDED:
             predicted[signals.rows(harmful[0]).stop :] = 0.0
-        for part, own in {"": list_scored(signals), "fastest ": [signals.fastest]}.items():
-            scores |= {f"{part}{key}": value for key, value in score(gap, predicted, own).items()}
+        for prefix, scored in {"": list_scored(signals), "fastest ": [signals.fastest]}.items():
+            scores |= {f"{prefix}{key}": value for key, value in score(gap, predicted, scored).items()}
     except Exception as error:
-        predicted, cause = np.full_like(signals.torque, np.inf), describe_failure(error)
+        predicted = np.full_like(signals.torque, np.inf)
+        cause = describe_failure(error)
     left = [measure_left(signals, predicted, stroke) for stroke in strokes]
     return {
         "method": name,
@@ -72,21 +77,21 @@ def try_method(gap: Gap, name: str, make: Maker, setting: str) -> dict[str, Any]
         "cause": cause,
         "value": np.nan,
         **scores,
-        "harmful": sum(each > 100.0 for each in left),
+        "harmful": sum(percent > 100.0 for percent in left),
         "left": left,
     }
 
 
 def _divide(one: str, other: str, setting: str, results: Results) -> Array:
-    """Torque left by one method over that by another, in each stroke that was predicted; infinite if it failed."""
+    """Return the remaining torque of one method relative to another's in each predicted stroke; inf if it failed."""
     rows = results.computed[SCORES].query("setting == @setting").set_index("method")["left"]
-    left, others = (pd.Series(rows[name]) for name in (one, other))
+    left, reference = (pd.Series(rows[name]) for name in (one, other))
     after = len(left) // 2 if setting == FROZEN else 2
-    return (left / others)[after:].fillna(np.inf).to_numpy()
+    return (left / reference)[after:].fillna(np.inf).to_numpy()
 
 
-def _compare(one: str, others: Sequence[str], limit: float, setting: str, names: Sequence[str]) -> list[Criterion]:
-    """A criterion for each of the others that takes part."""
+def _compare(one: str, rivals: Sequence[str], limit: float, setting: str, names: Sequence[str]) -> list[Criterion]:
+    """Return a criterion for the ratio of one method to each rival, where both are among ``names``."""
     return [
         Criterion(
             f"torque left over that of the other method, {setting}",
@@ -95,22 +100,22 @@ def _compare(one: str, others: Sequence[str], limit: float, setting: str, names:
             case=other,
             infinite="a method failed",
         )
-        for other in others
+        for other in rivals
         if {one, other} <= {*names}
     ]
 
 
 def tabulate(scores: pd.DataFrame) -> pd.DataFrame:
-    """What each method leaves, by setting, from a row of scores for each method and setting."""
+    """Tabulate the remaining torque of each method by setting, from a row of scores for each method and setting."""
 
-    def show(part: str, setting: str) -> pd.Series:
-        rows, ends = by_setting[setting], [f"{part}{each}" for each in ("value", "low", "high")]
-        return rows.apply(
-            lambda row: "failed" if row["cause"] else "{:.1f} [{:.1f}, {:.1f}]".format(*row[ends]), axis=1
+    def show(prefix: str, setting: str) -> pd.Series:
+        columns = [f"{prefix}{end}" for end in ("value", "low", "high")]
+        return by_setting[setting].apply(
+            lambda row: "failed" if row["cause"] else "{:.1f} [{:.1f}, {:.1f}]".format(*row[columns]), axis=1
         )
 
-    by_setting = {setting: own.set_index("method") for setting, own in scores.groupby("setting")}
-    found = pd.DataFrame(
+    by_setting = {setting: rows.set_index("method") for setting, rows in scores.groupby("setting")}
+    table = pd.DataFrame(
         {
             "left, %": show("", UPDATED),
             "fastest, %": show("fastest ", UPDATED),
@@ -120,11 +125,11 @@ def tabulate(scores: pd.DataFrame) -> pd.DataFrame:
             "failed": (scores["cause"] != "").groupby(scores["method"]).sum().map(f"{{}} of {len(SETTINGS)}".format),
         }
     )
-    return found.loc[by_setting[UPDATED].sort_values("value").index].rename_axis("method").reset_index()
+    return table.loc[by_setting[UPDATED].sort_values("value").index].rename_axis("method").reset_index()
 
 
 def make_study(names: Sequence[str] = METHODS, values: Mapping[str, Any] | None = None) -> StudyFile:
-    """The log track as a study of the methods ``names``, whose results are computed; ``values`` of its page."""
+    """Return the log track as a study of the methods ``names``; ``values`` are further values of its page."""
     stated = {
         "identified": (
             "An identified plant leaves less torque than any table or network",
@@ -165,8 +170,8 @@ def make_study(names: Sequence[str] = METHODS, values: Mapping[str, Any] | None 
     }
     judged = {
         name: Finding(criteria, says=says)
-        for name, (says, one, others, limit, setting) in stated.items()
-        if (criteria := _compare(one, others, limit, setting, names))
+        for name, (says, one, rivals, limit, setting) in stated.items()
+        if (criteria := _compare(one, rivals, limit, setting, names))
     }
     return StudyFile(
         Path(__file__),
@@ -182,55 +187,70 @@ def make_study(names: Sequence[str] = METHODS, values: Mapping[str, Any] | None 
 
 
 def _enter(gap: Gap, target: str) -> Maker:
-    """What makes a learner of a class that learns from strokes; raises BadInput."""
+    """Return the maker of a learner from a custom class.
+
+    Raises:
+        BadInput: the class does not exist, or has no ``fit`` or ``predict``.
+    """
     method = find_class("--method", target)
-    learns = hasattr(method, "fit") and hasattr(method, "predict")
-    require(learns, "--method", target, "must have fit(strokes) and predict(stroke) to take a log")
+    require(
+        hasattr(method, "fit") and hasattr(method, "predict"),
+        "--method",
+        target,
+        "must have fit(strokes) and predict(stroke) to take a log",
+    )
     return lambda: Entered(gap.signals, method())
 
 
 def choose_makers(gap: Gap, names: str | None, targets: Sequence[str], identified: bool) -> dict[str, Maker]:
-    """Makers of the methods that take part, by name: those that the log allows, and classes that enter.
+    """Return the makers of the chosen methods that the log allows, and of custom classes, by name.
+
+    ``identified`` includes the identified plants.
 
     Raises:
-        BadInput: as :func:`pipelines.benchmark.entrants.choose`, or the log allows nothing that is asked for.
+        BadInput: as :func:`pipelines.benchmark.entrants.choose`, or the log does not allow a method named.
     """
-    own: dict[str, Maker | None] = choose(names, targets, dict.fromkeys(METHODS), partial(_enter, gap))
+    chosen: dict[str, Maker | None] = choose(names, targets, dict.fromkeys(METHODS), partial(_enter, gap))
     add_makers(gap)
     if identified and gap.replays:
         gap.makers |= list_identified(gap.problem, choose_level(gap.problem)[0], gap.makers["model"])
-    found = {name: make or gap.makers[name] for name, make in own.items() if make or name in gap.makers}
+    makers = {name: make or gap.makers[name] for name, make in chosen.items() if make or name in gap.makers}
     allowed = ", ".join(slug(name) for name in METHODS if name in gap.makers)
-    require(not names or len(found) == len(own), "--methods", names, f"this log allows {allowed}")
-    return found
+    require(not names or len(makers) == len(chosen), "--methods", names, f"this log allows {allowed}")
+    return makers
 
 
 def run(arguments: Arguments, options: Options) -> Path:
-    """Try every method on the log; write scores, statements and page; returns the page."""
+    """Score every method on the log, write scores, statements and page, and return the path of the page."""
     simulated = str(arguments.log) == SIMULATED
-    missing = "is missing: an option of conf/machine, or an MJCF or URDF file"
-    require(simulated or arguments.robot is not None, "--robot", None, missing)
+    require(
+        simulated or arguments.robot is not None,
+        "--robot",
+        None,
+        "is missing: an option of conf/machine, or an MJCF or URDF file",
+    )
     log, machine = (simulate_log(), read_machine(str(MODEL), NAMES)) if simulated else read_given(arguments)
-    gap, folder = measure(log, machine), options.choose_folder(f"{NAME}-{SIMULATED}" if simulated else NAME)
+    gap = measure(log, machine)
+    folder = options.choose_folder(f"{NAME}-{SIMULATED}" if simulated else NAME)
     makers = choose_makers(gap, arguments.methods, arguments.method, not options.quick)
-    items = [(gap, name, make, setting) for name, make in makers.items() for setting in SETTINGS]
-    rows = [row for _, row in map_runs(try_method, items, Here(), "predicting strokes", len(items))]
-    scores, strokes = pd.DataFrame(rows), list_scored(gap.signals)
+    trials = [(gap, name, make, setting) for name, make in makers.items() for setting in SETTINGS]
+    rows = [row for _, row in map_runs(try_method, trials, Here(), "predicting strokes", len(trials))]
     about = {
         "log": log.path.name,
         "robot": Path(machine.name).name,
         "strokes": gap.signals.count,
-        "scored": strokes,
+        "scored": list_scored(gap.signals),
         "fastest": gap.signals.fastest,
         "version": VERSION,
         "causes": [f"{row['method']}, {row['setting']}: {row['cause']}" for row in rows if row["cause"]],
     }
-    file, results, root = make_study([*makers], about), Results([], {SCORES: scores}), Path(__file__).parents[2]
+    results = Results([], {SCORES: pd.DataFrame(rows)})
+    root = Path(__file__).parents[2]
     sources = [*(root / "cmacexp" / "gap").glob("*.py"), *Path(__file__).parent.glob("*log*.py")]
     provenance = {
         **make_provenance(digest_files(sources, root), results, [], seeds=1),
         "runs": len(rows),
         "log": "" if simulated else hashlib.sha256(log.path.read_bytes()).hexdigest(),
     }
-    write_results(file, results, folder, options.quick, provenance, {})
+    write_results(make_study([*makers], about), results, folder, options.quick, provenance, {})
     return folder / HTML

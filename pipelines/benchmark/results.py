@@ -1,6 +1,7 @@
-"""What the benchmark runs: every method with its default setting, tuned for all tasks or each, and guarded.
+"""Runs of the benchmark: every method with its default setting, tuned for all tasks or for each, and guarded.
 
-A trial is one method with one setting in one world: it starts, something changes, it goes on with what it has learnt.
+A trial is one method with one setting in one world: it walks, a task changes something, and it goes on with its
+learnt weights.
 """
 
 import hashlib
@@ -34,71 +35,86 @@ from pipelines.worlds import Draw
 COMPLETED, REFUSED, FAILED = "completed", "refused", "failed"
 AXES = ("transfer_rmse_x", "transfer_rmse_y", "transfer_rmse_z")
 ENDS = {"force": "force_rmse", "feedback": "feedback_rms", "torque_peak": "torque_peak", "energy": "energy"}
-"""Columns that hold the median of a metric over the last cycles."""
+"""Columns that hold the median of a metric over the last cycles, and the metric."""
 Row = dict[str, Any]
 BEFORE = ""
-"""The stage before a change, beside those by task."""
+"""Name of the stage before a change; the other stages have the names of tasks."""
 BY_DEFAULT, FOR_ALL, FOR_EACH, GUARDED = SETTINGS = (
     "default", "one for all tasks", "one for each task", "default, guarded",
 )  # fmt: skip
-DEFAULT, GUARD = "", "learning.guard=freeze record.weights=true"
-"""Settings, which are overrides as text: of every method; of those that learn, what users are advised to add."""
+DEFAULT = ""
+"""Setting of every method, as overrides in one text."""
+GUARD = "learning.guard=freeze record.weights=true"
+"""Setting of methods that learn, as users are advised to run them."""
 TRIAL = ["machine", "method", "overrides", "world"]
-"""Columns of rows that belong to one trial, each to another task."""
+"""Columns with equal values in all rows of one trial, which differ in the task."""
 SAME = ["machine", "task", "world"]
-"""Columns with equal values in a row and in the one that it is relative to."""
+"""Columns with equal values in a row and in its reference row of feedback only."""
 TUNING = "tuning"
-"""What is run in the worlds of tuning."""
+"""Name of the plan that runs in the worlds for tuning."""
 RunPlan = Callable[[str, pd.DataFrame], pd.DataFrame]
-"""See :func:`run_plan`, of the same machines and methods."""
+""":func:`run_plan` for fixed machines, methods, workers and folder."""
 Chosen = Mapping[Any, Mapping[str, str]]
-"""By machine and method: the setting for all tasks by :data:`FOR_ALL`, that for each by the name of the task."""
+"""Settings by machine and method: for all tasks under :data:`FOR_ALL`, for each task under its name."""
 
 
 def list_overrides(
     machine: Machine, method: Method, setting: str, world: Sequence[str], task: str = BEFORE
 ) -> list[str]:
-    """Overrides of the run before the change, or of that after the change of a task."""
-    before = [*world, f"cycles={machine.before}"]
-    after = [*change_world(world, machine.changes.get(task, ())), f"cycles={machine.after}", "learning.start_cycle=1"]
-    own = before if task == BEFORE else after
-    return [*machine.overrides, *PROTOCOL, *method.overrides, *setting.split(), *own]
+    """List the overrides of a stage: the run before the change, or the run after the change of ``task``."""
+    if task == BEFORE:
+        stage = [*world, f"cycles={machine.before}"]
+    else:
+        stage = [
+            *change_world(world, machine.changes.get(task, ())),
+            f"cycles={machine.after}",
+            "learning.start_cycle=1",
+        ]
+    return [*machine.overrides, *PROTOCOL, *method.overrides, *setting.split(), *stage]
 
 
 def _find_hash(stages: Mapping[str, Sequence[str]], last: int) -> str:
-    """Of all that an outcome depends on: the code of a custom method included, or why it cannot be composed."""
+    """Compute the SHA-256 of everything that determines an outcome.
+
+    This includes the code of a custom method, or the error if its config cannot be composed.
+    """
     try:
         config = compose_config(stages[BEFORE])
-        own = [custom_code_hash(config), config_hash(to_plain(config))]
-    except BadInput as error:  # its runs say so
-        own = [str(error)]
-    return hashlib.sha256(json.dumps([VERSION, code_hash(), *own, stages, last]).encode()).hexdigest()
+        parts = [custom_code_hash(config), config_hash(to_plain(config))]
+    except BadInput as error:  # the run itself reports it
+        parts = [str(error)]
+    return hashlib.sha256(json.dumps([VERSION, code_hash(), *parts, stages, last]).encode()).hexdigest()
 
 
 def run_stage(machine: Machine, overrides: Sequence[str], learnt: Weights | None = None) -> tuple[Row, Weights]:
-    """A row of the results, and what is learnt; a method that refuses, raises or gives NaN has failed, and says why.
+    """Run one stage of a trial; return its row of results, and the learnt weights.
 
-    Errors of a method that did not complete are infinite. ``errors`` (cycles,) are those of the feet in transfer over
-    all axes, m; ``seconds`` is the time of a step.
+    ``status`` and ``cause`` describe a method that refuses the config, raises, or gives NaN; its errors are infinite.
+    ``errors`` (cycles,) are the transfer errors of the feet over all axes, m; ``seconds`` is the time per step, s.
     """
-    metrics, seconds = dict[str, Array](), np.nan
+    metrics = dict[str, Array]()
+    seconds = np.nan
     kept: Weights = {}
     try:
         scenario = make_scenario(compose_config(overrides), learnt)
-        scores, end = score_run(scenario), scenario.end
+        scores = score_run(scenario)
+        end = scenario.end
         if end.status == "interrupted":
             raise KeyboardInterrupt
         keep = next(
-            (part.learnt for part in (scenario.controller, scenario.feedforward) if hasattr(part, "learnt")), dict
+            (learner.learnt for learner in (scenario.controller, scenario.feedforward) if hasattr(learner, "learnt")),
+            dict,
         )
         kept = exits_caught()(keep)() if end.status == COMPLETED else kept
-        if end.guard and scenario.kept:  # an external method: the guard returned to what it knew in the best cycle
+        if end.guard and scenario.kept:  # the guard returned an external method to its weights of the best cycle
             kept = scenario.kept.get(end.guard[-1].restored, kept)
-        status, cause, seconds = end.status, end.cause, end.processor_seconds / max(1, end.steps)
+        status, cause = end.status, end.cause
+        seconds = end.processor_seconds / max(1, end.steps)
         metrics = pool_legs(scores)
     except Exception as error:
         status, cause = REFUSED if isinstance(error, BadInput) else FAILED, describe_failure(error)
-    completed, axes = status == COMPLETED, [metrics[name] for name in AXES if name in metrics]
+    completed = status == COMPLETED
+    axes = [metrics[name] for name in AXES if name in metrics]
     errors = np.sqrt(sum(axis**2 for axis in axes)) if completed else np.full(machine.after, np.inf)
     return {
         "status": status,
@@ -107,7 +123,7 @@ def run_stage(machine: Machine, overrides: Sequence[str], learnt: Weights | None
         "first_error": float(errors[0]),
         "worst_error": float(errors.max()),
         **{key: compute_final(metrics[name], machine.last) if completed else np.inf for key, name in ENDS.items()},
-        "bytes": float(sum(np.asarray(own).nbytes for own in kept.values())) if completed else np.nan,
+        "bytes": float(sum(np.asarray(array).nbytes for array in kept.values())) if completed else np.nan,
         "errors": errors.tolist(),
         "seconds": seconds,
     }, kept
@@ -116,14 +132,14 @@ def run_stage(machine: Machine, overrides: Sequence[str], learnt: Weights | None
 def run_trial(
     machine: Machine, method: Method, setting: str, world: Sequence[str], tasks: Sequence[str], folder: Path
 ) -> list[Row]:
-    """Rows of all tasks in a world; an outcome in ``folder`` is used again.
+    """Run a trial and return the rows of its tasks; a stored outcome in ``folder`` is reused.
 
-    Each outcome is a file, which a task of a cluster leaves even if the others are ended.
+    Each outcome is a separate file, so that finished trials survive the end of a cluster job.
     """
     expect_runs(1000)
     stages = {task: list_overrides(machine, method, setting, world, task) for task in (BEFORE, *tasks)}
     path = folder / f"{_find_hash(stages, machine.last)[:24]}.json"
-    if path.is_file() and path.stat().st_size:  # or the machine lost its power before it was on the disk
+    if path.is_file() and path.stat().st_size:  # empty after a power failure during the write
         return list(json.loads(path.read_text(encoding="utf-8")))
     before, learnt = run_stage(machine, stages[BEFORE])
     rows = [
@@ -144,15 +160,15 @@ def run_plan(
     what: str,
     plan: pd.DataFrame,
 ) -> pd.DataFrame:
-    """Run the rows of a plan, nothing twice: the plan, and what came out of each row, however it was run.
+    """Run the rows of a plan, equal ones only once, and return the plan with the results of each row.
 
     Args:
-        machines: that take part, by name.
-        methods: likewise, feedback only among them.
-        each: runs work on workers.
-        folder: of outcomes, which are used again.
-        what: is run, for the terminal; in worlds of tuning if it is TUNING.
-        plan: with the columns TRIAL, ``setting`` and ``task``.
+        machines: machines by name.
+        methods: methods by name, including feedback only.
+        parallel_map: distributes the trials to workers.
+        folder: folder of stored outcomes, which are reused.
+        what: description of the runs for the terminal; TUNING selects the worlds for tuning.
+        plan: table with the columns TRIAL, ``setting`` and ``task``.
     """
     different = plan[[*TRIAL, "task"]].drop_duplicates()
     trials = different.groupby(TRIAL, sort=False, as_index=False)["task"].agg(list)
@@ -160,13 +176,13 @@ def run_plan(
         (machines[machine], methods[method], setting, machines[machine].draw(world, what == TUNING), tasks, folder)
         for machine, method, setting, world, tasks in trials.itertuples(index=False)
     ]
-    found = zip(trials[TRIAL].to_dict("records"), launcher.map_in_order(what, run_trial, items), strict=True)
-    rows = pd.DataFrame({**trial, **row} for trial, own in found for row in own)
+    outcomes = zip(trials[TRIAL].to_dict("records"), launcher.map_in_order(what, run_trial, items), strict=True)
+    rows = pd.DataFrame({**trial, **row} for trial, trial_rows in outcomes for row in trial_rows)
     return plan.merge(rows, how="left", on=[*TRIAL, "task"])
 
 
 def _draw_value(draw: Draw, tuned: Any) -> str:
-    """A value as an override says it: one of a list, or between two ends, evenly in its logarithm."""
+    """Draw a value of a tuned key, as text of an override: one of a list, or log-uniform between two ends."""
     if isinstance(tuned, list):
         value = draw.choose(*tuned)
         return f"[{','.join(map(str, value))}]" if isinstance(value, list) else str(value)
@@ -175,9 +191,9 @@ def _draw_value(draw: Draw, tuned: Any) -> str:
 
 
 def draw_settings(method: Method, number: int) -> list[str]:
-    """The default setting of a method, and ``number`` others from what its fields are tuned over; none without any.
+    """Draw settings of a method: the default one, and up to ``number`` random ones of its tuned keys.
 
-    The same method always gets the same ones: the first of a larger number are those of a smaller one.
+    A method always gets the same settings; with a larger ``number`` further ones are appended.
     """
     draw = Draw(zlib.crc32(method.name.encode()))
     drawn = [" ".join(f"++{key}={_draw_value(draw, tuned)}" for key, tuned in method.tuned) for _ in range(number)]
@@ -185,7 +201,7 @@ def draw_settings(method: Method, number: int) -> list[str]:
 
 
 def choose_setting(rows: pd.DataFrame) -> str:
-    """The setting with which the fewest runs fail, of these that with the least mean score; of equal ones the first.
+    """Choose the setting with the fewest failed runs, then with the least mean score, then the first one drawn.
 
     ``rows`` have ``overrides``, in the order in which they were drawn, and ``score``, infinite where a run failed.
     """
@@ -195,13 +211,13 @@ def choose_setting(rows: pd.DataFrame) -> str:
 
 
 def take_reference(rows: pd.DataFrame, columns: Any) -> Any:
-    """Columns of feedback only on the machine, in the task and in the world of each row; of one column a series."""
-    alone = rows[rows["method"] == ALONE].set_index(SAME)[columns]
-    return rows[SAME].join(alone, on=SAME)[columns]
+    """Return columns of feedback only for the same machine, task and world as each row; a series for one column."""
+    feedback_only = rows[rows["method"] == ALONE].set_index(SAME)[columns]
+    return rows[SAME].join(feedback_only, on=SAME)[columns]
 
 
 def tune(machines: Mapping[str, Machine], methods: Mapping[str, Method], run: RunPlan) -> Chosen:
-    """The best settings of each method on each machine, by the mean score in the worlds of tuning."""
+    """Choose the best settings of each method on each machine by the mean score in the worlds for tuning."""
     drawn = {
         (name, method.name): settings
         for name, machine in machines.items()
@@ -218,18 +234,23 @@ def tune(machines: Mapping[str, Machine], methods: Mapping[str, Method], run: Ru
         for n in range(machines[name].tuning_worlds)
     )
     frame = run(TUNING, plan)
-    reference = take_reference(frame, "end_error").to_numpy()
-    frame = frame.assign(score=relative_to(frame["end_error"].to_numpy(), reference))
+    errors, reference = (values.to_numpy() for values in (frame["end_error"], take_reference(frame, "end_error")))
+    frame = frame.assign(score=relative_to(errors, reference))
     return {
-        place: {FOR_ALL: choose_setting(own)} | {task: choose_setting(rows) for task, rows in own.groupby("task")}
-        for place, own in frame[frame["method"] != ALONE].groupby(["machine", "method"])
+        pair: {FOR_ALL: choose_setting(rows)} | {task: choose_setting(group) for task, group in rows.groupby("task")}
+        for pair, rows in frame[frame["method"] != ALONE].groupby(["machine", "method"])
     }
 
 
-def _find(own: Mapping[str, str], method: Method, kind: str, task: str) -> str:
-    """The setting of a method whose chosen ones are its ``own``; a task that does not count has none."""
-    guarded, general = DEFAULT if method.name == ALONE else GUARD, own.get(FOR_ALL, DEFAULT)
-    return {BY_DEFAULT: DEFAULT, FOR_ALL: general, FOR_EACH: own.get(task, general), GUARDED: guarded}[kind]
+def _find(chosen: Mapping[str, str], method: Method, kind: str, task: str) -> str:
+    """Return the setting of a kind for a task; tasks that were not tuned have the setting for all tasks."""
+    general = chosen.get(FOR_ALL, DEFAULT)
+    return {
+        BY_DEFAULT: DEFAULT,
+        FOR_ALL: general,
+        FOR_EACH: chosen.get(task, general),
+        GUARDED: DEFAULT if method.name == ALONE else GUARD,
+    }[kind]
 
 
 def test(
@@ -238,7 +259,7 @@ def test(
     run: RunPlan,
     chosen: Chosen,
 ) -> pd.DataFrame:
-    """A row for each machine, method, kind of setting, task and world."""
+    """Test the methods; return a row for each machine, method, kind of setting, task and world."""
     plan = pd.DataFrame(
         {
             "machine": name, "method": method.name, "setting": kind, "task": task, "world": number,

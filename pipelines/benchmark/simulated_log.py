@@ -1,7 +1,7 @@
-"""Logs of a machine whose truth is known, for those who have no log: pendulums that move apart from each other.
+"""Simulated logs of a machine with known parameters, for users without a log: two uncoupled pendulums.
 
-The simulation is semi-implicit Euler with dry friction in closed form, in ``parts`` of a sampling period; the replay
-of ``cmacexp gap`` is of second order and knows only the equations along the log.
+The simulation uses semi-implicit Euler with dry friction in closed form and ``parts`` steps per sampling period. The
+replay of ``cmacexp gap`` has second order and uses only the equations along the log.
 """
 
 from pathlib import Path
@@ -11,32 +11,43 @@ import numpy as np
 from cmacexp.addons.gap.log import Log
 
 MODEL = Path(__file__).with_name("pendulums.xml")
-"""The machine as a designer knows it: joints are generic."""
+"""Model of the machine with generic joints, as its designer knows it."""
 PERIOD = 0.01
 NAMES = ("hip", "knee")
 LENGTH, MASS = np.array([0.2, 0.25]), np.array([1.5, 0.8])
 INERTIA, WEIGHT = MASS * LENGTH**2, 9.81 * MASS * LENGTH
 
 
-ROTORS, VISCOUS, COULOMB, DELAY = (0.02, 0.03), (0.1, 0.2), (0.3, 0.2), 0.004
-"""Of the joints: rotor inertia, viscous friction, Coulomb friction; and the delay of the commands, s."""
+ROTORS, VISCOUS, COULOMB = (0.02, 0.03), (0.1, 0.2), (0.3, 0.2)
+"""Rotor inertia, kg m^2, viscous friction, N m s/rad, and Coulomb friction, N m, of the joints."""
+DELAY = 0.004
+"""Delay of the commands, s."""
 
 
 def simulate_log(
     delay: float = DELAY, seconds: float = 12.0, noise: float = 2e-4, seed: int = 0, parts: int = 10
 ) -> Log:
-    """A log of strokes whose period falls from 2 to 0.8 s, the knee behind the hip, with noise of encoders, rad."""
+    """Simulate a log of strokes whose period falls from 2 to 0.8 s; the knee lags the hip.
+
+    Args:
+        delay: delay of the commands, s.
+        seconds: duration, s.
+        noise: standard deviation of the encoder noise, rad.
+        seed: seed of the noise.
+        parts: simulation steps per sampling period.
+    """
     time = np.arange(0.0, seconds, PERIOD)
     turns = np.cumsum(1.0 / np.linspace(2.0, 0.8, len(time))) * PERIOD * 2.0 * np.pi
     command = np.stack([0.3 - 0.5 * np.cos(turns), -0.6 + 0.4 * np.cos(turns - 0.9)], axis=1)
     kp, kd = np.array([20.0, 15.0]), np.array([0.8, 0.6])
     total = INERTIA + ROTORS
-    angle, velocity, h = command[0].copy(), np.zeros(2), PERIOD / parts
-    found = np.empty_like(command)
+    angle, velocity = command[0].copy(), np.zeros(2)
+    h = PERIOD / parts
+    measured = np.empty_like(command)
     for row in range(len(time)):
-        found[row] = angle
-        for part in range(parts):
-            acting = command[max(0, int(np.floor(row + (part * h - delay) / PERIOD + 1e-9)))]
+        measured[row] = angle
+        for step in range(parts):
+            acting = command[max(0, int(np.floor(row + (step * h - delay) / PERIOD + 1e-9)))]
             torque = kp * (acting - angle) - kd * velocity - WEIGHT * np.sin(angle)
             wanted = velocity + h * (torque - np.multiply(VISCOUS, velocity)) / total
             dry = h * np.array(COULOMB) / total
@@ -46,7 +57,7 @@ def simulate_log(
         path=Path("simulated"),
         time=time,
         joints=NAMES,
-        angle=found + np.random.default_rng(seed).normal(size=found.shape) * noise,
+        angle=measured + np.random.default_rng(seed).normal(size=measured.shape) * noise,
         command=command,
         command_velocity=np.zeros_like(command),
         torque=None,

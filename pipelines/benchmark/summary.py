@@ -1,4 +1,4 @@
-"""What the rows of the benchmark say: comparisons, tables and figures."""
+"""Comparisons, tables and figures of the benchmark's results."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -13,34 +13,34 @@ from pipelines.common_results import cycles_to
 
 END, WORST, FORCE = "end_error", "worst_error", "force"
 CYCLES = "cycles to a tenth"
-"""Column of tables."""
+"""Column with the cycles until the error stays below TENTH."""
 TENTH = 0.1
-"""Of the error of feedback only at the end: what a method is to reach."""
+"""Target error, relative to the end error of feedback only."""
 COSTS = {FORCE: "force error", "feedback": "feedback", "torque_peak": "largest torque", "energy": "energy"}
 """Columns that are compared with those of feedback only, and their titles."""
 UNDEFINED = "n/a"
-"""Of what no completed run defines, or is relative to a reference that failed."""
+"""Text for values without a completed run, or with a reference that failed."""
 
 
 def take(frame: pd.DataFrame, machine: str, setting: str) -> pd.DataFrame:
-    """The rows of a machine with a kind of setting."""
+    """Select the rows of a machine with a kind of setting."""
     return frame[(frame["machine"] == machine) & (frame["setting"] == setting)]
 
 
 def make_comparison(
     frame: pd.DataFrame, machine: str, setting: str, column: str = END, tasks: Sequence[str] = TASKS
 ) -> Comparison:
-    """Methods on a machine over tasks: a column over that of feedback only in the same world."""
+    """Compare the methods on a machine over tasks: a column relative to feedback only in the same world."""
     rows = take(frame, machine, setting)
     values = {
-        method: own.pivot(index="task", columns="world", values=column).loc[[*tasks]].to_numpy()
-        for method, own in rows.groupby("method", sort=False)
+        method: runs.pivot(index="task", columns="world", values=column).loc[[*tasks]].to_numpy()
+        for method, runs in rows.groupby("method", sort=False)
     }
     return compare(values, ALONE, tasks, sorted(rows["world"].unique()))
 
 
 def describe_order(frame: pd.DataFrame, machine: str) -> str:
-    """The order of the methods, as far as end error and worst cycle agree on it; and which tasks do not count."""
+    """Describe the order of the methods on which end error and worst cycle agree, and the tasks that do not count."""
     views = {
         name: make_comparison(frame, machine, find_setting(machine), key)
         for name, key in {"end error": END, "worst cycle": WORST}.items()
@@ -51,14 +51,14 @@ def describe_order(frame: pd.DataFrame, machine: str) -> str:
 
 
 def count_cycles(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows of the tasks that count, with CYCLES to a tenth of the end error of feedback only, after the change.
+    """Return the rows of the tasks that count, with CYCLES after the change to a tenth of feedback only's end error.
 
     Infinite where a run never stays below that; NaN where feedback only failed.
     """
-    own = rows[rows["task"].isin(TASKS)]
-    levels = TENTH * take_reference(own, END).to_numpy(dtype=float)
-    counted = cycles_to(np.stack(own["errors"].to_list()), levels[:, None])
-    return own.assign(**{CYCLES: np.where(np.isfinite(levels), counted, np.nan)})
+    counting = rows[rows["task"].isin(TASKS)]
+    levels = TENTH * take_reference(counting, END).to_numpy(dtype=float)
+    cycles = cycles_to(np.stack(counting["errors"].to_list()), levels[:, None])
+    return counting.assign(**{CYCLES: np.where(np.isfinite(levels), cycles, np.nan)})
 
 
 def _format(interval: Interval) -> str:
@@ -71,7 +71,7 @@ def _count(cycles: float) -> str:
 
 
 def _describe(comparison: Comparison, method: str) -> str:
-    """The mean score of the runs that completed, and how many failed; of a method that takes part."""
+    """Format the mean score of the completed runs of a method, and the number that failed."""
     if method not in comparison.scores:
         return UNDEFINED
     done = comparison.completed(method)
@@ -79,28 +79,29 @@ def _describe(comparison: Comparison, method: str) -> str:
 
 
 def find_setting(machine: str) -> str:
-    """The kind of setting that tables show where they show one: that for all tasks, if methods were tuned."""
+    """Return the main kind of setting for tables: one for all tasks if methods were tuned, else the default."""
     return FOR_ALL if MACHINES[machine].draws else BY_DEFAULT
 
 
 def table_scores(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
-    """The headline, the best first: score with each kind of setting; worst cycle, cycles to a tenth, and the CMAC.
+    """Tabulate the main results, best method first: score with each kind of setting, worst cycle, cycles to a tenth.
 
-    With the CMAC a method is compared in the same tasks and worlds: the ratio of the scores in the runs that both
-    complete, and the share of runs in which it is better.
+    The last columns compare a method with the CMAC in the same tasks and worlds: the ratio of the scores in the runs
+    that both complete, and the share of runs in which the method is better.
     """
     last = find_setting(machine)
     kinds = frame["setting"][frame["machine"] == machine].unique()
-    same = () if last == FOR_ALL else (FOR_ALL, FOR_EACH)  # as the default one, since nothing was tuned
+    same = () if last == FOR_ALL else (FOR_ALL, FOR_EACH)  # equal to the default setting, since nothing was tuned
     ends = {kind: make_comparison(frame, machine, kind) for kind in kinds if kind not in same}
-    main, worst = ends[last], make_comparison(frame, machine, last, WORST)
+    main = ends[last]
+    worst = make_comparison(frame, machine, last, WORST)
     cycles = count_cycles(take(frame, machine, last)).groupby("method")[CYCLES].median()
     order = sorted(main.scores, key=lambda method: np.nan_to_num(main.mean(method).value, nan=np.inf))
     against = {"over the CMAC": main.ratio, "better than the CMAC": main.probability_of_improvement}
     return pd.DataFrame(
         {
             "method": method,
-            **{kind: _describe(found, method) for kind, found in ends.items()},
+            **{kind: _describe(comparison, method) for kind, comparison in ends.items()},
             "worst cycle": _format(worst.mean(method)),
             CYCLES: _count(cycles[method]),
             **{title: _format(compute(method, CMAC)) for title, compute in against.items() if CMAC in main.scores},
@@ -110,26 +111,26 @@ def table_scores(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
 
 
 def table_absolute(frame: pd.DataFrame) -> pd.DataFrame:
-    """What ratios are relative to: medians of the errors of feedback only, and of the CMAC if it takes part."""
-    shown = frame[frame["setting"] == frame["machine"].map(find_setting)]
-    shown = shown[shown["task"].isin(TASKS) & shown["method"].isin((ALONE, CMAC))]
-    errors = {"error, mm": 1e3 * shown[END], "force, N": shown[FORCE]}
-    done = shown.assign(**{name: own.where(shown["status"] == COMPLETED) for name, own in errors.items()})
+    """Tabulate the median errors of feedback only, to which ratios are relative, and of the CMAC."""
+    rows = frame[frame["setting"] == frame["machine"].map(find_setting)]
+    rows = rows[rows["task"].isin(TASKS) & rows["method"].isin((ALONE, CMAC))]
+    errors = {"error, mm": 1e3 * rows[END], "force, N": rows[FORCE]}
+    done = rows.assign(**{name: error.where(rows["status"] == COMPLETED) for name, error in errors.items()})
     by = done.groupby(["machine", "task", "method"], sort=False)
-    found = by[[*errors]].median().map("{:.3g}".format).replace("nan", UNDEFINED)
-    counts = by["status"].agg(lambda own: f"{(own == COMPLETED).sum()} of {len(own)}")
-    wide = found.assign(completed=counts).unstack("method", sort=False)
+    medians = by[[*errors]].median().map("{:.3g}".format).replace("nan", UNDEFINED)
+    counts = by["status"].agg(lambda status: f"{(status == COMPLETED).sum()} of {len(status)}")
+    wide = medians.assign(completed=counts).unstack("method", sort=False)
     return wide.set_axis([f"{method}: {what}" for what, method in wide], axis=1).reset_index()
 
 
 def table_tasks(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
-    """Mean score of the completed runs of each method in each task, and how many failed."""
+    """Tabulate the mean score of the completed runs of each method in each task, and the number that failed."""
     whole = make_comparison(frame, machine, find_setting(machine))
     parts = {task: make_comparison(frame, machine, find_setting(machine), tasks=[task]) for task in whole.tasks}
     return pd.DataFrame(
         {
             "method": method,
-            **{task: _describe(own, method) for task, own in parts.items()},
+            **{task: _describe(comparison, method) for task, comparison in parts.items()},
             **dict.fromkeys(whole.excluded, f"{UNDEFINED}: the reference fell"),
         }
         for method in whole.scores
@@ -137,22 +138,24 @@ def table_tasks(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
 
 
 def table_costs(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
-    """Force error, feedback, largest torque and energy over those of feedback only, medians; time and memory.
+    """Tabulate force error, feedback, peak torque and energy relative to feedback only, and time and memory.
 
-    Of the runs that both complete.
+    Values are medians; ratios are over the runs that both complete.
     """
     rows = take(frame, machine, find_setting(machine)).query("task in @TASKS")
-    own, alone = (each.where(np.isfinite(each)) for each in (rows[[*COSTS]], take_reference(rows, [*COSTS])))
-    shown = (
-        (own / alone)
+    costs, reference = (
+        values.where(np.isfinite(values)) for values in (rows[[*COSTS]], take_reference(rows, [*COSTS]))
+    )
+    table = (
+        (costs / reference)
         .rename(columns=COSTS)
         .assign(**{"time of a step, us": 1e6 * rows["seconds"], "memory, KB": rows["bytes"] / 1024})
     )
-    return shown.groupby(rows["method"], sort=False).median().reset_index()
+    return table.groupby(rows["method"], sort=False).median().reset_index()
 
 
 def table_failures(frame: pd.DataFrame) -> pd.DataFrame:
-    """Where methods fail, and why: the most frequent cause of each method in each task."""
+    """Tabulate failures with the most frequent cause, for each method and task."""
     failed = frame[frame["status"] != COMPLETED]
     causes = failed["cause"].str.replace(r"[-+]?\d[\d.e+-]*", "N", regex=True)
     by = failed.assign(cause=causes).groupby(["machine", "setting", "method", "task"], sort=False)
@@ -164,24 +167,25 @@ def table_failures(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def draw_profiles(frame: pd.DataFrame) -> Figure:
-    """Share of runs that score at most so much, on each machine."""
-    panels = [profile_panel(make_comparison(frame, m, find_setting(m)), m) for m in frame["machine"].unique()]
-    return draw(panels, height=3.2)
+    """Draw the share of runs over the largest score they reach, a panel for each machine."""
+    return draw(
+        [profile_panel(make_comparison(frame, m, find_setting(m)), m) for m in frame["machine"].unique()], height=3.2
+    )
 
 
 def write_scores(frame: pd.DataFrame) -> str:
-    """Absolute errors, and the headline of each machine, in Markdown, for the documentation."""
+    """Format absolute errors and the main results of each machine as Markdown for the documentation."""
     parts = [("Absolute errors at the end, medians over the worlds", table_absolute(frame), "")]
     parts += [(name, table_scores(frame, name), describe_order(frame, name)) for name in frame["machine"].unique()]
     return "\n".join(f"**{title}**\n\n{write_table(table)}\n\n{text}\n" for title, table, text in parts)
 
 
 def write_table(table: pd.DataFrame) -> str:
-    """A table in Markdown."""
+    """Format a table as Markdown."""
     rows = [list(table), ["---"] * len(table.columns), *table.itertuples(index=False)]
     return "\n".join("| " + " | ".join(map(str, row)) + " |" for row in rows)
 
 
 def over_worlds(machine: str, compute: Callable[[Comparison], Array | Mask], setting: str = FOR_ALL) -> Any:
-    """A sample that is computed from the comparison of a machine."""
+    """Return a function of results that applies ``compute`` to the comparison of a machine with a kind of setting."""
     return lambda results: compute(make_comparison(results.computed["benchmark"], machine, setting))

@@ -1,4 +1,4 @@
-"""Methods of the benchmark that the project does not ship: custom components, as any user would write them.
+"""Methods of the benchmark that are not part of the package: custom components, as a user would write them.
 
-Chosen by ``feedforward._target_=pipelines.benchmark.methods.FILE.CLASS``.
+Select one with ``feedforward._target_=pipelines.benchmark.methods.FILE.CLASS``.
 """

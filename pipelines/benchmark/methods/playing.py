@@ -1,4 +1,4 @@
-"""What methods have in common that play a torque for each sample of the cycle; and repetitive control, one of them.
+"""Base class of methods that store a torque for each sample of the cycle; and repetitive control, one of them.
 
 ``feedforward._target_=pipelines.benchmark.methods.playing.Repetitive``
 """
@@ -17,39 +17,46 @@ from cmacexp.typing import Array, Weights
 
 
 class Playing:
-    """A feedforward that plays a ``torque`` (N, L, J), N m, for each sample of the cycle, and learns once a cycle."""
+    """Feedforward that stores a ``torque`` (N, L, J), N m, for each sample of the cycle; it learns once per cycle."""
 
     acts = True
     lead = 0
-    """Samples from a torque to the feedback that is taken for its."""
+    """Samples from a torque to the feedback that is attributed to it."""
     begun = False
 
     def __init__(self, config: Any):
         self.config = config
 
     def start(self, setup: Setup) -> None:
-        """Start with no torque, or with that of an earlier run at the same phase."""
+        """Set the torque to zero, or to that of an earlier run at the same phase."""
         self.torque: Array = np.zeros((*setup.plan.support.shape, setup.mechanism.shape[1]))
         if setup.learnt is not None and "torque" in setup.learnt:
             self.torque[:] = resample(setup.learnt["torque"], len(self.torque))
-        self.feedback, self.block = np.zeros_like(self.torque), len(self.torque)
+        self.feedback = np.zeros_like(self.torque)
+        self.block = len(self.torque)
 
     def learnt(self) -> Weights:
-        """``torque`` (N, L, J), N m."""
+        """Return ``torque`` (N, L, J), N m."""
         return {"torque": self.torque.copy()}
 
     def learn(self, feedback: Array) -> None:
-        """Improve the torque, from what each of its samples caused, (N, L, J), N m."""
+        """Improve the torque with the feedback that each of its samples caused, (N, L, J), N m."""
 
     def play(self, sample: int, feedback: Array) -> Array:
-        """The torque (N, L, J), improved after the first cycle by its ``feedback`` (N, L, J), N m."""
+        """Learn from the ``feedback`` (N, L, J), N m, of a cycle, and return the next torque (N, L, J), N m.
+
+        The first call only returns the torque.
+        """
         if self.begun:
             self.learn(np.roll(feedback, -self.lead, axis=0))
         self.begun = True
         return self.torque
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
-        """:meth:`play` step by step, for controllers that call it with the last step's feedback (L, J), N m."""
+        """Return the torque of a step (L, J), N m, for controllers that call it in each step; see :meth:`play`.
+
+        ``learning_error`` (L, J), N m, is the feedback of the last step.
+        """
         self.feedback[reference.sample - 1] = learning_error
         if reference.sample % self.block == 0:
             self.play(reference.sample, self.feedback)
@@ -57,12 +64,12 @@ class Playing:
 
 
 class Repetitive(Playing):
-    """u(k) = Q(q) [u(k - N) + gain U(k - N + lead)] in every sample (Inoue 1990; Longman 2010).
+    """Repetitive control: u(k) = Q(q) [u(k - N) + gain U(k - N + lead)] in every sample (Inoue 1990; Longman 2010).
 
-    Q is a symmetric FIR, without phase: a Gaussian low-pass over samples of the last period. The iterative learning
-    control of the project (``feedforward=ilc``) is close to this: it too updates each sample at once. But it filters
-    all samples together at the start of a cycle, where the last ones have yet to learn from that cycle's feedback;
-    here no moment of the cycle is special. The gain is a field of its own, not ``learning.rate``.
+    Q is a symmetric FIR filter without phase: a Gaussian low-pass over samples of the last period. The iterative
+    learning control of the project (``feedforward=ilc``) is similar and also updates each sample immediately. But it
+    filters all samples at the start of a cycle, when the last ones have not yet learnt from that cycle's feedback;
+    here all samples are treated alike. The gain is a separate field, not ``learning.rate``.
     """
 
     @dataclass
@@ -70,35 +77,44 @@ class Repetitive(Playing):
         """Gain, and the low-pass filter Q."""
 
         gain: float = number("", above=0, at_most=2, default=0.5, tuned=(0.1, 1.0))
-        """Part of the feedback of the last period that is added."""
+        """Fraction of the last period's feedback that is added."""
         cutoff: float = number("Hz", above=0, at_most=1e6, default=15.0, tuned=(3.0, 40.0))
         """Frequency at which the gain of Q is 1/sqrt(2)."""
 
     def reset(self, setup: Setup) -> None:
-        """Start with no torque, or with that of an earlier run at the same phase.
+        """Start with zero torque, or with that of an earlier run at the same phase.
 
         Raises:
-            BadInput: Q is wider than half a cycle.
+            BadInput: Q is longer than half a cycle.
         """
-        samples, (legs, joints) = len(setup.plan.support), setup.mechanism.shape
+        samples = len(setup.plan.support)
         taps = gaussian_taps(self.config.cutoff, setup.config.sampling_period, samples)
-        too_low = "must be higher: Q is longer than half a cycle"
-        require(4 * len(taps) <= samples, "feedforward.cutoff", self.config.cutoff, too_low)
-        self.taps, self.lead, self.reach = np.concatenate([taps[:0:-1], taps]), setup.lead, len(taps) - 1
+        require(
+            4 * len(taps) <= samples,
+            "feedforward.cutoff",
+            self.config.cutoff,
+            "must be higher: Q is longer than half a cycle",
+        )
+        self.taps = np.concatenate([taps[:0:-1], taps])
+        self.lead = setup.lead
+        self.reach = len(taps) - 1
         self.start(setup)
-        # Q and the lead need half a cycle at most: what is played in the other half is known.
-        self.block, self.since = max(1, samples // 2 - self.lead), -1
-        self.raw = self.torque.reshape(samples, legs * joints).copy()
+        # Q and the lead extend over half a cycle at most, so the torque of the other half is final.
+        self.block = max(1, samples // 2 - self.lead)
+        self.since = -1
+        self.raw = self.torque.reshape(samples, -1).copy()
 
     def play(self, sample: int, feedback: Array) -> Array:
         """Update the torque (N, L, J) of the next period by the ``feedback`` (N, L, J), N m, of the last steps.
 
         These are the steps from the last call to the one before ``sample``.
         """
-        self.feedback, samples = feedback, len(feedback)
+        self.feedback = feedback
+        samples = len(feedback)
         flat = self.torque.reshape(self.raw.shape)  # a view
         count = 1 if self.since < 0 else (sample - self.since - 1) % samples + 1
-        steps, self.since = np.arange(sample - count, sample), sample
+        steps = np.arange(sample - count, sample)
+        self.since = sample
         new = (steps - self.lead) % samples
         self.raw[new] = flat[new] + self.config.gain * feedback.reshape(flat.shape)[steps]
         around = self.raw[(np.arange(-2 * self.reach, count) + new[0]) % samples]
@@ -107,7 +123,7 @@ class Repetitive(Playing):
         return self.torque
 
     def learnt(self) -> Weights:
-        """``torque`` (N, L, J), N m, at the end of a cycle, whose last feedback is not known yet."""
+        """Return ``torque`` (N, L, J), N m, at the end of a cycle, whose last feedback is not known yet."""
         if 0 <= self.since < len(self.torque) - 1:
             self.play(len(self.torque) - 1, self.feedback)
         return super().learnt()
