@@ -165,7 +165,7 @@ def run_plan(
     Args:
         machines: machines by name.
         methods: methods by name, including feedback only.
-        parallel_map: distributes the trials to workers.
+        launcher: Where the trials run.
         folder: folder of stored outcomes, which are reused.
         what: description of the runs for the terminal; TUNING selects the worlds for tuning.
         plan: table with the columns TRIAL, ``setting`` and ``task``.
