@@ -39,7 +39,7 @@ class CoresLauncher(Launcher):
     """Hands the jobs of a sweeper to :class:`cmacexp.engine.sweep.Sweep`, which has started the sweeper."""
 
     def __init__(self, processes: int | None = None):
-        """The sweep itself reads how many processes it may start."""
+        """Ignore the options, which the sweep itself reads."""
 
     def setup(self, *, task_function: Any, **kwargs: Any) -> None:
         """Note the sweep."""

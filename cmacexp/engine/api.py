@@ -24,7 +24,7 @@ RUN_FOLDER = "hydra.run.dir="
 
 
 def _split(overrides: str | Sequence[str]) -> tuple[list[str], Path | None]:
-    """Overrides of the config, and the folder that ``hydra.run.dir`` names."""
+    """Split overrides into those of the config and the folder that ``hydra.run.dir`` names."""
     if isinstance(overrides, str):
         if len(words := overrides.split()) > 1:
             raise BadInput("overrides", overrides, f"must be a list: {words}")
@@ -39,14 +39,14 @@ def _split(overrides: str | Sequence[str]) -> tuple[list[str], Path | None]:
 def _compose(
     overrides: Sequence[str], config_dir: str | Path | None = None, **targets: Any
 ) -> tuple[Config, list[str]]:
-    """The config of overrides, whose components have these ``targets``, and warnings of overrides without effect."""
+    """Compose the config of overrides with the given component ``targets``, and list overrides without effect."""
     composed, _ = compose_untyped(overrides, config_dir)
     config = replace(to_config(composed), **targets)
     return config, list_idle_overrides(config, overrides, composed)
 
 
 def _warn(config: Config, idle: Sequence[str]) -> None:
-    """Warn, in the name of the caller's caller, of idle overrides and of another model of a robot."""
+    """Issue warnings attributed to the caller of ``run`` (stacklevel=3): idle overrides, another robot model."""
     for text in idle:
         warnings.warn(text, WithoutEffect, stacklevel=3)
     if other := describe_other_model(config.machine):
@@ -65,7 +65,7 @@ def run(
     trust: bool = False,
     **other: Never,
 ) -> Run:
-    """The same run as ``python -m cmacexp`` with these overrides.
+    """Run the same as ``python -m cmacexp`` with these overrides.
 
     Args:
         overrides: as typed on the command line, e.g. ``["scenario=one_leg", "cycles=3"]``; a string is one of them.
@@ -99,7 +99,8 @@ def run(
         key: {"_target_": f"{type(component).__module__}.{type(component).__qualname__}"}
         for key, component in components.items()
     }
-    texts, named, idle = None, None, list[str]()
+    texts = named = None
+    idle = list[str]()
     if not isinstance(overrides, Mapping):
         texts, named = _split(overrides)
         config, idle = _compose(texts, config_dir, **targets)
@@ -123,7 +124,7 @@ def run(
 
 
 def open_loop(overrides: str | Sequence[str] = (), *, config_dir: str | Path | None = None) -> OpenLoop:
-    """The loop of :func:`run` with these overrides, stepped from outside; nothing is written; raises CmacexpError.
+    """Make the loop of :func:`run` for stepping from outside; it writes nothing. Raises CmacexpError.
 
     Whoever steps it takes the place of the feedforward, which overrides do not name. Without torque it gives the bits
     of ``feedforward=none``.
@@ -139,7 +140,7 @@ def open_loop(overrides: str | Sequence[str] = (), *, config_dir: str | Path | N
 
 
 def load(folder: str | Path) -> Run:
-    """An earlier run, by its folder.
+    """Load an earlier run by its folder.
 
     Raises:
         BadRun: it is not the folder of a run that has ended.

@@ -79,11 +79,12 @@ def run_many(
         OtherModel: of each robot whose model is not the one that results were measured with.
         WithoutEffect: of each key without effect in all runs that set it; none of runs with ``warn=false``.
     """
-    summary, parts = _Summary(), list[tuple[int, JobTables]]()
-    for part in _run_chunks(_list_runs(runs), keep, processes, executor, 0):
-        parts.append((summary.add(part), part))
+    summary = _Summary()
+    parts = list[tuple[int, JobTables]]()
+    for chunk_tables in _run_chunks(_list_runs(runs), keep, processes, executor, 0):
+        parts.append((summary.add(chunk_tables), chunk_tables))
     parts.sort(key=lambda numbered: numbered[0])
-    table = summary.join(concat_jobs(part for _, part in parts))
+    table = summary.join(concat_jobs(chunk_tables for _, chunk_tables in parts))
     _warn(summary)
     return table.to_pandas()
 
@@ -102,18 +103,19 @@ def write_many(
     runs are checked as they come. ``first`` is the number of the first run, for a program that writes several files.
     The file is whole or absent.
     """
-    path, summary = Path(file), _Summary()
+    path = Path(file)
+    summary = _Summary()
     require(not path.is_dir(), "file", path, "is a folder: name a file")
     with write_atomically(path) as temporary, TemporaryDirectory(dir=path.parent, prefix=".") as name:
         folder = Path(name)
-        for part in _run_chunks(_list_runs(runs), keep, processes, executor, first):
-            summary.add(part)
-            write_part(folder, NAME, part)
+        for chunk_tables in _run_chunks(_list_runs(runs), keep, processes, executor, first):
+            summary.add(chunk_tables)
+            write_part(folder, NAME, chunk_tables)
         tables = map(summary.join, iterate_jobs((folder / JOBS_FOLDER).iterdir(), AT_ONCE[keep], read_part))
         table = next(tables)
         with table_writer(temporary, table.schema) as writer:
-            for each in chain([table], tables):
-                writer.write_table(each)
+            for rows in chain([table], tables):
+                writer.write_table(rows)
     _warn(summary)
 
 
@@ -131,9 +133,8 @@ def _list_runs(runs: Iterable[Sequence[str]]) -> Iterable[Sequence[str]]:
     fits = isinstance(runs, Iterable) and not isinstance(runs, str)
     require(fits, "runs", runs, 'must be a list of lists of overrides, such as [["cycles=3"]]')
     if isinstance(runs, Sized):
-        for overrides in runs:
-            _check_overrides(overrides)
         require(len(runs) > 0, "runs", runs, "must have at least one run")
+        return [*map(_check_overrides, runs)]
     return runs
 
 
@@ -147,14 +148,17 @@ def _run_chunks(
     size = MOST_RUNS if total is None else choose_size(total, workers)
 
     def split() -> Iterator[Item]:
-        rest, number = map(_check_overrides, runs), first
+        rest = map(_check_overrides, runs)
+        number = first
         while chunk := list(islice(rest, size)):
             yield number, chunk, keep, math.inf if total is None else total
             number += len(chunk)
 
     with start_workers(processes) if executor is None else nullcontext(executor) as chosen:
-        for _, part in map_runs(run_chunk, split(), chosen, total=total, count_runs=lambda item: len(item[1])):
-            yield part
+        for _, chunk_tables in map_runs(
+            run_chunk, split(), chosen, total=total, count_runs=lambda item: len(item[1])
+        ):
+            yield chunk_tables
 
 
 def run_chunk(first: int, chunk: Sequence[list[str]], keep: str, runs: float) -> JobTables:
@@ -164,8 +168,10 @@ def run_chunk(first: int, chunk: Sequence[list[str]], keep: str, runs: float) ->
     another model), and their metrics or traces. Raises CmacexpError if one of them cannot be run.
     """
     expect_runs(runs)
-    recall, idle_keys = Recall(), IdleKeys()
-    rows, tables = defaultdict[str, list[Any]](list), list[pa.Table]()
+    recall = Recall()
+    idle_keys = IdleKeys()
+    rows = defaultdict[str, list[Any]](list)
+    tables = list[pa.Table]()
     # Twice as fast in a row as between runs.
     configs = [compose_config(overrides, is_shared=True) for overrides in chunk]
     for overrides, config in zip(chunk, configs, strict=True):
@@ -194,28 +200,29 @@ class _Summary:
     """What the table of many runs has in common, gathered from its parts: its columns, and warnings."""
 
     def __init__(self) -> None:
-        self.settings, self.idle = Settings(), IdleReport()
+        self.settings = Settings()
+        self.idle = IdleReport()
         self.other_models = Names()
         self._metrics = Names()
         self._fields = dict[str, pa.Field]()
 
-    def add(self, part: JobTables) -> int:
+    def add(self, chunk_tables: JobTables) -> int:
         """Add runs; returns the number of the first of them."""
         for number, settings, idle, other_model in zip(
-            *(part.jobs[name].to_pylist() for name in ("run", "settings", "idle", "other_model")), strict=True
+            *(chunk_tables.jobs[name].to_pylist() for name in ("run", "settings", "idle", "other_model")), strict=True
         ):
-            own = json.loads(settings)
-            self.settings.add(own, number)
-            self.idle.add(number, own, json.loads(idle))
+            values = json.loads(settings)
+            self.settings.add(values, number)
+            self.idle.add(number, values, json.loads(idle))
             self.other_models.add([other_model] if other_model else [], number)
-        first = int(part.jobs["run"][0].as_py())
-        self._metrics.add(part.metrics.column_names[1:], first)
-        self._fields |= {field.name: field for field in part.metrics.schema}
+        first = int(chunk_tables.jobs["run"][0].as_py())
+        self._metrics.add(chunk_tables.metrics.column_names[1:], first)
+        self._fields |= {field.name: field for field in chunk_tables.metrics.schema}
         return first
 
-    def join(self, part: JobTables) -> pa.Table:
+    def join(self, chunk_tables: JobTables) -> pa.Table:
         """Join metrics of runs with the numbers, settings and status of these."""
-        jobs, metrics = part
+        jobs, metrics = chunk_tables
         settings = self.settings.tabulate([*map(json.loads, jobs["settings"].to_pylist())])
         labels = pa.table({"run": jobs["run"], **settings, "status": jobs["status"]})
         index: Any = as_array(jobs, "run").searchsorted(as_array(metrics, "run"))

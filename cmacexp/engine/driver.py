@@ -57,7 +57,9 @@ def map_runs(
         ChildProcessError: a worker process was killed, or a task was lost and there is no ``on_lost``.
         Exception: of ``work``. Whatever ends the iteration cancels the items that wait.
     """
-    finished, pending, done = SimpleQueue[Future[Any]](), dict[Future[Any], tuple[int, int]](), 0
+    finished = SimpleQueue[Future[Any]]()
+    pending = dict[Future[Any], tuple[int, int]]()
+    done = 0
     try:
         with show_progress(what, total, describe=lambda: _describe_tasks(pending)) as set_done:
 

@@ -56,10 +56,10 @@ def ensure_run(
     record: Mapping[str, str] | None = None,
     overrides: list[str] | None = None,
 ) -> tuple[Run, bool]:
-    """The run of a config, one of so many, and whether it was run now.
+    """Return the run of a config, and whether it was executed; with ``reuse`` a finished one in ``folder`` is not.
 
-    It was not if ``folder`` holds it already, and it is to ``reuse``. ``record`` and ``overrides`` as in
-    :func:`cmacexp.engine.run.run_scenario`, which says too what is raised.
+    ``runs`` is the number of runs that this is one of. ``record``, ``overrides`` and errors are those of
+    :func:`cmacexp.engine.run.run_scenario`.
     """
     if reuse and is_finished(folder, config):
         return Run(folder), False
@@ -108,22 +108,23 @@ class JobTemplate(NamedTuple):
 
 def _unpack(packed: bytes) -> JobTemplate:
     setup_globals()
-    composed, typed = pickle.loads(packed), None
+    composed = pickle.loads(packed)
+    typed_config = None
     plain: Any = OmegaConf.to_container(composed, enum_to_str=True)
     hydra = plain.pop("hydra")
     with open_dict(composed):
         del composed["hydra"]
     referred = find_referred(composed)
     with suppress(Exception):  # which each job reports
-        typed = None if referred is None else to_config(composed)
-    modules = [type(vars(typed)[group]).__module__ for group in COMPONENTS] if typed is not None else []
+        typed_config = None if referred is None else to_config(composed)
+    modules = [type(vars(typed_config)[group]).__module__ for group in COMPONENTS] if typed_config is not None else []
     if all(map(is_shipped, modules)):
-        return JobTemplate(composed, hydra, plain, typed, referred)
-    return JobTemplate(composed, hydra, pickle.dumps(plain), pickle.dumps(typed), referred)
+        return JobTemplate(composed, hydra, plain, typed_config, referred)
+    return JobTemplate(composed, hydra, pickle.dumps(plain), pickle.dumps(typed_config), referred)
 
 
 def _describe_job(hydra: Any, item: JobItem, folder: Path) -> None:
-    """Set what Hydra says of a job in its part of a config."""
+    """Set the entries that describe a job in Hydra's own part of a config."""
     job, how = hydra["job"], hydra["job"]["config"]["override_dirname"]
     named = sorted(text for text in item.overrides if text.partition("=")[0] not in how["exclude_keys"])
     job["override_dirname"] = how["item_sep"].join(named).replace("=", how["kv_sep"])
@@ -138,14 +139,18 @@ def run_jobs(packed: bytes, root: Path, sweep: str, items: Sequence[JobItem], jo
     parts have the name ``sweep``.
     Returns how each ended, in a line, and whether that is an error. Raises OSError.
     """
-    template, runner = _unpack(packed), JobRunner()
+    template = _unpack(packed)
+    runner = JobRunner()
     expect_runs(jobs)
     # In a row, as run_chunk does.
-    typed, referred = template.typed, template.referred or frozenset()
-    configs = [set_numbers(typed, item.values, referred) if typed else None for item in items]
+    typed_config = template.typed
+    referred = template.referred or frozenset()
+    configs = [set_numbers(typed_config, item.values, referred) if typed_config else None for item in items]
     done = _list_done(root, sweep)
-    runs, numbered = dict[int, Run](), {item.number: item for item in items}
-    lines, written = list[tuple[str, bool]](), time.monotonic()
+    runs = dict[int, Run]()
+    numbered = {item.number: item for item in items}
+    lines = list[tuple[str, bool]]()
+    written = time.monotonic()
     try:
         for item, config in zip(items, configs, strict=True):
             run, is_new = None, False
@@ -158,7 +163,8 @@ def run_jobs(packed: bytes, root: Path, sweep: str, items: Sequence[JobItem], jo
             lines.append(_describe_end(item, run, is_new))
             if runs and time.monotonic() > written + PART_SECONDS:
                 write_part(root, sweep, _tabulate(root, runs, numbered, runner.idle))
-                runs, written = {}, time.monotonic()
+                runs = {}
+                written = time.monotonic()
     finally:
         if runs:
             write_part(root, sweep, _tabulate(root, runs, numbered, runner.idle))
@@ -192,14 +198,16 @@ class JobRunner:
         except Exception as error:
             if is_interrupt(error):
                 raise KeyboardInterrupt from error
-            composed, overrides = _compose(template, root, item), select_run_overrides(item.overrides)
+            composed = _compose(template, root, item)
+            overrides = select_run_overrides(item.overrides)
             record = make_record(composed, template.hydra)
             return write_failure(root / item.folder, composed, error, record, overrides=overrides), True
 
     def _run_item(
         self, template: JobTemplate, root: Path, item: JobItem, jobs: int, config: Config | None
     ) -> tuple[Run | None, bool]:
-        folder, composed = root / item.folder, None
+        folder = root / item.folder
+        composed = None
         if config is None:
             config = to_config(composed := _compose(template, root, item))
         check_metric(config.optimize, config.machine.kind)
@@ -225,7 +233,8 @@ class JobRunner:
         scenario = make_scenario(config, None, self._recall)
         scores = score_run(scenario)
         run = Run(folder, describe_run(scenario) | describe_scores(scores) | {"overrides": overrides})
-        run.is_checked, run.scores = False, scores
+        run.is_checked = False
+        run.scores = scores
         run.manifest["wall_seconds"] = time.perf_counter() - began
         return run
 
@@ -236,7 +245,7 @@ def _hash(config: Config) -> tuple[str, ...]:
 
 
 def _compose(template: JobTemplate, root: Path, item: JobItem) -> DictConfig:
-    """What Hydra composes for a job; the template has it, and what Hydra says of the job, until the next one."""
+    """Compose the config of a job by setting its values in the template, which holds it until the next job."""
     _describe_job(template.hydra, item, root / item.folder)
     composed = template.composed
     set_values(composed, item.values)
@@ -274,7 +283,7 @@ def _tabulate(
 
 
 def _describe_end(item: JobItem, run: Run | None, is_new: bool) -> tuple[str, bool]:
-    """How a job ended, in a line, and whether that is an error."""
+    """Describe in a line how a job ended; returns it and whether that is an error."""
     name = f"#{item.number} {' '.join(select_run_overrides(item.overrides))}"
     if run is None or not is_new:
         return f"{name}: finished before, not run again", False

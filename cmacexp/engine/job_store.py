@@ -109,11 +109,14 @@ class JobRun(Run):
     is_checked = False
 
     def __init__(self, root: Path, tables: JobTables, index: int, is_own: bool):
-        self.root, self.tables, self.index, self.is_own = root, tables, index, is_own
+        self.root = root
+        self.tables = tables
+        self.index = index
+        self.is_own = is_own
         super().__init__(root / self.read("folder"))
 
     def read(self, name: str) -> Any:
-        """Its value in a column of the jobs."""
+        """Read its value in a column of the table of jobs."""
         return self.tables.jobs[name][self.index].as_py()
 
     @property
@@ -125,7 +128,8 @@ class JobRun(Run):
     @cached_property
     def manifest(self) -> Manifest:
         """The manifest as of a run in a folder; the hashes of its files are those of its metrics if it has none."""
-        text, table = self.read("manifest"), self.root / RUNS_FILE
+        text = self.read("manifest")
+        table = self.root / RUNS_FILE
         if self.is_own:
             return fill(json.loads(text))
         manifest = parse(text, table)
@@ -142,11 +146,11 @@ class JobRun(Run):
     def scores(self) -> Scores:
         """Its metrics."""
         first, end = np.searchsorted(as_array(self.tables.metrics, "run"), self.read("run") + np.arange(2))
-        own = self.tables.metrics.slice(first, end - first).drop_columns("run").combine_chunks()
-        own = own.select([name for name in own.column_names if not own[name].null_count])
-        names = [name for name in own.column_names if name in BODY_METRICS or name in ESTIMATE_METRICS]
-        body = select_rows(own, as_array(own, "leg") == 1).select(["cycle", *names]) if names else None
-        return Scores(own.drop_columns(names), body)
+        metrics = self.tables.metrics.slice(first, end - first).drop_columns("run").combine_chunks()
+        metrics = metrics.select([name for name in metrics.column_names if not metrics[name].null_count])
+        names = [name for name in metrics.column_names if name in BODY_METRICS or name in ESTIMATE_METRICS]
+        body = select_rows(metrics, as_array(metrics, "leg") == 1).select(["cycle", *names]) if names else None
+        return Scores(metrics.drop_columns(names), body)
 
 
 def find_fingerprint(folder: Path) -> str:
@@ -183,8 +187,8 @@ def _read(path: Path) -> JobTables:
     if path.name == RUNS_FILE:
         jobs, metrics = read_tables(path.parent)
         names = jobs.column_names
-        own = ["run", "folder", "overrides"]  # without settings, whose columns stand before the status
-        return JobTables(jobs.select(list(dict.fromkeys([*own, *names[names.index("status") :]]))), metrics)
+        first_names = ["run", "folder", "overrides"]  # without settings, whose columns stand before the status
+        return JobTables(jobs.select(list(dict.fromkeys([*first_names, *names[names.index("status") :]]))), metrics)
     BadRun.unless(is_whole_part(path), f"{path}: changed since it was written")
     try:
         tables = read_part(path)
@@ -223,14 +227,14 @@ def iterate_jobs(
 
     Of several with one number that in the first source counts. Raises BadRun if a source is not as it was written.
     """
-    known = set[int]()
+    listed = set[int]()
     parts = list[tuple[Array, Path]]()
     for path in sources:
-        numbers = np.array([number for number in as_array(read(path).jobs, "run").tolist() if number not in known])
-        known.update(numbers.tolist())
+        numbers = np.array([number for number in as_array(read(path).jobs, "run").tolist() if number not in listed])
+        listed.update(numbers.tolist())
         parts += [(np.sort(numbers), path)] if len(numbers) else []
     parts.sort(key=lambda part: part[0][0])  # so that columns have always the same order
-    in_order = sorted(known)
+    in_order = sorted(listed)
     for start in range(0, len(in_order), most):
         low, high = in_order[start], in_order[start:][:most][-1]
         chosen = [(numbers[(numbers >= low) & (numbers <= high)], path) for numbers, path in parts]
@@ -243,7 +247,8 @@ def list_jobs(root: Path, sources: Sequence[Path] | None = None) -> list[JobRun]
     They are those in :func:`list_sources`, or in the ``sources`` of a sweep that goes on.
     Raises BadRun if one of these is not as it was written.
     """
-    is_own, chosen = sources is not None, list_sources(root) if sources is None else sources
+    is_own = sources is not None
+    chosen = list_sources(root) if sources is None else sources
     return [
         JobRun(root, tables, index, is_own)
         for tables in iterate_jobs(chosen)
@@ -257,7 +262,7 @@ def select_jobs(part: JobTables, numbers: Sequence[int] | Array) -> JobTables:
 
 
 def concat_jobs(parts: Iterable[JobTables]) -> JobTables:
-    """Parts as one, in the order of their numbers; not copied unless that takes sorting."""
+    """Concatenate parts in the order of their numbers; copies only if that takes sorting."""
     joined = list[pa.Table]()
     for tables in zip(*parts, strict=True):
         table = pa.concat_tables(tables, promote_options="permissive")
@@ -273,7 +278,8 @@ def read_tables(root: Path, columns: Sequence[str] = ()) -> JobTables:
 
     Raises BadRun unless they are as the sweep left them, and hold what tables of a sweep do.
     """
-    path, wanted = root / RUNS_FILE, None
+    path = root / RUNS_FILE
+    wanted = None
     if columns:
         names = read_schema(path).names
         BadRun.unless("status" in names, f"{path}: lacks the column status; run the sweep again")
@@ -296,10 +302,14 @@ def _check_jobs(path: Path, tables: JobTables, is_sorted: bool = False) -> JobTa
             if index >= 0:
                 column = table.column(index)
                 check(column.type == kind and not column.null_count, f"its column {name} must hold {kind}")
-    numbers, own = as_array(jobs, "run"), as_array(metrics, "run")
+    numbers = as_array(jobs, "run")
+    metrics_numbers = as_array(metrics, "run")
     check("cycle" in metrics.column_names, "its metrics lack the column cycle")
-    check(len(np.unique(numbers)) == len(numbers) and np.isin(own, numbers).all(), "its runs do not fit")
-    check(not is_sorted or ((np.diff(numbers) > 0).all() and (np.diff(own) >= 0).all()), "its runs are not in order")
+    check(len(np.unique(numbers)) == len(numbers) and np.isin(metrics_numbers, numbers).all(), "its runs do not fit")
+    check(
+        not is_sorted or ((np.diff(numbers) > 0).all() and (np.diff(metrics_numbers) >= 0).all()),
+        "its runs are not in order",
+    )
     check(set(jobs["status"].to_pylist()) <= set(ENDS), f"its column status must be one of {', '.join(ENDS)}")
     for folder in jobs["folder"].to_pylist():
         parts = PurePosixPath(folder).parts
@@ -318,7 +328,7 @@ def read_runs(root: Path) -> tuple[pa.Table, pa.Table] | None:
     runs, metrics = read_tables(root, [FINGERPRINT])
     hashes = dict(zip(runs["folder"].to_pylist(), runs[FINGERPRINT].to_pylist(), strict=True))
     hashes = {root / folder: digest for folder, digest in hashes.items() if digest}  # of jobs with folders
-    added = {place for place in walk(root) if (place / MANIFEST).exists()} - hashes.keys()
+    added = {folder for folder in walk(root) if (folder / MANIFEST).exists()} - hashes.keys()
     try:
         is_changed = any(find_fingerprint(folder) != digest for folder, digest in hashes.items())
     except OSError:

@@ -64,7 +64,8 @@ class Launcher:
     """
 
     def __init__(self, executor: Executor, choose_size: Callable[[int], int]):
-        self.executor, self.choose_size = executor, choose_size
+        self.executor = executor
+        self.choose_size = choose_size
 
     def map(self, work: Work) -> Iterator[tuple[int, Any]]:
         """Yield the index of each item and its result, as soon as it has ended."""
@@ -89,11 +90,13 @@ class TaskLauncher(Launcher):
 
     def __init__(self, executor: Executor, tasks: int | None = None, chunk: int | None = None):
         super().__init__(executor, lambda jobs: min(chunk or MOST_RUNS, MOST_RUNS))
-        self.tasks, self.chunk = tasks, chunk
+        self.tasks = tasks
+        self.chunk = chunk
 
     def split(self, work: Work) -> list[Sequence[Item]]:
         """Split items into the shares of tasks; raises BadInput if a chunk makes too many."""
-        tasks, runs = self.tasks or min(MOST_TASKS, round(work.seconds / TASK_SECONDS)), work.runs
+        tasks = self.tasks or min(MOST_TASKS, round(work.seconds / TASK_SECONDS))
+        runs = work.runs
         if self.chunk is not None and self.tasks is None:
             tasks = -(-runs // self.chunk)
             allowed = f"makes {tasks} tasks of {runs} jobs; give at least {-(-runs // MOST_TASKS)}, or null"
@@ -106,7 +109,7 @@ class TaskLauncher(Launcher):
         from cmacexp.engine.slurm import Share
 
         shares = self.split(work)
-        ended = map_runs(
+        results_by_share = map_runs(
             Share(),
             [(work.function, share) for share in shares],
             self.executor,
@@ -116,7 +119,7 @@ class TaskLauncher(Launcher):
             work.on_lost,
             ahead=len(shares) + 1,
         )
-        for first, results in ended:
+        for first, results in results_by_share:
             yield from ((first + len(shares) * index, result) for index, result in results.items())
 
 
@@ -130,7 +133,8 @@ class PluginLauncher(TaskLauncher):
 
     def __init__(self, config: DictConfig, context: HydraContext, tasks: int | None, chunk: int | None):
         super().__init__(Here(), tasks, chunk)
-        self.config, self.context = config, context
+        self.config = config
+        self.context = context
         config.hydra.overrides.hydra.append("hydra.sweep.subdir=.")  # the folder that it makes for a task
 
     def map(self, work: Work) -> Iterator[tuple[int, Any]]:
@@ -140,8 +144,8 @@ class PluginLauncher(TaskLauncher):
             hydra_context=self.context, task_function=partial(_do_share, work.function, shares), config=self.config
         )
         with show_activity(f"{work.what}: {work.runs} in {len(shares)} tasks of the launcher"):
-            ended = [job.return_value for job in launcher.launch([[] for _ in shares], 0)]
-        for first, results in enumerate(ended):
+            results_by_share = [job.return_value for job in launcher.launch([[] for _ in shares], 0)]
+        for first, results in enumerate(results_by_share):
             yield from ((first + len(shares) * index, result) for index, result in enumerate(results))
 
 
@@ -201,7 +205,8 @@ def _start_tasks(cluster: str, options: DictConfig) -> Any:
     from cmacexp.engine.slurm import Tasks
 
     plain: Any = OmegaConf.to_container(options, resolve=True)
-    folder, shared = plain.pop("submitit_folder"), {*OmegaConf.structured(BaseQueueConf)}
+    folder = plain.pop("submitit_folder")
+    shared = {*OmegaConf.structured(BaseQueueConf)}
     plain.pop("_target_")
     return Tasks(cluster, folder, {key if key in shared else f"{cluster}_{key}": plain[key] for key in plain})
 
@@ -213,7 +218,11 @@ def start_study_launcher(name: str, settings: Sequence[str], tasks: int, folder:
     Settings are as ``timeout_min=600``. Raises CmacexpError if there is no such launcher.
     """
     require(name != CORES, "--launcher", name, "is for sweeps; without --launcher a study uses all cores")
-    chosen = [f"hydra/launcher={name}", f"hydra.sweep.dir={folder}", *(f"hydra.launcher.{each}" for each in settings)]
+    chosen = [
+        f"hydra/launcher={name}",
+        f"hydra.sweep.dir={folder}",
+        *(f"hydra.launcher.{setting}" for setting in settings),
+    ]
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
         try:
             config = compose("config", [*chosen, "hydra.job.name=study"], return_hydra_config=True)

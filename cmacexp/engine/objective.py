@@ -17,13 +17,13 @@ DIRECTION, MINIMIZE, MAXIMIZE = "hydra.sweeper.direction", "minimize", "maximize
 
 def check_metric(name: str | None, kind: str) -> None:
     """Check that ``optimize`` names a metric that the ``kind`` of machine has; raises BadInput."""
-    known = [other for other in ALL_METRICS if kind == "robot" or other not in SPATIAL]
-    if name is not None and name not in known:
-        raise BadInput("optimize", name, f"choose from {', '.join(known)}, or null{suggest(name, known)}")
+    metrics = [other for other in ALL_METRICS if kind == "robot" or other not in SPATIAL]
+    if name is not None and name not in metrics:
+        raise BadInput("optimize", name, f"choose from {', '.join(metrics)}, or null{suggest(name, metrics)}")
 
 
 def find_direction(name: str | None, given: Any, searches: bool) -> str | None:
-    """What is done with a metric: ``minimize``, or ``maximize`` one of which more is better; None if nobody knows.
+    """Find the direction in which a metric improves: ``minimize`` or ``maximize``; None if it has none.
 
     Args:
         name: of the metric, None: none. One that is best near zero counts without its sign, and is minimised.
@@ -52,7 +52,7 @@ def find_direction(name: str | None, given: Any, searches: bool) -> str | None:
 
 
 def read_objective(name: str, run: Run, direction: str | None) -> float:
-    """The value of a metric in the last whole cycle, pooled over the legs, in SI units.
+    """Read the value of a metric in the last whole cycle, pooled over the legs, in SI units.
 
     A metric that is best near zero counts without its sign. A run that fell, diverged or failed, or that does not
     define the metric, has the worst value: -inf to ``maximize``, else inf.

@@ -90,7 +90,8 @@ def describe_scores(scores: Scores) -> manifests.Manifest:
 @exits_caught()
 def _write_extras(scenario: Scenario, writer: ResultWriter, manifest: manifests.Manifest, names: list[str]) -> None:
     """Write weights and recording if the config asks for them; weights are added to the names of the files."""
-    record, folder = scenario.setup.config.record, writer.part
+    record = scenario.setup.config.record
+    folder = writer.part
     if record.weights and offers(scenario.feedforward, Learns):
         restored = [event["restored"] for event in manifest["guard"]]
         best = scenario.kept.get(restored[-1]) if restored else None
@@ -150,9 +151,11 @@ def run_scenario(
 
 def describe_run(scenario: Scenario) -> manifests.Manifest:
     """Describe a run that has ended: its manifest, without what its metrics and its files add."""
-    end, config = scenario.end, scenario.setup.config
+    end = scenario.end
+    config = scenario.setup.config
     # External components may use these names for something else.
-    controller, feedforward = scenario.controller, scenario.feedforward
+    controller = scenario.controller
+    feedforward = scenario.feedforward
     dropped = controller.dropped if isinstance(controller, HybridController) else {}
     memory = feedforward.memory if isinstance(feedforward, BuiltInFeedforward) else ()
     entries: dict[str, Any] = {
@@ -179,7 +182,8 @@ def describe_run(scenario: Scenario) -> manifests.Manifest:
                 entries["cause"] = (
                     f"after step {end.steps}: {type(plant).__name__}.describe: {describe_failure(raised)}"
                 )
-                entries["status"], end.error = str(Status.FAILED), raised
+                entries["status"] = str(Status.FAILED)
+                end.error = raised
     if end.error is not None and not isinstance(end.error, BadOutput | MemoryError):
         entries["traceback"] = format_user_traceback(end.error)
     return manifests.make_manifest(to_plain(config), **entries)
@@ -189,8 +193,10 @@ def _write(
     scenario: Scenario, writer: ResultWriter, watch: Callable[[float], None], warn: Callable[[Drift], None]
 ) -> tuple[manifests.Manifest, Scores]:
     """Run, and write everything but the manifest, which is returned, with the metrics."""
-    config, folder = scenario.setup.config, writer.part
-    columns, recorder = select_columns(scenario), Recorder(scenario)
+    config = scenario.setup.config
+    folder = writer.part
+    columns = select_columns(scenario)
+    recorder = Recorder(scenario)
     with trace_writer(folder, config.record, *columns) as traces:
         for trace in run_cycles(scenario, watch):
             traces.write(trace)
@@ -213,7 +219,8 @@ def _write(
 
 def _write_tables(recorder: Recorder, folder: Path, columns: TraceColumns, scores: Scores) -> list[str]:
     """Write memory and metrics of a run beside its traces; returns the names of all of its tables."""
-    keeps_trace, names = recorder.scenario.setup.config.record.trace, []
+    keeps_trace = recorder.scenario.setup.config.record.trace
+    names = []
     if keeps_trace:
         names = [TRACE_FILE, BODY_FILE] if columns.body else [TRACE_FILE]
         if recorder.scorer.memory:

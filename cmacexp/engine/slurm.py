@@ -82,18 +82,19 @@ class Tasks(Executor):
     def __init__(self, cluster: str, folder: str, options: Mapping[str, Any]):
         import submitit
 
-        own = {key: value for key, value in options.items() if key == f"{cluster}_max_num_timeout"}
+        timeouts = {key: value for key, value in options.items() if key == f"{cluster}_max_num_timeout"}
         try:
-            self._executor = submitit.AutoExecutor(folder, cluster=cluster, **own)
-            self._executor.update_parameters(**{key: value for key, value in options.items() if key not in own})
+            self._executor = submitit.AutoExecutor(folder, cluster=cluster, **timeouts)
+            self._executor.update_parameters(**{key: value for key, value in options.items() if key not in timeouts})
         except (RuntimeError, TypeError, NameError) as error:
             raise CmacexpError(f"hydra/launcher=submitit_{cluster}: {str(error).splitlines()[0]}") from None
-        self.is_slurm, self.folder = cluster == "slurm", folder
+        self.is_slurm = cluster == "slurm"
         self._submitted = SimpleQueue[tuple[Future[Any], Callable[..., Any], tuple[Any, ...]]]()
         self._jobs = dict[Future[Any], Any]()
         self._seen = dict[Future[Any], float]()
         """When a task was last known to SLURM, s."""
-        self._ended, self._said = threading.Event(), set[str]()
+        self._ended = threading.Event()
+        self._warned = set[str]()
         self._watcher = threading.Thread(target=self._watch, daemon=True)
         self._watcher.start()
 
@@ -122,18 +123,21 @@ class Tasks(Executor):
 
     def _watch(self) -> None:
         """Start what is submitted, and end futures whose tasks have ended, until the executor ends."""
-        states, looked = dict[str, tuple[str, str]](), 0.0
+        states = dict[str, tuple[str, str]]()
+        read_at = 0.0
         while not self._ended.wait(INTERVAL):
             self._start_tasks()
-            if self.is_slurm and self._jobs and time.monotonic() > looked + QUEUE_INTERVAL:
+            if self.is_slurm and self._jobs and time.monotonic() > read_at + QUEUE_INTERVAL:
                 numbers = sorted({str(job.job_id).partition("_")[0] for job in self._jobs.values()})
-                states, looked = read_queue(",".join(numbers)), time.monotonic()
+                states = read_queue(",".join(numbers))
+                read_at = time.monotonic()
             for future, job in [*self._jobs.items()]:
                 self._update(future, job, states)
 
     def _start_tasks(self) -> None:
         """Start the tasks that have been submitted since the last look, as one array."""
-        futures, calls = list[Future[Any]](), list[tuple[Any, ...]]()
+        futures = list[Future[Any]]()
+        calls = list[tuple[Any, ...]]()
         while not self._submitted.empty():
             future, function, arguments = self._submitted.get()
             if not future.cancelled():
@@ -155,7 +159,8 @@ class Tasks(Executor):
 
     def _update(self, future: Future[Any], job: Any, states: Mapping[str, tuple[str, str]]) -> None:
         """End a future whose task has left a result or is lost; say why a task waits that may wait for ever."""
-        name, now = str(job.job_id), time.monotonic()
+        name = str(job.job_id)
+        now = time.monotonic()
         state, reason = states.get(name, ("" if self.is_slurm else "RUNNING", ""))
         if job.paths.result_pickle.exists() or (not self.is_slurm and job.done()):
             self._end(future, job)
@@ -163,8 +168,8 @@ class Tasks(Executor):
             self._seen[future] = now
             if state == "RUNNING" and not future.running():
                 future.set_running_or_notify_cancel()
-            if reason.startswith(HOPELESS) and reason not in self._said:
-                self._said.add(reason)
+            if reason.startswith(HOPELESS) and reason not in self._warned:
+                self._warned.add(reason)
                 print_line(f"warning: SLURM lets task {name} wait: {reason}; ask for less, or Ctrl-C", error=True)
         elif now > self._seen[future] + PATIENCE:
             self._lose(future, job, "was cancelled, or its node failed")

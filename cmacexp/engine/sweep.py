@@ -64,7 +64,9 @@ class Sweep:
     """
 
     def __init__(self, config: DictConfig, context: HydraContext):
-        self.config, self.context, self.folder = config, context, Path(config.hydra.sweep.dir)
+        self.config = config
+        self.context = context
+        self.folder = Path(config.hydra.sweep.dir)
         self.name = token_hex(4)
         """What the parts of its tables are called by."""
         self.earlier: list[Path] = []
@@ -88,14 +90,15 @@ class Sweep:
             self._plan(batch)
 
     def _expand(self) -> Any:
-        """The batches of the grid of Hydra's own sweeper; raises BadInput if a key is swept over no value."""
-        sweeper, typed = self.config.hydra.sweeper, _read_typed(self.config.hydra.overrides.task)
+        """List the batches of jobs of the grid sweeper; raises BadInput if a key is swept over no value."""
+        sweeper = self.config.hydra.sweeper
+        task_overrides = _read_typed(self.config.hydra.overrides.task)
         searched = [f"{key}={value}" for key, value in (sweeper.get("params") or {}).items()]
-        if "record" not in _list_keys([*searched, *typed]):
+        if "record" not in _list_keys([*searched, *task_overrides]):
             self.config.hydra.overrides.task.append(DEFAULT)
-            typed.append(DEFAULT)
+            task_overrides.append(DEFAULT)
         parser = OverridesParser.create(config_loader=self.context.config_loader)
-        overrides = parser.parse_overrides([*searched, *typed])
+        overrides = parser.parse_overrides([*searched, *task_overrides])
         for override in overrides:
             if override.is_discrete_sweep() and next(iter(override.sweep_iterator()), None) is None:
                 key, _, value = str(override.input_line).partition("=")
@@ -113,10 +116,11 @@ class Sweep:
             self._pack(overrides)
 
     def _find_place(self, overrides: Sequence[str], number: int, typed: str) -> str:
-        """The folder of a job, as the user names it; raises BadInput if an earlier one has it."""
+        """Choose the folder of a job from ``hydra.sweep.subdir``; raises BadInput if an earlier job has it."""
         composed = self.context.config_loader.load_sweep_config(self.config, list(overrides))
         with read_write(composed.hydra), open_dict(composed.hydra):
-            composed.hydra.job.num, composed.hydra.job.id = number, str(number)
+            composed.hydra.job.num = number
+            composed.hydra.job.id = str(number)
         place = str(composed.hydra.sweep.subdir)
         require(
             place not in self.places,
@@ -127,7 +131,7 @@ class Sweep:
         return place
 
     def _pack(self, overrides: Sequence[str]) -> tuple[tuple[bytes, bool, float], list[str]]:
-        """What Hydra composes for a job, and the overrides that set its values in it.
+        """Compose a job, pickled, and list the overrides that set its values in that.
 
         Jobs that differ in such values alone, which can be thousands, are composed once, see ``benchmarks/sweep.py``;
         but for each value that is a dictionary, refers to another or may be new, since Hydra may refuse it.
@@ -139,7 +143,8 @@ class Sweep:
             if is_robot := composed.machine.get("kind") == "robot":
                 with suppress(BadInput, OmegaConfBaseException):  # which the job reports
                     warn_of_models([read_machine(composed)])
-            packed, record = pickle.dumps(composed), composed.record
+            packed = pickle.dumps(composed)
+            record = composed.record
             is_short = not (is_robot or record.trace or record.weights)
             self.templates[kind] = packed, is_short, _estimate_seconds(composed)
         return self.templates[kind], values
@@ -215,41 +220,42 @@ class Sweep:
         """Run the jobs of a batch, whose first has the number ``first``; what they return, in their order."""
         if not self.batches:
             self._plan(batch)
-        known, alike = self._list_known(), defaultdict[tuple[bytes, bool, float], list[JobItem]](list)
+        known_hashes = self._list_known()
+        jobs_by_template = defaultdict[tuple[bytes, bool, float], list[JobItem]](list)
         for number, overrides in enumerate(batch, first):
             template, values = self._pack(overrides)
-            hashes = known.get((number, " ".join(self.planned[number])), ())
-            alike[template].append(JobItem(list(overrides), values, number, self.places[number], hashes))
+            hashes = known_hashes.get((number, " ".join(self.planned[number])), ())
+            jobs_by_template[template].append(JobItem(list(overrides), values, number, self.places[number], hashes))
         size = self.launcher.choose_size(len(batch))
         items = [
-            (packed, self.folder.absolute(), self.name, own[start : start + chunk], len(self.planned))
-            for (packed, together, _), own in alike.items()
-            for chunk in [size if together else 1]
-            for start in range(0, len(own), chunk)
+            (packed, self.folder.absolute(), self.name, jobs[start : start + chunk], len(self.planned))
+            for (packed, is_short, _), jobs in jobs_by_template.items()
+            for chunk in [size if is_short else 1]
+            for start in range(0, len(jobs), chunk)
         ]
         items.sort(key=lambda item: item[3][0].number)
-        seconds = sum(seconds * len(own) for (*_, seconds), own in alike.items())
+        seconds = sum(seconds * len(jobs) for (*_, seconds), jobs in jobs_by_template.items())
         work = Work(_run_jobs, items, "sweep", lambda item: len(item[3]), _report_lost, seconds)
         for _, lines in self.launcher.map(work):
             for text, is_error in lines:
                 print_line(text, error=is_error)
-        ended = [JobReturn(status=JobStatus.COMPLETED) for _ in batch]
+        returns = [JobReturn(status=JobStatus.COMPLETED) for _ in batch]
         if self.optimize and not self.batches:  # else no sweeper waits for it
             by_number = {run.read("run"): run for run in list_jobs(self.folder, self._list_sources())}
-            for number, returned in enumerate(ended, first):
+            for number, returned in enumerate(returns, first):
                 if number in by_number:
                     returned.return_value = read_objective(self.optimize, by_number[number], self.direction)
-        return ended
+        return returns
 
     def _list_known(self) -> dict[tuple[int, str], tuple[str, ...]]:
         """List the hashes of the results that a resumed sweep finds, by the number of the job and its overrides."""
-        known = dict[tuple[int, str], tuple[str, ...]]()
+        hashes_by_job = dict[tuple[int, str], tuple[str, ...]]()
         for jobs, _ in iterate_jobs(self._list_sources() if self.config.sweep.resume else ()):
             names = ("run", "overrides", "status", *HASHES)
             for number, overrides, status, *hashes in zip(*(jobs[name].to_pylist() for name in names), strict=True):
                 if status in RESULTS:
-                    known[number, overrides] = tuple(hashes)
-        return known
+                    hashes_by_job[number, overrides] = tuple(hashes)
+        return hashes_by_job
 
 
 def _estimate_seconds(composed: DictConfig) -> float:
@@ -278,10 +284,10 @@ def _check_options(config: DictConfig) -> None:
     for key in ONLY_OF_RUNS:
         value = OmegaConf.select(config.hydra, key)
         require(not value, f"hydra.{key}", value, "must be left out: jobs of a sweep share processes")
-    typed = _read_typed(config.hydra.overrides.hydra)
-    warn_of_other_mode(typed, "hydra.run", "the folder of a sweep is hydra.sweep.dir")
+    hydra_overrides = _read_typed(config.hydra.overrides.hydra)
+    warn_of_other_mode(hydra_overrides, "hydra.run", "the folder of a sweep is hydra.sweep.dir")
     require(
-        config.sweep.resume is not True or SWEEP_KEY in _list_keys(typed),
+        config.sweep.resume is not True or SWEEP_KEY in _list_keys(hydra_overrides),
         "sweep.resume",
         True,
         "needs the folder of the sweep to resume: add hydra.sweep.dir=DIR",
@@ -295,11 +301,12 @@ def _check_options(config: DictConfig) -> None:
 
 
 def _read_objective(config: DictConfig) -> tuple[str | None, str | None]:
-    """The metric that ``optimize`` names, and what is done with it, which a sweeper that searches is set to.
+    """Read the metric that ``optimize`` names, and the direction of the search, which the sweeper is set to.
 
     Raises BadInput, see :func:`cmacexp.engine.objective.find_direction`.
     """
-    name, searches = config.optimize, "direction" in config.hydra.sweeper
+    name = config.optimize
+    searches = "direction" in config.hydra.sweeper
     check_metric(name if name is None else str(name), "robot")  # which has all; a job knows its own machine
     given = OmegaConf.select(config, DIRECTION)
     typed = None if isinstance(given, Enum) else given  # the default of the sweeper is a member of its own Enum
@@ -311,14 +318,14 @@ def _read_objective(config: DictConfig) -> tuple[str | None, str | None]:
 
 
 def _read_choice(config: DictConfig, group: str) -> str:
-    """The option of a group of Hydra's own."""
+    """Read the option that is chosen in a group of Hydra's own."""
     return str(config.hydra.runtime.choices[f"hydra/{group}"])
 
 
 def _read_typed(overrides: Any) -> list[str]:
-    """Overrides of a sweep as typed: an interpolation in them is one of each job, not of the sweep."""
-    typed: Any = OmegaConf.to_container(overrides, resolve=False)
-    return list(typed)
+    """Read the overrides of a sweep as typed: an interpolation belongs to each job, not to the sweep."""
+    texts: Any = OmegaConf.to_container(overrides, resolve=False)
+    return list(texts)
 
 
 def _list_keys(overrides: Sequence[str]) -> set[str]:

@@ -46,20 +46,24 @@ class SweepEnd:
         planned: Sequence[Sequence[str]],
         objective: tuple[str, str] | None,
     ):
-        self.folder, self.sources, self.planned = folder, sources, planned
+        self.folder = folder
+        self.sources = sources
+        self.planned = planned
         self.counts = Counter[str]()
         self.failed = list[str]()
         """The first failures, a line for each."""
-        self.settings, self.idle = Settings(), IdleReport()
+        self.settings = Settings()
+        self.idle = IdleReport()
         self.is_wrong = self.is_lean = False
         self._schemas = list[tuple[pa.Schema, pa.Schema]]()
         self._objective = objective
         self._best: tuple[float, JobRun] | None = None
-        self._shown, self._seen = list[JobRun](), 0
+        self._shown = list[JobRun]()
+        self._seen = 0
         is_wrong = set[bool]()
-        for part in self._iterate():
-            self._add(part)
-            is_wrong.update(part.jobs["bad_input"].to_pylist())
+        for tables in self._iterate():
+            self._add(tables)
+            is_wrong.update(tables.jobs["bad_input"].to_pylist())
         self.is_wrong = is_wrong == {True}
 
     @property
@@ -75,9 +79,9 @@ class SweepEnd:
 
     def _iterate(self) -> Iterator[JobTables]:
         """Yield the planned jobs that have ended, in the order of their numbers."""
-        for part in iterate_jobs(self.sources):
-            jobs = zip(part.jobs["run"].to_pylist(), part.jobs["overrides"].to_pylist(), strict=True)
-            yield select_jobs(part, [number for number, overrides in jobs if self._is_planned(number, overrides)])
+        for tables in iterate_jobs(self.sources):
+            jobs = zip(tables.jobs["run"].to_pylist(), tables.jobs["overrides"].to_pylist(), strict=True)
+            yield select_jobs(tables, [number for number, overrides in jobs if self._is_planned(number, overrides)])
 
     def _is_planned(self, number: int, overrides: str) -> bool:
         return number < len(self.planned) and " ".join(self.planned[number]) == overrides
@@ -85,12 +89,13 @@ class SweepEnd:
     def _read_settings(self, number: int) -> dict[str, Any]:
         return read_settings(self.planned[number])
 
-    def _add(self, part: JobTables) -> None:
-        schemas = part.jobs.schema, part.metrics.schema
+    def _add(self, tables: JobTables) -> None:
+        schemas = tables.jobs.schema, tables.metrics.schema
         self._schemas += [schemas] if schemas not in self._schemas else []
-        for index in range(part.jobs.num_rows):
-            run = JobRun(self.folder, part, index, is_own=True)
-            number, outcome = run.read("run"), run.outcome
+        for index in range(tables.jobs.num_rows):
+            run = JobRun(self.folder, tables, index, is_own=True)
+            number = run.read("run")
+            outcome = run.outcome
             settings = self._read_settings(number)
             self.counts[outcome.status] += 1
             if outcome.is_result:
@@ -109,13 +114,13 @@ class SweepEnd:
             self._best = rank, JobRun(self.folder, select_jobs(run.tables, [number]), 0, is_own=True)
             self._best[1].settings = self._read_settings(number)
 
-    def _show(self, part: JobTables) -> None:
+    def _show(self, tables: JobTables) -> None:
         """Keep copies of the next jobs that are printed: of many the first, some between and the last."""
         positions = {*shorten(range(self.counts.total()))}
-        numbers = part.jobs["run"].to_pylist()
+        numbers = tables.jobs["run"].to_pylist()
         chosen = [number for position, number in enumerate(numbers, self._seen) if position in positions]
         self._seen += len(numbers)
-        copied = select_jobs(part, chosen)
+        copied = select_jobs(tables, chosen)
         for index, number in enumerate(chosen):
             run = JobRun(self.folder, copied, index, is_own=True)
             run.settings = self._read_settings(number)
@@ -127,7 +132,7 @@ class SweepEnd:
         Until the manifest lists the new tables, the parts of the sweep have all that they will.
         """
         if replaces := manifests.has_tables(self.folder):
-            parts = [write_part(self.folder, sweep, part) for part in self._iterate()]
+            parts = [write_part(self.folder, sweep, tables) for tables in self._iterate()]
             self.sources = parts  # a resumed sweep has some of its jobs from the tables that it replaces
         schemas = [*map(_unify, zip(*self._schemas, strict=True))]
         names = (TABLE, manifests.RUNS_FILE, METRICS_FILE, TABLE_CSV)
@@ -137,9 +142,9 @@ class SweepEnd:
             paths = {name: stack.enter_context(write_atomically(self.folder / name)) for name in names}
             with ExitStack() as writing:
                 writers = dict[str, Any]()
-                for part in self._iterate():
-                    self._show(part)
-                    tables = self._make_tables(part, schemas)
+                for tables in self._iterate():
+                    self._show(tables)
+                    tables = self._make_tables(tables, schemas)
                     for name, table in tables.items():
                         if name not in writers:
                             writer = _open_writer(paths[name], table.schema, table.num_rows)
@@ -152,9 +157,9 @@ class SweepEnd:
         with suppress(OSError):  # others have put something into it
             (self.folder / manifests.JOBS_FOLDER).rmdir()
 
-    def _make_tables(self, part: JobTables, schemas: Sequence[pa.Schema]) -> Mapping[str, pa.Table]:
+    def _make_tables(self, tables: JobTables, schemas: Sequence[pa.Schema]) -> Mapping[str, pa.Table]:
         """Make the tables of some jobs, by name."""
-        jobs, metrics = map(_fit, part, schemas)
+        jobs, metrics = map(_fit, tables, schemas)
         settings = self.settings.tabulate([self._read_settings(number) for number in jobs["run"].to_pylist()])
         for position, (name, column) in enumerate(settings.items(), 3):
             jobs = jobs.add_column(position, name, column)
@@ -163,8 +168,8 @@ class SweepEnd:
 
     def print(self) -> None:
         """Print a table of jobs, how many ended how, warnings, failures with their causes, and what to do next."""
-        for part in () if self._shown else self._iterate():
-            self._show(part)
+        for tables in () if self._shown else self._iterate():
+            self._show(tables)
         swept = self.settings.list_varied()
         print_runs(self._shown, swept, self.folder / TABLE_CSV, self.counts.total())
         counts = self.counts + Counter({Status.UNFINISHED: self.missing})

@@ -37,7 +37,7 @@ def make_labels(folders: Sequence[str]) -> dict[str, pa.Array]:
 
 
 def select_run_overrides(overrides: Sequence[str]) -> list[str]:
-    """The overrides of the run of a job, without those of the sweep."""
+    """Select the overrides of the run of a job, without those of the sweep."""
     return [text for text in overrides if re.split(r"[=./]", text)[0] not in ("sweep", "optimize", "hydra")]
 
 
@@ -99,13 +99,13 @@ def tabulate_settings(rows: Sequence[Row]) -> dict[str, pa.Array]:
 
 
 def read_settings(overrides: Sequence[str]) -> Row:
-    """The keys that overrides set, with their values."""
-    typed = (text.lstrip("+").partition("=") for text in overrides)
-    return {key: parse_value(value) for key, _, value in typed}
+    """Read the keys that overrides set, with their values."""
+    pairs = (text.lstrip("+").partition("=") for text in overrides)
+    return {key: parse_value(value) for key, _, value in pairs}
 
 
 def parse_value(text: str) -> Any:
-    """A value as typed on the command line: a number, true, false, null, else text."""
+    """Parse a value as typed on the command line: a number, true, false, null, else text."""
     if text in ("true", "false"):
         return text == "true"
     for kind in (int, float):
@@ -154,7 +154,7 @@ def read_metrics(run: Run) -> pa.Table | None:
 
 
 def concat_metrics(tables: Sequence[pa.Table | None]) -> tuple[pa.Table, Any]:
-    """The metrics of runs as one table, and the index of the run of each row; a run without has a row of nothing."""
+    """Concatenate the metrics of runs; returns also the index of the run of each row; none has an empty row."""
     filled = [pa.table({"cycle": pa.nulls(1)}) if table is None else table for table in tables]
     index = np.repeat(np.arange(len(filled)), [table.num_rows for table in filled])
     return pa.concat_tables(filled, promote_options="default"), index
@@ -169,7 +169,7 @@ def join_runs(runs: pa.Table, metrics: pa.Table, index: Array) -> pa.Table:
 
 
 def find_runs(folder: Path) -> list[Run]:
-    """All runs below a folder, in folders or jobs of a sweep that have none; raises BadRun if there is nothing.
+    """Find all runs below a folder, also jobs of a sweep without folders; raises BadRun if there are none.
 
     Of the folder of a sweep they are its own jobs: a warning says what else is there, e.g. jobs of an earlier sweep.
     """
@@ -177,20 +177,20 @@ def find_runs(folder: Path) -> list[Run]:
     listed = {run.folder.resolve() for run in jobs if run.read(FINGERPRINT)}
     lean: list[Run] = [run for run in jobs if not run.read(FINGERPRINT)]
     try:
-        found = sort_folders(runs_below(folder))
+        folders = sort_folders(runs_below(folder))
     except BadRun:
         if not lean:
             raise
         return lean
-    own = [*lean, *(Run(path) for path in found if path in listed)]
-    if others := [path.name for path in found if own and path not in listed]:
+    jobs_found = [*lean, *(Run(path) for path in folders if path in listed)]
+    if left_out := [path.name for path in folders if jobs_found and path not in listed]:
         reason = "are not of its last sweep and left out; name their folders to include them"
-        print_line(f"warning: {folder}: runs in it ({len(others)}, e.g. {others[0]}) {reason}", error=True)
-    return own or [*map(Run, found)]
+        print_line(f"warning: {folder}: runs in it ({len(left_out)}, e.g. {left_out[0]}) {reason}", error=True)
+    return jobs_found or [*map(Run, folders)]
 
 
 def load_sweep(folder: str | Path) -> "pd.DataFrame":
-    """All metrics of all jobs of a sweep, or of all runs below a folder.
+    """Load all metrics of all jobs of a sweep, or of all runs below a folder.
 
     Returns:
         A row for each job, cycle and leg: ``run``, the number of the job; ``folder``, its place below ``folder``; a
@@ -202,8 +202,8 @@ def load_sweep(folder: str | Path) -> "pd.DataFrame":
         BadRun: there is no run, or one is not intact.
     """
     root = Path(folder).resolve()
-    if known := read_runs(root):
-        runs, metrics = known
+    if tables := read_runs(root):
+        runs, metrics = tables
         index = np.searchsorted(runs["run"], metrics["run"])
         return join_runs(runs, metrics.drop_columns("run"), index).to_pandas()
     stored = find_runs(root)

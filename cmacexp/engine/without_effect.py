@@ -22,7 +22,7 @@ from cmacexp.errors import format_value
 
 
 def explain_idle(config: Config, key: str, more: Sequence[str] = ()) -> str:
-    """Why the key of a field, or of a group whose option is meant, has no effect; empty if it has one.
+    """Explain why the key of a field or a group has no effect; empty if it has one.
 
     ``more`` needs of the key are declared elsewhere than beside the field.
     """
@@ -38,18 +38,20 @@ def explain_idle(config: Config, key: str, more: Sequence[str] = ()) -> str:
 
 
 def _needs(node: Any, key: str) -> Iterator[str]:
-    """What is declared of a field and of the groups that it is in, the outermost first."""
-    own = ""
+    """Yield the needs declared for a field and for the groups that hold it, outermost first."""
+    group = ""
     for name in key.split("."):
-        declared = [each.metadata for each in fields(node) if each.name == name] if is_dataclass(node) else []
-        for metadata in declared:
-            yield from (need.replace("own.", f"{own}.") for need in metadata.get("needs", ()))
-        node, own = vars(node).get(name) if is_dataclass(node) else None, f"{own}.{name}".lstrip(".")
-        yield from (need.replace("own.", f"{own}.") for need in getattr(type(node), "needs", ()))
+        is_group = is_dataclass(node)
+        for declared in fields(node) if is_group else ():
+            if declared.name == name:
+                yield from (need.replace("own.", f"{group}.") for need in declared.metadata.get("needs", ()))
+        node = vars(node).get(name) if is_group else None
+        group = f"{group}.{name}".lstrip(".")
+        yield from (need.replace("own.", f"{group}.") for need in getattr(type(node), "needs", ()))
 
 
 def _holds(need: str, names: dict[str, Any]) -> bool:
-    """Whether a need is met; a custom component, which has no option and perhaps no such field, may use anything."""
+    """Return whether a need is met; a custom component, which declares none, may use any key."""
     try:
         return bool(eval(need, {}, names))
     except (AttributeError, TypeError):
@@ -57,10 +59,10 @@ def _holds(need: str, names: dict[str, Any]) -> bool:
 
 
 def read_keys(overrides: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """The keys that overrides set, in their order, each with its override; a dictionary sets each of its fields."""
+    """Yield the keys that overrides set, each with its override; a dictionary sets each of its fields."""
     for override in map(parse_override, overrides):
-        own = re.split(r"[./@]", override.key_or_group)[0] != "hydra"
-        if own and not override.is_delete() and not override.is_sweep_override():
+        is_of_run = re.split(r"[./@]", override.key_or_group)[0] != "hydra"
+        if is_of_run and not override.is_delete() and not override.is_sweep_override():
             for key in _leaves(override.key_or_group, override.value()):
                 yield key, str(override.input_line)
 
@@ -74,7 +76,7 @@ def _leaves(key: str, value: Any) -> Iterator[str]:
 
 
 def list_idle_overrides(config: Config, overrides: Sequence[str], composed: DictConfig) -> list[str]:
-    """A line for each override of a single run that has no effect; none if the config has ``warn: false``."""
+    """List a line for each override of a single run without effect; none if the config has ``warn: false``."""
     idle = _find_idle(config, overrides, lambda: composed) if config.warn else {}
     return [f"{format_value(text)} has no effect: {reason}" for text, reason in idle.items()]
 
@@ -133,6 +135,6 @@ class IdleReport:
 
     def list_lines(self) -> Iterator[str]:
         """List a line for each key without effect, in the order of the first runs that set them."""
-        for key, (_, reason) in sorted(self._reasons.items(), key=lambda known: known[1][0]):
+        for key, (_, reason) in sorted(self._reasons.items(), key=lambda item: item[1][0]):
             if key not in self._effective:
                 yield f"{key} has no effect: {reason}"

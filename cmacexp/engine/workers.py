@@ -24,16 +24,16 @@ CHUNKS_EACH = 4
 """How often a worker comes back at least, if there are enough runs."""
 
 
-def count_processes(asked: int | None) -> int:
-    """Return the number of processes that is asked for; None: one for each core that this process may use.
+def count_processes(processes: int | None) -> int:
+    """Return the number of processes; None: one for each core that this process may use.
 
     Raises BadInput unless it is a whole number from 1 on.
     """
-    if asked is None:
+    if processes is None:
         return min(len(os.sched_getaffinity(0)), int(os.environ.get("SLURM_CPUS_PER_TASK", 1 << 20)))
-    fits = isinstance(asked, Integral) and asked > 0
-    require(fits, "processes", asked, "must be a whole number from 1 on, or None")
-    return int(asked)
+    fits = isinstance(processes, Integral) and processes > 0
+    require(fits, "processes", processes, "must be a whole number from 1 on, or None")
+    return int(processes)
 
 
 def choose_size(runs: int, workers: int) -> int:
@@ -72,7 +72,8 @@ class Processes(ProcessPoolExecutor):
     """
 
     def __init__(self, size: int):
-        self.size, context = size, make_context()
+        self.size = size
+        context = make_context()
         self._ends, self._ending = multiprocessing.Pipe(duplex=False)
         super().__init__(size, context, _begin, (dict(os.environ), context.Semaphore(1), self._ends))
         with interrupt_held_back():  # a process that this one does not know of cannot be ended
