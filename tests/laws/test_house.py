@@ -169,7 +169,7 @@ def test_the_main_path_is_short(tmp_path, monkeypatch):
     names, control = [], step.hybrid_feedback
     monkeypatch.setattr(step, "hybrid_feedback", look)
     monkeypatch.setattr(step.step_loop, "forms", {})  # that earlier tests have compiled
-    monkeypatch.setattr(step.step_loop, "chosen", step.step_loop.plain)
+    monkeypatch.setattr(step.step_loop, "last", step.step_loop.last._replace(chosen=step.step_loop.plain))
     monkeypatch.setattr(sys, "argv", ["cmacexp", "cycles=1", "record=metrics", f"hydra.run.dir={tmp_path / 'run'}"])
     assert run_words() == 0
     assert names[-1] == "__main__.run_words"
