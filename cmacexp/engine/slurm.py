@@ -179,10 +179,8 @@ class Tasks(Executor):
 
         try:
             result = job.result()
-        except FailedJobError as error:
-            self._lose(future, job, str(error).strip().splitlines()[-1])
-        except UncompletedJobError as error:
-            self._lose(future, job, ENDED if "timed-out" in str(error) else str(error).strip().splitlines()[-1])
+        except (FailedJobError, UncompletedJobError) as error:
+            self._lose(future, job, _explain(str(error)))
         else:
             del self._jobs[future]
             future.set_result(result)
@@ -191,6 +189,12 @@ class Tasks(Executor):
         del self._jobs[future]
         text = f"task {job.job_id} {reason}; results so far are kept; log: {job.paths.stderr}"
         future.set_exception(ChildProcessError(text))
+
+
+def _explain(message: str) -> str:
+    """Explain in one line why a task failed: by the last line of the traceback, which stands between dashes."""
+    trace = message.split("\n---")[1] if message.count("\n---") > 1 else message
+    return ENDED if "timed-out" in trace else f"failed: {trace.strip().splitlines()[-1]}"
 
 
 def is_restarted() -> bool:
