@@ -71,7 +71,8 @@ def expand_grid(overrides: Sequence[Any], most: int | None) -> list[list[list[st
             raise BadInput(
                 key, interval, "must list values: 8,16 or range(8,16); a sweeper that searches takes intervals"
             )
-    jobs = [[f"{key}={value}" for key, value in zip(values, row, strict=True)] for row in product(*values.values())]
+    texts = [[f"{key}={value}" for value in swept] for key, swept in values.items()]  # which jobs share
+    jobs = [list(job) for job in product(*texts)]
     most = most or len(jobs)
     return [jobs[first : first + most] for first in range(0, len(jobs), most)]
 

@@ -57,7 +57,7 @@ from cmacexp.typing import ENDS, Array
 
 FINGERPRINT = "fingerprint"
 """The column of hashes in the table of jobs; empty for a job without a folder."""
-MOST_JOBS = 1 << 12
+MOST_JOBS = 1 << 10
 """Jobs of a sweep that are in memory at a time while its tables are written."""
 HASHES = ("config_hash", "code_hash", "custom_code", "start_weights", "model_hash")
 """Entries of the manifest of a job: where all are the same, so is the result."""

@@ -106,11 +106,11 @@ class TaskLauncher(Launcher):
 
     def map(self, work: Work) -> Iterator[tuple[int, Any]]:
         """Yield the results of all items of a task when it has ended."""
-        from cmacexp.engine.slurm import Share
+        from cmacexp.engine.slurm import do_share
 
         shares = self.split(work)
         results_by_share = map_runs(
-            Share(),
+            do_share,
             [(work.function, share) for share in shares],
             self.executor,
             work.what,

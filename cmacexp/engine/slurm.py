@@ -38,20 +38,32 @@ def read_queue(number: str) -> dict[str, tuple[str, str]]:
     return {name: (state, reason) for name, state, reason in fields}
 
 
-class Share:
-    """Does a share of the items on the cores of a task; submitit pickles it, and starts it again after USR2."""
+class Call:
+    """A call that submitit pickles, and starts again after USR2: results so far are stored."""
 
-    def __call__(self, work: Callable[..., Any], items: Sequence[Item]) -> dict[int, Any]:
-        """Return what ``work(*item)`` returns for each item, by its index."""
-        with _postponed(signal.SIGUSR2) as is_asked, start_workers() as executor:
-            begun = (item for item in items if not is_asked.is_set())
-            return dict(map_runs(work, begun, executor, total=len(items), ahead=choose_ahead(executor)))
+    def __init__(self, function: Callable[..., Any], arguments: Sequence[Any]):
+        self.function = function
+        self.arguments = arguments
 
-    def checkpoint(self, *arguments: Any) -> Any:
-        """Return what submitit starts after USR2: the same share, of which the results so far are stored."""
+    def __call__(self) -> Any:
+        """Make the call."""
+        return self.function(*self.arguments)
+
+    def checkpoint(self) -> Any:
+        """Return what submitit starts after USR2: the same call."""
         from submitit.helpers import DelayedSubmission
 
-        return DelayedSubmission(self, *arguments)
+        return DelayedSubmission(self)
+
+
+def do_share(work: Callable[..., Any], items: Sequence[Item]) -> dict[int, Any]:
+    """Do a share of the items on the cores of a task, until SLURM sends USR2.
+
+    Returns what ``work(*item)`` returns for each item, by its index.
+    """
+    with _postponed(signal.SIGUSR2) as is_asked, start_workers() as executor:
+        begun = (item for item in items if not is_asked.is_set())
+        return dict(map_runs(work, begun, executor, total=len(items), ahead=choose_ahead(executor)))
 
 
 @contextmanager
@@ -89,7 +101,7 @@ class Tasks(Executor):
         except (RuntimeError, TypeError, NameError) as error:
             raise CmacexpError(f"hydra/launcher=submitit_{cluster}: {str(error).splitlines()[0]}") from None
         self.is_slurm = cluster == "slurm"
-        self._submitted = SimpleQueue[tuple[Future[Any], Callable[..., Any], tuple[Any, ...]]]()
+        self._submitted = SimpleQueue[tuple[Future[Any], Call]]()
         self._jobs = dict[Future[Any], Any]()
         self._seen = dict[Future[Any], float]()
         """When a task was last known to SLURM, s."""
@@ -101,7 +113,7 @@ class Tasks(Executor):
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Submit a call; its future runs once SLURM has started the task, and ends with ChildProcessError if lost."""
         future = Future[Any]()
-        self._submitted.put((future, fn, args))
+        self._submitted.put((future, Call(fn, args)))
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -137,17 +149,17 @@ class Tasks(Executor):
     def _start_tasks(self) -> None:
         """Start the tasks that have been submitted since the last look, as one array."""
         futures = list[Future[Any]]()
-        calls = list[tuple[Any, ...]]()
+        calls = list[Call]()
         while not self._submitted.empty():
-            future, function, arguments = self._submitted.get()
+            future, call = self._submitted.get()
             if not future.cancelled():
                 futures.append(future)
-                calls.append((function, *arguments))
+                calls.append(call)
         if not futures:
             return
         try:
             with self._executor.batch():
-                jobs = [self._executor.submit(*call) for call in calls]
+                jobs = [self._executor.submit(call) for call in calls]
         except Exception as error:  # of sbatch: its message is the last line
             for future in futures:
                 future.set_exception(CmacexpError(f"sbatch: {str(error).strip().splitlines()[-1]}"))

@@ -45,6 +45,8 @@ COUNTS = ("sweep.chunk", "hydra.launcher.processes", "hydra.sweeper.max_batch_si
 """Options of a sweep that are numbers, at least 1, or null."""
 ONLY_OF_RUNS = ("callbacks", "job.chdir", "job.env_set", "output_subdir", "job_logging.root")
 """What Hydra does around a single run; so many jobs share a process."""
+CHUNK_SECONDS = 1.0
+"""Estimated work that a worker takes at a time, s: it ends early only between two such pieces."""
 DEFAULT = "record=trace"
 """Override of a sweep that does not set ``record``."""
 STEP_SECONDS, RUN_SECONDS = {"leg": 1e-6, "quadruped": 6e-6, "robot": 30e-6}, 0.02
@@ -229,8 +231,8 @@ class Sweep:
         size = self.launcher.choose_size(len(batch))
         items = [
             (packed, self.folder.absolute(), self.name, jobs[start : start + chunk], len(self.planned))
-            for (packed, is_short, _), jobs in jobs_by_template.items()
-            for chunk in [size if is_short else 1]
+            for (packed, is_short, seconds), jobs in jobs_by_template.items()
+            for chunk in [max(1, min(size, round(CHUNK_SECONDS / seconds))) if is_short else 1]
             for start in range(0, len(jobs), chunk)
         ]
         items.sort(key=lambda item: item[3][0].number)

@@ -1,4 +1,4 @@
-"""The end of a sweep: what its jobs have left becomes its tables, some thousand jobs at a time, and is printed."""
+"""The end of a sweep: what its jobs have left becomes its tables, a thousand jobs at a time, and is printed."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -144,8 +144,8 @@ class SweepEnd:
                 writers = dict[str, Any]()
                 for tables in self._iterate():
                     self._show(tables)
-                    tables = self._make_tables(tables, schemas)
-                    for name, table in tables.items():
+                    by_name = self._make_tables(tables, schemas)
+                    for name, table in by_name.items():
                         if name not in writers:
                             writer = _open_writer(paths[name], table.schema, table.num_rows)
                             writers[name] = writing.enter_context(writer)
