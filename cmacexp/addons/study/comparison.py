@@ -76,7 +76,7 @@ def estimate_ratios(parts: Array, wholes: Array) -> tuple[Array, Array]:
         value = parts.sum(axis=-1) / wholes.sum(axis=-1)
         without = (parts.sum(axis=-1, keepdims=True) - parts) / (wholes.sum(axis=-1, keepdims=True) - wholes)
         away = np.where(wholes > 0, without - value[..., None], 0.0)
-        # Differences by rounding only must not widen the interval.
+        # Ratios that differ only by rounding must not widen the interval.
         away = np.where(np.abs(away) <= 1e-12 * np.abs(value[..., None]), 0.0, away)
         spread = np.sqrt((count - 1) / count * ((away**2).sum(axis=-1) - away.sum(axis=-1) ** 2 / count))
         half = stdtrit(count - 1.0, 0.5 + CONFIDENCE / 2.0) * spread
@@ -133,10 +133,10 @@ class Comparison:
         shape = (len(self.tasks), len(self.worlds))
         scores = {}
         tasks, worlds = (np.argsort([str(name) for name in names]) for names in (self.tasks, self.worlds))
-        for method, values in self.scores.items():
-            fits = np.shape(values) == shape and not np.any(np.asarray(values) < 0)
+        for method, array in self.scores.items():
+            fits = np.shape(array) == shape and not np.any(np.asarray(array) < 0)
             require(fits, "scores", method, f"must be (tasks, worlds), here {shape}, without negative values")
-            scores[method] = np.where(np.isnan(values), np.inf, values)[np.ix_(tasks, worlds)]
+            scores[method] = np.where(np.isnan(array), np.inf, array)[np.ix_(tasks, worlds)]
         object.__setattr__(self, "scores", scores)
         object.__setattr__(self, "tasks", [self.tasks[i] for i in tasks])
         object.__setattr__(self, "worlds", [self.worlds[i] for i in worlds])
@@ -179,7 +179,8 @@ class Comparison:
 
         It is below 1 if ``a`` is better.
         """
-        return _positive(*self.sums(a, b), int((self.completed(a) & self.completed(b)).sum()))
+        numerators, denominators = self.sums(a, b)
+        return _positive(numerators, denominators, int((self.completed(a) & self.completed(b)).sum()))
 
     def probability_of_improvement(self, a: str, b: str) -> Interval:
         """Estimate the share of tasks and worlds in which ``a`` has a smaller score than ``b``; a tie counts half."""

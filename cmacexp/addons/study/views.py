@@ -42,7 +42,9 @@ def over_setting(
     place: Callable[[Results], float] | None = None,
     **style: str,
 ) -> Panel:
-    """Make a panel of an estimate and its interval over a setting; infinite estimates are not drawn.
+    """Make a panel of an estimate over a setting, with its interval if the sample has a spread.
+
+    Infinite estimates are not drawn.
 
     Args:
         results: results to draw.
