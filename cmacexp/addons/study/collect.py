@@ -1,4 +1,4 @@
-"""The runs of studies: found by the hash of their config if they are complete, else run, on all cores."""
+"""Runs of studies: complete ones are found by the hash of their config, missing ones are executed."""
 
 import hashlib
 import sys
@@ -17,13 +17,18 @@ from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.terminal.messages import warn_of_models
 from cmacexp.typing import Status
 
-HASH_DIGITS, THIN_DIGITS = 12, 4
+HASH_DIGITS = 12
+THIN_DIGITS = 4
 Collected = Mapping[Request, tuple[Path, Mapping[str, str]]]
-"""Folder of the run of each request, and the option that was chosen in each group."""
+"""Folder of the run of each request, and its chosen option by config group."""
 
 
 def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config | str, Mapping[str, str], bool]:
-    """Folder of the run of ``overrides``, its config or why it is refused, its options, whether it is complete."""
+    """Look up the run of ``overrides`` below ``store``.
+
+    Returns its folder, its config or the reason why the config is refused, its option by config group, and true if
+    the run is complete.
+    """
     composed, choices = compose_untyped([*overrides, "record=trace"])
     try:
         config = to_config(composed)
@@ -31,7 +36,8 @@ def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config | str,
         folder = store / f"refused-{hashlib.sha256(repr(overrides).encode()).hexdigest()[:HASH_DIGITS]}"
         write_failure(folder, composed, error)
         return folder, str(error), choices, False
-    name, record = f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}", config.record
+    name = f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}"
+    record = config.record
     if record.thins:  # the hash leaves out what a run stores: studies that differ in it share no folder
         rows = repr((record.every_nth_step, record.cycles))
         name += f"-thin-{hashlib.sha256(rows.encode()).hexdigest()[:THIN_DIGITS]}"
@@ -40,7 +46,7 @@ def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config | str,
 
 
 def _run(folder: Path, config: Config, runs: int) -> str | None:
-    """Run one of so many, unless another study has meanwhile; why it failed, if it did."""
+    """Execute one of ``runs`` runs, unless another study has finished it; returns the cause of a failure."""
     try:
         run, _ = ensure_run(config, folder, runs)
     except BadInput as error:
@@ -49,14 +55,17 @@ def _run(folder: Path, config: Config, runs: int) -> str | None:
 
 
 class Workers(NamedTuple):
-    """Where a study looks for runs and measures them, and where it makes those that are missing."""
+    """Launchers of a study: ``here`` looks up and measures runs, ``long`` executes missing runs."""
 
     here: Launcher
     long: Launcher
 
 
 def _collect_ready(workers: Workers, requests: Sequence[Request], store: Path, before: Collected) -> Collected:
-    """Collect requests whose start weights, if any, are those of runs in ``before``."""
+    """Return the runs of requests; execute missing ones.
+
+    A request may start from the weights of another request, whose run must be in ``before``.
+    """
 
     def overrides(request: Request) -> tuple[str, ...]:
         if request.starts_from is None:
@@ -64,8 +73,8 @@ def _collect_ready(workers: Workers, requests: Sequence[Request], store: Path, b
         return (*request.overrides, f"learning.start_from='{before[request.starts_from][0]}'")
 
     wanted = sorted({overrides(request) for request in requests})
-    asked = [(overrides, store) for overrides in wanted]
-    looked_up = dict(zip(wanted, workers.here.map_in_order("looking for runs", _look_up, asked), strict=True))
+    items = [(overrides, store) for overrides in wanted]
+    looked_up = dict(zip(wanted, workers.here.map_in_order("looking for runs", _look_up, items), strict=True))
     failed = [reason for _, reason, *_ in looked_up.values() if isinstance(reason, str)]
     missing = {
         folder: config for folder, config, _, done in looked_up.values() if not (isinstance(config, str) or done)
@@ -83,9 +92,10 @@ def _collect_ready(workers: Workers, requests: Sequence[Request], store: Path, b
 
 
 def ensure_runs(workers: Workers, requests: Sequence[Request], store: Path) -> Collected:
-    """The runs of requests, each of one seed, below ``store``; equal ones are run once, complete ones not at all.
+    """Return the runs of requests with one seed each, stored below ``store``; execute each missing run once.
 
-    Raises CmacexpError if Hydra cannot compose overrides, or every run failed.
+    Raises:
+        CmacexpError: Hydra cannot compose the overrides, or every run failed.
     """
     first = list(dict.fromkeys(request.starts_from or request for request in requests))
     later = [request for request in requests if request.starts_from is not None]

@@ -1,6 +1,7 @@
-"""``cmacexp study``: runs a study and writes its report."""
+"""The command ``cmacexp study``, which runs a study and writes its report."""
 
 import argparse
+import itertools
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -45,27 +46,27 @@ Measured = Mapping[Path, Mapping[str, float]]
 
 @dataclass(frozen=True)
 class Options:
-    """How studies are to be run."""
+    """Options of the command: folder, size and launcher of studies."""
 
     folder: Path = FOLDER
     """Folder of the reports and runs of all studies."""
     quick: bool = False
     seeds: int = SEEDS
-    """Seeds of each run that depends on its seed; a quick study takes one."""
+    """Number of seeds of each run that depends on its seed; a quick study uses one."""
     launcher: str | None = None
-    """Launcher of Hydra, whose tasks do the runs; None: processes on all cores."""
+    """Hydra launcher whose tasks execute the runs; None: local processes."""
     workers: int | None = None
-    """Tasks of that launcher, or processes; None: so many as there are cores, or ``WORKERS`` tasks."""
+    """Number of local processes, or of launcher tasks; None: one process per core, or ``WORKERS`` tasks."""
     settings: Sequence[str] = ()
-    """Settings of its config, such as ``timeout_min=600``."""
+    """Settings of the launcher config, such as ``timeout_min=600``."""
 
     def choose_folder(self, name: str) -> Path:
-        """Choose the folder of a report: one that concludes nothing does not replace one that does."""
+        """Choose the folder of a report, so that a quick or one-seed study does not replace a full one."""
         return self.folder / f"{name}{'-quick' if self.quick else '-one-seed' if self.seeds == 1 else ''}"
 
     @contextmanager
     def start_workers(self) -> Iterator[Workers]:
-        """Start processes here, and tasks of the launcher, if there is one, for the runs."""
+        """Start local processes and, if a launcher is set, its tasks for the runs."""
         with start_workers(None if self.launcher else self.workers) as executor:
             here = Launcher(executor, lambda runs: 1)
             if self.launcher is None:
@@ -76,14 +77,15 @@ class Options:
                 yield Workers(here, long)
 
     def expand(self, requests: Sequence[Request]) -> list[Request]:
-        """A request for each seed."""
+        """Return one request per seed for each seeded request, and the other requests once."""
         numbers = range(1 if self.quick else self.seeds)
         return [request.with_seed(seed) for request in requests for seed in (numbers if request.seeded else [0])]
 
 
 def _measure_run(path: Path, folder: Path) -> dict[str, float]:
-    """The measures of one run of a study, by name; NaN of a run that failed."""
-    run, measures = Run(folder), load_study(path).study.measures
+    """Compute the measures of the study in the file ``path`` for one run, by name; NaN if the run failed."""
+    run = Run(folder)
+    measures = load_study(path).study.measures
     failed = run.status not in RESULTS
     return {name: math.nan if failed else float(measure(run)) for name, measure in measures.items()}
 
@@ -91,12 +93,12 @@ def _measure_run(path: Path, folder: Path) -> dict[str, float]:
 def _write(
     path: Path, requests: Sequence[Request], collected: Collected, measured: Measured, options: Options
 ) -> Evaluated:
-    """Evaluate one study and write its own page."""
+    """Evaluate one study and write its page."""
     file = load_study(path)
     keys = list(
         dict.fromkeys(text.partition("=")[0].lstrip("+") for request in requests for text in request.overrides)
     )
-    rows = {}  # the same run with the same labels is one value of a sample, however often it was asked for
+    rows = {}  # a run requested several times with the same labels must count once in a sample
     for request in requests:
         run, choices = collected[request]
         row = read_row(run, request.labels, choices, keys, measured[run], request.seeded)
@@ -116,55 +118,57 @@ def write_results(
     provenance: Mapping[str, Any],
     texts: Mapping[str, str],
 ) -> Evaluated:
-    """Evaluate the results of a study, and write its page into ``folder``, with further ``texts`` by file name."""
-    with new_result(folder, FOLDER_KEY, REPORT) as place:
-        evaluated = replace(evaluate(file, results, place.part, quick), provenance=provenance)
+    """Evaluate the results of a study and write its page into ``folder``, with further ``texts`` by file name."""
+    with new_result(folder, FOLDER_KEY, REPORT) as writer:
+        evaluated = replace(evaluate(file, results, writer.part, quick), provenance=provenance)
         for name, text in texts.items():
-            place.write_text(name, text)
-        write_page(file.study.title, file.study.question, [evaluated], place, quick)
+            writer.write_text(name, text)
+        write_page(file.study.title, file.study.question, [evaluated], writer, quick)
     return evaluated
 
 
 def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluated]:
-    """Make the runs of studies that are missing, and measures, claims and a page of each."""
+    """Execute the missing runs of studies, evaluate each study and write its page."""
     for file in files:
         check_page(file)
     requests = {file.path: options.expand(file.study.runs(options.quick)) for file in files}
     with options.start_workers() as workers:
-        collected = ensure_runs(workers, [r for own in requests.values() for r in own], options.folder / "runs")
-        runs = {path: list(dict.fromkeys(collected[request][0] for request in own)) for path, own in requests.items()}
-        asked = [(file.path, run) for file in files if file.study.measures for run in runs[file.path]]
-        measured = dict(zip(asked, workers.here.map_in_order("measuring", _measure_run, asked), strict=True))
+        all_requests = list(itertools.chain.from_iterable(requests.values()))
+        collected = ensure_runs(workers, all_requests, options.folder / "runs")
+        runs = {path: list(dict.fromkeys(collected[r][0] for r in of_study)) for path, of_study in requests.items()}
+        to_measure = [(file.path, run) for file in files if file.study.measures for run in runs[file.path]]
+        measures = workers.here.map_in_order("measuring", _measure_run, to_measure)
+        measured = dict(zip(to_measure, measures, strict=True))
         items = [
             (
                 path,
-                own,
-                {request: collected[request] for request in own},
+                of_study,
+                {request: collected[request] for request in of_study},
                 {run: measured.get((path, run), {}) for run in runs[path]},
                 options,
             )
-            for path, own in requests.items()
+            for path, of_study in requests.items()
         ]
         return workers.here.map_in_order("evaluating", _write, items)
 
 
 def write_study(file: StudyFile, options: Options) -> Path:
-    """Run one study and write its report; returns the page."""
+    """Run one study, print its statements and write its report; returns the path of the page."""
     print_statements(write_studies([file], options))
     return options.choose_folder(file.name) / HTML
 
 
 def print_statements(studies: Sequence[Evaluated]) -> None:
-    """Print the claims of studies with their evidence and the count of verdicts, then the sentences of findings."""
-    judged = [each for study in studies for each in study.statements.values()]
-    claims = [each for each in judged if isinstance(each.statement, Claim)]
-    for each in claims:
-        print(format_text(each.sentence, evidence_of(each)), end="\n\n")
+    """Print the claims of studies with their evidence and the number of claims per verdict, then the findings."""
+    results = [result for study in studies for result in study.statements.values()]
+    claims = [result for result in results if isinstance(result.statement, Claim)]
+    for claim in claims:
+        print(format_text(claim.sentence, evidence_of(claim)), end="\n\n")
     if claims:
-        print(format_text(count_verdicts([each.verdict for each in claims])), end="\n\n")
-    for each in judged:
-        if isinstance(each.statement, Finding):
-            print(format_text(f"- {each.sentence}"))
+        print(format_text(count_verdicts([claim.verdict for claim in claims])), end="\n\n")
+    for result in results:
+        if isinstance(result.statement, Finding):
+            print(format_text(f"- {result.sentence}"))
 
 
 def _read_count(text: str) -> int:
@@ -177,45 +181,56 @@ SEEDED: OptionTable = {
     "--seeds": {
         "type": _read_count,
         "metavar": "N",
-        "help": f"seeds of each run that depends on its seed (default: {SEEDS})",
+        "help": f"number of seeds of each run that depends on its seed (default: {SEEDS})",
     },
 }
-"""Option of studies whose runs can be repeated for other seeds."""
+"""Option of studies whose runs can be repeated with other seeds."""
 
 
 def run_studies(
-    name: str, description: str, work: Callable[[Arguments, Options], Path], own: OptionTable = SEEDED
+    name: str, description: str, work: Callable[[Arguments, Options], Path], study_options: OptionTable = SEEDED
 ) -> NoReturn:
-    """Run the command ``name`` of studies, and exit; it has the options of every study, its ``own`` after the first.
+    """Parse the arguments of the command ``name``, run its studies and exit.
 
-    ``work`` writes the reports and returns the page to open.
+    ``work`` writes the reports and returns the page to open. The help lists ``study_options`` after the first of the
+    options that all studies share.
     """
 
     def run(arguments: Arguments) -> None:
         if arguments.setting and arguments.launcher is None:
             raise BadInput("--setting", arguments.setting[0], "is of a launcher: add --launcher NAME")
-        folder, chosen = require_place(FOLDER_KEY, arguments.folder), (arguments.launcher, arguments.workers)
-        options = Options(folder, arguments.quick, arguments.seeds, *chosen, arguments.setting)
+        options = Options(
+            require_place(FOLDER_KEY, arguments.folder),
+            arguments.quick,
+            arguments.seeds,
+            arguments.launcher,
+            arguments.workers,
+            arguments.setting,
+        )
         print_line(str(work(arguments, options)))
 
     parser = Parser(
         name,
         description,
         {
-            "--quick": make_flag("fewer and shorter runs that only check the machinery"),
-            **own,
-            "--folder": {"type": Path, "default": FOLDER, "help": f"reports and runs of all studies ({FOLDER})"},
-            "--launcher": {"metavar": "NAME", "help": "of Hydra, for the runs (default: all cores here)"},
+            "--quick": make_flag("fewer and shorter runs, which only check that the study works"),
+            **study_options,
+            "--folder": {
+                "type": Path,
+                "default": FOLDER,
+                "help": f"folder of the reports and runs of all studies (default: {FOLDER})",
+            },
+            "--launcher": {"metavar": "NAME", "help": "Hydra launcher to use (default: local processes)"},
             "--workers": {
                 "type": _read_count,
                 "metavar": "N",
-                "help": f"processes (default: one for each core), or tasks of that launcher (default: {WORKERS})",
+                "help": f"number of processes (default: one per core), or of launcher tasks (default: {WORKERS})",
             },
             "--setting": {
                 "action": "append",
                 "default": [],
                 "metavar": "KEY=VALUE",
-                "help": "of its config, as often as needed: --setting timeout_min=600",
+                "help": "setting of the launcher config, such as timeout_min=600; can be repeated",
             },
         },
     )
@@ -224,14 +239,20 @@ def run_studies(
 
 
 def main(path: str | None = None) -> NoReturn:
-    """``python -m cmacexp.study FILE.py``; with ``path``, the command of the study in that file."""
+    """Run ``python -m cmacexp.study FILE.py``; with ``path``, run the command of the study in that file."""
     if path is not None:
         file = load_study(Path(path))
-        name, question = f"pipelines.{file.name}", file.study.question
-        run_studies(name, question, lambda _, options: write_study(file, options))
+        run_studies(f"pipelines.{file.name}", file.study.question, lambda _, options: write_study(file, options))
     run_studies(
         "cmacexp.study",
         "Run a study and write its report.",
         lambda arguments, options: write_study(load_study(arguments.file), options),
-        {**SEEDED, "file": {"type": Path, "metavar": "FILE.py", "help": "defines STUDY; its page stands beside it"}},
+        {
+            **SEEDED,
+            "file": {
+                "type": Path,
+                "metavar": "FILE.py",
+                "help": "Python file that defines STUDY, with its page FILE.md beside it",
+            },
+        },
     )

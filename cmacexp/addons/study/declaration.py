@@ -1,7 +1,7 @@
-"""A study declared as one mapping: runs, claims, findings, figures and tables, by the names of their parts.
+"""A study declared as one mapping: runs, claims, findings, figures and tables by name.
 
-``docs/add-a-study.md`` shows it. A value is a function of the results; so may be a cell of a table, a figure, or all
-runs.
+``docs/add-a-study.md`` describes the form. A value is a function of the results. Cells of tables, and whole figures,
+tables or lists of runs, may be functions, too.
 """
 
 import itertools
@@ -16,7 +16,7 @@ import yaml
 
 from cmacexp.addons.study.results import NoSuchRuns, Results
 from cmacexp.addons.study.samples import require_sample
-from cmacexp.addons.study.statements import Claim, Criterion, Finding, Limit, fill
+from cmacexp.addons.study.statements import Claim, Criterion, Finding, Limit, fill_placeholders
 from cmacexp.addons.study.study import DataFrame, Figure, Request, Study, grid, starting_from
 from cmacexp.addons.study.views import cross_tabulate, over_cycles, over_setting, tabulate
 from cmacexp.errors import require, require_name
@@ -24,13 +24,13 @@ from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.report.figures import Panel, draw
 
 Declared = dict[str, Any]
-"""A part of a declaration, or values of a page, by name."""
+"""Section of a declaration, or values of a page, by name."""
 UNITS = {
     **dict.fromkeys(("", "cycles", "samples", "m/s", "m/s^2", "rad/s", "Hz", "kg", "N/m", "W"), 1.0),
     **{metric.unit: 1.0 for metric in ALL_METRICS.values()},
     "%": 100.0, "mm": 1e3, "mrad": 1e3, "ms": 1e3,
 }  # fmt: skip
-"""Units of a limit: the factor from the SI unit to each."""
+"""Units of limits: factor from the SI unit by unit."""
 NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 LIMIT = re.compile(
     rf"(any|at most|at least|) ?(?:{NUMBER}(?: to {NUMBER})?)? ?(%|[a-zA-Zµ]+(?:[ /][a-zA-Z]+(?:\^2)?)?)?"
@@ -48,17 +48,21 @@ FORMS: dict[str, tuple[str, ...]] = {
     "figures": ("metric", "value", "over", "by", "of", "log", "title", "y", "kind"),
     "tables": ("rows", "columns", "across", "value", "of"),
 }  # fmt: skip
-"""What each part of a declaration may hold."""
+"""Allowed names in each section of a declaration."""
 
 
-def _check(part: str, given: Any, *needs: str) -> dict[str, Any]:
-    """A part that is a mapping with names of its form, and with all that it needs; raises BadInput."""
-    require(isinstance(given, Mapping), part, given, f"must be a mapping with {', '.join(FORMS[part])}")
-    for name in given:
-        require_name(part, name, FORMS[part])
+def _check(section: str, entries: Any, *needs: str) -> dict[str, Any]:
+    """Return the entries of a section as a dictionary after checking their names.
+
+    Raises:
+        BadInput: ``entries`` is no mapping, contains a name that is not in ``FORMS``, or lacks one of ``needs``.
+    """
+    require(isinstance(entries, Mapping), section, entries, f"must be a mapping with {', '.join(FORMS[section])}")
+    for name in entries:
+        require_name(section, name, FORMS[section])
     for name in needs:
-        require(given.get(name) not in (None, {}), part, dict(given), f"needs {name}")
-    return dict(given)
+        require(entries.get(name) not in (None, {}), section, dict(entries), f"needs {name}")
+    return dict(entries)
 
 
 def _list(value: Any) -> list[Any]:
@@ -66,7 +70,7 @@ def _list(value: Any) -> list[Any]:
 
 
 def format_overrides(values: Any) -> list[str]:
-    """Overrides as on the command line, of a mapping or of a list of texts."""
+    """Format a mapping of values by config key as command-line overrides; return a list of texts unchanged."""
     if not isinstance(values, Mapping):
         return [str(text) for text in _list(values)]
     return [
@@ -75,15 +79,16 @@ def format_overrides(values: Any) -> list[str]:
 
 
 def read_limit(text: str) -> tuple[Limit, str, float]:
-    """A limit, the unit that it is given in, and the factor to it: ``at most 10 %``, ``at least 2``, ``1 to 3 mm``.
+    """Read a limit such as ``at most 10 %``, ``at least 2`` or ``1 to 3 mm``.
 
-    ``any mm`` is of a value that stands beside others and decides nothing.
+    Returns the limit in SI units, its unit as written, and the factor from the SI unit to that unit. ``any mm`` is
+    the limit of a value that is only shown and decides nothing.
 
     Raises:
-        BadInput: it is none, its unit is unknown, or its lower end is above its upper end.
+        BadInput: the text is no limit, its unit is unknown, or its lower end is above its upper end.
     """
-    found = LIMIT.fullmatch(str(text))
-    side, first, last, unit = found.groups("") if found else ("", "", "", "")
+    match = LIMIT.fullmatch(str(text))
+    side, first, last, unit = match.groups("") if match else ("", "", "", "")
     low = float(first or "nan")
     ends = {"any": (-math.inf, math.inf), "at most": (-math.inf, low), "at least": (low, math.inf)}
     low, high = ends.get(side, (low, float(last or low)))
@@ -92,43 +97,51 @@ def read_limit(text: str) -> tuple[Limit, str, float]:
     return Limit(low / UNITS[unit], high / UNITS[unit]), unit, UNITS[unit]
 
 
-def read_criteria(given: Mapping[str, Any]) -> list[Criterion]:
-    """The criteria of a statement: those under ``criteria``, or the one that it is itself, for ``each`` setting.
+def read_criteria(statement: Mapping[str, Any]) -> list[Criterion]:
+    """Read the criteria of a statement, one for each combination of the settings under ``each``.
 
-    After them come the values of ratios that are to stand ``beside`` them.
+    They are declared under ``criteria``; a statement with only one criterion may hold its entries itself. After them
+    come criteria without a limit that show, for each ratio with ``beside``, its numerator and denominator.
 
     Raises:
-        BadInput: a name is unknown or missing, the value is no function, or the limit is none.
+        BadInput: a name is unknown or missing, the value is no function, or the limit is malformed.
     """
-    parts = given.get("criteria", [{key: value for key, value in given.items() if key in CRITERION}])
-    parts = [_check("criteria", part, "value", "limit") for part in parts]
-    beside = [_list_values(part) for part in parts if part.get("beside")]
-    return [criterion for part in (*parts, *beside) for criterion in _read_criterion(part)]
+    entries = statement.get("criteria", [{key: value for key, value in statement.items() if key in CRITERION}])
+    criteria = [_check("criteria", entry, "value", "limit") for entry in entries]
+    operands = [_show_operands(criterion) for criterion in criteria if criterion.get("beside")]
+    return [criterion for entry in (*criteria, *operands) for criterion in _read_criterion(entry)]
 
 
-def _list_values(given: Mapping[str, Any]) -> dict[str, Any]:
-    """What shows the values of the runs that a criterion divides, those of ``over`` first; it decides nothing."""
-    own = _check("criteria", given, "of", "over")
-    missing = own["over"].keys() - own["of"].keys()
-    require(not missing, "beside", own["beside"], f"needs a value under of for what over names: {', '.join(missing)}")
-    quantity, _, unit = str(own["beside"]).rpartition(", ")
-    pairs = {key: [value, own["of"][key]] for key, value in own["over"].items()}
-    case = {"case": ", ".join([str(own["case"]), *map("{{{}}}".format, pairs)])} if "case" in own else {}
-    more = {"quantity": quantity, "each": {**(own.get("each") or {}), **pairs}, "limit": f"any {unit}"}
-    return {"value": own["value"], "of": own["of"], **more, **case}
+def _show_operands(ratio: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a criterion without a limit that shows both operands of a ratio, that of the ``over`` runs first."""
+    entries = _check("criteria", ratio, "of", "over")
+    missing = entries["over"].keys() - entries["of"].keys()
+    require(
+        not missing, "beside", entries["beside"], f"needs a value under of for what over names: {', '.join(missing)}"
+    )
+    quantity, _, unit = str(entries["beside"]).rpartition(", ")
+    pairs = {key: [value, entries["of"][key]] for key, value in entries["over"].items()}
+    case = {"case": ", ".join([str(entries["case"]), *map("{{{}}}".format, pairs)])} if "case" in entries else {}
+    more = {"quantity": quantity, "each": {**(entries.get("each") or {}), **pairs}, "limit": f"any {unit}"}
+    return {"value": entries["value"], "of": entries["of"], **more, **case}
 
 
-def _read_criterion(own: Mapping[str, Any]) -> list[Criterion]:
-    case = own.get("case")  # with the values of settings in braces; without one, the values
-    more = {key: own[key] for key in ("over", "infinite") if key in own}
-    holds, unit, scale = read_limit(own["limit"])
-    fails = read_limit(own["opposite"])[0] if "opposite" in own else None
-    values = [[(key, value) for value in _list(chosen)] for key, chosen in (own.get("each") or {}).items()]
+def _read_criterion(entries: Mapping[str, Any]) -> list[Criterion]:
+    """Read a criterion for each combination of its settings under ``each``.
+
+    ``case`` may contain names of these settings in braces; without it the case lists their values.
+    """
+    case = entries.get("case")
+    more = {key: entries[key] for key in ("over", "infinite") if key in entries}
+    holds, unit, scale = read_limit(entries["limit"])
+    fails = read_limit(entries["opposite"])[0] if "opposite" in entries else None
+    values = [[(key, value) for value in _list(chosen)] for key, chosen in (entries.get("each") or {}).items()]
     return [
         Criterion(
-            str(own.get("quantity", own["value"])), own["value"], holds, fails, unit, scale,
-            {**(own.get("of") or {}), **dict(chosen)},
-            ", ".join(str(value) for _, value in chosen) if case is None else _fill("case", str(case), dict(chosen)),
+            str(entries.get("quantity", entries["value"])), entries["value"], holds, fails, unit, scale,
+            {**(entries.get("of") or {}), **dict(chosen)},
+            ", ".join(str(value) for _, value in chosen) if case is None
+            else fill_placeholders("case", str(case), dict(chosen)),
             **more,
         )
         for chosen in itertools.product(*values)
@@ -136,139 +149,162 @@ def _read_criterion(own: Mapping[str, Any]) -> list[Criterion]:
 
 
 def _read_over(values: Mapping[str, Any], quick: bool) -> dict[str, Any]:
-    """Values by setting, or overrides by label; a quick form takes the first and the last of each."""
-    found: dict[str, Any] = {}
-    for key, given in values.items():
-        is_list = isinstance(given, Collection) and not isinstance(given, str) and len(given)
-        require(is_list, f"runs.over.{key}", given, "must be a list of values, such as [0.1, 0.2]")
-        labelled = isinstance(given, Mapping)
-        items = [(name, format_overrides(own)) for name, own in given.items()] if labelled else [*given]
+    """Read values by setting, or overrides by label; a quick study uses only the first and the last of each."""
+    varied: dict[str, Any] = {}
+    for key, options in values.items():
+        is_list = isinstance(options, Collection) and not isinstance(options, str) and len(options)
+        require(is_list, f"runs.over.{key}", options, "must be a list of values, such as [0.1, 0.2]")
+        labelled = isinstance(options, Mapping)
+        items = [(label, format_overrides(texts)) for label, texts in options.items()] if labelled else [*options]
         items = [*items[:1], *items[1:][-1:]] if quick else items
-        found[key] = dict(items) if labelled else items
-    return found
+        varied[key] = dict(items) if labelled else items
+    return varied
 
 
-def read_requests(parts: Sequence[Any], quick: bool, common: Mapping[str, Any] | None = None) -> list[Request]:
-    """The runs of all parts; a quick form takes what ``quick`` sets, and the first and last value of each setting.
+def read_requests(groups: Sequence[Any], quick: bool, common: Mapping[str, Any] | None = None) -> list[Request]:
+    """Read the runs of all groups; ``common`` holds the default entries of a group.
 
-    A part whose ``quick`` is null is left out of it. What a part does not say is ``common`` to all that do not.
+    A quick study adds the overrides of ``quick``, uses only the first and last value of each setting, and leaves out
+    groups whose ``quick`` is None. The runs of a group with ``after`` start from the final weights of earlier runs:
+    of those that have the labels ``after`` and the same value of every other setting of the group.
     """
-    found: list[Request] = []
-    for own in ({**(common or {}), **_check("runs", given)} for given in parts):
-        if quick and own.get("quick", {}) is None:
+    all_requests: list[Request] = []
+    for group in ({**(common or {}), **_check("runs", entries)} for entries in groups):
+        if quick and group.get("quick", {}) is None:
             continue
-        over, more = _read_over(own.get("over") or {}, quick), own.get("quick") if quick else None
-        requests = grid(
-            *format_overrides(own.get("set")), over=over, seeded=own.get("seeds", False), **(own.get("labels") or {})
-        )
-        requests = [replace(each, overrides=(*each.overrides, *format_overrides(more))) for each in requests]
-        if own.get("after") is not None:
+        over = _read_over(group.get("over") or {}, quick)
+        fixed = format_overrides(group.get("set"))
+        requests = grid(*fixed, over=over, seeded=group.get("seeds", False), **(group.get("labels") or {}))
+        more = format_overrides(group.get("quick")) if quick else []
+        requests = [replace(request, overrides=(*request.overrides, *more)) for request in requests]
+        after = group.get("after")
+        if after is not None:
             first = [
-                replace(each, labels={key: each.labels[key] for key in over if key not in own["after"]})
-                for each in found
-                if own["after"].items() <= each.labels.items()
+                replace(request, labels={key: request.labels[key] for key in over if key not in after})
+                for request in all_requests
+                if after.items() <= request.labels.items()
             ]
             requests = starting_from(first, requests)
-        found += requests
-    return found
+        all_requests += requests
+    return all_requests
 
 
-def read_figure(given: Any) -> Callable[[Results], Figure]:
-    """A figure of panels: a ``metric`` over cycles, or a ``value`` over a setting, with a line for each of ``by``.
+def _draw_panel(entries: Mapping[str, Any], results: Results) -> list[Panel]:
+    """Make the panel of the selected runs; an empty list if a quick study left these runs out."""
+    try:
+        chosen = results.select(entries.get("of"))
+    except NoSuchRuns:
+        return []
+    title = entries.get("title", "")
+    if "metric" in entries:
+        panel = over_cycles(chosen, entries["metric"], entries["by"], entries.get("log", ""))
+        return [replace(panel, title=title or panel.title)]  # the label of the y axis keeps the name of the metric
+    style = {name: entries[name] for name in ("log", "kind") if name in entries}
+    y = str(entries.get("y", title))
+    return [over_setting(chosen, entries["over"], y, entries["value"], entries.get("by"), title=title, **style)]
 
-    Panels of runs that a quick form leaves out are left out.
+
+def read_figure(declared: Any) -> Callable[[Results], Figure]:
+    """Return a function that draws a declared figure of one or several panels from the results.
+
+    A panel shows a ``metric`` over cycles or a ``value`` over a setting, with one line per value of the setting
+    ``by``. Panels whose runs a quick study leaves out are left out.
+
+    Raises:
+        BadInput: a name is unknown or missing, or the value is no function.
     """
     panels = [
         _check("figures", panel, *(["by"] if "metric" in _check("figures", panel) else ["value", "over"]))
-        for panel in _list(given)
+        for panel in _list(declared)
     ]
-    for own in panels:
-        if "metric" in own:
-            require_name("figures.metric", own["metric"], ALL_METRICS)
+    for panel in panels:
+        if "metric" in panel:
+            require_name("figures.metric", panel["metric"], ALL_METRICS)
         else:
-            require_sample("figures.value", own["value"])
-
-    def build(own: Mapping[str, Any], results: Results) -> list[Panel]:
-        try:
-            chosen = results.select(own.get("of"))
-        except NoSuchRuns:
-            return []
-        log, title = own.get("log", ""), own.get("title", "")
-        if "metric" in own:
-            panel = over_cycles(chosen, own["metric"], own["by"], log)
-            return [replace(panel, title=title or panel.title)]
-        y, kind = str(own.get("y", title)), own.get("kind", "lines")
-        return [over_setting(chosen, own["over"], y, own["value"], own.get("by"), title=title, log=log, kind=kind)]
-
-    return lambda results: draw([p for own in panels for p in build(own, results)], columns=min(2, len(panels)))
+            require_sample("figures.value", panel["value"])
+    return lambda results: draw(
+        [drawn for panel in panels for drawn in _draw_panel(panel, results)], columns=min(2, len(panels))
+    )
 
 
-def read_table(given: Any) -> Callable[[Results], DataFrame]:
-    """A row for each of ``rows``; a column for each function of ``columns``, or a ``value`` for each of ``across``.
+def read_table(declared: Any) -> Callable[[Results], DataFrame]:
+    """Return a function that makes a declared table from the results.
 
-    ``across`` is a setting, or a mapping of one to what its titles begin with.
-    """
-    own = _check("tables", given, "rows", *(["value"] if "across" in _check("tables", given) else ["columns"]))
-    rows = own["rows"] if isinstance(own["rows"], Mapping) else {key: key for key in _list(own["rows"])}
-    columns = own.get("columns") or {"value": own["value"]}
-    for title, value in columns.items():
-        require_sample(f"tables.{title}", value)
-    if "across" in own:
-        across = own["across"] if isinstance(own["across"], Mapping) else {own["across"]: ""}
-        row, column = (next(iter(settings.items())) for settings in (rows, across))
-        return lambda results: cross_tabulate(results.select(own.get("of")), row, column, own["value"])
-    return lambda results: tabulate(results.select(own.get("of")), rows, columns)
-
-
-def _fill(part: str, value: Any, words: Mapping[str, Any]) -> Any:
-    """A value in a part of a declaration whose texts have names in braces replaced; raises BadInput."""
-    if isinstance(value, Mapping):
-        return {key: _fill(part, each, words) for key, each in value.items()}
-    if isinstance(value, list):
-        return [_fill(part, each, words) for each in value]
-    return fill(part, value, words) if isinstance(value, str) else value
-
-
-def _expand(part: str, given: Mapping[str, Any], *needs: str) -> dict[str, dict[str, Any]]:
-    """Statements by name, one for each value that ``for`` gives for a name in braces; raises BadInput."""
-    found = {}
-    for name, own in given.items():
-        values = _check(part, own, *needs).get("for") or {}
-        for chosen in itertools.product(*values.values()):
-            words = dict(zip(values, chosen, strict=True))
-            found[_fill(part, name, words)] = _fill(part, own, words) if words else own
-    return found
-
-
-def _read(part: str, given: Mapping[str, Any], read: Callable[[Any], Any]) -> dict[str, Any]:
-    """A part of a declaration by name; a function stands for itself."""
-    return {name: own if callable(own) else read(own) for name, own in (given.get(part) or {}).items()}
-
-
-def declare(**given: Any) -> Study:
-    """The study of a declaration: ``title``, ``question``, ``runs`` and what else :data:`FORMS` has of a study.
+    The table has a row for each combination of the settings ``rows``. Its columns are the functions ``columns``, or
+    the function ``value`` for each value of ``across``: a setting, or a mapping of a setting to the prefix of the
+    titles.
 
     Raises:
-        BadInput: some part of it is not as it must be.
+        BadInput: a name is unknown or missing, or a value is no function.
     """
-    own = _check("study", given, "title", "question", "runs")
-    for name, measure in (own.get("measures") or {}).items():
+    needs = ["value"] if "across" in _check("tables", declared) else ["columns"]
+    table = _check("tables", declared, "rows", *needs)
+    rows = table["rows"] if isinstance(table["rows"], Mapping) else {key: key for key in _list(table["rows"])}
+    columns = table.get("columns") or {"value": table["value"]}
+    for title, value in columns.items():
+        require_sample(f"tables.{title}", value)
+    if "across" in table:
+        across = table["across"] if isinstance(table["across"], Mapping) else {table["across"]: ""}
+        row, column = (next(iter(settings.items())) for settings in (rows, across))
+        return lambda results: cross_tabulate(results.select(table.get("of")), row, column, table["value"])
+    return lambda results: tabulate(results.select(table.get("of")), rows, columns)
+
+
+def _fill_texts(section: str, value: Any, words: Mapping[str, Any]) -> Any:
+    """Replace the names in braces in all texts of a nested value by ``words``; raises BadInput for other names."""
+    if isinstance(value, Mapping):
+        return {key: _fill_texts(section, item, words) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_fill_texts(section, item, words) for item in value]
+    return fill_placeholders(section, value, words) if isinstance(value, str) else value
+
+
+def _expand(section: str, statements: Mapping[str, Any], *needs: str) -> dict[str, dict[str, Any]]:
+    """Replace each statement by one statement for each combination of the values under ``for``.
+
+    ``for`` holds the values by the name that stands in braces in the texts and in the name of the statement.
+    """
+    expanded = {}
+    for name, statement in statements.items():
+        values = _check(section, statement, *needs).get("for") or {}
+        for chosen in itertools.product(*values.values()):
+            words = dict(zip(values, chosen, strict=True))
+            expanded[_fill_texts(section, name, words)] = (
+                _fill_texts(section, statement, words) if words else statement
+            )
+    return expanded
+
+
+def _read(section: str, declaration: Mapping[str, Any], read: Callable[[Any], Any]) -> dict[str, Any]:
+    """Read every entry of a section with ``read``, by name; keep entries that are functions."""
+    entries = declaration.get(section) or {}
+    return {name: entry if callable(entry) else read(entry) for name, entry in entries.items()}
+
+
+def declare(**declaration: Any) -> Study:
+    """Make a study from its declaration: ``title``, ``question``, ``runs`` and the other names in :data:`FORMS`.
+
+    Raises:
+        BadInput: a section is malformed.
+    """
+    study = _check("study", declaration, "title", "question", "runs")
+    for name, measure in (study.get("measures") or {}).items():
         require(callable(measure), "measures", f"{name}: {measure}", "must be a function of a run")
-    common = _check("runs", own.get("common") or {})
+    common = _check("runs", study.get("common") or {})
     return Study(
-        title=str(own["title"]),
-        question=str(own["question"]),
-        runs=own["runs"] if callable(own["runs"]) else partial(read_requests, own["runs"], common=common),
-        measures=own.get("measures") or {},
+        title=str(study["title"]),
+        question=str(study["question"]),
+        runs=study["runs"] if callable(study["runs"]) else partial(read_requests, study["runs"], common=common),
+        measures=study.get("measures") or {},
         claims={
             name: Claim(claim["words"], claim["where"], read_criteria(claim))
-            for name, claim in _expand("claims", own.get("claims") or {}, "words", "where").items()
+            for name, claim in _expand("claims", study.get("claims") or {}, "words", "where").items()
         },
         findings={
             name: Finding(read_criteria(finding), says=str(finding.get("says", "")))
-            for name, finding in _expand("findings", own.get("findings") or {}).items()
+            for name, finding in _expand("findings", study.get("findings") or {}).items()
         },
-        figures=_read("figures", own, read_figure),
-        tables=_read("tables", own, read_table),
-        **{name: own[name] for name in ("computed", "values") if name in own},
+        figures=_read("figures", study, read_figure),
+        tables=_read("tables", study, read_table),
+        **{name: study[name] for name in ("computed", "values") if name in study},
     )

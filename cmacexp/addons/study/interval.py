@@ -1,4 +1,4 @@
-"""Intervals: what a sample of runs says of a value, and how surely."""
+"""Estimates of values from samples of runs, with 95 % confidence intervals."""
 
 import math
 from collections.abc import Sequence
@@ -11,41 +11,45 @@ from cmacexp.typing import Array, Mask
 CONFIDENCE = 0.95
 RESAMPLES = 2000
 FEW = 10
-"""Number of values below which intervals are Student's t: of three, a percentile bootstrap covers 76 %, not 95 %."""
+"""Sample size below which intervals are Student's t: for three values a percentile bootstrap covers only 76 %."""
 TRIMMED_FROM = 4
-"""Least number of values of which a bootstrapped mean leaves out the outer quarters."""
+"""Sample size from which a bootstrapped mean leaves out the outer quarters of the values."""
 UNPAIRED = -math.inf
-"""Value in a sample of ratios whose reference failed, so that the pair says nothing."""
-EXACT, UNDEFINED = "deterministic", "undefined"
-"""Methods without an interval: no seed changes the value; a run failed before it had one."""
-NO_REFERENCE, ONE_SEED = "n/a: the reference fell", "undecided: one seed"
-"""Methods without an interval: there is nothing to compare with; nothing follows from one seed."""
+"""Value in a sample of ratios for a pair whose reference failed; the pair is left out."""
+EXACT = "deterministic"
+"""Method of a value that no seed and no case changes; it has no interval."""
+UNDEFINED = "undefined"
+"""Method of a value that cannot be computed since runs failed."""
+NO_REFERENCE = "n/a: the reference fell"
+"""Method of a ratio whose references all failed."""
+ONE_SEED = "undecided: one seed"
+"""Method of a value from runs with one seed, which decide nothing."""
 
 
 @dataclass(frozen=True)
 class Interval:
-    """An estimate with its 95 % confidence interval, of the runs that completed; of an exact value, that value."""
+    """An estimate from completed runs with its 95 % confidence interval, of zero width for an exact value."""
 
     value: float
     low: float
     high: float
     count: int
-    """Values that it rests on."""
+    """Number of values in the estimate."""
     method: str
-    """How the interval was computed."""
+    """Method of the interval, such as ``bootstrap``, or the reason why there is none."""
     failed: int = 0
-    """Runs without a finite value: counted apart, and beyond every limit for a verdict."""
+    """Number of runs without a finite value: not in the estimate, and beyond every limit in a verdict."""
     unpaired: int = 0
-    """Runs that are left out since the run that they are compared with failed."""
+    """Number of runs that are left out since their reference failed."""
 
     @property
     def reach(self) -> float:
-        """Upper end for a verdict: no limit holds for a run that failed."""
+        """Upper end for a verdict: infinite if a run failed, since no limit holds for it."""
         return math.inf if self.failed else self.high
 
     @property
     def size(self) -> str:
-        """E.g. ``5``; ``18 of 20`` where runs failed, were left out, or are a share of others."""
+        """Sample size for readers, e.g. ``5``; ``18 of 20`` for a proportion, or if runs failed or were left out."""
         if self.method == WILSON:
             return f"{round(self.value * self.count)} of {self.count}"
         total = self.count + self.failed + self.unpaired
@@ -54,25 +58,27 @@ class Interval:
 
 WILSON = "Wilson"
 UNKNOWN = Interval(math.nan, math.nan, math.nan, 0, UNDEFINED)
-"""The interval of a value that runs which failed do not define."""
+"""Interval of a value that cannot be computed since runs failed."""
 
 
 class BadSample(ValueError):
-    """A sample that has no interval."""
+    """Error of a sample that has no interval."""
 
 
 def estimate(sample: Sequence[float] | Sequence[bool] | Array | Mask, dimensionless: bool = False) -> Interval:
-    """The interval of a sample, by what the sample is.
+    """Estimate a value and its 95 % confidence interval from a sample, by a method that depends on the sample.
 
-    Of truth values: the proportion that is true, with Wilson's interval (Wilson 1927). Of fewer than ``FEW`` numbers
-    that differ: the mean, with Student's t; of ``dimensionless`` ones, which are ratios if they are positive, the
-    geometric mean, with Student's t of the logarithms. Of more: the interquartile mean, with a percentile bootstrap
-    (Agarwal et al. 2021). Of one number, or equal ones: the number itself, since nothing that was varied changes it.
-    An infinite value is that of a run that failed, ``UNPAIRED`` that of one whose reference failed: both are counted
-    apart.
+    - Boolean values: the proportion of true values, with Wilson's interval (Wilson 1927).
+    - One number or equal numbers: that number, since nothing that was varied changes it.
+    - Fewer than ``FEW`` numbers: the mean, with Student's t. If they are ``dimensionless`` and positive, they are
+      ratios: the geometric mean, with Student's t of the logarithms.
+    - More numbers: the interquartile mean, with a percentile bootstrap (Agarwal et al. 2021).
+
+    An infinite value stands for a failed run, ``UNPAIRED`` for a run whose reference failed: both are counted, but do
+    not enter the estimate.
 
     Raises:
-        BadSample: it is empty or contains NaN.
+        BadSample: the sample is empty or contains NaN.
 
     >>> estimate([True] * 38 + [False] * 2).low > 0.8
     True
@@ -91,10 +97,10 @@ def estimate(sample: Sequence[float] | Sequence[bool] | Array | Mask, dimensionl
     paired = values[values != UNPAIRED].astype(float)
     finite = paired[np.isfinite(paired)]
     endless = Interval(math.inf, math.inf, math.inf, 0, EXACT)
-    found = _estimate_finite(finite, dimensionless) if finite.size else endless
+    interval = _estimate_finite(finite, dimensionless) if finite.size else endless
     if not paired.size:
-        found = replace(UNKNOWN, method=NO_REFERENCE)
-    return replace(found, failed=len(paired) - len(finite), unpaired=len(values) - len(paired))
+        interval = replace(UNKNOWN, method=NO_REFERENCE)
+    return replace(interval, failed=len(paired) - len(finite), unpaired=len(values) - len(paired))
 
 
 def _estimate_finite(values: Array, dimensionless: bool) -> Interval:
@@ -111,10 +117,11 @@ def _estimate_finite(values: Array, dimensionless: bool) -> Interval:
 
 
 def student(values: Array) -> Interval:
-    """The mean of two values or more, (count,), with Student's t."""
+    """Estimate the mean of at least two values (count,), with Student's t interval."""
     from scipy.special import stdtrit
 
-    count, value = len(values), float(values.mean())
+    count = len(values)
+    value = float(values.mean())
     quantile = float(stdtrit(count - 1, 0.5 + CONFIDENCE / 2.0))
     reach = quantile * float(values.std(ddof=1)) / math.sqrt(count)
     return Interval(value, value - reach, value + reach, count, "Student's t")
@@ -123,23 +130,24 @@ def student(values: Array) -> Interval:
 def _wilson(successes: int, count: int) -> Interval:
     from scipy.stats import binomtest
 
-    found = binomtest(successes, count).proportion_ci(CONFIDENCE, method="wilson")
-    return Interval(successes / count, float(found.low), float(found.high), count, WILSON)
+    bounds = binomtest(successes, count).proportion_ci(CONFIDENCE, method="wilson")
+    return Interval(successes / count, float(bounds.low), float(bounds.high), count, WILSON)
 
 
 def _compute_centre(values: Array) -> Array:
-    """The mean along the last axis; from four values on without their outer quarters."""
+    """Compute the mean along the last axis, without the outer quarters of at least ``TRIMMED_FROM`` values."""
     count = values.shape[-1]
     cut = count // 4 if count >= TRIMMED_FROM else 0
     return np.asarray(np.sort(values, axis=-1)[..., cut : count - cut].mean(axis=-1))
 
 
 def _bootstrap(values: Array) -> Interval:
-    """The centre of values (count,), with the percentiles of the centres of draws with replacement from them.
+    """Estimate the trimmed mean of values (count,), with a percentile bootstrap.
 
-    The draws are the same for all samples of a size.
+    All samples of the same size use the same random draws.
     """
-    count, outside = len(values), round(RESAMPLES * (1.0 - CONFIDENCE) / 2.0)
+    count = len(values)
+    outside = round(RESAMPLES * (1.0 - CONFIDENCE) / 2.0)
     drawn = values[np.random.default_rng(0).integers(count, size=(RESAMPLES, count))]
     low, high = np.sort(_compute_centre(drawn))[[outside, -1 - outside]].tolist()
     return Interval(float(_compute_centre(values)), low, high, count, "bootstrap")

@@ -1,4 +1,4 @@
-"""The page of a study: its Markdown with values, figures, tables, findings and claims; and its files beside it."""
+"""The page of a study, Markdown with values, figures, tables, findings and claims; and the files beside it."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -59,37 +59,41 @@ CLAIMS = "claims.json"
 
 
 Evidence = Mapping[str, Sequence[Mapping[str, str]]]
-"""The cases of each quantity, and of each what was measured, as readers see it: ``case``, ``value``, ``reason`` of an
-infinite value, ``interval``, ``size``, ``limit``, ``opposite``, ``verdict``."""
+"""Measured cases of each quantity, as texts for readers: ``case``, ``value``, ``reason`` of an infinite value,
+``interval``, ``size``, ``limit``, ``opposite``, ``verdict``."""
 
 
 def build_evidence(criteria: Sequence[Criterion], measured: Mapping[str, Any]) -> Evidence:
-    """The evidence of a statement, of what was ``MEASURED`` for each criterion."""
-    found: dict[str, list[Mapping[str, str]]] = {}
+    """Build the evidence of a statement from the columns ``MEASURED``, with one entry per criterion."""
+    evidence: dict[str, list[Mapping[str, str]]] = {}
     for criterion, value, interval, size, verdict in zip(
         criteria, *(measured[name] for name in MEASURED), strict=True
     ):
         reason = criterion.infinite if value == INFINITE else ""
-        holds, fails = (criterion.format_limit(each) if each else "" for each in (criterion.holds, criterion.fails))
-        row = {"case": criterion.case, "value": value, "reason": reason, "interval": interval, "size": size}
-        row |= {"limit": holds, "opposite": fails, "verdict": verdict if holds else ""}
-        found.setdefault(criterion.quantity, []).append(row)
-    return found
+        holds, fails = (
+            criterion.format_limit(limit) if limit else "" for limit in (criterion.holds, criterion.fails)
+        )
+        row = {
+            "case": criterion.case, "value": value, "reason": reason, "interval": interval, "size": size,
+            "limit": holds, "opposite": fails, "verdict": verdict if holds else "",
+        }  # fmt: skip
+        evidence.setdefault(criterion.quantity, []).append(row)
+    return evidence
 
 
 def evidence_of(judged: StatementResult) -> Evidence:
-    """The evidence of a statement that was judged."""
+    """Build the evidence of a judged statement."""
     return build_evidence(judged.statement.criteria, judged.columns)
 
 
 def count_verdicts(verdicts: Sequence[str]) -> str:
-    """How many claims have each verdict, as a sentence."""
-    others = [f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in {*verdicts} - {REPRODUCED}]
-    return ", ".join([f"{verdicts.count(REPRODUCED)} of {len(verdicts)} claims are reproduced", *others]) + "."
+    """Return a sentence with the number of claims of each verdict."""
+    rest = [f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in {*verdicts} - {REPRODUCED}]
+    return ", ".join([f"{verdicts.count(REPRODUCED)} of {len(verdicts)} claims are reproduced", *rest]) + "."
 
 
 def load_template(name: str) -> Any:
-    """Load a template beside this file."""
+    """Load a Jinja template from the folder of this file."""
     from jinja2 import Environment, FileSystemLoader
 
     loader = FileSystemLoader(Path(__file__).parent)
@@ -97,13 +101,14 @@ def load_template(name: str) -> Any:
 
 
 def format_html(evidence: Evidence) -> str:
-    """The table as HTML without an empty line, which would end it in Markdown."""
+    """Format evidence as an HTML table without empty lines, which would end it in Markdown."""
     return str(load_template("statements.html").module.evidence(evidence))
 
 
 def format_text(statement: str, evidence: Evidence | None = None) -> str:
-    """A statement and its evidence in lines of ``TEXT_WIDTH``; limits of the opposite are left out."""
-    lines, table = wrap(statement, TEXT_WIDTH, subsequent_indent="  "), evidence or {}
+    """Format a statement and its evidence as text of width ``TEXT_WIDTH``, without the limits of the opposite."""
+    lines = wrap(statement, TEXT_WIDTH, subsequent_indent="  ")
+    table = evidence or {}
     columns = ("case", "value", "interval", "limit", "verdict")
     cells = [[row[column] for column in columns] for rows in table.values() for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
@@ -118,20 +123,24 @@ def format_text(statement: str, evidence: Evidence | None = None) -> str:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A study whose runs are complete: its statements judged, its values and tables computed."""
+    """A study with complete runs: judged statements and the rendered sections of its page."""
 
     name: str
     statements: Mapping[str, StatementResult]
-    """Claims, then findings."""
+    """Claims, then findings, by name."""
     sections: Sequence[Section]
     runs: Mapping[Path, Manifest]
     """The manifest of each run, by folder."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
-    """What its values depend on, see :func:`cmacexp.addons.study.provenance.make_provenance`."""
+    """Origin of its values, see :func:`cmacexp.addons.study.provenance.make_provenance`."""
 
 
 def check_page(file: StudyFile) -> None:
-    """Check, before anything is run, what the page of a study inserts by name; raises BadInput."""
+    """Check that everything the page of a study inserts by name is declared; needs no runs.
+
+    Raises:
+        BadInput: the page inserts a figure, table, finding or claim that the study does not declare.
+    """
     study = file.study
     declared: dict[str, Mapping[str, Any]] = {
         "figure": study.figures, "table": study.tables, "finding": study.findings, "claim": study.claims,
@@ -147,7 +156,7 @@ def check_page(file: StudyFile) -> None:
 
 
 def _write_tables(results: Results, folder: Path) -> None:
-    """Write the table of results, and every table that was computed."""
+    """Write the table of results and every computed table as Parquet."""
     frames = {f"{name}.parquet": frame for name, frame in results.computed.items()}
     if results.rows:
         frames[RESULTS] = results.table
@@ -158,16 +167,16 @@ def _write_tables(results: Results, folder: Path) -> None:
 def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Evaluated:
     """Judge the statements of a study, write its figures and tables below ``folder``, and render its page.
 
-    Of a quick one no statement is judged.
+    No statement of a quick study is judged.
     """
     study = file.study
     judged = {name: statement.judge(results) for name, statement in study.statements.items() if not quick}
 
     def show(name: str) -> str:
-        own = judged.get(name)
-        if own is None or isinstance(own.statement, Claim):
-            return own.sentence if own else ""
-        return Markup(f"{escape_markdown(own.sentence)}\n\n{format_html(evidence_of(own))}\n\n")
+        result = judged.get(name)
+        if result is None or isinstance(result.statement, Claim):
+            return result.sentence if result else ""
+        return Markup(f"{escape_markdown(result.sentence)}\n\n{format_html(evidence_of(result))}\n\n")
 
     sections = render_markdown(
         file.page.read_text(encoding="utf-8"),
@@ -189,21 +198,22 @@ def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Ev
 
 
 def make_claims_section(claims: Sequence[StatementResult], folder: Path) -> Section:
-    """The section of a report in ``folder`` with all claims, and what their verdicts mean."""
-    runs = [sorted({Path(run) for each in judged.measured for run in each.runs}) for judged in claims]
-    pages = [[(run.name, find_page(run, folder)) for run in own] for own in runs]
+    """Make the section of a report in ``folder`` with all claims and the meaning of their verdicts."""
+    runs = [sorted({Path(run) for result in judged.measured for run in result.runs}) for judged in claims]
+    pages = [[(run.name, find_page(run, folder)) for run in runs_of_claim] for runs_of_claim in runs]
     page = load_template("claims.html").render(
         claims=list(zip(claims, map(evidence_of, claims), pages, strict=True)),
         verdicts=VERDICTS,
         summary=count_verdicts([judged.verdict for judged in claims]),
-        place=", ".join(sorted({str(run.parent) for own in runs for run in own})),
+        run_folder=", ".join(sorted({str(run.parent) for runs_of_claim in runs for run in runs_of_claim})),
         how_to_report=HOW_TO_REPORT,
     )
     return Section("The claims", [Markup(page)])
 
 
-def _entry(measured: CriterionResult, folder: Path) -> dict[str, Any]:
-    criterion, interval = measured.criterion, measured.interval
+def _describe_criterion(measured: CriterionResult, folder: Path) -> dict[str, Any]:
+    criterion = measured.criterion
+    interval = measured.interval
     limits = {"holds": criterion.holds, "fails": criterion.fails}
     return {
         "quantity": criterion.quantity, "case": criterion.case, "value": interval.value, "low": interval.low,
@@ -215,28 +225,33 @@ def _entry(measured: CriterionResult, folder: Path) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _statement(name: str, judged: StatementResult, folder: Path) -> dict[str, Any]:
-    own: dict[str, Any] = {"kind": "finding", "statement": judged.sentence}
+def _describe_statement(name: str, judged: StatementResult, folder: Path) -> dict[str, Any]:
+    content: dict[str, Any] = {"kind": "finding", "statement": judged.sentence}
     if isinstance(judged.statement, Claim):
-        own = {"kind": "claim", "statement": judged.statement.words, "where": judged.statement.where}
-    criteria = [_entry(each, folder) for each in judged.measured]
-    return {"name": name, **own, "verdict": judged.verdict, "criteria": criteria}
+        content = {"kind": "claim", "statement": judged.statement.words, "where": judged.statement.where}
+    criteria = [_describe_criterion(result, folder) for result in judged.measured]
+    return {"name": name, **content, "verdict": judged.verdict, "criteria": criteria}
 
 
-def write_page(title: str, question: str, studies: Sequence[Evaluated], place: ResultWriter, quick: bool) -> Path:
-    """Write the report of one study or of several together, and their statements; a quick one concludes nothing."""
+def write_page(title: str, question: str, studies: Sequence[Evaluated], writer: ResultWriter, quick: bool) -> Path:
+    """Write the report of one study or several; unless it is quick, also its statements and provenance as JSON."""
     statements = [judged for study in studies for judged in study.statements.values()]
     claims = [judged for judged in statements if isinstance(judged.statement, Claim)]
     sections = [
-        *([make_claims_section(claims, place.folder)] if claims else []),
+        *([make_claims_section(claims, writer.folder)] if claims else []),
         *([Section("Quick run", [Markup(f'<p class="banner">{QUICK_NOTICE}</p>')])] if quick else []),
         *(section for study in studies for section in study.sections),
         *([Section("How to read the values", [Markup(READING.format(few=FEW))])] if statements and not quick else []),
     ]
     if not quick:
-        judged = {s.name: [_statement(*each, place.folder) for each in s.statements.items()] for s in studies}
-        for name, entries in ((CLAIMS, judged), (PROVENANCE, {s.name: s.provenance for s in studies})):
-            place.write_text(name, json.dumps(entries, indent=1, ensure_ascii=False) + "\n")
+        judged = {
+            study.name: [
+                _describe_statement(name, result, writer.folder) for name, result in study.statements.items()
+            ]
+            for study in studies
+        }
+        for name, entries in ((CLAIMS, judged), (PROVENANCE, {study.name: study.provenance for study in studies})):
+            writer.write_text(name, json.dumps(entries, indent=1, ensure_ascii=False) + "\n")
     config = {"studies": [study.name for study in studies], "quick": quick}
     hashes = {path: str(run["config_hash"]) for study in studies for path, run in study.runs.items()}
-    return write_report(Report(title, question, sections, config, hashes), place)
+    return write_report(Report(title, question, sections, config, hashes), writer)

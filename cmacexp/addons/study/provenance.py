@@ -1,6 +1,7 @@
-"""What the values of a study depend on: files of code, models and versions; and two witnesses of its runs.
+"""Provenance of the values of a study: digests of code, models, versions, and two runs to repeat as a check.
 
-A digest of a source leaves out docstrings, which change no value, and does not depend on the version of Python.
+A run to repeat is called a witness. The digest of a source file ignores docstrings, which change no value, and does
+not depend on the version of Python.
 """
 
 import ast
@@ -24,17 +25,17 @@ from cmacexp.data.version import __version__
 from cmacexp.jit.sources import PACKAGE, RESULT_ROOMS
 
 PROVENANCE = "provenance.json"
-"""File beside the page of a study."""
+"""Name of the provenance file beside the page of a study."""
 STATISTICS = tuple(
     f"addons/study/{name}.py"
     for name in ("comparison", "declaration", "interval", "results", "samples", "statements")
 )
-"""Files that make values of runs."""
+"""Files of this add-on that compute values from runs."""
 DIGITS = 12
 
 
 def digest_source(path: Path) -> str:
-    """Digest of a source: of Python without docstrings, of YAML of what it says."""
+    """Compute the digest of a source file: Python without docstrings and blank lines, YAML by its parsed content."""
     text = path.read_text(encoding="utf-8")
     if path.suffix in (".yaml", ".yml"):
         text = json.dumps(yaml.safe_load(text), sort_keys=True, default=str)
@@ -44,7 +45,7 @@ def digest_source(path: Path) -> str:
 
 
 def _strip(text: str) -> str:
-    """Python without docstrings and blank lines."""
+    """Remove docstrings and blank lines from Python source."""
     lines = text.splitlines()
     for node in ast.walk(ast.parse(text)):
         if not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
@@ -56,66 +57,67 @@ def _strip(text: str) -> str:
 
 @cache
 def digest_package() -> dict[str, str]:
-    """Digest every file of the package and of ``conf`` that can change a value of any study, by its path.
+    """Compute the digest of every file of the package and of ``conf`` that can change values of a study, by path.
 
-    It takes about 1 s, and the state of each study asks for it: it is computed once in a process.
+    This takes about 1 s and is needed for the state of each study, so it is computed once per process.
     """
     rooms = [PACKAGE / room for room in (*RESULT_ROOMS, *STATISTICS)]
     files = {f for room in rooms for f in (room.rglob("*.py") if room.is_dir() else [room])}
     conf = config_folder()
-    found = digest_files(files, PACKAGE.parent) | digest_files(conf.rglob("*.yaml"), conf.parent)
-    return dict(sorted(found.items()))
+    digests = digest_files(files, PACKAGE.parent) | digest_files(conf.rglob("*.yaml"), conf.parent)
+    return dict(sorted(digests.items()))
 
 
 def digest_study(path: Path) -> dict[str, str]:
-    """Digest of the file of an imported study and of those beside it that it imports, by their paths."""
+    """Compute digests, by path, of the file of an imported study and of the files beside it that it imports."""
     root, name = find_module(path)
     return digest_files(find_sources(name), root)
 
 
 def digest_files(files: Iterable[Path], root: Path) -> dict[str, str]:
-    """Digests of files by their paths below ``root``."""
+    """Compute the digests of files, by path relative to ``root``."""
     return {file.relative_to(root).as_posix(): digest_source(file) for file in files}
 
 
 def list_changed(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    """Files that differ, have come or have gone."""
+    """List files whose digests differ, and files that were added or removed."""
     return sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))
 
 
-def _hardly_costs(row: RunRow) -> tuple[float, str]:
-    """Order runs by cost, samples of legs; then by settings, so that the choice is always the same."""
+def _rank_by_cost(row: RunRow) -> tuple[float, str]:
+    """Return a sort key: cost of a run in samples times legs, then its settings, so that the order is unique."""
     config = row.run.settings
     steps = row.run.cycles_done * config["gait.cycle_time"] / config["sampling_period"]
     return steps * row.run.legs, repr(sorted(config.items(), key=str))
 
 
 def choose_witnesses(results: Results, overrides: Mapping[Path, Sequence[str]]) -> list[dict[str, Any]]:
-    """Two runs that hardly cost anything, of different feedforwards if there are: overrides, and final metrics.
+    """Choose the two cheapest runs, with different feedforwards if possible; returns overrides and final metrics.
 
-    ``overrides`` are those of runs that start from nothing, by folder.
+    ``overrides`` holds the overrides, by folder, of the runs that do not start from the weights of another run.
     """
     rows = [row for row in results.rows if row.run.folder in overrides and row.run.completed]
-    rows.sort(key=_hardly_costs)
+    rows.sort(key=_rank_by_cost)
     kinds = [row.settings.get("feedforward") for row in rows]
-    others = [index for index, kind in enumerate(kinds) if kind != kinds[0]] or [1]
-    chosen = rows[:1] + rows[others[0] : others[0] + 1]
+    second = next((index for index, kind in enumerate(kinds) if kind != kinds[0]), 1)
+    chosen = rows[:1] + rows[second : second + 1]
     return [make_witness(overrides[row.run.folder], row.run) for row in chosen]
 
 
 def make_witness(overrides: Sequence[str], run: Run) -> dict[str, Any]:
-    """An entry: overrides, and every metric of the last whole cycle, null where it is undefined."""
+    """Make the entry of a run: overrides, and every metric of its last whole cycle, None where undefined."""
     final = {name: run.final(name) for name in run.pooled}
     metrics = {name: value if math.isfinite(value) else None for name, value in final.items()}
     return {"overrides": list(overrides), "metrics": metrics}
 
 
 def make_provenance(
-    own: Mapping[str, str], results: Results, witnesses: Sequence[Mapping[str, Any]], seeds: int
+    study_digests: Mapping[str, str], results: Results, witnesses: Sequence[Mapping[str, Any]], seeds: int
 ) -> dict[str, Any]:
-    """What stands beside the page of a full study: its date, code, models, versions and witnesses.
+    """Make the provenance of a full study: date, versions, digests of code and models, and witnesses.
 
-    ``own`` are digests of its files, ``seeds`` how often it repeated what depends on a seed.
+    ``study_digests`` are the digests of the files of the study, ``seeds`` the number of seeds of each run that
+    depends on its seed.
     """
     manifests = [run.manifest for run in results.runs]
     models = {m["config"]["machine"]["model"]: m["model_hash"] for m in manifests if m["model_hash"]}
@@ -128,6 +130,6 @@ def make_provenance(
         "runs": len(results),
         "models": dict(sorted(models.items())),
         "code": digest_package(),
-        "own": dict(own),
+        "own": dict(study_digests),
         "witnesses": list(witnesses),
     }

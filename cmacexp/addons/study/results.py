@@ -1,4 +1,4 @@
-"""The results of a study: a table with one row a run, selected by config, and the runs themselves."""
+"""The results of a study: its runs, selected by their settings, and a table with one row per run."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,24 +20,27 @@ LAST_CYCLES = FINAL_CYCLES
 
 @dataclass(frozen=True)
 class RunRow:
-    """One run: what it was asked for, and what it gave."""
+    """A run with its settings and measures."""
 
     run: Run
     settings: Mapping[str, Any]
     """Labels, chosen options and config fields, by key."""
     shown: Mapping[str, Any]
-    """The settings that the study sets."""
+    """The settings that the study sets: its columns in the table of results."""
     measures: Mapping[str, float]
     seeded: bool = False
-    """Whether the study repeats it for other seeds."""
+    """True if the study repeats the run for other seeds."""
 
     def history(self, name: str) -> Array:
-        """(cycles,): a metric in the whole cycles of the run, see :func:`cmacexp.metrics.registry.find_history`."""
+        """Return a metric in the whole cycles of the run, (cycles,).
+
+        See :func:`cmacexp.metrics.registry.find_history`.
+        """
         return find_history(self.run.pooled, name)
 
 
 class NoSuchRuns(BadInput):
-    """A selection without runs, of a setting that they have: a sample must never be empty."""
+    """Error of a selection that contains no run, although runs have the setting: no sample may be empty."""
 
 
 def read_row(
@@ -48,9 +51,13 @@ def read_row(
     measured: Mapping[str, float],
     seeded: bool,
 ) -> RunRow:
-    """Read a run of which further measures are known, and whether it is repeated for other seeds."""
+    """Read the run in a folder as a row of the results.
+
+    ``keys`` are the settings that the study sets, ``options`` the chosen option by config group, ``measured`` the
+    measures of the study; ``seeded`` is true if the run is repeated for other seeds.
+    """
     run = Run(folder)
-    _ = run.outcome  # read once
+    _ = run.outcome  # cached from here on
     settings = {**run.settings, **options, **labels}
     return RunRow(run, settings, {key: settings.get(key) for key in keys} | dict(labels), measured, seeded)
 
@@ -61,75 +68,76 @@ class Results:
 
     rows: Sequence[RunRow]
     computed: Mapping[str, DataFrame] = field(default_factory=dict)
-    """Tables that the study computes besides its runs."""
+    """Further tables that the study computes, by name."""
 
     def __len__(self) -> int:
         return len(self.rows)
 
     @property
     def has_one_seed(self) -> bool:
-        """Whether runs that are to be repeated for other seeds were not."""
+        """True if the seeded runs have a single seed."""
         return len({row.settings.get("seed") for row in self.rows if row.seeded}) == 1
 
     @property
     def runs(self) -> list[Run]:
-        """The runs, with their traces."""
+        """The runs, which give access to their traces."""
         return [row.run for row in self.rows]
 
     @property
     def run(self) -> Run:
-        """The only run, or the one of the first seed."""
+        """The first run: the only one, or the one with the first seed."""
         return self.runs[0]
 
     def values(self, key: str) -> list[Any]:
-        """The different values of a setting, in the order of the runs.
+        """List the distinct values of a setting, in the order of the runs.
 
         Raises:
-            BadInput: none of them has this setting.
+            BadInput: no run has this setting.
         """
-        known = {name for row in self.rows for name in row.settings}
-        if self.rows and key not in known:
-            raise BadInput("setting", key, f"no run has it{suggest(str(key), sorted(known))}")
+        keys = {name for row in self.rows for name in row.settings}
+        if self.rows and key not in keys:
+            raise BadInput("setting", key, f"no run has it{suggest(str(key), sorted(keys))}")
         values = [row.settings.get(key) for row in self.rows]
         return list(dict.fromkeys(format_setting(value) if isinstance(value, list) else value for value in values))
 
     def value(self, key: str) -> Any:
-        """The value of a setting that all runs share.
+        """Return the value of a setting that is equal in all runs.
 
         Raises:
-            ValueError: they do not share it.
+            ValueError: the runs have different values.
         """
-        found = self.values(key)
-        if len(found) != 1:
-            raise ValueError(f"{key} has {len(found)} values in these runs: {', '.join(map(str, found))}")
-        return found[0]
+        values = self.values(key)
+        if len(values) != 1:
+            raise ValueError(f"{key} has {len(values)} values in these runs: {', '.join(map(str, values))}")
+        return values[0]
 
     def select(self, settings: Mapping[str, Any] | None = None, /, **more: Any) -> "Results":
-        """The runs with these values of labels, options and config fields; a list means any of its values.
+        """Select the runs with these values of labels, options and config fields; a list allows any of its values.
 
         Raises:
-            NoSuchRuns: there is none.
-            BadInput: none of them has such a setting.
+            NoSuchRuns: no run has these values.
+            BadInput: no run has such a setting.
         """
         wanted = {**(settings or {}), **more}
         rows: Sequence[RunRow] = self.rows
         for key, value in wanted.items():
-            before, allowed = rows, value if isinstance(value, list | tuple) else [value]
-            rows = [row for row in before if any(_same(row.settings.get(key), each) for each in allowed)]
+            candidates = rows
+            allowed = value if isinstance(value, list | tuple) else [value]
+            rows = [row for row in candidates if any(_same(row.settings.get(key), option) for option in allowed)]
             if not rows:
-                present = Results(before).values(key)
+                present = Results(candidates).values(key)
                 raise NoSuchRuns(key, value, f"no run has it; they have {', '.join(map(repr, present))}")
         return Results(rows, self.computed)
 
     def by(self, key: str) -> "dict[Any, Results]":
-        """The runs by the values of a setting."""
+        """Group the runs by the values of a setting, in the order of the runs."""
         return {value: self.select({key: value}) for value in self.values(key)}
 
     def measure(self, name: str) -> Array:
-        """(runs,): a measure of the study, or a metric in the last whole cycle.
+        """Return a measure of the study, or a metric in the last whole cycle, of each run, (runs,).
 
         Raises:
-            BadInput: there is neither.
+            BadInput: there is no such measure or metric.
         """
         if name in ALL_METRICS:
             return np.array([h[-1] if len(h := row.history(name)) else np.nan for row in self.rows])
@@ -138,19 +146,25 @@ class Results:
         return np.array([row.measures[name] for row in self.rows])
 
     def at(self, cycle: int, name: str) -> Array:
-        """(runs,): a metric in one cycle; of a run that ended before, the worst value that there is.
+        """Return a metric in one cycle of each run, (runs,); the worst value if the run ended before that cycle.
 
         Raises:
-            BadInput: the cycle is below 1, a run was to end before it, or no such metric.
+            BadInput: the cycle is below 1 or after the last cycle of a completed run, or there is no such metric.
         """
         worst = worst_value(name)
-        asked = min((row.run.cycles_done for row in self.rows if row.run.completed), default=cycle)
-        require(1 <= cycle <= asked, "cycle", cycle, f"must be from 1 to {asked}, the cycles of a run that completed")
+        last = min((row.run.cycles_done for row in self.rows if row.run.completed), default=cycle)
+        require(1 <= cycle <= last, "cycle", cycle, f"must be from 1 to {last}, the cycles of a run that completed")
         histories = [row.history(name) for row in self.rows]
         return np.array([float(h[cycle - 1]) if cycle <= len(h) else worst for h in histories])
 
     def end(self, name: str, cycles: int = LAST_CYCLES) -> Array:
-        """(runs,): final value of a metric, over the last cycles; of a run that did not complete, the worst value."""
+        """Return the final value of a metric over the last ``cycles`` of each run, (runs,).
+
+        A run that did not complete has the worst value.
+
+        Raises:
+            BadInput: there is no such metric, or a completed run does not have it.
+        """
         worst = worst_value(name)
         has_it = all(len(row.history(name)) for row in self.rows if row.run.completed)
         require(has_it, "metric", name, "these machines do not have it; a robot has all")
@@ -159,32 +173,32 @@ class Results:
         )
 
     def history(self, name: str) -> list[Array]:
-        """A metric in all whole cycles of each run."""
-        return [found for row in self.rows if len(found := row.history(name))]
+        """Return a metric in all whole cycles of each run, (cycles,) per run; runs without it are left out."""
+        return [values for row in self.rows if len(values := row.history(name))]
 
     @property
     def completed(self) -> list[bool]:
-        """Whether each run reached its end."""
+        """True for each run that reached its end."""
         return [row.run.completed for row in self.rows]
 
     @property
     def done(self) -> Array:
-        """(runs,): the share of its cycles that each run did."""
+        """Completed cycles over planned cycles of each run, (runs,)."""
         return np.array([row.run.cycles_done / row.settings["cycles"] for row in self.rows])
 
     @property
     def lasted(self) -> Array:
-        """(runs,): the share of its time that each run did."""
+        """Simulated time over planned time of each run, (runs,)."""
         return np.array([run.manifest["steps"] / (run.steps_per_cycle * run.config["cycles"]) for run in self.runs])
 
     @property
     def cycles(self) -> list[int]:
-        """Whole cycles of each run."""
+        """Number of whole cycles of each run."""
         return [row.run.cycles_done for row in self.rows]
 
     @property
     def table(self) -> DataFrame:
-        """One row a run: what the study sets, how the run ended, its measures, and its metrics in the last cycle."""
+        """Table with one row per run: settings of the study, outcome, measures, and metrics in the last cycle."""
         import pandas as pd
 
         frame = pd.DataFrame(
@@ -203,7 +217,13 @@ class Results:
 
 
 def worst_value(name: str) -> float:
-    """What a metric of a run that ended before counts as; NaN if neither direction is better; raises BadInput."""
+    """Return the worst possible value of a metric, which counts for runs that ended early.
+
+    It is NaN if neither small nor large values are better.
+
+    Raises:
+        BadInput: there is no such metric.
+    """
     require_name("metric", name, ALL_METRICS)
     better = ALL_METRICS[name].better
     return float("nan") if better == NEITHER else 0.0 if better == LARGE else float("inf")
@@ -214,7 +234,7 @@ def _same(value: Any, wanted: Any) -> bool:
 
 
 def _plain(row: RunRow) -> dict[str, Any]:
-    """What the study sets, as values of columns; null is an empty field, in a column of numbers too."""
+    """Convert the settings of the study in a row to numbers and texts; None becomes an empty field of any column."""
     return {
         key: value if value is None or isinstance(value, int | float | str) else format_setting(value)
         for key, value in row.shown.items()

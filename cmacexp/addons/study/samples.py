@@ -1,7 +1,7 @@
-"""Samples: a value for each run of a study, as functions of its results, and how two samples compare.
+"""Samples: functions that compute one value per run from the results of a study, and ratios of two samples.
 
-A quantity is a plain function of :class:`cmacexp.study.Results`: ``lambda runs: runs.end("force_rmse")`` is a final
-value, ``lambda runs: runs.at(5, "force_rmse")`` that of cycle 5.
+A quantity is a plain function of :class:`cmacexp.study.Results`: ``lambda runs: runs.end("force_rmse")`` computes
+final values, ``lambda runs: runs.at(5, "force_rmse")`` the values of cycle 5.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,11 +15,11 @@ from cmacexp.errors import require
 from cmacexp.typing import Array, Mask
 
 Sample = Callable[[Results], Sequence[float] | Sequence[bool] | Array | Mask]
-"""A value for each run, pair or case; truth values for a proportion."""
+"""Function that computes one value per run, pair of runs or case; Boolean values for a proportion."""
 
 
 def require_sample(key: str, value: Any) -> None:
-    """Require of a quantity that it is a function; raises BadInput, which says how to write one."""
+    """Raise BadInput unless the quantity ``value`` is a function; the message says how to write one."""
     require(
         callable(value),
         key,
@@ -30,25 +30,32 @@ def require_sample(key: str, value: Any) -> None:
 
 
 def quotients(values: Array, references: Array | float) -> Array:
-    """Values over references, pair by pair: infinite where the run failed, ``UNPAIRED`` where its reference did."""
+    """Divide values by references, pair by pair.
+
+    A quotient is infinite if the run failed and ``UNPAIRED`` if its reference failed (the value is not finite).
+    """
     values, references = np.broadcast_arrays(values, references)
-    found = np.where(np.isfinite(references), np.inf, UNPAIRED)
+    undefined = np.where(np.isfinite(references), np.inf, UNPAIRED)
     both = np.isfinite(values) & np.isfinite(references)
-    return np.divide(values, references, out=found, where=both)
+    return np.divide(values, references, out=undefined, where=both)
 
 
 def compute_growth(late: Array, early: Array) -> Array:
-    """(runs,): a value late in each run over one early in the same run; infinite of a run that ended before."""
+    """Divide a late value of each run by an early one of the same run, (runs,); infinite if the run ended before."""
     return np.divide(late, early, out=np.full(np.shape(late), np.inf), where=np.isfinite(late))
 
 
 def ended_in(results: Results) -> Array:
-    """(runs,): cycle in which each ended before its time; infinite if it completed."""
+    """Return the cycle in which each run ended early, (runs,); infinite if the run completed."""
     return np.where(results.completed, np.inf, np.array(results.cycles) + 1.0)
 
 
 def relative(results: Results, other: Results, measure: Sample) -> Array:
-    """(runs,): :func:`quotients` of a measure and that of ``other``: by seed, of the only run, or in order."""
+    """Divide a measure of ``results`` by the same measure of the runs ``other``, (runs,), with :func:`quotients`.
+
+    If each run of ``other`` has a different seed, it is the reference of the runs with its seed; a single run of
+    ``other`` is the reference of all runs; else the runs are paired in order.
+    """
     references = np.asarray(measure(other))
     by_seed = dict(zip(_list_seeds(other), references, strict=True))
     if len(by_seed) == len(other) > 1:
@@ -57,7 +64,7 @@ def relative(results: Results, other: Results, measure: Sample) -> Array:
 
 
 def per_seed(results: Results, values: Array, choose: Callable[[Array], float]) -> Array:
-    """(seeds,): e.g. the least of the values of all runs of one seed."""
+    """Reduce the values (runs,) of the runs of each seed by ``choose``, such as their minimum; returns (seeds,)."""
     seeds = np.array(_list_seeds(results))
     return np.array([choose(values[seeds == seed]) for seed in results.values("seed")])
 

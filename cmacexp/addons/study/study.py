@@ -1,4 +1,4 @@
-"""The declaration of a study: what it runs, measures and says; and how it is found in its file."""
+"""The declaration of a study: its runs, measures, statements, figures and tables."""
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
@@ -16,24 +16,28 @@ Values = Mapping[str, Sequence[Any] | Mapping[str, Sequence[str]]]
 
 @dataclass(frozen=True)
 class Request:
-    """One run, or one for each seed."""
+    """A run, or one run per seed."""
 
     overrides: tuple[str, ...]
-    """As on the command line."""
+    """Config overrides as on the command line."""
     labels: Mapping[str, Any] = field(default_factory=dict, compare=False)
-    """Names that the study gives to bundles of overrides: columns of the table of results."""
+    """Labels of the run, such as names of groups of overrides: columns of the table of results."""
     seeded: bool = False
-    """Whether it is, or is to be, repeated for each seed of the study."""
+    """True if the run is repeated for each seed of the study."""
     starts_from: "Request | None" = None
-    """Another request, whose final weights this one starts from; it is run first, with the same seed."""
+    """Request whose final weights this run starts from; that request is run first, with the same seed."""
 
     def with_seed(self, seed: int) -> "Request":
-        """The run of one seed; raises BadInput if it is to be repeated for each, and sets one."""
-        if self.seeded and (own := [text for text in self.overrides if text.startswith("seed=")]):
-            raise BadInput("seeds", "true", f"repeats the runs for each seed; leave it out, or {own[0]}")
-        before = self.starts_from.with_seed(seed) if self.starts_from else None
+        """Return the request for one seed.
+
+        Raises:
+            BadInput: the request is seeded, but its overrides set a seed, too.
+        """
+        if self.seeded and (seeds := [text for text in self.overrides if text.startswith("seed=")]):
+            raise BadInput("seeds", "true", f"repeats the runs for each seed; leave it out, or {seeds[0]}")
+        predecessor = self.starts_from.with_seed(seed) if self.starts_from else None
         overrides = (*self.overrides, f"seed={seed}") if self.seeded else self.overrides
-        return replace(self, overrides=overrides, starts_from=before)
+        return replace(self, overrides=overrides, starts_from=predecessor)
 
 
 def _choices(
@@ -45,13 +49,13 @@ def _choices(
 
 
 def grid(*overrides: str, over: Values | None = None, seeded: bool = False, **labels: Any) -> list[Request]:
-    """A request for every combination of values.
+    """Make a request for every combination of values.
 
     Args:
-        overrides: common to all.
-        over: values by config key; or, by a name that is a column of the results, bundles of overrides by label.
-        seeded: whether each is repeated for every seed of the study.
-        labels: columns with the same value in all of these runs.
+        overrides: overrides of all runs.
+        over: values by config key; or lists of overrides by label, under a name that is a column of the results.
+        seeded: true if each run is repeated for every seed of the study.
+        labels: columns of the results with the same value in all of these runs.
 
     Examples:
         >>> [request.overrides for request in grid("cycles=9", over={"cmac.layers": [8, 16]})]
@@ -66,56 +70,58 @@ def grid(*overrides: str, over: Values | None = None, seeded: bool = False, **la
     """
     requests = []
     for chosen in itertools.product(*(_choices(key, values) for key, values in (over or {}).items())):
-        own = itertools.chain(overrides, *(texts for texts, _ in chosen))
+        run_overrides = itertools.chain(overrides, *(texts for texts, _ in chosen))
         names = dict(itertools.chain(labels.items(), *(label.items() for _, label in chosen)))
-        requests.append(Request(tuple(own), names, seeded))
+        requests.append(Request(tuple(run_overrides), names, seeded))
     return requests
 
 
 def starting_from(before: Sequence[Request], after: Sequence[Request]) -> list[Request]:
-    """``after``, each starting from the weights that the request of ``before`` with its labels ends with.
+    """Make each request of ``after`` start from the final weights of a request of ``before``.
+
+    The request to start from is the one whose labels all occur, with equal values, in the later request.
 
     Raises:
-        BadInput: not exactly one request of ``before`` has no labels but those of a request of ``after``.
+        BadInput: none or several requests of ``before`` match a request of ``after``.
     """
     return [replace(request, starts_from=_predecessor(before, request)) for request in after]
 
 
 def _predecessor(before: Sequence[Request], request: Request) -> Request:
-    found = [each for each in before if each.labels.items() <= request.labels.items()]
+    matches = [earlier for earlier in before if earlier.labels.items() <= request.labels.items()]
     require(
-        len(found) == 1,
+        len(matches) == 1,
         "labels",
         dict(request.labels),
-        f"must match one request to start from, not {len(found)}; name bundles of overrides with labels",
+        f"must match one request to start from, not {len(matches)}; name bundles of overrides with labels",
     )
-    return found[0]
+    return matches[0]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """What is run, measured, claimed, found and drawn; the page beside its file says what it means.
+    """Runs, measures, claims, findings, figures and tables; the page beside the file discusses them.
 
-    Everything but ``runs`` is a function of the results, and is called when they are complete.
+    Tables, figures and values are functions of the results, called when all runs are complete.
     """
 
     title: str
     question: str
-    """What it asks, in a sentence; not what it answers."""
+    """The question of the study, in one sentence, without its answer."""
     runs: Callable[[bool], Sequence[Request]]
-    """The runs, given whether it is to be quick."""
+    """Function that returns the runs; its argument is true for a quick study."""
     measures: Measures = field(default_factory=dict)
-    """Measures of a run besides its metrics: columns of the table of results."""
+    """Further measures of a run, by name, besides its metrics: columns of the table of results."""
     computed: Mapping[str, Callable[[Results], DataFrame]] = field(default_factory=dict)
-    """Tables that are computed besides the runs, and kept beside the page."""
+    """Functions that compute further tables from the results, by name; the tables are stored beside the page."""
     claims: Mapping[str, Claim] = field(default_factory=dict)
     findings: Mapping[str, Finding] = field(default_factory=dict)
     figures: Mapping[str, Callable[[Results], Figure]] = field(default_factory=dict)
     tables: Mapping[str, Callable[[Results], DataFrame]] = field(default_factory=dict)
     values: Callable[[Results], Mapping[str, Any]] = lambda results: {}
-    """Further values of the page, by name."""
+    """Function that computes further values of the page, by name."""
 
     @property
     def statements(self) -> Mapping[str, Claim | Finding]:
-        """Claims, then findings."""
+        """Claims, then findings, by name."""
         return {**self.claims, **self.findings}

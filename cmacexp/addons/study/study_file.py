@@ -1,4 +1,4 @@
-"""Where a study stands: its file of Python, its page, and how it is imported."""
+"""Files of a study: its Python file, its page, and the import of the Python file."""
 
 import importlib
 import sys
@@ -9,29 +9,32 @@ from cmacexp.addons.study.study import Study
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, require
 
 STUDY_VARIABLE = "STUDY"
-"""The variable of a file that holds its study."""
+"""Name of the module variable that holds the study."""
 
 
 @dataclass(frozen=True)
 class StudyFile:
-    """A study, and where it stands."""
+    """A study and the path of its Python file."""
 
     path: Path
     study: Study
 
     @property
     def name(self) -> str:
-        """The name of the study: that of its file, without the suffix."""
+        """Name of the study: the file name without its suffix."""
         return self.path.stem
 
     @property
     def page(self) -> Path:
-        """Its text: Markdown with Jinja."""
+        """Path of the text of the study, Markdown with Jinja, beside the Python file."""
         return self.path.with_suffix(".md")
 
 
 def find_module(path: Path) -> tuple[Path, str]:
-    """The folder that a study is imported from, that of its file or above its package, and its name there."""
+    """Return the folder to import a study from and the module name there.
+
+    The folder is the parent of the package if the file is in one, else the folder of the file.
+    """
     if (path.parent / "__init__.py").is_file():
         return path.parent.parent, f"{path.parent.name}.{path.stem}"
     return path.parent, path.stem
@@ -40,8 +43,9 @@ def find_module(path: Path) -> tuple[Path, str]:
 def load_study(path: Path) -> StudyFile:
     """Import the study of a file.
 
-    Raises BadInput if it, its page or the study in it is missing, or it cannot be imported by its name; as
-    :class:`BadComponent` with the traceback of what it raised.
+    Raises:
+        BadInput: the file, its page or the study in it is missing, or another module has the name of the file.
+        BadComponent: the import raised an exception, whose traceback the error holds.
     """
     path = path.resolve()
     require(path.is_file(), "study", path, "there is no such file")
@@ -67,6 +71,6 @@ def load_study(path: Path) -> StudyFile:
     study = vars(module).get(STUDY_VARIABLE)
     if not isinstance(study, Study):
         raise BadInput("study", path, f"must define {STUDY_VARIABLE} = cmacexp.study.Study(...)")
-    found = StudyFile(path, study)
-    require(found.page.is_file(), "study", path, f"needs a page of Markdown beside it: {found.page.name}")
-    return found
+    file = StudyFile(path, study)
+    require(file.page.is_file(), "study", path, f"needs a page of Markdown beside it: {file.page.name}")
+    return file

@@ -1,4 +1,4 @@
-"""Panels and tables of results: over cycles, over a setting, and a row for each group of runs."""
+"""Panels over cycles or over a setting, and tables with one row per group of runs."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -17,9 +17,9 @@ from cmacexp.typing import Array, DataFrame
 
 
 def over_cycles(results: Results, name: str, by: str, log: str = "", title: str = "") -> Panel:
-    """A metric in every cycle: the median over runs with the same value of ``by``, and their range as a band.
+    """Make a panel of a metric over cycles: median of the runs with equal value of ``by``, their range as a band.
 
-    ``title`` replaces the metric's own.
+    ``log`` names the logarithmic axes; ``title`` replaces the name of the metric in the title and on the y axis.
     """
     return figures.over_cycles(
         name, {value: group.history(name) for value, group in results.by(by).items()}, log, title
@@ -27,8 +27,8 @@ def over_cycles(results: Results, name: str, by: str, log: str = "", title: str 
 
 
 def _interval(sample: Array) -> tuple[float, float, float]:
-    found = estimate(sample)
-    return found.value, found.low, found.high
+    interval = estimate(sample)
+    return interval.value, interval.low, interval.high
 
 
 def over_setting(
@@ -38,78 +38,80 @@ def over_setting(
     sample: Callable[[Results], Array],
     by: str | None = None,
     *,
-    title: str = "",
-    log: str = "",
-    kind: str = "lines",
     axis: str = "",
     place: Callable[[Results], float] | None = None,
+    **style: str,
 ) -> Panel:
-    """An estimate with its interval, if the sample has a spread, against a setting; none where it is infinite.
+    """Make a panel of an estimate over a setting, with its interval if the sample has a spread.
+
+    Infinite estimates are not drawn.
 
     Args:
-        results: to draw.
-        key: setting on the x axis; of bars, whose groups are in the order of the runs, it need not be numeric.
-        y: name and unit of the y axis.
-        sample: a value for each run.
-        by: a setting with a series for each of its values.
-        title: of the panel.
-        log: logarithmic axes.
-        kind: of the panel.
-        axis: name and unit of the x axis, if not ``key``.
-        place: on the x axis of runs with one value of the setting, if not the value itself.
+        results: results to draw.
+        key: setting on the x axis; only lines need a numeric setting; groups of bars are in the order of the runs.
+        y: label of the y axis, with its unit.
+        sample: function that computes one value per run.
+        by: setting that divides the runs into series, one per value.
+        axis: label of the x axis, with its unit; empty: ``key``, or no label for bars.
+        place: function that computes the x coordinate of the runs with one value of the setting; None: the value.
+        style: ``title``, ``kind`` and ``log`` of the panel, see :class:`cmacexp.report.figures.Panel`.
     """
     groups = {
-        name: {place(part) if place else value: sample(part) for value, part in group.by(key).items()}
+        name: {place(runs) if place else value: sample(runs) for value, runs in group.by(key).items()}
         for name, group in (results.by(by) if by else {"": results}).items()
     }
-    x = axis or ("" if kind == "bars" else key)
-    return figures.over_setting(groups, x, y, _interval, kind=kind, log=log, title=title, order=results.values(key))
+    x = axis or ("" if style.get("kind") == "bars" else key)
+    return figures.over_setting(groups, x, y, _interval, order=results.values(key), **style)
 
 
 def tabulate(results: Results, by: Mapping[str, str], columns: Mapping[str, Callable[[Results], Any]]) -> DataFrame:
-    """A row for each combination of settings that occurs: their values, and what functions give of its runs.
+    """Make a table with one row per combination of settings: their values and functions of the runs that have them.
 
     Args:
-        results: to tabulate.
-        by: titles of columns, by the setting whose values they hold.
-        columns: functions by the titles of further columns; of an array, a value for each run, the estimate is shown.
+        results: results to tabulate.
+        by: column titles by setting; each column holds the values of its setting.
+        columns: functions of the runs of a row, by column title; if one returns an array (runs,), its estimate is
+            shown.
     """
     import pandas as pd
 
     groups: list[tuple[dict[str, Any], Results]] = [({}, results)]
     for key, title in by.items():
-        groups = [({**names, title: value}, own) for names, part in groups for value, own in part.by(key).items()]
+        groups = [
+            ({**cells, title: value}, subset) for cells, runs in groups for value, subset in runs.by(key).items()
+        ]
     return pd.DataFrame(
-        names | {title: _show(compute(own)) for title, compute in columns.items()} for names, own in groups
+        cells | {title: _reduce(compute(runs)) for title, compute in columns.items()} for cells, runs in groups
     )
 
 
 def cross_tabulate(
     results: Results, rows: tuple[str, str], columns: tuple[str, str], cell: Callable[[Results], Any]
 ) -> DataFrame:
-    """A row for each value of one setting, a column for each value of another; ``cell`` shows the runs with both.
+    """Make a table with a row per value of one setting, a column per value of another.
 
-    ``rows`` are the first setting and the title of its column, ``columns`` the second and what its titles begin with.
+    ``rows`` holds the first setting and the title of its column, ``columns`` the second setting and the prefix of its
+    column titles. ``cell`` computes the entry of a cell from the runs that have both values.
     """
     values = {f"{columns[1]} {value}": {columns[0]: value} for value in results.values(columns[0])}
-    found = {title: (lambda own, chosen=chosen: cell(own.select(chosen))) for title, chosen in values.items()}
-    return tabulate(results, {rows[0]: rows[1]}, found)
+    cells = {title: (lambda runs, chosen=chosen: cell(runs.select(chosen))) for title, chosen in values.items()}
+    return tabulate(results, {rows[0]: rows[1]}, cells)
 
 
-def _show(value: Any) -> Any:
-    """The estimate of a value for each run, NaN if there is none or one is undefined; anything else as it is."""
+def _reduce(value: Any) -> Any:
+    """Estimate the value of an array (runs,), NaN if it is empty or contains NaN; return anything else unchanged."""
     if not isinstance(value, np.ndarray):
         return value
     return estimate(value).value if len(value) and not np.isnan(value).any() else np.nan
 
 
 def completed(results: Results) -> str:
-    """How many runs reached their end, e.g. ``2 of 3``."""
+    """Format the number of completed runs, e.g. ``2 of 3``."""
     return f"{sum(results.completed)} of {len(results)}"
 
 
 def _compute_reached(sample: Sample, results: Results) -> Any:
-    """The sample; None of a cycle that runs were not to reach, as those of a quick form."""
+    """Compute a sample; None if its cycle or metric is missing, e.g. a cycle beyond the last one of a quick study."""
     try:
         return sample(results)
     except BadInput as error:
@@ -119,7 +121,7 @@ def _compute_reached(sample: Sample, results: Results) -> Any:
 
 
 def of_completed(columns: Mapping[str, Sample]) -> dict[str, Callable[[Results], Any]]:
-    """Columns of a table: each quantity in the runs that completed, or in all if none did."""
+    """Return table columns that compute each sample over the completed runs, or over all runs if none completed."""
 
     def show(results: Results, sample: Sample) -> Any:
         done = [row for row in results.rows if row.run.completed] or results.rows
@@ -129,10 +131,13 @@ def of_completed(columns: Mapping[str, Sample]) -> dict[str, Callable[[Results],
 
 
 def describe_estimates(results: Results, *samples: Sample) -> str | None:
-    """The estimates of several quantities, and of how many runs they are if some failed, e.g. ``6 / 18 (2 of 3)``."""
+    """Format the estimates of several samples, e.g. ``6 / 18 (2 of 3)``: with the number of runs if some failed.
+
+    Returns None if one of them cannot be computed, e.g. in a quick study.
+    """
     values = [_compute_reached(sample, results) for sample in samples]
     if any(value is None for value in values):
         return None
-    found = [estimate(value) for value in values]
-    text = " / ".join(format_number(each.value) for each in found)
-    return f"{text} ({found[-1].size})" if found[-1].failed else text
+    intervals = [estimate(value) for value in values]
+    text = " / ".join(format_number(interval.value) for interval in intervals)
+    return f"{text} ({intervals[-1].size})" if intervals[-1].failed else text
