@@ -120,7 +120,7 @@ class RunManifest:
     """True if bad input prevented the run, False if another error did; None if it ran."""
 
 
-def fill(entries: Mapping[str, Any]) -> dict[str, Any]:
+def fill_entries(entries: Mapping[str, Any]) -> dict[str, Any]:
     """Add the defaults of missing entries to the manifest of a run that was checked when it was written."""
     return {item.name: [] if item.default is MISSING else item.default for item in fields(RunManifest)} | {**entries}
 

@@ -36,7 +36,7 @@ from cmacexp.data.manifest import (
     read_sweep,
     walk,
 )
-from cmacexp.data.manifest_fields import fill
+from cmacexp.data.manifest_fields import fill_entries
 from cmacexp.data.records import RunEnd
 from cmacexp.data.run import Run
 from cmacexp.data.tables import (
@@ -131,7 +131,7 @@ class JobRun(Run):
         text = self.read("manifest")
         table = self.root / RUNS_FILE
         if self.is_own:
-            return fill(json.loads(text))
+            return fill_entries(json.loads(text))
         manifest = parse(text, table)
         fits = manifest.get("status") == self.read("status") and "kind" not in manifest
         BadRun.unless(fits, f"{table}: the manifest of job {self.read('run')} is not its own; run the sweep again")

@@ -9,7 +9,7 @@ from cmacexp.data.trace import Trace, concat_traces
 from cmacexp.loop.scenario import Scenario
 from cmacexp.typing import Status
 
-WINDOW = 0.02
+BEFORE_END = 0.02
 """What counts as just before the end, s; one step at least."""
 AT_LIMIT = 0.999
 """Share of its limit from which a torque is at it: behind a lag it only comes near."""
@@ -28,7 +28,7 @@ def explain_stop(scenario: Scenario, traces: Sequence[Trace], drift: Drift | Non
     if end.status not in (Status.FELL, Status.DIVERGED) or not end.steps:
         return ""
     setup, trace = scenario.setup, concat_traces(traces)
-    trace = trace.select(slice(-max(1, round(WINDOW / setup.config.sampling_period)), None))
+    trace = trace.select(slice(-max(1, round(BEFORE_END / setup.config.sampling_period)), None))
     torque = trace.stack_joints("tau_feedback_{}") + trace.stack_joints("tau_feedforward_{}")
     limits = np.minimum(setup.mechanism.torque_limits, setup.config.actuator.limit)
     limited = (np.abs(torque) >= AT_LIMIT * limits).all(axis=0)
@@ -37,7 +37,7 @@ def explain_stop(scenario: Scenario, traces: Sequence[Trace], drift: Drift | Non
         unloaded = np.flatnonzero((trace.support & (trace["force"] <= 0.0)).all(axis=0))
         found += [f"leg {leg + 1} without load in its planned support" for leg in unloaded]
     more = [f"and {len(found) - MOST} more"] if len(found) > MOST else []
-    clauses = [f"throughout the last {WINDOW:g} s {', '.join([*found[:MOST], *more])}"] if found else []
+    clauses = [f"throughout the last {BEFORE_END:g} s {', '.join([*found[:MOST], *more])}"] if found else []
     if drift is not None:
         clauses.append(f"learning had drifted since cycle {drift.cycle}")
     elif scenario.feedforward.acts and end.steps <= setup.plan.start_step:

@@ -23,7 +23,7 @@ from cmacexp.loop.guard_kernels import HIGHEST, SPEED_LIMIT, TILT_LIMIT, CycleSu
 from cmacexp.loop.probe import LeadProbe
 from cmacexp.loop.saved_weights import SavedWeights
 from cmacexp.models.mechanism import has_body
-from cmacexp.models.trend import SIGNIFICANT, WINDOW, count_rises
+from cmacexp.models.trend import SIGNIFICANT, TREND_WINDOW, count_rises
 from cmacexp.planning.plan import Setup
 
 UPRIGHT = 0.1
@@ -34,7 +34,7 @@ CHATTERS = 3.0
 """Ratio of the RMS joint velocity with feedback only to the planned one above which the machine chatters: in
 randomised runs it was at most 1.9, or above 3 in a limit cycle."""
 DRIFT_RATIO = 1.2
-"""Ratio of the mean score of WINDOW cycles to its lowest value above which a rising trend counts as drift."""
+"""Ratio of the mean score of TREND_WINDOW cycles to its lowest value above which a rising trend counts as drift."""
 BETTER = 0.98
 """Ratio to the best score below which a cycle becomes the best one; below 1 so that few cycles copy the weights."""
 TINY = 1e-300
@@ -108,10 +108,10 @@ class Guard:
         """Number of the best cycle; 0: with feedback only."""
         self.best_score = 1.0
         self.best_torque = np.zeros_like(self.state.torque)
-        self.scores = deque[float](maxlen=WINDOW)
+        self.scores = deque[float](maxlen=TREND_WINDOW)
         """Scores of the last cycles since learning began or the last reversion."""
         self.lowest_score = math.inf
-        """Lowest mean score over WINDOW cycles."""
+        """Lowest mean score over TREND_WINDOW cycles."""
         self.last_error = 0.0
         """Error of the last evaluated cycle relative to feedback only."""
         self.settling = 0
@@ -202,11 +202,11 @@ class Guard:
         self.last_error = score.error
 
     def _has_drifted(self, score: float) -> bool:
-        """Add ``score``; return True if the last WINDOW scores rise and their mean is far above its lowest value."""
+        """Add ``score``; return True if the last TREND_WINDOW scores rise and their mean is far above its lowest."""
         self.scores.append(score)
-        if len(self.scores) < WINDOW:
+        if len(self.scores) < TREND_WINDOW:
             return False
-        mean = math.fsum(self.scores) / WINDOW
+        mean = math.fsum(self.scores) / TREND_WINDOW
         self.lowest_score = min(self.lowest_score, mean)
         return mean > DRIFT_RATIO * self.lowest_score and count_rises(self.scores) >= SIGNIFICANT
 

@@ -1,9 +1,9 @@
 """Metrics of learning: drift, the events of its guard, and the weights at the end of each cycle.
 
 Learning drifts if the feedback torque, which it should reduce, grows again. Drift is detected in the first cycle in
-which both tests are positive: the last WINDOW cycles rise significantly, and their level has risen to DRIFT_RATIO
-times its lowest value so far. A change of the ground that learning compensates, or sensor noise, does not rise in as
-many pairs of cycles. The metrics of weights are computed from ``memory.parquet``.
+which both tests are positive: the last TREND_WINDOW cycles rise significantly, and their level has risen to
+DRIFT_RATIO times its lowest value so far. A change of the ground that learning compensates, or sensor noise, does
+not rise in as many pairs of cycles. The metrics of weights are computed from ``memory.parquet``.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ from cmacexp.data.signals import CLOCK, GUARD_STATES, MEMORY_SIGNALS
 from cmacexp.data.tables import as_array
 from cmacexp.data.trace import Trace
 from cmacexp.metrics.metric import LARGEST, MEAN, NEITHER, RMS, SMALLEST, Metric, worst
-from cmacexp.models.trend import SIGNIFICANT, WINDOW
+from cmacexp.models.trend import SIGNIFICANT, TREND_WINDOW
 from cmacexp.typing import Array
 
 COLUMNS = [signal.name for signal in MEMORY_SIGNALS if signal.owner != CLOCK]
@@ -72,7 +72,7 @@ DRIFT_RATIO = 1.5
 LEAST = 0.01
 """Ratio to its highest level below which the feedback is so small that its rise is harmless."""
 
-_EARLIER, _LATER = np.triu_indices(WINDOW, 1)
+_EARLIER, _LATER = np.triu_indices(TREND_WINDOW, 1)
 
 
 def format_drift(drift: Drift, at_end: bool = False) -> str:
@@ -89,12 +89,12 @@ class DriftDetector:
     """Both tests, applied to the feedback of L legs during a run, block by block of cycles."""
 
     def __init__(self, legs: int):
-        self._logs = np.full((WINDOW - 1, legs), np.nan)
-        """Logarithms of the feedback in the last WINDOW - 1 cycles."""
+        self._logs = np.full((TREND_WINDOW - 1, legs), np.nan)
+        """Logarithms of the feedback in the last TREND_WINDOW - 1 cycles."""
         self._level = np.zeros((0, legs))
-        """Logarithm of the feedback level, the median of the last WINDOW cycles, per cycle so far, (cycles, L)."""
+        """Logarithm of the feedback level, the median of the last TREND_WINDOW cycles, by cycle, (cycles, L)."""
         self._rises = np.zeros((0, legs), dtype=bool)
-        """Mask of cycles at whose end the last WINDOW cycles rise significantly, (cycles, L)."""
+        """Mask of cycles at whose end the last TREND_WINDOW cycles rise significantly, (cycles, L)."""
         self.first: Drift | None = None
 
     def add(self, feedback: Array) -> tuple[Array, Array]:
@@ -119,14 +119,14 @@ class DriftDetector:
         return growth, started
 
     def _test_trend(self, feedback: Array) -> Array:
-        """Test the last WINDOW cycles for a significant rise (Mann 1945); return the growth per cycle (Sen 1968)."""
+        """Test the last TREND_WINDOW cycles for a significant rise (Mann 1945); return its growth (Sen 1968)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             logs = np.concatenate([self._logs, np.log(feedback)])
-            windows = sliding_window_view(logs, WINDOW, axis=0)
+            windows = sliding_window_view(logs, TREND_WINDOW, axis=0)
             differences = windows[..., _LATER] - windows[..., _EARLIER]
             growth: Array = np.exp(np.median(differences / (_LATER - _EARLIER), axis=-1))
             rises = np.sign(differences).sum(axis=-1) >= SIGNIFICANT
-        self._logs = logs[1 - WINDOW :]
+        self._logs = logs[1 - TREND_WINDOW :]
         self._level = np.concatenate([self._level, np.median(windows, axis=-1)])
         self._rises = np.concatenate([self._rises, rises])
         return growth
@@ -137,7 +137,7 @@ class DriftDetector:
         The level must rise, and must have risen to DRIFT_RATIO times its lowest value.
         """
         level = self._level
-        middle = np.arange(1, len(level) + 1)[:, None] - WINDOW // 2
+        middle = np.arange(1, len(level) + 1)[:, None] - TREND_WINDOW // 2
         lowest, highest = np.fmin.accumulate(level), np.fmax.accumulate(level)
         lowest_cycle = np.fmax.accumulate(np.where(level == lowest, middle, 0.0))
         risen = level > np.maximum(lowest, highest + np.log(LEAST)) + np.log(DRIFT_RATIO)
@@ -179,8 +179,8 @@ def describe_guard(manifest: Mapping[str, Any]) -> str:
 LEARNING: dict[str, Metric[Mapping[str, Array]]] = {
     "feedback_growth": worst(
         "",
-        f"factor by which feedback_rms grows per cycle, over the last {WINDOW} cycles",
-        f"the first {WINDOW - 1} cycles",
+        f"factor by which feedback_rms grows per cycle, over the last {TREND_WINDOW} cycles",
+        f"the first {TREND_WINDOW - 1} cycles",
         lambda values: values["feedback_growth"],
         source="Sen 1968",
     ),

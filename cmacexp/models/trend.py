@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import combinations
 
-WINDOW = 10
+TREND_WINDOW = 10
 """Cycles over which a trend is tested."""
 SIGNIFICANT = 35
 """Least excess of rising over falling pairs among the 45 of a window: 3 standard deviations without a trend."""

@@ -40,7 +40,7 @@ from cmacexp.models.mechanism import (
     has_body,
     update_kinematics,
 )
-from cmacexp.models.trend import SIGNIFICANT, WINDOW
+from cmacexp.models.trend import SIGNIFICANT, TREND_WINDOW
 from cmacexp.planning import Setup
 from cmacexp.planning.reference import ACTING, BEFORE, X, Y, Z
 from cmacexp.plants import Measurement
@@ -278,7 +278,7 @@ def _describe_guard(scenario: Scenario) -> dict[str, Any] | None:
     if guard is None:
         return None
     return {
-        "window": WINDOW,
+        "window": TREND_WINDOW,
         "significant": SIGNIFICANT,
         "settling": of_guard.SETTLING,
         "tiny": of_guard.TINY,

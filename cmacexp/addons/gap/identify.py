@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from cmacexp.addons.gap.machine import Machine
-from cmacexp.addons.gap.replay import Drive, Expansion, JointParams, make_drive, replay
+from cmacexp.addons.gap.replay import DriveTerms, Expansion, JointParams, make_drive, replay
 from cmacexp.addons.gap.signals import Signals, low_pass
 from cmacexp.models.joint import OWN, SLOW, make_regressors
 from cmacexp.typing import Array, Counts, Mask
@@ -156,7 +156,7 @@ class Problem:
         return np.einsum("kjp,jp->kj", self.make_regressors(values.shape[1] - OWN, motion), values)
 
     @cached_property
-    def drive(self) -> Drive:
+    def drive(self) -> DriveTerms:
         """Drives of all joints as logged; the log must have commands."""
         log = self.signals.log
         assert log.command is not None
@@ -172,7 +172,7 @@ class Problem:
         values: Array,
         delay: float,
         expansions: Sequence[Expansion] | None = None,
-        drive: Drive | None = None,
+        drive: DriveTerms | None = None,
         start: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:
         """Replay joints with parameters ``values`` (J, 4 + K) and return angles, rad, and velocities, rad/s, (n, J).

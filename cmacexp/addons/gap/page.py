@@ -10,7 +10,7 @@ import numpy as np
 
 from cmacexp.addons.gap.analysis import FIRST, GENERIC, Gap
 from cmacexp.addons.gap.identify import NAMES
-from cmacexp.addons.gap.signals import WINDOW
+from cmacexp.addons.gap.signals import SMOOTHING_WINDOW
 from cmacexp.cmac.rules import derive_rate
 from cmacexp.data.folder import OUT_KEY, new_result
 from cmacexp.data.manifest import REPORT
@@ -231,7 +231,14 @@ def _round(value: "float | list[float]") -> "float | list[float]":
 def write_page(gap: Gap, folder: Path) -> Path:
     """Write page, JSON and an option file of identified joints into ``folder``; return the path of the page."""
     values = gap.values | {"summary": summarise(gap.values), "advice": advise(gap)}
-    variables = {"validation": None, "refused": [], **values, "window": WINDOW, "generic": GENERIC, "first": FIRST}
+    variables = {
+        "validation": None,
+        "refused": [],
+        **values,
+        "window": SMOOTHING_WINDOW,
+        "generic": GENERIC,
+        "first": FIRST,
+    }
     with new_result(folder, OUT_KEY, REPORT) as result:
         result.write_text(JSON, json.dumps(values, indent=1) + "\n")
         if gap.fitted is not None:

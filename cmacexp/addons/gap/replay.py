@@ -40,7 +40,7 @@ class Expansion(NamedTuple):
     """(N, B, B) derivative of the bias over the angles, N m/rad."""
 
 
-class Drive(NamedTuple):
+class DriveTerms(NamedTuple):
     """Torque and gains of the drives of a block of B joints; each row is held for one sampling period."""
 
     torque: Array
@@ -50,17 +50,17 @@ class Drive(NamedTuple):
     kd: Array
     """(B,) N m s/rad."""
 
-    def choose(self, joints: Counts) -> "Drive":
+    def choose(self, joints: Counts) -> "DriveTerms":
         """Return the drives of some of the joints, by their numbers."""
-        return Drive(*(values[..., joints] for values in self))
+        return DriveTerms(*(values[..., joints] for values in self))
 
 
-def make_drive(command: Array, rate: Array, feedforward: Array, kp: Array, kd: Array) -> Drive:
+def make_drive(command: Array, rate: Array, feedforward: Array, kp: Array, kd: Array) -> DriveTerms:
     """Return the drives for commanded angles, rad, and velocities, rad/s, and a feedforward torque, N m, (N, B) each.
 
     The gains ``kp``, N m/rad, and ``kd``, N m s/rad, are (B,).
     """
-    return Drive(kp * command + kd * rate + feedforward, kp, kd)
+    return DriveTerms(kp * command + kd * rate + feedforward, kp, kd)
 
 
 class JointParams(NamedTuple):
@@ -135,7 +135,7 @@ class Balance(NamedTuple):
 
 def replay(
     expansion: Expansion,
-    drive: Drive,
+    drive: DriveTerms,
     params: JointParams,
     period: float,
     start: tuple[Array, Array] | Array,
@@ -161,7 +161,7 @@ def replay(
     substeps = math.ceil(period / SUBSTEP - 1e-9)
     take_rows(
         Expansion(*map(np.ascontiguousarray, equations)),
-        Drive(*map(np.ascontiguousarray, drive)),
+        DriveTerms(*map(np.ascontiguousarray, drive)),
         JointParams(np.ascontiguousarray(params.values), np.ascontiguousarray(params.ranges), float(params.delay)),
         further,
         (period / substeps, substeps),
@@ -175,7 +175,7 @@ def replay(
 @program
 def take_rows(
     equations: Expansion,
-    drive: Drive,
+    drive: DriveTerms,
     params: JointParams,
     forces: Forces,
     steps: tuple[float, int],
@@ -263,7 +263,7 @@ def set_balance(
     k: int,
     h: float,
     equations: Expansion,
-    drive: Drive,
+    drive: DriveTerms,
     params: JointParams,
     forces: Forces,
     motion: Motion,
@@ -295,7 +295,7 @@ def derive_balance(
     k: int,
     h: float,
     equations: Expansion,
-    drive: Drive,
+    drive: DriveTerms,
     params: JointParams,
     forces: Forces,
     motion: Motion,

@@ -8,7 +8,7 @@ import numpy as np
 from cmacexp.addons.gap.log import Log
 from cmacexp.typing import Array, Counts
 
-WINDOW = 0.075
+SMOOTHING_WINDOW = 0.075
 """Window of the filter that differentiates angles to velocities and accelerations (Savitzky & Golay 1964), s."""
 CUTOFF = 10.0
 """Cut-off frequency of the low-pass filter that both sides of a regression pass, Hz."""
@@ -22,7 +22,7 @@ PARTS = 12
 """Number of windows into which a log is cut whose motion does not repeat."""
 
 
-def differentiate(values: Array, period: float, order: int = 1, window: float = WINDOW) -> Array:
+def differentiate(values: Array, period: float, order: int = 1, window: float = SMOOTHING_WINDOW) -> Array:
     """Return the derivative of signals (n, J) of the given ``order``, from local cubic polynomials.
 
     The polynomials are fitted over ``window`` seconds around each row, so that nothing is shifted in time

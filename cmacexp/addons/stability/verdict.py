@@ -32,7 +32,7 @@ from cmacexp.config import Config
 from cmacexp.data.run import Run, read_config
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.metrics.drift import DRIFT_RATIO, LEAST
-from cmacexp.models.trend import WINDOW
+from cmacexp.models.trend import TREND_WINDOW
 from cmacexp.plants import AnalyticPlant
 from cmacexp.protocols import HasSubsteps, offers
 from cmacexp.sensors.config import ChannelsConfig
@@ -90,10 +90,10 @@ class Verdict(NamedTuple):
 def compute_rise(levels: Array) -> tuple[float, float]:
     """Compute the final level of the feedback relative to its lowest, and the lowest level, N m.
 
-    ``levels`` (n,), N m, are those of the cycles of learning, n at least WINDOW. Levels are medians over WINDOW
-    cycles.
+    ``levels`` (n,), N m, are those of the cycles of learning, n at least TREND_WINDOW. Levels are medians
+    over TREND_WINDOW cycles.
     """
-    medians = np.median(sliding_window_view(levels, WINDOW), axis=1)
+    medians = np.median(sliding_window_view(levels, TREND_WINDOW), axis=1)
     lowest = max(float(medians.min()), LEAST * float(levels.max()))
     return float(medians[-1]) / lowest, lowest
 

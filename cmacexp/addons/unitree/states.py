@@ -25,7 +25,7 @@ LONG = 250
 """Consecutive states after which it is stuck whatever its command, if most joints move."""
 FAR = 10
 """Consecutive states for which a joint may be far from its command."""
-WINDOW = 500
+LOSS_WINDOW = 500
 """Number of states over which lost states are counted."""
 
 
@@ -80,8 +80,8 @@ class LimitsConfig:
     silence: float = number("s", above=0, at_most=10)
     """Longest time from one state to the next."""
     lost: float = number("", at_least=0, at_most=1)
-    """Largest share of states, or of packets to the motors, that may be lost within WINDOW states. 1: no limit, and
-    ticks need not grow, for a simulator that does not count its states."""
+    """Largest share of states, or of packets to the motors, that may be lost within LOSS_WINDOW states. 1: no limit,
+    and ticks need not grow, for a simulator that does not count its states."""
     tilt: float = number("rad", above=0, at_most=3)
     """Largest pitch and roll."""
     speed: float = number("rad/s", above=0, at_most=100)
@@ -106,7 +106,7 @@ class StateWatch:
         self.missed = 0
         """Number of states that have not arrived so far."""
         self._last: Reading | None = None
-        self._lost = deque[int](maxlen=WINDOW)
+        self._lost = deque[int](maxlen=LOSS_WINDOW)
         self._far = np.zeros(joints, dtype=int)
         self._still = np.zeros(joints, dtype=int)
         self._commanded = np.zeros(joints)
@@ -161,12 +161,12 @@ class StateWatch:
         gap = max(0, round(passed) - 1)
         self.missed += gap
         self._lost.append(max(gap, reading.lost - last.lost))
-        share = sum(self._lost) / WINDOW
+        share = sum(self._lost) / LOSS_WINDOW
         Unsafe.unless(
             share <= self.limits.lost,
             "{:.2g} % of packets lost within {} states: plant.limits.lost={:g}",
             100 * share,
-            WINDOW,
+            LOSS_WINDOW,
             self.limits.lost,
         )
         moved = reading.signals.q != last.signals.q

@@ -10,7 +10,7 @@ from support.robots import OWN
 import cmacexp
 from cmacexp.addons.stability.cycle_map import NotPredictable, list_arrays, make_restorable_loop
 from cmacexp.addons.stability.growth import change_sizes, fitted_growth, krylov, predicted_growth
-from cmacexp.addons.stability.verdict import GROWS, HOLDS, UNDECIDED, WINDOW, assess, compute_rise
+from cmacexp.addons.stability.verdict import GROWS, HOLDS, TREND_WINDOW, UNDECIDED, assess, compute_rise
 
 
 def test_a_known_map_has_its_eigenvalues_and_images():
@@ -161,7 +161,7 @@ def test_a_run_that_starts_from_weights_ends_by_its_learning_not_with_feedback_o
 
 
 def test_a_rise_is_that_over_the_lowest_level_of_the_cycles_given():
-    levels = np.repeat([4.0, 1.0, 2.0], WINDOW)
+    levels = np.repeat([4.0, 1.0, 2.0], TREND_WINDOW)
     assert compute_rise(levels) == (2.0, 1.0)
-    assert compute_rise(levels[:-WINDOW]) == (1.0, 1.0)
+    assert compute_rise(levels[:-TREND_WINDOW]) == (1.0, 1.0)
     assert compute_rise(np.append(1000.0, levels))[1] == 10.0  # what is below a hundredth of the highest does no harm
