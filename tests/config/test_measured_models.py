@@ -52,5 +52,5 @@ def test_what_is_stated_changes_neither_hash_nor_labels():
 
 def test_from_python_it_is_said_once(other_package):
     with pytest.warns(OtherModel, match=SAYS) as warned:
-        cmacexp.run_many([[*WALK, f"seed={seed}"] for seed in (1, 2)], processes=1)
+        cmacexp.run_many([[*WALK, f"seed={seed}"] for seed in (1, 2)], processes=2)
     assert [each.category for each in warned].count(OtherModel) == 1
