@@ -112,10 +112,12 @@ def apply_lag(lagged: Array | None, share: float, feedback: Array, feedforward: 
 
 @kernel
 def actuate(actuator: Actuator, step: int, feedback: Array, feedforward: Array, torque: Array) -> None:
-    """Apply delay, limit, rate limit and lag, in this order, to the torques commanded in ``step``.
+    """Pass the torques commanded in ``step`` through delay, limit, rate limit and lag, in this order.
 
-    Call it once per step, with steps counted from 0. ``feedback`` and ``feedforward`` (L, J), N m, are replaced by
-    the torques that act; ``torque`` (L, J), N m, is filled with their sum, the input of the plant.
+    The state of ``actuator`` advances: call it once for each of consecutive steps. Limits act on the sum: feedback
+    gives way first, feedforward only where it exceeds the torque limit by itself. ``feedback`` and ``feedforward``
+    (L, J), N m, are replaced by the torques that act; ``torque`` (L, J), N m, is filled with their sum, the input of
+    the plant.
     """
     if actuator.delay > 0:
         apply_delay(actuator, step, feedback, feedforward)

@@ -5,8 +5,9 @@ import pickle
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
+from threading import get_ident
 from typing import Any, NamedTuple
 
 from hydra.conf import HydraConf
@@ -106,7 +107,9 @@ class JobTemplate(NamedTuple):
     """Keys from which other values follow, see :func:`find_referred`."""
 
 
-def _unpack(packed: bytes) -> JobTemplate:
+@lru_cache(8)
+def _unpack(packed: bytes, thread: int) -> JobTemplate:
+    """Unpack a template, once for each ``thread``, since each job sets its values in it."""
     setup_globals()
     composed = pickle.loads(packed)
     typed_config = None
@@ -139,7 +142,7 @@ def run_jobs(packed: bytes, root: Path, sweep: str, items: Sequence[JobItem], jo
     parts have the name ``sweep``.
     Returns how each ended, in a line, and whether that is an error. Raises OSError.
     """
-    template = _unpack(packed)
+    template = _unpack(packed, get_ident())
     runner = JobRunner()
     expect_runs(jobs)
     # In a row, as run_chunk does.

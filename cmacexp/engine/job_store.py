@@ -228,17 +228,26 @@ def iterate_jobs(
     Of several with one number that in the first source counts. Raises BadRun if a source is not as it was written.
     """
     listed = set[int]()
+    kept = dict[Path, JobTables]()  # while all are few
     parts = list[tuple[Array, Path]]()
     for path in sources:
-        numbers = np.array([number for number in as_array(read(path).jobs, "run").tolist() if number not in listed])
+        tables = read(path)
+        numbers = np.array([number for number in as_array(tables.jobs, "run").tolist() if number not in listed])
         listed.update(numbers.tolist())
+        if len(listed) <= most:
+            kept[path] = tables
+        else:
+            kept.clear()
         parts += [(np.sort(numbers), path)] if len(numbers) else []
     parts.sort(key=lambda part: part[0][0])  # so that columns have always the same order
     in_order = sorted(listed)
     for start in range(0, len(in_order), most):
-        low, high = in_order[start], in_order[start:][:most][-1]
+        low = in_order[start]
+        high = in_order[min(start + most, len(in_order)) - 1]
         chosen = [(numbers[(numbers >= low) & (numbers <= high)], path) for numbers, path in parts]
-        yield concat_jobs(select_jobs(read(path), numbers) for numbers, path in chosen if len(numbers))
+        yield concat_jobs(
+            select_jobs(kept.get(path) or read(path), numbers) for numbers, path in chosen if len(numbers)
+        )
 
 
 def list_jobs(root: Path, sources: Sequence[Path] | None = None) -> list[JobRun]:

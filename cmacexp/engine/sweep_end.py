@@ -60,10 +60,13 @@ class SweepEnd:
         self._best: tuple[float, JobRun] | None = None
         self._shown = list[JobRun]()
         self._seen = 0
+        self._single: JobTables | None = None
+        """All jobs if they are few."""
         is_wrong = set[bool]()
-        for tables in self._iterate():
+        for count, tables in enumerate(self._iterate()):
             self._add(tables)
             is_wrong.update(tables.jobs["bad_input"].to_pylist())
+            self._single = None if count else tables
         self.is_wrong = is_wrong == {True}
 
     @property
@@ -79,6 +82,9 @@ class SweepEnd:
 
     def _iterate(self) -> Iterator[JobTables]:
         """Yield the planned jobs that have ended, in the order of their numbers."""
+        if self._single is not None:
+            yield self._single
+            return
         for tables in iterate_jobs(self.sources):
             jobs = zip(tables.jobs["run"].to_pylist(), tables.jobs["overrides"].to_pylist(), strict=True)
             yield select_jobs(tables, [number for number, overrides in jobs if self._is_planned(number, overrides)])
@@ -204,5 +210,7 @@ def _unify(schemas: Sequence[pa.Schema]) -> pa.Schema:
 
 def _fit(table: pa.Table, schema: pa.Schema) -> pa.Table:
     """Give a table all columns of a schema, with null where it lacks one."""
+    if table.schema.equals(schema):
+        return table.replace_schema_metadata(schema.metadata)
     fitted = pa.concat_tables([schema.empty_table(), table], promote_options="permissive").combine_chunks()
     return fitted.replace_schema_metadata(schema.metadata)

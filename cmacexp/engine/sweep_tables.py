@@ -115,9 +115,9 @@ def parse_value(text: str) -> Any:
 
 
 def make_column(values: Sequence[Any], types: Set[type] | None = None) -> pa.Array:
-    """Make an Arrow column of values: of integers, floats or booleans if all are, else of text.
+    """Make an Arrow column: of booleans, int64 or float64 (also integers with floats), else of text, "null" for None.
 
-    ``types`` are those of all values of a column of which these are some.
+    If ``values`` are a part of a column, ``types`` are the types in the whole column, so that parts agree.
     """
     types = {*map(type, values)} if types is None else types
     if types == {bool}:

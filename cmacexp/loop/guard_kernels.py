@@ -195,7 +195,11 @@ def record_torque(guard: GuardState | None, sample: int, torque: Array) -> None:
 
 @kernel
 def correct_torque(guard: GuardState | None, params: FeedforwardParams | None) -> None:
-    """Correct the torque of the coming cycle by the errors of the last one, if the guard has requested it."""
+    """Correct the repeated torque by the errors of the last cycle, if the guard has requested it.
+
+    Trains the network once on the learning errors ``guard.errors``, N m, and adds the change of its output to
+    ``guard.torque`` (N, L, J), N m; see :func:`correct`. Does nothing without a guard or a network.
+    """
     if guard is not None and params is not None and guard.corrects[0] != 0:
         guard.corrects[0] = 0
         correct(params, guard.errors, guard.output, guard.torque)

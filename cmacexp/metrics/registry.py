@@ -66,7 +66,7 @@ def format_cell(value: float, decimals: int = 3) -> str:
 
 
 def format_setting(value: Any) -> str:
-    """Format a value of a config as on the command line, with short numbers and only the name of a built-in class.
+    """Format a value of a config for display: floats with six digits, a class of this package by its name only.
 
     >>> [format_setting(value) for value in (None, True, 1 / 3, [1, 2], "cmacexp.plants.analytic.Analytic")]
     ['null', 'true', '0.333333', '[1, 2]', 'Analytic']

@@ -69,14 +69,14 @@ def _solve_without_one(weight: Array, feet: Array, support: Mask, load_fraction:
 
 
 def share_load(weight: float | Array, feet: Array, support: Mask, load_fraction: Array) -> Array:
-    """Compute forces (N, L), N, that balance ``weight``, N, and both of its moments with the least sum of squares.
+    """Compute upward forces (N, L), N, of feet that balance ``weight``, N, and both of its moments.
 
-    With three feet there is one solution. With four the sum of F^2/load_fraction is least: the smaller
-    ``load_fraction`` (N, L), 0 to 1, of a foot, the less it carries, down to zero where three feet suffice. Feet
-    cannot pull: where the solution pulls, the best one that leaves a foot out replaces it. ``feet`` (N, L, 2) are in
-    the horizontal plane, relative to the line of action of the weight, m; ``support`` (N, L) is true for feet that
-    are down. With fewer than three the weight is balanced, then the moment about the body's y, then that about its
-    x, each if the feet allow it; with the weight outside them, feet pull.
+    ``weight`` is a number or (N,). With four feet down the sum of F^2/load_fraction is least; a foot of
+    ``load_fraction`` (N, L), 0 to 1, of 0 counts as lifted, so that two of them can leave a moment. With three or
+    fewer down, fractions are ignored; the weight is balanced first, then the moment about the body's y, then that
+    about its x. If a foot would pull, the best three that press replace the solution; if there are none, with the
+    weight outside the feet, it stays and pulls (see :func:`remove_pull`). ``feet`` (N, L, 2) are in the horizontal
+    plane, relative to the line of action of the weight, m; ``support`` (N, L) is true for feet that are down.
     """
     weight = np.broadcast_to(np.asarray(weight, dtype=float), len(feet))
     few = support.sum(axis=1, keepdims=True) <= 3
