@@ -189,7 +189,7 @@ def find_class(key: str, target: object) -> type[Any]:
 
 
 def require_shipped(plain: Mapping[str, Any], consent: str) -> None:
-    """Require that a stored config names only components of this package; importing others would run foreign code.
+    """Require that a stored config names only components of this package; importing others would run their code.
 
     Raises BadInput for the first other component; the message says that ``consent`` (an argument or an option)
     allows it.

@@ -58,6 +58,6 @@ def load_weights(folder: Path) -> Weights:
             weights = dict(arrays)
         if other := [name for name, array in weights.items() if array.dtype.kind not in "fiu"]:
             raise ValueError(f"{other[0]} holds no numbers")
-    except Exception as error:  # zipfile, zlib and numpy raise many kinds for a foreign file
+    except Exception as error:  # zipfile, zlib and numpy raise many kinds for a file of another program
         raise BadRun(f"{path}: cannot be read ({error}); run it again") from None
     return weights

@@ -1,4 +1,4 @@
-"""A search by Optuna: it asks for trials, a sweep runs them as jobs with their numbers, and it is told the metric."""
+"""A search by Optuna, which proposes trials; a sweep runs them as jobs with their numbers and reports the metric."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any

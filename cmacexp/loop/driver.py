@@ -128,7 +128,7 @@ class ExternalComponents:
         copy_parts(self.controller, "act", action, Action, self.action)
         if action.reference is None:
             state.reference[...] = reference.control.position
-        if self.loop.guard is not None:  # only the controller can tell the learning error
+        if self.loop.guard is not None:  # only the controller knows the learning error
             error = state.feedback if action.learning_error is None else action.learning_error
             copy_outputs(self.controller, "act", (error,), self.learning_error)
         if self.loop.drives is not None:
