@@ -97,6 +97,15 @@ class Replay(NamedTuple):
     """
 
 
+class Terms(NamedTuple):
+    """Terms of the momentum balance that a replay does not change."""
+
+    equations: Expansion
+    drive: DriveTerms
+    params: JointParams
+    forces: Forces
+
+
 class Motion(NamedTuple):
     """Angles and velocities of a block within a step, and their derivatives over the P parameters."""
 
@@ -160,10 +169,14 @@ def replay(
     equations = expansion._replace(mass=expansion.mass + np.diag(params.values[:, 0]))
     substeps = math.ceil(period / SUBSTEP - 1e-9)
     take_rows(
-        Expansion(*map(np.ascontiguousarray, equations)),
-        DriveTerms(*map(np.ascontiguousarray, drive)),
-        JointParams(np.ascontiguousarray(params.values), np.ascontiguousarray(params.ranges), float(params.delay)),
-        further,
+        Terms(
+            Expansion(*map(np.ascontiguousarray, equations)),
+            DriveTerms(*map(np.ascontiguousarray, drive)),
+            JointParams(
+                np.ascontiguousarray(params.values), np.ascontiguousarray(params.ranges), float(params.delay)
+            ),
+            further,
+        ),
         (period / substeps, substeps),
         motion,
         replayed,
@@ -174,10 +187,7 @@ def replay(
 
 @program
 def take_rows(
-    equations: Expansion,
-    drive: DriveTerms,
-    params: JointParams,
-    forces: Forces,
+    terms: Terms,
     steps: tuple[float, int],
     motion: Motion,
     replayed: Replay,
@@ -188,6 +198,8 @@ def take_rows(
     ``steps`` are the length of a step, s, and the number of steps in each row.
     """
     h, substeps = steps
+    drive = terms.drive
+    params = terms.params
     for k in range(replayed.angle.shape[0]):
         copy_array(motion.q, replayed.angle[k])
         copy_array(motion.v, replayed.velocity[k])
@@ -196,9 +208,9 @@ def take_rows(
             drift(h, motion)
             average_torque(k + (s * h - params.delay) / (substeps * h), 1.0 / substeps, drive.torque, balance)
             interpolate_friction(h, params, motion.q, balance)
-            set_balance(k, h, equations, drive, params, forces, motion, balance)
+            set_balance(k, h, terms, motion, balance)
             if motion.dq.shape[1]:
-                derive_balance(k, h, equations, drive, params, forces, motion, balance)
+                derive_balance(k, h, terms, motion, balance)
             slide(motion.v, balance)
             if motion.dq.shape[1]:
                 derive_friction(h, params.values, motion, balance)
@@ -259,17 +271,9 @@ def interpolate_friction(h: float, params: JointParams, q: Array, balance: Balan
 
 
 @kernel
-def set_balance(
-    k: int,
-    h: float,
-    equations: Expansion,
-    drive: DriveTerms,
-    params: JointParams,
-    forces: Forces,
-    motion: Motion,
-    balance: Balance,
-) -> None:
+def set_balance(k: int, h: float, terms: Terms, motion: Motion, balance: Balance) -> None:
     """Fill ``inertia`` and ``momentum`` of the balance of a step ``h``, s, in row ``k``, without dry friction."""
+    equations, drive, params, forces = terms
     angle, mass, bias, gradient = equations
     values = params.values
     q, v, _, _ = motion
@@ -291,20 +295,12 @@ def set_balance(
 
 
 @kernel
-def derive_balance(
-    k: int,
-    h: float,
-    equations: Expansion,
-    drive: DriveTerms,
-    params: JointParams,
-    forces: Forces,
-    motion: Motion,
-    balance: Balance,
-) -> None:
+def derive_balance(k: int, h: float, terms: Terms, motion: Motion, balance: Balance) -> None:
     """Fill ``momentum_by`` of the balance of a step ``h``, s, in row ``k``, without the terms of the new velocity.
 
     Those are friction, and damping and inertia at the end of the step: :func:`derive_friction` adds them.
     """
+    equations, drive, params, forces = terms
     _, mass, _, gradient = equations
     values, ranges, _ = params
     _, v, dq, dv = motion
