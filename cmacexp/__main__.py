@@ -5,7 +5,6 @@ Without a command the arguments are overrides of a run or, with ``-m``, of a swe
 
 import signal
 import sys
-from contextlib import suppress
 from importlib import import_module
 from typing import cast
 
@@ -73,10 +72,9 @@ def run_words() -> int:
         del sys.argv[1]
         return run_named(name)
     if {"-m", "--multirun"} & set(sys.argv):
-        from cmacexp.engine.workers import make_context
+        from cmacexp.engine.workers import prepare_pool
 
-        with suppress(OSError):  # the sweep will raise it again
-            make_context()  # workers import their modules while this process imports its own
+        prepare_pool()
     from cmacexp.commands.command import run_command
     from cmacexp.commands.main import run_or_sweep
 

@@ -2,22 +2,20 @@
 
 import multiprocessing
 import os
-import signal
+import pickle
+import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from contextlib import contextmanager
-from multiprocessing import connection, forkserver
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future
+from contextlib import contextmanager, suppress
+from itertools import count
 from numbers import Integral
-from threading import Thread, current_thread, main_thread
-from types import ModuleType
+from threading import Lock, Thread
 from typing import Any
 
 from cmacexp.errors import require
 from cmacexp.jit.interrupt import interrupt_held_back
 
-PRELOADED = "cmacexp.engine.preload"
-"""Imports what workers need."""
 MOST_RUNS = 32
 """Short runs that a worker takes at a time, at most."""
 CHUNKS_EACH = 4
@@ -64,68 +62,87 @@ class Here(Executor):
         return future
 
 
-class Processes(ProcessPoolExecutor):
-    """Processes of this machine, which end with this one.
+class Processes(Executor):
+    """Processes of this machine, which belong to one of their own, see :mod:`cmacexp.engine.pool`.
 
-    At the end of its context they are ended, whatever they do: the files of runs are whole or absent.
-    Raises FileNotFoundError if the current folder is gone.
+    They end with the context, whatever they do, and with this process. Raises FileNotFoundError if the current folder
+    is gone.
     """
 
     def __init__(self, size: int):
+        os.getcwd()
         self.size = size
-        context = make_context()
-        self._ends, self._ending = multiprocessing.Pipe(duplex=False)
-        super().__init__(size, context, _begin, (dict(os.environ), context.Semaphore(1), self._ends))
         with interrupt_held_back():  # a process that this one does not know of cannot be ended
-            for _ in range(size):
-                self.submit(os.getpid)  # let it start before there is work for it
+            self._pool, self._connection = _prepared.pop() if _prepared else _start_pool()
+        self._connection.send(size)
+        self._futures = dict[int, Future[Any]]()
+        self._numbers = count()
+        self._sending = Lock()
+        self._receiver = Thread(target=self._receive, daemon=True)
+        self._receiver.start()
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Submit a call; a process that starts now does not import the caller's program, which needs no guard."""
-        program, sys.modules["__main__"] = sys.modules["__main__"], ModuleType("__main__")
+        """Submit a call; what cannot be pickled is the error of its future."""
+        future = Future[Any]()
         try:
-            return super().submit(fn, *args, **kwargs)
-        finally:
-            sys.modules["__main__"] = program
+            packed = pickle.dumps((fn, args))
+        except Exception as error:
+            future.set_exception(error)
+            return future
+        with self._sending:
+            number = next(self._numbers)
+            self._futures[number] = future
+            try:
+                self._connection.send((number, packed))
+            except OSError as error:
+                raise BrokenExecutor(str(error)) from error
+        return future
+
+    def _receive(self) -> None:
+        """End futures as their calls end, until the pool has ended."""
+        with suppress(Exception):  # at its end, or an error of a component that cannot be unpickled
+            while True:
+                number, packed, error = self._connection.recv()
+                future = self._futures.pop(number)
+                if future.set_running_or_notify_cancel():
+                    if error is None:
+                        future.set_result(pickle.loads(packed))
+                    else:
+                        future.set_exception(error)
+        for future in [*self._futures.values()]:
+            if future.set_running_or_notify_cancel():
+                future.set_exception(BrokenExecutor("the pool of workers has ended"))
 
     def __exit__(self, *raised: object) -> None:
         """End the processes."""
-        self._ending.close()
-        self.shutdown(cancel_futures=True)
-        self._ends.close()
+        for future in [*self._futures.values()]:
+            future.cancel()
+        with self._sending, suppress(OSError):  # the pool has been killed
+            self._connection.send(None)
+        self._pool.wait()
+        self._receiver.join()
+        self._connection.close()
 
 
-def make_context() -> Any:
-    """Make what starts processes, as copies of a first one, which is started now."""
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([PRELOADED])
-    # All inherit it: Ctrl-C reaches them too, and the warning of SLURM every process of a task.
-    ignored = (signal.SIGINT, signal.SIGUSR2) if current_thread() is main_thread() else ()
-    before = {number: signal.signal(number, signal.SIG_IGN) for number in ignored}
-    try:
-        forkserver.ensure_running()
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-    return context
+_prepared = list[tuple["subprocess.Popen[bytes]", Any]]()
+"""A pool that has been started and is not used yet."""
 
 
-def _end_when_asked(ends: Any) -> None:
-    """End this process when its parent has ended or closed the other end of a pipe."""
-    parent = multiprocessing.parent_process()
-    connection.wait([ends] if parent is None else [ends, parent.sentinel])
-    os._exit(1)
+def _start_pool() -> tuple["subprocess.Popen[bytes]", Any]:
+    """Start the process of a pool; returns it and the connection to it."""
+    own_end, other_end = multiprocessing.Pipe()
+    number = other_end.fileno()
+    program = f"import sys; sys.path[:] = {sys.path!r}; from cmacexp.engine.pool import main; main({number})"
+    process = subprocess.Popen(  # in a session of its own, which Ctrl-C does not reach
+        [sys.executable, "-c", program], pass_fds=[number], stdin=subprocess.DEVNULL, start_new_session=True
+    )
+    other_end.close()
+    return process, own_end
 
 
-def _begin(environment: Mapping[str, str], speaks: Any, ends: Any) -> None:
-    """Begin to work, in the environment of the caller; the first process that ``speaks`` says that it compiles."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    Thread(target=_end_when_asked, args=(ends,), daemon=True).start()
-    os.environ.update(environment)
-    if speaks.acquire(block=False):
-        from cmacexp.terminal.messages import announce_compiling  # here, because only workers have it already
-
-        announce_compiling()
+def prepare_pool() -> None:
+    """Start a pool ahead of its use: what workers need is imported while this process imports what it needs."""
+    _prepared.append(_start_pool())
 
 
 @contextmanager
