@@ -37,8 +37,6 @@ class OptunaConfig:
     """URL of a database, such as sqlite:///search.db, with which a killed search is resumed; null: in memory."""
     study_name: str | None = None
     """Name in the storage; null: the folder of the sweep."""
-    max_batch_size: int | None = None
-    """Not used by a search."""
     params: dict[str, Any] = field(default_factory=dict)
     """Intervals and lists of values by key, beside those typed as overrides."""
 

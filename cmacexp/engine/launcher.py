@@ -160,7 +160,7 @@ def _start_dask(address: str | None, processes: int | None) -> Iterator[Launcher
         ) from None
     size = count_processes(processes)
     try:
-        cluster = address or LocalCluster(n_workers=size, threads_per_worker=1, dashboard_address=None)
+        cluster = address or LocalCluster(n_workers=size, threads_per_worker=1, dashboard_address="127.0.0.1:0")
         client = Client(cluster, timeout="10s")
     except (OSError, ValueError) as error:
         raise BadInput("hydra.launcher.address", address, f"no scheduler of Dask answers there ({error})") from None

@@ -40,7 +40,7 @@ def test_processes_and_dask_give_the_same_bytes(tmp_path):
     from distributed import Client, LocalCluster
 
     with (
-        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster,
         Client(cluster) as client,
     ):
         assert write(tmp_path, "dask", executor=client.get_executor()) == here
