@@ -1,5 +1,6 @@
 """Measures of the study of one leg from the trace of a run; figures 7 to 9 of Lin & Song 1997 from its plan."""
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -9,14 +10,16 @@ from matplotlib.figure import Figure
 
 from cmacexp.data.run import read_config
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.models.leg import Leg, bias_torque, jacobian, trigonometry
+from cmacexp.models.leg import GRAVITY_TERMS, Leg, bias_torque, jacobian, trigonometry
 from cmacexp.planning.reference import BEFORE as START
 from cmacexp.study import Array, Panel, Run, Series, draw
 from pipelines.common_results import find_depression
 
 Config = Mapping[str, Any]
-Measure = Callable[[pd.DataFrame, Config], float]
-"""Function of the trace rows of a cycle and the config of its run."""
+Signals = Mapping[str, Array]
+"""Signals of one leg over a cycle by name, and its planned ``support``, (N,) each."""
+Measure = Callable[[Signals, Config], float]
+"""Function of the signals of a cycle and the config of its run."""
 LANDED = 0.2
 """Time after touch-down from which on the force is searched for oscillations, s."""
 FORCE_WINDOW = 0.2
@@ -34,20 +37,25 @@ def in_cycle(number: int, measure: Measure) -> Callable[[Run], float]:
 
     def compute(run: Run) -> float:
         rows = run.trace[run.trace["cycle"] == number]
-        return measure(rows, run.config) if len(rows) else float("nan")
+        return measure(read_signals(rows), run.config) if len(rows) else float("nan")
 
     return compute
 
 
-def touch_down(rows: pd.DataFrame) -> int:
-    """Return the index of the first support sample in the rows of a cycle."""
-    return int(np.argmax((rows["phase"] == "support").to_numpy()))
+def read_signals(rows: pd.DataFrame) -> Signals:
+    """Convert the rows of a leg's cycle to arrays."""
+    return {name: rows[name].to_numpy() for name in rows} | {"support": (rows["phase"] == "support").to_numpy()}
 
 
-def peak_error(rows: pd.DataFrame, config: Config, axis: str, extent: str) -> float:
+def touch_down(signals: Signals) -> int:
+    """Return the index of the first support sample of a cycle."""
+    return int(np.argmax(signals["support"]))
+
+
+def peak_error(signals: Signals, config: Config, axis: str, extent: str) -> float:
     """Return the largest transfer error along ``axis``, relative to the gait's ``extent``: stroke or lift."""
-    swing = rows[rows["phase"] == "transfer"]
-    return float((swing[axis] - swing[f"{axis}_desired"]).abs().max()) / float(config["gait"][extent])
+    error = (signals[axis] - signals[f"{axis}_desired"])[np.logical_not(signals["support"])]
+    return float(np.abs(error).max()) / float(config["gait"][extent])
 
 
 def without_trend(values: Array, window: float, period: float) -> Array:
@@ -61,30 +69,31 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def force_oscillation(rows: pd.DataFrame, config: Config) -> float:
+def force_oscillation(signals: Signals, config: Config) -> float:
     """Return the RMS of a cycle's force around its moving mean, from ``LANDED`` after touch-down on, N."""
     period = config["sampling_period"]
-    force = rows["force"].to_numpy()[touch_down(rows) :]
+    force = signals["force"][touch_down(signals) :]
     return _rms(without_trend(force, FORCE_WINDOW, period)[round(LANDED / period) :])
 
 
-def torque_oscillation(rows: pd.DataFrame, config: Config) -> float:
+def torque_oscillation(signals: Signals, config: Config) -> float:
     """Return the oscillation of joint 1's feedforward torque after touch-down relative to that in mid support.
 
-    The oscillation is the RMS around the moving mean.
+    The oscillation is the RMS around the moving mean; NaN if nothing is learnt there.
     """
     period = config["sampling_period"]
-    landing = touch_down(rows)
-    residual = without_trend(rows["tau_feedforward_1"].to_numpy(), TORQUE_WINDOW, period)
-    quarter = (len(rows) - landing) // 4
+    landing = touch_down(signals)
+    residual = without_trend(signals["tau_feedforward_1"], TORQUE_WINDOW, period)
+    quarter = (len(residual) - landing) // 4
     middle = residual[landing + quarter : landing + 3 * quarter]
-    return _rms(residual[landing : landing + round(EVENT / period)]) / _rms(middle)
+    landed = _rms(residual[landing : landing + round(EVENT / period)])
+    return landed / _rms(middle) if middle.any() else math.nan
 
 
-def torque_step(rows: pd.DataFrame, config: Config) -> float:
+def torque_step(signals: Signals, config: Config) -> float:
     """Return the largest change of joint 1's torque between successive samples around touch-down, N m."""
-    landing = touch_down(rows)
-    torque = (rows["tau_feedback_1"] + rows["tau_feedforward_1"]).to_numpy()
+    landing = touch_down(signals)
+    torque = signals["tau_feedback_1"] + signals["tau_feedforward_1"]
     return float(np.abs(np.diff(torque[landing - 1 : landing + round(EVENT / config["sampling_period"])])).max())
 
 
@@ -98,16 +107,16 @@ def learned_error(config: Config) -> float:
     return find_depression(config) / find_depression(config, static_load=False) - 1.0
 
 
-def weight_at_foot(rows: pd.DataFrame, config: Config) -> float:
+def weight_at_foot(signals: Signals, config: Config) -> float:
     """Return the force with which the leg's weight presses on the ground, N; mean over the second half of support."""
     links = config["machine"]["leg"]
-    leg = Leg(
-        **{name: links[name] for name in ("length_1", "length_2", "mass_1", "mass_2")},
-        knee=-1.0 if links["knee"] == "back" else 1.0,
-    )
-    settled = rows[(rows["phase"] == "support") & (rows["progress"] >= 0.5)]
+    lengths_masses = (links[name] for name in ("length_1", "length_2", "mass_1", "mass_2"))
+    gravity = config["plant"].get("gravity_factors", [1.0] * GRAVITY_TERMS)
+    leg = Leg(*lengths_masses, -1.0 if links["knee"] == "back" else 1.0, *gravity)
+    settled = np.logical_and(signals["support"], signals["progress"] >= 0.5)
     pressing = []
-    for q1, q2 in settled[["q1", "q2"]].iloc[::20].to_numpy():  # postures change little from sample to sample
+    postures = np.column_stack([signals["q1"], signals["q2"]])[settled]
+    for q1, q2 in postures[::20]:  # postures change little from sample to sample
         trig = trigonometry(q1, q2)
         transposed = np.reshape(jacobian(leg, trig), (2, 2)).T
         pressing.append(-np.linalg.solve(transposed, bias_torque(leg, trig, 0.0, 0.0))[1])

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from cmacexp.recording.run_view import RunView
 from cmacexp.study import (
     Array,
     DataFrame,
@@ -89,17 +90,18 @@ def noise_ratio(results: Results, column: str) -> Array:
     return quotients(by_seed["all"].to_numpy(), by_seed["feedback + posture"].to_numpy())
 
 
-def shown_walk(results: Results) -> tuple[trace.Walk, int]:
+def shown_walk(results: Results) -> tuple[RunView, int]:
     """Return the walk from which the paper's figures are drawn, and the cycle: its last."""
     run = results.select(LADDER, reference="aware").run
-    return trace.walk_in(run.folder), run.whole_cycles
+    return trace.view_walk(run.folder), run.whole_cycles
 
 
 def values(results: Results) -> Declared:
     """Return the last cycle, and the times of Fig. 17 to 20 from its start, s."""
     walk, cycle = shown_walk(results)
     began = walk.time[walk.cycle == cycle][0]
-    return {"last": cycle} | {f"fig{n}": walk.time[k] - began for n, k in trace.instants(walk, cycle).items()}
+    instants = trace.instants(trace.walk_in(walk), cycle)
+    return {"last": cycle} | {f"fig{n}": walk.time[k] - began for n, k in instants.items()}
 
 
 AT_END = "median of the last 5 cycles"

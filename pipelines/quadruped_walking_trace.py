@@ -7,7 +7,8 @@ Stability margins are the true ones: of the polygon of loaded feet at their actu
 undefined margin counts as -inf: fewer than three feet are loaded, or the line along the body misses their polygon.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from cmacexp.data.signals import TRUE_MARGINS
+from cmacexp.data.trace import Trace
 from cmacexp.planning.stability import FRONT, REAR, STABILITY
 from cmacexp.recording import palette
 from cmacexp.recording.run_view import RunView
@@ -41,19 +43,27 @@ LATE = 5
 """Number of cycles at the end of a run in which the learnt walk is measured."""
 
 
-class Walk(RunView):
-    """Traces of a walk of the quadruped; arrays are (steps, 4), legs in the paper's order."""
+@dataclass(frozen=True)
+class Walk:
+    """Trace of a walk of the quadruped; arrays are (steps, 4), legs in the paper's order."""
+
+    trace: Trace
+    length: float
+    """Length of the body from the rear to the front hips, m."""
+    period: float
+    """Sampling period, s."""
+
+    @property
+    def cycle(self) -> Array:
+        """Number of the cycle, (steps,), from 1."""
+        return self.trace.shared("cycle")
 
     @cached_property
     def carried(self) -> Array:
         """True stability margins (steps, 3), m: to the nearest edge, to the front and to the rear boundary."""
-        margins = [self.body[name] for name in TRUE_MARGINS]
+        assert self.trace.body is not None
+        margins = [self.trace.body[name] for name in TRUE_MARGINS]
         return np.nan_to_num(margins, nan=-np.inf, posinf=np.inf, neginf=-np.inf).T
-
-    @property
-    def length(self) -> float:
-        """Length of the body from the rear to the front hips, m."""
-        return float(np.ptp(self.hips[:, 0]))
 
     def start(self, cycle: int, leg: int, support: bool) -> int:
         """Return the step of a cycle in which a planned support (else: transfer) of ``leg`` begins."""
@@ -72,10 +82,15 @@ class Walk(RunView):
 
 
 @cache
-def walk_in(folder: Path) -> Walk:
-    """Read the walk of the stored run in a folder; cached, as several measures need it."""
+def view_walk(folder: Path) -> RunView:
+    """Read the stored run in a folder for drawing; cached, as several figures need it."""
     run = Run(folder)
-    return Walk(run, run.read_trace())
+    return RunView(run, run.read_trace())
+
+
+def walk_in(view: RunView) -> Walk:
+    """Return the walk of a run that is drawn."""
+    return Walk(view.trace, float(np.ptp(view.hips[:, 0])), view.run.config["sampling_period"])
 
 
 def contacts(walk: Walk, cycle: int) -> dict[str, float]:
@@ -149,7 +164,7 @@ def touch_down_of_2(walk: Walk, cycle: int) -> dict[str, float]:
     return {
         "front": before / walk.length,
         "front_gain": float(after.min(initial=np.inf)) / before if before > 0.0 else -np.inf,
-        "restored": (int(low[-1]) + 1 if len(low) else 0) * walk.run.config["sampling_period"],
+        "restored": (int(low[-1]) + 1 if len(low) else 0) * walk.period,
     }
 
 
@@ -170,11 +185,15 @@ def four_feet(walk: Walk, cycle: int) -> dict[str, float]:
 @cache
 def events_in(folder: Path) -> DataFrame:
     """Measure the events of the run in a folder, a row per whole cycle; cached, as several measures need them."""
-    walk = walk_in(folder)
+    view = view_walk(folder)
+    return measure_events(walk_in(view), range(1, view.run.whole_cycles + 1))
+
+
+def measure_events(walk: Walk, cycles: Iterable[int]) -> DataFrame:
+    """Measure the events of a walk, a row for each of ``cycles``."""
     events = (contacts, touch_down_of_3, lift_off_of_3, touch_down_of_2, four_feet)
     return pd.DataFrame(
-        {key: value for find in events for key, value in find(walk, cycle).items()}
-        for cycle in range(1, walk.run.whole_cycles + 1)
+        {key: value for find in events for key, value in find(walk, cycle).items()} for cycle in cycles
     )
 
 
@@ -251,7 +270,7 @@ MEASURES: Measures = {
 """Measures of a run; events are medians over the last cycles unless another reduction is declared."""
 
 
-def gait_diagram(walk: Walk, cycles: int = 2) -> Figure:
+def gait_diagram(walk: RunView, cycles: int = 2) -> Figure:
     """Draw Fig. 14: planned and actual foot contacts over the last cycles."""
     rows = walk.cycle > walk.cycle[-1] - cycles
     time = walk.time[rows] - walk.time[rows][0]
@@ -278,7 +297,7 @@ def _connect(points: Array, chosen: Mask) -> Array:
     return points[[*legs, *legs[:1]]]
 
 
-def _outline(walk: Walk, k: int) -> list[tuple[str, Array, dict[str, Any]]]:
+def _outline(walk: RunView, k: int) -> list[tuple[str, Array, dict[str, Any]]]:
     """Return the lines that show the machine in step ``k``: names, points (n, 3), mm, and styles.
 
     The origin is on the ground below the centre of gravity; the foot of each leg is marked with its number.
@@ -286,7 +305,7 @@ def _outline(walk: Walk, k: int) -> list[tuple[str, Array, dict[str, Any]]]:
     links = joints(walk)[k]
     carries = walk.trace["force"][k] > 0.0
     support = walk.trace.support[k]
-    ends = MM * walk.carried[k][[REAR, FRONT]] * [-1.0, 1.0]
+    ends = MM * walk_in(walk).carried[k][[REAR, FRONT]] * [-1.0, 1.0]
     above = MM * np.array([[0.0, 0.0, walk.body["height"][k]]])
     margins = np.outer(np.where(np.isfinite(ends), ends, np.nan), [1.0, 0.0, 0.0])
     line = {"linestyle": "-", "marker": None}
@@ -308,9 +327,9 @@ def _outline(walk: Walk, k: int) -> list[tuple[str, Array, dict[str, Any]]]:
     ]  # fmt: skip
 
 
-def views(walk: Walk, cycle: int, number: int) -> Figure:
+def views(walk: RunView, cycle: int, number: int) -> Figure:
     """Draw Fig. 16 to 20: the machine from above, from the right and from the front, and its foot forces."""
-    k = ({16: 0} | instants(walk, cycle))[number]
+    k = ({16: 0} | instants(walk_in(walk), cycle))[number]
     lines = _outline(walk, k)
     panels = [
         Panel(

@@ -1,5 +1,6 @@
 """Kernels that read and train the weights of a CMAC, and the rows assigned to its visited cells."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -41,6 +42,18 @@ def train(weights: Array, cells: Cells, error: Array, rate: float) -> None:
     for j in range(layers):
         weights[cells[j], 0] += first
         weights[cells[j], 1] += second
+
+
+@kernel
+def round_weights(weights: Array, cells: Cells, step: float, limit: float) -> None:
+    """Round the active weights to multiples of ``step`` within ``limit``, as a board of few bits stores them.
+
+    Changes the rows ``cells`` (C,) of ``weights`` (rows, outputs); ``step`` and ``limit`` are in their unit.
+    """
+    for j in range(cells.shape[0]):
+        for o in range(weights.shape[1]):
+            weight = math.floor(weights[cells[j], o] / step + 0.5) * step
+            weights[cells[j], o] = min(max(weight, -limit), limit - step)
 
 
 @kernel

@@ -9,6 +9,8 @@ from cmacexp.errors import require
 PHASE = "phase"
 INPUTS = ("angle", "velocity", "acceleration", PHASE)
 """Inputs of a network: planned joint values, or the phase of the cycle as a point on the unit circle."""
+WHOLE_NUMBERS = {"int16": 2**16, "int8": 2**8}
+"""Number of values of the types of weights that are whole numbers."""
 WORD_BYTES = 8
 """Size of a CMAC weight, a float64, B."""
 CMACS = ("cmac", "cmac_on_model")
@@ -44,6 +46,17 @@ class CmacConfig:
     """Input range divided by the range of the planned values; both have the same centre (assumed)."""
     receptive_field: str = choice("rectangular", "linear", "cubic", needs=("own.layers > 1",))
     """Activation of a cell; rectangular: constant, as in the paper; linear, cubic: B-splines (Lane et al. 1992)."""
+    weight_type: str = choice("float64", *WHOLE_NUMBERS, default="float64")
+    """Type of a weight; int16, int8: a whole number of steps, as on a board with such memory (assumed). The number of
+    rows does not depend on it."""
+    weight_limit: float = number("N m", above=0, at_most=1e6, needs=("own.weight_type != 'float64'",), default=2.0)
+    """Largest absolute weight of type int16 or int8 (assumed)."""
+
+    @property
+    def weight_step(self) -> float:
+        """Step between two weights, N m; 0 for weights in float64."""
+        steps = WHOLE_NUMBERS.get(self.weight_type)
+        return 2.0 * self.weight_limit / steps if steps else 0.0
 
 
 def check_size(cmac: CmacConfig, inputs: int, outputs: int) -> None:

@@ -41,7 +41,7 @@ def number(
         words: Words that the field accepts besides numbers, e.g. ``auto``.
         needs: Conditions, all of which must hold for the field to have an effect, written as
             :mod:`cmacexp.engine.without_effect` describes.
-        default: Default value. Shipped fields have none: their values are in ``conf/``.
+        default: Default value, for configs of runs that are older than the field. Values are in ``conf/``.
         tuned: Search space for tuning: the ends of a range, in which the logarithm of the value is drawn uniformly,
             or a list of choices.
         bounds: ``above``, ``at_least``, ``below`` and ``at_most``, in ``unit``.
@@ -49,15 +49,22 @@ def number(
     named = {name.replace("_", " "): bound for name, bound in bounds.items()}
     tests = [(BOUNDS[name], bound) for name, bound in named.items()]
     metadata = {"unit": unit, "words": words, "needs": needs, "tuned": tuned, **named, "tests": tests}
-    return field(default=default, metadata=metadata)
+    return _declare(metadata, default)
 
 
-def choice(*names: str, needs: tuple[str, ...] = (), tuned: Tuned = None) -> Any:
+def _declare(metadata: dict[str, Any], default: Any) -> Any:
+    """Declare a field; one with a ``default`` is given by name only, and a list is copied for each object."""
+    if isinstance(default, list):
+        return field(default_factory=default.copy, kw_only=True, metadata=metadata)
+    return field(default=default, kw_only=default is not MISSING, metadata=metadata)
+
+
+def choice(*names: str, needs: tuple[str, ...] = (), tuned: Tuned = None, default: Any = MISSING) -> Any:
     """Declare a dataclass field for one of ``names``, or for a list of at least one of them without repeats.
 
-    ``needs`` and ``tuned`` are as for :func:`number`.
+    ``needs``, ``tuned`` and ``default`` are as for :func:`number`.
     """
-    return field(metadata={"choices": names, "needs": needs, "tuned": tuned})
+    return _declare({"choices": names, "needs": needs, "tuned": tuned}, default)
 
 
 def listed(names: Sequence[str]) -> str:

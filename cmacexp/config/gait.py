@@ -90,5 +90,8 @@ class GaitConfig:
     """Time before lift-off over which the desired force falls to 0; 0: a step, as in the paper."""
     ramp: str = choice(LINEAR, COSINE, needs=("own.load_ramp > 0 or own.unload_ramp > 0",))
     """Shape of both load ramps; cosine: the rate of the force is continuous."""
+    transfer_depth: float = number("", at_least=0, at_most=10, needs=LIFTS, default=1.0)
+    """Depth at which the transfer of one leg starts and ends, over the depression under the desired force (assumed);
+    0: on the undepressed ground."""
     allow_unstable: bool = field(kw_only=True, metadata={"needs": (UNSTABLE,)})
     """Allow a wave gait whose duty factor or touch-down times do not make it statically stable."""

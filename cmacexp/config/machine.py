@@ -1,9 +1,11 @@
 """Machines: geometry and masses of legs and bodies, and the models of robots."""
 
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 from cmacexp.config.fields import choice, number
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, require
+from cmacexp.models.leg import GRAVITY_TERMS
 from cmacexp.models.robot import Robot, read_robot
 from cmacexp.models.robot_file import describe_origin, find_model
 
@@ -23,6 +25,18 @@ class LinksConfig:
     """Mass at the knee, m1."""
     mass_2: float = number("kg", above=0)
     """Mass at the foot, m2."""
+
+
+def gravity_factors() -> Any:
+    """Declare the factors of the terms of G in eq. 23 that a plant or a model uses."""
+    needs = ("machine.kind in ('leg', 'quadruped')",)
+    return number("", at_least=-10, at_most=10, needs=needs, default=[1.0] * GRAVITY_TERMS)
+
+
+def check_gravity_factors(group: str, factors: list[float]) -> None:
+    """Require one factor for each term of the gravity vector; raise BadInput otherwise."""
+    allowed = f"must be {GRAVITY_TERMS} numbers, one for each term of G in eq. 23; [1,1,1,1] is G as printed"
+    require(len(factors) == GRAVITY_TERMS, f"{group}.gravity_factors", factors, allowed)
 
 
 @dataclass

@@ -130,8 +130,16 @@ class ForceControlConfig:
     load_sharing: str = choice("static", "dynamic", ADAPTIVE, needs=HAS_BODY)
     """Load that the feet share; static: the weight of the body, as in the paper; dynamic: gravity and inertia of all
     masses; adaptive: also the extra load and the slope of the ground measured in past cycles."""
+    switch: str = choice("plan", "contact", needs=("own.method in ('stiffness', 'combined')",), default="plan")
+    """When the force terms of the error act (assumed); plan: in planned support; contact: whenever the foot presses,
+    as eq. 21 is printed for both phases. The reference follows the plan."""
     load_rate: bool = field(kw_only=True, metadata={"needs": (*RATES, "own.method != 'explicit'")})
     """Include in the reference in support the rate of the depression for F_d, and its lag on damped ground."""
+
+    @property
+    def has_force_in_transfer(self) -> bool:
+        """True if the force terms act whenever a foot presses; damping and explicit control have no other terms."""
+        return self.switch == "contact" and self.method in ("stiffness", "combined")
 
 
 @dataclass

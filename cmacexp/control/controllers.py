@@ -4,7 +4,7 @@ Joint drives receive angles, velocities, gains and torques.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -48,6 +48,10 @@ class HybridController:
         """Lower corner frequency omega of the LEAD (assumed; see pipelines/lead_design.py)."""
         lead_alpha: float = number("", above=0, at_most=1e6)
         """Ratio alpha of upper to lower corner frequency of the LEAD (assumed)."""
+        lead_gain: float = number("", above=0, at_most=1e6, default=1.0)
+        """Gain K_c of the LEAD at low frequency (assumed)."""
+        lead_reset: bool = field(default=False, kw_only=True)
+        """Set the LEAD states to zero when the planned phase of a leg changes (assumed)."""
 
     params: HybridParams
     state: HybridState = new_hybrid_state(0)
@@ -63,7 +67,11 @@ class HybridController:
             mechanism=setup.mechanism,
             method=METHODS[setup.config.force_control.method],
             gains=make_gains(setup.config, self.config.position_gain, self.config.velocity_gain),
-            lead=discretise(self.config.lead_omega, self.config.lead_alpha, setup.config.sampling_period),
+            lead=discretise(
+                self.config.lead_omega, self.config.lead_alpha, setup.config.sampling_period, self.config.lead_gain
+            ),
+            lead_reset=self.config.lead_reset,
+            force_in_transfer=setup.config.force_control.has_force_in_transfer,
             posture_gain=setup.config.posture.gain,
             posture_rate_gain=setup.config.posture.rate_gain,
             fault_detection=FaultDetection(**vars(setup.config.plausibility)),

@@ -103,6 +103,10 @@ class HybridParams(NamedTuple):
     posture_rate_gain: float
     """Gain of the posture term in the velocity reference; 0 as in the paper."""
     fault_detection: FaultDetection
+    lead_reset: bool
+    """True if the LEAD of a leg starts from zero when its planned phase changes."""
+    force_in_transfer: bool
+    """True if the force terms act whenever a foot presses, also in planned transfer."""
     steering: Steering | None = None
     """Course feedback; None without one."""
 
@@ -120,13 +124,15 @@ class HybridState(NamedTuple):
     """(L, J): learning error of a feedforward, J^T U, N m."""
     reference: Scratch
     """(L, J): reference position of the last step, including posture control, m."""
+    supporting: State
+    """(L,): 1 if the last step was planned support, else 0."""
     fault_status: FaultStatus
 
 
 def new_hybrid_state(legs: int, axes: int = len(PLANE)) -> HybridState:
     """Make the state of ``legs`` legs with ``axes`` axes each: all zero, all force sensors trusted."""
     error, output, feedback, learning_error, reference = (np.zeros((legs, axes)) for _ in range(5))
-    return HybridState(error, output, feedback, learning_error, reference, new_fault_status(legs))
+    return HybridState(error, output, feedback, learning_error, reference, np.zeros(legs), new_fault_status(legs))
 
 
 @kernel
@@ -215,6 +221,17 @@ def filter_error(lead: Lead, state: HybridState, i: int, axis: int, reference: f
 
 
 @kernel
+def reset_leads(state: HybridState, support: Mask) -> None:
+    """Set the LEAD states of the legs to zero whose planned ``support`` (L,) has changed."""
+    for i in range(support.shape[0]):
+        now = 1.0 if support[i] else 0.0
+        if now != state.supporting[i]:
+            state.error[i, :] = 0.0
+            state.output[i, :] = 0.0
+            state.supporting[i] = now
+
+
+@kernel
 def hybrid_feedback(
     params: HybridParams,
     state: HybridState,
@@ -224,13 +241,16 @@ def hybrid_feedback(
 ) -> None:
     """Compute the feedback torques (L, J), N m, of all legs, and advance ``state`` by one step.
 
-    Legs with ``support`` (L,) True are under force control along y, the others under position control. ``reference``
-    and ``observation`` are those of this step.
+    Legs with ``support`` (L,) True are under force control along y, the others under position control. With
+    ``force_in_transfer`` all are under force control; without contact the force is 0, and both errors are the same.
+    ``reference`` and ``observation`` are those of this step.
     """
     foot = observation.foot
     velocity = observation.velocity
     kinematics = observation.kinematics
     pose = make_pose(observation.body) if has_body(params.mechanism) else LEVEL
+    if params.lead_reset:
+        reset_leads(state, support)
     for i in range(support.shape[0]):
         x_reference, vx_reference = steer_longitudinal(params.steering, params.mechanism.hips, i, reference)
         x_error = position_error(params, x_reference, vx_reference, foot[i, 0], velocity[i, 0])
@@ -241,6 +261,7 @@ def hybrid_feedback(
         if support[i]:
             y_reference += posture_term(params, i, pose)
             vy_reference += posture_rate_term(params, i, pose, observation.body_rate)
+        if support[i] or params.force_in_transfer:
             y_error = force_error(
                 params,
                 i,

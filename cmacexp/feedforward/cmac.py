@@ -73,7 +73,11 @@ class CmacFeedforward(BuiltInFeedforward):
             path: _Path = setup.recall.get((*key, self.seed), address_path) if learnt is None else address_path()
         self.cmacs = [cmac.copy_empty() for cmac in path.cmacs]
         self.memory = path.memory
-        self.params = network(setup, path.cells, self.cmacs[0].address.rows, path.activation, log=path.log)
+        params = network(setup, path.cells, self.cmacs[0].address.rows, path.activation, log=path.log)
+        learning = params.learning._replace(
+            weight_step=config.cmac.weight_step, weight_limit=config.cmac.weight_limit
+        )
+        self.params = params._replace(learning=learning)
         for cmac, weights in zip(self.cmacs, self.params.weights, strict=True):
             cmac.weights = weights
 

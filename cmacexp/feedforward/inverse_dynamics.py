@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cmacexp.config import Config as RunConfig
 from cmacexp.config import FeedforwardConfig, number
-from cmacexp.config.machine import RobotMachine
+from cmacexp.config.machine import RobotMachine, check_gravity_factors, gravity_factors
 from cmacexp.errors import require
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.models.ground import contact_force
@@ -33,6 +34,12 @@ class InverseDynamics(BuiltInFeedforward):
         """Masses of the model / true masses."""
         length_factor: float = number("", above=0, at_most=1e3, needs=("machine.kind != 'point_mass'",))
         """Link lengths of the model / true lengths; joint angles are planned with the true lengths."""
+        gravity_factors: list[float] = gravity_factors()
+        """Factors of the four terms of the gravity vector in the model, see :data:`GRAVITY_TERMS` (assumed)."""
+
+        def check(self, config: RunConfig) -> None:
+            """Check the number of factors of the gravity vector; raise BadInput otherwise."""
+            check_gravity_factors("feedforward", self.gravity_factors)
 
     config: Config
 
@@ -58,7 +65,9 @@ class InverseDynamics(BuiltInFeedforward):
             force = np.zeros_like(plan.force_desired) if controller_adds_force else plan.force_desired
             motion = plan.joints, plan.sway, plan.force_desired
             return planned_torques(setup.config, setup.mechanism, *motion, force, self.config.mass_factor)
-        factors = [self.config.length_factor] * 2 + [self.config.mass_factor] * 2 + [1.0]
+        factors = (
+            [self.config.length_factor] * 2 + [self.config.mass_factor] * 2 + [1.0, *self.config.gravity_factors]
+        )
         added = np.where(plan.support & controller_adds_force, plan.force_desired, 0.0)
         mechanism = setup.mechanism._replace(legs=setup.mechanism.legs * np.array(factors))
         depression = plan.desired.position[..., Y] - mechanism.hip_height

@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from cmacexp.cmac.memory import find_distinct, read, read_weighted, train
+from cmacexp.cmac.memory import find_distinct, read, read_weighted, round_weights, train
 from cmacexp.cmac.rules import NEIGHBOURS, PAPER, RuleParams, rate_after, train_by_rule, train_spread
 from cmacexp.data.signals import FEEDFORWARD, MEMORY_SIGNALS
 from cmacexp.jit.compiler import called_kernel, copy_array, kernel, program
@@ -120,6 +120,10 @@ class LearningParams(NamedTuple):
     (N, L, P J), see :func:`adapt`."""
     cycle_rate: float = 0.0
     """beta / |K| of updates once per cycle, see :func:`correct`; 0 unless ``learning.guard=refine``."""
+    weight_step: float = 0.0
+    """Step between two weights that the memory can store, N m; 0: float64."""
+    weight_limit: float = 0.0
+    """Largest absolute weight that a memory with such steps can store, N m."""
 
 
 class Smoothing(NamedTuple):
@@ -196,6 +200,8 @@ def learn(params: FeedforwardParams, i: int, step: int, sample: int, learning_er
     else:
         rate = rate_after(learning.rule, learning.rate[i], (step - learning.start_step) // params.cells.shape[0])
         train_by_rule(learning.rule, weights, cells, params.activation[sample, i], learning_error, rate)
+    if learning.weight_step > 0.0:
+        round_weights(weights, cells, learning.weight_step, learning.weight_limit)
 
 
 @kernel

@@ -20,7 +20,7 @@ def find_margin(
     standing robot. The latter exists only for ``force_control.method=combined``. ``loop_delay`` is the delay counted
     so far. Raises BadInput if a foot is already unstable.
     """
-    lead = discretise(control.lead_omega, control.lead_alpha, config.sampling_period)
+    lead = discretise(control.lead_omega, control.lead_alpha, config.sampling_period, control.lead_gain)
     robot = read_model(config.machine)
     force = config.force_control
     foot_mass = derive_basis(robot).foot_mass

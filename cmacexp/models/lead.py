@@ -6,25 +6,25 @@ from cmacexp.jit.compiler import kernel
 
 
 class Lead(NamedTuple):
-    """Coefficients of U_k = b0 E_k + b1 E_{k-1} - a1 U_{k-1}, DC gain 1."""
+    """Coefficients of U_k = b0 E_k + b1 E_{k-1} - a1 U_{k-1}; DC gain K_c."""
 
     b0: float
     b1: float
     a1: float
 
 
-def discretise(omega: float, alpha: float, sampling_period: float) -> Lead:
-    """Discretise (1 + s/omega)/(1 + s/(alpha omega)), the LEAD compensator, by the bilinear transform.
+def discretise(omega: float, alpha: float, sampling_period: float, gain: float = 1.0) -> Lead:
+    """Discretise K_c (1 + s/omega)/(1 + s/(alpha omega)), the LEAD compensator, by the bilinear transform.
 
-    These are Lin & Song 1997, eq. 5, 6, with K_c = 1. ``omega`` is the lower corner frequency, rad/s; the sampling
-    period is in s.
+    These are Lin & Song 1997, eq. 5, 6, with the ``gain`` K_c. ``omega`` is the lower corner frequency, rad/s; the
+    sampling period is in s.
     """
     zero_time = 1.0 / omega
     pole_time = 1.0 / (alpha * omega)
     scale = sampling_period + 2.0 * pole_time
     return Lead(
-        (sampling_period + 2.0 * zero_time) / scale,
-        (sampling_period - 2.0 * zero_time) / scale,
+        gain * (sampling_period + 2.0 * zero_time) / scale,
+        gain * (sampling_period - 2.0 * zero_time) / scale,
         (sampling_period - 2.0 * pole_time) / scale,
     )
 

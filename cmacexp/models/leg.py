@@ -16,14 +16,26 @@ Trig = tuple[float, float, float, float]
 Pair = tuple[float, float]
 
 
+GRAVITY_TERMS = 4
+"""Terms of the gravity vector G of eq. 23, in the order in which it is printed: m2 l2 cos(theta1 + theta2),
+m1 l1 cos(theta1) and m2 l1 cos(theta1) in the first row, m2 l2 cos(theta1 + theta2) in the second."""
+
+
 class Leg(NamedTuple):
-    """Link lengths (m) and masses (kg) of one leg, and the sign of theta2, ``knee``."""
+    """Link lengths (m) and masses (kg) of one leg, and the sign of theta2, ``knee``.
+
+    The last fields are factors of the four :data:`GRAVITY_TERMS`; 1: as printed.
+    """
 
     length_1: float
     length_2: float
     mass_1: float
     mass_2: float
     knee: float
+    gravity_12: float = 1.0
+    gravity_11: float = 1.0
+    gravity_21: float = 1.0
+    gravity_22: float = 1.0
 
 
 @kernel
@@ -100,9 +112,9 @@ def bias_torque(leg: Leg, trig: Trig, dq1: float, dq2: float) -> Pair:
     s1, c1, s12, c12 = trig
     coupling = leg.mass_2 * leg.length_1 * leg.length_2 * (s12 * c1 - c12 * s1)
     weight_2 = leg.mass_2 * leg.length_2 * c12 * GRAVITY
-    weight_1 = (leg.mass_1 + leg.mass_2) * leg.length_1 * c1 * GRAVITY
+    weight_1 = (leg.gravity_11 * leg.mass_1 + leg.gravity_21 * leg.mass_2) * leg.length_1 * c1 * GRAVITY
     coriolis_1 = -coupling * (dq2 * dq2 + 2.0 * dq1 * dq2)
-    return coriolis_1 - weight_2 - weight_1, coupling * dq1 * dq1 - weight_2
+    return coriolis_1 - leg.gravity_12 * weight_2 - weight_1, coupling * dq1 * dq1 - leg.gravity_22 * weight_2
 
 
 @kernel

@@ -43,7 +43,7 @@ class Mechanism(NamedTuple):
     kind: int
     """POINT_MASS, LEGS_ON_STAND, LEGS_UNDER_BODY or CHAINS_UNDER_BODY."""
     legs: Array
-    """(L, 5): the fields of :class:`Leg`, of which a point mass uses ``mass_2`` only; for a robot its chains (L,
+    """(L, 9): the fields of :class:`Leg`, of which a point mass uses ``mass_2`` only; for a robot its chains (L,
     21)."""
     hip_height: float
     """Height of the hips above the undepressed ground, m; of a body the planned height, h0."""
@@ -80,7 +80,17 @@ def has_body(mechanism: Mechanism) -> bool:
 def get_leg(mechanism: Mechanism, i: int) -> Leg:
     """Return the parameters of leg ``i`` of the machine."""
     legs = mechanism.legs
-    return Leg(legs[i, 0], legs[i, 1], legs[i, 2], legs[i, 3], legs[i, 4])
+    return Leg(
+        legs[i, 0],
+        legs[i, 1],
+        legs[i, 2],
+        legs[i, 3],
+        legs[i, 4],
+        legs[i, 5],
+        legs[i, 6],
+        legs[i, 7],
+        legs[i, 8],
+    )
 
 
 @kernel
@@ -187,7 +197,7 @@ def planned_torque(mechanism: Mechanism, q: Array, dq: Array, ddq: Array, force:
 
 def point_mass(mass: float, hip_height: float) -> Mechanism:
     """Make a machine that is one point mass of ``mass`` kg, whose planned height is ``hip_height``, m."""
-    return Mechanism(POINT_MASS, np.array([[1.0, 1.0, 0.0, mass, 1.0]]), hip_height, np.zeros((1, 2)), 0.0)
+    return Mechanism(POINT_MASS, np.array([Leg(1.0, 1.0, 0.0, mass, 1.0)]), hip_height, np.zeros((1, 2)), 0.0)
 
 
 def legs_on_stand(legs: list[Leg], hip_height: float) -> Mechanism:

@@ -127,10 +127,12 @@ def plan_motion(
         desired.velocity[support, i, Y] = depression_for(stiffness, rate[support, i])
         if timing.transfer_samples:
             s = progress[~support, i]
-            take_off, touch_down = (
+            ends = [
                 desired.position[support & (timing.sample[:, i] == k), i, Y][0]
                 for k in (timing.support_samples - 1, 0)
-            )
+            ]
+            # This sum keeps the bits of an end at the planned depth.
+            take_off, touch_down = (y + (gait.transfer_depth - 1.0) * (y - mechanism.hip_height) for y in ends)
             check_apex(config, touch_down - take_off)
             motion[:, ~support, i, Y] = VERTICAL[gait.vertical](take_off, touch_down, gait.lift, s, transfer_time)
     return desired

@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 
 from cmacexp.config import Config, number
-from cmacexp.config.machine import RobotMachine, ask_for_robot
+from cmacexp.config.machine import RobotMachine, ask_for_robot, check_gravity_factors, gravity_factors
+from cmacexp.models.leg import GRAVITY_TERMS
 from cmacexp.planning.plan import Setup
 from cmacexp.plants.as_built import AsBuiltConfig, make_ground, make_payload
 from cmacexp.plants.kernels import PlantParams, PlantState, advance, new_state, observe, update_stiffness
@@ -21,11 +22,20 @@ class AnalyticPlant:
 
         substeps: int = number("", at_least=1, at_most=10000)
         """Runge-Kutta steps per sampling period; 1 as in the paper."""
+        gravity_factors: list[float] = gravity_factors()
+        """Factors of the four terms of the gravity vector in the true legs, see :data:`GRAVITY_TERMS` (assumed)."""
 
         def check(self, config: Config) -> None:
             """Check that the legs are planar; raise BadInput otherwise."""
             if isinstance(config.machine, RobotMachine):
                 raise ask_for_robot(config.machine)
+            check_gravity_factors("plant", self.gravity_factors)
+
+        def build(self, setup: Setup) -> Setup:
+            """Return the setup with the actual mechanism, whose legs have these factors of their weight."""
+            setup = super().build(setup)
+            setup.mechanism.legs[:, -GRAVITY_TERMS:] = self.gravity_factors
+            return setup
 
     params: PlantParams
     state: PlantState

@@ -79,6 +79,6 @@ def test_what_is_set_for_all_legs_goes_to_all_of_them_but_those_with_their_own(m
     own = ["length_1=0.3", "length_2=0.4", "hip_x=0.25", "hip_y=-0.2", "knee=back", "mass_2=0.4"]
     own = [f"machine.legs.right_front.{value}" for value in own]
     mechanism = make_mechanism(make_config("scenario=quadruped", "machine.leg.mass_1=0.6", *own).machine)
-    assert_array_equal(mechanism.legs[1], [0.3, 0.4, 0.6, 0.4, -1.0])
+    assert_array_equal(mechanism.legs[1, :5], [0.3, 0.4, 0.6, 0.4, -1.0])
     assert_array_equal(mechanism.hips[1], [0.25, -0.2])
-    assert_array_equal(mechanism.legs[[0, 2, 3], 2:], [[0.6, 0.5, 1.0], [0.6, 0.5, -1.0], [0.6, 0.5, -1.0]])
+    assert_array_equal(mechanism.legs[[0, 2, 3], 2:5], [[0.6, 0.5, 1.0], [0.6, 0.5, -1.0], [0.6, 0.5, -1.0]])

@@ -160,7 +160,7 @@ def find_momentum_force(mechanism, joints, body_mass, period):
 
     Of a machine whose body stands still: moving at constant speed changes neither.
     """
-    (l1, l2, m1, m2, _), (hip_x, hip_y) = mechanism.legs.T, mechanism.hips.T
+    (l1, l2, m1, m2, *_), (hip_x, hip_y) = mechanism.legs.T, mechanism.hips.T
     thigh, shank = joints[..., 0], joints[..., 0] + joints[..., 1]
     knee = np.stack([hip_x + l1 * np.cos(thigh), hip_y + 0.0 * thigh, 0.5 - l1 * np.sin(thigh)], axis=2)
     foot = knee + np.stack([l2 * np.cos(shank), 0.0 * shank, -l2 * np.sin(shank)], axis=2)

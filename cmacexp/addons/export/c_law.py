@@ -203,6 +203,13 @@ def _require_supported(run: Run, config: Config) -> None:
             "must be dynamic or static: C makes no plan anew",
         ),
         "plausibility.enabled": (True, config.plausibility.enabled, "must be false: C checks no force sensor"),
+        "force_control.switch": (
+            config.force_control.switch,
+            config.force_control.has_force_in_transfer,
+            "must be plan: C has no force terms in transfer",
+        ),
+        "controller.lead_reset": (True, getattr(config.controller, "lead_reset", False), "must be false"),
+        "cmac.weight_type": (config.cmac.weight_type, config.cmac.weight_step > 0.0, "must be float64"),
         "learning.guard": (learning.guard, learning.guard == REFINE, "must be freeze or none"),
         "learning.lead": (lead, lead == ESTIMATE, f"must be auto or a number, as {learning.lead}, its last estimate"),
         **{

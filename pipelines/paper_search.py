@@ -1,0 +1,142 @@
+"""Joint search over what Lin & Song 1997 leave open: random settings from stated ranges, and what they measure.
+
+Each setting draws every open value at once. ``python -m pipelines.paper_settings`` runs the search.
+"""
+
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from cmacexp.engine.driver import map_runs
+from cmacexp.engine.workers import start_workers
+from cmacexp.jit.compiler import expect_runs
+from pipelines.paper_claims import LEG, MASS, WALK, Claim
+from pipelines.paper_measures import measure_leg, measure_mass, measure_walk
+
+Range = Mapping[str, Sequence[str]]
+"""Values of an open quantity, the plain reading first, by the config keys that they set, joined by a space."""
+FORMS = ["[" + ",".join(map(str, form)) + "]" for form in itertools.product((1, 0, -1), repeat=4)]
+"""All forms of G with factors -1, 0 and 1 of its four terms, the printed one first."""
+GRAVITY, INPUTS = "plant.gravity_factors", "cmac.inputs"
+COMMON: Range = {
+    GRAVITY: FORMS,
+    "learning.lead": ["0", "-1", "1"],
+    "controller.lead_alpha": ["10", "5", "20"],
+    "controller.lead_gain": ["1", "0.5", "2"],
+    "controller.lead_reset": ["false", "true"],
+    "force_control.switch": ["plan", "contact"],
+    "gait.transfer_depth": ["1", "0", "2"],
+    "gait.vertical": ["cubic", "two_cubics"],
+    "cmac.weight_type": ["float64", "int16", "int8"],
+}
+LEG_RANGES: Range = {
+    **COMMON,
+    "controller.lead_omega": ["5", "2.5", "7", "10", "14", "20"],
+    INPUTS: ["[angle,velocity,acceleration]", "[angle,velocity]", "[angle]"],
+    "cmac.range_factor": ["5", "2", "3", "10"],
+    "gait.stroke": ["0.2", "0.1", "0.15", "0.3"],
+    "gait.lift": ["0.16", "0.12", "0.2"],
+    "machine.leg.knee": ["back", "forward"],
+}
+WALK_RANGES: Range = {
+    **COMMON,
+    "controller.lead_omega": ["10", "5", "7", "14", "20"],
+    INPUTS: ["[angle,velocity]", "[angle]", "[angle,velocity,acceleration]"],
+    "cmac.range_factor": ["3", "2", "5", "10"],
+    "gait.stroke": ["0.3", "0.25", "0.35"],
+    "gait.lift": ["0.1", "0.05", "0.15"],
+    "gait.cycle_time": ["3", "2", "4"],
+    "gait.touch_down": ["null", "[0.5,0,0.3,0.8]", "[0.1,0.6,0.9,0.4]"],
+    "machine.hip_height": ["0.5", "0.45", "0.55"],
+    "machine.weight": ["40", "49.05"],
+    "reference": ["literal", "aware"],
+    "machine.legs.left_front.knee machine.legs.right_front.knee": ["forward", "back"],
+    "machine.legs.left_rear.knee machine.legs.right_rear.knee": ["back", "forward"],
+}
+MASS_RANGES: Range = {
+    "machine.mass": ["0.5", "0.75", "1.0"],
+    "machine.start_clearance": ["0.05", "0.02", "0.1"],
+    "controller.lead_omega": ["5", "2.5", "7", "10", "14", "20"],
+    "controller.lead_alpha": ["10", "5", "20"],
+    "controller.lead_gain": ["1", "0.5", "2"],
+}
+FIXED = ("cmac.addressing=visited", "cmac.memory_bytes=67108864")
+"""Memory without collisions, as the paper assumes."""
+CHUNK = 50
+"""Settings that a worker takes at a time."""
+
+
+class Machine(NamedTuple):
+    """A machine of the search."""
+
+    ranges: Range
+    claims: Mapping[str, Claim]
+    measure: Callable[[Sequence[str]], dict[str, float]]
+    fixed: Sequence[str]
+    """Overrides of all its runs."""
+    count: int
+    """Number of settings of the full search."""
+
+
+MACHINES = {
+    "leg": Machine(LEG_RANGES, LEG, measure_leg, FIXED, 20_000),
+    "walk": Machine(WALK_RANGES, WALK, measure_walk, FIXED, 2_000),
+    "mass": Machine(MASS_RANGES, MASS, measure_mass, (), 400),
+}
+
+
+def list_overrides(setting: Mapping[str, str]) -> list[str]:
+    """Return the overrides of a setting, the values of which may set several keys each."""
+    return [f"{key}={value}" for keys, value in setting.items() for key in keys.split()]
+
+
+def draw_settings(ranges: Range, count: int, seed: int = 0) -> list[dict[str, str]]:
+    """Draw ``count`` joint settings, every value uniformly from its range; the first is the plain reading."""
+    rng = np.random.default_rng(seed)
+    plain = {key: values[0] for key, values in ranges.items()}
+    drawn = [{key: str(rng.choice(values)) for key, values in ranges.items()} for _ in range(count - 1)]
+    return [plain, *drawn]
+
+
+def list_neighbours(ranges: Range, most: int) -> Iterator[dict[str, str]]:
+    """List all settings that differ from the plain reading in one to ``most`` values."""
+    plain = {key: values[0] for key, values in ranges.items()}
+    for changed in itertools.chain.from_iterable(
+        itertools.combinations(ranges, number) for number in range(1, most + 1)
+    ):
+        for values in itertools.product(*(ranges[key][1:] for key in changed)):
+            yield plain | dict(zip(changed, values, strict=True))
+
+
+def measure_chunk(machine: str, settings: Sequence[Mapping[str, str]], runs: int) -> list[dict[str, float]]:
+    """Measure some of ``runs`` settings of a machine."""
+    expect_runs(runs)
+    _, _, measure, fixed, _ = MACHINES[machine]
+    return [measure([*fixed, *list_overrides(setting)]) for setting in settings]
+
+
+def search(machine: str, settings: Sequence[Mapping[str, str]]) -> pd.DataFrame:
+    """Measure settings of a machine on all cores: their values, quantities, and ``holds:NAME`` for each claim."""
+    items = [(machine, settings[first : first + CHUNK], len(settings)) for first in range(0, len(settings), CHUNK)]
+    measured = dict[int, list[dict[str, float]]]()
+    with start_workers() as workers:
+        for index, values in map_runs(
+            measure_chunk, items, workers, machine, len(settings), lambda item: len(item[1])
+        ):
+            measured[index] = values
+    rows = list[dict[str, Any]]()
+    claims = MACHINES[machine].claims
+    for setting, values in zip(settings, itertools.chain(*(measured[n] for n in range(len(items)))), strict=True):
+        holds = {f"holds:{name}": claim.holds(_Undefined(values)) for name, claim in claims.items()}
+        rows.append({**setting, **values, "completed": bool(values), **holds})
+    return pd.DataFrame(rows)
+
+
+class _Undefined(dict[str, float]):
+    """Quantities of a setting, NaN where a run does not define one."""
+
+    def __missing__(self, name: str) -> float:
+        return float("nan")
