@@ -16,6 +16,10 @@ CASES = {
         ["learning.start_cycle=1", "learning.lead=1", "terrain.stiffness=20", "terrain.assumed_stiffness=10"],
         {"lead": 1, "stiffness": 20.0},
     ),
+    "another form of G, a network over the angles": (
+        ["plant.gravity_factors=[0,-1,-1,1]", "cmac.inputs=[angle]"],
+        {"gravity": (0, -1, -1, 1), "inputs": 2, "start_cycle": 2},
+    ),
 }
 
 

@@ -40,13 +40,19 @@ def jacobian_rates(q, dq):
     return inward, np.column_stack([-knee * dq[0] + shank, shank])
 
 
-def acceleration(q, dq, torque, force):
+def pull_of_gravity(q, factors):
+    """-G of eq. 23 with a factor for each of its terms, in the order in which they are printed."""
+    a, b, c, d = np.array(factors) * MASS * GRAVITY * LENGTH
+    return np.array([a * np.cos(q.sum()) + (b + c) * np.cos(q[0]), d * np.cos(q.sum())])
+
+
+def acceleration(q, dq, torque, force, factors):
     """d'Alembert's principle for two point masses: M ddq + C dq + G = torque - J^T F."""
-    weight, pressed = np.array([0.0, MASS * GRAVITY]), np.array([0.0, force])
+    pressed = np.array([0.0, force])
     maps, rates = jacobians(q), jacobian_rates(q, dq)
     inertia = sum(MASS * j.T @ j for j in maps)
-    moved = sum(j.T @ (weight - MASS * rate @ dq) for j, rate in zip(maps, rates, strict=True))
-    return np.linalg.solve(inertia, torque + moved - maps[1].T @ pressed)
+    moved = sum(j.T @ (MASS * rate @ dq) for j, rate in zip(maps, rates, strict=True))
+    return np.linalg.solve(inertia, torque - moved + pull_of_gravity(q, factors) - maps[1].T @ pressed)
 
 
 def inverse_kinematics(foot):
@@ -128,10 +134,20 @@ class Memory:
             self.weights[cell] = self.weights.get(cell, np.zeros(2)) + RATE / LAYERS * error
 
 
-def simulate(cycle_time=3.0, cycles=2, start_cycle=1, lead=0, stiffness=10.0, assumed_stiffness=10.0):
+def simulate(
+    cycle_time=3.0,
+    cycles=2,
+    start_cycle=1,
+    lead=0,
+    stiffness=10.0,
+    assumed_stiffness=10.0,
+    gravity=(1, 1, 1, 1),
+    inputs=6,
+):
     """(steps, 9): joint angles and velocities, contact force, feedback and feedforward torque of each step."""
     plan = Plan(cycle_time, assumed_stiffness)
-    memory = Memory.over(plan.joints)
+    path = plan.joints[:, :inputs]
+    memory = Memory.over(path)
     q, dq = plan.joints[0, :2].copy(), np.zeros(2)
     last_error = output = learning_error = np.zeros(2)
     rows = []
@@ -140,14 +156,14 @@ def simulate(cycle_time=3.0, cycles=2, start_cycle=1, lead=0, stiffness=10.0, as
         return stiffness * max(0.0, knee_and_foot(angles)[1][1] - HIP_HEIGHT)
 
     def slope(state, torque):
-        return np.r_[state[2:], acceleration(state[:2], state[2:], torque, ground_force(state[:2]))]
+        return np.r_[state[2:], acceleration(state[:2], state[2:], torque, ground_force(state[:2]), gravity)]
 
     for step in range(cycles * plan.samples):
         k = step % plan.samples
         feedforward = np.zeros(2)
         if step >= (start_cycle - 1) * plan.samples:
-            memory.teach(plan.joints[(k - 1 - lead) % plan.samples], learning_error)
-            feedforward = memory.read(plan.joints[k])
+            memory.teach(path[(k - 1 - lead) % plan.samples], learning_error)
+            feedforward = memory.read(path[k])
         foot, jacobian, force = knee_and_foot(q)[1], jacobians(q)[1], ground_force(q)
         velocity = jacobian @ dq
         error = POSITION_GAIN * (plan.foot[k] - foot) + VELOCITY_GAIN * (plan.velocity[k] - velocity)
