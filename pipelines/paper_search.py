@@ -28,7 +28,7 @@ COMMON: Range = {
     "controller.lead_gain": ["1", "0.5", "2"],
     "controller.lead_reset": ["false", "true"],
     "force_control.switch": ["plan", "contact"],
-    "gait.transfer_depth": ["1", "0", "2"],
+    "gait.transfer_depth": ["1", "0", "1.5"],
     "gait.vertical": ["cubic", "two_cubics"],
     "cmac.weight_type": ["float64", "int16", "int8"],
 }

@@ -58,7 +58,7 @@ def test_force_terms_act_in_planned_transfer_if_they_switch_by_contact(run_leg):
 
 
 def test_the_transfer_starts_at_the_depth_that_is_asked_for(run_leg):
-    for depth in (0.0, 2.0):
+    for depth in (0.0, 1.5):
         scenario, _ = run_leg(f"gait.transfer_depth={depth}")
         assert scenario.setup.plan.desired.position[0, 0, 1] == pytest.approx(0.5 + 0.1 * depth)
 
