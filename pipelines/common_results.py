@@ -94,15 +94,15 @@ def worsening(compared: Results, base: Results, cycle: int | None = None) -> Arr
     return np.max([relative(compared, base, partial(error, side=side)) for side in SIDES], axis=0)
 
 
-def hashed_where(results: Results, measure: str, least: float) -> Results:
-    """Select the runs with hashed memory in which a measure of the study is at least ``least``."""
+def hashed_where(results: Results, measure: str, least: float, most: float = np.inf) -> Results:
+    """Select the runs with hashed memory in which a measure of the study is from ``least`` to ``most``."""
     hashed = results.select({"cmac.addressing": "hashed"})
-    return Results([row for row in hashed.rows if row.measures[measure] >= least])
+    return Results([row for row in hashed.rows if least <= row.measures[measure] <= most])
 
 
-def cost_of_collisions(results: Results, measure: str, least: float) -> Array:
+def cost_of_collisions(results: Results, measure: str, least: float, most: float = np.inf) -> Array:
     """Return the errors in the runs of :func:`hashed_where` relative to runs without collisions, (runs,)."""
-    return worsening(hashed_where(results, measure, least), results.select({"cmac.addressing": "visited"}))
+    return worsening(hashed_where(results, measure, least, most), results.select({"cmac.addressing": "visited"}))
 
 
 def worst_in_worlds(results: Results, measure: str, least: float) -> Array:

@@ -210,13 +210,6 @@ STUDY = declare(
             "value": partial(cycles_over, kind="CMAC", rivals=["RBF", "MLP", "ILC"]), "each": {"group": [LEG, WALK]},
             "limit": "at most 1.25", "opposite": "at least 2",
         },
-        "training": {
-            "words": "the drawback of a neural network that is trained to compensate for the model is its long "
-            "training time",
-            "where": "section 1, of its reference 17",
-            "quantity": f"{TENTH}, MLP over CMAC", "value": partial(cycles_over, kind="MLP", rivals=["CMAC"]),
-            "each": {"group": LEG}, "limit": "at least 2", "opposite": "at most 1",
-        },
         "generalises": {
             "words": "CMAC generalises: it generates similar outputs for similar inputs",
             "where": "section 1",

@@ -32,7 +32,7 @@ GROUPS = {
         "Lin & Song 1997, claim by claim",
         "Learning Hybrid Position/Force Control of a Quadruped Walking Machine Using a CMAC Neural Network, "
         "repeated: which of its claims do new runs reproduce?",
-        ("lead_design", "force_methods", "one_leg_learning", "quadruped_walking", "cmac_size", "assumptions"),
+        ("paper_settings", "lead_design", "force_methods", "one_leg_learning", "quadruped_walking", "cmac_size"),
     ),
     "learning": Group(
         "Learning that lasts",

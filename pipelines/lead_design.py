@@ -67,7 +67,7 @@ def _meet_resonance(results: Results) -> DataFrame:
 
 
 def find_nearest(results: Results, only_one: bool = False) -> Array:
-    """Return the least ``distance`` of all loops that meet objective (a), (1,); with ``only_one`` of those of K_c = 1.
+    """Return the least ``distance`` of all loops that meet (a), (1,); with ``only_one`` of those of K_c = 1.
 
     It is infinite if there is none.
     """
@@ -93,7 +93,7 @@ def draw_bandwidths(results: Results) -> Figure:
 
 
 def values(results: Results) -> Declared:
-    """Return the ranges of the scan, the number of its loops, and the loop of equal bandwidth with least resonance."""
+    """Return the ranges of the scan, the number of its loops, and the best loop of equal bandwidth."""
     loops = results.computed["lead_design"]
     both = loops[(loops["excess"] < MOST_RESONANCE) & (loops["distance"] <= SAME)].sort_values("excess")
     best = both.iloc[0].to_dict() if len(both) else {}

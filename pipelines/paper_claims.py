@@ -128,6 +128,8 @@ LEG = {
     ),
 }
 """Claims on one leg that the search may use."""
+FEEDBACK = ("large_errors", "peak", "settles")
+"""Claims on cycle 1, in which the network does not act."""
 
 LEG_APART = {
     "torque_oscillates": Claim(

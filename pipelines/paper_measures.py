@@ -69,50 +69,64 @@ LEG_METRICS = {
 LEG_SIGNALS = ("x", "y", "x_desired", "y_desired", "force", "tau_feedback_1", "tau_feedforward_1")
 
 
-def measure_leg(overrides: Overrides, with_ramp: bool = False) -> dict[str, float]:
+def _run_leg(overrides: Overrides, cycles: int, recall: Recall | None) -> Simulated | None:
+    """Run one leg; None if it is refused or ends early."""
+    try:
+        run = simulate(["scenario=one_leg", f"cycles={cycles}", *overrides], [*LEG_METRICS.values()], recall)
+    except BadInput:
+        return None
+    return run if run.status == Status.COMPLETED else None
+
+
+def _measure_cycle(run: Simulated, cycle: int) -> dict[str, float]:
+    """Measure a cycle of one leg; the names of the quantities end with its number."""
+    steps = run.config.steps_per_cycle
+    now = slice((cycle - 1) * steps, cycle * steps)
+    plain: Any = {"sampling_period": run.config.sampling_period, "gait": vars(run.config.gait)}
+    signals = {name: run.trace[name][now, 0] for name in LEG_SIGNALS} | {"support": run.trace.support[now, 0]}
+    force = signals["force"]
+    values = {name: abs(float(run.metrics[metric][cycle - 1])) for name, metric in LEG_METRICS.items()} | {
+        "peak_x": leg_trace.peak_error(signals, plain, "x", "stroke"),
+        "peak_y": leg_trace.peak_error(signals, plain, "y", "lift"),
+        "force_peak": float(force[signals["support"]].max()),
+        "oscillation": leg_trace.force_oscillation(signals, plain),
+        "torque_step": leg_trace.torque_step(signals, plain),
+        "torque_oscillation": leg_trace.torque_oscillation(signals, plain),
+        "release": float(np.argmin(force > 0.0)) * run.config.sampling_period,
+    }
+    return {f"{name}_{cycle}": value for name, value in values.items()}
+
+
+def measure_feedback(overrides: Overrides, recall: Recall | None = None) -> dict[str, float]:
+    """Measure the first cycle of one leg, with feedback only; empty if the run is refused or ends early."""
+    run = _run_leg([*overrides, "feedforward=none"], 1, recall)
+    return {} if run is None else _measure_cycle(run, 1)
+
+
+def measure_leg(overrides: Overrides, recall: Recall | None = None, with_ramp: bool = False) -> dict[str, float]:
     """Measure one leg over five cycles; empty if the run is refused or ends early.
 
     ``with_ramp`` adds the quantities of a second run, in which the desired force is a ramp.
     """
-    try:
-        run = simulate(["scenario=one_leg", "cycles=5", *overrides], [*LEG_METRICS.values()])
-    except BadInput:
+    run = _run_leg(overrides, CYCLES[-1], recall)
+    if run is None:
         return {}
-    if run.status != Status.COMPLETED:
-        return {}
-    values = {
-        f"{name}_{cycle}": abs(float(run.metrics[metric][cycle - 1]))
-        for name, metric in LEG_METRICS.items()
-        for cycle in CYCLES
-    }
-    steps = run.config.steps_per_cycle
-    plain: Any = {"sampling_period": run.config.sampling_period, "gait": vars(run.config.gait)}
-    for cycle in CYCLES:
-        now = slice((cycle - 1) * steps, cycle * steps)
-        signals = {name: run.trace[name][now, 0] for name in LEG_SIGNALS} | {"support": run.trace.support[now, 0]}
-        force = signals["force"]
-        values |= {
-            f"peak_x_{cycle}": leg_trace.peak_error(signals, plain, "x", "stroke"),
-            f"peak_y_{cycle}": leg_trace.peak_error(signals, plain, "y", "lift"),
-            f"force_peak_{cycle}": float(force[signals["support"]].max()),
-            f"oscillation_{cycle}": leg_trace.force_oscillation(signals, plain),
-            f"torque_step_{cycle}": leg_trace.torque_step(signals, plain),
-            f"release_{cycle}": float(np.argmin(force > 0.0)) * run.config.sampling_period,
-        }
-        if cycle == CYCLES[-1]:
-            values[f"torque_oscillation_{cycle}"] = leg_trace.torque_oscillation(signals, plain)
+    values = {name: value for cycle in CYCLES for name, value in _measure_cycle(run, cycle).items()}
     left = 1.0 - run.metrics["feedforward_share"]
     values["largest_rise"] = float((left[1:] / left[:-1]).max())
     if with_ramp:
         ramp = measure_leg([*overrides, "gait.load_ramp=0.2"])
-        values |= {"ramp_torque_step": ramp["torque_step_5"], "ramp_feedback": ramp["feedback_5"]}
+        values |= {
+            "ramp_torque_step": ramp.get("torque_step_5", math.nan),
+            "ramp_feedback": ramp.get("feedback_5", math.nan),
+        }
     return values
 
 
 MASS_METRICS = ("force_settled", "force_overshoot", "force_itae")
 
 
-def measure_mass(overrides: Overrides) -> dict[str, float]:
+def measure_mass(overrides: Overrides, recall: Recall | None = None) -> dict[str, float]:
     """Measure the point mass under the four methods of force control; empty if a run is refused."""
     base = ["scenario=force_step", *overrides]
     large = ["force_control.elasticity=100", "force_control.admittance=100"]
@@ -154,13 +168,13 @@ EVENTS = ("duty_factor_off", "wave_off", "rear", "front", "front_gain", "restore
 WALK_CYCLES = 10
 
 
-def measure_walk(overrides: Overrides, apart: bool = False) -> dict[str, float]:
+def measure_walk(overrides: Overrides, recall: Recall | None = None, apart: bool = False) -> dict[str, float]:
     """Measure the quadruped with and without CMAC; without quantities of a run that is refused or falls.
 
     ``apart`` adds the quantities that the search does not use.
     """
     base = ["scenario=quadruped", f"cycles={WALK_CYCLES}", *overrides]
-    recall = Recall()
+    recall = recall or Recall()
     try:
         run = simulate(base, [*WALK_METRICS.values(), "feedforward_share"], recall)
         alone = simulate([*base, "feedforward=none"], [*WALK_METRICS.values()], recall)

@@ -13,8 +13,9 @@ import pandas as pd
 from cmacexp.engine.driver import map_runs
 from cmacexp.engine.workers import start_workers
 from cmacexp.jit.compiler import expect_runs
-from pipelines.paper_claims import LEG, MASS, WALK, Claim
-from pipelines.paper_measures import measure_leg, measure_mass, measure_walk
+from cmacexp.planning import Recall
+from pipelines.paper_claims import FEEDBACK, LEG, MASS, WALK, Claim
+from pipelines.paper_measures import measure_feedback, measure_leg, measure_mass, measure_walk
 
 Range = Mapping[str, Sequence[str]]
 """Values of an open quantity, the plain reading first, by the config keys that they set, joined by a space."""
@@ -63,9 +64,20 @@ MASS_RANGES: Range = {
     "controller.lead_alpha": ["10", "5", "20"],
     "controller.lead_gain": ["1", "0.5", "2"],
 }
+FOUND: Mapping[str, Mapping[str, str]] = {
+    "leg": {GRAVITY: "[0,-1,-1,1]", INPUTS: "[angle]", "gait.vertical": "two_cubics"},
+    "walk": {GRAVITY: "[0,-1,-1,1]", INPUTS: "[angle]", "gait.vertical": "two_cubics"},
+    "mass": {},
+}
+"""Values of the joint setting that differ from the plain reading.
+
+Of the settings of one leg with all claims true and the fewest changes, that with the least error left in transfer.
+"""
+LEARNING = ("learning.lead", INPUTS, "cmac.range_factor", "cmac.weight_type")
+"""Open values of one leg that do not act in cycle 1."""
 FIXED = ("cmac.addressing=visited", "cmac.memory_bytes=67108864")
 """Memory without collisions, as the paper assumes."""
-CHUNK = 50
+CHUNK = 100
 """Settings that a worker takes at a time."""
 
 
@@ -74,7 +86,7 @@ class Machine(NamedTuple):
 
     ranges: Range
     claims: Mapping[str, Claim]
-    measure: Callable[[Sequence[str]], dict[str, float]]
+    measure: Callable[[Sequence[str], Recall], dict[str, float]]
     fixed: Sequence[str]
     """Overrides of all its runs."""
     count: int
@@ -85,7 +97,9 @@ MACHINES = {
     "leg": Machine(LEG_RANGES, LEG, measure_leg, FIXED, 20_000),
     "walk": Machine(WALK_RANGES, WALK, measure_walk, FIXED, 2_000),
     "mass": Machine(MASS_RANGES, MASS, measure_mass, (), 400),
+    "feedback": Machine(LEG_RANGES, {name: LEG[name] for name in FEEDBACK}, measure_feedback, FIXED, 0),
 }
+"""Machines of the search; ``feedback`` is one leg in its first cycle, before the network acts."""
 
 
 def list_overrides(setting: Mapping[str, str]) -> list[str]:
@@ -101,21 +115,36 @@ def draw_settings(ranges: Range, count: int, seed: int = 0) -> list[dict[str, st
     return [plain, *drawn]
 
 
-def list_neighbours(ranges: Range, most: int) -> Iterator[dict[str, str]]:
-    """List all settings that differ from the plain reading in one to ``most`` values."""
-    plain = {key: values[0] for key, values in ranges.items()}
-    for changed in itertools.chain.from_iterable(
-        itertools.combinations(ranges, number) for number in range(1, most + 1)
-    ):
+def list_neighbours(ranges: Range, most: int, chosen: Mapping[str, str] | None = None) -> Iterator[dict[str, str]]:
+    """List all settings that differ in up to ``most`` values from the plain reading with the ``chosen`` values."""
+    fixed = chosen or {}
+    plain = {key: values[0] for key, values in ranges.items()} | fixed
+    free = [key for key in ranges if key not in fixed]
+    for changed in itertools.chain.from_iterable(itertools.combinations(free, number) for number in range(most + 1)):
         for values in itertools.product(*(ranges[key][1:] for key in changed)):
             yield plain | dict(zip(changed, values, strict=True))
+
+
+def search_near(most: int) -> pd.DataFrame:
+    """Measure all settings of one leg that differ from the plain reading in up to ``most`` values.
+
+    Settings that fail a claim on cycle 1 are left out: whether they do is measured once for all values of LEARNING.
+    """
+    settings = list(list_neighbours(LEG_RANGES, most))
+    keys = [key for key in LEG_RANGES if key not in LEARNING]
+    first = {tuple(setting[key] for key in keys): setting for setting in settings}
+    found = search("feedback", list(first.values()))
+    holds = found[[f"holds:{name}" for name in FEEDBACK]].all(axis=1)
+    fitting = {key for key, fits in zip(first, holds, strict=True) if fits}
+    return search("leg", [setting for setting in settings if tuple(setting[key] for key in keys) in fitting])
 
 
 def measure_chunk(machine: str, settings: Sequence[Mapping[str, str]], runs: int) -> list[dict[str, float]]:
     """Measure some of ``runs`` settings of a machine."""
     expect_runs(runs)
     _, _, measure, fixed, _ = MACHINES[machine]
-    return [measure([*fixed, *list_overrides(setting)]) for setting in settings]
+    recall = Recall()  # neighbours share plans
+    return [measure([*fixed, *list_overrides(setting)], recall) for setting in settings]
 
 
 def search(machine: str, settings: Sequence[Mapping[str, str]]) -> pd.DataFrame:

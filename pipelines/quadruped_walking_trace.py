@@ -7,7 +7,7 @@ Stability margins are the true ones: of the polygon of loaded feet at their actu
 undefined margin counts as -inf: fewer than three feet are loaded, or the line along the body misses their polygon.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from pathlib import Path
@@ -213,26 +213,10 @@ def instants(walk: Walk, cycle: int) -> dict[int, int]:
     }
 
 
-def measure_event(
-    run: Run,
-    event: str,
-    reduce: Callable[[Array], float] = lambda values: float(np.median(values[-LATE:])),
-    worst: float = np.inf,
-) -> float:
-    """Return an event reduced over all cycles of a run.
-
-    ``worst`` is returned for a run that did not complete or that recorded only some cycles.
-    """
+def measure_event(run: Run, event: str) -> float:
+    """Return the median of an event over the last cycles of a run; 0 if it did not complete or lacks cycles."""
     whole = run.status == Status.COMPLETED and run.config["record"]["cycles"] is None
-    return float(reduce(events_in(run.folder)[event].to_numpy())) if whole else worst
-
-
-@if_completed
-def height_off(run: Run) -> float:
-    """Return the largest deviation from the planned height in the last cycles, relative to that height."""
-    planned = float(run.config["machine"]["hip_height"])
-    below = planned - run.pooled["height_min"][-LATE:].min()
-    return float(max(below, run.pooled["height_max"][-LATE:].max() - planned)) / planned
+    return float(np.median(events_in(run.folder)[event].to_numpy()[-LATE:])) if whole else 0.0
 
 
 @if_completed
@@ -243,31 +227,12 @@ def burst(run: Run) -> float:
     return float(errors[-fifth:].max() / np.median(errors[fifth : 2 * fifth]))
 
 
-def force_at_fall(run: Run) -> float:
-    """Return the least force of a foot in planned support in the last step, over the weight; inf if no fall."""
-    if run.status != Status.FELL:
-        return np.inf
-    last = run.trace.tail(4)
-    return float(last.loc[last["phase"] == "support", "force"].min()) / run.config["machine"]["weight"]
-
-
 MEASURES: Measures = {
-    **{
-        name: partial(measure_event, event=name)
-        for name in ("duty_factor_off", "wave_off", "rear", "front", "restored")
-    },
-    **{
-        name: partial(measure_event, event=name, worst=0.0)
-        for name in ("correlation", "front_gain", "four_feet", "diagonal")
-    },
-    "two_feet": partial(measure_event, event="two_feet", reduce=np.mean),
-    "late": partial(measure_event, event="force_1", reduce=lambda force: (force > 0.0).mean(), worst=0.0),
-    "margin_late": partial(measure_event, event="margin", reduce=np.min, worst=0.0),
-    "height_off": height_off,
+    "four_feet": partial(measure_event, event="four_feet"),
+    "diagonal": partial(measure_event, event="diagonal"),
     "burst": burst,
-    "force_at_fall": force_at_fall,
 }
-"""Measures of a run; events are medians over the last cycles unless another reduction is declared."""
+"""Measures of a run; events are medians over the last cycles."""
 
 
 def gait_diagram(walk: RunView, cycles: int = 2) -> Figure:

@@ -27,8 +27,13 @@ from cmacexp.jit.interrupt import exits_caught
 _MISSING = object()
 """Default for keys that a config lacks."""
 Node = DictConfig | Mapping[str, Any]
-_NUMBER = re.compile(r"([a-z]\w*(?:\.\w+)*)=(-?(?:0|[1-9]\d*)(\.\d+)?(e-?\d+)?)")
-"""An override that sets a number: key, number, fraction and exponent; with either of the last two it is a float."""
+_NUMBER = re.compile(r"-?(?:0|[1-9]\d*)(\.\d+)?(e-?\d+)?")
+"""A number: its fraction and exponent; with either of them it is a float."""
+_WORDS = {"true": True, "false": False, "null": None}
+"""Values of words that are no texts."""
+_VALUE = rf"(?:{_NUMBER.pattern}|(?!nan\b|inf\b)[a-z][a-z_]*\d*)"
+_PLAIN = re.compile(rf"([a-z]\w*(?:\.\w+)*)=({_VALUE}|\[{_VALUE}(?:, ?{_VALUE})*\])")
+"""An override that sets a number, a word in lower case, or a list of these: key, value, and groups of the value."""
 
 
 @lru_cache(4096)
@@ -165,9 +170,9 @@ def compose_config(overrides: Sequence[str], config_dir: str | Path | None = Non
         CmacexpError: With the message of the command line.
     """
     options, values = split_overrides(overrides)
-    count = max((index for index, text in enumerate(values, 1) if not _NUMBER.fullmatch(text)), default=0)
+    count = max((index for index, text in enumerate(values, 1) if not _PLAIN.fullmatch(text)), default=0)
     first = _compose_first((*options, *values[:count])) if config_dir is None else None
-    if first is None or (config := set_numbers(first[0], values[count:], first[1])) is None:
+    if first is None or (config := set_plain_values(first[0], values[count:], first[1])) is None:
         return to_config(compose_untyped(overrides, config_dir)[0])
     if not isinstance(config, Config):
         return to_config(config)
@@ -175,8 +180,8 @@ def compose_config(overrides: Sequence[str], config_dir: str | Path | None = Non
 
 
 @exits_caught()  # the check of a component may call exit
-def set_numbers(base: Any, overrides: Iterable[str], referred: frozenset[str] = frozenset()) -> Any:
-    """Return a copy of a config with numbers set, such as ``learning.rate=0.5``, without Hydra.
+def set_plain_values(base: Any, overrides: Iterable[str], referred: frozenset[str] = frozenset()) -> Any:
+    """Return a copy of a config with plain values set, such as ``learning.rate=0.5``, without Hydra.
 
     Takes a twentieth of the time that Hydra's grammar and OmegaConf take for such overrides, the only ones of most
     runs. Returns None if an override does anything else, or if a typed config is invalid with these numbers; then the
@@ -185,29 +190,38 @@ def set_numbers(base: Any, overrides: Iterable[str], referred: frozenset[str] = 
     Args:
         base: Typed :class:`Config`, plain dictionaries, or either of them pickled; of one that is not pickled the
             copy shares the unchanged groups.
-        overrides: Overrides that set numbers.
-        referred: Groups, and keys outside groups, to which other values refer; numbers in them cannot be set here.
+        overrides: Overrides that set numbers, words in lower case, or lists of these.
+        referred: Groups, and keys outside groups, to which other values refer; values in them cannot be set here.
     """
     config = pickle.loads(base) if isinstance(base, bytes) else copy(base)
     with suppress(BadInput):
         for text in overrides:
-            if (match := _NUMBER.fullmatch(text)) is None:
+            if (match := _PLAIN.fullmatch(text)) is None:
                 return None
             *path, name = match[1].split(".")
             owner = config
             for key in path:
                 values = _list_values(owner)
                 values[key] = owner = copy(values.get(key))
-            value = float(match[2]) if match[3] or match[4] else int(match[2])
+            value = _read_value(match[2])
             values = _list_values(owner)
-            is_scalar = not isinstance(values.get(name, {}), dict | list) and not is_dataclass(values[name])
-            if not is_scalar or (*path, name)[0] in referred:
+            is_group = isinstance(values.get(name, {}), dict) or is_dataclass(values[name])
+            if is_group or isinstance(values[name], list) > isinstance(value, list) or (*path, name)[0] in referred:
                 return None
             values[name] = value if owner is values else read_field(type(owner), name, value, match[1])
         if isinstance(config, Config):
             check(config)
         return config
     return None
+
+
+def _read_value(text: str) -> Any:
+    """Read the value of an override that matches :data:`_PLAIN`, as Hydra reads it."""
+    if text[0] == "[":
+        return [_read_value(item.strip()) for item in text[1:-1].split(",")]
+    if number := _NUMBER.fullmatch(text):
+        return float(text) if number[1] or number[2] else int(text)
+    return _WORDS.get(text, text)
 
 
 def _list_values(node: Any) -> dict[str, Any]:
@@ -217,9 +231,9 @@ def _list_values(node: Any) -> dict[str, Any]:
 
 @lru_cache(64)
 def _compose_first(overrides: tuple[str, ...]) -> tuple[Config | bytes, frozenset[str]] | None:
-    """Compose the base config for :func:`set_numbers`; returns it with the result of :func:`find_referred`.
+    """Compose the base config for :func:`set_plain_values`; returns it with the result of :func:`find_referred`.
 
-    ``overrides`` are those up to the last one that does not set a number. If they name a class the config is plain
+    ``overrides`` are those up to the last one that sets no plain value. If they name a class the config is plain
     and pickled, since a user may redefine the class. Returns None if they, or their options without the values, give
     no valid config, or if its references are not known.
     """

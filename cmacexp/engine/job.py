@@ -17,7 +17,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 
 from cmacexp.config import Config, config_hash, to_config, to_plain
 from cmacexp.config.component import COMPONENTS, is_shipped
-from cmacexp.config.compose import find_referred, make_record, set_numbers, set_values
+from cmacexp.config.compose import find_referred, make_record, set_plain_values, set_values
 from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import RUN_KEY, new_result
 from cmacexp.data.integrity import compute_hashes, is_finished
@@ -100,7 +100,7 @@ class JobTemplate(NamedTuple):
     hydra: dict[str, Any]
     """Hydra's own part, with the values of that job."""
     plain: Any
-    """The config as :func:`set_numbers` takes it; pickled if a component is custom, so that each job has its own."""
+    """The config as :func:`set_plain_values` takes it; pickled if a component is custom, so that each job has its own."""
     typed: Any
     """The typed config, in the same way; None if it is wrong, or ``referred`` is None."""
     referred: frozenset[str] | None
@@ -148,7 +148,7 @@ def run_jobs(packed: bytes, root: Path, sweep: str, items: Sequence[JobItem], jo
     # In a row, as run_chunk does.
     typed_config = template.typed
     referred = template.referred or frozenset()
-    configs = [set_numbers(typed_config, item.values, referred) if typed_config else None for item in items]
+    configs = [set_plain_values(typed_config, item.values, referred) if typed_config else None for item in items]
     done = _list_done(root, sweep)
     runs = dict[int, Run]()
     numbered = {item.number: item for item in items}
@@ -224,7 +224,7 @@ class JobRunner:
             run, is_new = self._run_in_memory(config, folder, overrides), True
         else:
             _describe_job(template.hydra, item, folder)
-            composed = composed or set_numbers(template.plain, item.values) or _compose(template, root, item)
+            composed = composed or set_plain_values(template.plain, item.values) or _compose(template, root, item)
             record = make_record(composed, template.hydra) if config.record.trace else None
             run, is_new = ensure_run(config, folder, jobs, config.sweep.resume, record, overrides)
         self.idle[item.number] = self._idle_keys.find(config, overrides, partial(_compose, template, root, item))

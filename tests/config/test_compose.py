@@ -22,6 +22,8 @@ COMMANDS = [
     ["learning.rate=auto", "++learning.rate=0.5", "cmac.inputs=[phase]", "cmac.layers=8", "warn=false", "seed=4"],
     ["feedforward._target_=cmacexp.feedforward.NoFeedforward", "learning.guard=none", "gait.stroke=0.2", "cycles=2"],
     ["cmac={layers:8}", "learning.rate=0.2", "learning={rate:0.3}", "cmac.layers=16", "terrain={slope:0.01}"],
+    ["cmac.inputs=[angle, velocity]", "gait.vertical=two_cubics", "plant.gravity_factors=[0,-1,-1.5,1]", "seed=1"],
+    ["gait.touch_down=null", "controller.lead_reset=true", "cmac.weight_type=int8", "scenario=quadruped", "warn=false"],
     ["seed=3", "learning.guard=none", "seed=4", "sensors=encoders", "sensors.velocity.delay=1", "cycles=2"],
 ]
 TYPED = [
@@ -53,6 +55,10 @@ TYPED = [
     "actuator={delay:2,lag:0.01}",
     "machine.hip_height=0.45",
     "record.trace=true",
+    "cmac.inputs=[angle,velocity]",
+    "gait.vertical=two_cubics",
+    "record.cycles=[1,2]",
+    "record.cycles=null",
 ]
 """Overrides that go together, in any order."""
 CHANCE = random.Random(1)

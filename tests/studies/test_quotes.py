@@ -119,7 +119,7 @@ def test_published_results_are_those_of_the_study_today_and_changed_code_is_noti
     found.add_studies(tmp_path)
     assert found.statements[QUICKEST] == RESULTS.statements[QUICKEST]
     assert PublishedResults(json.loads(found.format())).statements == found.statements
-    assert (found.find_state(QUICKEST).state, found.find_state("assumptions").state) == (CURRENT, NEVER)
+    assert (found.find_state(QUICKEST).state, found.find_state("paper_settings").state) == (CURRENT, NEVER)
     study = found.studies[QUICKEST]
     study["own"]["pipelines/lead_design.py"] = "0"
     found.code[study["code"]]["cmacexp/models/leg.py"] = "0"

@@ -1,0 +1,298 @@
+"""Which settings reproduce Lin & Song 1997: a joint search over what the paper leaves open.
+
+``python -m pipelines.paper_settings`` measures 20,000 settings of one leg, 2,000 of the quadruped and 400 of the
+point mass, tests every claim in each of them, and predicts the claims that were kept apart with the setting it found.
+"""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from cmacexp.study import (
+    ANY,
+    Array,
+    Claim,
+    Criterion,
+    DataFrame,
+    Declared,
+    Figure,
+    Panel,
+    Results,
+    Series,
+    between,
+    declare,
+    draw,
+)
+from pipelines import paper_claims
+from pipelines.paper_measures import measure_leg, measure_mass, measure_walk
+from pipelines.paper_search import FOUND, GRAVITY, MACHINES, draw_settings, list_neighbours, list_overrides, search
+
+PRINTED, JOINT = "as printed", "joint setting"
+CLAIMS = {
+    "leg": {**paper_claims.LEG, **paper_claims.LEG_APART},
+    "walk": {**paper_claims.WALK, **paper_claims.WALK_APART},
+    "mass": paper_claims.MASS,
+}
+NAMES = {"leg": "one leg", "walk": "quadruped", "mass": "point mass"}
+QUICK = 100
+"""Divisor of the number of settings in a quick run, which has one seed."""
+SEEDS = 20
+"""Seeds of the hash with which the setting that was found is tested."""
+
+
+def compute_search(results: Results, machine: str) -> DataFrame:
+    """Measure random joint settings of a machine; the first row is the plain reading."""
+    count = MACHINES[machine].count // (QUICK if results.has_one_seed else 1)
+    return search(machine, draw_settings(MACHINES[machine].ranges, count))
+
+
+def compute_neighbours(results: Results) -> DataFrame:
+    """Measure all settings of one leg that differ from the plain reading in at most two values."""
+    settings = list_neighbours(MACHINES["leg"].ranges, 1 if results.has_one_seed else 2)
+    return search("leg", list(settings))
+
+
+def compute_validation(results: Results) -> DataFrame:
+    """Measure the plain reading and the setting that was found of each machine, with seeds of a hashed memory."""
+    rows = []
+    seeds = range(1 if results.has_one_seed else SEEDS)
+    for name, machine in MACHINES.items():
+        plain = {key: values[0] for key, values in machine.ranges.items()}
+        for setting, seed in itertools.product((PRINTED, JOINT), seeds if name != "mass" else range(1)):
+            overrides = list_overrides(plain | FOUND[name] if setting == JOINT else plain)
+            if name == "leg":
+                values = measure_leg([*overrides, f"seed={seed}"], with_ramp=True)
+            elif name == "walk":
+                values = measure_walk([*overrides, f"seed={seed}"], apart=True)
+            else:
+                values = measure_mass(overrides)
+            rows.append({"machine": name, "setting": setting, "seed": seed, **values})
+    return pd.DataFrame(rows)
+
+
+def _measure(results: Results, criterion: paper_claims.Criterion, machine: str, setting: str) -> Array:
+    """Return a quantity for each seed of a setting, (seeds,); infinite where it is undefined."""
+    table = results.computed["validation"]
+    rows = table[(table["machine"] == machine) & (table["setting"] == setting)]
+    return np.nan_to_num([criterion.measure(row) for row in rows.to_dict("records")], nan=np.inf)
+
+
+def _count(results: Results, machine: str, name: str) -> Array:
+    """Return for each joint setting of the search if a claim is true in it, (settings,)."""
+    return results.computed[machine][f"holds:{name}"].to_numpy()
+
+
+def _make_claim(machine: str, name: str, claim: paper_claims.Claim) -> Claim:
+    """Make a claim that is judged as printed and in the joint setting, with its share of all settings beside it."""
+    criteria = [
+        Criterion(
+            criterion.quantity,
+            partial(_measure, criterion=criterion, machine=machine, setting=setting),
+            between(criterion.low, criterion.high),
+            unit=criterion.unit,
+            case=setting,
+            infinite="the run ended early, or nothing to compare with",
+        )
+        for criterion in claim.criteria
+        for setting in (PRINTED, JOINT)
+    ]
+    if name in MACHINES[machine].claims:
+        share = partial(_count, machine=machine, name=name)
+        criteria.append(Criterion("settings in which it is true", share, ANY, unit="%", scale=100.0))
+    return Claim(claim.words, claim.where, criteria)
+
+
+def _count_claims(table: DataFrame) -> Array:
+    """Return the number of claims that are true in each setting, (settings,)."""
+    return table[[name for name in table if name.startswith("holds:")]].sum(axis=1).to_numpy()
+
+
+def tabulate_claims(results: Results, machine: str) -> DataFrame:
+    """Tabulate for each claim its verdicts, its share of the settings, and the value that matters most for it."""
+    rows = []
+    table = results.computed[machine]
+    for name, claim in CLAIMS[machine].items():
+        row: Declared = {"claim": claim.words, "where": claim.where}
+        for setting in (PRINTED, JOINT):
+            inside = [
+                [criterion.low <= value <= criterion.high for value in _measure(results, criterion, machine, setting)]
+                for criterion in claim.criteria
+            ]
+            true = np.all(inside, axis=0)
+            row[setting] = f"{true.sum()} of {true.size}"
+        if name in MACHINES[machine].claims:
+            true = _count(results, machine, name)
+            row["settings"] = f"{true.sum()} of {true.size}"
+            row["decided most by"] = _find_cause(table, name, list(MACHINES[machine].ranges))
+        rows.append(row)
+    return pd.DataFrame(rows).fillna("kept apart")
+
+
+def _find_cause(table: DataFrame, name: str, keys: Sequence[str]) -> str:
+    """Return the open value over which the share of settings with a true claim varies most, with both ends."""
+    shares = {key: table.groupby(key)[f"holds:{name}"].mean() for key in keys}
+    key = max(shares, key=lambda other: float(np.ptp(shares[other])))
+    low, high = shares[key].idxmin(), shares[key].idxmax()
+    return f"{key.split('.')[-1]}: {high} {100 * shares[key].max():.0f} %, {low} {100 * shares[key].min():.0f} %"
+
+
+def tabulate_forms(results: Results) -> DataFrame:
+    """Tabulate the forms of G by the number of settings in which all claims on one leg are true, best first."""
+    table = results.computed["leg"]
+    most = len(paper_claims.LEG)
+    counts = _count_claims(table)
+    feedback = table["holds:peak"] & table["holds:settles"]
+    grouped = table.assign(all=counts == most, most=counts, feedback=feedback).groupby(GRAVITY)
+    rows = grouped.agg(
+        settings=("all", "size"), feedback=("feedback", "sum"), all=("all", "sum"), most=("most", "max")
+    )
+    ordered = rows.sort_values(["all", "feedback"], ascending=False).reset_index()
+    return ordered.rename(
+        columns={
+            GRAVITY: "factors of G",
+            "feedback": "1.1 N, then 0.9 N",
+            "all": "all claims",
+            "most": f"most claims of {most}",
+        }
+    ).head(12)
+
+
+def list_simplest(results: Results) -> DataFrame:
+    """List the settings near the plain reading with the most true claims: what differs, and their numbers."""
+    table = results.computed["neighbours"]
+    plain = {key: values[0] for key, values in MACHINES["leg"].ranges.items()}
+    counts = _count_claims(table)
+    best = table[counts == counts.max()]
+    rows = [
+        {
+            "differs": ", ".join(f"{key}={row[key]}" for key in plain if row[key] != plain[key]),
+            "claims": f"{counts.max()} of {len(paper_claims.LEG)}",
+            **{title: row[name] for title, name in FIGURE_12.items()},
+        }
+        for row in best.to_dict("records")
+    ]
+    return pd.DataFrame(rows).sort_values("differs", key=lambda texts: texts.str.count("=")).head(12)
+
+
+FIGURE_12 = {
+    "largest force, cycle 1, N": "force_peak_1",
+    "settled, cycle 1, N": "force_settled_1",
+    "settled, cycle 2, N": "force_settled_2",
+    "settled, cycle 5, N": "force_settled_5",
+}
+"""Numbers of Fig. 12 by their title."""
+PAPER_12 = {
+    "largest force, cycle 1, N": "1.1",
+    "settled, cycle 1, N": "about 0.9",
+    "settled, cycle 2, N": "less than 5 % off 1",
+    "settled, cycle 5, N": "further off than in cycle 2",
+}
+"""What the text of the paper says of them."""
+
+
+def tabulate_figure_12(results: Results) -> DataFrame:
+    """Tabulate the numbers of Fig. 12: the paper's text, the plain reading and the joint setting, with its seeds."""
+    table = results.computed["validation"]
+    legs = table[table["machine"] == "leg"]
+
+    def read(setting: str, name: str) -> str:
+        values = legs[legs["setting"] == setting][name]
+        low, high = values.min(), values.max()
+        return f"{low:.3f}" if f"{low:.3f}" == f"{high:.3f}" else f"{low:.3f} to {high:.3f}"
+
+    return pd.DataFrame(
+        {"quantity": title, "the paper": PAPER_12[title], PRINTED: read(PRINTED, name), JOINT: read(JOINT, name)}
+        for title, name in FIGURE_12.items()
+    )
+
+
+def draw_figure_12(results: Results) -> Figure:
+    """Draw Fig. 12: the force of cycles 1, 2 and 5, of the plain reading and of the joint setting."""
+    panels = []
+    for setting in (PRINTED, JOINT):
+        run = results.select(setting=setting).run
+        rows = run.trace[run.trace["cycle"].isin((1, 2, 5))]
+        force = rows["force"].to_numpy()
+        points = np.arange(len(force))
+        desired = rows["force_desired"].to_numpy()
+        lines = [Series("contact force", points, force), Series("desired", points, desired)]
+        thirds = [len(force) // 3, 2 * len(force) // 3]
+        panels.append(Panel(setting, "data point", "force, N", lines, x_limits=thirds, y_limits=[0.9, 1.1]))
+    return draw(panels, height=3.0)
+
+
+def values(results: Results) -> Declared:
+    """Return the numbers of settings, and those in which all claims on one leg are true."""
+    counts = {name: _count_claims(results.computed[name]) for name in MACHINES}
+    return {
+        "counts": {name: len(count) for name, count in counts.items()},
+        "claims": {name: len(machine.claims) for name, machine in MACHINES.items()},
+        "feasible": {name: int((counts[name] == len(machine.claims)).sum()) for name, machine in MACHINES.items()},
+        "most": {name: int(count.max()) for name, count in counts.items()},
+    }
+
+
+def _with_form(results: Results, form: str) -> Array:
+    """Return for each setting with a form of G if feedback only gives 1.1 N, then 0.9 N, (settings,)."""
+    table = results.computed["leg"]
+    chosen = table[table[GRAVITY] == form]
+    return (chosen["holds:peak"] & chosen["holds:settles"]).to_numpy()
+
+
+def _in_leg(results: Results, name: str, cycle: int) -> Array:
+    """Return a quantity of the joint setting of one leg in a cycle, for each seed."""
+    return results.select(setting=JOINT).at(cycle, name)
+
+
+RUNS: Mapping[str, Sequence[str]] = {PRINTED: ["scenario=one_leg"], JOINT: ["scenario=paper_leg"]}
+STUDY = replace(
+    declare(
+        title="Which settings reproduce the paper",
+        question="Which values of what Lin & Song 1997 leave open make its claims true, all at once?",
+        runs=[{"set": ["cycles=5"], "over": {"setting": RUNS}, "seeds": True}],
+        computed={
+            **{name: partial(compute_search, machine=name) for name in MACHINES},
+            "neighbours": compute_neighbours, "validation": compute_validation,
+        },
+        findings={
+            "printed_form": {
+                "says": "With G as printed feedback only gives 1.1 N, then 0.9 N in almost no setting",
+                "quantity": "settings with G as printed in which it does",
+                "value": partial(_with_form, form="[1,1,1,1]"), "limit": "at most 5 %",
+            },
+            "figure_12": {
+                "says": "`scenario=paper_leg` gives the printed numbers of Fig. 12",
+                "criteria": [
+                    {"quantity": "largest force, cycle 1",
+                     "value": lambda results: 1.0 + _in_leg(results, "force_overshoot", 1),
+                     "limit": "1.05 to 1.15 N"},
+                    {"quantity": "settled force, cycle 1",
+                     "value": partial(_in_leg, name="force_settled", cycle=1), "limit": "0.85 to 0.95 N"},
+                    {"quantity": "size of the steady-state error, cycle 2",
+                     "value": lambda results: abs(_in_leg(results, "force_steady_state_error", 2)),
+                     "limit": "at most 5 %"},
+                    {"quantity": "steady-state error, cycle 5 over cycle 2",
+                     "value": lambda results: abs(
+                         _in_leg(results, "force_steady_state_error", 5)
+                         / _in_leg(results, "force_steady_state_error", 2)
+                     ), "limit": "at least 1"},
+                ],
+            },
+        },
+        figures={"figure_12": draw_figure_12},
+        tables={
+            **{f"{name}_claims": partial(tabulate_claims, machine=name) for name in MACHINES},
+            "forms": tabulate_forms, "simplest": list_simplest, "figure_12": tabulate_figure_12,
+        },
+        values=values,
+    ),
+    claims={
+        f"{machine}_{name}": _make_claim(machine, name, claim)
+        for machine, claims in CLAIMS.items()
+        for name, claim in claims.items()
+    },
+)  # fmt: skip
