@@ -30,6 +30,7 @@ from cmacexp.study import (
 from pipelines import paper_claims
 from pipelines.paper_measures import measure_leg, measure_mass, measure_walk
 from pipelines.paper_search import (
+    FIXED,
     FOUND,
     GRAVITY,
     LEG_RANGES,
@@ -63,10 +64,24 @@ def compute_search(results: Results, machine: str) -> DataFrame:
 
 
 def compute_neighbours(results: Results) -> DataFrame:
-    """Measure the settings of one leg that differ from the plain reading in at most three values."""
+    """Measure the settings of one leg that differ from the plain reading in at most three values.
+
+    The claims that are kept apart are tested where all others are true: ``apart:NAME``, elsewhere null.
+    """
     table = search_near(1 if results.has_one_seed else MOST_CHANGES)
     plain = pd.Series({key: values[0] for key, values in LEG_RANGES.items()})
-    return table.assign(changes=(table[plain.index] != plain).sum(axis=1))
+    true = _count_claims(table) == len(paper_claims.LEG)
+    apart = {
+        row: measure_leg([*FIXED, *list_overrides(table.loc[row, plain.index])], with_ramp=True)
+        for row in table.index[true]
+    }
+    return table.assign(
+        changes=(table[plain.index] != plain).sum(axis=1),
+        **{
+            f"apart:{name}": pd.Series({row: claim.holds(values) for row, values in apart.items()}, dtype="boolean")
+            for name, claim in paper_claims.LEG_APART.items()
+        },
+    )
 
 
 def compute_validation(results: Results) -> DataFrame:
@@ -198,6 +213,19 @@ def list_simplest(results: Results) -> DataFrame:
     return pd.DataFrame(sorted(rows, key=lambda row: row["left in y, %"]))
 
 
+def tabulate_apart(results: Results) -> DataFrame:
+    """Tabulate in how many of the simplest settings the claims are true that are kept apart from the search."""
+    simplest = _find_simplest(results)
+    return pd.DataFrame(
+        {
+            "claim": claim.words,
+            "where": claim.where,
+            "true in": f"{int(simplest[f'apart:{name}'].sum())} of {len(simplest)}",
+        }
+        for name, claim in paper_claims.LEG_APART.items()
+    )
+
+
 FIGURE_12 = {
     "largest force, cycle 1, N": "force_peak_1",
     "settled, cycle 1, N": "force_settled_1",
@@ -316,7 +344,7 @@ STUDY = replace(
         figures={"figure_12": draw_figure_12},
         tables={
             **{f"{name}_claims": partial(tabulate_claims, machine=name) for name in CLAIMS},
-            "forms": tabulate_forms, "simplest": list_simplest, "figure_12": tabulate_figure_12,
+            "forms": tabulate_forms, "apart": tabulate_apart, "simplest": list_simplest, "figure_12": tabulate_figure_12,
         },
         values=values,
     ),
