@@ -91,7 +91,7 @@ def compute_validation(results: Results) -> DataFrame:
     for name in CLAIMS:
         plain = {key: values[0] for key, values in MACHINES[name].ranges.items()}
         for setting, seed in itertools.product((PRINTED, JOINT), seeds if name != "mass" else range(1)):
-            overrides = list_overrides(plain | FOUND[name] if setting == JOINT else plain)
+            overrides = list_overrides({**plain, **FOUND[name]} if setting == JOINT else plain)
             if name == "leg":
                 values = measure_leg([*overrides, f"seed={seed}"], with_ramp=True)
             elif name == "walk":
@@ -344,7 +344,8 @@ STUDY = replace(
         figures={"figure_12": draw_figure_12},
         tables={
             **{f"{name}_claims": partial(tabulate_claims, machine=name) for name in CLAIMS},
-            "forms": tabulate_forms, "apart": tabulate_apart, "simplest": list_simplest, "figure_12": tabulate_figure_12,
+            "apart": tabulate_apart, "forms": tabulate_forms,
+            "simplest": list_simplest, "figure_12": tabulate_figure_12,
         },
         values=values,
     ),
