@@ -173,7 +173,8 @@ class LearningConfig:
     lead: int | float | str = number(
         "samples", at_least=-100, at_most=100, words=(AUTO, ESTIMATE), needs=NEEDS_LEARNING
     )
-    """Samples from torque to feedback: U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: from the
+    """Samples from torque to feedback: U(k-1) trains the cells of step k-1-lead. The paper leaves it open: eq. 20 and
+    21 as printed give -1, eq. 19 suggests 0 (assumed), training after the plant has moved gives 1. auto: from the
     declared delays of actuator and sensors; estimate: measured by a small probing torque before learning."""
     guard: str = choice(*GUARDS, needs=NEEDS_LEARNING)
     """Reaction if learning diverges or is worse than feedback only; none: no reaction; freeze: the torque of the best

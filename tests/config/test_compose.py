@@ -23,7 +23,13 @@ COMMANDS = [
     ["feedforward._target_=cmacexp.feedforward.NoFeedforward", "learning.guard=none", "gait.stroke=0.2", "cycles=2"],
     ["cmac={layers:8}", "learning.rate=0.2", "learning={rate:0.3}", "cmac.layers=16", "terrain={slope:0.01}"],
     ["cmac.inputs=[angle, velocity]", "gait.vertical=two_cubics", "plant.gravity_factors=[0,-1,-1.5,1]", "seed=1"],
-    ["gait.touch_down=null", "controller.lead_reset=true", "cmac.weight_type=int8", "scenario=quadruped", "warn=false"],
+    [
+        "gait.touch_down=null",
+        "controller.lead_reset=true",
+        "cmac.weight_type=int8",
+        "scenario=quadruped",
+        "warn=false",
+    ],
     ["seed=3", "learning.guard=none", "seed=4", "sensors=encoders", "sensors.velocity.delay=1", "cycles=2"],
 ]
 TYPED = [

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-from support.made_studies import made_row
 
-from cmacexp.study import Criterion, Results, at_most, compute_growth
+from cmacexp.study import Results
 from pipelines.force_methods import predicted_force
 from pipelines.lead_design import find_nearest
 from pipelines.one_leg_learning_trace import (
@@ -73,5 +72,3 @@ def test_the_nearest_bandwidth_is_that_of_a_stable_loop_whose_resonance_is_low(l
 
 
 # What counts
-
-
