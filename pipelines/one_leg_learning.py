@@ -23,7 +23,7 @@ VARIANTS = {
     SMOOTH: EXACT[SMOOTH],
 }
 LAWS = {f"lead {lead}": [f"learning.lead={lead}"] for lead in (0, -1, 1)}
-"""Orders of update: eq. 19 suggests 0, eq. 20 and 21 as printed give -1, a law that trains after the plant moves 1."""
+"""Orders of update: eq. 19 suggests 0, eq. 20 and 21 as printed give -1, training after the plant has moved 1."""
 PAPER = {"variant": PUBLISHED, "feedforward": "cmac"}
 ERRORS = {
     "transfer_rmse_x": "in x in transfer",

@@ -16,7 +16,7 @@ from cmacexp.study import Array, Panel, Run, Series, draw
 from pipelines.common_results import find_depression
 
 Config = Mapping[str, Any]
-Signals = Mapping[str, Array]
+Signals = Mapping[str, Any]
 """Signals of one leg over a cycle by name, and its planned ``support``, (N,) each."""
 Measure = Callable[[Signals, Config], float]
 """Function of the signals of a cycle and the config of its run."""
@@ -110,9 +110,9 @@ def learned_error(config: Config) -> float:
 def weight_at_foot(signals: Signals, config: Config) -> float:
     """Return the force with which the leg's weight presses on the ground, N; mean over the second half of support."""
     links = config["machine"]["leg"]
-    lengths_masses = (links[name] for name in ("length_1", "length_2", "mass_1", "mass_2"))
     gravity = config["plant"].get("gravity_factors", [1.0] * GRAVITY_TERMS)
-    leg = Leg(*lengths_masses, -1.0 if links["knee"] == "back" else 1.0, *gravity)
+    names = ("length_1", "length_2", "mass_1", "mass_2")
+    leg = Leg._make([*(links[name] for name in names), -1.0 if links["knee"] == "back" else 1.0, *gravity])
     settled = np.logical_and(signals["support"], signals["progress"] >= 0.5)
     pressing = []
     postures = np.column_stack([signals["q1"], signals["q2"]])[settled]

@@ -51,7 +51,7 @@ def simulate(overrides: Overrides, names: Sequence[str], recall: Recall | None =
     trace = concat_traces([*run_cycles(scenario)])
     block = split_cycles(trace, config.steps_per_cycle, None)
     metrics = {name: OF_A_CYCLE[name].pooling.pool(OF_A_CYCLE[name].compute(block)) for name in names}
-    return Simulated(config, scenario.setup.plan.margins, trace, scenario.end.status, metrics)
+    return Simulated(config, scenario.setup.plan.margins, trace, Status(scenario.end.status), metrics)
 
 
 LEG_METRICS = {
@@ -153,8 +153,8 @@ def _measure_rest(run: Simulated) -> float:
     """Return the RMS force error over the second half of a run over the desired force; infinite if it ended early."""
     if run.status != Status.COMPLETED:
         return math.inf
-    force = run.trace["force"][run.trace.steps // 2 :, 0]
-    return float(np.sqrt(np.mean((force / run.config.force_control.desired_force - 1.0) ** 2)))
+    over_desired = run.trace["force"] / run.trace["force_desired"] - 1.0
+    return float(np.sqrt(np.mean(over_desired[run.trace.steps // 2 :] ** 2)))
 
 
 WALK_METRICS = {

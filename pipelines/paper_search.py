@@ -97,7 +97,7 @@ class Machine(NamedTuple):
     measure: Callable[[Sequence[str], Recall], dict[str, float]]
     fixed: Sequence[str]
     """Overrides of all its runs."""
-    count: int
+    settings: int
     """Number of settings of the full search."""
 
 
@@ -126,7 +126,7 @@ def draw_settings(ranges: Range, count: int, seed: int = 0) -> list[dict[str, st
 def list_neighbours(ranges: Range, most: int, chosen: Mapping[str, str] | None = None) -> Iterator[dict[str, str]]:
     """List all settings that differ in up to ``most`` values from the plain reading with the ``chosen`` values."""
     fixed = chosen or {}
-    plain = {key: values[0] for key, values in ranges.items()} | fixed
+    plain = {**{key: values[0] for key, values in ranges.items()}, **fixed}
     free = [key for key in ranges if key not in fixed]
     for changed in itertools.chain.from_iterable(itertools.combinations(free, number) for number in range(most + 1)):
         for values in itertools.product(*(ranges[key][1:] for key in changed)):

@@ -59,7 +59,7 @@ SEEDS = 20
 
 def compute_search(results: Results, machine: str) -> DataFrame:
     """Measure random joint settings of a machine; the first row is the plain reading."""
-    count = MACHINES[machine].count // (QUICK if results.has_one_seed else 1)
+    count = MACHINES[machine].settings // (QUICK if results.has_one_seed else 1)
     return search(machine, draw_settings(MACHINES[machine].ranges, count))
 
 

@@ -100,7 +100,7 @@ class JobTemplate(NamedTuple):
     hydra: dict[str, Any]
     """Hydra's own part, with the values of that job."""
     plain: Any
-    """The config as :func:`set_plain_values` takes it; pickled if a component is custom, so that each job has its own."""
+    """The config for :func:`set_plain_values`; pickled if a component is custom, so that each job has its own."""
     typed: Any
     """The typed config, in the same way; None if it is wrong, or ``referred`` is None."""
     referred: frozenset[str] | None

@@ -20,7 +20,7 @@ from cmacexp.addons.export.network import (
 from cmacexp.config import ComponentConfig, Config
 from cmacexp.config.machine import PointMassMachine
 from cmacexp.config.schema import ADAPTIVE, ESTIMATE, REFINE
-from cmacexp.control import steering
+from cmacexp.control import HybridController, steering
 from cmacexp.control.actuator import new_actuator
 from cmacexp.control.drive_kernels import NEWTON_STEPS, DriveParams
 from cmacexp.control.hybrid_kernels import METHODS
@@ -191,6 +191,8 @@ def _require_supported(run: Run, config: Config) -> None:
     """Raise BadInput unless the C code supports all components of the run."""
     learning = config.learning
     lead = run.config["learning"]["lead"]
+    controller = config.controller
+    resets = isinstance(controller, HybridController.Config) and controller.lead_reset
     refused = {
         "machine.kind": (
             config.machine.kind,
@@ -208,7 +210,7 @@ def _require_supported(run: Run, config: Config) -> None:
             config.force_control.has_force_in_transfer,
             "must be plan: C has no force terms in transfer",
         ),
-        "controller.lead_reset": (True, getattr(config.controller, "lead_reset", False), "must be false"),
+        "controller.lead_reset": (True, resets, "must be false: C keeps the states of the LEAD"),
         "cmac.weight_type": (config.cmac.weight_type, config.cmac.weight_step > 0.0, "must be float64"),
         "learning.guard": (learning.guard, learning.guard == REFINE, "must be freeze or none"),
         "learning.lead": (lead, lead == ESTIMATE, f"must be auto or a number, as {learning.lead}, its last estimate"),
