@@ -1,10 +1,6 @@
-"""Tables of the page config.md: every config field as declared in its class, with the defaults of conf/.
-
-mkdocs fills the page when it builds the site, so an addition to the config needs no edit of the page.
-"""
+"""Tables of the page config.md: every config field as declared in its class, with the defaults of conf/."""
 
 import inspect
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import Field, fields, is_dataclass, replace
 from functools import cache
@@ -18,8 +14,6 @@ from cmacexp.config.compose import compose_untyped
 from cmacexp.config.describe import read_meanings
 from cmacexp.errors import CmacexpError
 
-FIELDS = re.compile("<!-- fields: begin -->.*<!-- fields: end -->", flags=re.DOTALL)
-"""Section of the page that the tables replace."""
 SCENARIOS = ("one_leg", "force_step", "quadruped")
 """Scenarios whose defaults are shown; the first is the default of the command line."""
 MODEL = Path(__file__).parents[1] / "tests" / "support" / "robot.xml"
@@ -165,12 +159,7 @@ def section_of(group: str) -> str:
     return text
 
 
-def all_tables() -> str:
+def format_fields() -> str:
     """Format the fields without a group, then a section for each group."""
     configs = {scenario: composed(f"scenario={scenario}")[0] for scenario in SCENARIOS}
     return "\n".join(["## Without a group\n", table_of(configs, "", without=GROUPS), *map(section_of, GROUPS)])
-
-
-def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Fill the page; mkdocs calls this for every page."""
-    return FIELDS.sub(lambda _: all_tables(), markdown)

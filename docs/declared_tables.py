@@ -1,11 +1,6 @@
-"""Tables of metrics and signals in the documentation, from the declaration of every column in the code.
+"""Tables of metrics and signals in the documentation, from the declaration of every column in the code."""
 
-A page has ``{{ declared }}`` below the heading of a table; mkdocs replaces it when it builds the site, so an addition
-needs no edit of the page.
-"""
-
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from cmacexp.data import signals
@@ -13,27 +8,7 @@ from cmacexp.metrics.body import BODY_METRICS, ESTIMATE_METRICS
 from cmacexp.metrics.leg import SPATIAL
 from cmacexp.metrics.metric import describe
 from cmacexp.metrics.registry import LEG_METRICS
-
-DECLARED = re.compile(r"^## (.+)$|^\{\{ declared \}\}$", re.MULTILINE)
-"""A heading, or the mark that its table replaces."""
-COLUMNS = {
-    "`metrics.parquet`": {"cycle": None, "leg": None, **LEG_METRICS},
-    "`metrics.parquet` of a robot": SPATIAL,
-    "`body_metrics.parquet`": {"cycle": None, **BODY_METRICS, **ESTIMATE_METRICS},
-}
-SIGNALS = {
-    "`trace.parquet`": signals.LEG_SIGNALS,
-    "`trace.parquet` of a robot": signals.SPATIAL_SIGNALS,
-    "`trace.parquet` with a model": signals.MODEL_SIGNALS,
-    "`body.parquet`": signals.BODY_SIGNALS,
-    "`body.parquet` of a real robot": signals.LIVE_SIGNALS,
-    "`memory.parquet`": signals.MEMORY_SIGNALS,
-}
-
-
-def table_of(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Format a table as Markdown."""
-    return "".join("| " + " | ".join(cells) + " |\n" for cells in [head, ["---"] * len(head), *rows])
+from docs.markdown import format_table
 
 
 def describe_display(column: Any) -> tuple[str, str, str]:
@@ -47,7 +22,7 @@ def describe_display(column: Any) -> tuple[str, str, str]:
 
 def metrics_table(columns: Mapping[str, Any]) -> str:
     """Format the table of all metrics of a file."""
-    return table_of(
+    return format_table(
         ["column", "unit", "definition", "shown as", "over legs", "better", "NaN where", "source"],
         [
             [
@@ -66,7 +41,7 @@ def metrics_table(columns: Mapping[str, Any]) -> str:
 
 def signals_table(columns: Iterable[Any]) -> str:
     """Format the table of all signals of a file."""
-    return table_of(
+    return format_table(
         ["column", "unit", "meaning", "type", "owner", "altered by", "present"],
         [
             [f"`{s.name}`", s.unit or "1", s.meaning, str(s.type), s.owner, ", ".join(s.altered_by), s.present]
@@ -86,31 +61,21 @@ def arrays_table() -> str:
         )
         for name, unit in signals.list_array_units().items()
     ]
-    return table_of(
+    return format_table(
         ["array", "columns", "third of a robot", "unit"], [(f"`{name}`", *cells) for name, *cells in rows]
     )
 
 
-TABLES = {
-    **{("files", heading): metrics_table(columns) for heading, columns in COLUMNS.items()},
-    **{("files", heading): signals_table(columns) for heading, columns in SIGNALS.items()},
-    ("files", "Arrays of components"): arrays_table(),
+TABLES: Mapping[str, Callable[[], str]] = {
+    "metrics": lambda: metrics_table({"cycle": None, "leg": None, **LEG_METRICS}),
+    "metrics of a robot": lambda: metrics_table(SPATIAL),
+    "body_metrics": lambda: metrics_table({"cycle": None, **BODY_METRICS, **ESTIMATE_METRICS}),
+    "trace": lambda: signals_table(signals.LEG_SIGNALS),
+    "trace of a robot": lambda: signals_table(signals.SPATIAL_SIGNALS),
+    "trace with a model": lambda: signals_table(signals.MODEL_SIGNALS),
+    "body": lambda: signals_table(signals.BODY_SIGNALS),
+    "body of a real robot": lambda: signals_table(signals.LIVE_SIGNALS),
+    "memory": lambda: signals_table(signals.MEMORY_SIGNALS),
+    "arrays": arrays_table,
 }
-"""Tables by the name of a page and the heading in it."""
-
-
-def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Fill in the tables of a page; mkdocs calls this for every page.
-
-    Raises:
-        KeyError: no table is declared for the heading above a mark.
-    """
-    name = page.file.src_uri.removesuffix(".md")
-    heading = ""
-
-    def fill(match: re.Match[str]) -> str:
-        nonlocal heading
-        heading = match[1] or heading
-        return match[0] if match[1] else TABLES[name, heading].rstrip()
-
-    return DECLARED.sub(fill, markdown)
+"""Functions that make the tables of files.md, by name."""

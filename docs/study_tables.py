@@ -1,160 +1,194 @@
-"""Pages of the studies and the benchmark, generated with the site: their statements with results, and figures.
+"""Tables of the measured statements, and the pages of the studies, from ``docs/results.json``."""
 
-A new study needs no edit of this file. Figures are those of a full run below outputs/studies, if there is one.
-"""
-
-import re
-from collections.abc import Mapping
-from itertools import groupby
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 from typing import Any
 
-from cmacexp.addons.study.command import FOLDER
-from cmacexp.addons.study.page import build_evidence, format_html
-from cmacexp.addons.study.statements import NO, UNCLEAR, VERDICTS, YES
+from jinja2 import Environment, StrictUndefined, UndefinedError
+
+from cmacexp.addons.study.page import build_evidence
+from cmacexp.addons.study.results import LAST_CYCLES
 from cmacexp.addons.study.study_file import StudyFile
-from cmacexp.data.own_files import FIGURES, HTML
+from cmacexp.config.compose import compose_config
+from cmacexp.config.load import to_plain
+from cmacexp.metrics.registry import format_number
+from cmacexp.report.page import find_insertions
 from cmacexp.study import Claim, Finding
+from docs.markdown import format_table
 from pipelines.benchmark.benchmark import BENCHMARK
 from pipelines.benchmark.log_track import NAME as LOG_TRACK
-from pipelines.groups import GROUPS, all_studies, every_study
+from pipelines.groups import GROUPS, PIPELINES, all_studies, every_study
 from pipelines.results import (
-    DOCS,
     NOT_MEASURED,
     SCORES,
-    Quotable,
-    count_claims,
-    fill_quotes,
+    PublishedResults,
+    count_outcomes,
+    declared,
     find_entry,
-    read_results,
     sentence_of,
 )
 
-ORDER = (*VERDICTS, YES, NO, UNCLEAR, NOT_MEASURED)
-LIST, CLAIMS, COUNT = "{{ studies() }}", "{{ claims() }}", "{{ count() }}"
-"""Marks for the list of studies, the list of the paper's claims, and their number by verdict."""
-OUTPUTS = DOCS.parent / FOLDER
-FIGURE = re.compile(r'<figure id="(\w+)">(?:<h3>(.*?)</h3>)?.*?<figcaption>(.*?)</figcaption>', re.DOTALL)
-"""A figure of a report: name, title and caption."""
+PAGES = PIPELINES / "pages"
+"""Folder of the generated pages of the studies."""
+COLUMNS = ("measured", "value", "95 % interval", "n", "limit", "verdict")
+LIMIT = COLUMNS.index("limit")
+Statement = Claim | Finding
 
 
-def statements_of(file: StudyFile, statements: Mapping[str, Claim | Finding], results: Quotable) -> str:
-    """Format each claim or finding of a study with its verdict, followed by the table of its measured values."""
-    text = ""
-    for name, statement in statements.items():
-        entry = find_entry(file.name, name, results)
-        if isinstance(statement, Claim):
-            words = f"{statement.words} ({statement.where})"
-            said = f"**{entry['verdict']}**: {words}" if entry else words
-        else:
-            said = sentence_of(statement, entry) if entry else f"“{statement.says or name}”"
-        table = format_html(build_evidence(statement.criteria, entry)) if entry else ""
-        text += f"\n{'' if entry else f'*{NOT_MEASURED.capitalize()}*: '}{said}\n\n{table}\n"
-    return text
+def title_statement(statement: Statement, entry: Any) -> str:
+    """Return the words of a statement; a finding with wordings by verdict gives that of its verdict."""
+    if isinstance(statement, Claim):
+        return f"“{statement.words}” ({statement.where})"
+    if statement.yes and entry:
+        return sentence_of(statement, entry)
+    return statement.says or statement.yes or statement.criteria[0].quantity
 
 
-def figures_of(name: str) -> list[tuple[Path, str]]:
-    """Return the figure files of the last full run of a study, each with its section of the page."""
-    report = OUTPUTS / name / HTML
-    figures = FIGURE.findall(report.read_text(encoding="utf-8")) if report.is_file() else []
-    text = "\n{}![{}](figures/{}-{}.svg)\n\n{}\n"
-    return [
-        (
-            OUTPUTS / name / FIGURES / f"{figure}.svg",
-            text.format(f"**{title}**\n\n" if title else "", figure.replace("_", " "), name, figure, caption.strip()),
-        )
-        for figure, title, caption in figures
-    ]
+def list_rows(statement: Statement, entry: Any) -> Iterator[tuple[str, ...]]:
+    """Yield a row of ``COLUMNS`` for each criterion of a statement."""
+    if not entry:
+        yield (NOT_MEASURED, *("" for _ in COLUMNS[1:]))
+        return
+    for quantity, rows in build_evidence(statement.criteria, entry).items():
+        for row in rows:
+            case = f"{quantity}: {row['case']}" if row["case"] else quantity
+            value = f"{row['value']} ({row['reason']})" if row["reason"] else row["value"]
+            limit = f"{row['limit']} (opposite: {row['opposite']})" if row["opposite"] else row["limit"]
+            yield case, value, row["interval"], row["size"], limit, row["verdict"]
 
 
-def describe_run(name: str) -> str:
-    """Describe the last full run of a study: date, numbers of runs and seeds, and the state of its code."""
-    results = read_results()
-    state = results.find_state(name)
-    if name not in results.studies:
-        return "It has never been run in full.\n"
-    study = results.studies[name]
-    extent = f"{study['runs']} runs, {study['seeds']} seeds"
-    return f"Last run in full on {state.date} ({extent}). Its code is {state.state}.\n"
+def describe_verdict(statement: Statement, entry: Any) -> str:
+    """Return the words of a statement and its verdict, in bold."""
+    return f"**{entry['verdict'] if entry else NOT_MEASURED}**: {title_statement(statement, entry)}"
 
 
-def page_of(file: StudyFile, results: Quotable) -> str:
-    """Format the page of a study."""
-    study = file.study
-    figures = "".join(text for _, text in figures_of(file.name))
-    command = f"{BENCHMARK} --log LOG --robot go2" if file.name == LOG_TRACK else file.name
-    text = f"# {study.title}\n\n{study.question}\n\n`python -m pipelines.{command}` answers it again. "
-    text += describe_run(file.name)
-    if study.claims:
-        text += f"\n## Claims of the paper\n{statements_of(file, study.claims, results)}"
-    if study.findings:
-        text += f"\n## Findings\n{statements_of(file, study.findings, results)}"
-    if scores := SCORES.get(file.name):
-        text += f"\n## Scores\n\n{scores.read_text(encoding='utf-8')}"
-    return text + (f"\n## Figures\n{figures}" if figures else "")
+def tabulate_statements(names: Sequence[str], results: PublishedResults) -> str:
+    """Tabulate statements, named ``STUDY.STATEMENT``, with a row for each criterion that has a limit."""
+    rows = []
+    for name in names:
+        study, _, key = name.strip().partition(".")
+        statement = declared()[study][key]
+        entry = find_entry(study, key, results.statements)
+        words = describe_verdict(statement, entry)
+        measured = list(list_rows(statement, entry))
+        deciding = [row for row in measured if row[LIMIT]] or measured
+        rows += [("" if index else words, *row) for index, row in enumerate(deciding)]
+    return format_table(("statement", *COLUMNS), rows)
 
 
-def describe_outcomes(file: StudyFile, results: Quotable) -> str:
-    """Count the statements of a study by verdict."""
-    names = [*file.study.claims, *file.study.findings]
-    entries = [find_entry(file.name, name, results) for name in names]
-    verdicts = [entry["verdict"] if entry else NOT_MEASURED for entry in entries]
-    return ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in sorted({*verdicts}, key=ORDER.index))
-
-
-def list_of(results: Quotable) -> str:
-    """Format the list of all studies, a line each."""
-    cells = [
-        (f"[{file.study.title}](studies/{file.name}.md)", file.study.question, describe_outcomes(file, results))
-        for file in every_study()
-    ]
-    return "\n".join(["| study | question | statements |", "|---|---|---|", *(f"| {' | '.join(c)} |" for c in cells)])
-
-
-def claims_of_paper(results: Quotable) -> str:
-    """Format the claims of the paper in its order, a line each: verdict, measured values, link to the evidence."""
+def tabulate_claims(results: PublishedResults) -> str:
+    """Tabulate the claims of the paper in its order, with a table for each study."""
     order = {name: index for index, name in enumerate(GROUPS["paper"].studies)}
-    lines = ["| claim | verdict | measured |", "|---|---|---|"]
-    for file in sorted(all_studies(), key=lambda file: order.get(file.name, len(order))):
-        if file.study.claims:
-            lines.append(f"| **[{file.study.title}](studies/{file.name}.md)** | | |")
-        for name, claim in file.study.claims.items():
-            entry = find_entry(file.name, name, results)
-            pairs = zip(claim.criteria, entry["values"], strict=True) if entry else ()
-            values = [
-                (quantity, ", ".join(f"{criterion.case} {value}".strip() for criterion, value in group))
-                for quantity, group in groupby(pairs, key=lambda pair: pair[0].quantity)
-            ]
-            measured = "; ".join(f"{quantity}: **{value}**" for quantity, value in values)
-            verdict = entry["verdict"] if entry else NOT_MEASURED
-            lines.append(f"| {claim.words} ({claim.where}) | {verdict} | {measured} |")
-    return "\n".join(lines)
+    files = sorted(all_studies(), key=lambda file: order.get(file.name, len(order)))
+    return "\n\n".join(
+        f"### [{file.study.title}]({link_page(file.name)})\n\n"
+        + tabulate_statements([f"{file.name}.{name}" for name in file.study.claims], results)
+        for file in files
+        if file.study.claims
+    )
 
 
-def on_config(config: Any) -> Any:
-    """Add the pages of studies at the end of the navigation's results; mkdocs calls this once."""
-    (results,) = (group["Results"] for group in config.nav if "Results" in group)
-    results.append({"Studies": [f"studies/{file.name}.md" for file in every_study()]})
-    return config
+def link_page(study: str) -> str:
+    """Return the address of the page of a study, relative to ``docs``."""
+    return f"../pipelines/pages/{study}.md"
 
 
-def on_files(files: Any, config: Any) -> Any:
-    """Generate the pages of studies and their figures; mkdocs calls this once."""
-    from mkdocs.structure.files import File
-
-    results = read_results().statements
-    for study in every_study():
-        files.append(File.generated(config, f"studies/{study.name}.md", content=page_of(study, results)))
-        for path, _ in figures_of(study.name):
-            name = f"studies/figures/{study.name}-{path.name}"
-            files.append(File.generated(config, name, abs_src_path=str(path)))
-    return files
+def list_studies(results: PublishedResults) -> str:
+    """Tabulate all studies: question, and the number of statements by verdict."""
+    rows = []
+    for file in every_study():
+        entries = [find_entry(file.name, name, results.statements) for name in file.study.statements]
+        counts = count_outcomes([entry["verdict"] if entry else NOT_MEASURED for entry in entries])
+        rows.append((f"[{file.study.title}]({link_page(file.name)})", file.study.question, counts))
+    return format_table(("study", "question", "statements"), rows)
 
 
-def on_page_markdown(markdown: str, page: Any = None, **_: Any) -> str:
-    """Fill in quotes and lists, and link names of studies in brackets; mkdocs calls this for every page."""
-    results = read_results().statements
-    names = "|".join(file.name for file in every_study())
-    text = fill_quotes(markdown, results).replace(LIST, list_of(results)).replace(CLAIMS, claims_of_paper(results))
-    text = text.replace(COUNT, f"**{count_claims(results)}**")
-    return re.sub(rf"\(`({names})`\)", r"([`\1`](studies/\1.md))", text)
+def describe_run(name: str, results: PublishedResults) -> str:
+    """Describe the last full run of a study: date, numbers of runs and seeds."""
+    if name not in results.studies:
+        return "It has never been run in full."
+    study = results.studies[name]
+    return (
+        f"Last run in full on {study['date']} with version {study['version']}: {study['runs']} runs, "
+        f"{study['seeds']} seeds. `python -m pipelines status` shows whether its code has changed since."
+    )
+
+
+def format_statement(statement: Statement, entry: Any) -> str:
+    """Format a statement with its verdict, and the table of what was measured."""
+    return f"{describe_verdict(statement, entry)}\n\n{format_table(COLUMNS, list_rows(statement, entry))}"
+
+
+def find_setting(file: StudyFile, key: str, **labels: Any) -> Any:
+    """Return a config field of the first declared run with these labels."""
+    requests = file.study.runs(False)
+    request = next(request for request in requests if labels.items() <= request.labels.items())
+    value: Any = to_plain(compose_config(request.overrides))
+    for name in key.split("."):
+        value = value[name]
+    return value
+
+
+def render_text(file: StudyFile, results: PublishedResults) -> Iterator[str]:
+    """Yield the paragraphs of a study's text with its stored statements.
+
+    Left out are figures, tables and paragraphs with values that only the report of a full run computes.
+    """
+
+    def finalize(value: Any) -> Any:
+        return format_number(value) if isinstance(value, float) else value
+
+    def insert_statement(name: str) -> str:
+        return format_statement(file.study.statements[name], find_entry(file.name, name, results.statements))
+
+    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=finalize)
+    names = {
+        "finding": insert_statement,
+        "claim": insert_statement,
+        "figure": lambda *_, caller=None: "",
+        "table": lambda *_: "",
+        "last_cycles": LAST_CYCLES,
+        "setting": lambda key, **labels: find_setting(file, key, **labels),
+    }
+    for paragraph in file.page.read_text(encoding="utf-8").split("\n\n"):
+        try:
+            yield environment.from_string(paragraph).render(names).strip()
+        except UndefinedError:
+            continue
+
+
+def drop_empty_sections(paragraphs: Sequence[str]) -> Iterator[str]:
+    """Yield the paragraphs without headings that nothing follows."""
+    for paragraph, after in zip(paragraphs, [*paragraphs[1:], "#"], strict=True):
+        if not (paragraph.startswith("#") and after.startswith("#")):
+            yield paragraph
+
+
+def format_page(file: StudyFile, results: PublishedResults) -> str:
+    """Format the page of a study: question, command, text, statements with what was measured."""
+    study = file.study
+    command = f"{BENCHMARK} --log LOG --robot go2" if file.name == LOG_TRACK else file.name
+    head = (
+        f"# {study.title}",
+        study.question,
+        f"`python -m pipelines.{command}` repeats it and writes a report with figures and tables. "
+        f"{describe_run(file.name, results)}",
+        "Figures and tables are left out here. [All studies](../../docs/add-a-study.md#the-studies), "
+        "[how to read the values](../../docs/add-a-study.md#how-to-read-the-values).",
+    )
+    if file.name in SCORES:  # the text of the benchmark loops over what a full run computes
+        statements = [f"{file.name}.{name}" for name in study.statements]
+        scores = SCORES[file.name].read_text(encoding="utf-8").strip()
+        return "\n\n".join(
+            [*head, "## Statements", tabulate_statements(statements, results), "## Scores", scores, ""]
+        )
+    text = [paragraph for paragraph in render_text(file, results) if paragraph]
+    inserted = {name for _, name, _ in find_insertions(file.page, file.page.read_text(encoding="utf-8"))}
+    if claims := [name for name in study.claims if name not in inserted]:
+        text += ["## Claims of the paper", tabulate_statements([f"{file.name}.{name}" for name in claims], results)]
+    return "\n\n".join([*head, *drop_empty_sections(text), ""])
+
+
+def write_pages(results: PublishedResults) -> None:
+    """Write the pages of all studies."""
+    for file in every_study():
+        (PAGES / f"{file.name}.md").write_text(format_page(file, results), encoding="utf-8")

@@ -15,12 +15,10 @@ from pipelines.groups import GROUPS, every_study, find_study, run_group
 from pipelines.results import (
     CHANGED,
     PAGES,
-    README,
     RESULTS_FILE,
     SCORES,
     find_outdated,
     read_results,
-    renew_readme,
 )
 
 STATUS = "status"
@@ -29,14 +27,15 @@ SHOWN_FILES = 3
 
 
 def write_docs() -> None:
-    """Renew results.json and the generated blocks of pages from full studies; print sentences that disagree.
+    """Renew results.json, the generated blocks of pages and the pages of studies; print sentences that disagree.
 
     Raises:
         BadInput: the working copy has no results.json.
     """
+    from docs.blocks import write_pages
+
     results = read_results()
     results.add_studies(FOLDER)
-    README.write_text(renew_readme(README.read_text(encoding="utf-8"), results.statements), encoding="utf-8")
     tables = {
         BENCHMARK: (BENCHMARK, summary.write_scores),
         log_track.NAME: (log_track.SCORES, lambda scores: summary.write_table(log_track.tabulate(scores))),
@@ -44,6 +43,7 @@ def write_docs() -> None:
     for study, (table, write) in tables.items():
         if (path := FOLDER / study / f"{table}.parquet").is_file():
             SCORES[study].write_text(f"{write(read_table(path, texts=True).to_pandas())}\n", encoding="utf-8")
+    write_pages(results)
     for line in find_outdated(results.sentences, {p.name: p.read_text("utf-8") for p in PAGES}, results.statements):
         print(line)
     RESULTS_FILE.write_text(results.format(), encoding="utf-8")
@@ -70,7 +70,9 @@ def print_status(witnesses: bool) -> None:
 
 OPTIONS: OptionTable = {
     "what": {"nargs": "?", "metavar": STATUS, "help": "list each study as current, changed or never run"},
-    "--write-docs": make_flag(f"renew the pages in docs from the full studies in {FOLDER}"),
+    "--write-docs": make_flag(
+        f"renew results.json from full studies in {FOLDER}, and the tables of the documentation"
+    ),
     "--witnesses": make_flag(f"with {STATUS}: rerun two runs of each changed study and compare their values"),
 }
 

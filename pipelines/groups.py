@@ -9,7 +9,7 @@ from typing import NamedTuple, NoReturn
 
 from cmacexp.addons.study.command import FOLDER_KEY, Options, print_statements, run_studies, write_studies
 from cmacexp.addons.study.page import write_page
-from cmacexp.addons.study.study_file import StudyFile, load_study
+from cmacexp.addons.study.study_file import TEMPLATE, StudyFile, load_study
 from cmacexp.data.folder import new_result
 from cmacexp.data.manifest import REPORT
 from pipelines.benchmark import benchmark, log_track
@@ -55,12 +55,13 @@ GROUPS = {
 def find_study(name: str) -> Path | None:
     """Return the file of the study ``name`` in this folder; None if there is none."""
     path = PIPELINES / f"{name}.py"
-    return path if path.is_file() and path.with_suffix(".md").is_file() else None
+    has_text = path.with_suffix(TEMPLATE).is_file() or path.with_suffix(".md").is_file()
+    return path if path.is_file() and has_text else None
 
 
 def all_studies() -> list[StudyFile]:
     """Load every study of this folder, sorted by name."""
-    return [load_study(path) for page in sorted(PIPELINES.glob("*.md")) if (path := find_study(page.stem))]
+    return [load_study(path) for file in sorted(PIPELINES.glob("*.py")) if (path := find_study(file.stem))]
 
 
 def every_study() -> list[StudyFile]:

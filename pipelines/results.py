@@ -1,12 +1,12 @@
-"""``docs/results.json``: results of the last full run of every study, their state, and quotes of them on pages.
+"""``docs/results.json``: results of the last full run of every study, their state, and quotes of them in tables.
 
 The file holds for each study: date, version, seeds, hashes of models and code, two witnesses, and statements with
 value, interval and n. Digests of the package's files are stored once for all studies that ran on the same files. The
 file also lists the sentences of pages that presuppose a verdict.
 
-``{{ quote("one_leg_learning.bias") }}`` on a page stands for the first value of a statement, ``quote("...", 1)`` for
-the second, ``interval`` for its interval, ``measured`` for both, ``size`` for its n, ``verdict`` for the verdict,
-``sentence`` for the sentence of a finding. ``readme_blocks`` holds the README's section of results in this form.
+``{{ quote("one_leg_learning.bias") }}`` in a template of ``docs/templates`` is the first value of a statement,
+``quote("...", 1)`` the second, ``interval`` for its interval, ``measured`` for both, ``size`` for its n,
+``verdict`` for the verdict, ``sentence`` for the sentence of a finding. ``docs/blocks.py`` fills in the templates.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import cmacexp
 from cmacexp.addons.study.page import CLAIMS, count_verdicts
 from cmacexp.addons.study.provenance import PROVENANCE, digest_package, digest_source, list_changed, make_witness
-from cmacexp.addons.study.statements import MEASURED, Claim, Finding
+from cmacexp.addons.study.statements import MEASURED, NO, UNCLEAR, VERDICTS, YES, Claim, Finding
 from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.errors import require
@@ -39,13 +39,11 @@ SCORES = {
 }
 """Files with the tables of the last full benchmark and of its log track, by study."""
 PAGES = (README, *sorted(DOCS.glob("*.md")))
-"""Pages that may quote the studies."""
-BLOCK = PIPELINES / "readme_blocks" / "Results.md"
-"""The README's section on results, with quotes to be filled in."""
-FIRST_RUN = re.compile(r"python -m cmacexp (.*)\n```\n\n.*\n\n```text\n((?:.*\n)*?.*)\n```")
-"""Pattern of the README's first run: its overrides, and the table that it prints."""
+"""Pages with generated blocks."""
 QUOTE = re.compile(r'\{\{ (quote|interval|measured|size|verdict|sentence)\("(\w+)\.([^"]+)"(?:, (\d+))?\) \}\}')
 NOT_MEASURED = "not measured yet"
+ORDER = (*VERDICTS, YES, NO, UNCLEAR, NOT_MEASURED)
+"""Verdicts in the order in which they are counted."""
 CURRENT, EQUAL, CHANGED, NEVER = "current", "equal", "changed", "never run"
 """States of a study. EQUAL: its files changed, but its witnesses gave equal values with the present files."""
 CLOSE = 1e-9
@@ -272,18 +270,12 @@ def find_outdated(
                 yield f"{sentence['page']}: {sentence['text']!r} is for {key} = {verdict}, it is {today}"
 
 
+def count_outcomes(verdicts: Sequence[str]) -> str:
+    """Count statements by verdict, e.g. ``3 yes, 1 no``."""
+    return ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in sorted({*verdicts}, key=ORDER.index))
+
+
 def count_claims(results: Quotable) -> str:
     """Count the paper's claims by verdict, as a sentence."""
     entries = [find_entry(file.name, name, results) for file in all_studies() for name in file.study.claims]
     return count_verdicts([entry["verdict"] for entry in entries if entry])
-
-
-def renew_readme(text: str, statements: Quotable) -> str:
-    """Regenerate the README's section of results and the table of its first run; return the whole text."""
-    section = text.partition("\n## Results\n")[2].partition("\n## ")[0]
-    block = BLOCK.read_text(encoding="utf-8").replace("{{ count }}", count_claims(statements))
-    text = text.replace(section, fill_quotes(block, statements))
-    ((overrides, table),) = FIRST_RUN.findall(text)
-    with TemporaryDirectory() as folder:
-        run = cmacexp.run(overrides.split(), Path(folder, "run"))
-    return text.replace(table, str(run).partition("\n")[2])

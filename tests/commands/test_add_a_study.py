@@ -30,7 +30,7 @@ def write(folder, name, page="", sample="[1.0]", runs="[]", more=""):
 @pytest.mark.ci
 def test_the_study_of_the_page_leaves_a_finding_with_its_interval(tmp_path):
     (tmp_path / "my_study.py").write_text(block("python"))
-    (tmp_path / "my_study.md").write_text(block("markdown"))
+    (tmp_path / "my_study.md.jinja").write_text(block("jinja"))
     for line in block("bash").splitlines():
         done = python(*line.split()[1:], *TWO, folder=tmp_path)
         assert done.returncode == 0, done.stderr
@@ -47,7 +47,7 @@ def test_the_study_of_the_page_leaves_a_finding_with_its_interval(tmp_path):
 @pytest.mark.ci
 def test_the_declared_study_of_the_page_has_a_finding_that_fails_and_repeats_no_run(tmp_path):
     (tmp_path / "my_study.py").write_text(block("python", 1))
-    (tmp_path / "my_study.md").write_text(block("markdown"))
+    (tmp_path / "my_study.md.jinja").write_text(block("jinja"))
     first, again = (python("-m", "cmacexp.study", "my_study.py", *TWO, folder=tmp_path) for _ in range(2))
     assert first.returncode == 0, first.stderr
     assert " 0 of them to be run" in again.stderr

@@ -1,27 +1,32 @@
-"""The documentation quotes figures and verdicts of the studies as they came out."""
+"""The tables of the documentation give figures and verdicts of the studies as they came out."""
 
 import json
 import re
+import subprocess
 
 import pytest
 from support.command import ROOT, python
 from support.pages import PAGES
+from support.robots import needs_models
 
+import cmacexp
 from cmacexp.study import Criterion, Finding, at_most
+from docs.blocks import renew_blocks
+from docs.study_tables import PAGES as STUDY_PAGES
+from docs.study_tables import format_page
 from pipelines import results as quotes
+from pipelines.groups import every_study
 from pipelines.results import (
     CHANGED,
     CURRENT,
     NEVER,
     NOT_MEASURED,
-    QUOTE,
     PublishedResults,
     declared,
     fill_quotes,
     find_entry,
     find_outdated,
     read_results,
-    renew_readme,
 )
 
 RESULTS = read_results()
@@ -36,10 +41,13 @@ ENTRY = {
 }
 
 
-@pytest.mark.ci
-def test_every_quote_of_every_page_is_filled_in():
-    pages = {name: fill_quotes(path.read_text(), RESULTS.statements) for name, path in PAGES.items()}
-    assert not [name for name, text in pages.items() if QUOTE.search(text)]
+def test_no_committed_page_has_a_placeholder():
+    """Only code that shows how to write one may contain it."""
+    paths = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert paths
+    for path in paths.splitlines():
+        text = re.sub(r"^```jinja\n.*?^```$|`[^`\n]*`", "", (ROOT / path).read_text(), flags=re.DOTALL | re.MULTILINE)
+        assert not re.search(r"\{\{|\{%|^:::|^--8<--", text, re.MULTILINE), path
 
 
 @pytest.mark.ci
@@ -102,12 +110,34 @@ def test_a_sentence_for_another_verdict_and_one_that_is_gone_are_found(statement
     )
 
 
-@pytest.mark.ci
-def test_sentences_and_blocks_of_pages_are_what_the_studies_found():
-    """``python -m pipelines --write-docs`` renews the README."""
+def test_sentences_of_pages_presuppose_the_verdicts_of_the_studies():
     texts = {path.name: path.read_text() for path in PAGES.values()}
     assert not list(find_outdated(RESULTS.sentences, texts, RESULTS.statements))
-    assert renew_readme(texts["README.md"], RESULTS.statements) == texts["README.md"]
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("page", PAGES)
+def test_blocks_of_a_page_are_what_the_code_and_the_studies_give(page):
+    """``python -m pipelines --write-docs`` renews them."""
+    text = PAGES[page].read_text()
+    assert renew_blocks(text, RESULTS) == text
+
+
+@needs_models
+@pytest.mark.ci
+def test_pages_of_studies_have_the_stored_results():
+    """Some of them give settings of robots."""
+    stored = {path.stem: path.read_text() for path in STUDY_PAGES.glob("*.md")}
+    assert stored == {file.name: format_page(file, RESULTS) for file in every_study()}
+
+
+def test_a_block_of_an_unknown_kind_is_refused_and_text_around_a_block_stays():
+    text = "a\n\n<!-- generated: count -->\nold\n<!-- end -->\n\nb\n"
+    assert re.fullmatch(
+        r"a\n\n<!-- .* -->\n\n\*\*\d+ of \d+ claims.*\*\*\n\n<!-- end -->\n\nb\n", renew_blocks(text, RESULTS)
+    )
+    with pytest.raises(cmacexp.BadInput, match="counts"):
+        renew_blocks(text.replace("count", "counts"), RESULTS)
 
 
 @pytest.mark.ci

@@ -11,16 +11,17 @@ from support.doors import Options, compose_config, load_study, package_models, w
 from pipelines.groups import GROUPS, find_study
 
 FILES = {
-    path.stem: load_study(find_study(path.stem))
-    for path in sorted((ROOT / "pipelines").glob("*.md"))
-    if "robots" not in path.stem or package_models()  # without their models nothing of it can be composed
+    name: load_study(find_study(name))
+    for path in sorted((ROOT / "pipelines").glob("*.md.jinja"))
+    for name in [path.name.partition(".")[0]]
+    if "robots" not in name or package_models()  # without their models nothing of it can be composed
 }
 IN_CI = "one_leg_learning"
 
 
 def test_every_study_is_in_one_group():
     names = [name for group in GROUPS.values() for name in group.studies]
-    assert sorted(names) == sorted(path.stem for path in (ROOT / "pipelines").glob("*.md"))
+    assert sorted(names) == sorted(path.name.partition(".")[0] for path in (ROOT / "pipelines").glob("*.md.jinja"))
 
 
 @pytest.mark.parametrize("name", FILES)

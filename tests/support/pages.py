@@ -37,7 +37,11 @@ def _leaves(node: object) -> Iterator[str]:
 
 PAGES: dict[str, Path] = {
     "README.md": ROOT / "README.md",
-    **{name: ROOT / "docs" / name for name in _leaves(yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"])},
+    **{
+        name: path
+        for name in _leaves(yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"])
+        if (path := ROOT / "docs" / name).is_file()
+    },
 }
 
 

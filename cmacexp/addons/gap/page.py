@@ -243,7 +243,7 @@ def write_page(gap: Gap, folder: Path) -> Path:
         result.write_text(JSON, json.dumps(values, indent=1) + "\n")
         if gap.fitted is not None:
             result.write_text(OPTION, make_option(gap))
-        template = Path(__file__).with_name("page.md")
+        template = Path(__file__).with_name("page.md.jinja")
         sections = render_markdown(
             template.read_text(encoding="utf-8"),
             template,

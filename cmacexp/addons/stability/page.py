@@ -87,7 +87,7 @@ def write_stability_report(
     with new_result(folder, OUT_KEY, REPORT) as writer:
         growth = verdict.growth if math.isfinite(verdict.growth) else None
         writer.write_text(VERDICT, json.dumps({**verdict._asdict(), "growth": growth}, indent=1) + "\n")
-        text = Path(__file__).with_name("page.md")
+        text = Path(__file__).with_name("page.md.jinja")
         sections = render_markdown(
             text.read_text(encoding="utf-8"),
             text,

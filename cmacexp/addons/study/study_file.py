@@ -10,6 +10,8 @@ from cmacexp.errors import BadComponent, BadInput, CmacexpError, require
 
 STUDY_VARIABLE = "STUDY"
 """Name of the module variable that holds the study."""
+TEMPLATE = ".md.jinja"
+"""Suffix of the text of a study; ``.md`` works too."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +28,9 @@ class StudyFile:
 
     @property
     def page(self) -> Path:
-        """Path of the text of the study, Markdown with Jinja, beside the Python file."""
-        return self.path.with_suffix(".md")
+        """Path of the text of the study, Markdown with Jinja, beside the Python file: NAME.md.jinja, else NAME.md."""
+        template = self.path.with_suffix(TEMPLATE)
+        return template if template.is_file() else self.path.with_suffix(".md")
 
 
 def find_module(path: Path) -> tuple[Path, str]:
