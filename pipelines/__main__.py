@@ -21,6 +21,7 @@ from pipelines.results import (
     find_outdated,
     read_results,
     renew_readme,
+    renew_stored_rows,
 )
 
 STATUS = "status"
@@ -36,6 +37,7 @@ def write_docs() -> None:
     """
     results = read_results()
     results.add_studies(FOLDER)
+    renew_stored_rows(FOLDER)
     README.write_text(renew_readme(README.read_text(encoding="utf-8"), results.statements), encoding="utf-8")
     tables = {
         BENCHMARK: (BENCHMARK, summary.write_scores),
