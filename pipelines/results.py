@@ -6,7 +6,8 @@ file also lists the sentences of pages that presuppose a verdict.
 
 ``{{ quote("one_leg_learning.bias") }}`` on a page stands for the first value of a statement, ``quote("...", 1)`` for
 the second, ``interval`` for its interval, ``measured`` for both, with n if it is small, ``size`` for its n,
-``verdict`` for the verdict, ``sentence`` for the sentence of a finding. ``readme_blocks`` holds the README's section of results in this form.
+``verdict`` for the verdict, ``sentence`` for the sentence of a finding. ``readme_blocks`` holds the README's section
+of results in this form.
 """
 
 import hashlib

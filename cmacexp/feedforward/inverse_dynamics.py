@@ -53,8 +53,8 @@ class InverseDynamics(BuiltInFeedforward):
     def compute_torque(self, setup: Setup) -> Array:
         """Compute the torque (N, L, J) to play at every sample of the cycle, N m.
 
-        It is that of the plan ``feedforward.advance`` later, and excludes J^T F_d if the controller adds that torque. Raises BadInput for a robot with a length factor
-        other than 1: the link lengths of its model are fixed.
+        It is that of the plan ``feedforward.advance`` later, and excludes J^T F_d if the controller adds that torque.
+        Raises BadInput for a robot with a length factor other than 1: the link lengths of its model are fixed.
         """
         return play_earlier(self._compute_planned(setup), self.count_advance(setup))
 

@@ -80,7 +80,7 @@ class Results:
 
     @property
     def has_picked_conditions(self) -> bool:
-        """True if the runs differ only in settings that were chosen by hand: all have one seed, which is not varied."""
+        """True if the runs differ only in settings chosen by hand: their one seed is not varied by the study."""
         seeds = {row.settings.get("seed") for row in self.rows}
         return len(seeds) == 1 and not any(row.seeded for row in self.rows)
 

@@ -61,7 +61,8 @@ class _Used(dict[str, Array]):
 
     def get(self, name: str, default: Any = None) -> Any:
         """Return a metric, or ``default`` without it."""
-        return self[name] if name in self else default
+        self.names.add(name)
+        return super().get(name, default)
 
 
 def judge(statements: Statements, results: Results) -> dict[str, dict[str, Any]]:
@@ -94,7 +95,7 @@ def store_rows(statements: Statements, results: Results) -> str:
         for row in rows:
             row.run.pooled.names.clear()
         if judge({name: statement}, Results(rows)):
-            needed = [{n: row.run.pooled[n] for n in sorted(row.run.pooled.names)} for row in rows]
+            needed = [{n: v for n, v in row.run.pooled.items() if n in row.run.pooled.names} for row in rows]
             merged = [before | more for before, more in zip(stored, needed, strict=True)]
             if sum(len(values) for metrics in merged for values in metrics.values()) <= MOST:
                 stored, chosen[name] = merged, statement
