@@ -20,6 +20,7 @@ from pipelines.results import (
     SCORES,
     find_outdated,
     read_results,
+    renew_ranking,
     renew_readme,
     renew_stored_rows,
 )
@@ -46,6 +47,7 @@ def write_docs() -> None:
     for study, (table, write) in tables.items():
         if (path := FOLDER / study / f"{table}.parquet").is_file():
             SCORES[study].write_text(f"{write(read_table(path, texts=True).to_pandas())}\n", encoding="utf-8")
+    renew_ranking()
     for line in find_outdated(results.sentences, {p.name: p.read_text("utf-8") for p in PAGES}, results.statements):
         print(line)
     RESULTS_FILE.write_text(results.format(), encoding="utf-8")

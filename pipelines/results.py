@@ -47,6 +47,8 @@ STORED_RUNS = PIPELINES / "witnesses"
 """Folder of the stored runs of each study, from which its statements are judged again."""
 BLOCK = PIPELINES / "readme_blocks" / "Results.md"
 """The README's section on results, with quotes to be filled in."""
+RANKING = re.compile(r"^\| method \| leg, .*\n(?:\|.*(?:\n|$))+", re.MULTILINE)
+"""Pattern of the ranking of methods, in the tables of the benchmark and on its page."""
 FIRST_RUN = re.compile(r"python -m cmacexp (.*)\n```\n\n.*\n\n```text\n((?:.*\n)*?.*)\n```")
 """Pattern of the README's first run: its overrides, and the table that it prints."""
 QUOTE = re.compile(r'\{\{ (quote|interval|measured|size|verdict|sentence)\("(\w+)\.([^"]+)"(?:, (\d+))?\) \}\}')
@@ -298,6 +300,13 @@ def count_claims(results: Quotable) -> str:
     """Count the paper's claims by verdict, as a sentence."""
     entries = [find_entry(file.name, name, results) for file in all_studies() for name in file.study.claims]
     return count_verdicts([entry["verdict"] for entry in entries if entry])
+
+
+def renew_ranking() -> None:
+    """Copy the ranking from the tables of the last full benchmark to its page."""
+    page = DOCS / "benchmark.md"
+    (ranking,) = RANKING.findall(SCORES["benchmark"].read_text(encoding="utf-8"))
+    page.write_text(RANKING.sub(lambda _: ranking, page.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 def renew_readme(text: str, statements: Quotable) -> str:
