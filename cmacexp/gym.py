@@ -66,7 +66,7 @@ def find_largest_torque(loop: OpenLoop) -> Array:
     limits = np.broadcast_to(np.array(loop.torque_limits, dtype=float), loop.shape)
     if np.isfinite(limits).all():
         return limits.copy()
-    model = InverseDynamics(InverseDynamics.Config(mass_factor=1.0, length_factor=1.0))
+    model = InverseDynamics(InverseDynamics.Config(mass_factor=1.0, length_factor=1.0, advance=0.0))
     needed = BOUND * np.abs(model.compute_torque(loop.setup)).max(axis=(0, 1))
     return np.where(np.isfinite(limits), limits, needed)
 

@@ -14,7 +14,7 @@ import cmacexp
 from cmacexp.errors import require_name
 from docs import api_tables, config_tables, declared_tables, study_tables
 from docs.markdown import format_table
-from pipelines.results import DOCS, PAGES, PublishedResults, count_claims, fill_quotes
+from pipelines.results import DOCS, PAGES, SCORES, PublishedResults, count_claims, fill_quotes
 
 BLOCK = re.compile(r"(<!-- generated: (\w+) ?(.*?) -->\n).*?(<!-- end -->)", flags=re.DOTALL)
 FIRST_RUN = ("transfer_rmse_x", "transfer_rmse_y", "force_rmse")
@@ -39,12 +39,18 @@ def tabulate_run(arguments: str, _: PublishedResults) -> str:
     return format_table(("cycle", "x error, mm", "y error, mm", "force error, N"), rows)
 
 
+def read_ranking(_: str, results: PublishedResults) -> str:
+    """Read the ranking of methods from the tables of the last full benchmark."""
+    return SCORES["benchmark"].read_text(encoding="utf-8").partition("\n\n")[2].partition("\n\n")[0]
+
+
 KINDS: Mapping[str, Callable[[str, PublishedResults], str]] = {
     "api": lambda _, results: api_tables.format_api(),
     "claims": lambda _, results: study_tables.tabulate_claims(results),
     "columns": lambda name, results: declared_tables.TABLES[name](),
     "count": lambda _, results: f"**{count_claims(results.statements)}**",
     "fields": lambda _, results: config_tables.format_fields(),
+    "ranking": read_ranking,
     "results": lambda names, results: study_tables.tabulate_statements(names.split(";"), results),
     "run": tabulate_run,
     "studies": lambda _, results: study_tables.list_studies(results),

@@ -19,6 +19,7 @@ from pipelines.results import (
     SCORES,
     find_outdated,
     read_results,
+    renew_stored_rows,
 )
 
 STATUS = "status"
@@ -36,6 +37,7 @@ def write_docs() -> None:
 
     results = read_results()
     results.add_studies(FOLDER)
+    renew_stored_rows(FOLDER)
     tables = {
         BENCHMARK: (BENCHMARK, summary.write_scores),
         log_track.NAME: (log_track.SCORES, lambda scores: summary.write_table(log_track.tabulate(scores))),

@@ -5,8 +5,8 @@ value, interval and n. Digests of the package's files are stored once for all st
 file also lists the sentences of pages that presuppose a verdict.
 
 ``{{ quote("one_leg_learning.bias") }}`` in a template of ``docs/templates`` is the first value of a statement,
-``quote("...", 1)`` the second, ``interval`` for its interval, ``measured`` for both, ``size`` for its n,
-``verdict`` for the verdict, ``sentence`` for the sentence of a finding. ``docs/blocks.py`` fills in the templates.
+``quote("...", 1)`` the second, ``interval`` for its interval, ``measured`` for both, with n if it is small, ``size``
+for its n, ``verdict`` for the verdict, ``sentence`` for the sentence of a finding. ``docs/blocks.py`` fills them in.
 """
 
 import hashlib
@@ -21,9 +21,11 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import cmacexp
+from cmacexp.addons.study.interval import FEW
 from cmacexp.addons.study.page import CLAIMS, count_verdicts
 from cmacexp.addons.study.provenance import PROVENANCE, digest_package, digest_source, list_changed, make_witness
 from cmacexp.addons.study.statements import MEASURED, NO, UNCLEAR, VERDICTS, YES, Claim, Finding
+from cmacexp.addons.study.stored_rows import STORED_ROWS, judge_again
 from cmacexp.config.compose import compose_config
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.errors import require
@@ -40,6 +42,8 @@ SCORES = {
 """Files with the tables of the last full benchmark and of its log track, by study."""
 PAGES = (README, *sorted(DOCS.glob("*.md")))
 """Pages with generated blocks."""
+STORED_RUNS = PIPELINES / "witnesses"
+"""Folder of the stored runs of each study, from which its statements are judged again."""
 QUOTE = re.compile(r'\{\{ (quote|interval|measured|size|verdict|sentence)\("(\w+)\.([^"]+)"(?:, (\d+))?\) \}\}')
 NOT_MEASURED = "not measured yet"
 ORDER = (*VERDICTS, YES, NO, UNCLEAR, NOT_MEASURED)
@@ -103,13 +107,14 @@ class PublishedResults:
         return key
 
     def confirm(self, name: str) -> list[str]:
-        """Rerun the witnesses of a study and return their differences; without any, note that they are equal.
+        """Rerun the witnesses of a study and judge its stored runs again; without differences, note that.
 
-        Witnesses are two runs of a study; they confirm neither its other runs nor its statements. The log track has
-        no runs, so it cannot be confirmed.
+        Witnesses are two runs of a study; they do not confirm its other runs. Returns the differences. The log track
+        has no runs, so it cannot be confirmed.
         """
         study = self.studies[name]
         differing = [line for witness in study["witnesses"] for line in repeat_witness(witness)]
+        differing += judge_stored(name)
         if study["witnesses"] and not differing:
             study["confirmed"] = {
                 "date": datetime.now(UTC).date().isoformat(),
@@ -141,6 +146,21 @@ class PublishedResults:
         """List the files of the package and of a study that differ from stored digests."""
         package = list_changed(self.code[digests["code"]], digest_package())
         return [*package, *list_changed(digests["own"], _digest_own(digests["own"]))]
+
+
+def renew_stored_rows(folder: Path) -> None:
+    """Copy the stored runs of every full study below ``folder`` to ``STORED_RUNS``."""
+    for path in folder.glob(f"*/{STORED_ROWS}"):
+        text = path.read_text(encoding="utf-8")
+        if path.parent.name in declared() and json.loads(text)["statements"]:
+            STORED_RUNS.mkdir(exist_ok=True)
+            (STORED_RUNS / f"{path.parent.name}.json").write_text(text, encoding="utf-8")
+
+
+def judge_stored(name: str) -> list[str]:
+    """Judge the statements of a study on its stored runs, if it has any; returns those that give something else."""
+    path = STORED_RUNS / f"{name}.json"
+    return judge_again(path, declared()[name]) if path.is_file() else []
 
 
 def run_witness(overrides: Sequence[str]) -> dict[str, Any]:
@@ -235,10 +255,11 @@ def quoted(match: re.Match[str], results: Quotable) -> str:
     if (entry := find_entry(study, name, results)) is None:
         return NOT_MEASURED
     value, interval, size, _ = (str(entry[column][index]) for column in MEASURED)
+    of_few = f", n = {size}" if int(size.split()[-1]) < FEW else ""
     return {
         "quote": value,
         "interval": interval,
-        "measured": f"{value} [{interval}]",
+        "measured": f"{value} [{interval}{of_few}]",
         "size": size,
         "verdict": str(entry["verdict"]),
         "sentence": sentence_of(statement, entry),

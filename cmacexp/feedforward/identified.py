@@ -6,6 +6,7 @@ import numpy as np
 
 from cmacexp.config import number
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
+from cmacexp.feedforward.network import play_earlier
 from cmacexp.models.joint import OWN, SLOW, make_regressors
 from cmacexp.planning.plan import Reference, Setup
 from cmacexp.planning.reference import Motion
@@ -56,14 +57,16 @@ class IdentifiedModel:
 
     def reset(self, setup: Setup) -> None:
         """Compute model torque and regressors; start with zero parameters, or with those of an earlier run."""
-        self.model_torque = InverseDynamics(self.config).compute_torque(setup)
+        model = InverseDynamics(self.config)
+        self.model_torque = model.compute_torque(setup)
         angles = setup.plan.joints.position
         self.ranges: Array = np.stack([angles.min(axis=0), angles.max(axis=0)])
         self.weights: Array = np.zeros((*setup.mechanism.shape, OWN + self.config.knots))
         if setup.learnt is not None:
             self.weights[:] = setup.learnt["weights"]
             self.ranges = setup.learnt["ranges"]
-        self.features = make_features(setup.plan.joints, self.config.knots, self.ranges)
+        features = make_features(setup.plan.joints, self.config.knots, self.ranges)
+        self.features = play_earlier(features, model.count_advance(setup))
         self.start = self.weights
         self.lead = setup.lead
         power = np.maximum((self.features**2).sum(axis=0), 1e-9)

@@ -7,8 +7,9 @@ import numpy as np
 from cmacexp.config import Config as RunConfig
 from cmacexp.config import FeedforwardConfig, number
 from cmacexp.config.machine import RobotMachine, check_gravity_factors, gravity_factors
+from cmacexp.config.schema import AUTO
 from cmacexp.errors import require
-from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
+from cmacexp.feedforward.network import BuiltInFeedforward, known_torque, play_earlier
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import planned_torque
 from cmacexp.planning.machine import planned_torques
@@ -34,6 +35,8 @@ class InverseDynamics(BuiltInFeedforward):
         """Masses of the model / true masses."""
         length_factor: float = number("", above=0, at_most=1e3, needs=("machine.kind != 'point_mass'",))
         """Link lengths of the model / true lengths; joint angles are planned with the true lengths."""
+        advance: float | str = number("s", at_least=0, at_most=1, words=(AUTO,))
+        """Time by which the torque of the model is played earlier; auto: declared delay + lag of the actuator."""
         gravity_factors: list[float] = gravity_factors()
         """Factors of the four terms of the gravity vector in the model, see :data:`GRAVITY_TERMS` (assumed)."""
 
@@ -43,16 +46,26 @@ class InverseDynamics(BuiltInFeedforward):
 
     config: Config
 
+    def count_advance(self, setup: Setup) -> float:
+        """Return ``feedforward.advance`` in samples, which need not be whole."""
+        actuator = setup.config.actuator
+        period = setup.config.sampling_period
+        advance = self.config.advance
+        return actuator.delay + actuator.lag / period if isinstance(advance, str) else advance / period
+
     def reset(self, setup: Setup) -> None:
         """Compute the torque of every sample of the cycle."""
         self.params = known_torque(setup, self.compute_torque(setup))
 
     def compute_torque(self, setup: Setup) -> Array:
-        """Compute the torque (N, L, J) of every sample of the cycle, N m.
+        """Compute the torque (N, L, J) to play at every sample of the cycle, N m.
 
-        It excludes J^T F_d if the controller adds that torque. Raises BadInput for a robot with a length factor
-        other than 1: the link lengths of its model are fixed.
+        It is that of the plan ``feedforward.advance`` later, and excludes J^T F_d if the controller adds that torque.
+        Raises BadInput for a robot with a length factor other than 1: the link lengths of its model are fixed.
         """
+        return play_earlier(self._compute_planned(setup), self.count_advance(setup))
+
+    def _compute_planned(self, setup: Setup) -> Array:
         plan = setup.plan
         controller_adds_force = setup.config.reference == "force_feedforward"
         if isinstance(setup.config.machine, RobotMachine):

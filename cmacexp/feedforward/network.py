@@ -164,19 +164,27 @@ def regressor(setup: Setup, columns: Array, steps: Array, parameters: Array) -> 
     )
 
 
+def _interpolate(cycle: Array, position: Array, axis: int) -> Array:
+    """Interpolate a periodic ``cycle`` (..., N, ...) linearly at ``position`` (K,), in samples, along ``axis``."""
+    length = cycle.shape[axis]
+    before = np.floor(position).astype(int)
+    share = np.expand_dims(position - before, [other for other in range(cycle.ndim) if other != axis])
+    after: Array = np.take(cycle, (before + 1) % length, axis)
+    return after * share + np.take(cycle, before % length, axis) * (1.0 - share)
+
+
 def resample(cycle: Array, samples: int, axis: int = 0) -> Array:
     """Resample the values over a ``cycle`` (..., N, ...) along ``axis`` to ``samples`` samples, in the same unit.
 
     Interpolation is linear in the phase and periodic.
     """
     length = cycle.shape[axis]
-    if length == samples:
-        return cycle
-    position = np.arange(samples) * (length / samples)
-    before = position.astype(int)
-    share = np.expand_dims(position - before, [other for other in range(cycle.ndim) if other != axis])
-    after: Array = np.take(cycle, (before + 1) % length, axis)
-    return after * share + np.take(cycle, before, axis) * (1.0 - share)
+    return cycle if length == samples else _interpolate(cycle, np.arange(samples) * (length / samples), axis)
+
+
+def play_earlier(cycle: Array, samples: float) -> Array:
+    """Shift the values over a periodic ``cycle`` (N, ...) to earlier samples, by ``samples``, also a fraction."""
+    return cycle if samples == 0.0 else _interpolate(cycle, np.arange(len(cycle)) + samples, axis=0)
 
 
 def _start_weights(setup: Setup, shape: tuple[int, ...], log: WeightLog) -> Array:

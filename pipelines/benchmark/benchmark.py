@@ -20,7 +20,17 @@ from cmacexp.study import (
     quotients,
 )
 from pipelines.benchmark import summary
-from pipelines.benchmark.entrants import ALONE, CMAC, MACHINES, SPEED, STRESS, STROKE, TASKS, VERSION
+from pipelines.benchmark.entrants import (
+    ALONE,
+    CMAC,
+    EACH_CYCLE,
+    MACHINES,
+    SPEED,
+    STRESS,
+    STROKE,
+    TASKS,
+    VERSION,
+)
 from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, FOR_EACH, GUARDED
 
 BENCHMARK = "benchmark"
@@ -122,6 +132,11 @@ def _findings(machine: str) -> dict[str, Finding]:
                         at_most(CLEARLY), at_least(1.0))],
             says=f"{machine}: a model that is identified from two cycles is clearly better than the "
             "nominal one",
+        ),
+        f"each_cycle_{machine}": Finding(
+            [Criterion(f"{SCORE}, CMAC over the model identified each cycle, {kind}",
+                        _ratio(machine, CMAC, EACH_CYCLE), at_most(1.0), at_least(1.0))],
+            says=f"{machine}: the CMAC ends better than a model that is identified from as many cycles",
         ),
         f"heavy_{machine}": Finding(
             [Criterion(f"{SCORE}, the model with masses 20 % too heavy over the nominal one",
@@ -225,7 +240,7 @@ def _show(table: Callable[[DataFrame], DataFrame], results: Results) -> DataFram
 def make_study(machines: Collection[str], methods: Collection[str]) -> Study:
     """Return the study of a benchmark of these machines and methods; findings need all methods of the benchmark."""
     findings: dict[str, Finding] = {}
-    if {ALONE, *MODELS, *LEARNERS} <= {*methods}:
+    if {ALONE, EACH_CYCLE, *MODELS, *LEARNERS} <= {*methods}:
         findings = {key: finding for name in machines for key, finding in _findings(name).items()}
     if findings and {*machines} == {*MACHINES}:
         where = "on the machine where it is the farthest behind, which other worlds chose"

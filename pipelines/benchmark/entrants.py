@@ -13,7 +13,7 @@ from cmacexp.config.cmac import CmacConfig
 from cmacexp.config.component import config_class, current_folder_importable, find_class
 from cmacexp.config.schema import LearningConfig
 from cmacexp.errors import require, require_name
-from cmacexp.feedforward import IterativeLearning, RadialBasis
+from cmacexp.feedforward import IdentifiedModel, IterativeLearning, RadialBasis
 from cmacexp.feedforward.network import BuiltInFeedforward
 from pipelines.worlds import FIRST_TUNING, draw_world
 
@@ -27,6 +27,8 @@ PROTOCOL = ("learning.lead=auto", "learning.rate=auto", "learning.guard=none", "
 STROKE, SPEED, STIFFNESS, NOISE, DELAY, PAYLOAD, SLOPE = TASKS = (
     "stroke", "speed", "stiffness", "noise", "delay", "payload", "slope",
 )  # fmt: skip
+DECIDING = 20
+"""Number of worlds from which on methods are ranked."""
 STRESS = "delay of two"
 """Task that is run and shown, but does not count."""
 
@@ -78,7 +80,6 @@ def _robot(name: str, payload: float) -> Machine:
         _changes(
             "0.15", "1.6", "3", [f"payload.weight={payload:g}"], ["terrain.slope=0.05", "terrain.slope_start=0.2"]
         ),
-        worlds=5,
         before=10,
         after=10,
         last=3,
@@ -128,6 +129,8 @@ def hash_tasks(machines: Mapping[str, Machine]) -> str:
 
 FEEDFORWARD, CONTROLLER = "feedforward", "controller"
 ALONE, CMAC = "feedback only", "CMAC"
+EACH_CYCLE = "model, identified each cycle"
+"""Model with as many cycles of data as the learners."""
 METHODS_PACKAGE = "pipelines.benchmark.methods"
 T = TypeVar("T")
 
@@ -205,6 +208,9 @@ def list_methods() -> list[Method]:
         Method("model 20 % heavy", (*model, "feedforward.mass_factor=1.2")),
         replace(smooth, overrides=(*smooth.overrides, "++feedforward.prior=1e6"), tuned=()),
         replace(smooth, name="model, identified"),
+        Method(
+            EACH_CYCLE, ("feedforward=identified",), _list_tuned(FEEDFORWARD, IdentifiedModel.Config), learns=True
+        ),
         Method(CMAC, ("feedforward=cmac",), [*LEARNING, *CMAC_SIZE], learns=True),
         Method("CMAC on model", ("feedforward=cmac_on_model",), [*LEARNING, *CMAC_SIZE], learns=True),
         Method("RBF", ("feedforward=rbf",), [*LEARNING, *of_rbf], learns=True),

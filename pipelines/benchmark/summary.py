@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from cmacexp.study import Array, Comparison, Figure, Interval, Mask, compare, draw, find_order, profile_panel
-from pipelines.benchmark.entrants import ALONE, CMAC, MACHINES, TASKS
+from pipelines.benchmark.entrants import ALONE, CMAC, DECIDING, MACHINES, TASKS
 from pipelines.benchmark.results import BY_DEFAULT, COMPLETED, FOR_ALL, FOR_EACH, take_reference
 from pipelines.common_results import cycles_to
 
@@ -78,16 +78,43 @@ def _describe(comparison: Comparison, method: str) -> str:
     return _format(comparison.mean(method)) + (f"; {(~done).sum()} of {done.size} failed" if not done.all() else "")
 
 
+def rank(comparison: Comparison) -> list[str]:
+    """List the methods, best first: the number of failures decides, then the mean score of the completed runs."""
+    failed = {method: int((~comparison.completed(method)).sum()) for method in comparison.scores}
+    scores = {method: np.nan_to_num(comparison.mean(method).value, nan=np.inf) for method in comparison.scores}
+    return sorted(comparison.scores, key=lambda method: (failed[method], scores[method]))
+
+
+def table_ranking(frame: pd.DataFrame) -> pd.DataFrame:
+    """Tabulate the place of each method on each machine, its failures and its mean score; see :func:`rank`.
+
+    Fewer than ``DECIDING`` worlds give no place.
+    """
+    by_machine = {name: make_comparison(frame, name, find_setting(name)) for name in frame["machine"].unique()}
+    ranks = {name: rank(comparison) for name, comparison in by_machine.items()}
+
+    def place(name: str, method: str) -> str:
+        comparison = by_machine[name]
+        number = f"{ranks[name].index(method) + 1}" if len(comparison.worlds) >= DECIDING else "undecided"
+        return f"{number}: {_describe(comparison, method)}"
+
+    first = next(iter(ranks.values()))
+    titles = {name: f"{name}, {len(comparison.worlds)} worlds" for name, comparison in by_machine.items()}
+    rows = [{titles[name]: place(name, method) for name in by_machine if method in ranks[name]} for method in first]
+    return pd.DataFrame({"method": method, **cells} for method, cells in zip(first, rows, strict=True))
+
+
 def find_setting(machine: str) -> str:
     """Return the main kind of setting for tables: one for all tasks if methods were tuned, else the default."""
     return FOR_ALL if MACHINES[machine].draws else BY_DEFAULT
 
 
 def table_scores(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
-    """Tabulate the main results, best method first: score with each kind of setting, worst cycle, cycles to a tenth.
+    """Tabulate the main results in the order of :func:`rank`.
 
-    The last columns compare a method with the CMAC in the same tasks and worlds: the ratio of the scores in the runs
-    that both complete, and the share of runs in which the method is better.
+    The columns are the score with each kind of setting, the worst cycle, and the cycles to a tenth. The last columns
+    compare a method with the CMAC in the same tasks and worlds: the ratio of the scores in the runs that both
+    complete, and the share of runs in which the method is better.
     """
     last = find_setting(machine)
     kinds = frame["setting"][frame["machine"] == machine].unique()
@@ -96,7 +123,6 @@ def table_scores(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
     main = ends[last]
     worst = make_comparison(frame, machine, last, WORST)
     cycles = count_cycles(take(frame, machine, last)).groupby("method")[CYCLES].median()
-    order = sorted(main.scores, key=lambda method: np.nan_to_num(main.mean(method).value, nan=np.inf))
     against = {"over the CMAC": main.ratio, "better than the CMAC": main.probability_of_improvement}
     return pd.DataFrame(
         {
@@ -106,7 +132,7 @@ def table_scores(frame: pd.DataFrame, machine: str) -> pd.DataFrame:
             CYCLES: _count(cycles[method]),
             **{title: _format(compute(method, CMAC)) for title, compute in against.items() if CMAC in main.scores},
         }
-        for method in order
+        for method in rank(main)
     )
 
 
@@ -175,7 +201,10 @@ def draw_profiles(frame: pd.DataFrame) -> Figure:
 
 def write_scores(frame: pd.DataFrame) -> str:
     """Format absolute errors and the main results of each machine as Markdown for the documentation."""
-    parts = [("Absolute errors at the end, medians over the worlds", table_absolute(frame), "")]
+    parts = [
+        ("Ranking: place, mean score of the completed runs, failures", table_ranking(frame), ""),
+        ("Absolute errors at the end, medians over the worlds", table_absolute(frame), ""),
+    ]
     parts += [(name, table_scores(frame, name), describe_order(frame, name)) for name in frame["machine"].unique()]
     return "\n".join(f"**{title}**\n\n{write_table(table)}\n\n{text}\n" for title, table, text in parts)
 

@@ -133,19 +133,42 @@ DISTURBANCE = np.random.default_rng(1).standard_normal((SAMPLES, 2))
 """Of every cycle; no weights cancel it."""
 
 
-def map_cycles():
-    """The map of (u^j, u^(j-1)) of CELLS, and the functionals that it conserves."""
-    response, rate, lead = MAPPED
-    lags = np.arange(SAMPLES)[:, None] - np.arange(SAMPLES)
-    within = np.where(lags >= 0, response[lags % SAMPLES], 0.0)
-    before = np.where(lags < 0, response[lags % SAMPLES], 0.0)
-    shifted = kernel(CELLS)[:, (np.arange(SAMPLES) - lead) % SAMPLES]
+def map_torques(matrix, within, before, rate, lead):
+    """The map of (u^j, u^(j-1)) for K, G_0 and G_1, each (N, N), and the functionals that it conserves."""
+    samples = len(matrix)
+    shifted = matrix[:, (np.arange(samples) - lead) % samples]
     earlier = np.tril(shifted, -1)
-    one, none, later = np.eye(SAMPLES), np.zeros((SAMPLES, SAMPLES)), shifted - earlier
+    one, none, later = np.eye(samples), np.zeros((samples, samples)), shifted - earlier
     own = one + rate * earlier @ within
     first = np.linalg.solve(own, one - rate * later @ within - rate * earlier @ before)
     second = np.linalg.solve(own, -rate * later @ before)
     return np.block([[first, second], [one, none]]), np.hstack([own, rate * earlier @ before])
+
+
+def map_weights(active, layers, within, before, rate, lead):
+    """The map of the weights in the range of A^T, in an orthonormal basis, and of the last torque."""
+    samples = len(active)
+    _, values, basis = np.linalg.svd(active)
+    basis = basis[: (values > 1e-9 * values[0]).sum()].T
+    teaching = np.roll(active, lead, axis=0)
+    earlier = np.tril(active @ teaching.T / layers, -1)
+    own = np.eye(samples) + rate * earlier @ within
+    torque = np.linalg.solve(own, np.hstack([active @ basis, -rate * earlier @ before]))
+    error = -within @ torque - np.hstack([np.zeros((samples, basis.shape[1])), before])
+    change = rate / layers * basis.T @ teaching.T @ error
+    return np.vstack([np.hstack([np.eye(basis.shape[1]), np.zeros((basis.shape[1], samples))]) + change, torque])
+
+
+def respond(response):
+    """G_0 and G_1, (N, N) each, of a loop that is constant over the cycle."""
+    lags = np.arange(SAMPLES)[:, None] - np.arange(SAMPLES)
+    return (np.where(chosen, response[lags % SAMPLES], 0.0) for chosen in (lags >= 0, lags < 0))
+
+
+def map_cycles():
+    """The map of (u^j, u^(j-1)) of CELLS, and the functionals that it conserves."""
+    response, rate, lead = MAPPED
+    return map_torques(kernel(CELLS), *respond(response), rate, lead)
 
 
 def test_the_torque_follows_the_cycle_map():
@@ -170,6 +193,42 @@ def test_eigenvalue_one_is_semisimple_and_counts_what_a_singular_kernel_does_not
     # Components outside the range of K of the torque that the weights give at the start of a cycle never change.
     outside = np.linalg.svd(matrix)[0][:, SAMPLES - unlearnt :].T @ conserved
     np.testing.assert_allclose(outside @ step, outside, atol=1e-9)
+
+
+def test_the_map_of_weights_has_the_eigenvalues_of_the_map_of_torques_but_the_conserved_ones():
+    (step, _), (response, rate, lead) = map_cycles(), MAPPED
+    of_torques, of_weights = (
+        np.sort(np.abs(values[np.abs(values) > 1e-3]))
+        for values in map(
+            np.linalg.eigvals, (step, map_weights(count_active(CELLS), LAYERS, *respond(response), rate, lead))
+        )
+    )
+    unlearnt = SAMPLES - np.linalg.matrix_rank(kernel(CELLS))
+    assert len(of_weights) == len(of_torques) - unlearnt
+    np.testing.assert_allclose(of_weights, of_torques[:-unlearnt], atol=1e-6)
+
+
+@pytest.mark.parametrize("rate", [0.05, 0.5])
+def test_a_torque_that_weights_give_may_be_fixed_where_learning_diverges(rate):
+    """Two samples share all cells; the second one disturbs the first one of the next cycle."""
+    within, before = np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[0.0, -1.0], [0.0, 0.0]])
+    step, _ = map_torques(np.ones((2, 2)), within, before, rate, lead=0)
+    np.testing.assert_allclose(step @ np.ones(4), np.ones(4))
+    expected = (1.0 + math.sqrt(1.0 + 4.0 * rate**2)) / 2.0
+    values = np.linalg.eigvals(map_weights(np.ones((2, 1)), 1, within, before, rate, lead=0))
+    assert np.abs(values).max() == pytest.approx(expected)
+    assert np.abs(values - 1.0).min() > rate**2 / 2.0
+    weights, cells, torque, sizes = np.ones((1, 2)), np.zeros((1,), np.uint32), np.zeros((2, 2)), []
+    last = torque.copy()
+    for _ in range(2000):
+        for k in range(2):
+            read(weights, cells, torque[k])
+            train(weights, cells, -within[k] @ torque - before[k] @ last, rate)
+        last[:] = torque
+        sizes.append(abs(weights[0, 0]))
+        if sizes[-1] > 1e200:
+            break
+    assert sizes[-1] / sizes[-2] == pytest.approx(expected, rel=1e-6)
 
 
 def test_learning_converges_to_a_residual_that_no_weights_cancel():

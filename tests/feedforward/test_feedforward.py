@@ -90,6 +90,25 @@ def torque_of_model(make_config, *more):
     return make_scenario(make_config("feedforward=inverse_dynamics", *more))
 
 
+@pytest.mark.parametrize(
+    ("overrides", "samples"),
+    [(("feedforward.advance=0.01",), 2.0), (("feedforward.advance=0.0075",), 1.5),
+     (("feedforward.advance=auto",), 0.0),
+     (("feedforward.advance=auto", "actuator.delay=1", "actuator.lag=0.0125"), 3.5),
+     (("feedforward.advance=0", "actuator.delay=1"), 0.0)],
+)  # fmt: skip
+@pytest.mark.parametrize("kind", ["inverse_dynamics", "cmac_on_model"])
+def test_the_torque_of_a_model_is_played_earlier_by_its_advance(make_config, kind, overrides, samples):
+    """Of 5 ms each; between two samples it is interpolated."""
+    plain = torque_of_model(make_config, *SHORT).feedforward.params.torque
+    earlier = make_scenario(make_config(*SHORT, f"feedforward={kind}", *overrides)).feedforward.params.torque
+    whole, share = divmod(samples, 1.0)
+    expected = (1.0 - share) * np.roll(plain, -int(whole), axis=0) + share * np.roll(plain, -int(whole) - 1, axis=0)
+    assert_allclose(earlier, expected, rtol=1e-12, atol=1e-12)
+    if not samples:
+        assert_array_equal(earlier, plain)
+
+
 def test_what_a_controller_adds_for_the_desired_force_is_not_in_the_model_again(make_config):
     """Of the planned torque in support, J^T F_d is the controller's with ``force_feedforward``."""
     whole, rest = (torque_of_model(make_config, *SHORT, f"reference={law}") for law in ("aware", "force_feedforward"))
@@ -226,7 +245,7 @@ def test_one_update_a_cycle_moves_the_torque_by_the_kernel_over_its_norm(make_co
 
 
 def test_a_cmac_on_a_model_knows_the_torque_of_the_model(setup):
-    wrong = InverseDynamics.Config(1.1, 0.9)
+    wrong = InverseDynamics.Config(1.1, 0.9, 0.0)
     feedforward = CmacOnModel(wrong)
     feedforward.reset(setup)
     known = InverseDynamics(wrong).compute_torque(setup)

@@ -54,6 +54,19 @@ def test_joints_are_found_in_the_feedback_whenever_it_comes(at_start):
     assert_allclose(feedforward.learnt()["weights"][0, 0, :2], [INERTIA, VISCOUS], rtol=1e-2)
 
 
+def test_joints_are_found_behind_a_lag_that_the_torque_is_advanced_by(scenario, make_config):
+    """Torque and regressors are those of two samples later, so that the parameters stay those of the joints."""
+    advanced = make_scenario(
+        make_config(*SHORT, "learning.lead=2", "feedforward.forgetting=1", "feedforward.prior=1e-9",
+                    "feedforward.advance=0.01")
+    )  # fmt: skip
+    feedforward, setup = advanced.feedforward, advanced.setup
+    model = InverseDynamics(scenario.feedforward.config).compute_torque(setup)
+    wanted = np.roll(model + find_lost(setup, feedforward.ranges), -2, axis=0)
+    assert_allclose(walk(feedforward, wanted, setup.lead), wanted, atol=1e-5)
+    assert_allclose(feedforward.learnt()["weights"][0, 0, :2], [INERTIA, VISCOUS], rtol=1e-2)
+
+
 def test_what_was_learnt_gives_the_torque_of_another_speed(at_start, make_config):
     feedforward, setup, model = at_start
     walk(feedforward, model + find_lost(setup, feedforward.ranges), setup.lead)

@@ -15,6 +15,8 @@ from pipelines.benchmark.benchmark import LEARNERS, MODELS, make_study
 from pipelines.benchmark.entrants import (
     ALONE,
     CMAC,
+    DECIDING,
+    EACH_CYCLE,
     LEG,
     MACHINES,
     STRESS,
@@ -34,7 +36,7 @@ from pipelines.benchmark.results import (
     list_overrides,
 )
 
-TASKS_OF_VERSION_1 = "fe5a5ab1812333e398fc5fcc1c12e9b39d3d9a85a11295abfa91819ff2f297ff"
+TASKS_OF_VERSION_1 = "1d580c33a88dc99a624fe5831029e415000b809977914f52236e25704b0521fb"
 ENTRANTS = '''
 from dataclasses import dataclass
 
@@ -229,15 +231,24 @@ def test_failures_are_counted_beside_the_mean_and_nothing_is_relative_to_a_refer
     scores = summary.table_scores(frame, "go1").set_index("method")
     assert re.fullmatch(r"0.050 \[.*\]; 12 of 18 failed", scores["default"]["ILC"])  # without that task
     assert re.fullmatch(r"0.110 \[[^;]*\]", scores["default"][CMAC])
+    ranking = summary.table_ranking(frame)
+    assert [*ranking["method"]] == [CMAC, ALONE, "ILC"]  # failures decide before the score
+    assert all(cell.startswith("undecided: ") for cell in ranking["go1, 3 worlds"])
     counted = summary.count_cycles(frame[frame["method"].isin([ALONE, CMAC])]).set_index("method").loc[CMAC]
     unknown = counted[counted[summary.CYCLES].isna()]
     assert list(zip(unknown["task"], unknown["world"], strict=True)) == [("delay", 1), ("delay", 2)]
 
 
+def test_methods_have_places_where_worlds_suffice():
+    rows = make_rows("go1", BY_DEFAULT, {name: [level] * DECIDING for name, level in ((ALONE, 9.0), (CMAC, 1.0))})
+    ranking = summary.table_ranking(pd.DataFrame(rows))
+    assert [cell.split(":")[0] for cell in ranking[f"go1, {DECIDING} worlds"]] == ["1", "2"]
+
+
 @pytest.mark.ci
 def test_the_findings_follow_from_the_rows():
     """On the leg every learner is better than the models; on robots ILC is not, and RBF is better than the CMAC."""
-    levels = {ALONE: 100.0, **dict.fromkeys(MODELS, 30.0), **dict.fromkeys(LEARNERS, 4.0), CMAC: 3.0}
+    levels = {ALONE: 100.0, EACH_CYCLE: 6.0, **dict.fromkeys(MODELS, 30.0), **dict.fromkeys(LEARNERS, 4.0), CMAC: 3.0}
     rows, chance = [], np.random.default_rng(0)
     for machine in MACHINES:
         own = levels | ({} if machine in (LEG, "quadruped") else {"ILC": 50.0, "RBF": 1.0})
@@ -249,8 +260,8 @@ def test_the_findings_follow_from_the_rows():
     results = Results([], {"benchmark": pd.DataFrame(rows)})
     expected = {
         "learners_leg": "yes", "learners_identified_leg": "yes", "learners_go1": "no", "rbf_leg": "no",
-        "rbf_go1": "yes", "model_leg": "yes", "identified_leg": "no", "plain_fails_leg": "no", "guarded_leg": "yes",
-        "fails_leg": "unclear", "no_winner": "yes", "tuning_leg": "no",
+        "rbf_go1": "yes", "model_leg": "yes", "each_cycle_leg": "yes", "identified_leg": "no",
+        "plain_fails_leg": "no", "guarded_leg": "yes", "fails_leg": "unclear", "no_winner": "yes", "tuning_leg": "no",
     }  # fmt: skip
     findings = make_study(MACHINES, [*levels]).findings
     judged = {name: findings[name].judge(results) for name in (*expected, "plain_leg")}

@@ -83,7 +83,7 @@ def test_norm_optimal_solves_its_normal_equations():
 def test_the_regressor_gives_the_inverse_dynamics_and_its_parameters_follow_their_law(of, overrides):
     setup = of(*overrides, "feedforward=none").setup
     regressor = make_regressor(setup)
-    nominal = InverseDynamics(InverseDynamics.Config(1.0, 1.0)).compute_torque(setup)
+    nominal = InverseDynamics(InverseDynamics.Config(1.0, 1.0, 0.0)).compute_torque(setup)
     assert_allclose(regressor[..., :4] @ MODEL, nominal, atol=1e-9)
     gains = make_gains(regressor) / len(regressor)
     eigenvalues = np.linalg.eigvals(gains @ np.einsum("kijp,kijq->ipq", regressor, regressor)).real

@@ -1,11 +1,12 @@
-"""Two runs of every study that is quoted, its witnesses, give today what they gave when it last ran in full."""
+"""What is quoted of a study is what its code gives: two runs, its witnesses, and statements on stored runs."""
 
 import json
+from dataclasses import replace
 
 import pytest
 from support.robots import needs_models
 
-from pipelines.results import PublishedResults, read_results, repeat_witness
+from pipelines.results import STORED_RUNS, PublishedResults, declared, judge_stored, read_results, repeat_witness
 
 WITNESSES = [
     pytest.param(
@@ -24,6 +25,30 @@ WITNESSES = [
 @pytest.mark.parametrize("witness", WITNESSES)
 def test_a_witness_gives_what_it_gave(witness):
     assert not repeat_witness(witness)
+
+
+STORED = sorted(path.stem for path in STORED_RUNS.glob("*.json"))
+
+
+@pytest.mark.parametrize("name", STORED)
+def test_statements_give_on_stored_runs_what_they_gave(name):
+    assert not judge_stored(name)
+
+
+def test_stored_runs_belong_to_studies_and_a_fault_of_a_measure_is_noticed(monkeypatch):
+    """The force error instead of the transfer error, as a function that several studies share."""
+    assert STORED
+    assert set(STORED) <= set(declared())
+    faulty = {
+        name: {
+            key: replace(statement, criteria=[replace(c, sample=lambda runs: runs.end("force_rmse", 1))
+                                              for c in statement.criteria])
+            for key, statement in statements.items()
+        }
+        for name, statements in declared().items()
+    }  # fmt: skip
+    monkeypatch.setattr("pipelines.results.declared", lambda: faulty)
+    assert all(judge_stored(name) for name in STORED)
 
 
 @pytest.mark.ci

@@ -23,6 +23,7 @@ from cmacexp.addons.study.page import (
 from cmacexp.addons.study.provenance import choose_witnesses, digest_study, make_provenance
 from cmacexp.addons.study.results import Results, read_row
 from cmacexp.addons.study.statements import Claim, Finding
+from cmacexp.addons.study.stored_rows import STORED_ROWS, store_rows
 from cmacexp.addons.study.study import Request
 from cmacexp.addons.study.study_file import StudyFile, load_study
 from cmacexp.commands.command import Arguments, OptionTable, Parser, make_flag
@@ -107,7 +108,8 @@ def _write(
     results = Results(results.rows, {name: compute(results) for name, compute in file.study.computed.items()})
     witnesses = choose_witnesses(results, {collected[r][0]: r.overrides for r in requests if r.starts_from is None})
     provenance = make_provenance(digest_study(path), results, witnesses, options.seeds)
-    return write_results(file, results, options.choose_folder(file.name), options.quick, provenance, {})
+    texts = {} if options.quick else {STORED_ROWS: store_rows(file.study.statements, results)}
+    return write_results(file, results, options.choose_folder(file.name), options.quick, provenance, texts)
 
 
 def write_results(

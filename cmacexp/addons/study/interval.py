@@ -20,6 +20,8 @@ EXACT = "deterministic"
 """Method of a value that no seed and no case changes; it has no interval."""
 UNDEFINED = "undefined"
 """Method of a value that cannot be computed since runs failed."""
+RANGE = "min and max"
+"""Method of a median with the smallest and the largest value: conditions chosen by hand are no random sample."""
 NO_REFERENCE = "n/a: the reference fell"
 """Method of a ratio whose references all failed."""
 ONE_SEED = "undecided: one seed"
@@ -65,14 +67,20 @@ class BadSample(ValueError):
     """Error of a sample that has no interval."""
 
 
-def estimate(sample: Sequence[float] | Sequence[bool] | Array | Mask, dimensionless: bool = False) -> Interval:
+def estimate(
+    sample: Sequence[float] | Sequence[bool] | Array | Mask, picked: bool = False, signed: bool = False
+) -> Interval:
     """Estimate a value and its 95 % confidence interval from a sample, by a method that depends on the sample.
 
     - Boolean values: the proportion of true values, with Wilson's interval (Wilson 1927).
     - One number or equal numbers: that number, since nothing that was varied changes it.
-    - Fewer than ``FEW`` numbers: the mean, with Student's t. If they are ``dimensionless`` and positive, they are
-      ratios: the geometric mean, with Student's t of the logarithms.
+    - Numbers of ``picked`` conditions, chosen by hand: the median, with the smallest and the largest number.
+    - Fewer than ``FEW`` positive numbers: the geometric mean, with Student's t of the logarithms.
+    - As few numbers, some of them 0 and none negative: as of picked conditions.
+    - As few numbers, some of them negative or of a ``signed`` quantity: the mean, with Student's t.
     - More numbers: the interquartile mean, with a percentile bootstrap (Agarwal et al. 2021).
+
+    So no interval of a quantity that cannot be negative reaches below 0.
 
     An infinite value stands for a failed run, ``UNPAIRED`` for a run whose reference failed: both are counted, but do
     not enter the estimate.
@@ -84,7 +92,7 @@ def estimate(sample: Sequence[float] | Sequence[bool] | Array | Mask, dimensionl
     True
     >>> estimate([2.0]).method
     'deterministic'
-    >>> estimate([0.5, 2.0], dimensionless=True).value
+    >>> estimate([0.5, 2.0]).value
     1.0
     """
     values = np.atleast_1d(np.asarray(sample))
@@ -97,23 +105,27 @@ def estimate(sample: Sequence[float] | Sequence[bool] | Array | Mask, dimensionl
     paired = values[values != UNPAIRED].astype(float)
     finite = paired[np.isfinite(paired)]
     endless = Interval(math.inf, math.inf, math.inf, 0, EXACT)
-    interval = _estimate_finite(finite, dimensionless) if finite.size else endless
+    interval = _estimate_finite(finite, picked, signed) if finite.size else endless
     if not paired.size:
         interval = replace(UNKNOWN, method=NO_REFERENCE)
     return replace(interval, failed=len(paired) - len(finite), unpaired=len(values) - len(paired))
 
 
-def _estimate_finite(values: Array, dimensionless: bool) -> Interval:
+def _estimate_finite(values: Array, picked: bool, signed: bool) -> Interval:
+    least = float(values.min())
     if len(set(values.tolist())) == 1:
-        value = float(values[0])
-        return Interval(value, value, value, len(values), EXACT)
+        return Interval(least, least, least, len(values), EXACT)
+    signed = signed or least < 0.0
+    if picked or (len(values) < FEW and least == 0.0 and not signed):
+        return Interval(float(np.median(values)), least, float(values.max()), len(values), RANGE)
     if len(values) >= FEW:
         return _bootstrap(values)
-    if dimensionless and values.min() > 0.0:
-        logarithmic = student(np.log(values))
+    if signed:
+        return student(values)
+    logarithmic = student(np.log(values))
+    with np.errstate(over="ignore"):
         value, low, high = np.exp([logarithmic.value, logarithmic.low, logarithmic.high]).tolist()
-        return Interval(value, low, high, len(values), f"{logarithmic.method} of logarithms")
-    return student(values)
+    return Interval(value, low, high, len(values), f"{logarithmic.method} of logarithms")
 
 
 def student(values: Array) -> Interval:

@@ -52,8 +52,10 @@ READING = """<p>The table below a statement gives what was measured: the value, 
 sample, and the limits that decide: where the statement holds, and where its opposite does. n is the number of
 completed runs that the value rests on, or “n of N” if others of the N failed or have nothing to be compared with:
 failures are never part of a value, but no statement holds for a run that failed. The interval of a proportion is
-Wilson's. That of fewer than {few} values that differ is Student's t of their mean, of positive ratios of their
-logarithms (the value is the geometric mean); that of more a percentile bootstrap of their interquartile mean. A value
+Wilson's. That of fewer than {few} positive values is Student's t of their logarithms (the value is the geometric
+mean), of values of both signs Student's t of their mean; that of more a percentile bootstrap of their interquartile
+mean. Of conditions that were chosen by hand, “(min, max)”, the median, the smallest and the largest value
+are given. A value
 that no seed and no case changes is marked “deterministic”, which says nothing of modelling errors.</p>"""
 CLAIMS = "claims.json"
 

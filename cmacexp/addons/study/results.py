@@ -79,6 +79,12 @@ class Results:
         return len({row.settings.get("seed") for row in self.rows if row.seeded}) == 1
 
     @property
+    def has_picked_conditions(self) -> bool:
+        """True if the runs differ only in settings chosen by hand: their one seed is not varied by the study."""
+        seeds = {row.settings.get("seed") for row in self.rows}
+        return len(seeds) == 1 and not any(row.seeded for row in self.rows)
+
+    @property
     def runs(self) -> list[Run]:
         """The runs, which give access to their traces."""
         return [row.run for row in self.rows]

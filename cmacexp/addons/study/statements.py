@@ -9,6 +9,7 @@ from cmacexp.addons.study.interval import (
     EXACT,
     NO_REFERENCE,
     ONE_SEED,
+    RANGE,
     UNDEFINED,
     UNKNOWN,
     BadSample,
@@ -131,6 +132,12 @@ class Criterion:
             return self.sample(runs)
         return relative(runs, results.select({**self.of, **self.over}), self.sample)
 
+    @property
+    def is_signed(self) -> bool:
+        """True if a limit at 0 or below shows that the quantity may be negative."""
+        limits = (self.holds, self.fails or ANY)
+        return any(-math.inf < end <= 0.0 for limit in limits for end in (limit.low, limit.high))
+
     def format_limit(self, limit: Limit) -> str:
         """Format a limit in the unit of the criterion, e.g. ``at most 5 %``."""
         return limit.describe(self.scale, self.unit)
@@ -176,14 +183,15 @@ class CriterionResult:
         if self.interval.method in (EXACT, UNDEFINED, NO_REFERENCE, ONE_SEED):
             return self.interval.method
         scale = self.criterion.scale
-        return _format_range(scale * self.interval.low, scale * self.interval.high, self.criterion.unit)
+        ends = _format_range(scale * self.interval.low, scale * self.interval.high, self.criterion.unit)
+        return f"{ends} (min, max)" if self.interval.method == RANGE else ends
 
 
 def _measure(criterion: Criterion, results: Results) -> CriterionResult:
     try:
         chosen = results.select(criterion.of)
         references = results.select({**criterion.of, **criterion.over}).rows if criterion.over is not None else ()
-        interval = estimate(criterion.take(results), criterion.unit in ("", "%"))
+        interval = estimate(criterion.take(results), chosen.has_picked_conditions, criterion.is_signed)
         chosen = Results([*chosen.rows, *references], results.computed)
         if chosen.has_one_seed:
             interval = replace(interval, method=ONE_SEED)

@@ -131,7 +131,7 @@ def of_completed(columns: Mapping[str, Sample]) -> dict[str, Callable[[Results],
 
 
 def describe_estimates(results: Results, *samples: Sample) -> str | None:
-    """Format the estimates of several samples, e.g. ``6 / 18 (2 of 3)``: with the number of runs if some failed.
+    """Format the estimates of several samples, e.g. ``5.66 / 17 (2 of 3)``: with the number of runs if some failed.
 
     Returns None if one of them cannot be computed, e.g. in a quick study.
     """

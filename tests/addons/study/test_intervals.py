@@ -1,12 +1,13 @@
 """Intervals of samples: what the statistics of every verdict must give, and what a run that failed counts as."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from support.made_studies import made_errors, made_row
 
-from cmacexp.addons.study.interval import EXACT, FEW, UNPAIRED, Interval, estimate
+from cmacexp.addons.study.interval import EXACT, FEW, RANGE, UNPAIRED, Interval, estimate
 from cmacexp.addons.study.samples import per_seed, quotients, relative
 from cmacexp.addons.study.views import completed, over_cycles, tabulate
 from cmacexp.study import Results, at_most
@@ -31,30 +32,48 @@ def test_values_that_nothing_changes_are_exact():
 
 
 def test_fewer_than_ten_values_have_student_s_t_and_more_a_bootstrap():
-    three = estimate([1.0, 2.0, 3.0])
+    three = estimate([-1.0, 0.0, 1.0])
     reach = 4.302653 / math.sqrt(3)  # 97.5 % quantile of Student's t with two degrees of freedom; deviation 1
-    assert (three.low, three.value, three.high) == pytest.approx((2.0 - reach, 2.0, 2.0 + reach))
+    assert (three.low, three.value, three.high) == pytest.approx((-reach, 0.0, reach))
     many = estimate(np.random.default_rng(0).normal(5.0, 1.0, 100))
     assert many.low < 5.0 < many.high
     assert many.high - many.low == pytest.approx(2 * 1.96 * 0.1, rel=0.35)
     assert estimate([1.0] * 5 + [1.1] * 4 + [1e9]).value == pytest.approx(1.05, abs=0.02)  # outliers do not move it
 
 
-def test_positive_ratios_have_an_interval_of_their_logarithms():
+def test_few_positive_values_have_an_interval_of_their_logarithms():
     ratios = np.array([0.5, 0.8, 1.25, 2.0])
-    found, turned = (estimate(each, dimensionless=True) for each in (ratios, 1.0 / ratios))
+    found, turned = (estimate(each) for each in (ratios, 1.0 / ratios))
     assert (found.value, found.low, found.high) == pytest.approx((1.0, 1.0 / turned.high, 1.0 / turned.low))
-    assert estimate([-0.5, 0.5], dimensionless=True).value == 0.0
+    errors = estimate([0.00074, 0.0009, 0.00083, 0.0121, 0.0007])  # one walk of five is far off
+    assert 0.0 < errors.low < 0.001 < errors.value < errors.high
+    assert estimate([1e-300, 1e300]).low == 0.0
+
+
+@pytest.mark.parametrize("count", [3, FEW + 2])
+def test_conditions_chosen_by_hand_have_a_median_and_a_range(count):
+    values = np.linspace(-1.0, 4.0, count)
+    found = estimate(values, picked=True)
+    assert (found.low, found.high, found.count, found.method) == (-1.0, 4.0, count, RANGE)
+    assert found.value == pytest.approx(1.5)
+    rows = [row for value in values for row in made_errors(value).rows]
+    assert Results(rows).has_picked_conditions
+    assert not Results([replace(row, seeded=True) for row in rows]).has_picked_conditions
+    assert not Results([*rows, *made_errors(1.0, seed=1).rows]).has_picked_conditions
+
+
+def test_a_few_values_of_which_one_is_zero_have_a_range_that_is_not_negative():
+    assert estimate([0.0, 1.0, 4.0]) == Interval(1.0, 0.0, 4.0, 3, RANGE)
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("size", [3, 5, 9, FEW, 20])
-@pytest.mark.parametrize("dimensionless", [False, True])
-def test_intervals_cover_the_true_value_in_95_per_cent_of_the_draws(size, dimensionless):
-    """Of normal values, and of ratios whose median is 1; the limits are those of 2,000 draws."""
+@pytest.mark.parametrize("signed", [False, True])
+def test_intervals_cover_the_true_value_in_95_per_cent_of_the_draws(size, signed):
+    """Of normal values, and of positive values whose median is 1; the limits are those of 2,000 draws."""
     drawn = np.random.default_rng(3).normal(0.0, 0.3, (2000, size))
-    samples, truth = (np.exp(drawn), 1.0) if dimensionless else (drawn, 0.0)
-    found = [estimate(sample, dimensionless) for sample in samples]
+    samples, truth = (drawn, 0.0) if signed else (np.exp(drawn), 1.0)
+    found = [estimate(sample, signed=signed) for sample in samples]
     assert 0.93 <= np.mean([each.low <= truth <= each.high for each in found]) <= 0.97
 
 
@@ -62,7 +81,8 @@ def test_runs_that_failed_are_counted_apart_and_meet_no_limit():
     sample = last_error(made_errors(0.1, 0.3, math.nan))
     assert sample.tolist() == [0.1, 0.3, math.inf]
     found = estimate(sample)
-    assert (found.value, found.size, found.failed, found.reach) == (pytest.approx(0.2), "2 of 3", 1, math.inf)
+    assert (found.size, found.failed, found.reach) == ("2 of 3", 1, math.inf)
+    assert found.value == pytest.approx(math.sqrt(0.03))
     assert not at_most(1e9).contains(found)
     # The worst of a metric that should be large.
     assert made_errors(math.nan).at(5, "feedforward_share").tolist() == [0.0]

@@ -21,6 +21,7 @@ from cmacexp.study import (
     Results,
     at_least,
     at_most,
+    between,
     grid,
     starting_from,
 )
@@ -95,7 +96,7 @@ OWN = ("It is {value}.", "It is not: {value}.", "Unclear: {value}.")
     [
         ([5e-4], "yes (0.5 mm [deterministic]", "It is 0.5 mm."),
         ([1.5e-3], "no (1.5 mm [deterministic]", "It is not: 1.5 mm."),
-        ([9e-4, 1.1e-3], "undecided (1 mm [-0.271 to 2.27 mm]", "Unclear: 1 mm."),
+        ([9e-4, 1.1e-3], "undecided (1 mm [0.9 to 1.1 mm (min, max)]", "Unclear: 1 mm."),
     ],
 )
 def test_a_finding_says_what_came_out_and_of_how_much_or_its_own_sentence(sample, outcome, own):
@@ -163,3 +164,12 @@ def test_a_digest_leaves_out_docstrings_and_nothing_else(tmp_path):
     assert digest("def f():\n    return 2\n") != plain
     assert digest('def f(x=1): "text"\n') != digest('def f(x=2): "text"\n')  # code stands on the line too
     assert digest("a: 1 # one\n", "a.yaml") == digest("a:   1\n", "a.yaml") != digest("a: 2\n", "a.yaml")
+
+
+@pytest.mark.parametrize(
+    ("holds", "fails", "signed"),
+    [(at_most(1.0), None, False), (at_least(0.5), at_most(0.1), False), (ANY, None, False),
+     (at_least(0.0), None, True), (between(-0.1, 0.1), None, True), (at_least(1.0), at_most(0.0), True)],
+)  # fmt: skip
+def test_a_quantity_is_signed_if_a_limit_reaches_zero(holds, fails, signed):
+    assert Criterion("growth", lambda results: [], holds, fails).is_signed == signed
