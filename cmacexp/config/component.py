@@ -90,6 +90,12 @@ def find_option(group: str, target: str) -> str:
     return target.rpartition(".")[2]
 
 
+def list_options_with(group: str, name: str) -> list[str]:
+    """List the options of a group of the shipped configs that have a field of this name."""
+    options = _read_options(group).items()
+    return [option for option, node in options if name in node or name in (node.get(group) or ())]
+
+
 def config_class(component: Callable[..., object]) -> type[ComponentConfig] | None:
     """Return the attribute ``Config`` of a component class, own or inherited; None if it is no config class."""
     schema = getattr(component, "Config", None)
