@@ -210,9 +210,10 @@ def find_choice(composed: DictConfig, group: str) -> str | None:
         for folder in folders:
             path = Path(folder, chosen_group.partition("@")[0], f"{option}.yaml")
             if Path(folder) != config_folder() and path.is_file():
-                for entry in OmegaConf.load(path).get("defaults") or ():
-                    for key, name in entry.items() if isinstance(entry, DictConfig) else ():
-                        if re.fullmatch(f"override +/?{group}", key):
+                content: Any = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
+                for entry in content.get("defaults") or ():
+                    for key, name in entry.items() if isinstance(entry, dict) else ():
+                        if re.fullmatch(f"override +/?{group}", str(key)):
                             return str(name)
     return None
 
