@@ -164,7 +164,10 @@ class LoopEnv(Env[Array, Array]):
         }
         self._bounds = np.array(bounds)
         limit = largest.ravel() / self.action_scale
-        self.action_space = spaces.Box(-limit, limit, dtype=np.float64)
+        # float32, as learners expect; limits in N m would be rounded.
+        number: Any = np.float32 if normalised else np.float64
+        high = limit.astype(number)
+        self.action_space = spaces.Box(-high, high, dtype=number)
         self.observation_space = spaces.Box(-self._bounds, self._bounds, dtype=np.float64)
         self._counted = np.arange(loop.shape[1]) != Y  # y is the vertical axis
         self._force_scale = float(loop.setup.plan.force_desired.max()) or 1.0

@@ -13,6 +13,7 @@ from hydra import main as hydra_main
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.utils import configure_log, run_job
+from hydra.errors import ConfigCompositionException
 from hydra.experimental.callback import Callback
 from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, OmegaConf
@@ -20,7 +21,7 @@ from omegaconf import DictConfig, OmegaConf
 from cmacexp.commands.command import BAD_INPUT, COMPLETED, FAILED, STOPPED, run_command
 from cmacexp.commands.group_help import find_group, format_help
 from cmacexp.config import Config, config_folder, to_config
-from cmacexp.config.compose import make_record
+from cmacexp.config.compose import make_record, split_overrides
 from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput, CmacexpError, require
@@ -116,7 +117,16 @@ def _compose(
         overrides.append(f"hydra.searchpath=[file://{Path(options.config_dir).resolve()}]")
     with initialize_config_dir(str(Path(options.config_path).resolve()), "main", version_base="1.3"):
         loader = GlobalHydra.instance().config_loader()
-        config = loader.load_configuration(options.config_name, overrides, mode)
+        try:
+            config = loader.load_configuration(options.config_name, overrides, mode)
+        except ConfigCompositionException:
+            if mode is RunMode.RUN:
+                raise
+            # Hydra sets values in the default option of a swept group, which may lack them; jobs check them.
+            values = [text for text in split_overrides(overrides)[1] if not text.startswith(("+", "hydra"))]
+            texts = {f"++{text}" if text in values else text: text for text in overrides}
+            config = loader.load_configuration(options.config_name, [*texts], mode)
+            config.hydra.overrides.task = [texts[text] for text in config.hydra.overrides.task]
         configure_log(config.hydra.hydra_logging, config.hydra.verbose)
         yield config, HydraContext(loader, Callback())  # type: ignore[arg-type]
 

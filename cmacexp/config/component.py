@@ -90,6 +90,12 @@ def find_option(group: str, target: str) -> str:
     return target.rpartition(".")[2]
 
 
+def list_options_with(group: str, name: str) -> list[str]:
+    """List the options of a group of the shipped configs that have a field of this name."""
+    options = _read_options(group).items()
+    return [option for option, node in options if name in node or name in (node.get(group) or ())]
+
+
 def config_class(component: Callable[..., object]) -> type[ComponentConfig] | None:
     """Return the attribute ``Config`` of a component class, own or inherited; None if it is no config class."""
     schema = getattr(component, "Config", None)
@@ -177,13 +183,13 @@ def find_class(key: str, target: object) -> type[Any]:
         raise BadInput(key, target, "must name a class as module.Class, e.g. my_file.MyController")
     module_name, _, name = target.rpartition(".")
     module = _import(key, target, module_name)
-    if not hasattr(module, name):
+    component = getattr(module, name, None)
+    if component is None:
         members = inspect.getmembers(module, inspect.isclass)
         classes = [member for member, value in members if value.__module__ == module_name]
         has = f"; it has {listed(classes)}" if classes else ""
         where = getattr(module, "__file__", "built in")
         raise BadInput(key, target, f"{module_name} ({where}) has no {name}{has}{suggest(name, classes)}")
-    component = getattr(module, name)
     require(inspect.isclass(component), key, target, f"must be a class, but is of type {type(component).__name__}")
     return component  # type: ignore[no-any-return]
 

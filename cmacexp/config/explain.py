@@ -9,6 +9,7 @@ from hydra.errors import HydraException, MissingConfigException, OverrideParseEx
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
+from cmacexp.config.component import find_option, list_options_with
 from cmacexp.config.fields import listed
 from cmacexp.config.robot_rule import find_mistake
 from cmacexp.errors import format_install_command, format_value, suggest
@@ -70,5 +71,12 @@ def _explain_key(error: OmegaConfBaseException, overrides: Sequence[str]) -> str
         return f"{key}: no such key; {parent} is a value, not a group"
     if any(text.startswith(f"{parent}._target_=") for text in overrides):
         return f"{key}: the option of conf/{parent} has no such field; add one of a custom class: +{key}=VALUE"
+    if options := list_options_with(parent, str(error.key)):
+        target = (error.parent_node or {}).get("_target_")
+        option = f" with {parent}={find_option(parent, target)}" if target else ""
+        return (
+            f"{key}: no such key{option}; {listed(options)} of conf/{parent} have it: choose one of these, or leave "
+            f"out the key; options with and without it take two sweeps"
+        )
     suggestion = suggest(str(error.key), names, f"{parent}." if parent else "")
     return f"{key}: no such key; {parent or 'the config'} has {listed(names)}{suggestion}"

@@ -1,5 +1,6 @@
 """What ``hydra/launcher`` stands for: the executor of a sweep or a study, and how much a call of it does."""
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -196,6 +197,25 @@ def start_launcher(
             yield TaskLauncher(executor, tasks, chunk)
     else:
         yield PluginLauncher(config, context, tasks, chunk)
+
+
+def find_choice(composed: DictConfig, group: str) -> str | None:
+    """Find the option of a group of Hydra that a user's file for a chosen option overrides; None: there is none.
+
+    Hydra composes its own groups first and ignores that override.
+    """
+    runtime = composed.hydra.runtime
+    folders = [source.path for source in runtime.config_sources if source.schema == "file"]
+    for chosen_group, option in runtime.choices.items():
+        for folder in folders:
+            path = Path(folder, chosen_group.partition("@")[0], f"{option}.yaml")
+            if Path(folder) != config_folder() and path.is_file():
+                content: Any = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
+                for entry in content.get("defaults") or ():
+                    for key, name in entry.items() if isinstance(entry, dict) else ():
+                        if re.fullmatch(f"override +/?{group}", str(key)):
+                            return str(name)
+    return None
 
 
 def _start_tasks(cluster: str, options: DictConfig) -> Any:

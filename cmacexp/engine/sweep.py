@@ -22,13 +22,13 @@ from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
 from cmacexp.config.compose import expand_grid, split_overrides
-from cmacexp.config.explain import COMPOSITION_ERRORS
+from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
 from cmacexp.config.robot_rule import read_machine
 from cmacexp.data import manifest as manifests
 from cmacexp.data.files import write_atomically
 from cmacexp.data.folder import SETTINGS, TABLE, collection, make_sweep_manifest
 from cmacexp.engine.job_store import HASHES, JobItem, iterate_jobs, list_jobs, list_whole
-from cmacexp.engine.launcher import CORES, Launcher, Work, start_launcher
+from cmacexp.engine.launcher import CORES, Launcher, Work, find_choice, start_launcher
 from cmacexp.engine.objective import DIRECTION, check_metric, find_direction, read_objective
 from cmacexp.engine.sweep_end import SweepEnd
 from cmacexp.engine.sweep_tables import select_run_overrides
@@ -86,6 +86,8 @@ class Sweep:
         self.launcher: Launcher
         self.optimize, self.direction = _read_objective(config)
         _check_options(config)
+        self.hydra_groups = {group: _read_plain(config.hydra[group]) for group in ("launcher", "sweeper")}
+        """Configs of Hydra's own that all jobs share."""
         self.batches: list[list[list[str]]] = self._expand()
         """Overrides of the jobs, if they are known before the first of them runs."""
         for batch in self.batches:
@@ -94,7 +96,7 @@ class Sweep:
     def _expand(self) -> Any:
         """List the batches of jobs of the grid sweeper; raises BadInput if a key is swept over no value."""
         sweeper = self.config.hydra.sweeper
-        task_overrides = _read_typed(self.config.hydra.overrides.task)
+        task_overrides = _read_plain(self.config.hydra.overrides.task)
         searched = [f"{key}={value}" for key, value in (sweeper.get("params") or {}).items()]
         if "record" not in _list_keys([*searched, *task_overrides]):
             self.config.hydra.overrides.task.append(DEFAULT)
@@ -109,7 +111,7 @@ class Sweep:
 
     def _plan(self, batch: Sequence[Sequence[str]]) -> None:
         """Note jobs, and compose one of each kind; raises BadInput if two have the same folder."""
-        typed: Any = OmegaConf.to_container(self.config.hydra.sweep, resolve=False)
+        typed = _read_plain(self.config.hydra.sweep)
         for overrides in batch:
             number = len(self.planned)
             is_own = typed["subdir"] == SUBDIR
@@ -119,7 +121,7 @@ class Sweep:
 
     def _find_place(self, overrides: Sequence[str], number: int, typed: str) -> str:
         """Choose the folder of a job from ``hydra.sweep.subdir``; raises BadInput if an earlier job has it."""
-        composed = self.context.config_loader.load_sweep_config(self.config, list(overrides))
+        composed = self._compose(overrides)
         with read_write(composed.hydra), open_dict(composed.hydra):
             composed.hydra.job.num = number
             composed.hydra.job.id = str(number)
@@ -132,6 +134,25 @@ class Sweep:
         )
         return place
 
+    def _compose(self, overrides: Sequence[str]) -> DictConfig:
+        """Compose a job; raises CmacexpError if Hydra cannot, or if the job chooses how the sweep itself runs."""
+        try:
+            composed = self.context.config_loader.load_sweep_config(self.config, list(overrides))
+        except COMPOSITION_ERRORS as error:
+            raise CmacexpError(explain_composition(error, overrides)) from error
+        for group, node in self.hydra_groups.items():
+            chosen = _read_choice(self.config, group)
+            hidden = find_choice(composed, f"hydra/{group}")
+            is_typed = f"hydra/{group}" in _list_keys(_read_plain(self.config.hydra.overrides.hydra))
+            require(
+                _read_plain(composed.hydra[group]) == node and (is_typed or hidden in (None, chosen)),
+                f"hydra/{group}",
+                hidden or composed.hydra[group],
+                f"is set in a file of the job {' '.join(overrides)}, but all jobs share one, here {chosen}: "
+                f"give it on the command line, hydra/{group}=NAME and hydra.{group}.KEY=VALUE",
+            )
+        return composed
+
     def _pack(self, overrides: Sequence[str]) -> tuple[tuple[bytes, bool, float], list[str]]:
         """Compose a job, pickled, and list the overrides that set its values in that.
 
@@ -141,7 +162,7 @@ class Sweep:
         options, values = split_overrides(overrides, self.list_options)
         kind = *options, *(text if text[0] == "+" or "{" in text else text.partition("=")[0] for text in values)
         if kind not in self.templates:
-            composed = self.context.config_loader.load_sweep_config(self.config, list(overrides))
+            composed = self._compose(overrides)
             if is_robot := composed.machine.get("kind") == "robot":
                 with suppress(BadInput, OmegaConfBaseException):  # which the job reports
                     warn_of_models([read_machine(composed)])
@@ -216,7 +237,7 @@ class Sweep:
             hydra_context=self.context,
             task_function=self,  # type: ignore[arg-type]  # for its launcher
         )
-        sweeper.sweep(_read_typed(self.config.hydra.overrides.task))
+        sweeper.sweep(_read_plain(self.config.hydra.overrides.task))
 
     def launch(self, batch: Sequence[Sequence[str]], first: int) -> list[JobReturn]:
         """Run the jobs of a batch, whose first has the number ``first``; what they return, in their order."""
@@ -286,7 +307,7 @@ def _check_options(config: DictConfig) -> None:
     for key in ONLY_OF_RUNS:
         value = OmegaConf.select(config.hydra, key)
         require(not value, f"hydra.{key}", value, "must be left out: jobs of a sweep share processes")
-    hydra_overrides = _read_typed(config.hydra.overrides.hydra)
+    hydra_overrides = _read_plain(config.hydra.overrides.hydra)
     warn_of_other_mode(hydra_overrides, "hydra.run", "the folder of a sweep is hydra.sweep.dir")
     require(
         config.sweep.resume is not True or SWEEP_KEY in _list_keys(hydra_overrides),
@@ -324,10 +345,9 @@ def _read_choice(config: DictConfig, group: str) -> str:
     return str(config.hydra.runtime.choices[f"hydra/{group}"])
 
 
-def _read_typed(overrides: Any) -> list[str]:
-    """Read the overrides of a sweep as typed: an interpolation belongs to each job, not to the sweep."""
-    texts: Any = OmegaConf.to_container(overrides, resolve=False)
-    return list(texts)
+def _read_plain(node: Any) -> Any:
+    """Read overrides or another node of a sweep as typed: an interpolation belongs to each job, not to the sweep."""
+    return OmegaConf.to_container(node, resolve=False)
 
 
 def _list_keys(overrides: Sequence[str]) -> set[str]:

@@ -10,12 +10,17 @@ from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import contextmanager, suppress
 from itertools import count
 from numbers import Integral
+from pathlib import Path
 from threading import Lock, Thread
 from typing import Any
 
 from cmacexp.errors import require
 from cmacexp.jit.interrupt import interrupt_held_back
 
+CONTROL = Path("/sys/fs/cgroup")
+"""Folder of the control groups of Linux."""
+GROUPS = Path("/proc/self/cgroup")
+"""Control groups of this process, a line for each hierarchy: number, kinds of resources, path."""
 MOST_RUNS = 32
 """Short runs that a worker takes at a time, at most."""
 CHUNKS_EACH = 4
@@ -25,13 +30,41 @@ CHUNKS_EACH = 4
 def count_processes(processes: int | None) -> int:
     """Return the number of processes; None: one for each core that this process may use.
 
-    Raises BadInput unless it is a whole number from 1 on.
+    A container's quota of processor time counts as cores, rounded up. Raises BadInput unless the number is whole and
+    at least 1.
     """
     if processes is None:
-        return min(len(os.sched_getaffinity(0)), int(os.environ.get("SLURM_CPUS_PER_TASK", 1 << 20)))
+        limits = len(os.sched_getaffinity(0)), int(os.environ.get("SLURM_CPUS_PER_TASK", 1 << 20)), *_list_quotas()
+        return max(1, min(limits))
     fits = isinstance(processes, Integral) and processes > 0
     require(fits, "processes", processes, "must be a whole number from 1 on, or None")
     return int(processes)
+
+
+def _list_quotas() -> Iterator[int]:
+    """Yield the quotas of processor time of the control groups of this process, cores, rounded up.
+
+    A group has them in ``cpu.max``, with version 1 in ``cpu.cfs_quota_us`` and ``cpu.cfs_period_us``; those of the
+    groups above it hold too. Inside a container the files of its own group stand at the top.
+    """
+    with suppress(OSError, ValueError):
+        for line in GROUPS.read_text().splitlines():
+            _, kinds, group = line.split(":", 2)
+            if not kinds or "cpu" in kinds.split(","):
+                top = CONTROL / kinds
+                own_group = top / group.lstrip("/")
+                for folder in (own_group, *own_group.parents):
+                    if folder.is_relative_to(top):
+                        yield from _read_quota(folder)
+
+
+def _read_quota(group: Path) -> Iterator[int]:
+    """Yield the quota of a control group, cores, rounded up; nothing if it has none."""
+    with suppress(OSError, ValueError):  # version 1 has -1, version 2 has max where there is no quota
+        files = [group / name for name in ("cpu.max", "cpu.cfs_quota_us", "cpu.cfs_period_us")]
+        quota, period = " ".join(file.read_text() for file in files if file.exists()).split()
+        if int(quota) > 0:
+            yield -(-int(quota) // int(period))
 
 
 def choose_size(runs: int, workers: int) -> int:

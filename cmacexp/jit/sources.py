@@ -3,7 +3,6 @@
 import hashlib
 import os
 import stat
-import sys
 import tempfile
 from collections.abc import Sequence
 from functools import cache
@@ -46,12 +45,23 @@ def cache_folder() -> Path:
     numba identifies a cached program only by the file that defines it, and would still use it after an edit of a
     kernel that it calls; a folder per state of the sources is never stale.
     """
-    root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    temporary = Path(tempfile.gettempdir()) / f"cmacexp-{os.getuid()}"
-    # Without a home folder expanduser returns the path unchanged.
-    candidates = [temporary] if root.startswith("~") else [Path(root).resolve() / "cmacexp", temporary]
-    folder = next(filter(is_private, candidates), None) or Path(tempfile.mkdtemp(prefix="cmacexp-"))
+    folder = next(filter(is_private, _list_cache_roots()), None) or Path(tempfile.mkdtemp(prefix="cmacexp-"))
     return folder / sources_hash(KERNEL_ROOMS)
+
+
+def _list_cache_roots() -> list[Path]:
+    """List folders that may hold compiled code: in the user's cache, then temporary ones that others may own."""
+    root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    base = Path(tempfile.gettempdir()) / f"cmacexp-{os.getuid()}"
+    temporary = [base, *(base.with_name(f"{base.name}-{number}") for number in range(1, 4))]
+    # Without a home folder expanduser returns the path unchanged.
+    return temporary if root.startswith("~") else [Path(root).resolve() / "cmacexp", *temporary]
+
+
+def find_refused_cache() -> Path | None:
+    """Find a folder that would hold compiled code if others could not write to it; None: there is none."""
+    first = next((root for root in _list_cache_roots() if is_private(root) or os.path.lexists(root)), None)
+    return None if first is None or is_private(first) else first
 
 
 def _can_be_replaced(folder: Path) -> bool:
@@ -64,7 +74,7 @@ def _can_be_replaced(folder: Path) -> bool:
 def is_private(folder: Path) -> bool:
     """Create ``folder`` if it is absent; return True if only the present user can write to it.
 
-    Its files will be executed. A folder that is not private is reported on stderr.
+    Its files will be executed.
     """
     try:
         folder.mkdir(PRIVATE, parents=True, exist_ok=True)
@@ -75,9 +85,5 @@ def is_private(folder: Path) -> bool:
             folder.chmod(PRIVATE)  # with a lax umask numba makes subfolders that others can write to
             return True
     except OSError:
-        return False
-    print(
-        f"{folder} is not used for compiled code: it must be your own, and others must not write to it or above it",
-        file=sys.stderr,
-    )
+        pass
     return False

@@ -160,7 +160,9 @@ def make_recording(runs: Sequence[Run], options: Options) -> tuple[rr.RecordingS
     scenario = f"{runs[0].config['scenario']} " if len(runs) == 1 else ""
     name = scenario + " | ".join(f"{view.label}, {window}" for view, window in zip(views, windows, strict=True))
     name += ", with meshes" if options.meshes else ""
-    recording = rr.RecordingStream("cmacexp", recording_id=_make_id(name, runs))
+    recording_id = _make_id(name, runs)
+    # The viewer shows all recordings with the same application id in the layout of the last one.
+    recording = rr.RecordingStream(f"cmacexp {recording_id[:8]}", recording_id=recording_id)
     recording.send_blueprint(make_layout(views))
     recording.send_recording_name(name)
     recording.log(KEY, rr.TextDocument(describe_key(views), media_type="text/markdown"), static=True)

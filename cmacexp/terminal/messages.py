@@ -21,6 +21,7 @@ from cmacexp.data.tables import METRICS_CSV, RECORDING_FILE, TRACE_FILE, Scores,
 from cmacexp.data.window import choose_every
 from cmacexp.errors import in_one_line
 from cmacexp.jit.compiler import call_before_compiling, read_longest_compiling
+from cmacexp.jit.sources import find_refused_cache
 from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
 from cmacexp.metrics.metric import MetricDisplay
@@ -149,7 +150,12 @@ def announce_compiling() -> None:
     def announce() -> None:
         longest = read_longest_compiling()
         time = "takes up to half a minute" if longest is None else f"took up to {longest:.0f} s before"
-        print_line(f"compiling the control loop once, which pays off for this many steps: {time}", error=True)
+        folder = find_refused_cache()
+        refused = (
+            f"; {folder} cannot hold it: delete it, or set NUMBA_CACHE_DIR to a folder of your own" if folder else ""
+        )
+        text = f"compiling the control loop once, which pays off for this many steps: {time}{refused}"
+        print_line(text, error=True)
 
     call_before_compiling(announce)
 

@@ -171,6 +171,41 @@ def test_values_and_folders_of_jobs_can_follow_from_what_hydra_says_of_them(tmp_
 
 
 @pytest.mark.ci
+def test_a_key_that_swept_options_have_need_not_be_one_of_the_default_option(tmp_path):
+    swept = sweep(
+        *SHORT, "feedforward=inverse_dynamics,cmac_on_model", "feedforward.mass_factor=0.5", folder=tmp_path
+    )
+    assert swept.returncode == 0
+    overrides = [text.split() for text in table_of(tmp_path).overrides]
+    assert ["feedforward.mass_factor=0.5" in words for words in overrides] == [True, True]
+    refused = sweep(*SHORT, "feedforward=none,cmac_on_model", "feedforward.mass_factor=0.5", folder=tmp_path)
+    expected = (
+        "feedforward.mass_factor: no such key with feedforward=none; cmac_on_model, identified, inverse_dynamics"
+    )
+    assert refused.returncode == 2
+    assert expected in refused.stderr
+
+
+OWN_LAUNCHER = {
+    "defaults: [one_leg, _self_, override /hydra/launcher: basic]": "hydra/launcher=basic",
+    "defaults: [one_leg, _self_]\nhydra: {launcher: {processes: 1}}": "'processes': 1",
+}
+
+
+@pytest.mark.parametrize(("content", "named"), OWN_LAUNCHER.items())
+def test_a_launcher_that_a_swept_option_chooses_is_not_ignored(content, named, tmp_path):
+    path = tmp_path / "own" / "scenario" / "mine.yaml"
+    path.parent.mkdir(parents=True)
+    path.write_text(f"# @package _global_\n{content}\n")
+    words = ("scenario=one_leg,mine", *SHORT[1:], "record=metrics", "--config-dir", tmp_path / "own")
+    refused = sweep(*words, folder=tmp_path)
+    assert refused.returncode == 2
+    assert (named in refused.stderr, refused.stderr.count("\n")) == (True, 1)
+    if "override" in content:
+        assert sweep(*words, BASIC, folder=tmp_path).returncode == 0  # the command line decides
+
+
+@pytest.mark.ci
 def test_an_interrupted_sweep_tells_what_is_done(tmp_path):
     words, parts = ("-m", "seed=range(500)", "cycles=1", "hydra.sweep.dir=s"), tmp_path / "s" / ".jobs"
     done = interrupted(*words, folder=tmp_path, once=lambda: len([*parts.glob("[!.]*")]) > 2)

@@ -1,6 +1,7 @@
 """The driver of many runs on other executors: threads, Dask, the one process of a worker."""
 
 import multiprocessing
+import os
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from itertools import count
 
@@ -9,9 +10,10 @@ import pytest
 from support.command import python
 
 from cmacexp import run_many, write_many
+from cmacexp.engine import workers
 from cmacexp.engine.driver import map_runs
 from cmacexp.engine.launcher import TaskLauncher, Work
-from cmacexp.engine.workers import Here
+from cmacexp.engine.workers import Here, count_processes
 from cmacexp.errors import BadInput
 
 SHORT = ("scenario=one_leg", "gait.cycle_time=0.5", "gait.stroke=0.02", "cycles=2", "warn=false")
@@ -126,3 +128,33 @@ def test_a_worker_of_a_pool_runs_many_in_its_own_process(tmp_path):
     (tmp_path / "pool.py").write_text(POOL)
     done = python("pool.py", folder=tmp_path)
     assert (done.returncode, done.stdout) == (0, "[2]\n"), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("group", "files", "expected"),
+    [
+        ("0::/", {"cpu.max": "200000 100000"}, 2),
+        ("0::/", {"cpu.max": "250000 100000"}, 3),
+        ("0::/", {"cpu.max": "max 100000"}, 8),
+        ("0::/a/b", {"a/b/cpu.max": "400000 100000", "a/cpu.max": "10000 100000"}, 1),
+        ("0::/docker/of_the_host", {"cpu.max": "300000 100000"}, 3),
+        (
+            "4:cpu,cpuacct:/a",
+            {"cpu,cpuacct/a/cpu.cfs_quota_us": "600000", "cpu,cpuacct/a/cpu.cfs_period_us": "100000"},
+            6,
+        ),
+        ("4:cpu:/", {"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}, 8),
+        ("9:name=systemd:/", {}, 8),
+    ],
+)
+def test_a_quota_of_processor_time_limits_the_processes(group, files, expected, tmp_path, monkeypatch):
+    (tmp_path / "groups").write_text(f"7:memory:/x\n{group}\n")
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(f"{text}\n")
+    monkeypatch.setattr(workers, "CONTROL", tmp_path)
+    monkeypatch.setattr(workers, "GROUPS", tmp_path / "groups")
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: range(8))
+    monkeypatch.delenv("SLURM_CPUS_PER_TASK", raising=False)
+    assert count_processes(None) == expected
+    assert count_processes(5) == 5

@@ -12,7 +12,7 @@ from support.damage import flip
 
 from cmacexp.jit.compiler import WORTH_COMPILING, expect_runs, program, workload
 from cmacexp.jit.forms import Form, find_types
-from cmacexp.jit.sources import cache_folder, is_private
+from cmacexp.jit.sources import cache_folder, find_refused_cache, is_private
 
 SCRIPT = """
 from cmacexp.jit.compiler import call_before_compiling, read_longest_compiling, program
@@ -95,7 +95,7 @@ def test_the_length_of_all_runs_together_decides(steps, runs, compiled, monkeypa
 @pytest.mark.parametrize(
     ("mode", "used"), [(0o700, True), (0o755, True), (0o775, False), (0o702, False), (0o1777, False), (None, False)]
 )
-def test_a_folder_that_others_can_write_to_or_that_is_absent_is_not_used(tmp_path, mode, used, monkeypatch, capsys):
+def test_a_folder_that_others_can_write_to_or_that_is_absent_is_not_used(tmp_path, mode, used, monkeypatch):
     own = tmp_path / "shared" / "cmacexp"
     own.mkdir(mode or 0o700, parents=True)
     own.chmod(mode or 0o700)
@@ -104,7 +104,19 @@ def test_a_folder_that_others_can_write_to_or_that_is_absent_is_not_used(tmp_pat
     monkeypatch.setattr("os.path.expanduser", lambda path: path)  # as Python does where it finds no home
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     assert cache_folder.__wrapped__().parent == (own if used else tmp_path / f"cmacexp-{os.getuid()}")
-    assert (str(own) in capsys.readouterr().err) == (not used and mode is not None)
+    assert find_refused_cache() == (None if used or mode is None else own)
+
+
+def test_temporary_folders_of_others_are_passed_over(tmp_path, monkeypatch):
+    """Of the same name for all runs, so that what is compiled once is found again."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file" / "cache"))  # as a home that does not exist
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    folders = [tmp_path / f"cmacexp-{os.getuid()}{end}" for end in ("", "-1")]
+    folders[0].mkdir()
+    folders[0].chmod(0o777)
+    assert [cache_folder.__wrapped__().parent for _ in range(2)] == [folders[1]] * 2
+    assert find_refused_cache() == folders[0]
 
 
 @pytest.mark.ci

@@ -119,7 +119,7 @@ def test_gymnasium_finds_nothing_wrong(overrides, recwarn):
     check_env(env)  # draws, too
     assert not recwarn.list
     assert len(env.names) == len(set(env.names)) == len(env.reset(seed=0)[0])
-    assert env.action_space.high.tolist() == [1.0, 1.0]
+    assert (env.action_space.high.tolist(), env.action_space.dtype) == ([1.0, 1.0], np.float32)
     in_newtons = make_env(*overrides)
     in_newtons.reset(seed=0)
     assert_array_equal(env.step(np.array([0.5, -2.0]))[0], in_newtons.step(env.action_scale * [0.5, -1.0])[0])

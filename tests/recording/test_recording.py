@@ -59,6 +59,7 @@ def test_views_look_at_entities_of_the_run_and_facts_are_those_of_its_manifest(l
         assert (facts["status"], facts["seed"]) == ("completed", 0)
         assert facts["cmac.layers"] == run.config["cmac"]["layers"]
         assert len(RrdReader(path).recordings()) == 1
+    assert len({RrdReader(run.folder / "recording.rrd").recordings()[0].application_id for run in expected}) == 2
 
 
 def test_a_run_shows_its_recording_in_a_window_and_needs_a_display(leg, monkeypatch):

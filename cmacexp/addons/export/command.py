@@ -40,7 +40,9 @@ def _check_formats(arguments: Arguments) -> None:
         "--single": make_flag("write the C code in single precision"),
         "--path": make_flag("restrict the C code to the planned path, which needs little memory"),
         "--law": make_flag("also write the whole control law in C; implies --path"),
-        "--wide": make_flag("write the trace as a Parquet table with one row per step"),
+        "--wide": make_flag(
+            "write the trace as a Parquet table of numbers, one row per step, for PlotJuggler and others"
+        ),
         "--mcap": make_flag("write the trace as MCAP"),
         "--out": {
             "type": Path,

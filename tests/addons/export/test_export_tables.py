@@ -12,6 +12,7 @@ import pytest
 from mcap.reader import make_reader
 from support.doors import CmacexpError
 from support.manifests import accept
+from support.pages import blocks
 
 import cmacexp
 from cmacexp.addons.export.tables import write_mcap, write_wide
@@ -100,6 +101,41 @@ def test_a_damaged_run_leaves_no_file(change, copy, tmp_path):
                 write(cmacexp.load(copy), tmp_path / "out")
         accept(copy, "trace.parquet")
     assert not [*(tmp_path / "out").glob("*")]
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("reader", ["polars", "duckdb"])
+def test_other_readers_give_the_same_figures_by_the_recipe_of_the_documentation(reader, walk, tmp_path, monkeypatch):
+    pytest.importorskip(reader)
+    (tmp_path / "outputs").mkdir()
+    (tmp_path / "outputs" / "walk").symlink_to(walk.folder)
+    monkeypatch.chdir(tmp_path)
+    printed = []
+    (block,) = (block for block in blocks("files.md") if block.code.startswith(f"import {reader}"))
+    exec(block.code, {"print": printed.append})
+    of_phase = walk.trace[walk.trace.phase == "transfer"]
+    expected = ((of_phase.x - of_phase.x_desired) ** 2).groupby([of_phase.cycle, of_phase.leg]).mean() ** 0.5
+    rows = printed[0].rows() if reader == "polars" else printed[0].fetchall()
+    assert [row[:2] for row in rows] == expected.index.to_list()
+    assert [row[2] for row in rows] == pytest.approx(expected.to_list())
+    if reader == "duckdb":
+        assert len(printed[1].fetchall()) == walk.metrics.force_overshoot.notna().sum()
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("name", ["trace", "body", "metrics", "body_metrics", "memory", "wide"])
+def test_polars_and_duckdb_read_all_numbers_and_count_every_nan(name, walk, tmp_path):
+    polars = pytest.importorskip("polars")
+    duckdb = pytest.importorskip("duckdb")
+    path = write_wide(walk, tmp_path) if name == "wide" else walk.folder / f"{name}.parquet"
+    numbers = pd.read_parquet(path).select_dtypes("number")
+    frame = polars.read_parquet(path)
+    for column, values in numbers.items():
+        query = f"""SELECT count("{column}"), sum("{column}") FROM '{path}' WHERE isfinite("{column}")"""
+        count, total = duckdb.sql(query).fetchall()[0]
+        finite = frame[column].cast(polars.Float64).fill_nan(None)
+        assert count == len(finite) - finite.null_count() == values.count()
+        assert (total or 0.0, finite.sum()) == pytest.approx((values.sum(), values.sum()))
 
 
 @pytest.mark.ci
