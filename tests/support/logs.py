@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cmacexp.addons.gap.identify import Problem
 from cmacexp.addons.gap.machine import Machine
+from cmacexp.addons.gap.problem import Problem
 from cmacexp.addons.gap.replay import Expansion
 from cmacexp.addons.gap.signals import Signals
 from pipelines.benchmark.simulated_log import (
@@ -43,9 +43,8 @@ def make_pendulums():
     """The machine, with joints that are generic in its model."""
     losses = np.tile([0.01, 0.1, 0.0, 0.0, 0.1], (len(NAMES), 1))
     ranges, index = np.tile([-2.0, 2.0], (len(NAMES), 1)), np.arange(len(NAMES))
-    return Pendulums(
-        "pendulums", Path("pendulums.xml"), NAMES, None, losses, ranges, index, index, tuple(index[:, None])
-    )
+    blocks, hinges = tuple(index[:, None]), np.zeros(len(NAMES), dtype=bool)
+    return Pendulums("pendulums", Path("pendulums.xml"), NAMES, None, losses, ranges, index, index, blocks, hinges)
 
 
 def make_problem(log):

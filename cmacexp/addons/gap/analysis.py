@@ -1,16 +1,19 @@
 """Analysis of a log without identification: lag, noise, and the torque that models explain and learners remove."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from cmacexp.addons.gap.faults import check_against_model, check_log
-from cmacexp.addons.gap.identify import LEVELS, Fit, Problem, regress
+from cmacexp.addons.gap.clock import regularise
+from cmacexp.addons.gap.faults import check
+from cmacexp.addons.gap.identify import Fit
 from cmacexp.addons.gap.learners import Maker, make_networks, make_tables, place_below, predict_all
 from cmacexp.addons.gap.log import Log
 from cmacexp.addons.gap.machine import Machine
+from cmacexp.addons.gap.problem import LEVELS, Problem, regress
+from cmacexp.addons.gap.regression import fit_model, scale_torque
 from cmacexp.addons.gap.signals import Signals, low_pass, measure_lag
 from cmacexp.typing import Array, Mask
 
@@ -47,12 +50,13 @@ class Gap:
         return self.problem.signals
 
 
-def begin(log: Log, machine: Machine, set_done: Report = lambda done: None) -> Gap:
+def begin(log: Log, machine: Machine, set_done: Report = lambda done: None, accepted: Collection[str] = ()) -> Gap:
     """Analyse a log as far as no identification is needed, and score the learners that need none.
 
-    ``set_done`` receives the progress. Raises BadInput if the log is unfit, see :func:`check_log`.
+    ``set_done`` receives the progress, ``accepted`` are kinds of faults that are notes. Raises BadInput if the log is
+    unfit, see :func:`check`.
     """
-    gap = measure(log, machine)
+    gap = measure(log, machine, accepted)
     add_makers(gap)
     for count, (name, make) in enumerate(gap.makers.items()):
         set_done(count / len(gap.makers))
@@ -60,15 +64,21 @@ def begin(log: Log, machine: Machine, set_done: Report = lambda done: None) -> G
     return gap
 
 
-def measure(log: Log, machine: Machine) -> Gap:
+def measure(log: Log, machine: Machine, accepted: Collection[str] = ()) -> Gap:
     """Check a log, and measure its lag, its noise and the torque that models explain, before any learner.
 
-    Raises BadInput if the log is unfit, see :func:`check_log`.
+    Raises BadInput if the log is unfit, see :func:`check`; faults of the ``accepted`` kinds are notes.
     """
-    check_log(log, machine)
+    log = regularise(log)
+    has_newtons = True
+    if not log.is_unit_known:
+        log, has_newtons = scale_torque(Problem(Signals(log), machine))
     signals = Signals(log)
     problem = Problem(signals, machine)
-    notes = check_against_model(problem)
+    limits = check(problem, accepted if has_newtons else {*accepted, "gravity", "sign", "model"})
+    if signals.is_measured and log.has_drives:
+        problem = replace(problem, command_delay=max(0.0, fit_model(problem)[3]) + log.period / 2.0)
+    notes = [*log.notes, *limits, *_describe_strokes(signals)]
     return Gap(
         problem,
         {
@@ -84,7 +94,7 @@ def measure(log: Log, machine: Machine) -> Gap:
             "notes": notes,
             "lag": _describe_lag(signals) if log.command is not None else None,
             "noise": _measure_noise(signals),
-            "explained": _explain(problem),
+            "explained": _explain(problem) if has_newtons else None,
             "left": {},
         },
     )
@@ -95,14 +105,17 @@ def add_makers(gap: Gap) -> None:
     problem = gap.problem
     log = gap.signals.log
     gap.makers |= make_tables(problem)
-    if log.command is not None and log.has_gains:
-        losses = problem.machine.losses
-        for name, values in {"model": losses, "generic joints": np.tile(GENERIC, (len(losses), 1))}.items():
+    losses = problem.machine.losses
+    models = {"model": losses, "generic joints": np.tile(GENERIC, (len(losses), 1))}
+    if log.has_drives:
+        for name, values in models.items():
             angle, velocity = problem.replay(values, log.period / 2.0)
             gap.replays[name] = angle
             if name == "model":
                 gap.makers |= make_networks(problem, angle, velocity)
             gap.makers |= place_below(problem, name, problem.signals.compute_torque(angle))
+    elif gap.values["explained"]:
+        gap.replays |= {name: problem.follow(values, 0.0) for name, values in models.items()}
 
 
 def add_learner(gap: Gap, name: str, make: Maker) -> None:
@@ -126,8 +139,9 @@ def add_learner(gap: Gap, name: str, make: Maker) -> None:
 
 
 def list_scored(signals: Signals) -> list[int]:
-    """List the strokes from FIRST on without the fastest one, which is scored separately."""
-    return [stroke for stroke in range(FIRST, signals.count + 1) if stroke != signals.fastest]
+    """List the strokes from FIRST on without the fastest, scored separately; the last if none remains."""
+    strokes = [stroke for stroke in range(FIRST, signals.count + 1) if stroke != signals.fastest]
+    return strokes or [signals.count]
 
 
 def measure_left(signals: Signals, predicted: Array, stroke: int) -> float:
@@ -165,6 +179,21 @@ def _resample(gap: Gap, predicted: Array, stroke: int, random: np.random.Generat
     )
     chosen = random.integers(error.size, size=(DRAWS, error.size))
     return PERCENT * np.sqrt(error[chosen].sum(axis=1) / np.maximum(total[chosen].sum(axis=1), 1e-18))
+
+
+def _describe_strokes(signals: Signals) -> list[str]:
+    """Return notes on strokes: methods that a motion without repetition excludes, and too few strokes."""
+    if not signals.repeats:
+        return [
+            f"The motion does not repeat: {signals.count} equal windows stand for strokes; methods over the "
+            "phase (stroke before, ILC, CMAC and RBF over phase) are left out, which need strokes that repeat."
+        ]
+    if (count := len(list_scored(signals))) < 3:
+        return [
+            f"{signals.count} strokes are few: learners see {FIRST - 1} first and are scored on {count}, "
+            "and intervals are those within strokes; log ten or more."
+        ]
+    return []
 
 
 def _describe_lag(signals: Signals) -> dict[str, Any]:

@@ -1,14 +1,16 @@
 """``cmacexp gap``: compare a log of a robot with its model, identify and validate its joints, and score learners."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from shlex import quote
 
+from cmacexp.addons.gap.faults import KINDS, Unfit
 from cmacexp.addons.gap.log import Log, read_log
 from cmacexp.addons.gap.machine import Machine, read_machine
 from cmacexp.addons.gap.readers import load_reader
 from cmacexp.commands.command import Arguments, OptionTable, command, make_flag
 from cmacexp.data.folder import choose_page_folder
-from cmacexp.errors import BadInput, require
+from cmacexp.errors import BadInput, require, require_name
 from cmacexp.terminal.messages import print_table
 from cmacexp.terminal.output import print_line, show_progress
 
@@ -19,11 +21,13 @@ LOG_OPTIONS: OptionTable = {
     "--names": {
         **SEVERAL,
         "metavar": "WHAT=COLUMN",
-        "help": "columns, such as angle=pos_{joint},command=cmd_{joint}",
+        "help": "columns, such as angle=pos_{joint},command=cmd_{joint}, or their numbers, time=1,angle=2-7",
     },
     "--units": {**SEVERAL, "metavar": "WHAT=UNIT", "help": "units of columns, such as angle=deg,time=ms"},
     "--joints": {**SEVERAL, "metavar": "LOG=MODEL", "help": "joint of the model for a joint of the log"},
     "--leave-out": {"metavar": "JOINTS", "help": "joints of the log to ignore, separated by commas"},
+    "--rate": {"type": float, "metavar": "HZ", "help": "rows a second of a log without times"},
+    "--accept": {"metavar": "KINDS", "help": "kinds of faults that become notes, separated by commas"},
     "--kp": {"help": "stiffness gains of the drives, N m/rad: one number, or one per joint, separated by commas"},
     "--kd": {"help": "damping gains of the drives, N m s/rad: one number, or one per joint"},
     "--reader": {
@@ -62,8 +66,29 @@ def read_given(arguments: Arguments) -> tuple[Log, Machine]:
         {key: gain for key, gain in gains.items() if gain},
         None if arguments.reader is None else load_reader(arguments.reader),
         [] if arguments.leave_out is None else arguments.leave_out.split(","),
+        arguments.rate,
     )
     return log, read_machine(arguments.robot, log.joints, _read_pairs(arguments.joints, "--joints"))
+
+
+def read_accepted(arguments: Arguments) -> list[str]:
+    """Return the kinds of faults that ``--accept`` makes notes; raises BadInput for one that does not exist."""
+    kinds: list[str] = [] if arguments.accept is None else arguments.accept.split(",")
+    for kind in kinds:
+        require_name("--accept", kind, KINDS)
+    return kinds
+
+
+def format_next(arguments: Arguments, options: Mapping[str, Sequence[str]]) -> str:
+    """Format the command of the ``arguments`` with further values of ``options``, with which it goes on."""
+    given: dict[str, list[str]] = {"--robot": [str(arguments.robot)]}
+    for option in [*LOG_OPTIONS, "--out"]:
+        value = vars(arguments)[option.strip("-").replace("-", "_")]
+        values = value if isinstance(value, list) else [] if value is None else [str(value)]
+        given[option] = [*values, *options.get(option, ())]
+    words = [word for option, values in given.items() if values for word in (option, quote(",".join(values)))]
+    quick = ["--quick"] if arguments.quick else []
+    return " ".join(["cmacexp gap", quote(str(arguments.log)), *words, *quick])
 
 
 @command(
@@ -71,7 +96,11 @@ def read_given(arguments: Arguments) -> tuple[Log, Machine]:
     "Read a log of a robot, identify its joints, validate them on strokes that identification did not see, and "
     "report how much of the feedback torque learners would remove.",
     {
-        "log": {"type": Path, "metavar": "LOG", "help": "Parquet, CSV, NPZ or MCAP; other formats: --reader"},
+        "log": {
+            "type": Path,
+            "metavar": "LOG",
+            "help": "Parquet, CSV, NPZ, MCAP or bag of ROS; other formats: --reader",
+        },
         "--robot": {"required": True, "help": "go2 or another option of conf/machine, or an MJCF or URDF file"},
         **LOG_OPTIONS,
         "--quick": make_flag("skip identification"),
@@ -81,13 +110,17 @@ def read_given(arguments: Arguments) -> tuple[Log, Machine]:
 def main(arguments: Arguments) -> None:
     """Compare a log with a model; write the page and print its summary."""
     from cmacexp.addons.gap.analysis import begin
-    from cmacexp.addons.gap.page import summarise, write_page
+    from cmacexp.addons.gap.page import PARAMETERS, summarise, tabulate_parameters, write_page
     from cmacexp.addons.gap.validation import identify
 
     out = choose_page_folder(arguments.out, FOLDER / arguments.log.stem)
     log, machine = read_given(arguments)
     with show_progress(f"replaying {arguments.log.name} through {arguments.robot}", 1) as set_done:
-        gap = begin(log, machine, set_done)
+        try:
+            gap = begin(log, machine, set_done, read_accepted(arguments))
+        except Unfit as unfit:
+            key, value, faults, options = unfit.args
+            raise BadInput(key, value, f"{faults}: {format_next(arguments, options)}") from unfit
     page = write_page(gap, out)
     if gap.replays and not arguments.quick:
         print_line(f"{page}: identification follows, a minute or two")
@@ -100,6 +133,8 @@ def main(arguments: Arguments) -> None:
         for name, left in sorted(gap.values["left"].items(), key=lambda item: float(item[1]["value"]))
     ]
     print_table(["predictor", "left\n%", "from\n%", "to\n%", "fastest\n%"], rows)
+    if "parameters" in gap.values:
+        print_table(PARAMETERS, tabulate_parameters(gap.values))
     for note in gap.values["notes"]:
         print_line(f"note: {note}")
     print_line(str(page))

@@ -1,78 +1,32 @@
-"""Identification of joints from a log: least squares on filtered signals, then by replaying the commands.
+"""Identification of joints from a log: least squares on filtered signals, then by replaying commands or torques.
 
 One block of joints at a time. The first step has a solution in closed form but is biased by the filter and by noise;
 from there the second minimises the distance of the replayed from the measured angles (trust region, within bounds).
 A parameter that the log does not excite keeps its prior, has a large standard error, and is refused by name.
 """
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
 
-from cmacexp.addons.gap.machine import Machine
-from cmacexp.addons.gap.replay import DriveTerms, Expansion, JointParams, make_drive, replay
-from cmacexp.addons.gap.signals import Signals, low_pass
-from cmacexp.models.joint import OWN, SLOW, make_regressors
-from cmacexp.typing import Array, Counts, Mask
+from cmacexp.addons.gap.problem import LEVELS, MASS_PRIOR, SIGNED, Level, Problem, measure_variance, regress
+from cmacexp.addons.gap.replay import Expansion, JointParams, replay
+from cmacexp.models.joint import OWN
+from cmacexp.typing import Array, Mask
 
-KNOTS = 5
-"""Number of knots of Coulomb friction over the angle."""
-NAMES = ("rotor_inertia", "viscous_friction", "offset", "spring")
-"""Names of the parameters of a joint before its Coulomb friction."""
-SIGNED = slice(2, OWN)
-"""Offset and spring: they may be negative, and their sign is that of torques that help the drives."""
-PRIOR = (1.0, 1.0, 0.3, 0.3, 1.0)
-"""Standard deviations of the zero-mean prior in the scales of a joint: it matters for unexcited parameters only."""
+__all__ = ["LEVELS", "Fit", "Level", "Problem", "fit", "regress", "replay_fit"]
+
 DELAY_PRIOR = (0.003, 0.01)
 """Mean and standard deviation of the prior of the delay of commands, s."""
-MASS_PRIOR = 0.1
-"""Standard deviation of the prior of the relative change of the mass of a link."""
 MASS_BOUND = 0.5
 """Largest relative reduction of the mass of a link."""
-TILT_PRIOR = math.radians(2.0)
-"""Standard deviation of the prior of a tilt of the base, rad."""
-KNOWN = 0.3
-"""Standard error over that of the prior below which a mass or a tilt counts as identified."""
+STRUCTURE = 0.005
+"""Standard error that a fit of measured torques has at least, over the size of its term: what the models of joints
+lack, such as backlash, is no noise. Of an inertia the size is that of all the joint moves, of an offset at least its
+friction."""
 EVALUATIONS = 25
 """Largest number of replays in one optimisation."""
-
-
-@dataclass(frozen=True)
-class Level:
-    """A model of joints: the parameters that are fitted."""
-
-    name: str
-    named: int
-    """Number of parameters of NAMES that are fitted."""
-    knots: int
-    """Knots of Coulomb friction over the angle; 1: constant friction."""
-    masses: bool = False
-    """True: the masses of links that the log excites are fitted too."""
-
-    @property
-    def free(self) -> Mask:
-        """Mask (4 + K,) of the fitted parameters of a joint, see :class:`cmacexp.addons.gap.replay.JointParams`."""
-        return np.append(np.arange(OWN) < self.named, np.ones(self.knots, dtype=bool))
-
-    @property
-    def lowest(self) -> Array:
-        """Lower bounds of the fitted parameters."""
-        bounds = np.zeros(OWN + self.knots)
-        bounds[SIGNED] = -np.inf
-        return bounds[self.free]
-
-
-LEVELS = (
-    Level("rotor inertia, viscous and Coulomb friction", 2, 1),
-    Level("and an offset", 3, 1),
-    Level("and friction over the angle", 3, KNOTS),
-    Level("and a spring over the angle", OWN, KNOTS),
-    Level("and masses of links", OWN, KNOTS, masses=True),
-)
-"""Models of joints; each one adds parameters to the one before."""
 
 
 @dataclass(frozen=True)
@@ -96,160 +50,12 @@ class Fit:
     """Covariance matrix of each block: its fitted parameters joint by joint, the delay, its masses."""
 
 
-@dataclass(frozen=True)
-class Problem:
-    """A log, the model of its machine, and the equations of motion along the log."""
-
-    signals: Signals
-    machine: Machine
-
-    def expand(self, angle: Array, velocity: Array) -> list[Expansion]:
-        """Expand the equations of motion of each block along a motion (n, J) of all joints, rad and rad/s."""
-        base = self.signals.log.orientation
-        return [self.machine.expand(block, angle, velocity, base) for block in self.machine.blocks]
-
-    @property
-    def motion(self) -> tuple[Array, Array, Array]:
-        """Measured angles, rad, and their velocities, rad/s, and accelerations, rad/s^2, (n, J) each."""
-        return self.signals.log.angle, self.signals.velocity, self.signals.acceleration
-
-    @cached_property
-    def expansions(self) -> list[Expansion]:
-        """Equations of motion of each block, expanded along the measured motion."""
-        return self.expand(self.signals.log.angle, self.signals.velocity)
-
-    @cached_property
-    def ranges(self) -> Array:
-        """Least and largest measured angles (2, J), rad: the ranges over which friction and springs are defined.
-
-        The range of a joint that does not move is widened to 1 mrad.
-        """
-        angle = self.signals.log.angle
-        low, high = angle.min(axis=0), angle.max(axis=0)
-        return np.stack([low, np.maximum(high, low + 1e-3)])
-
-    @cached_property
-    def rigid(self) -> Array:
-        """Torque of the rigid bodies along the measured motion (n, J), N m."""
-        return self.machine.compute_torque(*self.motion, self.signals.log.orientation)
-
-    @cached_property
-    def scales(self) -> Array:
-        """RMS torque, acceleration and velocity of each joint (J, 3): they scale its parameters."""
-        signals = (self.signals.torque, self.signals.acceleration, self.signals.velocity)
-        return np.maximum(np.stack([np.sqrt((signal**2).mean(axis=0)) for signal in signals], axis=1), 1e-9)
-
-    def scale(self, level: Level) -> Array:
-        """Return the standard deviations of the prior of each parameter (J, 4 + K) of a model of joints."""
-        torque, acceleration, velocity = self.scales.T
-        rows = [torque / acceleration, torque / velocity, torque, torque, *[torque] * level.knots]
-        return np.stack(rows, axis=1) * np.array([*PRIOR[:OWN], *[PRIOR[OWN]] * level.knots])
-
-    def make_regressors(self, knots: int, motion: tuple[Array, Array, Array] | None = None) -> Array:
-        """Return the torque (n, J, 4 + K) per unit of each parameter along a motion, by default the measured one."""
-        regressors = make_regressors(motion or self.motion, self.ranges, knots, SLOW * self.scales[:, 2])
-        regressors[..., SIGNED] *= -1.0
-        return regressors
-
-    def compute_joint_torque(self, values: Array, motion: tuple[Array, Array, Array] | None = None) -> Array:
-        """Compute the torque (n, J) of joints with parameters ``values`` (J, 4 + K), N m; motion as above."""
-        return np.einsum("kjp,jp->kj", self.make_regressors(values.shape[1] - OWN, motion), values)
-
-    @cached_property
-    def drive(self) -> DriveTerms:
-        """Drives of all joints as logged; the log must have commands."""
-        log = self.signals.log
-        assert log.command is not None
-        return make_drive(log.command, log.command_velocity, log.feedforward, log.kp, log.kd)
-
-    @property
-    def start(self) -> tuple[Array, Array]:
-        """Angles, rad, and velocities, rad/s, in the first row, (J,) each."""
-        return self.signals.log.angle[0], self.signals.velocity[0]
-
-    def replay(
-        self,
-        values: Array,
-        delay: float,
-        expansions: Sequence[Expansion] | None = None,
-        drive: DriveTerms | None = None,
-        start: tuple[Array, Array] | None = None,
-    ) -> tuple[Array, Array]:
-        """Replay joints with parameters ``values`` (J, 4 + K) and return angles, rad, and velocities, rad/s, (n, J).
-
-        ``delay`` is that of the commands, s. ``expansions`` are the equations of each block, by default along the
-        measured motion; ``drive`` and ``start`` are by default as logged.
-        """
-        drive = drive or self.drive
-        state = np.array(start or self.start)
-        motion = np.empty((2, *drive.torque.shape))
-        for block, expansion in zip(self.machine.blocks, expansions or self.expansions, strict=True):
-            params = JointParams(values[block], self.ranges[:, block], delay)
-            replayed = replay(expansion, drive.choose(block), params, self.signals.log.period, state[:, block])
-            motion[:, :, block] = replayed[:2]
-        return motion[0], motion[1]
-
-    def apply(self, fit: Fit) -> "Problem":
-        """Return the problem with the masses of a fit, or the problem itself if no masses were fitted."""
-        factors = {joint: factor for joint, (factor, _) in fit.masses.items()}
-        return replace(self, machine=self.machine.scale_masses(factors)) if factors else self
-
-    @cached_property
-    def masses(self) -> dict[int, Array]:
-        """Torque (n, J) of the mass of each link that this log identifies, N m, by the number of its joint."""
-        identified = dict[int, Array]()
-        for block in self.machine.blocks:
-            doubled = [replace(self, machine=self.machine.scale_masses({joint: 2.0})) for joint in block.tolist()]
-            torques = [problem.rigid - self.rigid for problem in doubled]
-            links = zip(block.tolist(), torques, self._find_errors(block, torques, MASS_PRIOR), strict=True)
-            identified |= {joint: torque for joint, torque, error in links if error < KNOWN * MASS_PRIOR}
-        return identified
-
-    @cached_property
-    def tilt_error(self) -> float:
-        """Standard error of a tilt of the base, estimated with all other parameters, rad; at most TILT_PRIOR."""
-        turned = [replace(self, machine=self.machine.turn_base(*tilt)) for tilt in ((1e-3, 0.0), (0.0, 1e-3))]
-        columns = [1e3 * (problem.rigid - self.rigid) for problem in turned]
-        return float(self._find_errors(np.arange(len(self.machine.joints)), columns, TILT_PRIOR).max())
-
-    def _find_errors(self, block: Counts, columns: Sequence[Array], prior: float) -> Array:
-        """Return the standard errors of parameters that the joints of a block share, beside the parameters of each.
-
-        ``columns`` are the torques (n, J) for one unit of each shared parameter, N m, and ``prior`` is the standard
-        deviation of its prior.
-        """
-        level = LEVELS[-1]
-        period = self.signals.log.period
-        regressors = low_pass(self.make_regressors(level.knots), period)
-        shared = low_pass(np.stack([*columns, self.signals.torque - self.rigid], axis=-1), period)
-        information = np.eye(len(columns)) / prior**2
-        for j in block:
-            weighted = np.concatenate([regressors[:, j], 0.1 * np.diag(1.0 / self.scale(level)[j])])
-            padded = np.concatenate([shared[:, j], np.zeros((regressors.shape[2], shared.shape[2]))])
-            left = padded - weighted @ np.linalg.lstsq(weighted, padded, rcond=None)[0]
-            rest = left[:, :-1]
-            information += rest.T @ rest / measure_variance(left[: len(regressors), -1:])
-        return np.sqrt(np.diag(np.linalg.inv(information)))
-
-
-def regress(problem: Problem, level: Level, rows: Mask) -> Array:
-    """Estimate the parameters (J, 4 + K) by bounded least squares on filtered signals at ``rows`` (n,), a mask.
-
-    A weak prior makes parameters unique that the log does not excite.
-    """
-    from scipy.optimize import lsq_linear
-
-    period = problem.signals.log.period
-    scale = problem.scale(level)
-    free = level.free
-    columns = low_pass(problem.make_regressors(level.knots), period)[rows][..., free]
-    torque = low_pass(problem.signals.torque - problem.rigid, period)[rows]
-    values = np.zeros(scale.shape)
-    for j in range(len(values)):
-        a = np.concatenate([columns[:, j], np.diag(0.1 / scale[j, free])])
-        b = np.concatenate([torque[:, j], np.zeros(free.sum())])
-        values[j, free] = lsq_linear(a, b, (level.lowest, np.inf)).x
-    return values
+def replay_fit(problem: Problem, fitted: Fit, expansions: Sequence[Expansion] | None = None) -> Array:
+    """Return angles (n, J), rad, of fitted joints under the commands, or under torques in a log without drives."""
+    if not problem.signals.log.has_drives:
+        return problem.follow(fitted.values, fitted.delay)
+    delay = fitted.delay if problem.command_delay is None else problem.command_delay
+    return problem.replay(fitted.values, delay, expansions)[0]
 
 
 def fit(problem: Problem, level: Level, rows: Mask, start: Array | None = None) -> Fit:
@@ -303,8 +109,9 @@ class _BlockFit:
         self.joints = problem.machine.blocks[number]
         end = int(np.flatnonzero(rows)[-1]) + 1
         self.used = np.flatnonzero(rows[:end])
-        self.expansion = Expansion(*(values[:end] for values in problem.expansions[number]))
-        drive = problem.drive.choose(self.joints)
+        expansions, drives = problem.excitation
+        self.expansion = Expansion(*(values[:end] for values in expansions[number]))
+        drive = drives.choose(self.joints)
         self.drive = drive._replace(torque=drive.torque[:end])
         self.measured = problem.signals.log.angle[self.used][:, self.joints]
         self.masses = [joint for joint in self.joints.tolist() if level.masses and joint in problem.masses]
@@ -316,7 +123,7 @@ class _BlockFit:
         scale = problem.scale(level)[self.joints].ravel()[free]
         self.scale = np.concatenate([scale, [DELAY_PRIOR[1]], np.full(len(self.masses), MASS_PRIOR)])
         self.mean = np.zeros(len(self.scale))
-        self.mean[self.delay] = DELAY_PRIOR[0]
+        self.mean[self.delay] = 0.0 if problem.signals.is_measured else DELAY_PRIOR[0]
         least = [-4.0 * problem.signals.log.period, *[-MASS_BOUND] * len(self.masses)]
         self.low = np.concatenate([np.tile(level.lowest, len(self.joints)), least])
         self.x, self.covariance = self.mean, np.diag(self.scale**2)
@@ -357,6 +164,13 @@ class _BlockFit:
         errors, slopes = self._compare(x)
         information = slopes.T @ slopes / measure_variance(errors) + np.eye(len(x))
         self.x, self.covariance = x, np.linalg.inv(information) * np.outer(self.scale, self.scale)
+        if self.problem.signals.is_measured:
+            values = self.get_values(x)
+            size = np.abs(values)
+            size[:, 0] += np.diagonal(self.expansion.mass, axis1=1, axis2=2).mean(axis=0)
+            size[:, SIGNED] = np.maximum(size[:, SIGNED], values[:, OWN:].mean(axis=1, keepdims=True))
+            floor = STRUCTURE * size[:, self.level.free].ravel()
+            self.covariance[np.arange(self.delay), np.arange(self.delay)] += floor**2
 
     def _improve(self, first: Array, fitted: Mask) -> Array:
         """Return ``first`` with the parameters ``fitted`` (a mask) optimised; errors at ``first`` weigh the prior."""
@@ -381,18 +195,3 @@ class _BlockFit:
         return complete(
             least_squares(weigh, first[fitted] / scale, slope, bounds, max_nfev=EVALUATIONS, ftol=1e-4, xtol=1e-6).x
         )
-
-
-def measure_variance(errors: Array) -> float:
-    """Return the variance of ``errors`` (n, B) times the number of rows that carry the information of one.
-
-    That number is the integral of their autocorrelation, 1 for independent rows.
-    """
-    centred = errors - errors.mean(axis=0)
-    size = 2 ** math.ceil(math.log2(2 * len(errors)))
-    power = np.abs(np.fft.rfft(centred, size, axis=0)) ** 2
-    correlation = np.fft.irfft(power, size, axis=0)[: len(errors) // 4].sum(axis=1)
-    correlation /= correlation[0] or 1.0
-    end = int(np.append(correlation < 0.05, True).argmax())
-    correlated = max(1.0, 2.0 * float(correlation[:end].sum()) - 1.0)
-    return float(max((errors**2).mean(), 1e-18)) * correlated

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cmacexp.addons.gap.identify import KNOTS, Problem
+from cmacexp.addons.gap.problem import KNOTS, Problem
 from cmacexp.addons.gap.signals import Signals, differentiate, low_pass
 from cmacexp.cmac.network import Cmac
 from cmacexp.models.joint import OWN

@@ -12,40 +12,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.addons.gap.readers import READERS, Columns, Reader
-from cmacexp.errors import BadInput, require, suggest
+from cmacexp.addons.gap.names import JOINT, PATTERNS, SEPARATORS, find_numbered, list_patterns
+from cmacexp.addons.gap.readers import COMPRESSED, DECLARED, READERS, Columns, Reader, is_number, read_bag
+from cmacexp.errors import BadInput, CmacexpError, require, suggest
 from cmacexp.typing import Array
 
 KEY = "LOG"
 """Name of the file in error messages: the argument of the command."""
-JOINT = "{joint}"
-PATTERNS: dict[str, tuple[str, ...]] = {
-    "time": ("time", "t", "timestamp", "time_s", "stamp"),
-    "angle": (
-        "q_{joint}", "{joint}_q", "pos_{joint}", "{joint}_pos", "position_{joint}", "{joint}_position", "{joint}.pos",
-    ),
-    "command": (
-        "q_des_{joint}", "{joint}_q_des", "cmd_{joint}", "{joint}_cmd", "command_{joint}", "{joint}_command",
-        "target_{joint}", "{joint}_target",
-    ),
-    "command_velocity": ("dq_des_{joint}", "qd_des_{joint}", "{joint}_dq_des"),
-    "torque": ("tau_{joint}", "{joint}_tau", "torque_{joint}", "{joint}_torque", "effort_{joint}"),
-    "feedforward": ("tau_ff_{joint}", "{joint}_tau_ff"),
-    "kp": ("kp_{joint}", "kp"),
-    "kd": ("kd_{joint}", "kd"),
-    "orientation": ("quat_{joint}", "q{joint}"),
-}  # fmt: skip
-"""Quantities of a log, and the names of their columns that are tried; the first one that occurs is used."""
 AXES = ("w", "x", "y", "z")
 """Components of a quaternion, which take the place of ``{joint}`` in the names of an orientation."""
 ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180.0, "rev": 2.0 * np.pi, "m": 1.0, "mm": 1e-3}
 TORQUES = {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "mNm": 1e-3, "N": 1.0}
+UNKNOWN = {"A": 1.0, "mA": 1e-3, "unknown": 1.0}
+"""Units of torque that say nothing of N m: a factor for each joint is estimated."""
 UNITS = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "angle": ANGLES,
     "command": ANGLES,
     "command_velocity": {f"{unit}/s": factor for unit, factor in ANGLES.items()},
-    "torque": TORQUES,
+    "torque": TORQUES | UNKNOWN,
     "feedforward": TORQUES,
 }
 """Units that a log may have, by quantity, with their factors to the units of this project."""
@@ -78,6 +63,14 @@ class Log:
     """(n, 4) orientation of the base in the world, a quaternion w, x, y, z; None: the base was held level."""
     names: Mapping[str, str] = field(default_factory=dict)
     """Name of the column of each quantity, with ``{joint}`` for the name of a joint."""
+    is_unit_known: bool = True
+    """False if torques are in a unit that does not say how many N m they are, such as currents."""
+    notes: tuple[str, ...] = ()
+    """What was changed or assumed when the log was read, one sentence each."""
+
+    def note(self, sentence: str) -> "Log":
+        """Return the log with one more note."""
+        return replace(self, notes=(*self.notes, sentence))
 
     @property
     def period(self) -> float:
@@ -88,6 +81,11 @@ class Log:
     def has_gains(self) -> bool:
         """True if the gains of all drives are known."""
         return bool(np.isfinite(self.kp).all() and np.isfinite(self.kd).all())
+
+    @property
+    def has_drives(self) -> bool:
+        """True if commands and gains are known, so that commands can be replayed."""
+        return self.command is not None and self.has_gains
 
     def column(self, quantity: str, joint: int) -> str:
         """Return the name of the column of a ``quantity`` of the joint with this number."""
@@ -113,30 +111,27 @@ def read_log(
     gains: Mapping[str, Sequence[float]] | None = None,
     reader: Reader | None = None,
     left_out: Sequence[str] = (),
+    rate: float | None = None,
 ) -> Log:
     """Read a log from a file.
 
     Args:
-        path: file in Parquet, CSV, NPZ or MCAP, by its suffix, or in the format of ``reader``.
-        names: names of columns by quantity, see PATTERNS, with ``{joint}`` for the name of a joint.
+        path: file in Parquet, CSV, NPZ or MCAP, or bag of ROS, by its suffix, or in the format of ``reader``.
+        names: names of columns by quantity, see PATTERNS, with ``{joint}`` for the name of a joint; or their numbers
+            from 1 on, such as ``2-7``.
         units: units by quantity, see UNITS; they replace those that the file declares. Default: s, rad, N m.
         gains: ``kp`` and ``kd``, one number or one for each joint; they replace those in the file.
         reader: function that reads another format.
         left_out: joints to ignore; a joint with a command or torque but no measured angle must be among them.
+        rate: rows a second; it replaces the times in the file.
 
     Raises:
         BadInput: the file cannot be read, a column is missing or holds no numbers, a unit is unknown or of a quantity
             that the log does not have, or the log has neither torques nor commands with the gains of the drives.
     """
-    require(path.is_file(), KEY, path, "there is no such file")
-    reader = reader or READERS.get(path.suffix.lower())
-    if reader is None:
-        raise BadInput(KEY, path, f"is no {', '.join(READERS)}: name a reader, --reader FILE.py:FUNCTION")
-    try:
-        columns = _flatten({name: np.asarray(values) for name, values in reader(path).items()})
-    except Exception as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise BadInput(KEY, path, f"cannot be read ({reason})") from error
+    require(path.exists(), KEY, path, "there is no such file")
+    columns = _load(path, reader)
+    require(rate is None or 0.0 < rate < np.inf, "--rate", rate, "must be a number of rows a second, above 0")
     for quantity, unit in (units or {}).items():
         allowed = UNITS.get(quantity, {})
         mistake = f"is no unit of {quantity}, which are" if allowed else "must name one of"
@@ -145,10 +140,31 @@ def read_log(
         mistake = f"is no quantity of a log, which are {', '.join(PATTERNS)}"
         require(quantity in PATTERNS, "--names", quantity, mistake)
     gain_columns = {key: np.array(values) for key, values in (gains or {}).items()}
-    patterns = (
-        PATTERNS | {key: (name,) for key, name in (names or {}).items()} | {key: (key,) for key in gain_columns}
-    )
+    given = {key: (find_numbered(columns, key, name),) for key, name in (names or {}).items()}
+    if rate is not None:
+        columns["time"] = np.arange(max(map(np.size, columns.values()), default=0)) / rate
+    patterns = {
+        **{key: list_patterns(tried, columns) for key, tried in PATTERNS.items()},
+        **given,
+        **{key: (key,) for key in gain_columns},
+        **({} if rate is None else {"time": ("time",)}),
+    }
     return _Table(path, columns | gain_columns, patterns, units or {}, left_out).make_log()
+
+
+def _load(path: Path, reader: Reader | None) -> dict[str, NDArray[Any]]:
+    """Read the columns (n,) of a file, or of a folder that is a bag of ROS; raise BadInput."""
+    suffixes = [suffix.lower() for suffix in path.suffixes if suffix.lower() not in COMPRESSED]
+    reader = reader or (read_bag if path.is_dir() else READERS.get(suffixes[-1] if suffixes else ""))
+    if reader is None:
+        raise BadInput(KEY, path, f"is no {', '.join(READERS)}: name a reader, --reader FILE.py:FUNCTION")
+    try:
+        return _flatten({name: np.asarray(values) for name, values in reader(path).items()})
+    except CmacexpError:
+        raise
+    except Exception as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise BadInput(KEY, path, f"cannot be read ({reason})") from error
 
 
 def _flatten(columns: Columns) -> dict[str, NDArray[Any]]:
@@ -189,14 +205,14 @@ class _Table:
             names[quantity] = pattern
             return np.stack([self._read(pattern.replace(JOINT, suffix), quantity) for suffix in suffixes], axis=1)
 
-        time = read("time", [""])
+        time = self._read_time()
+        if time is None:
+            raise BadInput(
+                KEY,
+                self.path,
+                f"has no column of time: --rate HZ, or name it, --names time=NAME; it has {self._list()}",
+            )
         angle = read("angle")
-        require(
-            time is not None,
-            KEY,
-            self.path,
-            f"has no column of time; name it, --names time=NAME; it has {self._list()}",
-        )
         command = read("command")
         torque = read("torque")
         without_angle = self._list_joints(names).difference(joints)
@@ -205,7 +221,7 @@ class _Table:
             raise BadInput(KEY, self.path, f"{lacks} a command or torque: rename it, or --leave-out {joint}")
         log = Log(
             path=self.path,
-            time=time[:, 0] - time[:1, 0].sum(),
+            time=time,
             joints=tuple(joints),
             angle=angle,
             command=command,
@@ -216,6 +232,8 @@ class _Table:
             kd=self._read_gain("kd", joints),
             orientation=read("orientation", AXES),
             names=names,
+            is_unit_known=torque is None or self._is_unit_known(names["torque"]),
+            notes=tuple(map(str, self.columns.get("notes", ()))),
         )
         require(
             command is not None or torque is not None,
@@ -232,12 +250,45 @@ class _Table:
             )
         for quantity, unit in self.units.items():
             require(
-                quantity in names,
+                quantity in (*names, "time"),
                 "--units",
                 f"{quantity}={unit}",
-                f"the log has no {quantity}; it has {', '.join(names)}",
+                f"the log has no {quantity}; it has {', '.join(('time', *names))}",
             )
         return log.leave_out([joint for joint in self.left_out if joint not in without_angle])
+
+    def _read_time(self) -> Array | None:
+        """Return the times (n,) from 0 on, s, without loss of digits; None if the log has none; raise BadInput.
+
+        Without a unit, it is that of the column's name, or follows from the size of a time since 1970.
+        """
+        if (name := self._find("time", [""])) is None:
+            return None
+        values = np.atleast_1d(self.columns[name])
+        if values.dtype.kind == "M" or not is_number(values[0]):
+            from pandas import to_datetime
+
+            try:
+                dates = to_datetime(values).to_numpy("datetime64[ns]")
+            except (TypeError, ValueError) as error:
+                raise BadInput(KEY, self.path, f"holds no times in column {name} ({error})") from error
+            return np.asarray((dates - dates[0]) / np.timedelta64(1, "ns") * 1e-9)
+        if values.dtype.kind not in "iu":
+            values = self._get_numbers(name)
+        ending = re.search(r"_(s|sec|ms|us|ns)_*$", name.translate(SEPARATORS), re.IGNORECASE)
+        declared = next((unit for unit in self._list_declared() if unit in UNITS["time"]), None)
+        unit = self.units.get("time") or declared or (ending and ending[1].lower().replace("sec", "s"))
+        since_1970 = (size for size, limit in {"ns": 1e17, "us": 1e14, "ms": 1e11}.items() if abs(values[0]) > limit)
+        return np.asarray((values - values[0]) * UNITS["time"][unit or next(since_1970, "s")], dtype=float)
+
+    def _is_unit_known(self, pattern: str) -> bool:
+        """Return False if torques, whose columns have this pattern, are currents, or in a unit of UNKNOWN."""
+        unit = self.units.get("torque") or next((u for u in self._list_declared() if u in (*TORQUES, *UNKNOWN)), None)
+        return unit in TORQUES if unit else "current" not in pattern.lower()
+
+    def _list_declared(self) -> list[str]:
+        """Return the units that the file declares."""
+        return [unit.strip() for unit in re.split("[,;]", ",".join(np.atleast_1d(self.columns.get("units", ""))))]
 
     def _list_joints(self, names: Mapping[str, str]) -> set[str]:
         """Return all joints with a command or a torque, whose columns have these names by quantity."""
@@ -245,7 +296,7 @@ class _Table:
         return {joint for key, pattern in patterns.items() for joint in self._match(pattern, key)}
 
     def _list(self) -> str:
-        names = list(self.columns)
+        names = [name for name in self.columns if name not in (*DECLARED, "notes")]
         return ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
 
     def _find(self, quantity: str, joints: Sequence[str]) -> str | None:
@@ -286,11 +337,18 @@ class _Table:
         A column that matches a longer pattern of another quantity is a column of that quantity.
         """
         claimed = set[str]()
+        is_number = len(self.patterns[quantity]) > 1 and re.search(
+            rf"\w{re.escape(JOINT)}", pattern.replace("_", " ")
+        )
         for key, patterns in self.patterns.items():
             for other in patterns if key != quantity else ():
                 if JOINT in other and len(other) > len(pattern):
                     claimed.update(self._match_columns(other))
-        return [joint for name, joint in self._match_columns(pattern).items() if name not in claimed]
+        return [
+            joint
+            for name, joint in self._match_columns(pattern).items()
+            if name not in claimed and (joint.isdigit() or not is_number)
+        ]
 
     def _match_columns(self, pattern: str) -> dict[str, str]:
         """Return the text that ``{joint}`` stands for in each column that matches a pattern, by the column's name."""
@@ -310,7 +368,7 @@ class _Table:
         rows = self.columns[self._find("time", [""]) or name].size
         require(values.shape == (rows,), KEY, self.path, f"column {name} has {values.size} values, time has {rows}")
         factors = UNITS.get(quantity, {})
-        declared = [unit.strip() for unit in re.split("[,;]", ",".join(np.atleast_1d(self.columns.get("units", ""))))]
+        declared = self._list_declared()
         unit = self.units.get(quantity) or next((unit for unit in declared if unit in factors), None)
         unknown = set(declared).difference([""], *UNITS.values())
         listed = ", ".join(unit for unit in declared if unit in unknown)

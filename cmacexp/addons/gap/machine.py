@@ -18,7 +18,7 @@ from cmacexp.errors import require, suggest
 from cmacexp.models.joint import OWN
 from cmacexp.models.robot import UPRIGHT, compile_spec, load_mujoco, load_spec
 from cmacexp.models.robot_file import find_model, package_models
-from cmacexp.typing import Array, Counts
+from cmacexp.typing import Array, Counts, Mask
 
 ROBOT_KEY = "--robot"
 STEP = 1e-5
@@ -47,6 +47,8 @@ class Machine:
     """(J,) indices of the joint velocities in ``MjData.qvel``."""
     blocks: tuple[Counts, ...]
     """Numbers of the joints of each block, in the order of the log."""
+    is_prismatic: Mask
+    """(J,) true for joints that slide: their units are m, N, N s/m and kg."""
 
     def expand(self, block: Counts, angle: Array, velocity: Array, base: Array | None = None) -> Expansion:
         """Expand the equations of a ``block`` along ``angle``, rad, and ``velocity``, rad/s, (N, J) of all joints.
@@ -135,17 +137,21 @@ def read_machine(robot: str, names: Sequence[str], pairs: Mapping[str, str] | No
     path = _find_path(robot)
     model = compile_spec(path, load_spec(path))
     mujoco = load_mujoco()
-    require(
-        not np.any(model.eq_active0),
-        ROBOT_KEY,
-        robot,
-        "has equality constraints, with which its joints are no chains: remove them",
-    )
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     kinds = [int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)]
     joints = {model.joint(i).name: i for i in np.flatnonzero(np.isin(model.jnt_type, kinds)).tolist()}
     matched = match_names(names, list(joints), pairs or {})
     index = np.array([joints[name] for name in matched])
+    for number in np.flatnonzero(model.eq_active0).tolist():
+        joined = _list_constrained(model, number, index)
+        said = [name for name, joint in zip(names, index.tolist(), strict=True) if joint in joined]
+        require(
+            not said,
+            ROBOT_KEY,
+            robot,
+            f"the constraint {model.eq(number).name or number} closes a loop over {', '.join(said)}, which the log "
+            f"moves; equations of joints are those of chains: --leave-out {','.join(said)}, or remove the constraint",
+        )
     dof = model.jnt_dofadr[index].astype(np.int64)
     losses = np.zeros((len(dof), OWN + 1))
     for k, values in {0: model.dof_armature, 1: model.dof_damping, OWN: model.dof_frictionloss}.items():
@@ -161,8 +167,33 @@ def read_machine(robot: str, names: Sequence[str], pairs: Mapping[str, str] | No
         qpos=model.jnt_qposadr[index].astype(np.int64),
         dof=dof,
         blocks=(np.arange(len(dof)),),
+        is_prismatic=model.jnt_type[index] == int(mujoco.mjtJoint.mjJNT_SLIDE),
     )
     return replace(machine, blocks=_find_blocks(machine))
+
+
+def _list_constrained(model: Any, constraint: int, joints: Array) -> list[int]:
+    """Return those of the ``joints`` between which, or between which and held ones, a constraint acts.
+
+    A constraint of joints acts on these, one of bodies on the joints between each body and the base.
+    """
+    mujoco = load_mujoco()
+    pair: tuple[Any, ...] = (model.eq_obj1id[constraint], model.eq_obj2id[constraint])
+    if model.eq_type[constraint] == int(mujoco.mjtEq.mjEQ_JOINT):
+        return [int(joint) for joint in joints if joint in pair]
+    if model.eq_type[constraint] not in (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)):
+        return [int(joint) for joint in joints]  # of tendons or flexible bodies
+    if model.eq_objtype[constraint] == int(mujoco.mjtObj.mjOBJ_SITE):
+        pair = tuple(model.site_bodyid[site] for site in pair)
+    chains = []
+    for end in pair:
+        chain = set[int]()
+        body = int(end)
+        while body > 0:
+            chain |= {int(joint) for joint in joints if model.jnt_bodyid[joint] == body}
+            body = int(model.body_parentid[body])
+        chains.append(chain)
+    return sorted(chains[0] ^ chains[1])
 
 
 def _find_path(robot: str) -> Path:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.addons.gap.analysis import FIRST, GENERIC, Gap
-from cmacexp.addons.gap.identify import NAMES
+from cmacexp.addons.gap.problem import NAMES, SIGNED
 from cmacexp.addons.gap.signals import SMOOTHING_WINDOW
 from cmacexp.cmac.rules import derive_rate
 from cmacexp.data.folder import OUT_KEY, new_result
@@ -24,6 +24,8 @@ from cmacexp.typing import Array, DataFrame, Figure
 
 JSON = "gap.json"
 OPTION = "as_built.yaml"
+PARAMETERS = ["joint", "units", "rotor inertia", "viscous", "offset", "spring", "friction"]
+"""Columns of the table of parameters."""
 SHOWN = 6
 """Number of learners in the figure."""
 
@@ -39,10 +41,20 @@ def summarise(values: dict[str, Any]) -> str:
     best = find_best(values)
     fastest = left[best]["fastest"]
     robot = Path(values["robot"]).name
-    model = f"the model of {robot} leaves {left['model']['value']:.1f} % and " if "model" in left else ""
+    strokes = "strokes" if values["repeats"] else "windows"
+    if "model" in left:
+        model = f"the model of {robot} leaves {left['model']['value']:.1f} % and the best predictor ({best})"
+    elif values["explained"]:
+        percents = list(values["explained"]["all"].values())
+        model = (
+            f"the model of {robot} leaves {percents[1]:.1f} % along the measured motion and joints identified on the "
+            f"first half {percents[2]:.1f} %, in the second half; the best learner, without a model ({best}), leaves"
+        )
+    else:
+        model = f"the best learner, without a model ({best}), leaves"
     text = (
-        f"Of the feedback torque of this log {model}the best predictor ({best}) {left[best]['value']:.1f} % "
-        f"[{left[best]['low']:.1f}, {left[best]['high']:.1f}] on {left[best]['n']} strokes that it had not seen, "
+        f"Of the torque of this log {model} {left[best]['value']:.1f} % "
+        f"[{left[best]['low']:.1f}, {left[best]['high']:.1f}] on {left[best]['n']} {strokes} that it had not seen, "
         f"{fastest['value']:.1f} % [{fastest['low']:.1f}, {fastest['high']:.1f}] on the fastest."
     )
     if values["lag"]:
@@ -127,7 +139,8 @@ def _tabulate(gap: Gap) -> dict[str, Callable[[], DataFrame]]:
 
     values = gap.values
     lags = {name: 1e3 * lag["value"] for name, lag in (values["lag"] or {"joints": {}})["joints"].items()}
-    models = values["explained"]["all"]
+    explained = values["explained"] or {"all": {}, "joints": {}}
+    models = explained["all"]
     tables: dict[str, tuple[list[str], Iterable[list[Any]]]] = {
         "left": (
             ["predictor", "left, %", "strokes", "fastest, %", "fastest if frozen, %"],
@@ -146,7 +159,7 @@ def _tabulate(gap: Gap) -> dict[str, Callable[[], DataFrame]]:
             ["joint", *(f"{name}, %" for name in models), "lag, ms"],
             (
                 [name, *percents.values(), lags.get(name)]
-                for name, percents in {"all": models, **values["explained"]["joints"]}.items()
+                for name, percents in {"all": models, **explained["joints"]}.items()
             ),
         ),
     }
@@ -162,17 +175,10 @@ def _tabulate(gap: Gap) -> dict[str, Callable[[], DataFrame]]:
                 ["model of a joint", "parameters", "unseen, mrad"],
                 (list(model.values()) for model in validation["choice"]["models"]),
             ),
-            "parameters": (
-                ["joint", "rotor, kg m²", "viscous, N m s/rad", "offset, N m", "spring, N m", "friction, N m"],
-                (
-                    [
-                        name,
-                        *(_format_error(params[key]) if key in params else "-" for key in NAMES),
-                        ", ".join(f"{friction:.2f}" for friction in params["coulomb_friction"]["value"]),
-                    ]
-                    for name, params in values["parameters"].items()
-                ),
-            ),
+            "parameters": (PARAMETERS, tabulate_parameters(values)),
+        }
+    if "acting" in values:
+        tables |= {
             "acting": (
                 [
                     "feedforward",
@@ -201,7 +207,22 @@ def _format_interval(estimate: dict[str, Any]) -> str:
     return f"{estimate['value']:.1f} [{estimate['low']:.1f}, {estimate['high']:.1f}]"
 
 
+def tabulate_parameters(values: dict[str, Any]) -> list[list[str]]:
+    """Return a row for each joint with its parameters, see PARAMETERS; without an interval, only the value."""
+    return [
+        [
+            name,
+            ", ".join(params["unit"]),
+            *(_format_error(params[key]) if key in params else "-" for key in NAMES),
+            ", ".join(f"{friction:.3g}" for friction in params["coulomb_friction"]["value"]),
+        ]
+        for name, params in values["parameters"].items()
+    ]
+
+
 def _format_error(estimate: dict[str, Any]) -> str:
+    if estimate["deviation"] is None:
+        return f"{estimate['value']:.3g}"
     return f"{estimate['value']:.3g} ± {estimate['deviation']:.2g}"
 
 
@@ -209,10 +230,11 @@ def make_option(gap: Gap) -> str:
     """Return the YAML of an option of ``conf/plant/as_built`` with the identified joints, by names in the model."""
     import yaml
 
-    joints = {
-        name: {key: _round(value["value"] if isinstance(value, dict) else value) for key, value in params.items()}
-        for name, params in zip(gap.problem.machine.joints, gap.values["parameters"].values(), strict=True)
-    }
+    joints = {}
+    for name, params in zip(gap.problem.machine.joints, gap.values["parameters"].values(), strict=True):
+        numbers = {key: value["value"] for key, value in params.items() if isinstance(value, dict)}
+        numbers |= {key: -numbers[key] for key in NAMES[SIGNED] if key in numbers}  # here: torque on the joint
+        joints[name] = {key: _round(value) for key, value in (numbers | {"range": params["range"]}).items()}
     option = {
         **dict.fromkeys(("joint_friction", "joint_damping", "rotor_inertia")),
         **{"trunk_mass_factor": 1.0, "trunk_inertia_factor": 1.0, "leg_mass_factor": 1.0, "trunk_shift": 0.0},
@@ -233,6 +255,7 @@ def write_page(gap: Gap, folder: Path) -> Path:
     values = gap.values | {"summary": summarise(gap.values), "advice": advise(gap)}
     variables = {
         "validation": None,
+        "acting": None,
         "refused": [],
         **values,
         "window": SMOOTHING_WINDOW,

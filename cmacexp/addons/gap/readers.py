@@ -1,12 +1,13 @@
-"""Readers of logs: Parquet, CSV, NPZ and MCAP, and functions of users for other formats.
+"""Readers of logs: Parquet, CSV, NPZ, MCAP, bags of ROS, and functions of users for other formats.
 
 A reader is a function from a path to columns by name, arrays (n,) or (n, J). Declarations that hold for all rows of a
 file, see DECLARED, are columns too.
 """
 
+import re
 import runpy
 from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,8 @@ Columns = Mapping[str, NDArray[Any]]
 """Columns of a log by name."""
 Reader = Callable[[Path], Columns]
 
+COMPRESSED = (".gz", ".bz2", ".xz", ".zst")
+"""Last suffixes of compressed CSV files."""
 DECLARED = ("units", "kp", "kd")
 """Declarations of a file: units in any order, and gains, one for all joints or one for each, separated by commas."""
 
@@ -37,23 +40,53 @@ def read_parquet(path: Path) -> Columns:
     lists = {
         name: np.stack(values)
         for name, values in columns.items()
-        if values.dtype == object and not isinstance(values[0], str)
+        if values.dtype == object and isinstance(values[0], np.ndarray | list)
     }
     texts = {key.decode(): text.decode() for key, text in (table.schema.metadata or {}).items()}
     return {**columns, **lists, **split_declarations(texts)}
 
 
 def read_csv(path: Path) -> Columns:
-    """Read the columns of a CSV file with a line of names; lines ``# NAME: VALUE`` declare units or gains."""
+    """Read the columns of a text file, perhaps compressed; lines ``# NAME: VALUE`` declare units or gains.
+
+    Columns are separated by commas, semicolons, tabs or spaces. Without a line of names their numbers, from 1 on, are
+    their names; a line of names may begin with ``#``.
+    """
+    import io
+
     import pandas
 
-    with path.open(encoding="utf-8", errors="replace") as file:
-        lines = file.readlines()
-    head = next((line for line in lines if not line.startswith("#")), "")
-    frame = pandas.read_csv(path, comment="#", sep=max(",;\t", key=head.count), skipinitialspace=True)
+    # pandas opens compressed files; each line is one value
+    table = pandas.read_csv(
+        path, sep="\0", header=None, engine="python", dtype=str, quoting=3, encoding_errors="replace"
+    )
+    lines = [line for line in table[0].str.strip() if line]
     comments = [line[1:].partition(":") for line in lines if line.startswith("#")]
     declared = split_declarations({key.strip(): value for key, _, value in comments})
-    return {**{str(name).strip(): frame[name].to_numpy() for name in frame}, **declared}
+    rows = [line for line in lines if not line.startswith("#")]
+    separator = max(",;\t", key=rows[0].count)
+    separator = separator if separator in rows[0] else r"\s+"
+    names = _split(rows[0], separator)
+    if has_numbers := all(map(is_number, names)):
+        heads = [_split(line[1:].strip(), separator) for line in lines if line.startswith("#")]
+        names = next((head for head in heads if len(head) == len(names)), [str(k + 1) for k in range(len(names))])
+    text = io.StringIO("\n".join(rows if has_numbers else rows[1:]))
+    frame = pandas.read_csv(text, sep=separator, names=names, skipinitialspace=True, index_col=False)
+    return {**{name: frame[name].to_numpy() for name in names}, **declared}
+
+
+def _split(line: str, separator: str) -> list[str]:
+    """Split a line at a separator, and remove spaces and quotes around its words."""
+    return [word.strip().strip("\"'") for word in re.split(separator, line)]
+
+
+def is_number(value: Any) -> bool:
+    """Return True if a value, such as a text, is a number."""
+    try:
+        float(value)
+    except (TypeError, ValueError):
+        return False
+    return True
 
 
 def read_npz(path: Path) -> Columns:
@@ -62,32 +95,153 @@ def read_npz(path: Path) -> Columns:
         return dict(file)
 
 
-def read_mcap(path: Path) -> Columns:
-    """Read the numbers in the JSON messages of an MCAP file, as columns ``TOPIC_FIELD``.
+Topics = Mapping[str, list[tuple[int, dict[str, Any]]]]
+"""Messages by topic: time, ns, and values by name."""
+COMMAND_WORDS = ("command", "cmd", "desired", "target", "reference", "setpoint")
+"""Words in the name of a topic of joint states that are commands."""
 
-    Rows are the messages of the most frequent topic; other topics are held from one message to the next.
+
+def read_mcap(path: Path) -> Columns:
+    """Read an MCAP file: joint states and trajectories of ROS 2, see :func:`read_bag`, or numbers in JSON messages.
+
+    Numbers become columns ``TOPIC_FIELD``. Rows are the messages of the most frequent topic; other topics are held
+    from one message to the next.
     """
     import json
 
     require_extra("mcap")
     from mcap.reader import make_reader
 
-    topics = defaultdict[str, list[tuple[float, dict[str, Any]]]](list)
+    topics = defaultdict[str, list[tuple[int, dict[str, Any]]]](list)
     with path.open("rb") as file:
         for _, channel, message in make_reader(file).iter_messages():
+            if channel.message_encoding == "cdr":
+                return read_bag(path)
             if channel.message_encoding == "json":
-                topics[channel.topic.strip("/")].append((message.log_time * 1e-9, json.loads(message.data)))
+                topics[channel.topic.strip("/")].append((message.log_time, json.loads(message.data)))
     if not topics:
-        raise ValueError("it holds no JSON messages; write a reader for its encoding")
-    columns: dict[str, NDArray[Any]] = {"time": np.array([at for at, _ in max(topics.values(), key=len)])}
-    for topic, messages in topics.items():
-        last = np.searchsorted([at for at, _ in messages], columns["time"], side="right") - 1
-        numbers = [name for name, value in messages[0][1].items() if isinstance(value, int | float | list)]
-        columns |= {f"{topic}_{name}": np.array([messages[max(k, 0)][1][name] for k in last]) for name in numbers}
-    return columns
+        raise ValueError("it holds neither JSON nor ROS 2 messages; write a reader for its encoding")
+    return _join(
+        {
+            topic: [
+                (
+                    at,
+                    {
+                        f"{topic}_{name}": value
+                        for name, value in values.items()
+                        if isinstance(value, int | float | list)
+                    },
+                )
+                for at, values in messages
+            ]
+            for topic, messages in topics.items()
+        }
+    )
 
 
-READERS: dict[str, Reader] = {".parquet": read_parquet, ".csv": read_csv, ".npz": read_npz, ".mcap": read_mcap}
+def read_bag(path: Path) -> Columns:
+    """Read joints in a bag of ROS: a folder of rosbag2, a file ``.db3`` or ``.mcap``, or a ``.bag`` of ROS 1.
+
+    ``sensor_msgs/JointState`` gives angles and torques, or commands if its topic is named so;
+    ``trajectory_msgs/JointTrajectory`` gives the commands of its first point, and states of controllers both. Joints
+    are matched by name in each message. Times are those of the headers, or of the recorder without them.
+    """
+    require_extra("rosbags")
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    topics = defaultdict[str, list[tuple[int, dict[str, Any]]]](list)
+    kinds = set[str]()
+    with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as bag:
+        for connection, at, raw in bag.messages():
+            kind = connection.msgtype.rpartition("/")[2]
+            kinds.add(kind)
+            if kind not in JOINT_MESSAGES:
+                continue
+            message = bag.deserialize(raw, connection.msgtype)
+            values = JOINT_MESSAGES[kind](message, any(word in connection.topic.lower() for word in COMMAND_WORDS))
+            stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+            topics[connection.topic].append((stamp or at, values))
+    if not topics:
+        listed = ", ".join(sorted(kinds)) or "none"
+        raise ValueError(f"its messages are {listed}, and none of {', '.join(JOINT_MESSAGES)}; write a reader")
+    return _join(topics)
+
+
+def _name_joints(joints: Sequence[str], signals: Mapping[str, Any]) -> dict[str, float]:
+    """Return the values of signals by ``SIGNAL_JOINT``; signals that lack joints are left out."""
+    return {
+        f"{signal}_{joint}": float(value)
+        for signal, values in signals.items()
+        if values is not None and len(values) == len(joints)
+        for joint, value in zip(joints, values, strict=True)
+    }
+
+
+def _read_joint_state(message: Any, is_command: bool) -> dict[str, float]:
+    names = ("q_des", "dq_des", "tau_ff") if is_command else ("q", "dq", "tau")
+    signals = dict(zip(names, (message.position, message.velocity, message.effort), strict=True))
+    return _name_joints(message.name, signals)
+
+
+def _read_trajectory(message: Any, is_command: bool) -> dict[str, float]:
+    point = next(iter(message.points), None)
+    signals = {} if point is None else {"q_des": point.positions, "dq_des": point.velocities, "tau_ff": point.effort}
+    return _name_joints(message.joint_names, signals)
+
+
+def _read_controller(message: Any, is_command: bool) -> dict[str, float]:
+    actual, desired = (
+        getattr(message, new if hasattr(message, new) else old)
+        for new, old in (("feedback", "actual"), ("reference", "desired"))
+    )
+    signals = {
+        "q": actual.positions,
+        "tau": actual.effort,
+        "q_des": desired.positions,
+        "dq_des": desired.velocities,
+    }
+    return _name_joints(message.joint_names, signals)
+
+
+JOINT_MESSAGES: dict[str, Callable[[Any, bool], dict[str, float]]] = {
+    "JointState": _read_joint_state,
+    "JointTrajectory": _read_trajectory,
+    "JointTrajectoryControllerState": _read_controller,
+}
+"""Readers of messages of ROS by their type; the second argument is true for a topic of commands."""
+
+
+def _join(topics: Topics) -> Columns:
+    """Join messages of topics into columns at the times of the most frequent one, from 0 on, s.
+
+    Each value is held until its next message; before its first one it has its first value. A value of
+    several topics is taken from the topic with the most messages, which a note says.
+    """
+    ordered = sorted(topics, key=lambda topic: len(topics[topic]), reverse=True)
+    times = np.array([at for at, _ in topics[ordered[0]]])
+    columns: dict[str, NDArray[Any]] = {"time": (times - times[0]) * 1e-9}
+    notes = list[str]()
+    for topic in ordered:
+        series = defaultdict[str, list[tuple[int, Any]]](list)
+        for at, values in sorted(topics[topic], key=lambda message: message[0]):
+            for name, value in values.items():
+                series[name].append((at, value))
+        if known := [name for name in series if name in columns]:
+            notes.append(f"Topic {topic} was ignored for {', '.join(known)}, which a more frequent topic has.")
+        for name in (name for name in series if name not in known):
+            last = np.searchsorted([at for at, _ in series[name]], times, side="right") - 1
+            columns[name] = np.array([series[name][max(k, 0)][1] for k in last], dtype=float)
+    return {**dict(sorted(columns.items(), key=lambda item: item[0] != "time")), "notes": np.array(notes, dtype=str)}
+
+
+READERS: dict[str, Reader] = {
+    ".parquet": read_parquet,
+    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat"), read_csv),
+    ".npz": read_npz,
+    ".mcap": read_mcap,
+    **dict.fromkeys((".db3", ".bag"), read_bag),
+}
 """Readers by suffix of the file."""
 
 

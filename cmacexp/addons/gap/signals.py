@@ -84,11 +84,15 @@ class Signals:
         """Commanded angles, shifted by the delay, rad; the measured angles if the log has no commands."""
         return shift(self.log.angle if self.log.command is None else self.log.command, self.delay)
 
+    @property
+    def is_measured(self) -> bool:
+        """True if the torque is measured, false if it follows from commands and gains."""
+        return self.log.torque is not None
+
     @cached_property
     def torque(self) -> Array:
         """Torque of the drives, N m: the torque that a perfect feedforward would supply."""
-        if self.log.command is None or not self.log.has_gains:
-            assert self.log.torque is not None
+        if self.log.torque is not None:
             return self.log.torque
         return self.compute_torque(self.log.angle) + self.log.feedforward
 

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from cmacexp.addons.gap.analysis import FIRST, Gap, Report, add_learner, compare_rms
-from cmacexp.addons.gap.identify import KNOWN, LEVELS, MASS_PRIOR, NAMES, TILT_PRIOR, Fit, Level, Problem, fit
+from cmacexp.addons.gap.identify import Fit, fit, replay_fit
 from cmacexp.addons.gap.learners import PLACED, Both, Fixed, Iterative, Learner, Maker, make_tables, place_below
+from cmacexp.addons.gap.problem import KNOWN, LEVELS, MASS_PRIOR, NAMES, SIGNED, TILT_PRIOR, Level, Problem
 from cmacexp.addons.gap.replay import Expansion, make_drive
 from cmacexp.addons.gap.signals import Signals, differentiate, low_pass
 from cmacexp.typing import Array, Mask
@@ -24,6 +25,10 @@ SETTLE = 0.2
 """Time at the beginning of a log that is not fitted, s: the earlier commands are unknown."""
 CORRELATED = 0.8
 """Correlation of delay and rotor inertia above which they cannot be identified separately."""
+DISAGREEING = 3.0
+"""Difference of two fits over its standard error, above which an interval is not given."""
+UNITS = (["kg m^2", "N m s/rad", "N m"], ["kg", "N s/m", "N"])
+"""Units of rotor inertia, viscous friction and torque of joints that turn, and that slide."""
 ALONE = "desired velocity alone"
 
 
@@ -42,10 +47,11 @@ def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
     whole = gap.fitted = fit(problem, chosen, rows_of(gap.signals, 1, count), forward.values)
     set_done(0.6)
     for name, fitted in {"identified": forward, "identified, the reverse": reverse}.items():
-        applied = problem.apply(fitted)
-        # expanded along the replay itself, the equations hold to all orders
-        expansions = applied.expand(*applied.replay(fitted.values, fitted.delay))
-        gap.replays[name], _ = applied.replay(fitted.values, fitted.delay, expansions)
+        applied = problem.apply(fitted.masses)
+        angle = replay_fit(applied, fitted)
+        if gap.signals.log.has_drives:  # expanded along the replay itself, the equations hold to all orders
+            angle = replay_fit(applied, fitted, applied.expand(angle, differentiate(angle, gap.signals.log.period)))
+        gap.replays[name] = angle
     middle = max(train + 1, count - 1)
     spans = {"before": (1, train), "middle": (train + 1, middle), "last": (count, count), "all": (1, count)}
     gap.values |= {
@@ -73,9 +79,17 @@ def identify(gap: Gap, set_done: Report = lambda done: None) -> None:
         "covariances": [covariance.tolist() for covariance in whole.covariances],
         "refused": list(refuse_parameters(problem, whole)),
     }
-    for name, make in list_identified(problem, chosen, gap.makers["model"]).items():
-        add_learner(gap, name, make)
-    gap.values["acting"] = act(gap, whole, forward)
+    disagreeing = list(compare_fits(problem, forward, reverse))
+    for joint, name in disagreeing:
+        remove_interval(gap.values["parameters"][joint], name)
+    gap.values["refused"] += [
+        f"interval of the {name.replace('_', ' ')} of {joint}: fits to both parts of the log disagree"
+        for joint, name in disagreeing
+    ]
+    if gap.signals.log.has_drives:
+        for name, make in list_identified(problem, chosen, gap.makers["model"]).items():
+            add_learner(gap, name, make)
+        gap.values["acting"] = act(gap, whole, forward)
 
 
 def rows_of(signals: Signals, first: int, last: int) -> Mask:
@@ -111,7 +125,7 @@ def choose_level(problem: Problem) -> tuple[Level, list[dict[str, Any]]]:
     levels = LEVELS if problem.masses else LEVELS[:-1]
     for level in levels:
         fitted = fit(problem, level, rows_of(problem.signals, 1, inner))
-        angle, _ = problem.apply(fitted).replay(fitted.values, fitted.delay)
+        angle = problem.apply(fitted.masses).follow(fitted.values, fitted.delay)
         models.append(
             {
                 "model": level.name,
@@ -122,20 +136,47 @@ def choose_level(problem: Problem) -> tuple[Level, list[dict[str, Any]]]:
     return levels[int(np.argmin([model["mrad"] for model in models]))], models
 
 
+def compare_fits(problem: Problem, one: Fit, other: Fit) -> Iterator[tuple[str, str]]:
+    """Yield joint and name of each parameter by which two fits differ by more than DISAGREEING standard errors."""
+    deviation = np.maximum(np.hypot(one.deviation, other.deviation), 1e-12)
+    apart = np.abs(one.values - other.values) / deviation
+    for j, joint in enumerate(problem.signals.log.joints):
+        names = [name for k, name in enumerate(NAMES) if apart[j, k] > DISAGREEING and one.level.free[k]]
+        if apart[j, len(NAMES) :].max() > DISAGREEING:
+            names.append("coulomb_friction")
+        yield from ((joint, name) for name in names)
+
+
+def remove_interval(params: dict[str, Any], name: str) -> None:
+    """Set the standard error of a parameter to None."""
+    params[name]["deviation"] = None
+
+
 def describe_parameters(problem: Problem, fitted: Fit) -> dict[str, Any]:
-    """Return the parameters by joint with standard errors, and the range of friction and spring."""
-    described = {}
+    """Return the parameters by joint with standard errors, and the range of friction and spring.
+
+    ``unit`` is that of rotor inertia, viscous friction, and torque. An offset is the torque that the drive
+    must supply: torque of the drive = rigid bodies + inertia + friction + offset. In an option of ``as_built`` its
+    sign is that of the torque on the joint.
+    """
+    described: dict[str, Any] = {}
     for j, joint in enumerate(problem.signals.log.joints):
         free = [k for k in range(len(NAMES)) if fitted.level.free[k]]
-        described[joint] = {
-            NAMES[k]: {"value": float(fitted.values[j, k]), "deviation": float(fitted.deviation[j, k])} for k in free
-        } | {
-            "coulomb_friction": {
-                "value": fitted.values[j, len(NAMES) :].tolist(),
-                "deviation": fitted.deviation[j, len(NAMES) :].tolist(),
-            },
-            "range": problem.ranges[:, j].tolist(),
-        }
+        sign = {k: -1.0 if k in range(*SIGNED.indices(len(NAMES))) else 1.0 for k in free}
+        described[joint] = (
+            {"unit": UNITS[bool(problem.machine.is_prismatic[j])]}
+            | {
+                NAMES[k]: {"value": sign[k] * float(fitted.values[j, k]), "deviation": float(fitted.deviation[j, k])}
+                for k in free
+            }
+            | {
+                "coulomb_friction": {
+                    "value": fitted.values[j, len(NAMES) :].tolist(),
+                    "deviation": fitted.deviation[j, len(NAMES) :].tolist(),
+                },
+                "range": problem.ranges[:, j].tolist(),
+            }
+        )
     return described
 
 
@@ -180,7 +221,7 @@ class Identified:
         stroke = int(self.problem.signals.stroke[rows.start])
         if stroke % 2 == 0 and stroke < self.problem.signals.count:
             fitted = self.fit_to(stroke)
-            angle, _ = self.problem.apply(fitted).replay(fitted.values, fitted.delay)
+            angle = replay_fit(self.problem.apply(fitted.masses), fitted)
             self.torque = self.problem.signals.compute_torque(angle)
 
 
@@ -215,7 +256,7 @@ def act(gap: Gap, plant: Fit, first: Fit) -> dict[str, Any]:
     adds inverse dynamics of the plan to the learners: with the joints of the model, and with those of ``first``,
     which was fitted to the first strokes.
     """
-    problem = gap.problem.apply(plant)
+    problem = gap.problem.apply(plant.masses)
     signals = gap.signals
     log = signals.log
     tables = make_tables(problem)
@@ -226,7 +267,7 @@ def act(gap: Gap, plant: Fit, first: Fit) -> dict[str, Any]:
     makers: dict[str, Maker] = {ALONE: lambda: Fixed(np.zeros_like(plan)), **as_logged}
     models = {
         "model": (gap.problem, gap.problem.machine.losses),
-        "identified": (gap.problem.apply(first), first.values),
+        "identified": (gap.problem.apply(first.masses), first.values),
     }
     for name, (model, values) in models.items():
         rigid = model.machine.compute_torque(*motion, log.orientation)

@@ -8,7 +8,8 @@ import pytest
 from support.doors import BadInput
 from support.logs import PERIOD, make_problem, simulate_log
 
-from cmacexp.addons.gap.faults import check_against_model, check_log
+from cmacexp.addons.gap.analysis import measure
+from cmacexp.addons.gap.faults import check
 
 fine = cache(simulate_log)
 DEGREES = 180.0 / np.pi
@@ -54,20 +55,13 @@ def exchange(*keys):
 
 FAULTS = {
     "short": (choose(lambda rows: rows[:150]), "has 150 rows"),
-    "nan": (put([700], lambda own: np.nan), "q_hip is nan in row 700"),
     "huge": (put([700], lambda own: 1e300), r"q_hip is 1e\+300 in row 700"),
-    "nan that is fed forward": (
-        lambda log: replace(log, feedforward=np.where(log.time[:, None] == log.time[700], np.nan, log.feedforward)),
-        "feedforward is nan in row 700",
-    ),
+    "nan for long": (put(range(700, 720), lambda own: np.nan), "q_hip is nan in row 700 and 19 others"),
     "no rotation": (
         lambda log: replace(log, orientation=np.zeros((len(log.time), 4))),
         "the norm 0 in row 0: must be 1",
     ),
     "time in ms": (change("time", None, 1e3), "the unit of time"),
-    "repeated": (choose(lambda rows: np.insert(rows, 500, 500)), "row 501 is not later"),
-    "unsorted": (choose(lambda rows: np.r_[rows[:500], 501, 500, rows[502:]]), "row 501 is not later"),
-    "gap": (choose(lambda rows: np.delete(rows, [500, 501])), "lacks rows before row 500"),
     "lost and restamped": (choose(lambda rows: np.delete(rows, range(640, 643)), True), "rows were lost"),
     "joined": (choose(lambda rows: np.r_[rows[:300], rows[520:]], True), "the log was joined there"),
     "commands for angles": (lambda log: replace(log, angle=log.command), "hold the commands"),
@@ -91,17 +85,52 @@ FAULTS = {
 }
 
 
-def check(problem):
-    check_log(problem.signals.log, problem.machine)
-    return check_against_model(problem)
+def notes_of(log, accepted=()):
+    return measure(log, make_problem(log).machine, accepted).values["notes"]
+
+
+def jitter(log):
+    """The log with a host's stamps: 2 to 18 ms apart, of samples that were taken evenly."""
+    steps = np.random.default_rng(0).uniform(0.2, 1.8, len(log.time)) * PERIOD
+    return replace(log, time=np.cumsum(steps) + 1.7e9)
+
+
+MENDED = {
+    "nan": (put([700], lambda own: np.nan), "q_hip: 1 missing values were interpolated, first in row 700"),
+    "nan that is fed forward": (
+        lambda log: replace(log, feedforward=np.where(log.time[:, None] == log.time[700], np.nan, log.feedforward)),
+        "1 missing values",
+    ),
+    "repeated": (choose(lambda rows: np.insert(rows, 500, 500)), "1 rows with the time of the row before them"),
+    "unsorted": (choose(lambda rows: np.r_[rows[:500], 501, 500, rows[502:]]), "sorted by time"),
+    "gap": (choose(lambda rows: np.delete(rows, [500, 501])), "resampled every"),
+    "hole": (choose(lambda rows: np.delete(rows, range(900, 1000))), "the longest piece is used, 0.000 to 8.990 s"),
+    "jitter": (jitter, "times jitter, not the samples"),
+}
+
+
+@pytest.mark.parametrize("name", MENDED)
+def test_a_fault_of_the_clock_is_mended_and_noted(name):
+    damage, words = MENDED[name]
+    assert words in " ".join(notes_of(damage(fine())))
+
+
+def test_all_faults_are_in_one_line_with_the_options_that_go_on_and_one_that_is_accepted_is_a_note():
+    log = put([600], lambda own: own + 0.3)(fine())
+    log = replace(log, angle=np.column_stack([log.angle[:, 0], np.full(len(log.time), 0.1)]))
+    with pytest.raises(
+        BadInput, match=r"jumps at row 600.*joint knee moves 0 rad.*--accept scale,jump --leave-out knee"
+    ):
+        notes_of(log)
+    late = replace(fine(), command=np.roll(fine().command, -6, 0))
+    assert any("Accepted (delay)" in note for note in notes_of(late, ("delay", "damping", "gravity", "model")))
 
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_of_a_log_gives_one_line_that_names_it(name):
     damage, words = FAULTS[name]
-    problem = make_problem(damage(fine()))
     with pytest.raises(BadInput, match=words) as caught:
-        check(problem)
+        notes_of(damage(fine()))
     assert "\n" not in str(caught.value)
 
 
@@ -111,4 +140,4 @@ def test_a_log_without_a_fault_is_accepted_with_what_it_cannot_show():
     twins = replace(
         log, command=log.command[:, [0, 0]], angle=log.angle[:, [0, 0]], kp=log.kp[[0, 0]], kd=log.kd[[0, 0]]
     )
-    assert "nothing in this log shows whether" in " ".join(check_against_model(make_problem(twins)))
+    assert "nothing in this log shows whether" in " ".join(check(make_problem(twins)))

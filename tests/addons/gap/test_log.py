@@ -68,7 +68,7 @@ def test_names_and_units_are_options_and_another_format_needs_a_reader_of_a_few_
 
 WRONG = {
     "no such file": ({"path": "nowhere.csv"}, "there is no such file"),
-    "format": ({"path": "log.bag"}, "name a reader"),
+    "format": ({"path": "log.xyz"}, "name a reader"),
     "no angles": ({"rename": {f"q_{name}": f"x_{name}" for name in NAMES}}, "no measured angles .*--names angle="),
     "no time": ({"rename": {"time": "clock"}}, "no column of time"),
     "one command": ({"rename": {"q_des_wrist": "q_dse_wrist"}}, "no column q_des_wrist .*did you mean q_dse_wrist"),
@@ -124,3 +124,64 @@ def test_a_joint_without_a_measured_angle_can_be_left_out_and_pairs_of_joints_mu
     assert read_log(tmp_path / "log.csv", gains={"kp": [20.0], "kd": [1.0]}, left_out=["thumb"]).joints == NAMES
     with pytest.raises(BadInput, match="--joints=thumb=wrist: the log has no joint thumb"):
         match_names(NAMES, NAMES, {"thumb": "wrist"})
+
+
+OTHER_STYLES = {
+    "numbered": (lambda n: f"jpos{n}", lambda n: f"jpos_des{n}", "timestamp_ms", ("0", "1", "2")),
+    "spaces": (lambda n: f"- {NAMES[n]} position", lambda n: f"- {NAMES[n]} command", "Time [s]", NAMES),
+    "arrays": (lambda n: f"q[{n}]", lambda n: f"q_d[{n}]", "t", ("0", "1", "2")),
+}
+
+
+@pytest.mark.parametrize("style", OTHER_STYLES)
+def test_names_of_other_tools_are_understood_and_times_since_1970_keep_their_digits(tmp_path, style):
+    angle, command, time, joints = OTHER_STYLES[style]
+    stamps = 1_700_000_000_000 + np.round(1e3 * TIME).astype(int) if time.endswith("ms") else TIME
+    signals = {angle(n): ANGLE[:, n] for n in range(3)} | {command(n): COMMAND[:, n] for n in range(3)}
+    pd.DataFrame({time: stamps, **signals}).to_csv(tmp_path / "log.csv.gz", index=False)
+    log = read_log(tmp_path / "log.csv.gz", gains={"kp": [20.0], "kd": [1.0]})
+    assert log.joints == joints
+    np.testing.assert_allclose([log.angle, log.command], [ANGLE, COMMAND])
+    np.testing.assert_allclose(log.time, TIME, atol=1e-12)
+
+
+def test_columns_without_names_are_named_by_number_and_a_rate_stands_for_times(tmp_path):
+    np.savetxt(tmp_path / "log.txt", np.column_stack([ANGLE, COMMAND]))
+    names = {"angle": "1-3", "command": "4-6"}
+    log = read_log(tmp_path / "log.txt", names, gains={"kp": [20.0], "kd": [1.0]}, rate=200.0)
+    np.testing.assert_allclose([log.angle, log.command], [ANGLE, COMMAND])
+    np.testing.assert_allclose(log.time, TIME, atol=1e-12)
+    with pytest.raises(BadInput, match="--names=angle=1-7: must be columns from 1 to"):
+        read_log(tmp_path / "log.txt", {"angle": "1-7"}, rate=200.0)
+
+
+def test_a_bag_of_ros_2_gives_joints_by_name_whatever_their_order(tmp_path):
+    rosbag2 = pytest.importorskip("rosbags.rosbag2")
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    types = {name.rpartition("/")[2]: kind for name, kind in store.types.items()}
+    with rosbag2.Writer(tmp_path / "bag", version=9) as bag:
+        topics = {
+            name: bag.add_connection(name, "sensor_msgs/msg/JointState", typestore=store)
+            for name in ("/joint_states", "/joint_command")
+        }
+        for k, at in enumerate(TIME):
+            order = np.roll(np.arange(3), k)
+            nanoseconds = round(at * 1e9)
+            for topic, values in {"/joint_states": ANGLE, "/joint_command": COMMAND}.items():
+                stamp = types["Time"](sec=1_700_000_000 + nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+                message = types["JointState"](
+                    header=types["Header"](stamp=stamp, frame_id=""),
+                    name=[NAMES[j] for j in order],
+                    position=values[k, order],
+                    velocity=np.zeros(0),
+                    effort=np.zeros(0),
+                )
+                raw = store.serialize_cdr(message, "sensor_msgs/msg/JointState")
+                bag.write(topics[topic], 1_700_000_000 * 10**9 + nanoseconds, raw)
+    log = read_log(tmp_path / "bag", gains={"kp": [20.0], "kd": [1.0]})
+    assert set(log.joints) == set(NAMES)
+    order = [log.joints.index(name) for name in NAMES]
+    np.testing.assert_allclose([log.angle[:, order], log.command[:, order]], [ANGLE, COMMAND])
+    np.testing.assert_allclose(log.time, TIME, atol=1e-9)

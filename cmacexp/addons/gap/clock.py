@@ -1,0 +1,141 @@
+"""The clock of a log: rows in order, each once, at one rate, without holes; every change becomes a note."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from cmacexp.addons.gap.log import KEY, Log
+from cmacexp.errors import BadInput, require
+from cmacexp.typing import Array, Counts, Mask
+
+SPACING = 1.6
+"""Spacing of two rows, relative to the median, above which a log is resampled."""
+LONGEST = (0.1, 10.0)
+"""Spacing of two rows that cuts a log in pieces: the larger of a time, s, and a multiple of the median."""
+MOST_BACK = 0.01
+"""Largest share of rows that are older than the row before them; more are several logs in one file."""
+RATES = (20.0, 20_000.0)
+"""Least and largest sampling rate of a log, Hz."""
+MEASURED = ("angle", "torque", "orientation")
+"""Signals that are interpolated; commands are held from one row to the next."""
+COMMANDED = ("command", "command_velocity", "feedforward")
+
+
+def regularise(log: Log) -> Log:
+    """Return a log with rows in order, at one rate, without NaN and holes; ``notes`` say what was changed.
+
+    Raises BadInput if the rate is that of no robot, if time runs backwards often, or if values are missing for long.
+    """
+    order = np.flatnonzero(np.isfinite(log.time))
+    log = _choose(log, order, "without a time")
+    back = np.count_nonzero(np.diff(log.time) < 0.0)
+    require(
+        back <= MOST_BACK * len(log.time),
+        KEY,
+        log.path,
+        f"{back} rows are older than the row before them: several logs in one file? cut it where time begins anew",
+    )
+    if back:
+        log = _choose(log, np.argsort(log.time, kind="stable").astype(np.int64), "")
+        log = log.note(f"{back} rows were older than the row before them: rows were sorted by time.")
+    log = _choose(
+        log, np.flatnonzero(np.diff(log.time, prepend=-np.inf) > 0.0), "with the time of the row before them"
+    )
+    require(len(log.time) > 2, KEY, log.path, f"has {len(log.time)} rows with different times: too short")
+    require(
+        RATES[0] <= 1.0 / log.period <= RATES[1],
+        KEY,
+        log.path,
+        f"has {1.0 / log.period:.3g} rows a second, which robots do not have: say the unit of time, --units time=ms "
+        "(or us, ns), or --rate HZ if its times are wrong",
+    )
+    log = _fill(log)
+    steps = np.diff(log.time)
+    if steps.max() > SPACING * log.period:
+        log = _resample(_choose_piece(log))
+    return replace(log, time=log.time - log.time[0])
+
+
+def _choose(log: Log, rows: Counts, why: str) -> Log:
+    """Return some rows of a log, with a note of how many others there were; ``why`` says which; empty: none."""
+    lost = len(log.time) - len(rows)
+    values: dict[str, Any] = {
+        key: None if (signal := vars(log)[key]) is None else signal[rows] for key in (*MEASURED, *COMMANDED)
+    }
+    chosen = replace(log, time=log.time[rows], **values)
+    return chosen.note(f"{lost} rows {why} were left out.") if lost and why else chosen
+
+
+def _fill(log: Log) -> Log:
+    """Fill values that are not finite from the rows around them; raise BadInput if they miss for too long."""
+    longest = max(LONGEST[0], LONGEST[1] * log.period)
+    filled: dict[str, Any] = {}
+    for key in (*MEASURED, *COMMANDED):
+        signal = vars(log)[key]
+        missing: Mask = np.zeros((1, 1), dtype=bool) if signal is None else ~np.isfinite(signal)
+        for j in np.flatnonzero(missing.any(axis=0)):
+            good = np.flatnonzero(~missing[:, j])
+            name = key if key == "orientation" else log.column(key, int(j))
+            row = int(missing[:, j].argmax())
+            edges = log.time[np.unique([0, *good, len(log.time) - 1])]
+            if len(good) < 2 or np.diff(edges).max() > longest:
+                raise BadInput(
+                    KEY,
+                    log.path,
+                    f"column {name} is {signal[row, j]} in row {row} and {missing[:, j].sum() - 1} others, for more "
+                    f"than {longest:.2g} s: cut such rows",
+                )
+            values = filled.setdefault(key, signal.copy())
+            values[:, j] = np.interp(log.time, log.time[good], signal[good, j])
+            log = log.note(
+                f"Column {name}: {missing[:, j].sum()} missing values were interpolated, first in row {row}."
+            )
+    return replace(log, **filled)
+
+
+def _choose_piece(log: Log) -> Log:
+    """Return the longest piece of a log between two long holes."""
+    holes = np.flatnonzero(np.diff(log.time) > max(LONGEST[0], LONGEST[1] * log.period)) + 1
+    if not len(holes):
+        return log
+    bounds = np.concatenate([[0], holes, [len(log.time)]])
+    longest = int(np.diff(bounds).argmax())
+    rows = np.arange(bounds[longest], bounds[longest + 1])
+    piece = _choose(log, rows, "")
+    begin, end = piece.time[[0, -1]] - log.time[0]
+    return piece.note(
+        f"Rows are missing for long in {len(holes)} places, first before row {holes[0]}: the longest piece is used, "
+        f"{begin:.3f} to {end:.3f} s, {len(rows)} of {len(log.time)} rows."
+    )
+
+
+def _resample(log: Log) -> Log:
+    """Return a log whose rows are spread evenly; if its angles are smoother without the times, only these change."""
+    steps = np.diff(log.time)
+    count = len(log.time)
+    time = np.linspace(log.time[0], log.time[-1], count)
+    period = time[1] - time[0]
+    spacing = f"Rows are {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms apart: "
+
+    def interpolate(signal: Array) -> Array:
+        return np.stack([np.interp(time, log.time, values) for values in signal.T], axis=1)
+
+    angle = interpolate(log.angle)
+    if _measure_roughness(log.angle) < _measure_roughness(angle):
+        return replace(log, time=time).note(
+            f"{spacing}the times jitter, not the samples: angles are smoother at even times, {1e3 * period:.4g} ms."
+        )
+    held = np.searchsorted(log.time, time + 1e-9 * period, side="right") - 1
+    values: dict[str, Any] = {
+        key: None if (signal := vars(log)[key]) is None else interpolate(signal) if key in MEASURED else signal[held]
+        for key in (*MEASURED, *COMMANDED)
+    }
+    if values["orientation"] is not None:
+        values["orientation"] /= np.linalg.norm(values["orientation"], axis=1, keepdims=True)
+    return replace(log, time=time, **values).note(f"{spacing}resampled every {1e3 * period:.4g} ms.")
+
+
+def _measure_roughness(angle: Array) -> float:
+    """Return the mean of squared second differences of angles (n, J) over their variance."""
+    return float((np.diff(angle, 2, axis=0) ** 2).mean() / max(float(angle.var(axis=0).mean()), 1e-18))

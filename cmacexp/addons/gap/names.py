@@ -1,0 +1,95 @@
+"""Names of columns of a log: those that are tried for each quantity, numbers of columns, and what a file writes."""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from numpy.typing import NDArray
+
+from cmacexp.addons.gap.readers import DECLARED
+from cmacexp.errors import require
+
+JOINT = "{joint}"
+NUMBER = "{i}"
+"""Stands for the number of a joint in the names of columns, as :data:`JOINT` for its name."""
+PATTERNS: dict[str, tuple[str, ...]] = {
+    "time": (
+        "time", "t", "timestamp", "stamp", *(
+            f"{name}_{unit}"
+            for name in ("time", "t", "timestamp", "stamp")
+            for unit in ("s", "sec", "ms", "us", "ns")
+        ),
+    ),
+    "angle": (
+        "q_{joint}", "{joint}_q", "pos_{joint}", "{joint}_pos", "position_{joint}", "{joint}_position", "q{i}",
+        "jpos{i}", "jpos_{joint}", "pos{i}", "actual_q_{joint}", "joint_states_{joint}_position",
+        "joint_states_position_{joint}", "joint_position_{joint}", "joint_pos_{joint}", "angle_{joint}",
+        "{joint}_angle", "joint_angle_{joint}", "theta_{joint}", "qpos_{joint}", "observation_state_{joint}",
+    ),
+    "command": (
+        "q_des_{joint}", "{joint}_q_des", "cmd_{joint}", "{joint}_cmd", "command_{joint}", "{joint}_command",
+        "target_{joint}", "{joint}_target", "q_d_{joint}", "q_cmd_{joint}", "q_ref_{joint}", "target_q_{joint}",
+        "{joint}_position_command", "{joint}_position_des", "{joint}_pos_des", "pos_des_{joint}", "desired_{joint}",
+        "{joint}_desired", "{joint}_setpoint", "{joint}_reference", "jpos_des{i}", "jpos_cmd{i}", "jpos_d{i}",
+        "action_{joint}",
+    ),
+    "command_velocity": (
+        "dq_des_{joint}", "qd_des_{joint}", "{joint}_dq_des", "dq_d_{joint}", "target_qd_{joint}",
+    ),
+    "torque": (
+        "tau_{joint}", "{joint}_tau", "torque_{joint}", "{joint}_torque", "effort_{joint}", "{joint}_effort",
+        "tau{i}", "tau_est_{joint}", "tau_J_{joint}", "joint_states_{joint}_effort", "joint_states_effort_{joint}",
+        "joint_torque_{joint}", "force_{joint}", "{joint}_force", "current_{joint}", "{joint}_current",
+        "actual_current_{joint}",
+    ),
+    "feedforward": ("tau_ff_{joint}", "{joint}_tau_ff"),
+    "kp": ("kp_{joint}", "kp"),
+    "kd": ("kd_{joint}", "kd"),
+    "orientation": ("quat_{joint}", "q{joint}"),
+}  # fmt: skip
+"""Quantities of a log, and the names of their columns that are tried; the first one that occurs is used.
+
+Letter case does not matter, and ``_`` stands for any of ``_ . / - [ ] ( )`` and spaces.
+"""
+SEPARATORS = str.maketrans(dict.fromkeys(" ./-[]():", "_"))
+
+
+def find_numbered(columns: dict[str, NDArray[Any]], quantity: str, name: str) -> str:
+    """Return the pattern of the columns ``name`` of a quantity; raise BadInput for numbers of absent columns.
+
+    Columns that are named by number, such as ``3`` or ``2-7``, are added under the quantity and a number from 0 on.
+    """
+    match = re.fullmatch(r"(\d+)(?:-(\d+))?", name)
+    if match is None or name in columns:
+        return name.replace(NUMBER, JOINT)
+    first = int(match[1])
+    last = int(match[2] or first)
+    listed = [key for key in columns if key not in (*DECLARED, "notes")]
+    require(
+        1 <= first <= last <= len(listed), "--names", f"{quantity}={name}", f"must be columns from 1 to {len(listed)}"
+    )
+    for number, column in enumerate(listed[first - 1 : last]):
+        columns[f"{quantity} {number}"] = columns[column]
+    return f"{quantity} {0 if quantity == 'time' else JOINT}"
+
+
+def _compile(pattern: str) -> "re.Pattern[str]":
+    """Return the expression that names translated by SEPARATORS match if they fit one of PATTERNS."""
+    text = "_*" + re.escape(pattern).replace("_", "_+") + "_*"
+    for word, form in {JOINT: "(.+?)", NUMBER: r"(\d+)"}.items():
+        text = text.replace(re.escape(word), form)
+    return re.compile(text, re.IGNORECASE)
+
+
+def list_patterns(tried: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> tuple[str, ...]:
+    """Return the names that are ``tried``, as the columns write them, and those that no column has, as they are."""
+    listed = dict[str, None]()
+    for pattern in tried:
+        form = _compile(pattern)
+        for name in columns:
+            if match := form.fullmatch(name.translate(SEPARATORS)):
+                begin, end = match.span(1) if form.groups else (0, 0)
+                listed[name[:begin] + JOINT + name[end:] if form.groups else name] = None
+        if NUMBER not in pattern:
+            listed.setdefault(pattern, None)
+    return tuple(listed)
