@@ -6,10 +6,9 @@ from support.machines import KINDS, make_machines
 
 from cmacexp.addons.gap.identify import LEVELS, fit
 from cmacexp.addons.gap.machine import read_machine
-from cmacexp.addons.gap.problem import Problem
+from cmacexp.addons.gap.problem import NAMES, Problem
 from cmacexp.addons.gap.signals import Signals
 from cmacexp.addons.gap.validation import compare_fits, rows_of
-from cmacexp.models.joint import OWN
 
 LEVEL = {"axis": 1, "arm": 1, "leg": 2, "belt": 1}
 """Model of joints of each kind: with an offset, and with friction over the angle."""
@@ -28,12 +27,12 @@ def list_inside(kind, count, folder, first=0):
         truth = np.zeros_like(whole.values)
         truth[:, :3] = machine.truth * [1.0, 1.0, -1.0]
         knots = np.linspace(*problem.ranges, level.knots) if level.knots > 1 else np.zeros((1, len(truth)))
-        truth[:, OWN:] = [np.polyval(machine.friction[j], knots[:, j]) for j in range(len(truth))]
+        truth[:, len(NAMES) :] = [np.polyval(machine.friction[j], knots[:, j]) for j in range(len(truth))]
         apart = np.abs(whole.values - truth) / np.maximum(whole.deviation, 1e-12)
         for j, joint in enumerate(machine.log.joints):
             for k, name in enumerate(("rotor_inertia", "viscous_friction", "offset")):
                 inside += [apart[j, k] < 1.96] * ((joint, name) not in withheld)
-            inside += (apart[j, OWN:] < 1.96).tolist() * ((joint, "coulomb_friction") not in withheld)
+            inside += (apart[j, len(NAMES) :] < 1.96).tolist() * ((joint, "coulomb_friction") not in withheld)
     return inside
 
 
