@@ -92,3 +92,5 @@ class GaitConfig:
     """Shape of both load ramps; cosine: the rate of the force is continuous."""
     allow_unstable: bool = field(kw_only=True, metadata={"needs": (UNSTABLE,)})
     """Allow a wave gait whose duty factor or touch-down times do not make it statically stable."""
+    width: float | None = number("m", above=0, default=None, needs=("machine.kind == 'robot'",))
+    """Distance between left and right feet of a robot; null: by the hip angle of ``machine.home``."""

@@ -25,7 +25,7 @@ class AnalyticPlant:
         def check(self, config: Config) -> None:
             """Check that the legs are planar; raise BadInput otherwise."""
             if isinstance(config.machine, RobotMachine):
-                raise ask_for_robot(config.machine)
+                raise ask_for_robot(config.machine.model)
 
     params: PlantParams
     state: PlantState
