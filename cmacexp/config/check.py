@@ -106,6 +106,12 @@ def check_legs(config: Config) -> list[Check]:
             f"must have one value for each of the {legs} legs, or be null",
         ),
         (
+            isinstance(config.machine, RobotMachine) and config.machine.width != gait.width,
+            "machine.width",
+            getattr(config.machine, "width", None),
+            "is that of gait.width: set gait.width instead",
+        ),
+        (
             (force is None) != config.has_body,
             "force_control.desired_force",
             force,
@@ -319,7 +325,7 @@ def check(config: Config) -> None:
     """Check all combinations of fields that can be checked before planning; raises BadInput."""
     if isinstance(config.machine, RobotMachine):
         if config.legs == 1 and config.scenario != "robot":
-            raise ask_for_robot(config.machine)
+            raise ask_for_robot(config.machine.model)
         read_model(config.machine)
     for make_checks in CHECKS:
         for is_wrong, key, value, allowed in make_checks(config):

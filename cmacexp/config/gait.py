@@ -95,3 +95,5 @@ class GaitConfig:
     0: on the undepressed ground."""
     allow_unstable: bool = field(kw_only=True, metadata={"needs": (UNSTABLE,)})
     """Allow a wave gait whose duty factor or touch-down times do not make it statically stable."""
+    width: float | None = number("m", above=0, default=None, needs=("machine.kind == 'robot'",))
+    """Distance between left and right feet of a robot; null: by the hip angle of ``machine.home``."""

@@ -130,48 +130,59 @@ class PointMassMachine:
     """Height of the mass above the undepressed ground at the start (assumed)."""
 
 
-@dataclass
+@dataclass(kw_only=True)
 class RobotModel:
     """Model of a quadruped with three joints per leg; legs: front left, front right, rear left, rear right."""
 
-    model: str | None = field(kw_only=True)
+    model: str | None
     """Name of the model in an installed package or a checkout; null: the model is the file ``path``."""
-    path: str | None = field(kw_only=True)
+    path: str | None
     """MJCF or URDF file of the model; null: the model is found by its name, never downloaded."""
-    joints: list[list[str]] = field(kw_only=True)
+    joints: list[list[str | int]]
     """Names of the hip, thigh and calf joint of each leg in the model."""
-    feet: list[str] = field(kw_only=True)
+    feet: list[str | int]
     """Names of the geoms, sites or bodies of the feet in the model."""
     home: list[float | list[float]] = number("rad", at_least=-10, at_most=10)
-    """Hip, thigh and calf angle at which gains are derived, for all legs or per leg; sets the side knees bend to."""
-    measured_with: str | None = field(default=None, kw_only=True)
+    """Hip, thigh and calf angle at which gains are derived, for all legs or per leg; sets the side knees bend to, and
+    by the hip angle how far to the side the feet stand."""
+    weld: list[str] = field(default_factory=list)
+    """Names of joints of the model that are held at zero, such as wheels and those of a camera."""
+    yaw: float = number("rad", at_least=-4, at_most=4, default=0.0)
+    """Angle from the x axis of the trunk in the model to forward, about z."""
+    rotor_inertia: float = number("kg m^2", at_least=0, at_most=1e3, default=0.0)
+    """Inertia of the rotors of leg joints for which the model has none."""
+    measured_with: str | None = None
     """Package and version of the model in the published results of this project; null: there are no such results."""
-    fingerprint: str | None = field(default=None, kw_only=True)
+    fingerprint: str | None = None
     """Fingerprint of the model in the published results, see :attr:`cmacexp.models.robot.Robot.fingerprint`."""
 
 
-def ask_for_robot(machine: RobotModel) -> BadInput:
-    """Make the input error for a robot in a scenario, or with a plant, for other machines."""
-    name = machine.model or "mjcf"
+def ask_for_robot(model: str | None) -> BadInput:
+    """Make the input error for a robot, ``machine.model``, in a scenario, or with a plant, for other machines."""
+    name = model or "mjcf"
     needs = "a robot needs a gait of four legs and plant=mujoco_robot"
     return BadInput("machine", name, f"{needs}: use scenario=robot machine={name}")
 
 
 def read_model(machine: RobotModel) -> Robot:
     """Read the model of a robot; raises BadInput if it is not found or not a supported quadruped."""
-    return read_robot(find_model(machine.model, machine.path), machine.joints, machine.feet, machine.home)
+    path = find_model(machine.model, machine.path)
+    names = machine.joints, machine.feet, machine.home
+    return read_robot(path, *names, machine.weld, machine.yaw, machine.rotor_inertia)
 
 
 def describe_other_model(machine: object) -> str:
     """Return a one-line warning if the model of a robot differs from the one used for the published results.
 
-    Empty if it is the same, and where no results are published: for other machines, and for a model file of the user.
+    For a model file of the user it says in what the robot differs from the file. Empty if there is no difference,
+    where no results are published, and for other machines.
     """
-    if (
-        not isinstance(machine, RobotModel)
-        or None in (machine.model, machine.fingerprint)
-        or machine.path is not None
-    ):
+    if not isinstance(machine, RobotModel):
+        return ""
+    if machine.path is not None:
+        notes = read_model(machine).notes
+        return f"machine.path={machine.path}: {'; '.join(notes)}" if notes else ""
+    if None in (machine.model, machine.fingerprint):
         return ""
     if (robot := read_model(machine)).fingerprint == machine.fingerprint:
         return ""
@@ -189,6 +200,8 @@ class RobotMachine(RobotModel):
     """Kind of machine; determines its other fields."""
     hip_height: float = number("m", above=0)
     """Planned height of the thigh joints above the undepressed ground, h0."""
+    width: float | None = number("m", above=0, default=None)
+    """Width of the stance, that of ``gait.width``."""
     latency: float = number("s", at_least=0, at_most=0.1, default=0.0)
     """Total delay of bus, sensors and drives of a real robot: used for gains, period and lead, not simulated."""
 

@@ -4,21 +4,25 @@ It is resolved whenever the config is read, from the machine, sampling period, L
 of the run. A number typed on the command line replaces the rule.
 """
 
+import copy
 import math
-from collections.abc import Callable
-from dataclasses import fields
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from typing import Any
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from cmacexp.config.component import find_option
-from cmacexp.config.fields import listed, read_fields
+from cmacexp.config.fields import listed, read_field
 from cmacexp.config.gait import PATTERNS, GaitPattern
 from cmacexp.config.machine import RobotModel, ask_for_robot, read_model
 from cmacexp.errors import BadInput, require, require_name
 from cmacexp.models.lead import discretise
 from cmacexp.models.loop_delay import LoopDelay, add_delays
+from cmacexp.models.robot_file import find_model
 from cmacexp.models.robot_gains import (
     PERIOD_WITHOUT_ROTORS,
+    ROTOR_INERTIA,
     Basis,
     DriveGains,
     Gains,
@@ -27,8 +31,11 @@ from cmacexp.models.robot_gains import (
     derive_gains,
     recommend_period,
 )
+from cmacexp.models.robot_search import Names, find_names, find_yaw
 
 PERIOD = "sampling_period"
+FOUND = (*Names._fields, "yaw", "rotor_inertia")
+"""Names of the rules for what is found in the model of a robot, which are those of fields of the machine."""
 READ = frozenset({PERIOD, "machine", "gait", "controller", "sensors", "actuator", "plant"})
 """Keys and groups of the config that rules depend on."""
 PERIODS = {PERIOD: math.inf, "rigid_sampling_period": 0.001}
@@ -47,6 +54,8 @@ RAMP_SHARE = 0.05
 """Duration of the load ramps over that of the cycle."""
 SHORTEST_RAMP_TIME = 0.012
 """Duration of the shortest load ramp, s."""
+ROTOR_DIGITS = 3
+"""Significant digits of a nominal rotor inertia."""
 DIGITS = 6
 """Significant digits of a derived number: config and hash do not depend on the rounding of a MuJoCo version."""
 
@@ -54,13 +63,17 @@ DIGITS = 6
 def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
     """Compute the value of ``${rule:NAME}`` for the config ``_root_``.
 
-    ``name`` is one of :data:`PERIODS` or :data:`STRIDE`, or a field of :class:`Basis`, :class:`Gains` or
-    :class:`DriveGains`. Raises BadInput if there is no such name, the machine is no robot, or the rule does not apply
-    to it.
+    ``name`` is one of :data:`PERIODS`, :data:`STRIDE` or :data:`FOUND`, or a field of :class:`Basis`,
+    :class:`Gains` or :class:`DriveGains`. Raises BadInput if there is no such name, the machine is no robot, or the
+    rule does not apply to it.
     """
     if name in STRIDE:
         return STRIDE[name](_root_)
-    require_name("${rule:...}", name, (*PERIODS, *STRIDE, *Basis._fields, *Gains._fields, *DriveGains._fields))
+    derived = (*PERIODS, *STRIDE, *FOUND, *Basis._fields, *Gains._fields, *DriveGains._fields)
+    require_name("${rule:...}", name, derived)
+    if name in FOUND:
+        value = vars(read_machine(_root_))[name]
+        return OmegaConf.create(value) if isinstance(value, list) else value
     robot = read_model(read_machine(_root_))
     basis = derive_basis(robot)
     if name in PERIODS:
@@ -162,8 +175,8 @@ def _read_loop_delay(root: DictConfig) -> LoopDelay:
     return add_delays(*delays, latency=read("machine.latency"))
 
 
-def read_machine(root: DictConfig) -> RobotModel:
-    """Read the fields of a config that define the model of its robot; raises BadInput if they do not."""
+def _require_robot(root: DictConfig) -> None:
+    """Require a robot in MuJoCo, before its model is read, which may not be installed; raises BadInput."""
     kind = OmegaConf.select(root, "machine.kind")
     require(
         kind == "robot",
@@ -171,15 +184,42 @@ def read_machine(root: DictConfig) -> RobotModel:
         kind,
         "must be robot where settings follow from its model: use scenario=robot",
     )
-    values = {field.name: root.machine[field.name] for field in fields(RobotModel) if field.name in root.machine}
-    plain = {
-        name: OmegaConf.to_container(value, resolve=True) if OmegaConf.is_list(value) else value
-        for name, value in values.items()
-    }
-    model = read_fields(RobotModel, plain, "machine")
     if find_option("plant", str(OmegaConf.select(root, "plant._target_"))) == "analytic":
-        raise ask_for_robot(model)  # before the model is read, which may not be installed
-    return model
+        raise ask_for_robot(OmegaConf.select(root, "machine.model"))
+
+
+def read_machine(root: DictConfig) -> RobotModel:
+    """Read the fields of a config that define the model of its robot, and find in the model those that it leaves out.
+
+    A field is left out if its value is the rule of its name. Rules are not resolved here, since they call this
+    function. Raises BadInput.
+    """
+    _require_robot(root)
+    plain: Any = OmegaConf.to_container(root.machine, resolve=False)
+    values: dict[str, Any] = {}
+    for name in (field.name for field in fields(RobotModel) if field.name in plain):
+        if plain[name] != f"${{rule:{name}}}":
+            is_reference = OmegaConf.is_interpolation(root.machine, name)
+            value = OmegaConf.select(root, f"machine.{name}") if is_reference else plain[name]
+            values[name] = read_field(RobotModel, name, value, f"machine.{name}")
+    missing = [name for name in FOUND if name in plain and name not in values]
+    return _find_missing(values, missing) if missing else RobotModel(**values)
+
+
+def _find_missing(values: dict[str, Any], missing: Sequence[str]) -> RobotModel:
+    """Find fields of a robot, by their names ``missing``, in its model; ``values`` are all others."""
+    path = find_model(values["model"], values["path"])
+    weld = values.get("weld", ())
+    if "yaw" in missing:
+        values["yaw"] = float(f"{find_yaw(path, weld):.{DIGITS}g}")
+    if wanted := [name for name in Names._fields if name in missing]:
+        names = find_names(path, weld, values.get("yaw", 0.0))
+        values |= {name: copy.copy(getattr(names, name)) for name in wanted}
+    model = RobotModel(**values)
+    if "rotor_inertia" not in missing or (robot := read_model(model)).armature.any():
+        return model
+    inertia = ROTOR_INERTIA * robot.mass * sum(robot.links) ** 2
+    return replace(model, rotor_inertia=float(f"{inertia:.{ROTOR_DIGITS}g}"))
 
 
 def find_mistake(error: BaseException | None) -> BadInput | None:

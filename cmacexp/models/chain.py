@@ -28,6 +28,9 @@ MOST_ITERATIONS = 50
 CLOSE_ENOUGH = 1e-13
 """Distance of a foot from its target at which the search for joint angles ends, m."""
 
+SIDEWAYS = 0.01
+"""Distance of a foot to the side of its frame's origin, over its depth, up to which it stands below the origin."""
+
 
 class Kinematics(NamedTuple):
     """Foot (3,), m, and columns (3,) of its Jacobian, m/rad, one for each joint."""
@@ -185,6 +188,30 @@ def chain_angles(chain: Array, feet: Array, start: Array) -> Array:
         step = _solve(kinematics, missing)
         q = q + step * np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=0), 1e-12))
     return np.where(np.abs(missing).max(axis=0) <= 1e3 * CLOSE_ENOUGH, q, np.nan).T
+
+
+def find_lateral(chain: Array, home: Array, height: float) -> float:
+    """Find how far to the left of the origin a foot is, m, when it is ``height``, m, below it at home's hip angle.
+
+    Thigh and calf move from ``home`` (3,), rad, by Newton's method, until the foot is neither ahead nor behind. The
+    result is 0 where they find no such place, and where it is less than SIDEWAYS of the leg to the side: then the
+    foot stands below the origin.
+    """
+    hip, thigh, calf = map(float, home)
+    for _ in range(MOST_ITERATIONS):
+        foot, _, by_thigh, by_calf = chain_kinematics(chain, hip, thigh, calf)
+        ahead, below = -foot[0], height - foot[1]
+        if max(abs(ahead), abs(below)) <= CLOSE_ENOUGH:
+            break
+        area = by_thigh[0] * by_calf[1] - by_thigh[1] * by_calf[0]
+        if abs(area) <= CLOSE_ENOUGH:
+            return 0.0
+        by_step = (ahead * by_calf[1] - below * by_calf[0]) / area, (below * by_thigh[0] - ahead * by_thigh[1]) / area
+        share = min(1.0, 0.5 / max(map(abs, by_step)))
+        thigh += share * by_step[0]
+        calf += share * by_step[1]
+    is_there = max(abs(ahead), abs(below)) <= 1e3 * CLOSE_ENOUGH
+    return float(foot[2]) if is_there and abs(foot[2]) > SIDEWAYS * height else 0.0
 
 
 def chain_motion(chain: Array, q: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array]:

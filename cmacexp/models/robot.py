@@ -7,16 +7,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cmacexp.errors import BadInput, format_install_command, require
+from cmacexp.models.robot_edit import float_trunk, give_rotors, hold_joints, turn_trunk
 from cmacexp.models.robot_legs import (
     JOINTS,
     LEGS,
     Legs,
+    find_feet,
     find_free,
     find_joint,
     find_legs,
@@ -84,7 +86,8 @@ def load_spec(path: Path) -> Any:
     See :func:`cmacexp.models.robot_spec.read_spec`.
     """
     with refusals_named("machine.path", path) as mujoco:
-        return read_spec(mujoco, path)
+        spec, _ = read_spec(mujoco, path)
+    return spec
 
 
 def compile_spec(path: Path, spec: Any) -> Any:
@@ -96,6 +99,42 @@ def compile_spec(path: Path, spec: Any) -> Any:
         model = spec.compile()
         set_run_options(mujoco, model)
     return model
+
+
+class Model(NamedTuple):
+    """A model file as this project uses it. It is shared: copy spec or model before changing it."""
+
+    spec: Any
+    """MuJoCo's MjSpec."""
+    model: Any
+    """MuJoCo's MjModel, compiled from ``spec``."""
+    notes: tuple[str, ...]
+    """What differs from the file, in words."""
+
+
+def load_model(path: Path, weld: Sequence[str] = (), yaw: float = 0.0) -> Model:
+    """Load a model file whose joints ``weld`` are held and whose trunk points at ``yaw``, rad, from its x axis.
+
+    The most recent ones are cached. Raises BadInput if MuJoCo refuses it, or has no such joints.
+    """
+    return _load(path, path.stat().st_mtime_ns, tuple(weld), yaw)
+
+
+@lru_cache(maxsize=16)
+def _load(path: Path, changed: int, weld: tuple[str, ...], yaw: float) -> Model:
+    """Load a model file; ``changed``, its time of modification in ns, is part of the key of the cache."""
+    with refusals_named("machine.path", path) as mujoco:
+        spec, notes = read_spec(mujoco, path)
+        hold_joints(path, mujoco, spec, weld)
+        notes += float_trunk(spec)
+    model = compile_spec(path, spec)
+    if yaw:
+        free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+        base = max(model.jnt_bodyid[free], key=lambda body: model.body_subtreemass[body], default=0)
+        turn_trunk(spec, model, int(base), yaw)
+        model = compile_spec(path, spec)
+        notes.append(f"forward is {yaw:.4g} rad from the x axis of the trunk in the model (machine.yaw)")
+    return Model(spec, model, tuple(notes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +172,8 @@ class Robot:
     """(3,) damping of hip, thigh and calf, the largest of all legs, N m s/rad."""
     armature: Array
     """(3,) rotor inertia of hip, thigh and calf, the largest of all legs, kg m^2."""
+    notes: tuple[str, ...]
+    """What differs from the file, in words."""
 
     @cached_property
     def model_hash(self) -> str:
@@ -185,20 +226,39 @@ def set_posture(model: Any, data: Any, joint: Counts, q: Array) -> Any:
     return data
 
 
-def read_robot(path: Path, joints: Sequence[Sequence[str]], feet: Sequence[str], home: ArrayLike) -> Robot:
+def read_robot(
+    path: Path,
+    joints: Sequence[Sequence[str | int]],
+    feet: Sequence[str | int],
+    home: ArrayLike,
+    weld: Sequence[str] = (),
+    yaw: float = 0.0,
+    rotor_inertia: float = 0.0,
+) -> Robot:
     """Read the robot of an MJCF or URDF file; the most recent ones are cached.
 
-    ``joints`` names the hip, thigh and calf joint of each leg, ``feet`` a geom, site or body for each foot. At the
-    joint angles ``home``, (3,) or (4, 3), rad, the rule for the gains evaluates the legs. Raises BadInput if MuJoCo
-    is missing or cannot read the file, or the model is no quadruped with three hinges per leg.
+    Args:
+        path: The file.
+        joints: Names of the hip, thigh and calf joint of each leg; a name may be a number.
+        feet: A geom, site or body for each foot.
+        home: Joint angles, (3,) or (4, 3), rad, at which the rule for the gains evaluates the legs.
+        weld: Joints that are held at zero angle.
+        yaw: Angle from the x axis of the trunk to forward, rad.
+        rotor_inertia: Inertia of the rotors of joints for which the model has none, kg m^2.
+
+    Raises:
+        BadInput: MuJoCo is missing or cannot read the file, or the model is no quadruped with three hinges per leg.
     """
     try:
         angles = np.array(home, dtype=float)
     except ValueError:
         angles = np.empty(0)  # lists of different lengths are refused below
-    require_names(joints, feet, angles, home)
+    leg_joints = tuple(tuple(map(str, leg)) for leg in joints)
+    foot_names = tuple(map(str, feet))
+    require_names(leg_joints, foot_names, angles, home)
     all_angles = tuple(map(tuple, np.broadcast_to(angles, (LEGS, JOINTS)).tolist()))
-    return _read(path, path.stat().st_mtime_ns, tuple(tuple(leg) for leg in joints), tuple(feet), all_angles)
+    changed = path.stat().st_mtime_ns
+    return _read(path, changed, leg_joints, foot_names, all_angles, tuple(weld), yaw, rotor_inertia)
 
 
 def require_sizes(path: Path, model: Any, legs: Legs, length: float) -> None:
@@ -219,17 +279,29 @@ def require_sizes(path: Path, model: Any, legs: Legs, length: float) -> None:
 
 
 @lru_cache(maxsize=16)
-def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], angles: Angles) -> Robot:
+def _read(
+    path: Path,
+    changed: int,
+    joints: Names,
+    feet: tuple[str, ...],
+    angles: Angles,
+    weld: tuple[str, ...],
+    yaw: float,
+    rotor_inertia: float,
+) -> Robot:
     """Read the robot of a file; ``changed``, its time of modification in ns, is part of the key of the cache."""
     mujoco = load_mujoco()
     home = np.array(angles)
-    spec = load_spec(path)
-    model = compile_spec(path, spec)
+    spec, model, notes = load_model(path, weld, yaw)
     joint = np.array([[find_joint(mujoco, model, name) for name in leg] for leg in joints])
     free = find_free(mujoco, model, path, joint)
     data = set_posture(model, mujoco.MjData(model), joint, home)
-    names = place_feet(mujoco, spec, data, feet)
-    if names != list(feet):
+    spheres = find_feet(mujoco, data, feet)
+    names = list(feet)
+    if rotor_inertia or any(spheres):
+        spec = spec.copy()
+        names = place_feet(mujoco, spec, data, feet, spheres)
+        notes += give_rotors(spec, joints, rotor_inertia)
         model = compile_spec(path, spec)
     foot = np.array([model.geom(name).id for name in names])
     legs = find_legs(model, free, joint, foot, feet)
@@ -257,4 +329,5 @@ def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], angles
         friction=model.dof_frictionloss[legs.dof].max(axis=0),
         damping=model.dof_damping[legs.dof].max(axis=0),
         armature=model.dof_armature[legs.dof].max(axis=0),
+        notes=notes,
     )

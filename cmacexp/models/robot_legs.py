@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.errors import BadInput, require
+from cmacexp.errors import BadInput, require, suggest
 from cmacexp.typing import Array, Counts
 
 POINT = 0.001
@@ -23,12 +23,16 @@ Sphere = tuple[int, Array, float]
 """Body, centre (3,) in the world, m, and radius, m."""
 
 
-def place_feet(mujoco: Any, spec: Any, data: Any, feet: Sequence[str]) -> list[str]:
-    """Add a sphere to the ``spec`` of a model for each foot that is not one; return the geom names of the four feet.
+def find_feet(mujoco: Any, data: Any, feet: Sequence[str]) -> list[Sphere | None]:
+    """Find the contact sphere of each foot; None for a geom that is a sphere itself.
 
     ``feet`` names geoms, sites or bodies; ``data`` has the trunk level and the legs at home. Raises BadInput.
     """
-    spheres = [_find_foot(mujoco, data.model, data, name) for name in feet]
+    return [_find_foot(mujoco, data.model, data, name) for name in feet]
+
+
+def place_feet(mujoco: Any, spec: Any, data: Any, feet: Sequence[str], spheres: Sequence[Sphere | None]) -> list[str]:
+    """Add the ``spheres`` of the ``feet`` to the ``spec`` of a model; return the geom names of the four feet."""
     bodies = {body.id: body for body in spec.bodies}
     for name, sphere in zip(feet, spheres, strict=True):
         if sphere:
@@ -60,9 +64,12 @@ def _find_foot(mujoco: Any, model: Any, data: Any, name: str) -> Sphere | None:
         touching = [_touch(mujoco, model, data, int(k)) for k in (spheres if len(spheres) else geoms)]
         origin = body, data.xpos[body].copy(), POINT
         return min(touching, key=lambda sphere: float(sphere[1][2]) - sphere[2], default=origin)
-    named = [model.geom(k).name for k in range(model.ngeom)] + [model.site(k).name for k in range(model.nsite)]
-    candidates = list_names(filter(None, named)) or list_names(model.body(k).name for k in range(1, model.nbody))
-    raise BadInput("machine.feet", name, f"is no geom, site or body of the model, which has {candidates}; {HINT}")
+    kinds_of_names = (model.geom, model.ngeom), (model.site, model.nsite), (model.body, model.nbody)
+    present = dict.fromkeys(get(k).name for get, count in kinds_of_names for k in range(count))
+    names = [text for text in present if text not in ("", "world")]
+    near = suggest(name, names) or f"; {HINT}"
+    reason = f"is no geom, site or body of the model, which has {list_names(names)}{near}"
+    raise BadInput("machine.feet", name, reason)
 
 
 def _touch(mujoco: Any, model: Any, data: Any, geom: int) -> Sphere:
@@ -149,7 +156,7 @@ def find_free(mujoco: Any, model: Any, path: Path, joint: Counts) -> int:
     floats = free >= 0 and model.jnt_type[free] == mujoco.mjtJoint.mjJNT_FREE
     require(floats, "machine.path", path, "has no free joint: its trunk must float, <freejoint/>")
     extra_joints = list_names(_name(model.joint(k)) for k in sorted(set(range(model.njnt)) - {free, *joint.ravel()}))
-    reason = "moves, too: a leg has three joints; weld the others in the model"
+    reason = f"moves, too: a leg has three joints; hold the others by machine.weld=[{extra_joints}]"
     require(not extra_joints, "machine.joints", extra_joints, reason)
     return free
 

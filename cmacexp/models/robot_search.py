@@ -1,24 +1,37 @@
-"""Search for the legs of a model by the tree of its bodies: names of joints and feet, and a home with bent knees."""
+"""Search for the legs of a model by the tree of its bodies: joints, feet, direction, and a home with bent knees.
+
+Four legs are chains of as many joints each, of which the first three are hinges. All other joints must be held.
+"""
 
 import itertools
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.errors import require
-from cmacexp.models.chain import chain_angles, chain_points, make_chains
-from cmacexp.models.robot import compile_spec, load_mujoco, load_spec, set_posture
+from cmacexp.errors import BadInput, require
+from cmacexp.jit.compiler import workload
+from cmacexp.models.chain import chain_angles, chain_points, find_lateral, make_chains
+from cmacexp.models.robot import load_model, load_mujoco, set_posture
 from cmacexp.models.robot_gains import HEIGHT_OF_LINKS
-from cmacexp.models.robot_legs import JOINTS, LEGS, find_chain, list_names, require_frame
+from cmacexp.models.robot_legs import JOINTS, LEAST_COSINE, LEGS, find_chain, require_frame
 from cmacexp.typing import Array
 
-STARTS = tuple(itertools.product((0.0,), (0.9, -0.9, 0.0), (-1.8, 1.8, -0.9, 0.9)))
-"""Joint angles of a leg, rad, from which its home is searched; the first of equally good results counts."""
+USUAL_HOME = (0.0, 0.9, -1.8)
+"""Joint angles of a leg, rad, that are home if all four legs can stand from there."""
+STARTS = tuple(itertools.product((0.9, -0.9, 0.0), (-1.8, 1.8, -0.9, 0.9)))
+"""Angles of thigh and calf, rad, from which a home is searched; the first of equally good results counts."""
 DIGITS = 2
 """Decimals of a home angle, rad."""
 NEAR = 0.8
 """Distance from the knee, over that of the farthest sphere, above which a sphere with a name is taken as the foot."""
+LEVEL = 1e-6
+"""Largest amplitude of the height of a thigh's axis, a unit vector, that the hip does not change."""
 
 
 class Names(NamedTuple):
@@ -29,37 +42,120 @@ class Names(NamedTuple):
     home: list[Any]
 
 
-def find_names(path: Path) -> Names:
+def find_names(path: Path, weld: Sequence[str] = (), yaw: float = 0.0) -> Names:
     """Find joints, feet and home of a model, with the legs front left, front right, rear left, rear right.
 
-    Raises BadInput if the file is no model, has no four chains of three hinges on a trunk that floats, or is turned.
+    ``weld`` are joints that are held; ``yaw`` is the angle from the x axis of the trunk to forward, rad. Raises
+    BadInput if the file is no model, has no four chains of three hinges, has further joints, or is turned.
     """
+    return _find_names(path, path.stat().st_mtime_ns, tuple(weld), yaw)
+
+
+def find_yaw(path: Path, weld: Sequence[str] = ()) -> float:
+    """Find the angle from the x axis of the trunk to forward, rad; 0 if they are nearly the same.
+
+    Forward is normal to the axes of the thighs. The names of the hips say at which end the front is if only two of
+    them, at the same end, have the letter ``f``, as in FL and front_left; otherwise it is on the side of the x axis
+    or, at right angles to it, of the y axis. Raises BadInput as :func:`find_names`.
+    """
+    return _find_yaw(path, path.stat().st_mtime_ns, tuple(weld))
+
+
+@lru_cache(maxsize=16)
+def _find_names(path: Path, changed: int, weld: tuple[str, ...], yaw: float) -> Names:
+    """Find the names of a model; ``changed``, its time of modification in ns, is part of the key of the cache."""
     mujoco = load_mujoco()
-    model = compile_spec(path, load_spec(path))
-    body_chains = [find_chain(model, body) for body in sorted(set(model.jnt_bodyid.tolist()))]
-    inner = {k for chain in body_chains for k in chain[:-1]}
-    types = [int(mujoco.mjtJoint.mjJNT_FREE), *[int(mujoco.mjtJoint.mjJNT_HINGE)] * JOINTS]
-    chains = [c[1:] for c in body_chains if c[-1] not in inner and model.jnt_type[c].tolist() == types]
-    ends = list_names(model.joint(chain[-1]).name for chain in chains) or "none"
-    reason = f"has {len(chains)} chains of three hinges on a trunk that floats, not four; they end at {ends}"
-    require(len(chains) == LEGS, "machine.path", path, reason)
+    model = load_model(path, weld, yaw).model
+    chains = _find_chains(mujoco, path, model, weld)
     data = set_posture(model, mujoco.MjData(model), np.array(chains), np.zeros(JOINTS))
     thighs = [chain[1] for chain in chains]
     hips = data.xanchor[thighs]
-    # Thighs turn about the lateral axis; if that is not y, the frame of the trunk is turned.
+    # Thighs turn about the lateral axis; if that is not y, the frame of the trunk is turned, which is refused below.
     longitudinal, lateral = {0: (hips[:, 1], -hips[:, 0]), 1: (hips[:, 0], hips[:, 1]), 2: (hips[:, 0], -hips[:, 2])}[
         int(np.abs(data.xaxis[thighs]).sum(axis=0).argmax())
     ]
-    front = np.argsort(-longitudinal, kind="stable")
-    order = [k for pair in (front[:2], front[2:]) for k in sorted(pair, key=lambda k: -lateral[k])]
-    legs = [chains[k] for k in order]
+    legs = [chains[k] for k in _order(longitudinal, lateral)]
     feet, centres = zip(*(_find_foot(mujoco, model, data, leg) for leg in legs), strict=True)
     require_frame(data.xanchor[[leg[1] for leg in legs]], feet)
-    homes = [_find_home(model, data, leg, centre) for leg, centre in zip(legs, centres, strict=True)]
     joints = [[model.joint(k).name for k in leg] for leg in legs]
     has_names = all((*itertools.chain(*joints), *feet))
     require(has_names, "machine.path", path, "has joints or feet without a name: name them in the model")
-    return Names(joints, list(feet), homes[0] if homes.count(homes[0]) == LEGS else homes)
+    with workload(LEGS):
+        return Names(joints, list(feet), _find_homes(model, data, legs, centres))
+
+
+@lru_cache(maxsize=16)
+def _find_yaw(path: Path, changed: int, weld: tuple[str, ...]) -> float:
+    """Find the yaw of a model; ``changed`` is as for :func:`_find_names`."""
+    mujoco = load_mujoco()
+    model = load_model(path, weld).model
+    chains = _find_chains(mujoco, path, model, weld)
+    data = set_posture(model, mujoco.MjData(model), np.array(chains), np.zeros(JOINTS))
+    thighs = [chain[1] for chain in chains]
+    axes = data.xaxis[thighs]
+    lateral = (axes * np.sign(axes @ axes[0])[:, None]).mean(axis=0)
+    length = math.hypot(lateral[0], lateral[1])
+    if length < LEAST_COSINE:  # the trunk lies on its side, which require_frame refuses
+        return 0.0
+    forward = np.array([lateral[1], -lateral[0]]) / length
+    ahead = data.xanchor[thighs, :2] @ forward
+    front = np.argsort(-ahead)[: LEGS // 2]
+    named = _find_front([model.joint(chain[0]).name for chain in chains])
+    if named in ({*front.tolist()}, {*range(LEGS)} - {*front.tolist()}):
+        sign = 1.0 if named == {*front.tolist()} else -1.0
+    else:
+        sign = float(np.sign(forward[0] if abs(forward[0]) > 1.0 - LEAST_COSINE else forward[1]))
+    x, y = sign * forward
+    return 0.0 if x >= LEAST_COSINE else math.atan2(y, x)
+
+
+def _find_front(names: Sequence[str]) -> set[int]:
+    """Find the legs whose name of the hip joint says that they are in front; all or none say nothing."""
+    sides = [re.sub("left|right", "", name.lower()) for name in names]
+    shared = set.intersection(*map(set, sides))
+    return {k for k, side in enumerate(sides) if "f" in {*side} - shared}
+
+
+def _order(longitudinal: Array, lateral: Array) -> list[int]:
+    """Order four legs at these positions, m: front left, front right, rear left, rear right."""
+    front = np.argsort(-longitudinal, kind="stable")
+    return [k for pair in (front[:2], front[2:]) for k in sorted(pair, key=lambda k: -lateral[k])]
+
+
+def _find_chains(mujoco: Any, path: Path, model: Any, weld: Sequence[str]) -> list[list[int]]:
+    """Find the joints of the four legs, three each, from the trunk outwards.
+
+    Raises BadInput if there are no such legs, or if other joints move.
+    """
+    free, hinge = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_HINGE)
+    kinds = model.jnt_type.tolist()
+    body_chains = [find_chain(model, body) for body in sorted(set(model.jnt_bodyid.tolist()))]
+    inner = {k for chain in body_chains for k in chain[:-1]}
+    ends = [[k for k in chain if kinds[k] != free] for chain in body_chains if chain[-1] not in inner]
+    times = Counter(itertools.chain(*ends))
+    chains = [chain for chain in ([k for k in end if times[k] == 1] for end in ends) if chain]
+    legs = [chain for chain in chains if [kinds[k] for k in chain[:JOINTS]] == [hinge] * JOINTS]
+    by_length = Counter(map(len, legs))
+    if len(legs) != LEGS:
+        legs = [chain for chain in legs if by_length[len(chain)] == LEGS]
+    if len(legs) != LEGS:
+        found = "; ".join(" > ".join(_describe(mujoco, model, k) for k in chain) for chain in chains[: 2 * LEGS])
+        allowed = "must have four legs, chains of three hinges each from the trunk outwards"
+        raise BadInput("machine.path", path, f"{allowed}; its chains of joints are {found or 'none'}")
+    legs = [chain[:JOINTS] for chain in legs]
+    moving = sorted({k for k, kind in enumerate(kinds) if kind != free} - {*itertools.chain(*legs)})
+    names = [model.joint(k).name for k in moving]
+    all_held = ",".join([*weld, *names])
+    reason = f"has joints besides the three of each leg: hold them by machine.weld=[{all_held}]"
+    require(not moving, "machine.path", path, reason)
+    return legs
+
+
+def _describe(mujoco: Any, model: Any, joint: int) -> str:
+    """Return the name of a joint, with its kind if it is no hinge."""
+    name = model.joint(joint).name or f"joint {joint}"
+    kind = mujoco.mjtJoint(int(model.jnt_type[joint]))
+    return name if kind == mujoco.mjtJoint.mjJNT_HINGE else f"{name} (a {kind.name[len('mjJNT_') :].lower()})"
 
 
 def _find_foot(mujoco: Any, model: Any, data: Any, leg: list[int]) -> tuple[str, Array]:
@@ -79,20 +175,74 @@ def _find_foot(mujoco: Any, model: Any, data: Any, leg: list[int]) -> tuple[str,
     return model.body(body).name, points[np.argmax(np.linalg.norm(points - knee, axis=1))].copy()
 
 
-def _find_home(model: Any, data: Any, leg: list[int], foot: Array) -> list[float]:
-    """Find joint angles within their ranges that put the foot below the thigh joint, with the knee back if possible.
+class _Leg(NamedTuple):
+    """Geometry of a leg in the frame of its thigh joint, and the height at which it stands."""
 
-    Raises BadInput if there are none.
+    name: str
+    """Name of its calf joint."""
+    chain: Array
+    """(21,): m, see :mod:`cmacexp.models.chain`."""
+    height: float
+    """Height of the thigh joint above the foot, m."""
+    ranges: Array
+    """(3, 2): least and largest joint angles, rad."""
+
+    def stand(self, start: Sequence[float]) -> Array | None:
+        """Find joint angles (3,), rad, from ``start``, that keep its hip angle where the leg permits it.
+
+        None if there are none within the ranges.
+        """
+        home = np.array(start)
+        target = np.array([[0.0, self.height, find_lateral(self.chain, home, self.height)]])
+        q: Array = chain_angles(self.chain, target, home)[0]
+        fits = np.isfinite(q).all() and (self.ranges[:, 0] <= q).all() and (q <= self.ranges[:, 1]).all()
+        return q if fits else None
+
+
+def _find_homes(model: Any, data: Any, legs: list[list[int]], feet: Sequence[Array]) -> list[Any]:
+    """Find the home of all legs, or of each, with the plane of the leg upright and the knee back if possible.
+
+    Raises BadInput if a leg has none.
     """
-    points = data.xanchor[leg]
-    chain = make_chains(np.concatenate([points, data.xaxis[leg]], axis=1), foot, points[1])
-    length = np.linalg.norm(points[2] - points[1]) + np.linalg.norm(foot - points[2])
-    below = np.array([[0.0, HEIGHT_OF_LINKS * length, 0.0]])
-    limited = model.jnt_limited[leg].astype(bool)[:, None]
-    least, largest = np.where(limited, model.jnt_range[leg], [-np.pi, np.pi]).T
-    solutions = [chain_angles(chain, below, np.array(start))[0] for start in STARTS]
-    fitting = [q for q in solutions if np.isfinite(q).all() and (least <= q).all() and (q <= largest).all()]
+    geometries = []
+    for leg, foot in zip(legs, feet, strict=True):
+        points = data.xanchor[leg]
+        chain = make_chains(np.concatenate([points, data.xaxis[leg]], axis=1), foot, points[1])
+        length = np.linalg.norm(points[2] - points[1]) + np.linalg.norm(foot - points[2])
+        limited = model.jnt_limited[leg].astype(bool)[:, None]
+        ranges = np.where(limited, model.jnt_range[leg], [-np.pi, np.pi])
+        geometries.append(_Leg(model.joint(leg[-1]).name, chain, float(HEIGHT_OF_LINKS * length), ranges))
+    if all(leg.stand(USUAL_HOME) is not None for leg in geometries):
+        return list(USUAL_HOME)
+    homes = [_find_home(leg) for leg in geometries]
+    return homes[0] if homes.count(homes[0]) == LEGS else homes
+
+
+def _is_back(leg: _Leg, q: Array) -> bool:
+    """Return True if the knee is behind the foot at joint angles ``q`` (3,), rad."""
+    return bool(chain_points(leg.chain, q)[2, 0] <= 0.0)
+
+
+def _find_home(leg: _Leg) -> list[float]:
+    """Find the home of one leg; raises BadInput if there is none."""
+    starts = [(hip, *start) for hip in _find_upright(leg) for start in STARTS]
+    fitting = [q for start in starts if (q := leg.stand(start)) is not None]
     reason = "has no angle within its range at which the foot is below the hip: give machine.home"
-    require(fitting, "machine.joints", model.joint(leg[-1]).name, reason)
-    best = min(fitting, key=lambda q: (abs(q[0]) > 1.0, chain_points(chain, q)[2, 0] > 0.0, abs(q[0])))
+    require(fitting, "machine.joints", leg.name, reason)
+    best = min(fitting, key=lambda q: (abs(q[0]) > 1.0, not _is_back(leg, q), round(abs(q[0]), DIGITS)))
     return [float(round(angle, DIGITS)) + 0.0 for angle in best]
+
+
+def _find_upright(leg: _Leg) -> list[float]:
+    """Find the hip angles, rad, within the range at which the axis of the thigh is level; 0 if all or none are."""
+    hip, thigh = leg.chain[3:6], leg.chain[9:12]
+    down = 1  # axis of the frame of a hip
+    along = (hip @ thigh) * hip[down]
+    cosine, sine = thigh[down] - along, np.cross(hip, thigh)[down]
+    size = math.hypot(cosine, sine)
+    if size < LEVEL or abs(along) > size:
+        return [0.0]
+    middle, half = math.atan2(sine, cosine), math.acos(-along / size)
+    angles = [math.remainder(middle + sign * half, math.tau) for sign in (1.0, -1.0)]
+    least, largest = leg.ranges[0]
+    return [0.0 + angle for angle in sorted(angles, key=abs) if least <= angle <= largest] or [0.0]

@@ -14,6 +14,8 @@ import numpy as np
 
 from cmacexp.errors import BadInput, require
 from cmacexp.models.leg import GRAVITY
+from cmacexp.models.robot_edit import float_trunk, leave_out_missing
+from cmacexp.models.robot_legs import list_names
 
 KEPT_OPTIONS = ("cone", "impratio")
 """Options of contacts with the rigid floor that a model keeps; the run sets all others."""
@@ -32,26 +34,38 @@ def is_urdf(path: Path) -> bool:
     return bool(re.search(r"<robot[\s>]", path.read_text(errors="replace")))
 
 
-def read_spec(mujoco: Any, path: Path) -> Any:
-    """Read a model file as an MjSpec; raise BadInput, or ValueError where MuJoCo does."""
+def read_spec(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
+    """Read a model file as an MjSpec; return it, and notes about what is left out.
+
+    Raises BadInput, or ValueError where MuJoCo does.
+    """
     _check_text(path, path.parent, {path})
-    spec = _read_urdf(mujoco, path) if is_urdf(path) else mujoco.MjSpec.from_file(str(path))
+    if is_urdf(path):
+        spec, notes = _read_urdf(mujoco, path)
+    else:
+        spec = mujoco.MjSpec.from_file(str(path))
+        notes = leave_out_missing(path, spec)
     require(not spec.plugins, "machine.path", path, "uses a plugin of MuJoCo, which a run does not have; remove it")
     spec.compiler.discardvisual = False  # a foot may be drawn only
     spec.memory = -1  # as much as needed: MuJoCo ends the process where a model reserves too little
-    return spec
+    return spec, notes
 
 
-def _read_urdf(mujoco: Any, path: Path) -> Any:
-    """Read a URDF as a floating robot with only its links' masses and the collision shapes that can be read."""
+def _read_urdf(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
+    """Read a URDF as a floating robot with only its links' masses and the collision shapes that can be read.
+
+    Returns its MjSpec, and notes about shapes that are left out.
+    """
     try:
         root = ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:
         raise BadInput("machine.path", path, f"is no XML: {error}") from error
     compilers = root.findall("mujoco/compiler")
     folders = [path.parent, *(path.parent / item.get("meshdir", "") for item in compilers), *path.parents]
+    missing: list[str] = []
+    names: set[str] = set()
     for link in root.iter("link"):
-        _clean_link(link, folders)
+        missing += _clean_link(link, folders, names)
     for extension in root.findall("mujoco"):
         root.remove(extension)
     extension = ElementTree.SubElement(root, "mujoco")
@@ -61,21 +75,30 @@ def _read_urdf(mujoco: Any, path: Path) -> Any:
         geom.mass = 0.0  # in a URDF a link without <inertial> has none
     for mesh in spec.meshes:
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # which any surface has
-    trunk = max(spec.worldbody.bodies, key=lambda body: len(body.find_all("joint")), default=None)
-    if trunk is not None and not trunk.joints:
-        trunk.add_freejoint()
-    return spec
+    float_trunk(spec)  # a URDF has no free joint
+    return spec, [f"without the collision shapes {list_names(missing)}, which are missing"] if missing else []
 
 
-def _clean_link(link: ElementTree.Element, folders: list[Path]) -> None:
-    """Remove visuals, and collision meshes not found in ``folders``, from a URDF link; make its inertia possible."""
+def _clean_link(link: ElementTree.Element, folders: list[Path], names: set[str]) -> list[str]:
+    """Remove visuals, and collision meshes not found in ``folders``, from a URDF link; make its inertia possible.
+
+    A name of a collision shape that is in ``names`` is removed as well, since MuJoCo would print a warning; others
+    are added. Returns the meshes that are not found.
+    """
     for visual in link.findall("visual"):
         link.remove(visual)
+    missing = []
     for shape in link.findall("collision"):
         if (mesh := shape.find("geometry/mesh")) is not None and not _find_mesh(mesh, folders):
             link.remove(shape)
+            missing.append(Path(mesh.get("filename", "")).name)
+        if (name := shape.get("name")) in names:
+            del shape.attrib["name"]
+        elif name is not None:
+            names.add(name)
     if (inertial := link.find("inertial")) is not None:
         _make_possible(link, inertial)
+    return missing
 
 
 def _find_mesh(mesh: ElementTree.Element, folders: list[Path]) -> bool:
@@ -118,6 +141,9 @@ def _check_text(path: Path, folder: Path, checked: set[Path]) -> None:
     checked so far, to which this adds.
     """
     text = unescape(path.read_text(errors="replace"))
+    is_template = re.search(r"<xacro:|\$\{|\$\(", text)
+    reason = f"is a template: expand it by 'xacro {path.name} > robot.urdf', of ROS or of the package xacro"
+    require(not is_template, "machine.path", path, reason)
     undefined = re.findall(r"""(\w+)\s*=\s*["'](?:[-+.\de\s]*\s)?nan[\s"']""", text, re.IGNORECASE)
     require(not undefined, "machine.path", path, f"has nan in {', '.join(undefined)}, which must be numbers")
     folders = ["", *re.findall(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"']*)""", text)]

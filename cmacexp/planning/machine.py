@@ -2,8 +2,9 @@
 
 Frame of the body of a robot: origin above the centre of mass of the standing robot, at the height of the thigh
 joints; x forward, y left, z up, parallel to the trunk. Origin of a hip's frame: the thigh joint, shifted with those
-of all other legs so that the centre of mass is in the middle of the feet, which are planned about these origins.
-Legs are chains in the frames of their hips.
+of all other legs so that the centre of mass is in the middle of the feet, which are planned about these origins, and
+to the side as far as the foot stands there: at the hip angle of home, or at the width of the stance. Legs are chains
+in the frames of their hips.
 
 Inverse dynamics along the plan give the forces that ground and joints must supply. The body stays level and moves at
 constant speed. MuJoCo computes the generalised forces of all masses, with the dry friction, damping and armature of
@@ -29,7 +30,7 @@ from cmacexp.config.machine import (
 )
 from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import copy_array, program
-from cmacexp.models.chain import batch_kinematics, chain_angles, chain_motion, make_chains
+from cmacexp.models.chain import batch_kinematics, chain_angles, chain_motion, find_lateral, make_chains
 from cmacexp.models.leg import GRAVITY, Leg
 from cmacexp.models.mechanism import (
     CHAINS_UNDER_BODY,
@@ -42,8 +43,9 @@ from cmacexp.models.mechanism import (
 from cmacexp.models.mujoco_library import load_library, mj_comPos, mj_kinematics
 from cmacexp.models.robot import Robot, load_mujoco, set_posture
 from cmacexp.planning.body import BodyLoad
-from cmacexp.planning.reference import Motion
-from cmacexp.typing import Array, Counts
+from cmacexp.planning.motion import require_firm
+from cmacexp.planning.reference import Motion, Y
+from cmacexp.typing import Array, Counts, Mask
 
 PASSES = 5
 """Passes of the search for a stance. The centre of mass depends on the legs, which depend on it: each pass reduces
@@ -51,7 +53,7 @@ the error tenfold."""
 
 
 class Stance(NamedTuple):
-    """Geometry of a robot that stands with its feet below its hips."""
+    """Geometry of a robot that stands with its feet below the origins of its hips' frames."""
 
     origin: Array
     """(3,): origin of the body frame in the frame of the trunk, m."""
@@ -62,16 +64,25 @@ class Stance(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def find_stance(robot: Robot, hip_height: float) -> Stance:
-    """Find the stance with the hips ``hip_height``, m, above the feet; raise BadInput if a leg is too short."""
+def find_stance(robot: Robot, hip_height: float, width: float | None = None) -> Stance:
+    """Find the stance with the hips ``hip_height``, m, above the feet; raise BadInput if a leg is too short.
+
+    Left and right feet stand ``width``, m, apart; None: each where the hip angle of home puts it.
+    """
     thighs = robot.hinges[:, 1, :3].copy()
     thighs[:, 2] = thighs[:, 2].mean()
+    if width is None:
+        chains = make_chains(robot.hinges, robot.feet_at_zero, thighs)
+        thighs[:, 1] += [find_lateral(chain, q, hip_height) for chain, q in zip(chains, robot.home, strict=True)]
+    else:
+        middle = thighs[:, 1].reshape(2, 2).mean(axis=1)  # of the front and of the rear feet
+        thighs[:, 1] = np.repeat(middle, 2) + 0.5 * width * np.array([1.0, -1.0, 1.0, -1.0])
     below = np.array([[0.0, hip_height, 0.0]])
     shift = np.zeros(3)
     for _ in range(PASSES):
         chains = make_chains(robot.hinges, robot.feet_at_zero, thighs + shift)
         q = np.concatenate([chain_angles(chain, below, home) for chain, home in zip(chains, robot.home, strict=True)])
-        _require_stance(robot, hip_height, q)
+        _require_stance(robot, hip_height, width, q)
         data = robot.at(q)
         load_mujoco().mj_comPos(robot.model, data)
         shift[:2] = data.subtree_com[robot.legs.base, :2] - thighs[:, :2].mean(axis=0)
@@ -80,8 +91,14 @@ def find_stance(robot: Robot, hip_height: float) -> Stance:
     return Stance(origin, hips - origin, make_chains(robot.hinges, robot.feet_at_zero, hips))
 
 
-def _require_stance(robot: Robot, hip_height: float, q: Array) -> None:
+def _require_stance(robot: Robot, hip_height: float, width: float | None, q: Array) -> None:
     """Require that joint angles ``q`` (4, 3), rad, exist and are within the joints' ranges; raise BadInput if not."""
+    if width is not None and len(where := np.argwhere(~_is_within(robot, q))):
+        name = robot.model.joint(int(robot.legs.joint[*where[0]])).name
+        reason = (
+            f"is beyond what {name} reaches at this height; use one nearer to that of null, the hip angle of home"
+        )
+        raise BadInput("gait.width", width, reason)
     if len(lost := np.flatnonzero(np.isnan(q).any(axis=1))):
         if hip_height >= (length := sum(robot.links)):
             reason = f"is out of reach of the legs, whose links are {length:.3g} m long together"
@@ -92,17 +109,24 @@ def _require_stance(robot: Robot, hip_height: float, q: Array) -> None:
         )
         raise BadInput("machine.home", robot.home[lost[0]].tolist(), f"{reason}, or change machine.hip_height")
     least, largest = np.moveaxis(robot.ranges, -1, 0)
-    for i, n in np.argwhere((q < least) | (q > largest)):
+    for i, n in np.argwhere(~_is_within(robot, q)):
         name = robot.model.joint(int(robot.legs.joint[i, n])).name
         reason = f"would stand with {name} at {q[i, n]:.4g} rad, beyond its {least[i, n]:.4g} to {largest[i, n]:.4g}"
         reason = f"{reason} rad: bend the knee otherwise, or change machine.hip_height"
         raise BadInput("machine.home", robot.home[i].tolist(), reason)
 
 
+def _is_within(robot: Robot, q: Array) -> Mask:
+    """Compare joint angles ``q`` (..., 4, 3), rad, with their ranges: (..., 4, 3), False also for NaN."""
+    least, largest = np.moveaxis(robot.ranges, -1, 0)
+    within: Mask = (least <= q) & (q <= largest)
+    return within
+
+
 def make_robot_mechanism(machine: RobotMachine) -> Mechanism:
     """Make the mechanism of a robot; raise BadInput if the model is missing, or cannot stand at this height."""
     robot = read_model(machine)
-    stance = find_stance(robot, machine.hip_height)
+    stance = find_stance(robot, machine.hip_height, machine.width)
     return Mechanism(
         kind=CHAINS_UNDER_BODY,
         legs=stance.chains,
@@ -118,21 +142,24 @@ def make_robot_mechanism(machine: RobotMachine) -> Mechanism:
 def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desired: Motion) -> Motion:
     """Plan the joint motion of a robot for the ``desired`` one of its feet; raise BadInput if joints do not reach."""
     assert mechanism.chains is not None
-    home = read_model(machine).home  # decides to which side knees bend
+    robot = read_model(machine)
+    home = robot.home  # decides to which side knees bend
     angles, rates, changes = np.empty((3, *desired.position.shape))
     for i, chain in enumerate(mechanism.chains):
         foot, velocity, acceleration = (values[:, i] for values in desired)
         angles[:, i] = chain_angles(chain, foot, home[i])
         rates[:, i], changes[:, i] = chain_motion(chain, angles[:, i], velocity, acceleration)
-    if len(lost := np.argwhere(np.isnan(angles))):
-        k, i, _ = lost[0]
-        reason = f"the {LEG_NAMES[i]} foot is out of reach at sample {k}; use a shorter one, or machine.hip_height"
-        raise BadInput("gait.stroke", config.gait.stroke, reason)
-    least, largest = np.moveaxis(read_model(machine).ranges, -1, 0)
-    if len(out := np.argwhere((angles < least) | (angles > largest))):
+    if len(out := np.argwhere(~_is_within(robot, angles))):
         k, i, n = out[0]
-        allowed = f"{least[i, n]:.4g} to {largest[i, n]:.4g} rad"
-        reason = f"{machine.joints[i][n]} would be at {angles[k, i, n]:.4g} rad at sample {k}, beyond its {allowed}"
+        depression = float(desired.position[..., Y].max()) - machine.hip_height
+        require_firm(config, depression, sum(robot.links) - machine.hip_height)
+        name = robot.model.joint(int(robot.legs.joint[i, n])).name
+        least, largest = robot.ranges[i, n]
+        reason = (
+            f"{name} would be at {angles[k, i, n]:.4g} rad at sample {k}, beyond its {least:.4g} to {largest:.4g}"
+        )
+        if np.isnan(angles[k, i, n]):
+            reason = f"the {LEG_NAMES[i]} foot is out of reach at sample {k}"
         raise BadInput("gait.stroke", config.gait.stroke, f"{reason}; use a shorter one, or machine.hip_height")
     return Motion(angles, rates, changes)
 
@@ -157,7 +184,7 @@ def _compute_centres(
 def find_centres(machine: RobotMachine, q: Array) -> Array:
     """Compute the centres of mass (3, N) of a robot in the body frame, m, at joint angles ``q`` (N, 4, 3), rad."""
     robot = read_model(machine)
-    origin = find_stance(robot, machine.hip_height).origin
+    origin = find_stance(robot, machine.hip_height, machine.width).origin
     data = robot.at(robot.home)
     load_library()
     addresses = robot.model._address, data._address  # the bindings have no public name for them
@@ -190,7 +217,7 @@ def compute_needs(config: Config, joints: Motion, sway: Motion, mass_factor: flo
     """
     mujoco = load_mujoco()
     robot = read_model(config.machine)
-    origin = find_stance(robot, config.machine.hip_height).origin
+    origin = find_stance(robot, config.machine.hip_height, config.machine.width).origin
     legs = robot.legs
     model = make_model(robot.model, mass_factor)
     data = set_posture(model, mujoco.MjData(model), legs.joint, robot.home)

@@ -146,6 +146,7 @@ def check_apex(config: Config, gap: float) -> None:
     """
     gait = config.gait
     if gait.vertical == "cubic" and abs(gap) > 1e-12 and gait.lift < 1.25 * abs(gap):
+        require_firm(config, abs(gap), gait.lift / 1.25)
         allowed = (
             f"must be at least {1.25 * abs(gap):.6g} m for one cubic between ends {abs(gap):.3g} m apart in height; "
             "or use gait.vertical=two_cubics"
@@ -200,10 +201,26 @@ def _plan_samples_plainly(mechanism: Mechanism, desired: Motion, joints: Motion)
 _plan_samples_now = program(_plan_samples, _plan_samples_plainly)
 
 
+SOFT = 0.4
+"""Depression of the ground, over the height of the hips, above which it is the reason for a path out of reach."""
 STRAIGHT = 1.0 - 1e-6
 """Largest distance of the foot from the hip over the length of the leg: a straight leg cannot move along itself."""
 FOLDED = 1e-3
 """Least distance of the foot from its position with folded links, and below the hip, m."""
+
+
+def require_firm(config: Config, depression: float, room: float) -> None:
+    """Raise BadInput for the stiffness of the ground if it is the reason why a path is out of reach.
+
+    The ground gives way by ``depression``, m, under the desired force; up to ``room``, m, the path is within reach.
+    """
+    if depression <= SOFT * config.machine.hip_height or room <= 1e-6:
+        return
+    key = "assumed_stiffness" if config.terrain.assumed_stiffness is not None else "stiffness"
+    softest = config.assumed_stiffness * depression / room
+    allowed = f"gives way by {depression:.3g} m under the desired force, further than the legs reach"
+    allowed = f"{allowed}; must be above {softest:.4g} N/m, or the desired force smaller"
+    raise BadInput(f"terrain.{key}", config.assumed_stiffness, allowed)
 
 
 def _round_down(value: float) -> str:
@@ -223,15 +240,8 @@ def _check_far(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array)
     where = f"the foot of leg {i + 1} would be {distance[k]:.3f} m from its hip at sample {k}, "
     where += f"but it reaches only {reach:.3f} m"
     depression = y.max() - mechanism.hip_height
-    if y.max() >= reach and mechanism.hip_height < reach - 1e-6 and depression > 0.5 * (reach - FOLDED):
-        key = "assumed_stiffness" if config.terrain.assumed_stiffness is not None else "stiffness"
-        stiffest = config.assumed_stiffness * depression / (reach - mechanism.hip_height)
-        allowed = (
-            f"gives way by {depression:.3g} m under the desired force, further than leg {i + 1} reaches; "
-            f"must be above {stiffest:.4g} N/m, or the desired force smaller"
-        )
-        raise BadInput(f"terrain.{key}", config.assumed_stiffness, allowed)
     if y.max() >= reach:
+        require_firm(config, depression, reach - mechanism.hip_height)
         height = mechanism.hip_height - (y.max() - reach)
         allowed = (
             f"{where}, and the ground gives way by {depression:.3g} m under the desired force; "

@@ -28,7 +28,7 @@ class AnalyticPlant:
         def check(self, config: Config) -> None:
             """Check that the legs are planar; raise BadInput otherwise."""
             if isinstance(config.machine, RobotMachine):
-                raise ask_for_robot(config.machine)
+                raise ask_for_robot(config.machine.model)
             check_gravity_factors("plant", self.gravity_factors)
 
         def build(self, setup: Setup) -> Setup:

@@ -165,7 +165,8 @@ class MujocoRobot(MujocoPlant):
         self.mujoco = load_mujoco()
         self.robot = read_model(setup.config.machine)
         legs = self.robot.legs
-        origin = find_stance(self.robot, setup.config.machine.hip_height).origin
+        machine = setup.config.machine
+        origin = find_stance(self.robot, machine.hip_height, machine.width).origin
         if self.config.contact == ELASTIC:
             model = copy.copy(self.robot.model)
             feet = legs.foot_geom

@@ -108,7 +108,7 @@ class ProprioceptiveSensors(JointSensors):
         channels = [(name, leg + 1) for leg in range(legs) for name in JOINT_CHANNELS for _ in range(joints)]
         self.sensing = make_sensing(config, [*channels, *((name, 0) for name in BODY_CHANNELS)], setup)
         robot = read_model(machine)
-        links, masses = find_links(robot, find_stance(robot, machine.hip_height))
+        links, masses = find_links(robot, find_stance(robot, machine.hip_height, machine.width))
         period = setup.config.sampling_period
         self.estimator = Estimator(
             period=period,

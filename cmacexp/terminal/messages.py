@@ -25,6 +25,7 @@ from cmacexp.jit.sources import find_refused_cache
 from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
 from cmacexp.metrics.metric import MetricDisplay
+from cmacexp.metrics.progress import describe_little_progress
 from cmacexp.metrics.registry import ALL_METRICS, MAIN, find_numeric, shorten, tabulate_cycles, tabulate_runs
 from cmacexp.terminal.output import print_line
 
@@ -233,7 +234,7 @@ def _list_notes(result: Run) -> Iterator[str]:
     manifest = result.manifest
     described = {
         "": describe_drift(result),
-        "warning: ": describe_idle(result),
+        "warning: ": describe_idle(result) or describe_little_progress(result.config, result.scores),
         "guard of learning: ": describe_guard(manifest),
         "load of the feet: ": describe_load(manifest),
     }

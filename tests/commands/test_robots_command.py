@@ -22,15 +22,19 @@ def folder(tmp_path_factory):
 def test_a_robot_is_shown_with_its_limits_and_settings_in_eighty_columns(folder):
     shown = call("robots", "robot.xml", "controller.position_gain=123", folder=folder)
     assert (shown.returncode, shown.stderr) == (0, "")
-    path, *lines = shown.stdout.splitlines()
-    assert path == str(folder / "robot.xml")
-    assert max(map(len, lines)) <= 80
+    command, *lines = shown.stdout.splitlines()
+    assert shlex.split(command)[-1] == "controller.position_gain=123"
+    assert str(folder / "robot.xml") in lines
+    assert max(map(len, (line for line in lines if line != str(folder / "robot.xml")))) <= 80
     found = {line.split("  ")[0]: line.split() for line in lines}
     config = compose_config(["scenario=robot", "machine=mjcf", f"machine.path={OWN}"])
     assert found["largest torque"][-3:] == ["30", "30", "40"]
     assert found["least angle, all legs"][-3:] == ["-0.9", "-1.5", "-2.7"]
     assert found["controller.position_gain"][1:] == ["N/m", "123"]
     assert found["machine.hip_height"][1:] == ["m", f"{config.machine.hip_height:.3g}"]
+    planned, share = (float(found[name][-1]) for name in ("largest planned torque", "over the largest torque"))
+    assert share == pytest.approx(planned / 40, rel=0.01)
+    assert "feet stand 0.26 m apart in front and 0.26 m in the rear" in shown.stdout
     margins = [line.split()[:2] for line in lines if line.startswith(("hybrid", "drives"))]
     assert margins == [["hybrid", "0.002"], ["hybrid", "0.001"], ["drives", "0.002"]]
 

@@ -23,6 +23,9 @@ FL_THIGH = '<joint name="FL_thigh_joint" class="thigh"/>'
 NAMELESS = 'machine.feet=["FL_calf","FR_calf","RL_calf","RR_calf"]'
 HELD = '<joint joint="FL_hip_joint" coef="1"/>'
 BLOCK = '<mesh name="block" vertex="0 0 0 .01 0 0 0 .01 0 0 0 .02"/>'
+ABSENT = """<mesh name="look" file="absent.stl"/><texture name="wood" type="2d" file="absent.png"/>
+  <material name="paint" texture="wood"/>"""
+WHEEL = '<body name="FL_w"><joint name="FL_wheel" axis="0 1 0"/><geom type="sphere" size="0.01" mass="0.01"/></body>'
 CUBE = '<body name="cube"><freejoint/><geom type="box" size="1 1 1" mass="1"/></body>'
 
 
@@ -162,15 +165,50 @@ ODD = {
         UNITS.format("moment of inertia of trunk"),
     ),
     # frames and home
-    "a frame turned by a quarter": (turn_frame("0.7071 0 0 -0.7071"), (), TURNED),
-    "a frame turned by 30 degrees": (turn_frame("0.9659 0 0 0.2588"), (), TURNED),
+    "a frame turned by a quarter": (turn_frame("0.7071 0 0 -0.7071"), (), WALKS),
+    "a frame turned by 30 degrees": (turn_frame("0.9659 0 0 0.2588"), (), WALKS),
+    "a frame turned, and the angle 0": (
+        turn_frame("0.7071 0 0 0.7071"),
+        ("machine.yaw=0",),
+        TURNED,
+    ),
     "a frame on its side": (turn_frame("0.7071 0.7071 0 0"), (), TURNED),
     "mirrored rear knees": (mirrored(), (EVERY_HOME,), WALKS),
+    "mirrored rear knees, found": (mirrored(), (), WALKS),
     "mirrored rear knees at one home": (
         mirrored(),
-        (),
+        ("machine.home=[0,0.9,-1.8]",),
         r"machine\.home=.*RL_.*_joint",
     ),
+    # what is held, floats or is missing
+    "no trunk that floats": ([(FREE, "")], (), WALKS),
+    "a wheel": ([(FL_FOOT, WHEEL + FL_FOOT)], (), r"machine\.path=.*hold them by machine\.weld=\[FL_wheel\]"),
+    "a wheel that is held": (
+        [(FL_FOOT, WHEEL + FL_FOOT), (END, f'<sensor><jointpos joint="FL_wheel"/></sensor>{END}')],
+        ("machine.weld=[FL_wheel]",),
+        WALKS,
+    ),
+    "a held joint that is none": ("", ("machine.weld=[FL_whel]",), r"machine\.weld=FL_whel: is no joint"),
+    "a mesh and a texture that are missing": (
+        [
+            ("<worldbody>", f"<asset>{ABSENT}</asset><worldbody>"),
+            (FREE, f'{FREE}<geom type="mesh" mesh="look" mass="0" contype="0" conaffinity="0" material="paint"/>'),
+        ],
+        (),
+        WALKS,
+    ),
+    "a missing mesh that has mass": (
+        [
+            ("<worldbody>", f"<asset>{ABSENT}</asset><worldbody>"),
+            (FREE, f'{FREE}<geom type="mesh" mesh="look" density="9"/>'),
+        ],
+        (),
+        r"machine\.path=.*there is no absent\.stl, which gives trunk its mass",
+    ),
+    "a template": ([("<worldbody>", "<worldbody><!-- ${size} -->")], (), r"machine\.path=.*is a template: expand it"),
+    "feet of another width": ("", ("gait.width=0.2",), WALKS),
+    "feet too far apart": ("", ("gait.width=2",), r"gait\.width=2\.0: is beyond what"),
+    "rotors that the model lacks": ([('armature="0.01"', "")], (), WALKS),
     "straight legs": ("", ("machine.home=[0,0,0]",), WALKS),
     "legs in the air": (
         "",
@@ -208,7 +246,19 @@ def make(folder, change):
 
 
 REFUSED = {what: each for what, each in ODD.items() if each[2]}
-IN_CI = ("position servos", "names with spaces", "meshes", "boxes", "ellipsoids", "wind in honey")
+IN_CI = (
+    *(
+        "position servos",
+        "names with spaces",
+        "meshes",
+        "boxes",
+        "ellipsoids",
+        "wind in honey",
+        "no trunk that floats",
+    ),
+    *("a frame turned by 30 degrees", "mirrored rear knees, found", "a wheel that is held", "feet of another width"),
+    *("a mesh and a texture that are missing", "rotors that the model lacks"),
+)
 WALK = [
     pytest.param(*each[:2], marks=[pytest.mark.nightly] * (what not in IN_CI), id=what)
     for what, each in ODD.items()

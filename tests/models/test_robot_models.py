@@ -18,7 +18,6 @@ SLIDE = '<joint name="FL_calf_joint" class="calf"'
 MOTOR = '    <motor name="RR_calf" class="calf" joint="RR_calf_joint"/>\n'
 WHEEL = '<body><joint name="FL_wheel" axis="0 1 0"/><geom size="0.02 0.01" mass="1"/></body>'
 CHANGES = {
-    "no trunk that floats": ("<freejoint/>", "", r"path=.*has no free joint"),
     "no MJCF": ("<mujoco", "<html", "path="),
     "a joint of another name": ("RR_calf_joint", "RR_knee", "joints=RR_calf_joint"),
     "a foot of another name": ('<geom name="RL"', '<geom name="rear"', "feet=RL"),

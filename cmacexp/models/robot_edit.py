@@ -1,0 +1,138 @@
+"""Changes to the specification of a robot before it is compiled, each with a note for the user.
+
+Joints are held, a trunk that is fixed to the world floats, the frame of a trunk is turned, and files that only draw
+are left out if they are missing.
+"""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cmacexp.errors import BadInput, require, suggest
+from cmacexp.models.robot_legs import list_names
+from cmacexp.typing import Array
+
+YAW = "machine.yaw"
+WELD = "machine.weld"
+
+
+def hold_joints(path: Path, mujoco: Any, spec: Any, names: Sequence[str]) -> None:
+    """Hold joints at zero angle: remove them, and the actuators and constraints that act on them only.
+
+    Sensors and keyframes of the model, which a run does not use, go with them. Raises BadInput if a name is no joint,
+    or if a tendon acts on a joint.
+    """
+    if not names:
+        return
+    joints = {joint.name: joint for joint in spec.joints}
+    for name in names:
+        reason = f"is no joint of the model, which has {list_names(joints)}{suggest(name, joints)}"
+        require(name in joints, WELD, name, reason)
+    tied = sorted(
+        {str(wrap.target.name) for tendon in spec.tendons for wrap in tendon.path if wrap.target} & {*names}
+    )
+    reason = f"is moved by a tendon: remove the tendon from {path.name}, or weld the joint there"
+    require(not tied, WELD, list_names(tied), reason)
+    acted = [item for item in spec.actuators if item.target in names and item.trntype == mujoco.mjtTrn.mjTRN_JOINT]
+    constraints = [
+        item
+        for item in spec.equalities
+        if item.type == mujoco.mjtEq.mjEQ_JOINT and {item.name1, item.name2} & {*names}
+    ]
+    for item in (*acted, *constraints, *spec.sensors, *spec.keys, *(joints[name] for name in names)):
+        spec.delete(item)
+
+
+def float_trunk(spec: Any) -> list[str]:
+    """Give the body of the world that carries most joints a free joint if it has none; return a note about it."""
+    trunk = max(spec.worldbody.bodies, key=lambda body: len(body.find_all("joint")), default=None)
+    if trunk is None or trunk.joints:
+        return []
+    trunk.add_freejoint()
+    return [f"{trunk.name or 'its trunk'} is fixed to the world in the model, and floats here"]
+
+
+def give_rotors(spec: Any, joints: Sequence[Sequence[str]], inertia: float) -> tuple[str, ...]:
+    """Give joints without rotor inertia one of ``inertia``, kg m^2; return a note about it, or none."""
+    without = [joint for leg in joints for name in leg if not (joint := spec.joint(name)).armature]
+    if not inertia or not without:
+        return ()
+    for joint in without:
+        joint.armature = inertia
+    return (f"{len(without)} joints without rotor inertia have {inertia:.4g} kg m^2 here (machine.rotor_inertia)",)
+
+
+def turn_trunk(spec: Any, model: Any, base: int, yaw: float) -> None:
+    """Turn the frame of the trunk, body ``base``, so that its x axis is at the angle ``yaw``, rad, from where it was.
+
+    ``model`` is the compiled ``spec``; it gives the inertia of the trunk, however the file states it.
+    """
+    half = -0.5 * yaw
+    quaternion = np.array([math.cos(half), 0.0, 0.0, math.sin(half)])
+    trunk = next(body for body in spec.bodies if body.id == base)
+    elements = (trunk.frames, trunk.bodies, trunk.geoms, trunk.sites, trunk.cameras, trunk.lights)
+    inside = [element for kind in elements for element in kind if element.frame is None]
+    frame = trunk.add_frame(quat=quaternion)
+    for element in inside:
+        element.set_frame(frame)
+    trunk.ipos = _turn(yaw, model.body_ipos[base])
+    trunk.iquat = _multiply(quaternion, model.body_iquat[base])
+    trunk.inertia = model.body_inertia[base].copy()
+    trunk.fullinertia = np.full(6, np.nan)
+    trunk.mass = float(model.body_mass[base])
+    trunk.explicitinertial = True
+
+
+def _turn(yaw: float, position: Array) -> Array:
+    """Return the position (3,), of any unit, in a frame that is turned by ``yaw``, rad, about z."""
+    cosine = math.cos(yaw)
+    sine = math.sin(yaw)
+    x, y, z = position
+    return np.array([cosine * x + sine * y, cosine * y - sine * x, z])
+
+
+def _multiply(a: Array, b: Array) -> Array:
+    """Multiply two quaternions (4,)."""
+    vector = a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])
+    return np.array([a[0] * b[0] - a[1:] @ b[1:], *vector])
+
+
+def leave_out_missing(path: Path, spec: Any) -> list[str]:
+    """Remove meshes and textures whose files are missing, if they only draw; return a note about them.
+
+    Raises BadInput for a missing mesh that gives a body its mass.
+    """
+    folder = Path(spec.modelfiledir or path.parent)
+    missing = {
+        mesh.name or Path(mesh.file).stem: mesh
+        for mesh in spec.meshes
+        if _is_missing(spec, folder / spec.meshdir, mesh)
+    }
+    for geom in [geom for geom in spec.geoms if geom.meshname in missing]:
+        file = missing[geom.meshname].file
+        weighs = geom.mass > 0.0 or (np.isnan(geom.mass) and geom.density > 0.0 and not geom.parent.explicitinertial)
+        if weighs and spec.compiler.inertiagrouprange[0] <= geom.group <= spec.compiler.inertiagrouprange[1]:
+            body = geom.parent.name or "a body without a name"
+            reason = f"there is no {file}, which gives {body} its mass: add the file, or an <inertial> to the body"
+            raise BadInput("machine.path", path, reason)
+        spec.delete(geom)
+    files = [mesh.file for mesh in missing.values()]
+    for mesh in missing.values():
+        spec.delete(mesh)
+    textures = [texture for texture in spec.textures if _is_missing(spec, folder / spec.texturedir, texture)]
+    names = {texture.name or Path(texture.file).stem for texture in textures}
+    for material in spec.materials:
+        material.textures = ["" if name in names else name for name in material.textures]
+    files += [texture.file for texture in textures]
+    for texture in textures:
+        spec.delete(texture)
+    return [f"without the missing {list_names(files)}, which a run does not need"] if files else []
+
+
+def _is_missing(spec: Any, folder: Path, element: Any) -> bool:
+    """Return True if the file of a mesh or texture does not exist in its ``folder``."""
+    file = Path(element.file).name if spec.strippath else element.file
+    return bool(file) and not (folder / file).exists()
