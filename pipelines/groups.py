@@ -42,7 +42,8 @@ GROUPS = {
     "quadrupeds": Group(
         "Robots of today",
         "What does learned feedforward gain on today's quadrupeds, in moving gaits and with delayed feedback?",
-        ("robots", "moving_robots", "identified_robot", "speed_change", "late_robots", "drives", "drives_harder"),
+        ("robots", "moving_robots", "identified_robot", "go2_feedforwards", "speed_change", "late_robots", "drives",
+         "drives_harder"),
     ),
     "bounded": Group(
         "Guarded learning",
