@@ -84,18 +84,19 @@ def _round(values: Any) -> list[float]:
 def store_rows(statements: Statements, results: Results) -> str:
     """Return the text of the stored runs of a full study, and of what its statements give on them."""
     seeds = sorted({row.settings.get("seed", 0) for row in results.rows})[:SEEDS]
+    chosen_rows = [row for row in results.rows if row.settings.get("seed", 0) in seeds]
+    read = [_Used(row.run.pooled) for row in chosen_rows]
     rows = [
-        RunRow(StoredRun(row.run.status, _Used(row.run.pooled)), row.settings, row.shown, row.measures, row.seeded)
-        for row in results.rows
-        if row.settings.get("seed", 0) in seeds
+        RunRow(StoredRun(row.run.status, used), row.settings, row.shown, row.measures, row.seeded)
+        for row, used in zip(chosen_rows, read, strict=True)
     ]
     stored: list[dict[str, Array]] = [{} for _ in rows]
     chosen: dict[str, Claim | Finding] = {}
     for name, statement in statements.items():
-        for row in rows:
-            row.run.pooled.names.clear()
+        for used in read:
+            used.names.clear()
         if judge({name: statement}, Results(rows)):
-            needed = [{n: v for n, v in row.run.pooled.items() if n in row.run.pooled.names} for row in rows]
+            needed = [{name: values for name, values in used.items() if name in used.names} for used in read]
             merged = [before | more for before, more in zip(stored, needed, strict=True)]
             if sum(len(values) for metrics in merged for values in metrics.values()) <= MOST:
                 stored, chosen[name] = merged, statement
