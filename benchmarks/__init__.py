@@ -1,1 +1,1 @@
-"""Benchmarks: run times of the project as ratios to references; separate from the tests. See docs/performance.md."""
+"""Benchmarks: run times of the project as ratios to references; separate from the tests. See docs/sweeps.md."""

@@ -39,7 +39,7 @@ def format_signature(name: str, member: Any) -> str:
     ]
     bound = [parameter for parameter in parameters if parameter.name not in ("self", "cls")]
     text = str(signature.replace(parameters=bound, return_annotation=inspect.Signature.empty))
-    return name + re.sub(r"<.*?>", "...", text)
+    return name + re.sub(r"<[^,)]*>", "...", text)
 
 
 def summarise(member: Any) -> str:

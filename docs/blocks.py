@@ -14,11 +14,21 @@ import cmacexp
 from cmacexp.errors import require_name
 from docs import api_tables, config_tables, declared_tables, study_tables
 from docs.markdown import format_table
+from pipelines.benchmark.log_track import NAME as LOG_TRACK
 from pipelines.results import DOCS, PAGES, SCORES, PublishedResults, count_claims, fill_quotes
 
-BLOCK = re.compile(r"(<!-- generated: (\w+) ?(.*?) -->\n).*?(<!-- end -->)", flags=re.DOTALL)
+BLOCK = re.compile(r"(<!-- generated: (\w+)(?: ([^\n]*))? -->\n).*?(<!-- end -->)", flags=re.DOTALL)
 FIRST_RUN = ("transfer_rmse_x", "transfer_rmse_y", "force_rmse")
 """Metrics of the table of a first run."""
+LOG_METHODS = {
+    "identified, refitted after every second stroke": "plant identified from earlier strokes",
+    "model and CMAC over phase": "nominal model and CMAC over phase",
+    "stroke before": "repeating the stroke before",
+    "CMAC over phase": "CMAC over phase",
+    "model": "nominal model",
+    "CMAC over angles and velocities": "CMAC over angles and velocities, as in the paper",
+}
+"""Methods of the log track in the README, with their names there."""
 
 
 def fill_template(name: str, results: PublishedResults) -> str:
@@ -44,6 +54,15 @@ def read_ranking(_: str, results: PublishedResults) -> str:
     return SCORES["benchmark"].read_text(encoding="utf-8").partition("\n\n")[2].partition("\n\n")[0]
 
 
+def tabulate_log(_: str, results: PublishedResults) -> str:
+    """Tabulate the torque that some methods leave on the log of a real robot."""
+    rows = [line.strip("| ").split(" | ") for line in SCORES[LOG_TRACK].read_text(encoding="utf-8").splitlines()]
+    left = {row[0]: row[1] for row in rows}
+    return format_table(
+        ("method", "torque left, % [95 % interval]"), [(LOG_METHODS[name], left[name]) for name in LOG_METHODS]
+    )
+
+
 KINDS: Mapping[str, Callable[[str, PublishedResults], str]] = {
     "api": lambda _, results: api_tables.format_api(),
     "claims": lambda _, results: study_tables.tabulate_claims(results),
@@ -51,6 +70,7 @@ KINDS: Mapping[str, Callable[[str, PublishedResults], str]] = {
     "count": lambda _, results: f"**{count_claims(results.statements)}**",
     "fields": lambda _, results: config_tables.format_fields(),
     "ranking": read_ranking,
+    "log": tabulate_log,
     "results": lambda names, results: study_tables.tabulate_statements(names.split(";"), results),
     "run": tabulate_run,
     "studies": lambda _, results: study_tables.list_studies(results),
@@ -67,7 +87,7 @@ def renew_blocks(text: str, results: PublishedResults) -> str:
     """
 
     def renew(match: re.Match[str]) -> str:
-        begin, kind, arguments, end = match.groups()
+        begin, kind, arguments, end = match.groups(default="")
         require_name("block", kind, KINDS)
         return f"{begin}\n{KINDS[kind](arguments, results).strip()}\n\n{end}"
 

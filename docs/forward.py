@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 FORWARD: dict[str, str] = {
-    "symbols": "concepts#symbols",
+    "symbols": "equations#symbols",
     "quick-reference": "runs",
     "change": "runs",
     "compare-settings": "runs#compare-two-settings",
@@ -22,10 +22,16 @@ FORWARD: dict[str, str] = {
     "how-to-choose": "long-runs#how-to-choose",
     "learning-rules": "long-runs#learning-rules",
     "to-hardware": "real-robot#the-feedforward-in-c",
-    "browser": "tutorial",
+    "browser": "runs",
     "studies": "add-a-study#the-studies",
     "gap": "real-robot#compare-a-log-with-a-model",
-    "main-path": "design-notes#the-main-path",
+    "main-path": "contributing#the-main-path",
+    "tutorial": "runs#first-ten-minutes",
+    "concepts": "equations#terms",
+    "questions": "runs#change-something",
+    "performance": "sweeps#times",
+    "reinforcement-learning": "components#stepped-from-outside-and-reinforcement-learning",
+    "design-notes": "contributing#decisions",
     "use-a-urdf": "components#your-robot",
 }
 """New address by old address, without ``.html``; the new one may contain a fragment: ``page#part``."""

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
+from cmacexp.data.manifest import MANIFEST
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadComponent, CmacexpError, format_user_traceback, in_one_line
 from cmacexp.jit.interrupt import handled, interrupted_exit_code, is_interrupt
@@ -17,8 +18,36 @@ Work = Callable[[Arguments], int | None]
 """Function of the arguments of a command that returns its exit code; None counts as 0."""
 OptionTable = Mapping[str, Mapping[str, Any]]
 """Arguments and options of a command by name, each with the keyword arguments of ``add_argument``."""
+LATEST = "latest"
+"""Argument that stands for the newest result below ``OUTPUTS``."""
+OUTPUTS = Path("outputs")
+"""Folder of the results of runs and sweeps without a folder of their own."""
+
+
+def parse_folder(text: str) -> Path:
+    """Return the folder that an argument names; ``latest`` is the newest run or sweep below ``outputs``.
+
+    Nothing is stored for it, so that no run changes the result of another one. A folder of that name is preferred.
+
+    Raises:
+        ArgumentTypeError: there is no result below ``outputs``.
+    """
+    if text != LATEST or Path(text).exists():
+        return Path(text)
+    found = [path for pattern in ("[!.]*", "[!.]*/[!.]*") for path in OUTPUTS.glob(f"{pattern}/{MANIFEST}")]
+    results = [path for path in found if not (path.parent.parent / MANIFEST).exists()]  # neither jobs nor reports
+    if not results:
+        raise argparse.ArgumentTypeError(f"{LATEST}: no run or sweep below {OUTPUTS}; type the folder of one")
+    return max(results, key=lambda path: path.stat().st_mtime_ns).parent
+
+
 FOLDERS: OptionTable = {
-    "folders": {"nargs": "+", "type": Path, "metavar": "DIR", "help": "a run, or a folder of runs"}
+    "folders": {
+        "nargs": "+",
+        "type": parse_folder,
+        "metavar": "DIR",
+        "help": f"a run, or a folder of runs; {LATEST}: the newest below {OUTPUTS}",
+    }
 }
 OVERRIDES: OptionTable = {
     "overrides": {"nargs": "*", "metavar": "KEY=VALUE", "help": "overrides of the config, as in cmacexp run"},

@@ -33,7 +33,7 @@ WIDTH = 400
 """Most characters in a line of a table if the output is not a terminal."""
 TEXT_WIDTH = 80
 """Most characters in a line of text or of the key of a table."""
-KEY = "columns:   python -m cmacexp.report --key"
+KEY = "columns:   cmacexp report --key"
 """Line below a table with the command that explains its columns."""
 TITLE_WIDTH = 8
 """Most characters in a line of the title of a column."""
@@ -221,7 +221,7 @@ def format_folder(folder: Path) -> str:
 def print_next(folder: Path, commands: Mapping[str, str]) -> None:
     """Print ``commands`` for a folder, by name with their purpose, ready to copy."""
     for name, purpose in commands.items():
-        print_line(f"{purpose + ':':<10} python -m cmacexp.{name} {format_folder(folder)}")
+        print_line(f"{purpose + ':':<10} cmacexp {name} {format_folder(folder)}")
 
 
 def describe_resume(folder: Path) -> str:

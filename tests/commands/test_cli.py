@@ -68,7 +68,7 @@ def test_a_run_that_diverges_or_falls_is_a_result_with_an_exit_code_of_its_own(w
     done = call("main", *words.split(), "cycles=1", "record=trace", "hydra.run.dir=r", folder=tmp_path)
     assert done.returncode == 3
     assert " at step " in done.stdout
-    assert "python -m cmacexp.report r\n" in done.stdout
+    assert "\nreport:    cmacexp report r\n" in done.stdout
     assert done.stdout.splitlines()[-1] == str(tmp_path / "r")
     assert package.load(tmp_path / "r").status in ("diverged", "fell")
 

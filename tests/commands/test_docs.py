@@ -78,7 +78,7 @@ def test_the_components_of_the_pages_control_and_are_learned(folder):
     assert rusty.transfer_rmse_x.iloc[-1] < 0.5 * rusty.transfer_rmse_x[0]
 
 
-def test_twenty_questions_are_answered_as_their_page_says(folder):
+def test_runs_do_what_their_page_says(folder):
     """Learning stops, the torque is limited, more cycles repeat the first ones."""
     stopped, limited, ten, paper = (
         cmacexp.load(folder / "outputs" / name).metrics for name in ("stopped", "limited", "ten", "paper")
@@ -102,7 +102,7 @@ def test_what_the_pages_say_to_type_is_a_config(make_config):
     typed = [
         words for path in PAGES.values() for words in re.findall(r"`python -m cmacexp ([^`]+)`", path.read_text())
     ]
-    for block in filter(lambda block: block.language == "text", blocks("questions.md")):
+    for block in filter(lambda block: block.language == "text", blocks("runs.md")):
         typed += block.code.replace("python -m cmacexp ", "").replace("my_robot.urdf", str(OWN)).splitlines()
     needs = re.compile(r"DIR|-m |gait.speed|machine=(go|a1|b2|aliengo|hyq|mini|spot)")
     for words in typed:

@@ -21,7 +21,7 @@ def warned(overrides):
     return [line.partition(" has no effect: ")[0] for line in lines]
 
 
-@pytest.mark.parametrize("scenario", ["one_leg", "force_step", "quadruped", "quadruped_lasting"])
+@pytest.mark.parametrize("scenario", ["one_leg", "one_leg_lasting", "force_step", "quadruped", "quadruped_lasting"])
 def test_what_is_declared_can_be_evaluated(scenario):
     """A misspelt name would count as met."""
     config = compose_config([f"scenario={scenario}", "sensors=real"])

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from cmacexp.addons.export.tables import write_mcap, write_wide
-from cmacexp.commands.command import Arguments, command, make_flag
+from cmacexp.commands.command import Arguments, command, make_flag, parse_folder
 from cmacexp.data.folder import OUT_KEY, require_no_link
 from cmacexp.data.manifest import is_run, name_of, require_place
 from cmacexp.data.run import Run
@@ -35,7 +35,7 @@ def _check_formats(arguments: Arguments) -> None:
     "export",
     "Export a stored run for other programs: its network or control law as C code, or its trace.",
     {
-        "folder": {"type": Path, "metavar": "DIR", "help": "folder of a run"},
+        "folder": {"type": parse_folder, "metavar": "DIR", "help": "folder of a run; latest: the newest"},
         "--c": make_flag("write cmac_leg.h, cmac_leg.c and main.c, a program that checks them"),
         "--single": make_flag("write the C code in single precision"),
         "--path": make_flag("restrict the C code to the planned path, which needs little memory"),

@@ -12,7 +12,7 @@ from cmacexp.addons.video.picture import (
     view_cycles,
     write_video,
 )
-from cmacexp.commands.command import Arguments, command, make_flag
+from cmacexp.commands.command import FOLDERS, Arguments, command, make_flag
 from cmacexp.data import manifest as manifests
 from cmacexp.data.run import Run
 from cmacexp.errors import CmacexpError, require, require_extra
@@ -58,7 +58,7 @@ def _choose(arguments: Arguments) -> list[RunView]:
     "video",
     "Draw cycles of one run, or the last cycle of each of several runs, side by side as a video.",
     {
-        "folders": {"type": Path, "metavar": "DIR", "nargs": "+", "help": f"one run, or up to {MOST_CYCLES} runs"},
+        "folders": {**FOLDERS["folders"], "help": f"one run (latest: the newest), or up to {MOST_CYCLES} runs"},
         "--cycles": {
             "metavar": "1,10",
             "help": "cycles to show of one run (default: the first and the last whole cycle)",

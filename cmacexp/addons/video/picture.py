@@ -46,8 +46,10 @@ FRAME_SIZE = (8.0, 4.5)
 """Width and height of a frame, inches."""
 DPI = 100
 """Pixels per inch."""
-AXES_LAYOUT = {"left": 0.075, "right": 0.985, "top": 0.94, "bottom": 0.1, "hspace": 0.3, "wspace": 0.1}
+AXES_LAYOUT = {"left": 0.085, "right": 0.985, "top": 0.94, "bottom": 0.12, "hspace": 0.36, "wspace": 0.12}
 """Position and spacing of the axes in a frame."""
+VIDEO_STYLE = STYLE | {"font.size": 11.0, "legend.fontsize": 10.5}
+"""Style of a frame, with larger letters than a report: pages show videos at 700 pixels."""
 HEIGHTS = (2.2, 1.0, 1.0)
 """Relative heights of the three rows: machine, forces, foot error."""
 FRAMES_PER_SECOND = 12.5
@@ -179,7 +181,7 @@ def _draw_side(axes: Axes, cycle: Cycle, k: int, window: tuple[Array, Array]) ->
     axes.axis("off")
     axes.set(aspect="equal", xlim=(window[0][0], window[1][0]), ylim=(window[0][2], window[1][2]))
     axes.text(0.0, -0.1, "grey: desired foot paths", color=DESIRED, transform=axes.transAxes)
-    axes.set_title(cycle.title, color=cycle.ink, fontsize=12.0, loc="center")
+    axes.set_title(cycle.title, color=cycle.ink, fontsize=13.0, loc="center")
 
 
 def _draw_forces(axes: Axes, cycle: Cycle, k: int) -> None:
@@ -271,7 +273,7 @@ def write_video(
     ]
     window = _find_window(cycles)
     count = max(2, round(max(float(view.time[-1] - view.time[0]) for view in views) * FRAMES_PER_SECOND))
-    matplotlib.rcParams.update(STYLE)
+    matplotlib.rcParams.update(VIDEO_STYLE)
     figure = Figure(figsize=FRAME_SIZE)
     writer = _make_writer(path.suffix)
     with TemporaryDirectory() as folder, write_atomically(path) as temporary:
